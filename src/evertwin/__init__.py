@@ -1,0 +1,1 @@
+"""evertwin keeps the model of a machine true to the machine."""

@@ -1,0 +1,118 @@
+"""Everything that can go wrong by misuse, as one tree.
+
+A message says what was expected, what came, where, and what to do. Not converging is no error: it
+is a value of the result (see `evertwin.tuning.Fit`).
+
+    EvertwinError
+    ├── UsageError            exit code 2    a call or an option that cannot be meant
+    │   ├── ConfigError       exit code 2    a twin file that does not say what it must
+    │   └── MissingExtra      exit code 2    an optional package is not installed
+    ├── DataError             exit code 4    a recording that cannot be read or trusted
+    ├── ModelError            exit code 5    a model that cannot be built or run
+    ├── StoreError            exit code 4    a damaged or foreign store
+    │   └── StoreLocked       exit code 75   the store belongs to a running process
+    └── LawBroken             exit code 101  an implementation breaks its contract
+"""
+
+from __future__ import annotations
+
+__all__ = [
+    "ConfigError",
+    "DataError",
+    "EvertwinError",
+    "LawBroken",
+    "MissingExtra",
+    "ModelError",
+    "StoreError",
+    "StoreLocked",
+    "UsageError",
+]
+
+
+class EvertwinError(Exception):
+    """The root of the tree.
+
+    >>> EvertwinError("x").exit_code
+    101
+    """
+
+    exit_code = 101
+
+
+class UsageError(EvertwinError):
+    """A call or an option that cannot be meant.
+
+    >>> UsageError("rate: expected a number above 0 Hz, got -1").exit_code
+    2
+    """
+
+    exit_code = 2
+
+
+class ConfigError(UsageError):
+    """A twin file that does not say what it must.
+
+    >>> str(ConfigError("twin.toml:3: unknown key 'tolerence', did you mean 'tolerance'?"))
+    "twin.toml:3: unknown key 'tolerence', did you mean 'tolerance'?"
+    """
+
+
+class MissingExtra(UsageError):
+    """An optional package is not installed.
+
+    >>> str(MissingExtra.of("pinocchio", "arm"))
+    "pinocchio is not installed: pip install 'evertwin[arm]'"
+    """
+
+    @classmethod
+    def of(cls, package: str, extra: str) -> MissingExtra:
+        """The error for ``package``, with the command that installs it."""
+        return cls(f"{package} is not installed: pip install 'evertwin[{extra}]'")
+
+
+class DataError(EvertwinError):
+    """A recording that cannot be read or trusted.
+
+    >>> DataError("run.csv:7: 'abc' is not a number").exit_code
+    4
+    """
+
+    exit_code = 4
+
+
+class ModelError(EvertwinError):
+    """A model that cannot be built or run.
+
+    >>> ModelError("arm.urdf: link 'wrist' has mass -1 kg, expected > 0").exit_code
+    5
+    """
+
+    exit_code = 5
+
+
+class StoreError(EvertwinError):
+    """A damaged or foreign store.
+
+    >>> StoreError("entry 12 does not match its hash").exit_code
+    4
+    """
+
+    exit_code = 4
+
+
+class StoreLocked(StoreError):
+    """The store belongs to a running process.
+
+    >>> StoreLocked("twin.db is open in process 4711").exit_code
+    75
+    """
+
+    exit_code = 75
+
+
+class LawBroken(EvertwinError):
+    """An implementation breaks a named law of its contract.
+
+    >>> str(LawBroken("partition: state differs after cut at row 3"))
+    'partition: state differs after cut at row 3'
+    """

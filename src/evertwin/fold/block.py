@@ -1,0 +1,119 @@
+"""A block: n ≥ 1 consecutive rows of a machine's data, on one clock.
+
+Row ``i`` holds the input ``u[i]`` that acted over the interval ``dt[i]`` *into* the row and the
+output ``y[i]`` measured at its end, stamped ``t[i]``. The first row of a stream has ``dt = 0``.
+Where the data is cut into blocks must never matter (the partition law, `evertwin.fold.laws`).
+
+>>> import numpy as np
+>>> b = make_block(t=[0, 10**9, 2 * 10**9], u=[[1.0]] * 3, y=[[0.0], [1.0], [np.nan]])
+>>> b.dt.tolist(), b.mark[:, 1].tolist()
+([0.0, 1.0, 1.0], [0, 0, 1])
+>>> [len(piece.t) for piece in (take(b, 0, 2), take(b, 2, 3))]
+[2, 1]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from evertwin.errors import DataError
+from evertwin.fold.marks import Mark
+from evertwin.types import Bools, Inputs, Intervals, Marks, Outputs, Stamps, Tasks
+
+__all__ = ["Block", "concatenate", "make_block", "take"]
+
+
+class Block(NamedTuple):
+    """Consecutive rows. Built at the edges by `make_block`, trusted inside.
+
+    >>> make_block(t=[0], u=[[0.0]], y=[[1.0]]).row
+    0
+    """
+
+    row: int
+    """Number of the first row in the stream."""
+    t: Stamps
+    """Stamps [ns], strictly increasing."""
+    dt: Intervals
+    """Interval into each row [s], the exact difference of the stamps; 0 for the first row."""
+    u: Inputs
+    """Inputs held over the interval, (n, nu)."""
+    y: Outputs
+    """Outputs at its end, (n, ny); NaN where nothing was measured."""
+    mark: Marks
+    """`Mark` of each input, then of each output, (n, nu + ny)."""
+    task: Tasks
+    """Number of the task (one file, one work cycle) that the row belongs to."""
+    gap: Bools
+    """True where the interval is too long to be simulated over: the state starts anew."""
+
+
+def make_block(
+    t: ArrayLike,
+    u: ArrayLike,
+    y: ArrayLike,
+    *,
+    before: int | None = None,
+    row: int = 0,
+    task: ArrayLike = 0,
+) -> Block:
+    """A validated block from plain arrays.
+
+    Args:
+        t: stamps [ns], (n,) integers, strictly increasing.
+        u: inputs, (n, nu).
+        y: outputs, (n, ny); NaN becomes the mark ``absent``, infinity ``error`` (and NaN).
+        before: stamp of the row before the first one [ns]; None at the start of a stream.
+        row: number of the first row.
+        task: task number, one or (n,). A row that opens another task starts anew (``gap``).
+
+    Raises:
+        DataError: shapes do not agree or the stamps do not increase.
+    """
+    stamps = np.array(t, dtype=np.int64).reshape(-1)
+    inputs = np.array(u, dtype=np.float64).reshape(len(stamps), -1)
+    outputs = np.array(y, dtype=np.float64).reshape(len(stamps), -1)
+    tasks = np.broadcast_to(np.asarray(task, dtype=np.int64), stamps.shape).copy()
+    if len(stamps) == 0:
+        raise DataError("a block holds at least one row, got none: give one row or no block")
+    first = stamps[0] if before is None else before
+    steps = np.diff(stamps, prepend=np.int64(first))
+    bad = np.flatnonzero(steps[1:] <= 0)
+    if len(bad) or (before is not None and steps[0] <= 0):
+        at = int(bad[0]) + 1 if len(bad) else 0
+        raise DataError(
+            f"row {row + at}: expected a stamp after the row before, got a step of "
+            f"{int(steps[at])} ns: repeated and backward stamps are dropped or marked by a source"
+        )
+    values = np.concatenate([inputs, outputs], axis=1)
+    mark = np.where(np.isnan(values), Mark.ABSENT, Mark.OK).astype(np.uint8)
+    mark[np.isinf(values)] = Mark.ERROR
+    outputs[np.isinf(outputs)] = np.nan
+    gap = np.zeros(len(stamps), dtype=np.bool_)
+    gap[1:] = tasks[1:] != tasks[:-1]
+    return Block(row, stamps, steps * 1e-9, inputs, outputs, mark, tasks, gap)
+
+
+def take(block: Block, start: int, stop: int) -> Block:
+    """Rows ``start`` to ``stop`` (positions in the block), as views."""
+    row, *arrays = block
+    return Block(row + start, *(a[start:stop] for a in arrays))
+
+
+def concatenate(blocks: Sequence[Block]) -> Block:
+    """One block from consecutive ones.
+
+    Raises:
+        DataError: the row numbers do not follow each other.
+    """
+    expected = blocks[0].row
+    for block in blocks:
+        if block.row != expected:
+            raise DataError(f"expected a block that starts at row {expected}, got {block.row}")
+        expected += len(block.t)
+    columns = zip(*(b[1:] for b in blocks), strict=True)
+    return Block(blocks[0].row, *(np.concatenate(column) for column in columns))

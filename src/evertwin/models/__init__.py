@@ -1,0 +1,25 @@
+"""Models: the contract, parameters, kernels, wrappers. No particular machine."""
+
+from evertwin.models.check import check_model
+from evertwin.models.compiled import Compiled
+from evertwin.models.contract import KernelModel, LinearModel, Model
+from evertwin.models.function import FunctionModel, python_kernel
+from evertwin.models.kernel import OBSERVE, STEP, Kernel, Restart, roll
+from evertwin.models.parameters import Parameter, Parameters
+
+__all__ = [
+    "OBSERVE",
+    "STEP",
+    "Compiled",
+    "FunctionModel",
+    "Kernel",
+    "KernelModel",
+    "LinearModel",
+    "Model",
+    "Parameter",
+    "Parameters",
+    "Restart",
+    "check_model",
+    "python_kernel",
+    "roll",
+]

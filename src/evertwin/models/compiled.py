@@ -1,0 +1,70 @@
+"""The base of models that have a kernel: `simulate` and `observe` follow from it.
+
+A machine then consists of its layouts, its parameters and two compiled functions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float64
+
+from evertwin.models.kernel import Kernel, call_observe, roll
+from evertwin.models.parameters import Parameters
+from evertwin.signals.channels import Layout
+from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
+from numba import njit
+
+__all__ = ["Compiled"]
+
+
+@njit(cache=True)
+def _observe(address: int, context: Any, x: Any, y: Any) -> int:
+    return int(call_observe(address, context.ctypes.data, x.ctypes.data, y.ctypes.data))
+
+
+@dataclass(frozen=True)
+class Compiled:
+    """A model given by its kernel. Machines derive from it or fill it directly.
+
+    See `evertwin.machines` for examples; `evertwin.models.check_model` tests the laws.
+    """
+
+    inputs: Layout
+    outputs: Layout
+    states: Layout
+    parameters: Parameters
+    step: int
+    """Address of the compiled step."""
+    adopt: int
+    """Address of the compiled observe."""
+    context: tuple[int, ...] = (0,)
+    start: tuple[float, ...] = field(default=())
+    """State before the first row when nothing is known; zeros by default."""
+
+    def initial(self, p: ParameterVector) -> StateVector:
+        """The state before the first row, (nx,)."""
+        return np.array(self.start or (0.0,) * len(self.states), dtype=np.float64)
+
+    @cached_property
+    def _context(self) -> np.ndarray:
+        return np.array(self.context, dtype=np.int64)
+
+    def kernel(self) -> Kernel:
+        """Addresses for the fused loop."""
+        return Kernel(self.step, self.adopt, self._context)
+
+    def simulate(
+        self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
+    ) -> tuple[StateVector, Outputs]:
+        """State after the last row and the outputs of every row."""
+        return roll(self.kernel(), x, u, dt, p, len(self.outputs))
+
+    def observe(self, x: StateVector, y: Float64[np.ndarray, " ny"]) -> StateVector:
+        """The state that agrees with the outputs in ``y`` that are not NaN."""
+        state = np.array(x, dtype=np.float64)
+        _observe(self.adopt, self._context, state, np.ascontiguousarray(y, dtype=np.float64))
+        return state

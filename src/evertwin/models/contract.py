@@ -1,0 +1,106 @@
+"""The contract of a model: a pure simulator.
+
+``simulate`` runs rows: ``x`` is the state *before* the first row; row ``i`` advances it by
+``dt[i]`` under the input ``u[i]`` held over that interval, and gives the output at its end. Hence
+where rows are cut cannot matter. ``observe`` adopts measured outputs that are not NaN into the
+state (the position update). A static map has no state (nx = 0). A wrapper of a Model is a Model.
+
+Beyond it a model may offer `KernelModel.kernel` (C addresses, for the fused loop) and
+`LinearModel.regressor` (outputs linear in parameters: tuning solves instead of iterating).
+"""
+
+from __future__ import annotations
+
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from evertwin.models.kernel import Kernel
+from evertwin.models.parameters import Parameters
+from evertwin.signals.channels import Layout
+from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
+
+__all__ = ["KernelModel", "LinearModel", "Model"]
+
+
+@runtime_checkable
+class Model(Protocol):
+    """A pure simulator; frozen. `evertwin.models.check_model` tests its laws.
+
+    >>> hasattr(Model, "simulate")
+    True
+    """
+
+    @property
+    def inputs(self) -> Layout:
+        """Channels of ``u``."""
+        ...
+
+    @property
+    def outputs(self) -> Layout:
+        """Channels of ``y``."""
+        ...
+
+    @property
+    def states(self) -> Layout:
+        """Channels of ``x``; empty for a static map."""
+        ...
+
+    @property
+    def parameters(self) -> Parameters:
+        """Parameters of ``p``, with their initial values."""
+        ...
+
+    def initial(self, p: ParameterVector) -> StateVector:
+        """State before the first row when nothing is known, (nx,)."""
+        ...
+
+    def simulate(
+        self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
+    ) -> tuple[StateVector, Outputs]:
+        """State after the last row, and the output of every row. Never changes its arguments."""
+        ...
+
+    def observe(self, x: StateVector, y: Float64[np.ndarray, " ny"]) -> StateVector:
+        """The state that agrees with the outputs in ``y`` that are not NaN."""
+        ...
+
+
+@runtime_checkable
+class KernelModel(Model, Protocol):
+    """A model with compiled step and observe functions.
+
+    >>> hasattr(KernelModel, "kernel")
+    True
+    """
+
+    def kernel(self) -> Kernel:
+        """Addresses of the C functions; see `evertwin.models.kernel` for their signatures."""
+        ...
+
+
+@runtime_checkable
+class LinearModel(Model, Protocol):
+    """A static map (nx = 0) whose outputs are linear in parameters:
+
+    ``y[i, k] = y0[i, k] + Σ_j Phi[i, k, j] · p[columns[k, j]]``
+
+    with ``m`` parameters at most per output; an unused place has ``columns = −1`` and Phi = 0.
+    Parameters that do not appear in ``columns`` act through ``y0`` (which must not depend on those
+    that do).
+
+    >>> hasattr(LinearModel, "regressor")
+    True
+    """
+
+    @property
+    def columns(self) -> Int64[np.ndarray, "ny m"]:
+        """Index into ``p`` of each regressor column."""
+        ...
+
+    def regressor(
+        self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
+    ) -> tuple[Outputs, Float64[np.ndarray, "n ny m"]]:
+        """The part that does not depend on the columns, and the compact regressor."""
+        ...

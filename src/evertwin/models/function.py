@@ -1,0 +1,136 @@
+"""A model from one plain Python function: the quickest way in.
+
+>>> import numpy as np
+>>> from evertwin.signals import Layout
+>>> def tank(x, u, dt, p):
+...     level = x[0] + dt * (u[0] - p[0] * x[0])
+...     return [level], [level]
+>>> model = FunctionModel(
+...     tank, Layout.of(inflow="m/s"), Layout.of(level="m"), Layout.of(level="m"),
+...     Parameters.of(leak=(0.1, "1/s")))
+>>> x, y = model.simulate(np.zeros(1), np.ones((2, 1)), np.ones(2), model.parameters.values)
+>>> y.ravel().tolist()
+[1.0, 1.9]
+
+By default an output that is named like a state adopts into that state.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, TypeAlias
+
+import numpy as np
+from jaxtyping import Float64
+
+from evertwin.errors import ModelError
+from evertwin.models.kernel import Kernel
+from evertwin.models.parameters import Parameters
+from evertwin.signals.channels import Layout
+from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
+
+__all__ = ["FunctionModel", "python_kernel"]
+
+Step: TypeAlias = Callable[[Any, Any, float, Any], tuple[Sequence[float], Sequence[float]]]
+_REAL = ctypes.POINTER(ctypes.c_double)
+_INT = ctypes.POINTER(ctypes.c_int64)
+_STEP = ctypes.CFUNCTYPE(ctypes.c_int64, _INT, _REAL, _REAL, ctypes.c_double, _REAL, _REAL, _REAL)
+_OBSERVE = ctypes.CFUNCTYPE(ctypes.c_int64, _INT, _REAL, _REAL)
+
+
+@dataclass(frozen=True)
+class FunctionModel:
+    """``step(x, u, dt, p) -> (x_next, y)`` as a Model. See the module for an example.
+
+    >>> FunctionModel.__name__
+    'FunctionModel'
+    """
+
+    step: Step
+    inputs: Layout
+    outputs: Layout
+    states: Layout = Layout()
+    parameters: Parameters = Parameters()
+    start: tuple[float, ...] = ()
+    """State before the first row; zeros by default."""
+
+    def initial(self, p: ParameterVector) -> StateVector:
+        """The state before the first row, (nx,)."""
+        return np.array(self.start or (0.0,) * len(self.states), dtype=np.float64)
+
+    @cached_property
+    def _adopts(self) -> tuple[tuple[int, int], ...]:
+        names = self.states.names
+        return tuple((i, names.index(n)) for i, n in enumerate(self.outputs.names) if n in names)
+
+    def simulate(
+        self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
+    ) -> tuple[StateVector, Outputs]:
+        """State after the last row and the outputs of every row.
+
+        Raises:
+            ModelError: the function gave another number of states or outputs than declared.
+        """
+        state = np.array(x, dtype=np.float64)
+        out = np.empty((len(u), len(self.outputs)))
+        for i in range(len(u)):
+            ahead, y = self.step(state, u[i], float(dt[i]), p)
+            if len(ahead) != len(self.states) or len(y) != len(self.outputs):
+                raise ModelError(
+                    f"step: expected {len(self.states)} states and {len(self.outputs)} outputs, "
+                    f"got {len(ahead)} and {len(y)}"
+                )
+            state = np.array(ahead, dtype=np.float64)
+            out[i] = y
+        return state, out
+
+    def observe(self, x: StateVector, y: Float64[np.ndarray, " ny"]) -> StateVector:
+        """The state that agrees with the outputs in ``y`` that are not NaN."""
+        state = np.array(x, dtype=np.float64)
+        for source, target in self._adopts:
+            if not np.isnan(y[source]):
+                state[target] = y[source]
+        return state
+
+    def kernel(self) -> Kernel:
+        """Callbacks with the compiled signatures, about a microsecond a row and more."""
+        return self._kernel
+
+    @cached_property
+    def _kernel(self) -> Kernel:
+        return python_kernel(self)
+
+
+def python_kernel(model: Any) -> Kernel:
+    """A kernel from any Model's ``simulate`` and ``observe``, called row by row.
+
+    An exception in a callback cannot pass through compiled code: it becomes return code 1, and the
+    row an error (NaN). `check_model` shows the exception itself.
+    """
+    nx, nu = len(model.states), len(model.inputs)
+    ny, n_p = len(model.outputs), len(model.parameters)
+
+    def view(pointer: Any, size: int) -> Any:
+        return np.ctypeslib.as_array(pointer, shape=(size,)) if size else np.zeros(0)
+
+    def step(_: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) -> int:
+        try:
+            new, out = model.simulate(
+                view(x, nx).copy(), view(u, nu)[None, :].copy(), np.array([dt]), view(p, n_p).copy()
+            )
+        except (ArithmeticError, ValueError, TypeError, LookupError, ModelError):
+            return 1
+        view(ahead, nx)[:] = new
+        view(y, ny)[:] = out[0]
+        return 0
+
+    def observe(_: Any, x: Any, y: Any) -> int:
+        view(x, nx)[:] = model.observe(view(x, nx).copy(), view(y, ny).copy())
+        return 0
+
+    calls = (_STEP(step), _OBSERVE(observe))
+    addresses = [ctypes.cast(call, ctypes.c_void_p).value or 0 for call in calls]
+    return Kernel(addresses[0], addresses[1], np.zeros(1, dtype=np.int64), (calls, model))

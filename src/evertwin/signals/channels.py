@@ -1,0 +1,138 @@
+"""Channels and layouts: what the columns of an array mean.
+
+>>> pose = Layout((Channel("x", "m", group="pose"), Channel("heading", "rad", kind="angle")))
+>>> pose.names, pose.index("heading"), len(pose)
+(('x', 'heading'), 1, 2)
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from evertwin.errors import UsageError
+from evertwin.signals.units import conversion
+from evertwin.types import Outputs
+
+__all__ = ["Channel", "Layout", "wrap"]
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One signal: its name, SI unit and what is physically possible.
+
+    >>> Channel("speed", "m/s", low=-1.0, high=1.0).group
+    'speed'
+    """
+
+    name: str
+    unit: str
+    """SI unit that the values are stored in; '1' for a pure number."""
+    kind: Literal["linear", "angle"] = "linear"
+    """Residuals of an angle wrap to (−π, π]."""
+    group: str = ""
+    """Channels of one group are voted on and adopted together; by default its own name."""
+    low: float = -math.inf
+    """Smallest physically possible value."""
+    high: float = math.inf
+    """Largest physically possible value."""
+    rate: float = math.inf
+    """Largest physically possible change per second."""
+
+    def __post_init__(self) -> None:
+        conversion(self.unit)
+        if not self.group:
+            object.__setattr__(self, "group", self.name)
+        if not self.low < self.high:
+            raise UsageError(f"{self.name}: expected low < high, got {self.low} and {self.high}")
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Channels in the order of an array's columns.
+
+    >>> Layout.of(q1="rad", q2="rad").names
+    ('q1', 'q2')
+    """
+
+    channels: tuple[Channel, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        names = [channel.name for channel in self.channels]
+        for name in names:
+            if names.count(name) > 1:
+                raise UsageError(f"layout: expected each name once, got {name!r} twice")
+
+    @classmethod
+    def of(cls, **units: str) -> Layout:
+        """A layout of linear channels, given as ``name="unit"``."""
+        return cls(tuple(Channel(name, unit) for name, unit in units.items()))
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names in order."""
+        return tuple(channel.name for channel in self.channels)
+
+    @cached_property
+    def units(self) -> tuple[str, ...]:
+        """Units in order."""
+        return tuple(channel.unit for channel in self.channels)
+
+    @cached_property
+    def angles(self) -> np.ndarray:
+        """True where a channel is an angle, (k,)."""
+        return np.array([channel.kind == "angle" for channel in self.channels], dtype=np.bool_)
+
+    @cached_property
+    def groups(self) -> tuple[str, ...]:
+        """Names of the groups, in order of their first channel."""
+        return tuple(dict.fromkeys(channel.group for channel in self.channels))
+
+    @cached_property
+    def group_of(self) -> np.ndarray:
+        """Number of each channel's group, (k,) int64."""
+        return np.array([self.groups.index(c.group) for c in self.channels], dtype=np.int64)
+
+    def index(self, name: str) -> int:
+        """Column of ``name``.
+
+        Raises:
+            UsageError: there is no such channel; names the nearest one.
+        """
+        if name in self.names:
+            return self.names.index(name)
+        near = difflib.get_close_matches(name, self.names, n=1)
+        hint = f", did you mean {near[0]!r}?" if near else f": there are {', '.join(self.names)}"
+        raise UsageError(f"no channel {name!r}{hint}")
+
+    def __len__(self) -> int:
+        return len(self.channels)
+
+    def __iter__(self) -> Iterator[Channel]:
+        return iter(self.channels)
+
+    def __add__(self, other: Layout) -> Layout:
+        return Layout(self.channels + other.channels)
+
+    def select(self, names: Sequence[str]) -> Layout:
+        """The channels called ``names``, in that order."""
+        return Layout(tuple(self.channels[self.index(name)] for name in names))
+
+
+def wrap(residual: Outputs, angles: np.ndarray) -> Outputs:
+    """Residuals with angles wrapped to (−π, π].
+
+    >>> wrap(np.array([[7.0, 7.0]]), np.array([False, True])).round(3).tolist()
+    [[7.0, 0.717]]
+    """
+    if not angles.any():
+        return residual
+    wrapped = residual.copy()
+    wrapped[..., angles] = np.pi - np.mod(np.pi - residual[..., angles], 2 * np.pi)
+    return wrapped

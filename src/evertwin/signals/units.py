@@ -1,0 +1,99 @@
+"""Units: SI inside, converted only at the edges.
+
+A unit is stored with every channel and parameter. Conversion is affine (``°C`` has an offset), and
+is done by `pint`; angles count as dimensionless radians.
+
+>>> round(to_si(5.0, "cm/s"), 12), si_unit("cm/s")
+(0.05, 'm/s')
+>>> to_si(20.0, "degC"), si_unit("Nm")
+(293.15, 'Nm')
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import pint
+
+from evertwin.errors import UsageError
+
+__all__ = ["compatible", "conversion", "from_si", "si_unit", "to_si"]
+
+_SPELLINGS = {
+    "Nm": "N*m", "Nms": "N*m*s", "kgm2": "kg*m**2", "kgm^2": "kg*m**2", "Ns": "N*s",
+    "1": "dimensionless", "%": "percent", "°C": "degC", "°": "degree", "deg": "degree",
+}  # fmt: skip
+_SI = {"Nm": "Nm", "Nms/rad": "Nms/rad", "Nms": "Nms", "kgm2": "kgm2", "Ns/m": "Ns/m", "Nm/A": "Nm/A"}
+
+
+@cache
+def _registry() -> pint.UnitRegistry[Any]:
+    return pint.UnitRegistry(autoconvert_offset_to_baseunit=True, cache_folder=None)
+
+
+@cache
+def _parse(unit: str) -> Any:
+    if not unit:
+        raise UsageError("unit: expected a unit such as 'm/s', got none: write '1' for a pure number")
+    parts = unit.replace("·", "*").split("/")
+    text = "/".join(_SPELLINGS.get(part.strip(), part.strip()) for part in parts)
+    try:
+        return _registry().Unit(text)
+    except (pint.errors.PintError, ValueError, TypeError, AttributeError) as error:
+        raise UsageError(
+            f"unit: {unit!r} is not known; write it as in 'm/s', 'rad', 'Nm', 'degC', '1'"
+        ) from error
+
+
+@cache
+def conversion(unit: str) -> tuple[float, float]:
+    """(factor, offset) such that ``si = value * factor + offset``.
+
+    Raises:
+        UsageError: the unit is not known.
+    """
+    registry = _registry()
+    zero = registry.Quantity(0.0, _parse(unit)).to_base_units().magnitude
+    one = registry.Quantity(1.0, _parse(unit)).to_base_units().magnitude
+    return float(one - zero), float(zero)
+
+
+@cache
+def si_unit(unit: str) -> str:
+    """The SI unit that values in ``unit`` are stored in. Readable names are kept when they are SI.
+
+    >>> si_unit("deg/s"), si_unit("1"), si_unit("mm")
+    ('rad/s', '1', 'm')
+    """
+    if conversion(unit) == (1.0, 0.0):
+        return _SI.get(unit, unit)
+    if "deg" in unit and compatible(unit, "degC"):
+        return "K"
+    base = _registry().Quantity(1.0, _parse(unit)).to_base_units().units
+    return f"{base:~C}".replace("**", "^") or "1"
+
+
+def compatible(a: str, b: str) -> bool:
+    """True when the two units measure the same kind of quantity.
+
+    >>> compatible("cm", "m"), compatible("cm", "s")
+    (True, False)
+    """
+    return bool(_parse(a).dimensionality == _parse(b).dimensionality)
+
+
+def to_si(value: Any, unit: str) -> Any:
+    """``value`` (number or array) in SI."""
+    factor, offset = conversion(unit)
+    return value * factor + offset
+
+
+def from_si(value: Any, unit: str) -> Any:
+    """An SI ``value`` in ``unit``.
+
+    >>> round(from_si(0.05, "cm/s"), 12)
+    5.0
+    """
+    factor, offset = conversion(unit)
+    return (value - offset) / factor
