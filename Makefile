@@ -1,0 +1,76 @@
+# evertwin. Needs Python 3.11 or newer; everything else goes into .venv, without root rights.
+#
+#   make demo    both embedded machines improve their own models
+#   make test    the tests (CI=true: with coverage, and nothing may be skipped)
+
+SHELL := /bin/bash
+BIN := .venv/bin
+WORKERS ?= 2
+FIND := for p in python3.11 python3.12 python3.13 python3.14 python3; do \
+	$$p -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \
+	&& { command -v $$p; break; }; done
+PYTHON ?= $(shell $(FIND))
+NEEDS := pyproject.toml constraints.txt
+
+.PHONY: help venv demo test lint types docs notebooks bench prove wheel clean
+.DEFAULT_GOAL := help
+
+help:
+	@sed -n 's/^#   //p' Makefile
+	@echo "also: venv lint types docs notebooks bench prove wheel clean"
+
+.venv/pyvenv.cfg:
+	@test -n "$(PYTHON)" || { echo "No Python 3.11 or newer with venv was found: install it" \
+		"(Debian: python3-venv), or name one: make PYTHON=/path/to/python" >&2; exit 1; }
+	$(PYTHON) -m venv .venv
+
+# A stamp says what is installed, so that the second call costs nothing.
+.venv/.has-all: .venv/pyvenv.cfg $(NEEDS)
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[all]'
+	@touch $@
+
+.venv/.has-dev: .venv/pyvenv.cfg $(NEEDS)
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[all,dev,docs]'
+	@touch $@ .venv/.has-all
+
+.venv/.has-bench: .venv/.has-dev
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[all,bench]'
+	@touch $@
+
+venv: .venv/.has-dev
+
+demo: .venv/.has-all
+	$(BIN)/evertwin demo
+
+test: .venv/.has-dev
+	$(BIN)/python -m pytest -n $(WORKERS) $(if $(filter true 1 yes,$(CI)),--cov --cov-report=term)
+
+lint: .venv/.has-dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/python -m pytest -q tests/test_budgets.py tests/test_architecture.py
+
+types: .venv/.has-dev
+	$(BIN)/mypy
+
+docs: .venv/.has-dev
+	$(BIN)/sphinx-build -W --keep-going -q -b html docs docs/_build/html
+	$(BIN)/python tools/run_docs.py
+
+notebooks: .venv/.has-dev
+	$(BIN)/python tools/run_notebooks.py
+
+bench: .venv/.has-bench
+	$(BIN)/python -m benchmarks
+
+prove: .venv/.has-dev
+	$(BIN)/python -m proofs
+
+wheel: .venv/.has-dev
+	rm -rf dist
+	$(BIN)/python -m build --wheel --no-isolation --outdir dist .
+	$(BIN)/python tools/try_wheel.py dist
+
+clean:
+	rm -rf build dist docs/_build .coverage .coverage.* htmlcov
+	rm -rf .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

@@ -1,0 +1,103 @@
+"""What every test shares: shapes checked at run time, and the folder of real recordings.
+
+Shapes and types of evertwin's functions are checked while the tests run (jaxtyping with beartype).
+Modules that compile kernels are left out: Numba must see the plain function. The hook is installed
+here because it has to come before the first import of evertwin. JAXTYPING_DISABLE=1 switches it
+off.
+"""
+
+from __future__ import annotations
+
+import ast
+import doctest
+import inspect
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from jaxtyping import install_import_hook
+
+ROOT = Path(__file__).parent.parent
+PACKAGE = ROOT / "src" / "evertwin"
+
+
+def compiles(source: str) -> bool:
+    """True if the module imports Numba, llvmlite or the typing-only names of another module."""
+    for node in ast.walk(ast.parse(source)):
+        names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
+        names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+        if any(name.split(".")[0] in ("numba", "llvmlite") for name in names):
+            return True
+    return False
+
+
+def hooked_modules() -> list[str]:
+    """Every leaf module of evertwin that holds plain Python; packages only re-export."""
+    return [
+        ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts)
+        for path in sorted(PACKAGE.rglob("*.py"))
+        if not path.name.startswith("__") and not compiles(path.read_text(encoding="utf-8"))
+    ]
+
+
+install_import_hook(hooked_modules(), "beartype.beartype")
+
+
+def _from_module(
+    self: doctest.DocTestFinder,
+    module: object,
+    obj: object,
+    original: Callable[..., bool] = doctest.DocTestFinder._from_module,  # type: ignore[attr-defined]
+) -> bool:
+    """See through the wrapper of the hook, so that a function's examples are still collected."""
+    return original(self, module, inspect.unwrap(obj) if callable(obj) else obj)
+
+
+doctest.DocTestFinder._from_module = _from_module  # type: ignore[attr-defined]
+
+
+def in_ci() -> bool:
+    """True where nothing may be skipped."""
+    return os.environ.get("CI", "").lower() in ("1", "true", "yes")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Tests that need system packages run in CI only."""
+    if in_ci():
+        return
+    for item in items:
+        if item.get_closest_marker("system"):
+            item.add_marker(pytest.mark.skip(reason="needs system packages: runs with CI=true"))
+
+
+def absent(what: str) -> None:
+    """Fail in CI, skip elsewhere, in either case naming what is absent."""
+    message = f"{what}: set EVERTWIN_DATA to the folder of the real recordings"
+    if in_ci():
+        pytest.fail(message)
+    pytest.skip(message)
+
+
+@pytest.fixture(scope="session")
+def data_dir() -> Path:
+    """The folder of real recordings."""
+    value = os.environ.get("EVERTWIN_DATA")
+    if not value:
+        absent("EVERTWIN_DATA is not set")
+    folder = Path(str(value)).expanduser().resolve()
+    if not folder.is_dir():
+        absent(f"EVERTWIN_DATA={value} is no folder")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def data_set(data_dir: Path) -> Callable[[str], Path]:
+    """One set of the folder by name: ``data_set("emps")``."""
+
+    def folder(name: str) -> Path:
+        if not (data_dir / name).is_dir():
+            absent(f"the set '{name}' is absent from {data_dir}")
+        return data_dir / name
+
+    return folder

@@ -1,0 +1,294 @@
+"""The budgets of the source, measured on its syntax trees.
+
+Every test lists all offenders at once. An exception to a rule is named here, with its reason.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+PACKAGE = ROOT / "src" / "evertwin"
+
+FILE_LINES = 400
+BODY_LINES = 60
+PARAMETERS = 6
+LONGER = "# longer than the budget:"
+"""A numerical step may exceed BODY_LINES where such a comment in it argues why."""
+
+COMPILED = {"cfunc", "intrinsic", "jit", "njit", "vectorize"}
+"""Numba's decorators: the signature of such a function is Numba's."""
+
+BROAD_EXCEPT = {
+    ("app/cli.py", "main"): "the last edge: an unforeseen error becomes exit code 101",
+    (
+        "engine.py",
+        "_attempt",
+    ): "work is the user's code: its error is the answer",
+}
+"""The edges where any exception is caught, by (file, function)."""
+
+AnyFunction = ast.FunctionDef | ast.AsyncFunctionDef
+
+
+@dataclass(frozen=True)
+class Source:
+    """One file and its tree."""
+
+    name: str
+    text: str
+    tree: ast.Module
+
+    @property
+    def public(self) -> bool:
+        return not any(part.startswith("_") for part in Path(self.name).parts)
+
+
+@cache
+def sources() -> tuple[Source, ...]:
+    return tuple(read(path) for path in sorted(PACKAGE.rglob("*.py")))
+
+
+def read(path: Path) -> Source:
+    text = path.read_text(encoding="utf-8")
+    return Source(path.relative_to(PACKAGE).as_posix(), text, ast.parse(text))
+
+
+@dataclass(frozen=True)
+class Function:
+    """A function with the names around it."""
+
+    source: Source
+    node: AnyFunction
+    around: tuple[ast.AST, ...]
+
+    @property
+    def where(self) -> str:
+        return f"{self.source.name}:{self.node.lineno} {self.node.name}"
+
+    @property
+    def method_of(self) -> ast.ClassDef | None:
+        owner = self.around[-1] if self.around else None
+        return owner if isinstance(owner, ast.ClassDef) else None
+
+    @property
+    def arguments(self) -> list[ast.arg]:
+        a = self.node.args
+        named = [*a.posonlyargs, *a.args]
+        if self.method_of is not None and "staticmethod" not in decorators(self.node):
+            named = named[1:]
+        return named + [x for x in (a.vararg, *a.kwonlyargs, a.kwarg) if x is not None]
+
+
+def decorators(node: AnyFunction | ast.ClassDef) -> set[str]:
+    """The last word of each decorator: ``nb.njit(cache=True)`` is ``njit``."""
+    called = (d.func if isinstance(d, ast.Call) else d for d in node.decorator_list)
+    return {d.attr if isinstance(d, ast.Attribute) else getattr(d, "id", "") for d in called}
+
+
+def functions(source: Source) -> Iterator[Function]:
+    def walk(node: ast.AST, around: tuple[ast.AST, ...]) -> Iterator[Function]:
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, AnyFunction):
+                yield Function(source, child, around)
+            scope = isinstance(child, (*AnyFunction.__args__, ast.ClassDef))
+            yield from walk(child, (*around, child) if scope else around)
+
+    return walk(source.tree, ())
+
+
+def all_functions() -> list[Function]:
+    return [function for source in sources() for function in functions(source)]
+
+
+def body_lines(node: AnyFunction) -> int:
+    """Lines after the docstring."""
+    body = node.body[1:] if ast.get_docstring(node) is not None else node.body
+    return (body[-1].end_lineno or 0) - body[0].lineno + 1 if body else 0
+
+
+def offenders(bad: Callable[[Function], object]) -> list[str]:
+    return [f"{f.where}: {found}" for f in all_functions() if (found := bad(f))]
+
+
+def test_files_are_short() -> None:
+    long = {s.name: n for s in sources() if (n := len(s.text.splitlines())) > FILE_LINES}
+    assert not long, f"over {FILE_LINES} lines: {long}"
+
+
+def test_functions_are_short() -> None:
+    def too_long(f: Function) -> int:
+        lines = body_lines(f.node)
+        argued = LONGER in (ast.get_source_segment(f.source.text, f.node) or "")
+        return 0 if lines <= BODY_LINES or argued else lines
+
+    assert not (found := offenders(too_long)), f"over {BODY_LINES} lines: {found}"
+
+
+def test_functions_take_few_parameters() -> None:
+    def too_many(f: Function) -> int:
+        # A compiled function takes its arrays one by one, and step(context, x, u, dt, p, x_next, y)
+        # is the C interface of the contract, not the author's choice.
+        names = [a.arg for a in f.arguments]
+        fixed = bool(COMPILED & decorators(f.node)) or names[:1] in (["context"], ["_context"])
+        return 0 if fixed or len(names) <= PARAMETERS else len(names)
+
+    assert not (found := offenders(too_many)), f"over {PARAMETERS} parameters: {found}"
+
+
+def test_everything_is_annotated() -> None:
+    def bare(f: Function) -> list[str]:
+        if COMPILED & decorators(f.node):
+            return []  # its signature is Numba's
+        missing = [a.arg for a in f.arguments if a.annotation is None]
+        return missing + (["return"] if f.node.returns is None else [])
+
+    assert not (found := offenders(bare)), f"not annotated: {found}"
+
+
+def test_nothing_is_printed() -> None:
+    found = [
+        f"{s.name}:{node.lineno}"
+        for s in sources()
+        for node in ast.walk(s.tree)
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "print"
+    ]
+    assert not found, f"print: {found}"
+
+
+def caught(handler: ast.ExceptHandler) -> set[str]:
+    if handler.type is None:
+        return {"bare"}
+    return {node.id for node in ast.walk(handler.type) if isinstance(node, ast.Name)}
+
+
+def handlers(node: ast.AST, function: str = "") -> Iterator[tuple[str, ast.ExceptHandler]]:
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.ExceptHandler):
+            yield function, child
+        yield from handlers(child, child.name if isinstance(child, AnyFunction) else function)
+
+
+def test_exceptions_are_caught_by_name() -> None:
+    found = [
+        f"{s.name}:{handler.lineno} in {function}"
+        for s in sources()
+        for function, handler in handlers(s.tree)
+        if caught(handler) & {"bare", "Exception", "BaseException"}
+        and (s.name, function) not in BROAD_EXCEPT
+    ]
+    assert not found, f"bare or broad except: {found}"
+
+
+def test_exceptions_are_raised_by_name() -> None:
+    found = [
+        f"{s.name}:{node.lineno}"
+        for s in sources()
+        for node in ast.walk(s.tree)
+        if isinstance(node, ast.Raise)
+        and isinstance(node.exc, ast.Call)
+        and getattr(node.exc.func, "id", "") in ("Exception", "BaseException")
+    ]
+    assert not found, f"raise Exception: {found}"
+
+
+def imports_package(node: ast.AST) -> bool:
+    if isinstance(node, ast.ImportFrom):
+        return node.level > 0 or (node.module or "").split(".")[0] == "evertwin"
+    if isinstance(node, ast.Import):
+        return any(alias.name.split(".")[0] == "evertwin" for alias in node.names)
+    return False
+
+
+def test_no_local_imports_of_the_package() -> None:
+    def local(f: Function) -> list[int]:
+        if f.source.name.startswith("app/") or f.source.name == "__init__.py":
+            return []  # the command line and the lazy surface import what a command needs
+        return sorted({n.lineno for n in ast.walk(f.node) if imports_package(n)})
+
+    assert not (found := offenders(local)), f"imports inside functions: {found}"
+
+
+def test_no_room_imports_the_root() -> None:
+    found = [
+        f"{s.name}:{node.lineno}"
+        for s in sources()
+        if s.name not in ("__init__.py", "__main__.py") and not s.name.startswith("app/")
+        for node in ast.walk(s.tree)
+        if (isinstance(node, ast.ImportFrom) and node.module == "evertwin" and node.level == 0)
+        or (isinstance(node, ast.Import) and any(a.name == "evertwin" for a in node.names))
+    ]
+    assert not found, f"imports of the package's root: {found}"
+
+
+def public(name: str) -> bool:
+    return not name.startswith("_")
+
+
+def test_public_functions_have_docstrings() -> None:
+    def silent(f: Function) -> str:
+        owner = f.method_of
+        nested = any(isinstance(a, AnyFunction) for a in f.around)
+        hidden = nested or not f.source.public or not public(f.node.name)
+        if hidden or (owner is not None and not public(owner.name)):
+            return ""
+        # A contract's verb is documented once, by the contract; here only what differs.
+        verb = owner is not None and f.node.name in contract_verbs()
+        overload = "overload" in decorators(f.node)
+        return "" if verb or overload or ast.get_docstring(f.node) else "no docstring"
+
+    assert not (found := offenders(silent)), found
+
+
+@cache
+def contract_verbs() -> frozenset[str]:
+    """Members of every Protocol of the package."""
+    return frozenset(
+        member.name
+        for source in sources()
+        for node in ast.walk(source.tree)
+        if isinstance(node, ast.ClassDef)
+        and any("Protocol" in ast.unparse(base) for base in node.bases)
+        for member in node.body
+        if isinstance(member, AnyFunction)
+    )
+
+
+def test_modules_open_with_their_idea() -> None:
+    found = [s.name for s in sources() if s.text.strip() and not ast.get_docstring(s.tree)]
+    assert not found, f"no module docstring: {found}"
+
+
+def test_public_classes_have_an_example() -> None:
+    found = []
+    for source in sources():
+        if not source.public:
+            continue
+        opening = ast.get_docstring(source.tree) or ""
+        for node in source.tree.body:
+            if not isinstance(node, ast.ClassDef) or not public(node.name):
+                continue
+            own = ast.get_docstring(node) or ""
+            shown = ">>>" in own or (">>>" in opening and node.name in opening)
+            if not own or not shown:
+                found.append(f"{source.name}:{node.lineno} {node.name}")
+    assert not found, f"public classes without a docstring with an example: {found}"
+
+
+def test_constraints_are_names_and_versions_only() -> None:
+    lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    found = [line for line in lines if line.count("==") != 1 or "/" in line or " " in line]
+    assert not found, found
+
+
+def test_the_budgets_are_able_to_fail() -> None:
+    text = "def f(a, b: int):\n    try:\n        print(a)\n    except Exception:\n        pass\n"
+    tree = ast.parse(text)
+    (function,) = functions(Source("x.py", text, tree))
+    assert body_lines(function.node) == 4
+    assert [a.arg for a in function.arguments if a.annotation is None] == ["a"]
+    assert [caught(h) for _, h in handlers(tree)] == [{"Exception"}]
