@@ -1,0 +1,111 @@
+"""Versions of a model: data, not objects. A version is a form and parameter values.
+
+The form says which variant of the base model and which correction terms; `Corrected` turns it into
+a Model. Promoting a version replaces arrays; its hash names its content for ever.
+
+>>> v = Version(number=0, form=Form(), names=("gain",), values=(1.0,), reason="as configured")
+>>> v.hash[:12] == Version(number=5, form=Form(), names=("gain",), values=(1.0,)).hash[:12]
+True
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+
+from evertwin.fold.records import canonical, plain
+from evertwin.types import Json, ParameterVector
+
+__all__ = ["Form", "Term", "Version"]
+
+
+@dataclass(frozen=True)
+class Term:
+    """One correction term: its structure. Its numbers are parameters of the corrected model.
+
+    >>> Term("table", "v", levels=(0.0, 0.1, 0.2)).source
+    ''
+    """
+
+    kind: Literal["table", "law", "lag", "coupling", "surface", "state"]
+    channel: str
+    """Input that it changes (``state``: the state that it couples to)."""
+    source: str = ""
+    """Second channel of a coupling or a surface."""
+    variant: str = ""
+    """Shape, where a kind has several: a law's ``dead zone`` or ``clamp``, …"""
+    levels: tuple[float, ...] = ()
+    """Grid of a table or of a surface's first channel."""
+    levels2: tuple[float, ...] = ()
+    """Grid of a surface's second channel."""
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> Term:
+        """The term that ``plain(term)`` was made of."""
+        fields = {k: tuple(v) if isinstance(v, list | tuple) else v for k, v in content.items()}
+        return cls(**fields)
+
+
+@dataclass(frozen=True)
+class Form:
+    """Which variant of the base model, and which terms on top, in order.
+
+    >>> Form(variant=(("friction_law.j1", "stribeck"),)).terms
+    ()
+    """
+
+    terms: tuple[Term, ...] = ()
+    variant: tuple[tuple[str, str], ...] = ()
+    """(aspect, choice) of a base model that has variants, sorted."""
+
+
+@dataclass(frozen=True)
+class Version:
+    """A form with its parameter values: everything the live model is.
+
+    >>> Version(3, Form(), ("Fc",), (12.0,)).p.tolist()
+    [12.0]
+    """
+
+    number: int
+    form: Form
+    names: tuple[str, ...]
+    values: tuple[float, ...]
+    parent: int | None = None
+    """Version it was made from."""
+    reason: str = ""
+    row: int = 0
+    """Row at which it became known."""
+
+    @cached_property
+    def hash(self) -> str:
+        """SHA-256 of form, names and values: equal content, equal hash."""
+        content = canonical((self.form, self.names, self.values))
+        return hashlib.sha256(content.encode()).hexdigest()
+
+    @property
+    def p(self) -> ParameterVector:
+        """Parameter values, a fresh array."""
+        return np.array(self.values, dtype=np.float64)
+
+    def to_json(self) -> Json:
+        """Plain content, for a store."""
+        return plain(self)
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> Version:
+        """The version that ``to_json`` was made of."""
+        form = content["form"]
+        rebuilt = Form(
+            tuple(Term.from_json(term) for term in form["terms"]),
+            tuple((str(a), str(b)) for a, b in form["variant"]),
+        )
+        return cls(
+            int(content["number"]), rebuilt, tuple(content["names"]), tuple(content["values"]),
+            content["parent"], str(content["reason"]), int(content["row"]),
+        )  # fmt: skip
