@@ -1,0 +1,234 @@
+"""Predictions over one horizon, always from the measured state.
+
+A twin that adopts measurements hides the quality of its model: whatever the model, its state is
+pulled back. Models are therefore compared, tuned and watched on predictions over one fixed
+horizon: start from measured outputs, simulate for the horizon, start again. `restarts` plans this
+for rows in memory (`evertwin.models.roll` then gives the predictions); `Horizon` is the same as a
+stage of the stream, with parameters in its state, so that a shadow is a second state.
+
+Each output has its own clock, since sensors differ in rate: it is adopted again at its first
+trusted sample once the horizon has passed, and predicted from the next row on. States that are not
+measured run on. Where the data has a gap, opens a task, or an input is not known, the state starts
+anew; a model without state never restarts.
+
+>>> import numpy as np
+>>> from evertwin.fold import make_block
+>>> rows = make_block(t=np.arange(5) * 10**9, u=np.ones((5, 1)), y=np.arange(5.0)[:, None])
+>>> restarts(rows, 2.0, np.zeros(1)).code.tolist()
+[2, 0, 0, 1, 0]
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Int64
+
+from evertwin.errors import UsageError
+from evertwin.fold import Block, Mark, Out
+from evertwin.models import Kernel, KernelModel, Model, Restart, python_kernel
+from evertwin.signals import wrap
+from evertwin.sync.horizon_loop import NEVER, began, plan, run
+from evertwin.types import Bools, Outputs, ParameterVector, StateVector, Vector
+
+__all__ = [
+    "Horizon",
+    "HorizonRows",
+    "HorizonState",
+    "nanoseconds",
+    "openings",
+    "residuals",
+    "restarts",
+    "trusted",
+]
+
+
+def nanoseconds(seconds: float) -> int:
+    """A duration as a whole number of nanoseconds; infinity as the largest one.
+
+    >>> nanoseconds(1.5)
+    1500000000
+    """
+    return round(seconds * 1e9) if seconds < 9e9 else int(np.iinfo(np.int64).max)
+
+
+def trusted(block: Block) -> Outputs:
+    """Measured outputs, NaN where they must not be adopted (only marks ok and overruled may be).
+
+    >>> from evertwin.fold import make_block
+    >>> trusted(make_block(t=[0], u=[[0.0]], y=[[2.0]])).tolist()
+    [[2.0]]
+    """
+    mark = block.mark[:, block.u.shape[1] :]
+    return np.where((mark == Mark.OK) | (mark == Mark.OVERRULED), block.y, np.nan)
+
+
+def restarts(block: Block, horizon: float, x0: StateVector) -> Restart:
+    """Where predictions over ``horizon`` [s] start again, for `evertwin.models.roll`.
+
+    The first row of the block starts anew. An infinite horizon is a free run per task.
+
+    Args:
+        block: rows of one or several tasks.
+        horizon: length of a prediction [s]; ``inf`` for a free run.
+        x0: state that a new start begins with, (nx,); empty for a static map: no restarts.
+
+    Raises:
+        UsageError: the horizon is not above zero.
+    """
+    _check(horizon)
+    code = np.zeros(len(block.t), dtype=np.uint8)
+    y = trusted(block)
+    if len(x0) == 0:
+        return Restart(y, code, x0)
+    adopts = np.full_like(y, np.nan)
+    plan(block.t, openings(block), y, nanoseconds(horizon), code, adopts)
+    return Restart(adopts, code, x0)
+
+
+def _check(horizon: float) -> None:
+    if not horizon > 0:
+        raise UsageError(f"horizon: expected a duration above 0 s, got {horizon}")
+
+
+class HorizonState(NamedTuple):
+    """State of `Horizon`: the model's, its parameters, and the segment so far.
+
+    >>> HorizonState._fields[:2]
+    ('x', 'p')
+    """
+
+    x: StateVector
+    p: ParameterVector
+    x0: StateVector
+    """State that a new start begins with."""
+    scale: Vector
+    """What one unit of loss is, per output, (ny,)."""
+    square: Vector
+    """Sum of (residual / scale)² of the segment so far, (ny,)."""
+    samples: Int64[np.ndarray, " ny"]
+    """Residuals in it, (ny,)."""
+    adopted: Int64[np.ndarray, " ny"]
+    """Stamp of each output's last adoption [ns]."""
+    clock: Int64[np.ndarray, " four"]
+    """Task of the last row, has a row come, start of the segment and stamp of the last row [ns]."""
+
+
+class HorizonRows(NamedTuple):
+    """One row out per row in.
+
+    >>> HorizonRows._fields
+    ('y', 'residual', 'end', 'square', 'samples')
+    """
+
+    y: Outputs
+    """Predicted outputs, (n, ny); NaN where the state starts anew."""
+    residual: Outputs
+    """Measured − predicted, angles wrapped, (n, ny); NaN where not measured, trusted or started."""
+    end: Bools
+    """True where a segment ends, (n,). A segment that a gap cuts ends at the row after the gap, if
+    it was half a horizon long."""
+    square: Outputs
+    """At such a row: the segment's sum of (residual / scale)² per output, (n, ny), else 0."""
+    samples: Int64[np.ndarray, "n ny"]
+    """At such a row: how many residuals the sum holds."""
+
+    @property
+    def losses(self) -> Vector:
+        """Mean of (residual / scale)² of each segment that ended, (segments,); NaN if empty."""
+        samples = self.samples[self.end].sum(axis=1)
+        mean: Vector = self.square[self.end].sum(axis=1) / np.where(samples, samples, np.nan)
+        return mean
+
+
+@dataclass(frozen=True)
+class Horizon:
+    """The stream of predictions over one horizon.
+
+    >>> from evertwin.fold import make_block
+    >>> from evertwin.models import FunctionModel
+    >>> from evertwin.signals import Layout
+    >>> robot = FunctionModel(lambda x, u, dt, p: ([x[0] + u[0] * dt],) * 2,
+    ...     Layout.of(v="m/s"), Layout.of(x="m"), Layout.of(x="m"))
+    >>> rows = make_block(t=np.arange(5) * 10**9, u=np.ones((5, 1)), y=1.1 * np.arange(5)[:, None])
+    >>> stage = Horizon(robot, 2.0)
+    >>> state, out = stage.step(stage.init(), rows)
+    >>> out.rows.residual.ravel().round(3).tolist(), out.rows.end.tolist()
+    ([nan, 0.1, 0.2, 0.1, 0.2], [False, False, True, False, True])
+    >>> out.rows.losses.round(3).tolist()
+    [0.025, 0.025]
+    """
+
+    model: Model
+    horizon: float = 1.0
+    """Length of a prediction [s]."""
+    scale: tuple[float, ...] = field(default=())
+    """One unit of loss per output, in its unit; ones by default."""
+
+    def __post_init__(self) -> None:
+        _check(self.horizon)
+        ny = len(self.model.outputs)
+        if self.scale and (len(self.scale) != ny or not all(0 < s < math.inf for s in self.scale)):
+            raise UsageError(f"scale: expected {ny} numbers above 0, got {self.scale}")
+
+    @cached_property
+    def _kernel(self) -> Kernel:
+        model = self.model
+        return model.kernel() if isinstance(model, KernelModel) else python_kernel(model)
+
+    @cached_property
+    def _fixed(self) -> tuple[Bools, int]:
+        return self.model.outputs.angles, nanoseconds(self.horizon)
+
+    def init(self) -> HorizonState:
+        """The state before the first row, with the model's own parameters."""
+        p = self.model.parameters.values
+        x0, ny = self.model.initial(p), len(self.model.outputs)
+        scale = np.array(self.scale or (1.0,) * ny, dtype=np.float64)
+        adopted, clock = np.full(ny, NEVER), np.zeros(4, dtype=np.int64)
+        zeros = np.zeros(ny), np.zeros(ny, dtype=np.int64)
+        return HorizonState(x0.copy(), p, x0, scale, *zeros, adopted, clock)
+
+    def renew(self, state: HorizonState, p: ParameterVector) -> HorizonState:
+        """The state with other parameters; the model's state runs on. Consumes ``state``."""
+        values = np.array(p, dtype=np.float64)
+        return state._replace(p=values, x0=self.model.initial(values))
+
+    def step(self, state: HorizonState, block: Block) -> tuple[HorizonState, Out]:
+        n, ny = block.y.shape
+        rows = HorizonRows(
+            np.empty((n, ny)), np.empty((n, ny)), np.zeros(n, dtype=np.bool_), np.zeros((n, ny)),
+            np.zeros((n, ny), dtype=np.int64),
+        )  # fmt: skip
+        kernel = self._kernel
+        run(
+            kernel.step, kernel.observe, kernel.context, block.t, block.dt, block.u, block.y,
+            block.mark, block.task, block.gap, *self._fixed, *state[:2], *state[2:], *rows,
+        )  # fmt: skip
+        return state, Out(rows)
+
+
+def residuals(model: Model, block: Block, y: Outputs) -> Outputs:
+    """Measured − predicted for predictions ``y`` of the block's rows, angles wrapped, (n, ny).
+
+    NaN where not measured, not trusted (worse than held, unless overruled), not predicted, or not
+    started: a sensor that reports later than the row where the state starts anew is compared from
+    its second sample on, the first being adopted.
+    """
+    mark = block.mark[:, block.u.shape[1] :]
+    known = (mark <= Mark.HELD) | (mark == Mark.OVERRULED)
+    if len(model.states):
+        known &= began(openings(block), ~np.isnan(trusted(block)))
+    return wrap(np.where(known, block.y - y, np.nan), model.outputs.angles)
+
+
+def openings(block: Block) -> Bools:
+    """True at rows where the state starts anew, the block's first row included, (n,)."""
+    anew: Bools = block.gap | ~np.isfinite(block.u).all(axis=1)
+    anew[1:] |= block.task[1:] != block.task[:-1]
+    anew[0] = True
+    return anew
