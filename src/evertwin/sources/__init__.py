@@ -1,0 +1,1 @@
+"""Recorded files in, chunks of one source out."""

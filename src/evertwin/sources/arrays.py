@@ -1,0 +1,176 @@
+"""Arrays that a file holds whole (npy, npz, MAT) as one table.
+
+A vector of n values is a column; a matrix of n rows is one column per matrix column, called
+``q.1``, ``q.2``, …; arrays of another length, texts and single numbers are left out and named.
+``npy`` is mapped into memory page by page. ``npz`` and MAT have to be unpacked whole, so they are
+refused beyond a gigabyte: Parquet streams. Object arrays are pickles inside and never loaded.
+"""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from evertwin.errors import DataError
+from evertwin.sources.names import distinct
+from evertwin.sources.table import Column, Recording, Rows
+
+__all__ = ["ArrayTable", "numbers_of", "open_npy", "open_npz", "table_of"]
+
+LARGEST = 1 << 30
+"""Bytes that a file may unpack to."""
+PIECE = 1 << 16
+"""Rows read at once."""
+Array = np.ndarray[Any, Any]
+
+
+@dataclass(frozen=True)
+class ArrayTable:
+    """Columns that are arrays of one length.
+
+    >>> table = ArrayTable(Path("x.npz"), (Column("v", "number"),), (np.array([1.0, 2.0]),))
+    >>> next(table.rows(["v"], None)).values[:, 0].tolist()
+    [1.0, 2.0]
+    """
+
+    path: Path
+    columns: tuple[Column, ...]
+    arrays: tuple[Array, ...]
+    name: str = ""
+
+    def rows(self, numbers: Sequence[str], time: str | None, strict: bool = True) -> Iterator[Rows]:
+        """See `Table`."""
+        names = [column.name for column in self.columns]
+        use = [self.arrays[names.index(name)] for name in numbers]
+        clock = None if time is None else self.arrays[names.index(time)]
+        for start in range(0, len(self.arrays[0]) if self.arrays else 0, PIECE):
+            stop = min(start + PIECE, len(self.arrays[0]))
+            order = np.arange(start, stop, dtype=np.int64)
+            values = [
+                numbers_of(array[start:stop], f"{self.path.name}: column {name!r}")
+                for array, name in zip(use, numbers, strict=True)
+            ]
+            stacked = np.stack(values, axis=1) if values else np.zeros((stop - start, 0))
+            stamps = order if clock is None else np.asarray(clock[start:stop])
+            yield Rows(order + 1, order, stamps, stacked)
+
+
+def numbers_of(array: Array, where: str) -> Array:
+    """An array as float64.
+
+    Raises:
+        DataError: it holds text or dates.
+    """
+    if array.dtype.kind not in "fiub":
+        raise DataError(f"{where}: expected numbers, got {array.dtype}: map another column")
+    return np.asarray(array, dtype=np.float64)
+
+
+def kind_of(array: Array) -> str:
+    """The kind of a column, see `Column`."""
+    if array.dtype.kind == "b":
+        return "boolean"
+    if array.dtype.kind == "M":
+        return "time"
+    return "number" if array.dtype.kind in "fiu" else "text"
+
+
+def table_of(path: Path, arrays: Mapping[str, Array], kind: str, notes: Sequence[str]) -> Recording:
+    """One table from named arrays: those that share the commonest length.
+
+    Raises:
+        DataError: no array can be a column.
+    """
+    left_out = list(notes)
+    flat: dict[str, Array] = {}
+    for name, array in arrays.items():
+        squeezed = array.reshape(-1) if array.ndim == 2 and 1 in array.shape else array
+        if array.dtype.kind not in "fiubMSU" or array.ndim > 2 or squeezed.size < 2:
+            left_out.append(f"{name}: {array.dtype} of shape {array.shape} is no column")
+        elif squeezed.dtype.names or squeezed.ndim == 1:
+            flat[name] = squeezed
+        else:
+            flat.update({f"{name}.{j + 1}": squeezed[:, j] for j in range(squeezed.shape[-1])})
+    if not flat:
+        raise DataError(
+            f"{path.name}: expected arrays of at least two rows, got none "
+            f"({'; '.join(left_out) or 'the file is empty'}): save each signal as a vector"
+        )
+    length = Counter(len(a) for a in flat.values()).most_common(1)[0][0]
+    short = [n for n, a in flat.items() if len(a) != length]
+    left_out += [f"{n}: {len(flat[n])} rows, the table has {length}" for n in short]
+    kept = {n: a for n, a in flat.items() if len(a) == length}
+    names = distinct(list(kept))
+    columns = tuple(Column(n, kind_of(a)) for n, a in zip(names, kept.values(), strict=True))
+    return Recording(
+        path, kind, (ArrayTable(path, columns, tuple(kept.values())),), tuple(left_out)
+    )
+
+
+def named_fields(name: str, array: Array) -> dict[str, Array]:
+    """A structured array as its fields, any other as itself."""
+    if array.dtype.names is None:
+        return {name: array}
+    return {field: array[field] for field in array.dtype.names}
+
+
+def _refusal(path: Path, error: Exception) -> DataError:
+    if "allow_pickle" in str(error) or "Object arrays" in str(error):
+        return DataError(
+            f"{path.name}: holds Python objects, which are never loaded: save numbers as float64"
+        )
+    return DataError(f"{path.name}: damaged or cut off ({error}): copy or record the file again")
+
+
+def open_npy(path: Path) -> Recording:
+    """An npy file, mapped into memory.
+
+    Raises:
+        DataError: damaged, cut off, or an object array.
+    """
+    try:
+        array = np.load(path, mmap_mode="r", allow_pickle=False)
+    except (ValueError, OSError, EOFError, SyntaxError, TypeError, OverflowError) as error:
+        raise _refusal(path, error) from None
+    return table_of(path, named_fields("c", array), "npy", ())
+
+
+def open_npz(path: Path) -> Recording:
+    """An npz archive, unpacked whole.
+
+    Raises:
+        DataError: damaged, cut off, too large, another kind of archive, or with object arrays.
+    """
+    arrays: dict[str, Array] = {}
+    try:
+        with zipfile.ZipFile(path) as archive:
+            members = archive.infolist()
+            others = [m.filename for m in members if not m.filename.endswith(".npy")]
+            if others or not members:
+                raise DataError(
+                    f"{path.name}: expected an npz archive, got a zip with "
+                    f"{others[0] if others else 'nothing'!r}: save the table as CSV or npz"
+                )
+            size = sum(m.file_size for m in members)
+            if size > LARGEST or len(members) > 10_000:
+                raise DataError(
+                    f"{path.name}: unpacks to {size} bytes in {len(members)} arrays, the limit is "
+                    f"{LARGEST} in 10000: save it as Parquet, which is read in pieces"
+                )
+            for member in members:
+                with archive.open(member) as file:
+                    array = np.lib.format.read_array(file, allow_pickle=False)
+                arrays.update(named_fields(member.filename.removesuffix(".npy"), array))
+    except (
+        ValueError, OSError, EOFError, SyntaxError, TypeError, OverflowError, MemoryError,
+        zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError,
+    ) as error:  # fmt: skip
+        raise _refusal(path, error) from None
+    return table_of(path, arrays, "npz", ())

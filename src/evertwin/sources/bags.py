@@ -1,0 +1,155 @@
+"""Bags (MCAP, ROS 1, ROS 2) as one table per topic.
+
+Opening reads the bag once to learn its topics; each topic's first message names its columns. Two
+more columns hold time: ``stamp`` (the message's header, where it has one) and ``logged``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from evertwin.errors import DataError
+from evertwin.sources.bag_files import Cut, Message, messages
+from evertwin.sources.ros_messages import Decoder, flat, stamp_of
+from evertwin.sources.sniff import sniff
+from evertwin.sources.stamps import NO_STAMP
+from evertwin.sources.table import Column, Problem, Recording, Rows
+
+__all__ = ["TopicTable", "open_bag"]
+
+PIECE = 4096
+"""Messages read at once."""
+_KINDS = {"mcap": "mcap", "ros1": "ros1", "db3": "ros2"}
+
+
+def open_bag(path: Path, kind: str) -> Recording:
+    """The topics of a bag file, or of a folder as ``ros2 bag record`` writes it.
+
+    Raises:
+        DataError: no topic holds numbers, or the folder holds no bag.
+        MissingExtra: the reader is not installed.
+    """
+    files = _inside(path) if kind == "directory" else ((path, kind),)
+    decoder = Decoder()
+    columns: dict[str, tuple[Column, ...]] = {}
+    notes: dict[str, str] = {}
+    for file, file_kind in files:
+        for message in messages(file, file_kind):
+            if isinstance(message, Cut):
+                notes[f"{file.name}:"] = f"broke off: {message.reason}"
+            elif message.connection.topic not in columns:
+                _learn(message, decoder, columns, notes)
+    tables = tuple(TopicTable(files, path, topic, c) for topic, c in columns.items() if c)
+    left_out = tuple(f"{topic} {reason}" for topic, reason in notes.items())
+    if not tables:
+        reason = "; ".join(left_out) or "no messages: were the QoS settings of the recorder right?"
+        raise DataError(f"{path.name}: no topic with numbers ({reason})")
+    return Recording(path, _KINDS[files[0][1]], tables, left_out)
+
+
+def _inside(path: Path) -> tuple[tuple[Path, str], ...]:
+    packed = sorted(path.glob("*.zstd"))
+    files = sorted([*path.glob("*.db3"), *path.glob("*.mcap")])
+    if not files:
+        what = f"{packed[0].name}: unpack it first (zstd -d)" if packed else "no *.db3 or *.mcap"
+        raise DataError(f"{path}: expected a recording or a folder with a ROS 2 bag, got {what}")
+    return tuple((file, sniff(file)) for file in files)
+
+
+def _learn(
+    message: Message,
+    decoder: Decoder,
+    columns: dict[str, tuple[Column, ...]],
+    notes: dict[str, str],
+) -> None:
+    topic = message.connection.topic
+    columns[topic] = ()
+    try:
+        content = decoder.decode(message)
+    except DataError as error:
+        notes[topic] = f"left out: {error}"
+        return
+    names = [f"{topic}.{name}" for name, _ in flat(content)]
+    if not names:
+        notes[topic] = f"left out: {message.connection.type or 'its type'} holds no short numbers"
+        return
+    clocks = ["stamp"] if stamp_of(content) is not None else []
+    times = tuple(Column(f"{topic}.{clock}", "time", "ns") for clock in [*clocks, "logged"])
+    columns[topic] = (*times, *(Column(name, "number") for name in dict.fromkeys(names)))
+
+
+@dataclass(frozen=True)
+class TopicTable:
+    """One topic of a bag.
+
+    >>> from evertwin.sources.bag_files import Connection
+    >>> TopicTable((), Path("run.mcap"), "/v", (Column("/v.data", "number"),)).name
+    '/v'
+    """
+
+    files: tuple[tuple[Path, str], ...]
+    path: Path
+    name: str
+    columns: tuple[Column, ...]
+
+    def rows(self, numbers: Sequence[str], time: str | None, strict: bool = True) -> Iterator[Rows]:
+        """See `Table`."""
+        decoder, order = Decoder(), 0
+        batch = _Batch(self, numbers, time)
+        for file, kind in self.files:
+            for message in messages(file, kind):
+                if isinstance(message, Cut):
+                    batch.problems.append(Problem("cut_off", order, message.reason))
+                elif message.connection.topic == self.name:
+                    batch.add(message, decoder, order)
+                    order += 1
+                    if len(batch.order) + len(batch.problems) >= PIECE:
+                        yield batch.rows()
+                        batch = _Batch(self, numbers, time)
+        if batch.order or batch.problems:
+            yield batch.rows()
+
+
+class _Batch:
+    """Messages on their way to rows."""
+
+    def __init__(self, table: TopicTable, numbers: Sequence[str], time: str | None) -> None:
+        self.prefix = len(table.name) + 1
+        self.wanted = [name[self.prefix :] for name in numbers]
+        self.time = None if time is None else time[self.prefix :]
+        self.order: list[int] = []
+        self.stamps: list[int] = []
+        self.values: list[list[float]] = []
+        self.problems: list[Problem] = []
+
+    def add(self, message: Message, decoder: Decoder, order: int) -> None:
+        try:
+            content = decoder.decode(message)
+        except DataError as error:
+            self.problems.append(Problem("damaged", order + 1, str(error)))
+            return
+        cells = dict(flat(content))
+        absent = [name for name in self.wanted if name not in cells]
+        if absent:
+            self.problems.append(
+                Problem("truncated", order + 1, f"no {absent[0]!r} in the message")
+            )
+            return
+        stamp = stamp_of(content) if self.time == "stamp" else message.time
+        if self.time not in ("stamp", "logged", None):
+            raise DataError(f"time of a topic is its 'stamp' or 'logged', got {self.time!r}")
+        self.order.append(order)
+        self.stamps.append(NO_STAMP if stamp is None or abs(stamp) >= 2**63 else stamp)
+        self.values.append([cells[name] for name in self.wanted])
+
+    def rows(self) -> Rows:
+        if not self.order:
+            return Rows.empty(len(self.wanted), tuple(self.problems))
+        order = np.array(self.order, dtype=np.int64)
+        stamps = order if self.time is None else np.array(self.stamps, dtype=np.int64)
+        values = np.array(self.values, dtype=np.float64).reshape(len(order), len(self.wanted))
+        return Rows(order + 1, order, stamps, values, tuple(self.problems))

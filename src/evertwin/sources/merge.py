@@ -1,0 +1,75 @@
+"""Several recorded sources as one stream, merged by stamp.
+
+Chunks leave in windows: up to the earliest of the sources' newest stamps, each source gives what it
+has. So no source runs ahead of another by more than a piece, and memory stays bounded. Tasks are
+merged one by one; a task whose stamps do not lie after the task before (files that all count from
+zero) is moved behind it by one common shift, so that the sources of a task keep their alignment.
+
+>>> import numpy as np
+>>> a = [Chunk("a", np.array([0, 2, 4]), np.zeros((3, 1)))]
+>>> b = [Chunk("b", np.array([1, 3]), np.ones((2, 1)))]
+>>> [(c.source, c.t.tolist()) for c in merge([iter(a), iter(b)])]
+[('a', [0, 2]), ('b', [1, 3]), ('a', [4])]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from evertwin.fold import Chunk
+
+__all__ = ["merge"]
+
+GAP = 10 * 10**9
+"""Distance that a moved task keeps from the one before [ns]."""
+
+
+def merge(sources: Sequence[Iterator[Chunk]], gap: int = GAP) -> Iterator[Chunk]:
+    """Chunks of all sources by stamp, task by task.
+
+    Args:
+        sources: one iterator per source, each in order of task and stamp.
+        gap: distance [ns] from the end of a task to the start of one that had to be moved.
+    """
+    heads = [_Head(source) for source in sources]
+    end: int | None = None
+    while any(head.chunk for head in heads):
+        task = min(head.chunk.task for head in heads if head.chunk)
+        start = min(int(h.chunk.t[0]) for h in heads if h.chunk and h.chunk.task == task)
+        shift = 0 if end is None or start > end else end + gap - start
+        for chunk in _one_task(heads, task):
+            moved = chunk._replace(t=chunk.t + shift) if shift else chunk
+            end = int(moved.t[-1]) if end is None else max(end, int(moved.t[-1]))
+            yield moved
+
+
+def _one_task(heads: Sequence[_Head], task: int) -> Iterator[Chunk]:
+    while True:
+        ready = [h for h in heads if h.chunk and h.chunk.task == task]
+        if not ready:
+            return
+        edge = min(int(h.chunk.t[-1]) for h in ready if h.chunk)
+        for head in ready:
+            part = head.until(edge)
+            if part is not None:
+                yield part
+
+
+class _Head:
+    """The chunk that a source has ready."""
+
+    def __init__(self, source: Iterator[Chunk]) -> None:
+        self.source = source
+        self.chunk: Chunk | None = next(source, None)
+
+    def until(self, edge: int) -> Chunk | None:
+        """The samples up to ``edge`` [ns]; the rest stays ready."""
+        chunk = self.chunk
+        if chunk is None:
+            return None
+        n = int((chunk.t <= edge).sum())
+        if n == len(chunk.t):
+            self.chunk = next(self.source, None)
+            return chunk
+        self.chunk = chunk._replace(t=chunk.t[n:], v=chunk.v[n:])
+        return chunk._replace(t=chunk.t[:n], v=chunk.v[:n]) if n else None

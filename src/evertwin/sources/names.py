@@ -1,0 +1,52 @@
+"""Names of columns: the unit in a heading, the nearest name for a message.
+
+>>> split_unit("q1 [rad]"), split_unit("Force (N)"), split_unit("t")
+(('q1', 'rad'), ('Force', 'N'), ('t', ''))
+>>> closest("heater", ["heater_on", "t1"])
+"did you mean 'heater_on'?"
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections import Counter
+from collections.abc import Sequence
+
+__all__ = ["closest", "distinct", "split_unit"]
+
+_BRACKETS = re.compile(r"^(.*\S)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))$")
+
+
+def split_unit(heading: str) -> tuple[str, str]:
+    """Name and unit of a heading such as ``q1 [rad]``; an empty unit where none is given."""
+    text = heading.strip()
+    found = _BRACKETS.match(text)
+    if not found:
+        return text, ""
+    return found[1].strip(), (found[2] if found[2] is not None else found[3]).strip()
+
+
+def closest(name: str, known: Sequence[str]) -> str:
+    """The phrase that helps after a wrong name."""
+    lower = {k.lower(): k for k in known}
+    near = difflib.get_close_matches(name.lower(), lower, n=1, cutoff=0.5)
+    if near:
+        return f"did you mean {lower[near[0]]!r}?"
+    shown = ", ".join(known[:12])
+    return f"there is {shown}{', …' if len(known) > 12 else ''}" if known else "there is none"
+
+
+def distinct(names: Sequence[str]) -> tuple[str, ...]:
+    """Names made distinct: the second ``x`` becomes ``x~2``; an empty one its position.
+
+    >>> distinct(["x", "", "x"])
+    ('x', 'c2', 'x~2')
+    """
+    filled = [name or f"c{i + 1}" for i, name in enumerate(names)]
+    seen: Counter[str] = Counter()
+    out = []
+    for name in filled:
+        seen[name] += 1
+        out.append(name if seen[name] == 1 else f"{name}~{seen[name]}")
+    return tuple(out)

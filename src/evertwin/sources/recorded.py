@@ -1,0 +1,258 @@
+"""A recorded source: files in, chunks in SI units on a clean clock out.
+
+Each file is a task; a column may open further tasks where its value changes. The clock goes through
+`guard`, values through ``si = to_si(cell · scale + offset, unit)``; a sentinel becomes infinite,
+which later stages mark as an error; an empty cell is NaN, which they mark as absent. Nothing is
+dropped without being counted in ``tally``.
+
+>>> import tempfile
+>>> file = Path(tempfile.mkdtemp()) / "run.csv"
+>>> _ = file.write_text("time_ms,v\\n0,5\\n20,-99\\n40,7\\n")
+>>> source = Recorded("odometry", (file,), (Cell("v", "v", "cm/s", sentinels=(-99.0,)),))
+>>> [(chunk.t.tolist(), chunk.v[:, 0].tolist()) for chunk in source.read()]
+[([0, 20000000, 40000000], [0.05, inf, 0.07])]
+"""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from evertwin.errors import DataError, UsageError
+from evertwin.fold import Chunk
+from evertwin.signals import conversion
+from evertwin.sources.guard import Guarded, Piece, Rules, guard
+from evertwin.sources.names import closest
+from evertwin.sources.recording import open_recording
+from evertwin.sources.stamps import StampError, to_ns, zones
+from evertwin.sources.table import Column, Rows, Table
+from evertwin.sources.tally import Tally
+from evertwin.sources.time_unit import guess, time_column
+from evertwin.types import Outputs, Stamps
+
+__all__ = ["Cell", "Clock", "Recorded"]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Where a channel comes from.
+
+    >>> Cell("q1", 1, "deg").scale
+    1.0
+    """
+
+    channel: str
+    column: str | int
+    """Name, or position from 0."""
+    unit: str
+    """Unit of the cell after scale and offset."""
+    scale: float = 1.0
+    offset: float = 0.0
+    sentinels: tuple[float, ...] = ()
+    """Raw cells that mean "no measurement", such as -9999 or 65535."""
+
+    def __post_init__(self) -> None:
+        conversion(self.unit)
+        if not (np.isfinite([self.scale, self.offset]).all() and self.scale):
+            raise UsageError(f"{self.channel}: expected a finite scale other than 0 and an offset")
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Where the stamps come from: a column, or a fixed rate for a table without one.
+
+    >>> Clock(rate=20.0).unit
+    'auto'
+    """
+
+    column: str | int | None = None
+    """Name or position of the column of time; None: found by name, kind or position."""
+    unit: str = "auto"
+    """s, ms, us, ns, iso, or auto."""
+    rate: float | None = None
+    """Rows per second [Hz] where there is no column of time."""
+    offset: int = 0
+    """Added to every stamp [ns]: the source's known clock offset."""
+    rules: Rules = field(default_factory=Rules)
+
+    def __post_init__(self) -> None:
+        if self.rate is not None and not 0 < self.rate < 1e9:
+            raise UsageError(f"rate: expected a number above 0 Hz, got {self.rate}")
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """Files of one source, read in the order given. Implements `Source`.
+
+    >>> Recorded("pose", (), ()).name
+    'pose'
+    """
+
+    name: str
+    files: tuple[Path, ...]
+    cells: tuple[Cell, ...]
+    clock: Clock = field(default_factory=Clock)
+    task: str | int | None = None
+    """Column whose change opens a new task."""
+    tally: Tally = field(default_factory=Tally, compare=False)
+    """Problems found while reading."""
+
+    def open(self) -> None:
+        """Check that every file holds the columns.
+
+        Raises:
+            DataError: a file cannot be read or lacks a column.
+        """
+        for path in self.files:
+            self._wiring(path)
+
+    async def chunks(self) -> AsyncIterator[Chunk]:
+        """See `Source`."""
+        for chunk in self.read():
+            yield chunk
+
+    def close(self) -> None:
+        """Nothing is held open between pieces."""
+
+    def read(self) -> Iterator[Chunk]:
+        """The chunks, as a plain iterator.
+
+        Raises:
+            DataError: with file, line and column.
+        """
+        task = -1
+        for path in self.files:
+            task += 1
+            value: float | None = None
+            for out in guard(self._pieces(path), self.clock.rules):
+                self.tally.add(out.problems)
+                for code, part in self._parts(out):
+                    task += int(value is not None and code != value)
+                    value = code
+                    yield Chunk(self.name, part.t, self._si(part.v), task)
+
+    def _wiring(self, path: Path) -> _Wiring:
+        recording = open_recording(path)
+        if len(recording.tables) == 1:
+            table = recording.tables[0]
+        else:
+            found = {recording.find(str(cell.column))[0].name for cell in self.cells}
+            if len(found) != 1:
+                raise DataError(
+                    f"{path.name}: source {self.name!r} takes columns of {len(found)} topics "
+                    f"({', '.join(sorted(found))}): give each topic a source of its own"
+                )
+            table = next(t for t in recording.tables if t.name == found.pop())
+        wanted = [cell.column for cell in self.cells]
+        wanted += [] if self.task is None else [self.task]
+        numbers = tuple(_column(table, column).name for column in wanted)
+        return _Wiring(table, numbers, _time_column(table, self.clock))
+
+    def _pieces(self, path: Path) -> Iterator[Piece]:
+        table, numbers, time = self._wiring(path)
+        unit = ""
+        for rows in table.rows(numbers, None if time is None else time.name):
+            self.tally.add(rows.problems)
+            if len(rows.line) == 0:
+                continue
+            if time is not None and not unit:
+                unit = _unit(table, time, rows, self.clock.unit)
+            yield rows.line, self._stamps(table, time, rows, unit), rows.values
+
+    def _stamps(self, table: Table, time: Column | None, rows: Rows, unit: str) -> Stamps:
+        if time is None:
+            assert self.clock.rate is not None
+            step = 1e9 / self.clock.rate
+            exact = rows.order * int(step) if step == int(step) else np.rint(rows.order * step)
+            return exact.astype(np.int64) + self.clock.offset
+        try:
+            t = to_ns(rows.time, unit)
+        except StampError as error:
+            where = f"{table.path.name}:{rows.line[error.position]}: column {time.name!r}"
+            raise DataError(f"{where}: {error}") from None
+        known = t != np.iinfo(np.int64).min
+        return np.where(known, t + self.clock.offset, t)
+
+    def _parts(self, out: Guarded) -> Iterator[tuple[float, Guarded]]:
+        """The rows of each task; without a task column all of them."""
+        n = len(out.t)
+        if n == 0:
+            return
+        if self.task is None:
+            yield 0.0, out
+            return
+        code = out.v[:, -1]
+        cuts = [0, *(np.flatnonzero(np.diff(code) != 0) + 1).tolist(), n]
+        for a, b in pairwise(cuts):
+            yield float(code[a]), Guarded(out.line[a:b], out.t[a:b], out.v[a:b, :-1], ())
+
+    def _si(self, raw: Outputs) -> Outputs:
+        out = np.empty((len(raw), len(self.cells)))
+        for j, cell in enumerate(self.cells):
+            factor, zero = conversion(cell.unit)
+            out[:, j] = (raw[:, j] * cell.scale + cell.offset) * factor + zero
+            for sentinel in cell.sentinels:
+                out[raw[:, j] == sentinel, j] = np.inf
+        return out
+
+
+class _Wiring(NamedTuple):
+    table: Table
+    numbers: tuple[str, ...]
+    time: Column | None
+
+
+def _column(table: Table, key: str | int) -> Column:
+    """A column by name or by position from 0."""
+    columns = table.columns
+    if isinstance(key, int):
+        if not 0 <= key < len(columns):
+            raise DataError(
+                f"{table.path.name}: no column {key}: there are {len(columns)}, counted from 0"
+            )
+        return columns[key]
+    named = [c for c in columns if c.name == key]
+    if not named:
+        names = [c.name for c in columns]
+        raise DataError(
+            f"{table.path.name}: no column {key!r}; {closest(key, names)}: correct the name in the "
+            "twin file"
+        )
+    return named[0]
+
+
+def _time_column(table: Table, clock: Clock) -> Column | None:
+    if clock.column is not None:
+        return _column(table, clock.column)
+    if clock.rate is not None:
+        return None
+    found = time_column(table)
+    if found is None:
+        raise DataError(
+            f"{table.path.name}: no column of time among "
+            f"{', '.join(c.name for c in table.columns[:12])}: set time = {{ column = … }}, or "
+            "{ rate = … } for rows at a fixed rate"
+        )
+    return found
+
+
+def _unit(table: Table, time: Column, rows: Rows, unit: str) -> str:
+    if unit != "auto":
+        return unit
+    found = guess(time.name, rows.time[:1000], time.unit)
+    if not found.sure:
+        raise DataError(
+            f"{table.path.name}: column {time.name!r}: the unit of time is not clear "
+            f'({found.reason}; {found.unit}?): set time = {{ unit = "{found.unit}" }}'
+        )
+    if found.unit == "iso" and rows.time.dtype.kind == "S" and len(zones(rows.time)) > 1:
+        raise DataError(
+            f"{table.path.name}: column {time.name!r}: some stamps carry a time zone and some do "
+            "not: write all of them in one way, best in UTC"
+        )
+    return found.unit

@@ -1,0 +1,44 @@
+"""Opening a recording: the format is told from the content.
+
+>>> import tempfile
+>>> file = Path(tempfile.mkdtemp()) / "run.txt"
+>>> _ = file.write_text("0.0 1.5\\n0.1 1.6\\n")
+>>> [column.name for column in open_recording(file).tables[0].columns]
+['c1', 'c2']
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from evertwin.errors import DataError
+from evertwin.sources.arrays import open_npy, open_npz
+from evertwin.sources.bags import open_bag
+from evertwin.sources.mat import open_mat
+from evertwin.sources.parquet import open_parquet
+from evertwin.sources.sniff import sniff
+from evertwin.sources.table import Recording
+from evertwin.sources.text import TextTable
+
+__all__ = ["open_recording"]
+
+_OPEN = {"mat": open_mat, "parquet": open_parquet, "npy": open_npy, "npz": open_npz}
+
+
+def open_recording(path: Path | str) -> Recording:
+    """The tables of a file, or of a folder that holds a ROS 2 bag.
+
+    Raises:
+        DataError: no such file, a damaged one, or a kind that is never read.
+        MissingExtra: the library that reads it is not installed.
+    """
+    path = Path(path)
+    kind = sniff(path)
+    if kind == "text":
+        table = TextTable(path)
+        if len(table.columns) == 0:
+            raise DataError(f"{path.name}: no columns")
+        return Recording(path, "csv", (table,))
+    if kind in _OPEN:
+        return _OPEN[kind](path)
+    return open_bag(path, kind)

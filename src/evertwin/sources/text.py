@@ -1,0 +1,264 @@
+"""Text tables (CSV and its relatives), read in blocks of a few megabytes.
+
+A row with too few or too many cells is left out and counted with its line. The last line without a
+line end may have been cut inside a number, ``3.1`` instead of ``3.14``, so it is kept only where
+its last cell has as many decimals as the cells above it. A word where a number should be is an
+error with file, line and column. Gzip is unpacked while reading.
+"""
+
+from __future__ import annotations
+
+import gzip
+import zlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, BinaryIO, cast
+
+import numpy as np
+from jaxtyping import Float64
+
+from evertwin.errors import DataError
+from evertwin.sources.dialect import COMMENTS, MISSING, TRUTH, Dialect, cells_of, detect
+from evertwin.sources.names import distinct, split_unit
+from evertwin.sources.table import Column, Problem, Rows
+
+__all__ = ["TextTable"]
+
+BLOCK = 1 << 22
+"""Bytes read at once."""
+LONGEST = 1 << 20
+"""Bytes of the longest line that is believed."""
+_TOP = 60
+_KINDS = {"n": "number", "b": "boolean", "d": "time", "t": "text", "?": "number"}
+_BOM = b"\xef\xbb\xbf"
+
+
+@dataclass(frozen=True)
+class TextTable:
+    """A text table on disk.
+
+    >>> import tempfile
+    >>> file = Path(tempfile.mkdtemp()) / "run.csv"
+    >>> _ = file.write_text("t,v [m/s]\\n0,1.5\\n1,\\n2\\n")
+    >>> table = TextTable(file)
+    >>> table.columns[1]
+    Column(name='v', kind='number', unit='m/s')
+    >>> rows = next(table.rows(["v"], "t"))
+    >>> rows.line.tolist(), rows.values[:, 0].tolist(), rows.problems[0].kind
+    ([2, 3], [1.5, nan], 'truncated')
+    """
+
+    path: Path
+    name: str = ""
+
+    @cached_property
+    def dialect(self) -> Dialect:
+        """How the table is written, from its first lines."""
+        top: list[bytes] = []
+        for _, lines, _ in self._blocks(1 << 16):
+            top.extend(lines)
+            if sum(bool(ln.strip()) and not ln.startswith(COMMENTS) for ln in top) >= _TOP:
+                break
+        try:
+            return detect(top[:4000])
+        except DataError as error:
+            raise DataError(f"{self.path.name}: {error}") from None
+
+    @cached_property
+    def columns(self) -> tuple[Column, ...]:
+        """Columns with the units that the headings state."""
+        d = self.dialect
+        headings = d.headings or tuple("" for _ in range(d.fields))
+        split = [split_unit(heading) for heading in headings]
+        units = d.units or tuple(unit for _, unit in split)
+        names = distinct([name for name, _ in split])
+        kinds = [_KINDS[letter] for letter in d.kinds]
+        return tuple(map(Column, names, kinds, (*units, *("",) * (d.fields - len(units)))))
+
+    def rows(self, numbers: Sequence[str], time: str | None, strict: bool = True) -> Iterator[Rows]:
+        """See `Table`."""
+        names = [column.name for column in self.columns]
+        use = [names.index(name) for name in numbers]
+        clock = None if time is None else names.index(time)
+        order = 0
+        for first, lines, cut in self._blocks(BLOCK):
+            start = max(self.dialect.skip - first + 1, 0)
+            piece = _Piece(self, lines[start:], first + start, order, strict)
+            rows = piece.read(use, clock, cut)
+            order = piece.order
+            if len(rows.line) or rows.problems:
+                yield rows
+
+    def _blocks(self, size: int) -> Iterator[tuple[int, list[bytes], str]]:
+        """Complete lines: number of the first, the lines, and how the last one ended.
+
+        The third is empty inside the file, ``open`` when the file ends without a line end, and a
+        reason when the compressed stream broke off.
+        """
+        line, held, rest, reason = 1, list[bytes](), b"", ""
+        with _opened(self.path) as file:
+            while not reason:
+                try:
+                    data = file.read(size)
+                except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+                    data, reason = b"", f"the gzip stream is damaged: {error}"
+                if not data:
+                    break
+                if line == 1 and not held and not rest:
+                    data = data.removeprefix(_BOM)
+                *lines, rest = (rest + data).replace(b"\r\n", b"\n").split(b"\n")
+                if len(rest) > LONGEST:
+                    raise DataError(
+                        f"{self.path.name}:{line + len(held) + len(lines)}: a line of more than "
+                        f"{LONGEST} bytes: end lines with a line feed"
+                    )
+                if held and lines:
+                    yield line, held, ""
+                    line, held = line + len(held), []
+                held += lines
+        if rest.strip():
+            yield line, [*held, rest], reason or "open"
+        elif held or reason:
+            yield line, held, reason
+
+
+def _opened(path: Path) -> BinaryIO:
+    with path.open("rb") as file:
+        packed = file.read(2) == b"\x1f\x8b"
+    return cast(BinaryIO, gzip.open(path, "rb")) if packed else path.open("rb")
+
+
+@dataclass
+class _Piece:
+    """The lines of one block on their way to numbers."""
+
+    table: TextTable
+    lines: list[bytes]
+    first: int
+    order: int
+    strict: bool
+
+    def read(self, use: list[int], clock: int | None, cut: str) -> Rows:
+        problems: list[Problem] = []
+        kept: list[bytes] = []
+        where: list[tuple[int, int]] = []
+        d = self.table.dialect
+        quoted = any(b'"' in ln for ln in self.lines)
+        for i, raw in enumerate(self.lines):
+            ln = raw.rstrip(b"\r")
+            if not ln.strip() or ln.startswith(COMMENTS):
+                continue
+            if quoted and b'"' in ln:
+                ln = _unquoted(ln, d.delimiter)
+            count = len(ln.split()) if d.delimiter is None else ln.count(d.delimiter) + 1
+            last = bool(cut) and i == len(self.lines) - 1
+            if count != d.fields or b"\0" in ln:
+                problems.append(self._misfit(self.first + i, count, b"\0" in ln))
+            elif last and (cut != "open" or not self._complete(raw, kept)):
+                detail = "no line end: a cell may be cut short" if cut == "open" else cut
+                problems.append(Problem("cut_off", self.first + i, detail))
+            else:
+                kept.append(ln)
+                where.append((self.first + i, self.order))
+            self.order += 1
+        if cut and cut != "open" and not any(p.kind == "cut_off" for p in problems):
+            problems.append(Problem("cut_off", self.first + len(self.lines), cut))
+        if not kept:
+            return Rows.empty(len(use), tuple(problems))
+        line, order = np.array(where, dtype=np.int64).T
+        values = self._values(kept, use, line, problems)
+        stamps = order if clock is None else np.array(self._column(kept, clock))
+        return Rows(line, order, stamps, values, tuple(problems))
+
+    def _misfit(self, line: int, count: int, binary: bool) -> Problem:
+        if binary:
+            return Problem("damaged", line, "a zero byte in the line")
+        fields = self.table.dialect.fields
+        kind = "truncated" if count < fields else "overlong"
+        return Problem(kind, line, f"{count} cells, expected {fields}")
+
+    def _complete(self, raw: bytes, above: list[bytes]) -> bool:
+        """Whether the last cell of an unfinished line can be shown to be whole."""
+        d = self.table.dialect
+        if raw.rstrip().endswith(b'"'):
+            return True
+        last = _split(raw, d)[-1].strip().replace(b",", b".")
+        others = [_split(ln, d)[-1].strip().replace(b",", b".") for ln in above[-1000:]]
+        if not last or not others:
+            return False
+        if b"." in last and b"e" not in last.lower():
+            return len(last.partition(b".")[2]) >= max(len(o.partition(b".")[2]) for o in others)
+        return len(last) >= max(map(len, others)) or (d.kinds[-1] in "bt" and last in others)
+
+    def _column(self, kept: list[bytes], j: int) -> list[bytes]:
+        delimiter = self.table.dialect.delimiter
+        cells = [ln.split(delimiter, j + 1)[j].strip() for ln in kept]
+        return [c.replace(b",", b".") for c in cells] if self.table.dialect.decimal_comma else cells
+
+    def _values(
+        self, kept: list[bytes], use: list[int], line: Any, problems: list[Problem]
+    ) -> Float64[np.ndarray, "n k"]:
+        """The fast way for plain numbers; any surprise goes cell by cell."""
+        if not use:
+            return np.zeros((len(kept), 0))
+        d = self.table.dialect
+        plain = [ln.replace(b",", b".") for ln in kept] if d.decimal_comma else kept
+        try:
+            return np.loadtxt(
+                cast(Any, plain),
+                delimiter=None if d.delimiter is None else d.delimiter.decode("latin-1"),
+                usecols=use,
+                comments=None,
+                ndmin=2,
+                encoding="latin-1",
+            )
+        except ValueError:
+            columns = [self._slow(kept, j, line, problems) for j in use]
+            return np.stack(columns, axis=1)
+
+    def _slow(
+        self, kept: list[bytes], j: int, line: Any, problems: list[Problem]
+    ) -> Float64[np.ndarray, " n"]:
+        out = np.full(len(kept), np.nan)
+        for i, cell in enumerate(self._column(kept, j)):
+            number = _number(cell)
+            if number is not None:
+                out[i] = number
+                continue
+            name = self.table.columns[j].name
+            text = cell[:40].decode("utf-8", "replace")
+            if self.strict:
+                raise DataError(
+                    f"{self.table.path.name}:{line[i]}: column {name!r}: expected a number, got "
+                    f"{text!r}: correct the line, or map another column"
+                )
+            problems.append(Problem("text", int(line[i]), f"{name}: {text!r}"))
+        return out
+
+
+def _split(line: bytes, dialect: Dialect) -> list[bytes]:
+    return cells_of(line, dialect.delimiter)
+
+
+def _unquoted(line: bytes, delimiter: bytes | None) -> bytes:
+    """A quoted line with its quotes resolved and delimiters inside them replaced by blanks."""
+    if delimiter is None or line.count(b'"') % 2:
+        return line
+    return delimiter.join(c.replace(delimiter, b" ") for c in cells_of(line, delimiter))
+
+
+def _number(cell: bytes) -> float | None:
+    """The number of one cell, NaN for an empty one, None for text."""
+    low = cell.lower()
+    if low in MISSING:
+        return float("nan")
+    if low in TRUTH:
+        return TRUTH[low]
+    if b"_" in cell:
+        return None
+    try:
+        return float(cell)
+    except ValueError:
+        return None
