@@ -1,0 +1,11 @@
+"""Trial: nothing reaches the live model untested.
+
+`Trial` compares a challenger with the champion on unseen segments, `Probation` watches it after the
+promotion, `admit` says what it must show before.
+"""
+
+from evertwin.trial.admission import admit
+from evertwin.trial.gate import Check, GateState, Trial
+from evertwin.trial.probation import Probation
+
+__all__ = ["Check", "GateState", "Probation", "Trial", "admit"]

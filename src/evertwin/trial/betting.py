@@ -1,0 +1,136 @@
+"""Sequential evidence from paired losses: bet on the challenger, count the money.
+
+Champion and challenger predict the same segments, so their deviations ``c`` and ``x`` come in
+pairs. Under the null hypothesis "the challenger is not better by the margin ``m``" the payoff
+
+    d = ((1 − m)·c − x) / s,      s = 2 · rms of the x seen before
+
+has no positive mean, whatever the unit of the losses. Whoever bets a share λ of its wealth on each
+payoff cannot expect to gain: the wealth Π(1 + λ·d), averaged over a grid of λ, exceeds 1/α with
+probability α at most, at whatever row one looks (Ville's inequality). ``s`` is known before the
+bet. A payoff below −1 is cut to −1 (a wealth cannot turn negative): a loss that large helps the
+challenger here, and counts in full in the pooled gain that the gate asks for besides.
+
+Deviations follow each other, they are not independent. So the same bets are also placed on means
+over 2, 4, 8 and 16 segments, and bets on blocks whose payoffs still show autocorrelation do not
+count: the evidence is the mean wealth of the finest length that does not, and of all coarser ones.
+
+Sources: Waudby-Smith and Ramdas, "Estimating means of bounded random variables by betting" (2024);
+METHOD: a sequential test on the paired loss.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float64, Int64
+from numba import njit
+
+__all__ = ["GRID", "LENGTHS", "Bets", "evidence", "open_bets", "place"]
+
+LENGTHS = np.array([1, 2, 4, 8, 16], dtype=np.int64)
+"""Segments per block."""
+GRID = np.array([0.05, 0.1, 0.2, 0.4, 0.7, 0.95])
+"""Shares λ of the wealth that are bet."""
+WARM = 2
+"""Blocks that only set the scale s."""
+SPREAD = 2.0
+"""s in rms of the challenger's deviations."""
+CEILING = 20.0
+"""Payoffs are cut above this: one block must not decide alone."""
+CORRELATED = 0.2
+"""Lag-1 autocorrelation of payoffs above which a block length does not count."""
+
+
+class Bets(NamedTuple):
+    """Wealth and statistics per block length.
+
+    >>> open_bets().wealth.shape
+    (5, 6)
+    """
+
+    part: Float64[np.ndarray, "lengths 3"]
+    """Of the block so far: Σc, Σx, segments."""
+    blocks: Int64[np.ndarray, " lengths"]
+    """Blocks finished."""
+    square: Float64[np.ndarray, " lengths"]
+    """Σx² over finished blocks."""
+    wealth: Float64[np.ndarray, "lengths shares"]
+    """Logarithm of the wealth per share."""
+    serial: Float64[np.ndarray, "lengths 5"]
+    """Of the relative payoffs v: Σv, Σv², Σv·v(before), first, last."""
+
+
+def open_bets() -> Bets:
+    """Bets before the first segment: wealth 1."""
+    k = len(LENGTHS)
+    return Bets(
+        np.zeros((k, 3)), np.zeros(k, dtype=np.int64), np.zeros(k), np.zeros((k, len(GRID))),
+        np.zeros((k, 5)),
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def place(c: float, x: float, margin: float, lengths: Any, grid: Any, bets: Any) -> None:
+    """One segment with deviations ``c`` and ``x`` goes into the bets, in place."""
+    part, blocks, square, wealth, serial = bets
+    for level in range(len(lengths)):
+        part[level, 0] += c
+        part[level, 1] += x
+        part[level, 2] += 1.0
+        if part[level, 2] < lengths[level]:
+            continue
+        champion, challenger = part[level, 0], part[level, 1]
+        part[level, :] = 0.0
+        n = blocks[level]
+        gain = (1.0 - margin) * champion - challenger
+        scale = SPREAD * math.sqrt(square[level] / max(n, 1))
+        if n >= WARM and (scale > 0.0 or gain != 0.0):
+            payoff = CEILING if scale == 0.0 and gain > 0.0 else gain / max(scale, 1e-300)
+            payoff = min(max(payoff, -1.0), CEILING)
+            for j in range(len(grid)):
+                wealth[level, j] += math.log1p(grid[j] * payoff)
+        total = champion + challenger
+        relative = gain / total if total > 0.0 else 0.0
+        serial[level, 0] += relative
+        serial[level, 1] += relative * relative
+        if n == 0:
+            serial[level, 3] = relative
+        else:
+            serial[level, 2] += relative * serial[level, 4]
+        serial[level, 4] = relative
+        square[level] += challenger * challenger
+        blocks[level] = n + 1
+
+
+@njit(cache=True)
+def evidence(bets: Any) -> Any:
+    """(logarithm of the e-value, index of the finest block length that counts; −1: none)."""
+    _, blocks, _, wealth, serial = bets
+    total, counted, finest = 0.0, 0, -1
+    for level in range(len(blocks)):
+        n = blocks[level]
+        if finest < 0:
+            if _correlation(n, serial[level]) > max(CORRELATED, 1.0 / math.sqrt(max(n, 1))):
+                continue
+            finest = level
+        if n > WARM:
+            for share in range(wealth.shape[1]):
+                total += math.exp(min(wealth[level, share], 600.0)) / wealth.shape[1]
+            counted += 1
+    return (math.log(total / counted) if counted else 0.0), finest
+
+
+@njit(cache=True)
+def _correlation(n: int, serial: Any) -> float:
+    """Lag-1 autocorrelation of n payoffs from their running sums."""
+    if n < 2:
+        return 0.0
+    mean = serial[0] / n
+    variance = serial[1] / n - mean * mean
+    if variance <= 1e-12 * serial[1] / n:
+        return 0.0
+    pairs = serial[2] - mean * (2 * serial[0] - serial[3] - serial[4]) + (n - 1) * mean * mean
+    return float(pairs / n / variance)

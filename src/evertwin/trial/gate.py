@@ -1,0 +1,227 @@
+"""The gate: champion and challenger predict the same unseen segments; one of them goes on.
+
+Both predict every segment of one horizon from the measured state, before either learns from it.
+The challenger is promoted only if every line of the checklist holds at the same segment: enough
+segments and time, a pooled gain that is worth a switch, a sequential test that may be read after
+every segment (`evertwin.trial.betting`), and no safety measure worse. It is rejected when the
+evidence says that it is worse, or when the limit is reached. One set of settings serves losses of
+any unit and size.
+
+>>> noise = np.random.default_rng(0).normal(size=200) ** 2
+>>> trial = Trial()
+>>> state, verdict = trial.step(trial.init(), np.stack([4.0 * noise, noise], axis=1))
+>>> verdict, trial.verdict(state)[1]["gain"]
+('promote', 0.5)
+>>> [check.name for check in trial.checklist(state)]
+['segments', 'time', 'gain', 'evidence', 'safety']
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from evertwin.errors import UsageError
+from evertwin.trial.betting import GRID, LENGTHS, Bets, evidence, open_bets
+from evertwin.trial.gate_loop import OPEN, OTHER, run, unsafe
+from evertwin.types import Vector
+
+__all__ = ["Check", "GateState", "Trial", "figures", "new_state", "pass_through"]
+
+_LARGEST = 600.0
+"""Logarithm above which an e-value is shown as this."""
+
+
+class GateState(NamedTuple):
+    """State of a trial or of a probation.
+
+    >>> Trial().init().tally.tolist()
+    [0, 0]
+    """
+
+    ahead: Bets
+    """Bets that the other version is better than the live one."""
+    back: Bets
+    """Bets that it is worse."""
+    sums: Float64[np.ndarray, " four"]
+    """Σ deviation (rms per segment) of live and other, Σ loss of live and other."""
+    harm: Vector
+    """Σ of the safety measures: (live, other) each."""
+    tally: Int64[np.ndarray, " two"]
+    """Verdict, segments."""
+
+
+def new_state(measures: int) -> GateState:
+    """The state before the first segment."""
+    return GateState(
+        open_bets(), open_bets(), np.zeros(4), np.zeros(2 * measures), np.zeros(2, dtype=np.int64)
+    )
+
+
+@dataclass(frozen=True)
+class Check:
+    """One line of the gate's checklist.
+
+    >>> Check("gain", True, 0.3, 0.05).passed
+    True
+    """
+
+    name: str
+    passed: bool
+    value: float
+    limit: float
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Settings of the gate.
+
+    >>> Trial(alpha=0.01).margin
+    0.05
+    """
+
+    alpha: float = 0.01
+    """Chance that a challenger without gain is promoted, however often one looks."""
+    margin: float = 0.05
+    """Smallest pooled gain in deviation (rms per segment) that is worth a switch."""
+    proven: float = 0.02
+    """Gain that the sequential test has to prove."""
+    segments: int = 20
+    """Segments at least."""
+    duration: float = 30.0
+    """Time that they must cover at least [s]."""
+    horizon: float = 1.0
+    """Length of a segment [s]."""
+    limit: int = 2000
+    """Segments after which an undecided challenger is rejected."""
+    alpha_reject: float = 0.05
+    """Chance that an equal challenger is rejected early as worse."""
+    measures: int = 0
+    """Safety measures per segment: counts where less is better, such as limits exceeded."""
+
+    def __post_init__(self) -> None:
+        for name in ("alpha", "alpha_reject"):
+            if not 0 < getattr(self, name) < 1:
+                raise UsageError(f"{name}: expected within (0, 1), got {getattr(self, name)}")
+        if not 0 <= self.proven <= self.margin < 1:
+            raise UsageError(
+                f"trial: expected 0 <= proven <= margin < 1, got proven {self.proven} and margin "
+                f"{self.margin}"
+            )
+        if not self.horizon > 0:
+            raise UsageError(f"horizon: expected a duration above 0 s, got {self.horizon}")
+
+    @cached_property
+    def least(self) -> int:
+        """Segments at least, so that the least time is covered too."""
+        return max(self.segments, math.ceil(self.duration / self.horizon - 1e-9))
+
+    @cached_property
+    def rule(self) -> Vector:
+        """The settings as the loop reads them."""
+        return np.array(
+            [self.proven, -math.log(self.alpha), -math.log(self.alpha_reject), self.margin,
+             self.least, max(self.limit, self.least)]
+        )  # fmt: skip
+
+    def init(self) -> GateState:
+        """The state before the first segment."""
+        return new_state(self.measures)
+
+    def step(
+        self, state: GateState, losses: Float64[np.ndarray, "m columns"]
+    ) -> tuple[GateState, Literal["promote", "reject"] | None]:
+        """The state after more segments, and the verdict once there is one.
+
+        Consumes ``state``. What comes after the deciding segment changes nothing.
+
+        Args:
+            state: from `init` or an earlier step.
+            losses: per segment: mean of (residual / scale)² of champion and challenger, then per
+                safety measure the counts of both, (m, 2 + 2·measures).
+
+        Raises:
+            UsageError: another number of columns.
+        """
+        pass_through(state, losses, self.rule)
+        return state, self.verdict(state)[0]
+
+    def verdict(
+        self, state: GateState
+    ) -> tuple[Literal["promote", "reject"] | None, dict[str, Any]]:
+        """The verdict (None: undecided) and the evidence as plain scalars, with a sentence."""
+        found = figures(state)
+        checks = self.checklist(state)
+        said = (
+            f"{_change(found)} over {found['segments']} unseen segments, "
+            f"e-value {found['e_value']:.3g}"
+        )
+        missed = [check.name for check in checks if not check.passed]
+        if missed:
+            said += f"; not reached: {', '.join(missed)}"
+        found |= {"sentence": said, "missed": tuple(missed)}
+        if state.tally[0] == OPEN:
+            return None, found
+        return ("promote" if state.tally[0] == OTHER else "reject"), found
+
+    def checklist(self, state: GateState) -> tuple[Check, ...]:
+        """Every line of the gate with its figure and limit, at any time."""
+        found = figures(state)
+        segments, gain = found["segments"], found["gain"]
+        seconds, value = segments * self.horizon, found["e_value"]
+        worst = float(np.max(state.harm[1::2] - state.harm[::2], initial=0.0))
+        return (
+            Check("segments", segments >= self.segments, float(segments), float(self.segments)),
+            Check("time", segments >= self.least, seconds, self.duration),
+            Check("gain", gain >= self.margin, gain, self.margin),
+            Check("evidence", value >= 1 / self.alpha, value, 1 / self.alpha),
+            Check("safety", not unsafe(state.harm), worst, 0.0),
+        )
+
+
+def pass_through(state: GateState, losses: Float64[np.ndarray, "m columns"], rule: Vector) -> None:
+    """Folds segments into ``state``, in place.
+
+    Raises:
+        UsageError: another number of columns than the state has measures for.
+    """
+    columns = 2 + len(state.harm)
+    if losses.ndim != 2 or losses.shape[1] != columns:
+        raise UsageError(
+            f"trial: expected {columns} columns per segment (loss of live and other version, then "
+            f"both counts per safety measure), got shape {losses.shape}"
+        )
+    run(losses, rule, LENGTHS, GRID, state.ahead, state.back, *state[2:])
+
+
+def figures(state: GateState) -> dict[str, Any]:
+    """The figures behind a decision, as plain scalars.
+
+    >>> figures(Trial().init())["e_value"]
+    1.0
+    """
+    ahead, finest = evidence(state.ahead)
+    back, _ = evidence(state.back)
+    n = max(int(state.tally[1]), 1)
+    live, other, live2, other2 = (float(v) / n for v in state.sums)
+    return {
+        "segments": int(state.tally[1]),
+        "deviation_live": live,
+        "deviation_other": other,
+        "rms_live": math.sqrt(live2),
+        "rms_other": math.sqrt(other2),
+        "gain": 1 - other / live if live > 0 else 0.0,
+        "e_value": math.exp(min(ahead, _LARGEST)),
+        "e_value_against": math.exp(min(back, _LARGEST)),
+        "segments_per_block": int(LENGTHS[finest]) if finest >= 0 else None,
+    }
+
+
+def _change(found: Mapping[str, Any]) -> str:
+    return f"deviation {-100 * found['gain']:+.1f} %"

@@ -1,0 +1,75 @@
+"""The compiled loop of the gate: segments in, until a decision is reached.
+
+Sums are kept one segment after the other, so where the segments are cut cannot matter.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from numba import njit
+
+from evertwin.trial.betting import evidence, place
+
+__all__ = ["OPEN", "OTHER", "STAYS", "run", "unsafe"]
+
+OPEN, OTHER, STAYS = 0, 1, 2
+"""Undecided; the other version is better; it is not, or not within the limit."""
+
+
+@njit(cache=True)
+def run(
+    losses: Any, rule: Any, lengths: Any, grid: Any, ahead: Any, back: Any, sums: Any, harm: Any,
+    tally: Any,
+) -> None:  # fmt: skip
+    """Folds segments into the state until it is decided; the rest is left out.
+
+    Args:
+        losses: per segment: mean of (residual / scale)² of the live version and of the other, then
+            per safety measure both counts, (m, 2 + 2·measures).
+        rule: margin to prove, log e-value for, log e-value against, pooled gain, segments at least,
+            segments at most.
+        lengths: segments per block.
+        grid: shares of the wealth.
+        ahead: bets on the other version (the fields of `Bets`).
+        back: bets on the live one.
+        sums: Σ deviation of live and other, Σ loss of live and other.
+        harm: Σ of the safety measures, (2·measures,).
+        tally: verdict, segments.
+    """
+    for i in range(losses.shape[0]):
+        if tally[0] != OPEN:
+            return
+        live, other = math.sqrt(losses[i, 0]), math.sqrt(losses[i, 1])
+        place(live, other, rule[0], lengths, grid, ahead)
+        place(other, live, 0.0, lengths, grid, back)
+        sums[0] += live
+        sums[1] += other
+        sums[2] += losses[i, 0]
+        sums[3] += losses[i, 1]
+        for j in range(harm.shape[0]):
+            harm[j] += losses[i, 2 + j]
+        tally[1] += 1
+        tally[0] = _verdict(rule, ahead, back, sums, harm, tally)
+
+
+@njit(cache=True)
+def _verdict(rule: Any, ahead: Any, back: Any, sums: Any, harm: Any, tally: Any) -> int:
+    """The verdict after this segment."""
+    gain = 1.0 - sums[1] / sums[0] if sums[0] > 0.0 else 0.0
+    if tally[1] >= rule[4]:
+        if gain >= rule[3] and not unsafe(harm) and evidence(ahead)[0] >= rule[1]:
+            return OTHER
+        if gain < 0.0 and evidence(back)[0] >= rule[2]:
+            return STAYS
+    return STAYS if tally[1] >= rule[5] else OPEN
+
+
+@njit(cache=True)
+def unsafe(harm: Any) -> bool:
+    """True if a count of the other version is larger by more than two standard deviations."""
+    for j in range(0, harm.shape[0], 2):
+        if harm[j + 1] - harm[j] > 2.0 * math.sqrt(harm[j] + harm[j + 1]):
+            return True
+    return False
