@@ -1,0 +1,98 @@
+"""The bases as models: channels, parameters with bounds, and which kernel moves them."""
+
+from __future__ import annotations
+
+from evertwin.errors import UsageError
+from evertwin.machines.mobile import kernels
+from evertwin.models import Compiled, Parameter, Parameters
+from evertwin.signals import Channel, Layout
+
+__all__ = ["Differential", "Odometer", "Omni", "Robot1D"]
+
+HEADING = Channel("heading", "rad", kind="angle", group="pose")
+POSE = Layout((Channel("x", "m", group="pose"), Channel("y", "m", group="pose"), HEADING))
+
+
+def _gain(name: str) -> Parameter:
+    return Parameter(name, 1.0, "1", low=0.2, high=5.0, source="as commanded")
+
+
+class Robot1D(Compiled):
+    """A robot on a line: commanded speed v [m/s] to position x [m].
+
+    The longitudinal reduction of Müller, Jazdi, Weyrich, "Self-improving Models for the Intelligent
+    Digital Twin", section 4.
+
+    >>> Robot1D().inputs.names, Robot1D().outputs.names, Robot1D().parameters.names
+    (('v',), ('x',), ('gain',))
+    """
+
+    def __init__(self) -> None:
+        line = Layout.of(x="m")
+        super().__init__(
+            Layout.of(v="m/s"), line, line, Parameters((_gain("gain"),)),
+            kernels.line_step.address, kernels.line_observe.address,
+        )  # fmt: skip
+
+
+class Differential(Compiled):
+    """A differential base: forward speed v [m/s] and turn rate w [rad/s] to pose x, y, heading.
+
+    With ``wheels`` the inputs are the wheels' speeds ``left`` and ``right`` [rad/s] instead, and
+    the parameters are ``wheel_radius`` r and ``wheel_base`` b [m]: v = r·(left + right)/2,
+    w = r·(right − left)/b. On a skid-steered base b is an effective length, larger than the real
+    one.
+
+    >>> Differential().inputs.names, Differential(wheels=True, wheel_radius=0.3).inputs.names
+    (('v', 'w'), ('left', 'right'))
+    """
+
+    def __init__(
+        self, wheels: bool = False, wheel_radius: float = 0.1, wheel_base: float = 0.5
+    ) -> None:
+        if min(wheel_radius, wheel_base) <= 0.0:
+            raise UsageError(
+                f"expected wheel_radius and wheel_base above 0 m, got {wheel_radius}, {wheel_base}"
+            )
+        step, observe = kernels.twist_step.address, kernels.pose_observe.address
+        inputs, items = Layout.of(v="m/s", w="rad/s"), (_gain("gain"), _gain("turn_gain"))
+        if wheels:
+            step, inputs = kernels.wheel_step.address, Layout.of(left="rad/s", right="rad/s")
+            items = (
+                Parameter("wheel_radius", wheel_radius, "m", 0.2 * wheel_radius, 5 * wheel_radius),
+                Parameter("wheel_base", wheel_base, "m", 0.2 * wheel_base, 5 * wheel_base),
+            )
+        super().__init__(inputs, POSE, POSE, Parameters(items), step, observe)
+
+
+class Odometer(Compiled):
+    """Forward speed v and turn rate w to the way travelled (signed, [m]) and the heading.
+
+    For recordings that know how far and how much a base turned, but not where it is.
+
+    >>> Odometer().outputs.names
+    ('travel', 'heading')
+    """
+
+    def __init__(self) -> None:
+        way = Layout((Channel("travel", "m"), Channel("heading", "rad", kind="angle")))
+        items = Parameters((_gain("gain"), _gain("turn_gain")))
+        super().__init__(
+            Layout.of(v="m/s", w="rad/s"), way, way, items, kernels.odometer_step.address,
+            kernels.pair_observe.address,
+        )  # fmt: skip
+
+
+class Omni(Compiled):
+    """An omnidirectional base: vx, vy [m/s] and turn rate w [rad/s] to pose x, y, heading.
+
+    >>> Omni().parameters.names
+    ('gain', 'side_gain', 'turn_gain')
+    """
+
+    def __init__(self) -> None:
+        items = Parameters((_gain("gain"), _gain("side_gain"), _gain("turn_gain")))
+        super().__init__(
+            Layout.of(vx="m/s", vy="m/s", w="rad/s"), POSE, POSE, items,
+            kernels.omni_step.address, kernels.pose_observe.address,
+        )  # fmt: skip

@@ -1,0 +1,135 @@
+"""Domain randomisation: a model that behaves like one of many machines, with noise.
+
+Synthetic data of a simulation is pure and therefore narrower than the real thing (Müller, Jazdi,
+Weyrich, "Self-improving Models for the Intelligent Digital Twin", section 2; Tobin et al., 2017).
+Each parameter is drawn once per seed around its value; noise is added to inputs and outputs in
+every row. The noise counts rows in the state: equal seed and rows give equal bits, however cut.
+
+>>> import numpy as np
+>>> from evertwin.models.function import FunctionModel
+>>> from evertwin.models.parameters import Parameters
+>>> from evertwin.signals import Layout
+>>> robot = FunctionModel(lambda x, u, dt, p: ([x[0] + p[0] * u[0] * dt],) * 2,
+...     Layout.of(v="m/s"), Layout.of(x="m"), Layout.of(x="m"), Parameters.of(gain=(1.0, "1")))
+>>> def end(seed):
+...     noisy = Randomized(robot, seed, spread=(("gain", 0.05),), output_noise=(0.01,))
+...     p = noisy.parameters.values
+...     return noisy.simulate(noisy.initial(p), np.ones((10, 1)), np.ones(10), p)[1][-1, 0].item()
+>>> end(1) == end(1), end(1) == end(2), abs(end(1) - 10) < 2
+(True, False, True)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float64
+
+from evertwin.errors import UsageError
+from evertwin.models import noise_kernels as kernels
+from evertwin.models.compiled import Compiled
+from evertwin.models.contract import KernelModel, Model
+from evertwin.models.function import python_kernel
+from evertwin.models.kernel import Kernel
+from evertwin.models.parameters import Parameters
+from evertwin.models.sizes import sized
+from evertwin.signals.channels import Channel, Layout
+from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector, Vector
+
+__all__ = ["Randomized"]
+
+
+@dataclass(frozen=True)
+class Randomized:
+    """One random member of a family of models. See the module for an example.
+
+    Raises:
+        UsageError: noise has not one entry per channel, or the spread names no parameter.
+    """
+
+    model: Model
+    seed: int
+    spread: tuple[tuple[str, float], ...] = ()
+    """(parameter, relative standard deviation); drawn once per seed."""
+    input_noise: tuple[float, ...] = ()
+    """Standard deviation per input, in its unit, drawn in every row."""
+    output_noise: tuple[float, ...] = ()
+    """Standard deviation per output, drawn in every row; the state stays free of it."""
+
+    def __post_init__(self) -> None:
+        for name, _ in self.spread:
+            self.model.parameters.index(name)
+        for what, noise, layout in (
+            ("input_noise", self.input_noise, self.model.inputs),
+            ("output_noise", self.output_noise, self.model.outputs),
+        ):
+            if noise and (len(noise) != len(layout) or min(noise) < 0):
+                raise UsageError(
+                    f"{what}: expected {len(layout)} numbers of 0 or more, got {noise}"
+                )
+
+    @property
+    def inputs(self) -> Layout:
+        return self.model.inputs
+
+    @property
+    def outputs(self) -> Layout:
+        return self.model.outputs
+
+    @cached_property
+    def states(self) -> Layout:
+        return self.model.states + Layout((Channel("randomized.row", "1"),))
+
+    @property
+    def parameters(self) -> Parameters:
+        return self.model.parameters
+
+    def initial(self, p: ParameterVector) -> StateVector:
+        return np.append(self.model.initial(p * self.factors), 0.0)
+
+    @cached_property
+    def factors(self) -> Vector:
+        """What each parameter is multiplied with, (np,)."""
+        factors = np.ones(len(self.model.parameters))
+        rng = np.random.default_rng(self.seed)
+        for name, sigma in self.spread:
+            factors[self.model.parameters.index(name)] = 1.0 + sigma * rng.standard_normal()
+        return factors
+
+    @cached_property
+    def _inner(self) -> Kernel:
+        model = self.model
+        return model.kernel() if isinstance(model, KernelModel) else python_kernel(model)
+
+    @cached_property
+    def _compiled(self) -> Compiled:
+        model, inner = self.model, self._inner
+        sizes = len(model.inputs), len(model.states), len(model.parameters), len(model.outputs)
+        nu, _, _, ny = sizes
+        numbers = np.concatenate([
+            self.factors, self.input_noise or np.zeros(nu), self.output_noise or np.zeros(ny),
+        ])  # fmt: skip
+        plan = (
+            kernels.HEADER + len(numbers), inner.step, inner.observe,
+            int(inner.context.ctypes.data), *sizes, self.seed % 2**31,
+            *numbers.view(np.int64).tolist(),
+        )  # fmt: skip
+        return Compiled(
+            self.inputs, self.outputs, self.states, self.parameters, kernels.step.address,
+            kernels.adopt.address, plan,
+        )  # fmt: skip
+
+    def kernel(self) -> Kernel:
+        """Addresses for the fused loop; the context points to the inner kernel."""
+        return self._compiled.kernel()._replace(keep=(self._compiled, self._inner))
+
+    def simulate(
+        self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
+    ) -> tuple[StateVector, Outputs]:
+        sized(x, self.states, p, self.parameters)
+        return self._compiled.simulate(x, u, dt, p)
+
+    def observe(self, x: StateVector, y: Float64[np.ndarray, " ny"]) -> StateVector:
+        return self._compiled.observe(x, y)

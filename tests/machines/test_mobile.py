@@ -1,0 +1,77 @@
+"""Mobile bases: laws of the contract, kernels against their plain twins, and plain geometry."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from evertwin.errors import UsageError
+from evertwin.machines.mobile import Differential, Odometer, Omni, Robot1D, kernels
+from evertwin.models import Compiled, check_model
+
+BASES = [Robot1D(), Odometer(), Differential(), Differential(wheels=True), Omni()]
+STEPS = [
+    kernels.line_step, kernels.odometer_step, kernels.twist_step, kernels.wheel_step,
+    kernels.omni_step,
+]  # fmt: skip
+OBSERVES = [
+    kernels.line_observe, kernels.pair_observe, kernels.pose_observe, kernels.pose_observe,
+    kernels.pose_observe,
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("base", BASES, ids=lambda b: type(b).__name__)
+def test_laws(base: Compiled) -> None:
+    check_model(base)
+
+
+@pytest.mark.parametrize("number", range(len(BASES)))
+def test_kernel_equals_its_plain_twin(number: int) -> None:
+    base, rng = BASES[number], np.random.default_rng(1)
+    p = base.parameters.values * 1.1
+    x = rng.normal(size=len(base.states))
+    ahead, y, context = np.zeros_like(x), np.zeros(len(base.outputs)), np.zeros(1, dtype=np.int64)
+    for _ in range(20):
+        u = rng.normal(size=len(base.inputs))
+        end, out = base.simulate(x, u[None], np.array([0.07]), p)
+        assert STEPS[number]._pyfunc(context, x, u, 0.07, p, ahead, y) == 0
+        assert np.array_equal(end, ahead) and np.array_equal(out[0], y)
+        x = ahead.copy()
+    measured = rng.normal(size=len(base.outputs))
+    measured[0] = np.nan
+    adopted = base.observe(x, measured)
+    OBSERVES[number]._pyfunc(context, x, measured)
+    assert np.array_equal(adopted, x)
+
+
+def test_wheels_agree_with_twist() -> None:
+    twist, wheels = Differential(), Differential(wheels=True, wheel_radius=0.3, wheel_base=1.2)
+    u = np.random.default_rng(0).normal(size=(50, 2))
+    speeds = np.stack([(u[:, 0] - 0.6 * u[:, 1]) / 0.3, (u[:, 0] + 0.6 * u[:, 1]) / 0.3], axis=1)
+    dt, x = np.full(50, 0.1), np.zeros(3)
+    a = twist.simulate(x, u, dt, twist.parameters.values)[1]
+    b = wheels.simulate(x, speeds, dt, wheels.parameters.values)[1]
+    assert np.allclose(a, b, atol=1e-12)
+
+
+def test_an_omni_base_without_side_speed_is_a_differential_base() -> None:
+    u = np.random.default_rng(0).normal(size=(50, 2))
+    side = np.insert(u, 1, 0.0, axis=1)
+    a = Differential().simulate(np.zeros(3), u, np.full(50, 0.1), np.ones(2))[1]
+    b = Omni().simulate(np.zeros(3), side, np.full(50, 0.1), np.ones(3))[1]
+    assert np.array_equal(a, b)
+
+
+def test_a_full_circle_comes_back() -> None:
+    n = 1000
+    u = np.tile([0.5, 2 * math.pi / 10], (n, 1))
+    y = Differential().simulate(np.zeros(3), u, np.full(n, 10 / n), np.ones(2))[1]
+    assert np.abs(y[-1, :2]).max() < 1e-9
+    assert y[:, 1].max() == pytest.approx(2 * 0.5 * 10 / (2 * math.pi), rel=1e-4)
+
+
+def test_a_wheel_has_a_size() -> None:
+    with pytest.raises(UsageError, match="above 0 m"):
+        Differential(wheels=True, wheel_radius=0.0)
