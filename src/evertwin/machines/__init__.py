@@ -1,0 +1,1 @@
+"""Machines: equations, parameters with bounds, reference. One file or room per machine."""

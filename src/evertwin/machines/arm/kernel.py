@@ -1,0 +1,84 @@
+"""The arm's compiled step: motion in, joint torques or motor currents out.
+
+Per joint, torque = rigid bodies + rotor inertia · q̈ + friction; divided by the motor constant where
+the output is a current. Integers in the context say where everything lies; three addresses in it
+lead to the real constants (geometry, inertias, the rest).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numba import cfunc, njit
+
+from evertwin.machines.arm.memory import reals, scratch
+from evertwin.machines.arm.rnea import BODY, joint_torques
+from evertwin.machines.friction import INERTIA, SLOTS, force
+from evertwin.models import OBSERVE, STEP
+
+__all__ = ["HEAD", "adopt", "bodies", "moved_motion", "step"]
+
+N, GEOMETRY, INERTIAS, OTHERS, CHOSEN, PAYLOAD, DELAY, MOTOR, SHARED = range(9)
+HEAD = 9
+"""Places of single integers; then n tables of `SLOTS`, then ``CHOSEN`` pairs (number, index in p).
+
+``PAYLOAD``, ``DELAY``, ``MOTOR``: index in ``p`` or −1. ``SHARED``: 1 when the friction's load is
+the same torque as the rigid bodies', so that it is computed once. ``OTHERS``: standstill of each
+joint, then the payload's map (100).
+"""
+
+
+@njit(cache=True)
+def moved_motion(n: int, delay: float, u: Any, out: Any) -> None:
+    """The motion ``delay`` earlier, by its own velocity and acceleration."""
+    for j in range(n):
+        out[2 * n + j] = u[2 * n + j]
+        out[n + j] = u[n + j] - delay * u[2 * n + j]
+        out[j] = u[j] - delay * (u[n + j] - 0.5 * delay * u[2 * n + j])
+
+
+@njit(cache=True)
+def bodies(context: Any, inertias: Any, others: Any, p: Any, out: Any) -> None:
+    """The inertias in force: given ones, then chosen ones from ``p``, then the payload's."""
+    n = context[N]
+    for k in range(BODY * n):
+        out[k] = inertias[k]
+    at = HEAD + SLOTS * n
+    for k in range(context[CHOSEN]):
+        out[context[at + 2 * k]] = p[context[at + 2 * k + 1]]
+    first = context[PAYLOAD]
+    if first >= 0:
+        for i in range(BODY):
+            total = 0.0
+            for j in range(BODY):
+                total += others[n + BODY * i + j] * p[first + j]
+            out[BODY * (n - 1) + i] += total
+
+
+@cfunc(STEP, cache=True)
+def step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) -> int:
+    """One row: u = q, q̇, q̈."""  # pragma: compiled
+    n = context[N]
+    geometry, inertias = reals(context[GEOMETRY]), reals(context[INERTIAS])
+    others = reals(context[OTHERS])
+    motion, body, kept, load = scratch(), scratch(), scratch(), scratch()
+    moved_motion(n, p[context[DELAY]] if context[DELAY] >= 0 else 0.0, u, motion)
+    bodies(context, inertias, others, p, body)
+    joint_torques(n, geometry, body, motion, y, kept)
+    if context[SHARED] == 0:
+        joint_torques(n, geometry, inertias, motion, load, kept)
+    for j in range(n):
+        table = HEAD + SLOTS * j
+        carried = y[j] if context[SHARED] == 1 else load[j]
+        y[j] += force(context, table, p, motion[n + j], carried, others[j])
+        if context[table + INERTIA] >= 0:
+            y[j] += p[context[table + INERTIA]] * motion[2 * n + j]
+        if context[MOTOR] >= 0:
+            y[j] /= p[context[MOTOR] + j]
+    return 0
+
+
+@cfunc(OBSERVE, cache=True)
+def adopt(context: Any, x: Any, y: Any) -> int:
+    """A static map has no state to adopt anything into."""  # pragma: compiled
+    return 0

@@ -1,0 +1,131 @@
+"""What the numbers of an arm are called, and where its kernel finds them.
+
+>>> from evertwin.machines.arm.inertia import NAMES
+>>> payload_parameters()[0].name, len(NAMES)
+('payload.m', 10)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from evertwin.machines.arm import inertia
+from evertwin.machines.arm.chain import Chain
+from evertwin.machines.arm.kernel import HEAD
+from evertwin.machines.arm.rnea import BODY
+from evertwin.machines.friction import INERTIA, SLOTS, Law
+from evertwin.models import Parameter, Parameters
+from evertwin.signals import Channel, Layout
+
+__all__ = [
+    "base_items",
+    "context_of",
+    "drive_items",
+    "inputs_of",
+    "outputs_of",
+    "payload_map",
+    "payload_parameters",
+    "tables_of",
+]
+
+_FORCE = {"Nm": "N", "Nms/rad": "Ns/m", "N*m*s**0.5": "N*s**0.5/m**0.5", "rad/s": "m/s"}
+_SLACK = 1.05
+"""How far a recording may pass the limits of the description before it cannot be true."""
+
+
+def inputs_of(chain: Chain) -> Layout:
+    """Positions q1…, velocities qd1…, accelerations qdd1…"""
+    channels: list[Channel] = []
+    for order, name in enumerate(("q", "qd", "qdd")):
+        for j in range(chain.n):
+            unit = ("m" if chain.sliding[j] else "rad") + ("", "/s", "/s**2")[order]
+            low, high, speed = chain.limits[j]
+            if order == 0 and low < high:
+                channels.append(Channel(f"q{j + 1}", unit, low=low * _SLACK, high=high * _SLACK))
+            elif order == 1:
+                top = speed * _SLACK
+                channels.append(Channel(f"qd{j + 1}", unit, low=-top, high=top))
+            else:
+                channels.append(Channel(f"{name}{j + 1}", unit))
+    return Layout(tuple(channels))
+
+
+def outputs_of(chain: Chain, current: bool) -> Layout:
+    """Joint torques tau1… (forces where a joint slides) or motor currents i1…"""
+    if current:
+        return Layout(tuple(Channel(f"i{j + 1}", "A") for j in range(chain.n)))
+    units = ["N" if slides else "Nm" for slides in chain.sliding]
+    return Layout(tuple(Channel(f"tau{j + 1}", unit) for j, unit in enumerate(units)))
+
+
+def drive_items(chain: Chain, laws: Sequence[Law], rotor: bool) -> list[Parameter]:
+    """Rotor inertia and friction of every joint, from the base outwards."""
+    items: list[Parameter] = []
+    for j, law in enumerate(laws):
+        own = [Parameter(f"Ia{j + 1}", 0.0, "kgm2")] if rotor else []
+        own += law.parameters(str(j + 1))
+        if chain.sliding[j]:
+            own = [
+                replace(i, unit=_FORCE.get(i.unit, "kg" if i.unit == "kgm2" else i.unit))
+                for i in own
+            ]
+        items += own
+    return items
+
+
+def base_items(chain: Chain, base: Sequence[int]) -> list[Parameter]:
+    """The chosen inertial numbers, named after link and number, starting at the description."""
+    items = []
+    for flat in base:
+        link, number = divmod(flat, BODY)
+        name = f"{chain.links[link]}.{inertia.NAMES[number]}"
+        value = float(chain.inertia[flat])
+        items.append(Parameter(name, value, inertia.UNITS[number], source="description"))
+    return items
+
+
+def payload_parameters() -> list[Parameter]:
+    """Ten numbers of what the tip carries, in the tip's frame; the second moments are not tuned."""
+    return [
+        Parameter(f"payload.{name}", 0.0, unit, editable=False)
+        for name, unit in zip(inertia.NAMES, inertia.UNITS, strict=True)
+    ]
+
+
+def payload_map(chain: Chain) -> Float64[np.ndarray, "10 10"]:
+    """From the ten numbers in the tip's frame to those in the last link's."""
+    turn, at = chain.tool[:3, :3], chain.tool[:3, 3]
+    columns = [inertia.moved(unit, turn, at) for unit in np.eye(BODY)]
+    return np.stack(columns, axis=1)
+
+
+def tables_of(laws: Sequence[Law], names: tuple[str, ...]) -> Int64[np.ndarray, "n slots"]:
+    """Where in ``p`` each slot of each joint's drive lies, −1 where it has none."""
+    tables = np.array([law.table(names, str(j + 1)) for j, law in enumerate(laws)])
+    for j in range(len(laws)):
+        if f"Ia{j + 1}" in names:
+            tables[j, INERTIA] = names.index(f"Ia{j + 1}")
+    return tables.astype(np.int64)
+
+
+def context_of(
+    chain: Chain,
+    base: Sequence[int],
+    tables: Int64[np.ndarray, "n slots"],
+    parameters: Parameters,
+    addresses: tuple[int, int, int],
+) -> Int64[np.ndarray, " k"]:
+    """The kernel's integers, as `evertwin.machines.arm.kernel` reads them."""
+    names = parameters.names
+    at = [names.index(n) if n in names else -1 for n in ("payload.m", "delay", "K1")]
+    first = names.index(base_items(chain, base)[0].name) if base else 0
+    pairs = [value for k, flat in enumerate(base) for value in (flat, first + k)]
+    shared = int(not base and at[0] < 0)
+    head = [chain.n, *addresses, len(base), *at, shared]
+    if len(head) != HEAD or tables.shape != (chain.n, SLOTS):
+        raise AssertionError("arm: the context does not match its kernel")
+    return np.array([*head, *tables.ravel().tolist(), *pairs], dtype=np.int64)

@@ -1,0 +1,276 @@
+"""A serial arm: joint motion in, joint torques or motor currents out.
+
+    τ = ID(q, q̇, q̈; inertias, payload) + Ia·q̈ + friction(q̇, load)        i = τ / K
+
+rigid bodies by recursive Newton-Euler, reflected rotor inertia ``Ia`` (ratio² times the rotor's
+own), a friction law per joint (`evertwin.machines.friction`), the torque constant ``K`` at the
+joint (ratio times the motor's). With the motion given, this is linear in all but the widths, the
+delay and K, so tuning solves at once. The load that friction takes its share of is the rigid
+torque of the arm as described (URDF), without what is tuned: that keeps it linear.
+
+>>> arm = Arm.of("ur5_like", law="sign", payload=True)
+>>> arm.inputs.names[:2], arm.outputs.names[:2], arm.parameters.names[:5]
+(('q1', 'q2'), ('tau1', 'tau2'), ('Ia1', 'Fv1', 'Fc1', 'offset1', 'Ia2'))
+>>> rest, p = np.zeros((1, 18)), arm.parameters.values
+>>> _, tau = arm.simulate(np.zeros(0), rest, np.zeros(1), p)
+>>> p[arm.parameters.index("payload.m")] = 2.0
+>>> _, loaded = arm.simulate(np.zeros(0), rest, np.zeros(1), p)
+>>> bool(abs(loaded[0, 1]) > abs(tau[0, 1]))
+True
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from evertwin.errors import UsageError
+from evertwin.machines.arm import kernel as compiled
+from evertwin.machines.arm import layout, linear
+from evertwin.machines.arm.base import base_parameters, body_columns
+from evertwin.machines.arm.chain import Chain, serial
+from evertwin.machines.arm.rnea import BODY, batch
+from evertwin.machines.arm.urdf import Robot, parse, read
+from evertwin.machines.friction import Law, Rung
+from evertwin.models import Kernel, Parameter, Parameters, roll
+from evertwin.signals import Layout
+from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
+
+__all__ = ["BUILT_IN", "Arm", "robot"]
+
+Reals: TypeAlias = "float | Sequence[float]"
+BUILT_IN = ("ur5_like",)
+"""Descriptions that come with the package."""
+
+
+def robot(description: str | Path) -> Robot:
+    """The robot of a built-in name or of a URDF file.
+
+    >>> robot("ur5_like").root
+    'base_link'
+    """
+    if str(description) in BUILT_IN:
+        text = files("evertwin.machines").joinpath("data", f"{description}.urdf")
+        return parse(text.read_text(encoding="utf-8"), f"{description}.urdf")
+    return read(description)
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """Inverse dynamics of a serial arm as a Model. Built by `Arm.of`; see the module.
+
+    >>> Arm.of("ur5_like").columns.shape
+    (6, 4)
+    """
+
+    chain: Chain
+    laws: tuple[Law, ...]
+    """Friction of each joint."""
+    base: tuple[int, ...] = ()
+    """Inertial numbers that are parameters (`evertwin.machines.arm.base`)."""
+    rotor: bool = True
+    """Does every joint have a rotor inertia?"""
+    payload: bool = False
+    """Are the tip's ten payload numbers parameters?"""
+    delay: bool = False
+    """Is there a parameter ``delay``: how much earlier the motion of an output was [s]?"""
+    motor: tuple[float, ...] = ()
+    """Torque constants at the joints [Nm/A]: outputs are currents; empty: torques."""
+    parameters: Parameters = Parameters()
+    """Filled in when empty; replace it to start elsewhere."""
+
+    def __post_init__(self) -> None:
+        n = self.chain.n
+        if len(self.laws) != n or len(self.motor) not in (0, n):
+            raise UsageError(f"arm: expected {n} friction laws and 0 or {n} torque constants")
+        if not len(self.parameters):
+            object.__setattr__(self, "parameters", self._proposal())
+
+    @classmethod
+    def of(
+        cls,
+        urdf: str | Path,
+        law: str | Sequence[str] = "sign",
+        base: bool = False,
+        payload: bool = False,
+        motor: Sequence[float] = (),
+        **more: Any,
+    ) -> Arm:
+        """An arm from its description.
+
+        Args:
+            urdf: a built-in name or a file.
+            law: friction of all joints, or of each: ``sign``, ``tanh+stribeck+load``, …
+            base: are the base inertial parameters to be tuned?
+            payload: does the tip carry something to be tuned?
+            motor: torque constants at the joints [Nm/A]; then outputs are currents.
+            more: ``tip`` (link at the end), ``gravity`` [m/s²] in the base's frame, ``rotor``,
+                ``delay``, and ``width``, ``vs``, ``standstill`` of all laws.
+        """
+        known = {"tip", "gravity", "rotor", "delay", "width", "vs", "standstill"}
+        if unknown := set(more) - known:
+            raise UsageError(f"arm: no options {sorted(unknown)}; there are {sorted(known)}")
+        where = {key: more[key] for key in ("tip", "gravity") if key in more}
+        chain = serial(robot(urdf), **where)
+        texts = [law] * chain.n if isinstance(law, str) else list(law)
+        shape: dict[str, Any] = {
+            key: float(more[key]) for key in ("width", "vs", "standstill") if key in more
+        }
+        laws = tuple(replace(Law.parse(text), **shape) for text in texts)
+        rotor = bool(more.get("rotor", True))
+        chosen = base_parameters(chain.geometry, rotor) if base else ()
+        return cls(
+            chain, laws, chosen, rotor, payload, bool(more.get("delay", False)),
+            tuple(float(k) for k in motor),
+        )  # fmt: skip
+
+    def _proposal(self) -> Parameters:
+        items = layout.drive_items(self.chain, self.laws, self.rotor)
+        items += layout.base_items(self.chain, self.base)
+        items += layout.payload_parameters() if self.payload else []
+        items += [Parameter("delay", 0.0, "s", -0.1, 0.1, editable=False)] if self.delay else []
+        for j, k in enumerate(self.motor):
+            unit = "N/A" if self.chain.sliding[j] else "Nm/A"
+            items.append(Parameter(f"K{j + 1}", k, unit, 1e-9, 1e9, editable=False))
+        return Parameters(tuple(items))
+
+    @cached_property
+    def inputs(self) -> Layout:
+        """Positions q1…qn, velocities qd1…qdn, accelerations qdd1…qddn."""
+        return layout.inputs_of(self.chain)
+
+    @cached_property
+    def outputs(self) -> Layout:
+        """Torques tau1…taun, or currents i1…in."""
+        return layout.outputs_of(self.chain, bool(self.motor))
+
+    @property
+    def states(self) -> Layout:
+        """None: a static map."""
+        return Layout()
+
+    def initial(self, p: ParameterVector) -> StateVector:
+        """Empty."""
+        return np.zeros(0)
+
+    def observe(self, x: StateVector, y: Float64[np.ndarray, " ny"]) -> StateVector:
+        """There is nothing to adopt into."""
+        return np.array(x, dtype=np.float64)
+
+    @cached_property
+    def _tables(self) -> Int64[np.ndarray, "n slots"]:
+        return layout.tables_of(self.laws, self.parameters.names)
+
+    @cached_property
+    def _standstill(self) -> Float64[np.ndarray, " n"]:
+        return np.array([law.standstill for law in self.laws])
+
+    @cached_property
+    def _payload_map(self) -> Float64[np.ndarray, "10 10"]:
+        return layout.payload_map(self.chain)
+
+    @cached_property
+    def _kernel(self) -> Kernel:
+        others = np.concatenate([self._standstill, self._payload_map.ravel()])
+        kept = (self.chain.geometry.copy(), self.chain.inertia.copy(), others)
+        addresses = (kept[0].ctypes.data, kept[1].ctypes.data, kept[2].ctypes.data)
+        context = layout.context_of(self.chain, self.base, self._tables, self.parameters, addresses)
+        return Kernel(compiled.step.address, compiled.adopt.address, context, kept)
+
+    def kernel(self) -> Kernel:
+        """Addresses for the fused loop; under a microsecond a row."""
+        return self._kernel
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what is computed: addresses mean nothing in another process."""
+        return {key: value for key, value in self.__dict__.items() if key != "_kernel"}
+
+    def simulate(
+        self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
+    ) -> tuple[StateVector, Outputs]:
+        """The outputs of every row."""
+        return roll(self._kernel, x, u, dt, p, self.chain.n)
+
+    @cached_property
+    def _linear(self) -> linear.Columns:
+        names = self.parameters.names
+        first = names.index(layout.base_items(self.chain, self.base)[0].name) if self.base else 0
+        carried = names.index("payload.m") if self.payload else -1
+        return linear.columns_of(self._tables, self.base, first, carried)
+
+    @property
+    def columns(self) -> Int64[np.ndarray, "n m"]:
+        """Index into ``p`` of each joint's regressor columns, −1 where unused."""
+        return self._linear.places
+
+    def regressor(
+        self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
+    ) -> tuple[Outputs, Float64[np.ndarray, "rows n m"]]:
+        """Torques of what is not tuned, and the compact regressor."""
+        n, p = self.chain.n, np.ascontiguousarray(p)
+        u = self._motion(np.ascontiguousarray(u), p)
+        rest = self.chain.inertia.copy()
+        rest[list(self.base)] = 0.0
+        y0 = batch(self.chain.geometry, rest, u)
+        load = batch(self.chain.geometry, self.chain.inertia, u) if self.base else y0
+        phi = np.empty((len(u), n, self.columns.shape[1]))
+        linear.fill(
+            self._tables, self._linear.code, self._standstill, p, u, load, self._bodies(u), phi
+        )
+        if self.motor:
+            at = self.parameters.index("K1")
+            y0, phi = y0 / p[at : at + n], phi / p[at : at + n, None]
+        return y0, phi
+
+    def _motion(self, u: Inputs, p: ParameterVector) -> Inputs:
+        """The motion ``delay`` earlier; see `evertwin.machines.arm.kernel.moved_motion`."""
+        late = float(p[self.parameters.index("delay")]) if self.delay else 0.0
+        if late == 0.0:
+            return u
+        q, v, a = np.split(u, 3, axis=1)
+        return np.concatenate([q - late * (v - 0.5 * late * a), v - late * a, a], axis=1)
+
+    def _bodies(self, u: Inputs) -> Float64[np.ndarray, "rows n k"]:
+        """Columns of the chosen inertial numbers, then of the payload's."""
+        n = self.chain.n
+        parts = [body_columns(self.chain.geometry, self.base, u)]
+        if self.payload:
+            last = tuple(BODY * (n - 1) + k for k in range(BODY))
+            parts.append(body_columns(self.chain.geometry, last, u) @ self._payload_map)
+        return np.concatenate(parts, axis=2)
+
+    def rungs(self) -> tuple[Rung, ...]:
+        """Steps up the ladder of friction laws, joint by joint; each has to pay on unseen data."""
+        return tuple(
+            rung._replace(output=j)
+            for j, law in enumerate(self.laws)
+            for rung in law.rungs(str(j + 1))
+        )
+
+    def with_law(self, joint: int, law: Law | str) -> Arm:
+        """The same arm with another friction law at one joint (counted from 0).
+
+        Parameters that both have keep their values and settings.
+        """
+        laws = list(self.laws)
+        laws[joint] = Law.parse(law) if isinstance(law, str) else law
+        bare = replace(self, laws=tuple(laws), parameters=Parameters())
+        old = {item.name: item for item in self.parameters}
+        kept = Parameters(tuple(old.get(item.name, item) for item in bare.parameters))
+        return replace(bare, parameters=kept)
+
+    def moving(self, threshold: float = 0.05) -> Any:
+        """``moving(u) -> bool (n, ny)``: where a joint is faster than ``threshold`` [rad/s]."""
+        n = self.chain.n
+
+        def faster(u: Inputs) -> Any:
+            return np.abs(u[:, n : 2 * n]) > threshold
+
+        return faster

@@ -1,0 +1,262 @@
+"""Reading a URDF: links with their inertia, joints with their frames. Checked, never repaired.
+
+Entities and external references are refused (defusedxml). Meshes are not read: the dynamics do
+not need them; `Robot.notes` says which the file names.
+
+>>> text = '''<robot name="pendulum"><link name="wall"/>
+...   <link name="rod"><inertial><origin xyz="0 0 0.5"/><mass value="2"/>
+...     <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.01"/></inertial></link>
+...   <joint name="pivot" type="revolute"><parent link="wall"/><child link="rod"/>
+...     <axis xyz="0 1 0"/></joint></robot>'''
+>>> robot = parse(text)
+>>> robot.root, robot.joints[0].name, robot.links["rod"].mass
+('wall', 'pivot', 2.0)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import ParseError
+
+import numpy as np
+from defusedxml import ElementTree
+from defusedxml.common import DefusedXmlException
+
+from evertwin.errors import ModelError
+from evertwin.machines.arm.inertia import Matrix, Position
+
+__all__ = ["Joint", "Link", "Robot", "parse", "read", "rotation"]
+
+LARGEST = 8_000_000
+"""Characters that a file may have."""
+_MOVING = ("revolute", "continuous", "prismatic")
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """A body, in the frame of the joint that carries it. No mass: a frame only.
+
+    >>> Link("tool").mass
+    0.0
+    """
+
+    name: str
+    mass: float = 0.0
+    centre: Position = field(default_factory=lambda: np.zeros(3))
+    """Centre of mass [m]."""
+    inertia: Matrix = field(default_factory=lambda: np.zeros((3, 3)))
+    """About the centre, in the axes of the link's frame [kg m²]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """A joint: its child's frame in the parent's, and the axis in the child's.
+
+    >>> Joint("j", "fixed", "a", "b").moves
+    False
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    rotation: Matrix = field(default_factory=lambda: np.eye(3))
+    position: Position = field(default_factory=lambda: np.zeros(3))
+    axis: Position = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
+    low: float = -math.inf
+    high: float = math.inf
+    speed: float = math.inf
+
+    @property
+    def moves(self) -> bool:
+        """False for a fixed joint."""
+        return self.kind != "fixed"
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """What a URDF says about the dynamics.
+
+    >>> Robot("r", {}, (), "base").notes
+    ()
+    """
+
+    name: str
+    links: Mapping[str, Link]
+    joints: tuple[Joint, ...]
+    root: str
+    """The link that no joint carries."""
+    notes: tuple[str, ...] = ()
+    """What was left out, for the user."""
+
+
+def rotation(roll: float, pitch: float, yaw: float) -> Matrix:
+    """Rotation by fixed axes x, y, z, the URDF's ``rpy`` [rad].
+
+    >>> rotation(0.0, 0.0, np.pi / 2).round(12)[0].tolist()
+    [0.0, -1.0, 0.0]
+    """
+    (a, b, c), (x, y, z) = np.cos([roll, pitch, yaw]), np.sin([roll, pitch, yaw])
+    return np.array(
+        [
+            [c * b, c * y * x - z * a, c * y * a + z * x],
+            [z * b, z * y * x + c * a, z * y * a - c * x],
+            [-y, b * x, b * a],
+        ],
+        dtype=np.float64,
+    )
+
+
+def read(path: Path | str) -> Robot:
+    """The robot in a file.
+
+    Raises:
+        ModelError: the file is absent, is no URDF, or says something no machine can be.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ModelError(f"{path.name}: expected a readable URDF file: {error}") from error
+    return parse(text, path.name)
+
+
+def parse(text: str, where: str = "urdf") -> Robot:
+    """The robot in a text; ``where`` opens every message."""
+    if len(text) > LARGEST:
+        raise ModelError(f"{where}: expected at most {LARGEST} characters, got {len(text)}")
+    try:
+        top = ElementTree.fromstring(text)
+    except (ParseError, DefusedXmlException, ValueError) as error:
+        raise ModelError(f"{where}: expected plain XML without entities, got {error}") from error
+    if top.tag != "robot":
+        raise ModelError(f"{where}: expected a <robot> element on top, got <{top.tag}>")
+    links = _unique(where, "link", [_link(where, e) for e in top.findall("link")])
+    joints = _unique(where, "joint", [_joint(where, e) for e in top.findall("joint")])
+    root = _root(where, links, tuple(joints.values()))
+    meshes = sorted({m.get("filename", "") for m in top.iter("mesh")})
+    notes = (f"{len(meshes)} mesh files are named and not read: {', '.join(meshes[:3])} …",)
+    name = top.get("name", "robot")
+    return Robot(name, links, tuple(joints.values()), root, notes if meshes else ())
+
+
+def _unique(where: str, kind: str, items: list[Any]) -> dict[str, Any]:
+    names = [item.name for item in items]
+    for name in names:
+        if names.count(name) > 1:
+            raise ModelError(
+                f"{where}: {kind} '{name}' occurs {names.count(name)} times: rename it"
+            )
+    return dict(zip(names, items, strict=True))
+
+
+def _numbers(at: str, element: Any, key: str, default: str | None, count: int = 1) -> list[float]:
+    text = default if element is None else element.get(key, default)
+    if text is None:
+        raise ModelError(f"{at}: expected '{key}', got none: add it")
+    try:
+        values = [float(word) for word in text.split()]
+    except ValueError:
+        values = []
+    if len(values) != count or not all(map(math.isfinite, values)):
+        raise ModelError(f"{at}: expected {count} finite number(s) as '{key}', got {text!r}")
+    return values
+
+
+def _name(where: str, element: Any) -> str:
+    name = element.get("name")
+    if not name:
+        raise ModelError(f"{where}: a <{element.tag}> has no name: give it one")
+    return str(name)
+
+
+def _link(where: str, element: Any) -> Link:
+    name = _name(where, element)
+    inertial = element.find("inertial")
+    if inertial is None:
+        return Link(name)
+    at = f"{where}: link '{name}'"
+    (mass,) = _numbers(at, inertial.find("mass"), "value", None)
+    if not mass > 0.0:
+        raise ModelError(f"{at} has mass {mass:g} kg, expected > 0: a frame has no <inertial>")
+    tensor = inertial.find("inertia")
+    if tensor is None:
+        raise ModelError(f"{at}: expected <inertia> beside <mass>, got none: add it")
+    xx, xy, xz, yy, yz, zz = (
+        _numbers(at, tensor, key, "0" if key in ("ixy", "ixz", "iyz") else None)[0]
+        for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    )
+    own = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=np.float64)
+    principal = np.linalg.eigvalsh(own)
+    if not principal[0] > 0.0:
+        raise ModelError(
+            f"{at} has an inertia with principal values {', '.join(f'{v:.3g}' for v in principal)} "
+            "kg m², expected all > 0: check ixx … izz"
+        )
+    origin = inertial.find("origin")
+    turn = rotation(*_numbers(at, origin, "rpy", "0 0 0", 3))
+    centre = np.array(_numbers(at, origin, "xyz", "0 0 0", 3))
+    return Link(name, mass, centre, turn @ own @ turn.T)
+
+
+def _joint(where: str, element: Any) -> Joint:
+    name, kind = _name(where, element), element.get("type", "")
+    at = f"{where}: joint '{name}'"
+    if kind not in (*_MOVING, "fixed"):
+        raise ModelError(f"{at} is '{kind}', expected one of {', '.join(_MOVING)} or fixed")
+    if element.find("mimic") is not None:
+        raise ModelError(f"{at} mimics another joint, expected a joint of its own")
+    ends = [element.find(tag) for tag in ("parent", "child")]
+    parent, child = (e.get("link", "") if e is not None else "" for e in ends)
+    if not parent or not child:
+        raise ModelError(f"{at}: expected <parent link=…> and <child link=…>: add them")
+    origin, limit = element.find("origin"), element.find("limit")
+    axis = np.array(_numbers(at, element.find("axis"), "xyz", "1 0 0", 3))
+    length = float(np.linalg.norm(axis))
+    if kind != "fixed" and not length > 1e-9:
+        raise ModelError(f"{at} has the axis {axis.tolist()}, expected a direction")
+    free = kind in ("continuous", "fixed") or limit is None
+    low, high = (
+        (-math.inf, math.inf)
+        if free
+        else (_numbers(at, limit, "lower", "0")[0], _numbers(at, limit, "upper", "0")[0])
+    )
+    speed = _numbers(at, limit, "velocity", "0")[0] if limit is not None else 0.0
+    return Joint(
+        name, kind, parent, child,
+        rotation(*_numbers(at, origin, "rpy", "0 0 0", 3)),
+        np.array(_numbers(at, origin, "xyz", "0 0 0", 3)),
+        axis / length if length > 1e-9 else axis, low, high, speed if speed > 0 else math.inf,
+    )  # fmt: skip
+
+
+def _root(where: str, links: Mapping[str, Link], joints: tuple[Joint, ...]) -> str:
+    """The one link that no joint carries; refuses two carriers, loops and loose parts."""
+    above: dict[str, str] = {}
+    for joint in joints:
+        for link in (joint.parent, joint.child):
+            if link not in links:
+                raise ModelError(
+                    f"{where}: joint '{joint.name}' names link '{link}', which is absent"
+                )
+        if joint.child in above:
+            raise ModelError(
+                f"{where}: link '{joint.child}' is carried by two joints, one is '{joint.name}': "
+                "expected a tree"
+            )
+        above[joint.child] = joint.parent
+    for start in above:
+        seen, link = [start], above[start]
+        while link in above and link != start and len(seen) <= len(above):
+            seen.append(link)
+            link = above[link]
+        if link == start:
+            raise ModelError(f"{where}: links {' → '.join([*seen, start])} form a loop: cut it")
+    roots = [name for name in links if name not in above]
+    if len(roots) != 1:
+        raise ModelError(f"{where}: expected one root link, got {', '.join(roots) or 'none'}")
+    return roots[0]
