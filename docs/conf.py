@@ -8,6 +8,7 @@ import shutil
 from pathlib import Path
 
 import evertwin
+from evertwin.config.page import page
 
 project = "evertwin"
 author = "the evertwin authors"
@@ -101,7 +102,13 @@ def write_api(app: object) -> None:
         (API / f"{room}.md").write_text("\n".join(text), encoding="utf-8")
 
 
+def write_twin_file(app: object) -> None:
+    """The page of the twin file's settings."""
+    (API.parent / "twin-file.md").write_text(page(), encoding="utf-8")
+
+
 def setup(app: object) -> None:
-    """Register both steps."""
+    """Register the steps."""
     app.connect("autodoc-process-docstring", as_rst)  # type: ignore[attr-defined]
     app.connect("builder-inited", write_api)  # type: ignore[attr-defined]
+    app.connect("builder-inited", write_twin_file)  # type: ignore[attr-defined]

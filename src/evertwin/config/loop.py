@@ -1,0 +1,179 @@
+"""The settings of the loop: arbiter, prediction, anomaly, tuning, correction, trial.
+
+The defaults serve every case that evertwin ships; a twin file says only what differs.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Literal
+
+from evertwin.config.data import Seconds, Spread
+from evertwin.config.fields import Inherit, Limits, Section
+from evertwin.config.quantity import written
+from evertwin.errors import UsageError
+from evertwin.signals.units import compatible
+
+__all__ = [
+    "AnomalySpec",
+    "ArbiterSpec",
+    "CorrectionSpec",
+    "PredictionSpec",
+    "TrialSpec",
+    "TuningSpec",
+]
+
+
+@dataclass(frozen=True)
+class ArbiterSpec(Section):
+    """``[arbiter]`` and ``[arbiter.groups.NAME]``: how measurements are judged.
+
+    >>> ArbiterSpec().vote
+    8
+    """
+
+    gate: Annotated[float, Limits(above=0.0)] = 4.0
+    """Innovation gate in standard deviations."""
+    vote: Annotated[int, Limits(at_least=2)] = 8
+    """Samples of a group in the vote; longer than the longest credible burst."""
+    use: Literal["none", "tolerance", "blend"] = "none"
+    """What happens with a trusted measurement."""
+    tolerance: Spread = math.inf
+    """``tolerance``: adopt it when it differs by more."""
+    sigma: Spread = 0.0
+    """Standard deviation of the measurement; 0: learned from the residuals."""
+    growth: Spread = 0.0
+    """Growth of the prediction's standard deviation per √s while it predicts; 0: learned."""
+    frozen: Annotated[int, Limits(at_least=0)] = 5
+    """Equal values in a row, while motion is predicted, that make a sensor frozen; 0: never."""
+    timeout: Annotated[Seconds, Limits(above=0.0)] = math.inf
+    """Without a trusted measurement for this long, the state is shown as not valid."""
+    groups: Annotated[Mapping[str, ArbiterSpec], Inherit()] = field(default_factory=dict)
+    """What differs for one group of signals."""
+
+
+@dataclass(frozen=True)
+class PredictionSpec(Section):
+    """``[prediction]``: over which horizon models are compared and tuned.
+
+    >>> PredictionSpec().horizon
+    inf
+    """
+
+    horizon: Annotated[Seconds, Limits(above=0.0)] = math.inf
+    """Predictions restart from the measured state after this time; inf: once a task."""
+    scale: Mapping[str, Annotated[Spread, Limits(above=0.0)]] = field(default_factory=dict)
+    """Output to the size that counts as 1 in a loss; absent: the rms of its first residuals."""
+
+
+@dataclass(frozen=True)
+class AnomalySpec(Section):
+    """``[anomaly]``: when the twin is suspected to differ from its machine.
+
+    >>> AnomalySpec(requirement=0.05).relative
+    True
+    """
+
+    requirement: Annotated[Spread, Limits(above=0.0)] = math.inf
+    """Largest deviation: relative to the rms of the measurement, or in the output's unit."""
+    relative: bool = True
+    """Is ``requirement`` a share? By default true for a bare number, false with a unit."""
+    snr: Annotated[float, Limits(at_least=0.0)] = 0.0
+    """Signal-to-noise threshold; 0: not used."""
+    false_alarms_per_month: Annotated[float, Limits(above=0.0)] = 1.0
+    """Over all outputs together; sets the detectors' limits."""
+    calibration: Annotated[Seconds, Limits(above=0.0)] = math.inf
+    """Calm data that sets the run-length limits; inf: the first task."""
+    phases: tuple[str, ...] = ()
+    """Channels whose values define the phase."""
+    outputs: tuple[str, ...] = ()
+    """Outputs that are watched; empty: all."""
+    window: Annotated[int, Limits(at_least=1)] = 600
+    """Rows over which the requirement is judged (or the task, where tasks end earlier)."""
+
+    @classmethod
+    def prepare(cls, table: Mapping[str, Any]) -> Mapping[str, Any]:
+        """A requirement with a unit is absolute: "2 cm" is never 2 % of anything."""
+        value = table.get("requirement")
+        unit = written(value)[1] if isinstance(value, str) else ""
+        if not unit or compatible(unit, "1"):
+            return table
+        if table.get("relative") is True:
+            raise UsageError(f"requirement {value!r} has a unit, so it is not relative")
+        return {"relative": False, **table}
+
+
+@dataclass(frozen=True)
+class TuningSpec(Section):
+    """``[tuning]``: which parameters, how, when.
+
+    >>> TuningSpec().method
+    'auto'
+    """
+
+    editable: tuple[str, ...] | None = None
+    """Parameters that may be tuned; absent: what the model proposes. ``*`` matches any text."""
+    method: Literal["auto", "recursive", "iteration"] = "auto"
+    """``auto``: solved at once; ``recursive``: in the stream; ``iteration``: relaxed rounds."""
+    every: Annotated[Seconds, Limits(above=0.0)] = math.inf
+    """Also tune on a schedule, not only when suspected."""
+    window: Annotated[int, Limits(at_least=2)] = 6000
+    """Newest rows that a fit looks at."""
+    loss: Literal["linear", "soft_l1", "huber"] = "linear"
+    """How large residuals are weighed."""
+    weights: Mapping[str, Annotated[float, Limits(at_least=0.0)]] = field(default_factory=dict)
+    """Parameter to how often it is tuned, relative to the others."""
+    ladder: tuple[str, ...] = ()
+    """Variants of the model, simplest first, climbed while held-out error falls."""
+    causes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    """Cause to its parameters; competing refits name the cause of a deviation."""
+    relaxation: Annotated[float, Limits(above=0.0, at_most=1.0)] = 0.4
+    """Step of the iteration mode."""
+
+
+@dataclass(frozen=True)
+class CorrectionSpec(Section):
+    """``[correction]``: how the model's form may be corrected.
+
+    >>> CorrectionSpec().terms
+    ()
+    """
+
+    channels: tuple[str, ...] = ()
+    """Inputs (or states, for ``state``) that may be corrected."""
+    terms: tuple[Literal["lag", "table", "law", "coupling", "surface", "state"], ...] = ()
+    """Kinds of term that may be tried; empty: the form stays."""
+    learner: Literal["full", "replay", "literal"] = "full"
+    """How a table is learned: with full information, by replay of the log, sample by sample."""
+    quantum: Spread = 0.0
+    """Step of a table's levels; 0: proposed from the data."""
+    refine: bool = True
+    """Replace a table by a continuous law where that predicts better."""
+    watch: tuple[str, ...] = ()
+    """Inputs for which the table was learned; when they change a new training sequence starts."""
+    window: Annotated[int, Limits(at_least=2)] = 6000
+    """Newest rows that a correction is learned on."""
+
+
+@dataclass(frozen=True)
+class TrialSpec(Section):
+    """``[trial]``: the gate to the live model. One set of settings serves all machines.
+
+    >>> TrialSpec().alpha
+    0.01
+    """
+
+    alpha: Annotated[float, Limits(above=0.0, below=0.5)] = 0.01
+    """Chance of promoting a challenger that is no better."""
+    margin: Annotated[float, Limits(at_least=0.0, below=1.0)] = 0.05
+    """Smallest relative gain on unseen data."""
+    segments: Annotated[int, Limits(at_least=2)] = 10
+    """Fewest segments."""
+    limit: Annotated[int, Limits(at_least=2)] = 2000
+    """Segments after which a trial ends without promotion."""
+    probation: Annotated[int, Limits(at_least=1)] = 30
+    """Segments after a promotion during which the old champion runs along."""
+    holdoff: Annotated[int, Limits(at_least=0)] = 100
+    """Rows after a rejection or roll-back before the next candidate."""

@@ -1,0 +1,86 @@
+"""A quantity as it is written in a twin file: a number in SI, or text such as ``"2 cm"``.
+
+>>> number("2 cm"), number("90 deg", "rad") == math.pi / 2, number(3.0, "s")
+(0.02, True, 3.0)
+
+A difference of temperatures has no offset:
+
+>>> number("20 degC"), number("0.5 degC", difference=True)
+(293.15, 0.5)
+"""
+
+from __future__ import annotations
+
+import math
+import re
+
+from evertwin.errors import UsageError
+from evertwin.signals.units import compatible, conversion, si_unit
+
+__all__ = ["number", "written"]
+
+_TEXT = re.compile(r"\s*([+-]?(?:\d[\d_]*\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf)\s*(.*?)\s*$")
+
+
+def written(text: str) -> tuple[float, str]:
+    """The number and the unit of a text; the unit may be empty.
+
+    Raises:
+        UsageError: no number in front.
+
+    >>> written("0.3 m"), written("-5")
+    ((0.3, 'm'), (-5.0, ''))
+    """
+    found = _TEXT.match(text)
+    if not found:
+        raise UsageError(f"expected a number or text such as '2 cm', got {text!r}")
+    return float(found[1]), found[2]
+
+
+def number(
+    value: float | str, unit: str = "", *, bare: str = "", difference: bool = False
+) -> float:
+    """``value`` in SI.
+
+    Args:
+        value: a number, or a number with its unit as text.
+        unit: what is expected, any compatible unit will do; empty: any unit.
+        bare: unit of a number without one; empty: SI.
+        difference: a span or spread: an offset between scales (°C, K) does not count.
+
+    Raises:
+        UsageError: no number in front, an unknown unit, or one that measures something else.
+    """
+    size, given = written(value) if isinstance(value, str) else (float(value), "")
+    used = given or bare
+    if not used:
+        return size
+    factor, offset = conversion(used)
+    if unit and not compatible(used, unit):
+        raise UsageError(f"expected a quantity in '{unit}' or alike, got '{size:g} {used}'")
+    return _written_digits(size, factor, 0.0 if difference else offset)
+
+
+def _written_digits(size: float, factor: float, offset: float) -> float:
+    """5 cm is 0.05 m, not 0.050000000000000003: take the short number where both mean the same."""
+    si = size * factor + offset
+    if not math.isfinite(si):
+        return si
+    short = float(f"{si:.14g}")
+    return short if abs(short - si) <= 4e-16 * max(abs(si), abs(offset)) else si
+
+
+def as_number(text: str) -> float | str:
+    """SI if ``text`` is a number with a known unit, else the text itself.
+
+    >>> as_number("30 cm"), as_number("6 axes"), as_number("ur5"), as_number("5")
+    (0.3, '6 axes', 'ur5', '5')
+    """
+    found = _TEXT.match(text)
+    if not found or not found[2]:
+        return text
+    try:
+        si_unit(found[2])
+    except UsageError:
+        return text
+    return number(text)

@@ -1,0 +1,115 @@
+"""Reading a twin file.
+
+>>> twin = reads('schema = 1\\nname = "axis"\\n[model]\\nkind = "drive"\\n[clock]\\nrate = "1 kHz"')
+>>> twin.name, twin.clock.rate, twin.clock.gap
+('axis', 1000.0, inf)
+>>> reads('schema = 1\\nname = "axis"\\n[model]\\nkind = "drive"\\n[clock]\\nrat = 5', "axis.toml")
+Traceback (most recent call last):
+evertwin.errors.ConfigError: axis.toml:6: [clock] unknown key 'rat', did you mean 'rate'?
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import fnmatch
+import glob
+import re
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+
+from evertwin.config.convert import Reader, expand
+from evertwin.config.lines import Lines
+from evertwin.config.spec import SCHEMA, TwinSpec
+from evertwin.errors import ConfigError, DataError, UsageError
+
+__all__ = ["files_of", "read", "reads"]
+
+LARGEST = 1_000_000
+"""Characters of the largest twin file: a recording given by mistake is refused at once."""
+
+
+def read(path: str | Path) -> TwinSpec:
+    """The twin file at ``path``.
+
+    Raises:
+        ConfigError: the file cannot be read, or does not say what it must; the message has one line
+            for each problem, ``file:line: what was expected, what came``.
+    """
+    file = Path(path)
+    try:
+        if file.stat().st_size > LARGEST:
+            raise ConfigError(
+                f"{file}: over {LARGEST} bytes: expected a twin file, not a recording"
+            )
+        text = file.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise ConfigError(f"{file}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{file}: expected UTF-8 text, byte {error.start} is not") from error
+    return dataclasses.replace(reads(text, str(path)), folder=str(file.resolve().parent))
+
+
+def reads(text: str, name: str = "twin file") -> TwinSpec:
+    """The twin file written in ``text``; ``name`` stands in messages.
+
+    Raises:
+        ConfigError: as `read`.
+    """
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        found = re.search(r"^(.*?) \(at (?:line (\d+), column \d+|end of document)\)$", str(error))
+        line = found[2] if found and found[2] else len(text.splitlines())
+        raise ConfigError(f"{name}:{line}: not TOML: {found[1] if found else error}") from error
+    version = table.get("schema")
+    if version is None:
+        raise ConfigError(f"{name}:1: needs 'schema = {SCHEMA}': the version of the file's form")
+    if isinstance(version, int) and version > SCHEMA:
+        raise ConfigError(
+            f"{name}: has schema {version}, this evertwin reads up to {SCHEMA}: upgrade evertwin"
+        )
+    reader = Reader(name, Lines(text))
+    twin = reader.section(TwinSpec, table, ())
+    if twin is None or reader.problems:
+        ordered = sorted(
+            set(reader.problems), key=lambda text: int(text[len(name) + 1 :].split(":")[0])
+        )
+        raise ConfigError("\n".join(ordered))
+    return twin
+
+
+def files_of(twin: TwinSpec, given: Sequence[str | Path] = ()) -> dict[int, tuple[Path, ...]]:
+    """The files of each source: those ``given``, sorted by ``match``, else those in the twin file.
+
+    Raises:
+        ConfigError: an environment variable in a path is not set.
+        DataError: a file or pattern matches nothing, or a given file belongs to no source.
+    """
+    if not given:
+        return {i: _written(twin, i) for i in range(len(twin.source))}
+    found: dict[int, list[Path]] = {i: [] for i in range(len(twin.source))}
+    for item in given:
+        path = Path(item)
+        matches = [i for i, s in enumerate(twin.source) if fnmatch.fnmatch(path.name, s.match)]
+        if not path.exists():
+            raise DataError(f"{path}: no such file")
+        if not matches:
+            patterns = ", ".join(repr(source.match) for source in twin.source)
+            raise DataError(f"{path}: belongs to no source of the twin file: they match {patterns}")
+        found[matches[0]].append(path)
+    return {i: tuple(paths) for i, paths in found.items()}
+
+
+def _written(twin: TwinSpec, index: int) -> tuple[Path, ...]:
+    paths: list[Path] = []
+    for text in twin.source[index].files:
+        try:
+            pattern = str(Path(twin.folder) / expand(text))
+        except UsageError as error:
+            raise ConfigError(f"{twin.name}: source[{index}].files: {error}") from error
+        found = sorted(glob.glob(pattern)) if glob.has_magic(pattern) else [pattern]
+        if not found or not Path(found[0]).exists():
+            raise DataError(f"{pattern}: no such file; named in source[{index}] of {twin.name}")
+        paths += [Path(item) for item in found]
+    return tuple(paths)
