@@ -1,0 +1,241 @@
+"""From tuned values to a `Fit`: intervals, verdicts, deviations and residual statistics.
+
+Intervals follow from the sensitivity J and the residual itself. With C the inverse of the
+information (prior included) each row pulls the estimates by c_t = C Jₜᵀ/σ², so that the variance
+is Σ c_t c_s γ(t − s) with the residual's own autocovariance γ: for white noise this is C itself,
+for filtered or coloured residuals it is larger. Degrees of freedom count effective rows
+(Satterthwaite over outputs), and the quantile is Student's.
+
+>>> Outcome(np.ones(1), 3, 7, True, "done").at_bound
+()
+"""
+
+from __future__ import annotations
+
+import time
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float64
+from scipy import stats
+
+from evertwin.tuning.fit import Fit, Residual
+from evertwin.tuning.identifiability import Gate, gate
+from evertwin.tuning.problem import Problem
+from evertwin.tuning.statistics import dependences, effective, ljung_box, spread
+from evertwin.types import Outputs, Vector
+
+__all__ = ["Outcome", "assemble", "judge", "rms"]
+
+Sensitivity = Float64[np.ndarray, "n ny k"]
+
+
+class Outcome(NamedTuple):
+    """What a solver found.
+
+    >>> Outcome._fields[0]
+    'values'
+    """
+
+    values: Vector
+    iterations: int
+    evaluations: int
+    converged: bool
+    message: str
+    at_bound: tuple[str, ...] = ()
+    method: str = "closed form"
+    held: tuple[str, ...] = ()
+    """Why a parameter was held, per parameter; empty text where it was tuned."""
+
+
+def rms(values: Outputs) -> Vector:
+    """Root mean square per column over what is not NaN; NaN for an empty column.
+
+    >>> rms(np.array([[3.0], [np.nan], [4.0]])).round(3).tolist()
+    [3.536]
+    """
+    known = ~np.isnan(values)
+    total = np.square(np.where(known, values, 0.0)).sum(axis=0)
+    count = known.sum(axis=0)
+    mean = np.divide(total, count, out=np.full(len(count), np.nan), where=count > 0)
+    return np.asarray(np.sqrt(mean))
+
+
+def noise_of(problem: Problem, r: Outputs, parameters: Vector) -> Vector:
+    """Standard deviation of each output's residual: given, or from its degrees of freedom.
+
+    Args:
+        parameters: number of parameters that each output pays for, (ny,).
+    """
+    if problem.scale is not None:
+        return problem.scale
+    known = ~np.isnan(r)
+    count = known.sum(axis=0)
+    if problem.loss == "linear":
+        total = np.square(np.where(known, r, 0.0)).sum(axis=0)
+        sigma = np.sqrt(total / np.maximum(count - parameters, 1.0))
+    else:
+        sigma = np.array([1.4826 * np.median(np.abs(c[k])) for c, k in zip(r.T, known.T)])
+    # Exact data: below the rounding of the measurement nothing is known about the noise.
+    floor = 1e-12 * np.nan_to_num(rms(problem.rows.y)) + 1e-300
+    return np.asarray(np.maximum(np.nan_to_num(sigma), floor))
+
+
+def judge(problem: Problem, j: Sensitivity, sigma: Vector, values: Vector) -> Gate:
+    """The identifiability gate on the rows that count."""
+    scaled = np.where(problem.rows.used[:, :, None], j, 0.0) / sigma[:, None]
+    flat = np.ascontiguousarray(scaled.reshape(-1, scaled.shape[2]))
+    information = flat.T @ flat
+    length = np.sqrt(np.diag(information))
+    sizes = np.maximum(np.abs(problem.start), np.abs(values))
+    # A parameter that starts and ends near zero has no size of its own: a tenth of what would
+    # explain the whole output.
+    whole = np.sqrt(np.nansum(np.square(problem.rows.y / sigma)))
+    tenth = np.divide(0.1 * whole, length, out=np.ones(len(sizes)), where=length > 0)
+    zero = problem.start == 0
+    sizes[zero] = np.maximum(sizes[zero], tenth[zero])
+    sizes[sizes == 0] = 1.0
+    dof = (
+        np.inf if problem.scale is not None else float(max(problem.rows.used.sum() - len(sizes), 1))
+    )
+    return gate(information, lambda d: flat @ d, problem.names, sizes, dof)
+
+
+def assemble(
+    problem: Problem, outcome: Outcome, start: Vector, j: Sensitivity, began: float
+) -> Fit:
+    """The Fit of an outcome.
+
+    Args:
+        j: sensitivity at the outcome, (n, ny, k).
+        began: `time.perf_counter` at the start.
+    """
+    before, r = problem.residuals(start), problem.residuals(outcome.values)
+    paid = np.count_nonzero(
+        np.abs(np.where(problem.rows.used[:, :, None], j, 0)).sum(axis=0), axis=1
+    )
+    sigma = noise_of(problem, r, paid.astype(np.float64))
+    judged = _held(judge(problem, j, sigma, outcome.values), outcome.held)
+    free = judged.free
+    if any(outcome.held):
+        j = np.where([bool(reason) for reason in outcome.held], 0.0, j)
+    values = np.where(free, outcome.values, start)
+    if not np.array_equal(values, outcome.values):
+        r = problem.residuals(values)
+    covariance, quantile = _covariance(problem, j, r, sigma, free)
+    deviation = np.sqrt(np.diag(covariance))
+    half = np.where(free, quantile * deviation, np.inf)
+    y = problem.rows.y
+    rows_moving = _moving(problem)
+    return Fit(
+        names=problem.names,
+        units=tuple(problem.parameters[name].unit for name in problem.names),
+        values=values,
+        start=start,
+        sigma=deviation,
+        interval95=np.stack([values - half, values + half], axis=1),
+        covariance=covariance,
+        verdict=judged.verdicts,
+        reasons=_reasons(judged, outcome.at_bound, problem.names),
+        p=problem.full(values),
+        cost=0.5 * float(np.nansum(np.square(r / sigma))),
+        outputs=problem.model.outputs.names,
+        deviation_before=_ratio(before, y),
+        deviation_after=_ratio(r, y),
+        moving_before=_ratio(
+            np.where(rows_moving, before, np.nan), np.where(rows_moving, y, np.nan)
+        ),
+        moving_after=_ratio(np.where(rows_moving, r, np.nan), np.where(rows_moving, y, np.nan)),
+        noise=sigma,
+        residuals=_residuals(problem, before, r),
+        condition=judged.condition,
+        at_bound=outcome.at_bound,
+        iterations=outcome.iterations,
+        evaluations=outcome.evaluations,
+        method=outcome.method,
+        converged=outcome.converged,
+        message=outcome.message,
+        seconds=time.perf_counter() - began,
+    )
+
+
+def _held(judged: Gate, held: tuple[str, ...]) -> Gate:
+    """The gate's judgement, with what was held before solving as *not* identifiable."""
+    reasons = tuple(h or r for h, r in zip(held or ("",) * len(judged.reasons), judged.reasons))
+    pairs = zip(held or ("",) * len(judged.verdicts), judged.verdicts)
+    return judged._replace(verdicts=tuple("not" if h else v for h, v in pairs), reasons=reasons)
+
+
+def _ratio(r: Outputs, y: Outputs) -> tuple[float, ...]:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return tuple((rms(r) / rms(np.where(np.isnan(r), np.nan, y))).tolist())
+
+
+def _moving(problem: Problem) -> np.ndarray:
+    if problem.moving is None:
+        return problem.rows.used
+    return np.asarray(np.asarray(problem.moving(problem.rows.u)) & problem.rows.used)
+
+
+def _reasons(judged: Gate, at_bound: tuple[str, ...], names: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(
+        "; ".join(filter(None, [reason, "ended on its bound" if name in at_bound else ""]))
+        for name, reason in zip(names, judged.reasons, strict=True)
+    )
+
+
+def _covariance(
+    problem: Problem, j: Sensitivity, r: Outputs, sigma: Vector, free: np.ndarray
+) -> tuple[Float64[np.ndarray, "k k"], Vector]:
+    """Covariance (infinite diagonal where not free) and Student's quantile per parameter."""
+    used = problem.rows.used
+    k = j.shape[2]
+    scaled = np.where(used[:, :, None], j, 0.0) / sigma[:, None]
+    flat = scaled.reshape(-1, k)
+    prior = np.diag(problem.information)
+    inverse = _pinv(flat.T @ flat + prior)
+    known = np.diag(inverse @ prior @ inverse)
+    parts = np.zeros((len(sigma), k))
+    dof = np.zeros(len(sigma))
+    for o in range(len(sigma)):
+        column = np.where(used[:, o], r[:, o], np.nan)
+        acting = np.flatnonzero(np.any(scaled[:, o] != 0, axis=0))
+        if not len(acting):
+            continue
+        influence = scaled[:, o, acting] @ inverse[acting]
+        parts[o] = spread(influence, column)
+        dof[o] = max(effective(column) - len(acting), 1.0)
+    variance = parts.sum(axis=0) + known
+    if problem.scale is not None:
+        dof[:] = np.inf
+    with np.errstate(divide="ignore", invalid="ignore"):
+        weighted = np.square(parts) / np.where(dof > 0, dof, np.inf)[:, None]
+        degrees = np.square(variance) / weighted.sum(axis=0)
+        factor = np.sqrt(variance / np.diag(inverse))
+    factor = np.where(np.isfinite(factor), factor, 1.0)
+    covariance = inverse * np.outer(factor, factor)
+    covariance[~free, :], covariance[:, ~free] = 0.0, 0.0
+    covariance[~free, ~free] = np.inf
+    degrees = np.where(np.isnan(degrees), np.inf, np.maximum(degrees, 1.0))
+    return covariance, np.asarray(stats.t.ppf(0.975, degrees))
+
+
+def _pinv(h: Float64[np.ndarray, "k k"]) -> Float64[np.ndarray, "k k"]:
+    """Inverse in the space that the rows and the prior determine."""
+    d = np.sqrt(np.diag(h))
+    d[d == 0] = np.inf
+    scaled = h / np.outer(d, d)
+    return np.asarray(np.linalg.pinv(scaled, rcond=1e-6, hermitian=True) / np.outer(d, d))
+
+
+def _residuals(problem: Problem, before: Outputs, r: Outputs) -> tuple[Residual, ...]:
+    names = problem.model.outputs.names
+    found = {d.output: d for d in dependences(r, problem.rows.u, names, problem.model.inputs.names)}
+    first, last = rms(before), rms(r)
+    return tuple(
+        Residual(
+            name, int(problem.rows.used[:, k].sum()), float(first[k]), float(last[k]),
+            ljung_box(r[:, k]), found.get(name),
+        )
+        for k, name in enumerate(names)
+    )  # fmt: skip

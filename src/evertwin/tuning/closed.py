@@ -1,0 +1,263 @@
+"""Closed form: where outputs are linear in the parameters, tuning is one small system.
+
+With y = y0 + Phi·p the part y0 (rigid bodies, say) is evaluated once; what is left is weighted
+least squares about the present parameters p̄, with the prior as information:
+
+    (Σ_k w_k Phi_kᵀ Phi_k + S⁻²) δ = Σ_k w_k Phi_kᵀ (y_k − y0_k − Phi_k p̄),     p = p̄ + δ
+
+over outputs k, with w_k = 1/σ_k² from the residuals of a first solve. The inverse of the matrix is
+the covariance. Columns are scaled to unit diagonal; if that is still ill-conditioned, a QR
+decomposition of the rows takes over.
+
+>>> import numpy as np
+>>> from evertwin.models import Parameters
+>>> from evertwin.signals import Layout
+>>> class Line:
+...     inputs, outputs, states = Layout.of(v="rad/s"), Layout.of(torque="Nm"), Layout()
+...     parameters = Parameters.of(Fc=(1.0, "Nm"), Bm=(1.0, "Nms/rad"))
+...     columns = np.array([[0, 1]])
+...     def initial(self, p): return np.zeros(0)
+...     def observe(self, x, y): return x
+...     def simulate(self, x, u, dt, p): return x, p[0] * np.sign(u) + p[1] * u
+...     def regressor(self, x, u, dt, p):
+...         return np.zeros((len(u), 1)), np.stack([np.sign(u), u], axis=2)
+>>> v = np.array([[-2.0], [-1.0], [1.0], [2.0]])
+>>> plan = ClosedForm(Line())
+>>> plan.solve(v, np.full(4, 0.1), 3 * np.sign(v) + 2 * v).values.round(6).tolist()
+[3.0, 2.0]
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from evertwin.errors import UsageError
+from evertwin.models import LinearModel, Parameters
+from evertwin.tuning.gram import FINE, gram, normal
+from evertwin.tuning.problem import Filter
+from evertwin.types import Inputs, Intervals, Outputs, Vector
+
+__all__ = ["ClosedForm", "Solution", "Sums"]
+
+
+class Sums(NamedTuple):
+    """Rows summed per output; sums of windows add up.
+
+    >>> Sums._fields
+    ('products', 'sides', 'squares', 'rows')
+    """
+
+    products: Float64[np.ndarray, "ny m m"]
+    """Phiᵀ Phi (lower triangle)."""
+    sides: Float64[np.ndarray, "ny m"]
+    """Phiᵀ r, with r the residual at the present parameters."""
+    squares: Vector
+    """rᵀ r, (ny,)."""
+    rows: Vector
+    """Rows that count, (ny,)."""
+
+
+class Solution(NamedTuple):
+    """Parameters and what the rows say about their accuracy.
+
+    >>> Solution._fields
+    ('values', 'covariance', 'noise', 'dof', 'solved')
+    """
+
+    values: Vector
+    """Tuned values, (k,)."""
+    covariance: Float64[np.ndarray, "k k"]
+    """For independent noise."""
+    noise: Vector
+    """Standard deviation of each output's residual, (ny,)."""
+    dof: Vector
+    """Degrees of freedom of that estimate, (ny,)."""
+    solved: bool
+    """False where the rows do not determine the parameters; the values are then the start's."""
+
+
+@dataclass(frozen=True)
+class ClosedForm:
+    """A prepared solve; use it again for every window. See the module for an example."""
+
+    model: LinearModel
+    editable: tuple[str, ...] = ()
+    """Names to tune; by default all editable parameters."""
+    prior: Parameters | None = None
+    """Start values and prior standard deviations; by default the model's own."""
+    scale: tuple[float, ...] = ()
+    """Standard deviation of each output's noise; estimated by default."""
+    filter: Filter | None = None
+    """Linear filter over measured output and regressor alike."""
+
+    @cached_property
+    def parameters(self) -> Parameters:
+        """All parameters with their start values."""
+        return self.prior or self.model.parameters
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the tuned parameters.
+
+        Raises:
+            UsageError: one of them is not linear in this model.
+        """
+        names = self.editable or self.parameters.editable
+        for name in names:
+            if self.parameters.index(name) not in self.model.columns:
+                raise UsageError(
+                    f"{name}: the outputs are not linear in it: leave it out or use `solve`"
+                )
+        return names
+
+    @cached_property
+    def _fixed(self) -> tuple[Any, ...]:
+        """Everything that no row changes."""
+        columns = np.asarray(self.model.columns)
+        p = self.parameters.values
+        places = self.parameters.indices(self.names)
+        at = np.full(columns.shape, -1, dtype=np.int64)
+        for j, place in enumerate(places.tolist()):
+            at[columns == place] = j
+        sigma = np.array([self.parameters[name].sigma for name in self.names])
+        around = np.where(columns < 0, 0.0, p[columns])
+        scale = np.array(self.scale or [np.nan] * len(columns))
+        x0 = self.model.initial(p)
+        return p, places, at, 1.0 / np.square(sigma), around, scale, x0, np.zeros(len(places))
+
+    @property
+    def at(self) -> Int64[np.ndarray, "ny m"]:
+        """Position of each regressor column among the tuned parameters; −1: not tuned."""
+        return np.asarray(self._fixed[2])
+
+    def solve(self, u: Inputs, dt: Intervals, y: Outputs) -> Solution:
+        """Parameters from inputs and measured outputs; rows with NaN are left out."""
+        p, x0 = self._fixed[0], self._fixed[6]
+        y0, phi = self.model.regressor(x0, u, dt, p)
+        if self.filter is not None:
+            n, ny, m = phi.shape
+            sides = self.filter(np.concatenate([y, y0, phi.reshape(n, ny * m)], axis=1))
+            y, y0 = sides[:, :ny], sides[:, ny : 2 * ny]
+            phi = sides[:, 2 * ny :].reshape(n, ny, m)
+        return self.solve_rows(y, y0, phi)
+
+    def solve_rows(self, y: Outputs, y0: Outputs, phi: Float64[np.ndarray, "n ny m"]) -> Solution:
+        """Parameters from rows whose regressor is known already."""
+        solution = self.solve_sums(self.sums(y, y0, phi))
+        return solution if solution.solved else self._careful(y, y0, phi)
+
+    def sums(self, y: Outputs, y0: Outputs, phi: Float64[np.ndarray, "n ny m"]) -> Sums:
+        """Rows summed per output."""
+        around = self._fixed[4]
+        ny, m = around.shape
+        flat = np.zeros((ny, m + 3, m + 1))
+        out = Sums(np.zeros((ny, m, m)), flat[:, 0, :m].copy(), np.zeros(ny), np.zeros(ny))
+        gram(y, y0, phi, around, *out)
+        return out
+
+    def solve_sums(self, sums: Sums, at: Int64[np.ndarray, "ny m"] | None = None) -> Solution:
+        """Parameters from sums."""
+        p, places, own, information, _, scale, _, pull = self._fixed
+        k, ny = len(places), len(scale)
+        delta, covariance = np.zeros(k), np.full((k, k), np.inf)
+        noise, dof = np.zeros(ny), np.zeros(ny)
+        code = normal(
+            *sums,
+            own if at is None else at,
+            information,
+            pull,
+            scale,
+            delta,
+            covariance,
+            noise,
+            dof,
+        )
+        if code != FINE:
+            delta[:] = 0.0
+        return Solution(p[places] + delta, covariance, np.sqrt(noise), dof, bool(code == FINE))
+
+    def by_axis(self, y: Outputs, y0: Outputs, phi: Float64[np.ndarray, "n ny m"]) -> Solution:
+        """Output by output, the other outputs as given: the decoupled form.
+
+        Raises:
+            UsageError: a parameter acts on two outputs.
+        """
+        p, places, at = self._fixed[:3]
+        sums, k = self.sums(y, y0, phi), len(places)
+        values, covariance = p[places].copy(), np.zeros((k, k))
+        noise, dof, solved = np.zeros(len(at)), np.zeros(len(at)), True
+        taken = np.full(k, -1)
+        for o, row in enumerate(at):
+            mine = np.unique(row[row >= 0])
+            shared = mine[taken[mine] >= 0]
+            if len(shared):
+                raise UsageError(
+                    f"{self.names[shared[0]]} acts on outputs {taken[shared[0]]} and {o}: "
+                    "axis by axis needs parameters of their own; solve jointly"
+                )
+            taken[mine] = o
+            part = self._axis(sums, o, mine)
+            values[mine], covariance[np.ix_(mine, mine)] = part.values, part.covariance
+            noise[o], dof[o], solved = part.noise[0], part.dof[0], solved and part.solved
+        return Solution(values, covariance, noise, dof, solved)
+
+    def _axis(self, sums: Sums, output: int, mine: np.ndarray) -> Solution:
+        """One output alone: its own small system."""
+        p, places, at, information, _, scale, _, pull = self._fixed
+        k, one = len(mine), slice(output, output + 1)
+        local = np.full(at.shape[1], -1, dtype=np.int64)
+        for j, place in enumerate(mine.tolist()):
+            local[at[output] == place] = j
+        delta, covariance = np.zeros(k), np.full((k, k), np.inf)
+        noise, dof = np.zeros(1), np.zeros(1)
+        code = normal(
+            *(s[one] for s in sums), local[None, :], information[mine], pull[mine], scale[one],
+            delta, covariance, noise, dof,
+        )  # fmt: skip
+        values = p[places[mine]] + (delta if code == FINE else 0.0)
+        return Solution(values, covariance, np.sqrt(noise), dof, bool(code == FINE))
+
+    def _careful(self, y: Outputs, y0: Outputs, phi: Float64[np.ndarray, "n ny m"]) -> Solution:
+        """By orthogonal decomposition of the rows; parameters without effect stay."""
+        p, places, at, information, around, scale, _, _ = self._fixed
+        k, ny = len(places), len(scale)
+        r = y - y0 - (phi * around).sum(axis=2)
+        rows = dense(phi, at, k)
+        used = ~np.isnan(r)
+        given = np.where(np.isnan(scale), 1.0, scale)
+        noise = np.where(np.isnan(scale), np.sqrt(np.nanmean(r**2, axis=0)), scale)
+        delta, covariance, used_dof = np.zeros(k), np.full((k, k), np.inf), np.zeros(ny)
+        for _ in range(2):
+            weight = 1.0 / np.where(noise > 0, noise, given)
+            a = np.concatenate([(rows * weight[:, None])[used], np.diag(np.sqrt(information))])
+            b = np.concatenate([(r * weight)[used], np.zeros(k)])
+            size = np.sqrt((a**2).sum(axis=0))
+            free = size > 0
+            u, s, v = np.linalg.svd(a[:, free] / size[free], full_matrices=False)
+            keep = s > 1e-10 * s[0] if len(s) else np.zeros(0, dtype=np.bool_)
+            delta[free] = ((v[keep].T / s[keep]) @ (u[:, keep].T @ b)) / size[free]
+            inner = (v[keep].T / s[keep] ** 2) @ v[keep] / np.outer(size[free], size[free])
+            covariance[np.ix_(free, free)] = inner
+            left = np.where(used, r - rows @ delta, 0.0)
+            used_dof = np.maximum(used.sum(axis=0) - keep.sum() / ny, 1.0)
+            found = np.sqrt((left**2).sum(axis=0) / used_dof)
+            noise = np.where(np.isnan(scale), found, scale)
+        complete = bool(free.all() and keep.all())
+        return Solution(p[places] + delta, covariance, noise, used_dof, complete)
+
+
+def dense(
+    phi: Float64[np.ndarray, "n ny m"], at: Int64[np.ndarray, "ny m"], k: int
+) -> Float64[np.ndarray, "n ny k"]:
+    """The compact regressor with one column per tuned parameter."""
+    out = np.zeros((*phi.shape[:2], k))
+    for o, row in enumerate(at.tolist()):
+        for a, j in enumerate(row):
+            if j >= 0:
+                out[:, o, j] += phi[:, o, a]
+    return out

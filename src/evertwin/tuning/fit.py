@@ -1,0 +1,189 @@
+"""The Fit: the record of one tuning, with intervals, verdicts and what the residual still says.
+
+>>> import numpy as np
+>>> from evertwin.fold import make_block
+>>> from evertwin.models import FunctionModel, Parameters
+>>> from evertwin.signals import Layout
+>>> from evertwin.tuning import Problem, solve
+>>> spring = FunctionModel(lambda x, u, dt, p: ([], [p[0] * u[0]]), Layout.of(z="m"),
+...     Layout.of(force="N"), parameters=Parameters.of(stiffness=(2.0, "N/m")))
+>>> z = np.linspace(-1, 1, 50)[:, None]
+>>> rows = make_block(t=np.arange(50), u=z, y=3 * z)
+>>> fit = solve(Problem(spring, (rows,)))
+>>> fit.names, fit.values.round(6).tolist(), fit.verdict
+(('stiffness',), [3.0], ('identifiable',))
+"""
+
+from __future__ import annotations
+
+import html
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float64
+
+from evertwin.fold import plain
+from evertwin.tuning.statistics import Dependence
+from evertwin.types import Json, ParameterVector, Vector
+
+__all__ = ["Fit", "Residual"]
+
+
+@dataclass(frozen=True)
+class Residual:
+    """The tuned residual of one output.
+
+    >>> Residual("torque", 500, 0.2, 0.05, 0.7, None).white
+    True
+    """
+
+    output: str
+    rows: int
+    """Rows that counted."""
+    rms_before: float
+    """In the output's unit."""
+    rms_after: float
+    whiteness: float
+    """Probability that a white residual shows so much autocorrelation."""
+    dependence: Dependence | None
+    """The input that explains most of it."""
+
+    @property
+    def white(self) -> bool:
+        """True where nothing speaks against a white residual (1 %)."""
+        return self.whiteness > 0.01
+
+    @property
+    def independent(self) -> bool:
+        """True where no input explains it (1 %)."""
+        return self.dependence is None or self.dependence.p > 0.01
+
+
+@dataclass(frozen=True)
+class Fit:
+    """One tuning. See the module for an example."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    values: Vector
+    """Tuned values, (k,); the prior's where the verdict is *not*."""
+    start: Vector
+    sigma: Vector
+    """Standard deviations, (k,); infinite where not identifiable."""
+    interval95: Float64[np.ndarray, "k 2"]
+    covariance: Float64[np.ndarray, "k k"]
+    verdict: tuple[str, ...]
+    """identifiable, weak or not."""
+    reasons: tuple[str, ...]
+    p: ParameterVector
+    """The model's full parameter vector."""
+    cost: float
+    """Half the weighted sum of squares at the end."""
+    outputs: tuple[str, ...]
+    deviation_before: tuple[float, ...]
+    """rms(residual) / rms(measured) per output at the start; NaN without rows."""
+    deviation_after: tuple[float, ...]
+    moving_before: tuple[float, ...]
+    """The same over moving rows (all rows where the problem does not say)."""
+    moving_after: tuple[float, ...]
+    noise: Vector
+    """Standard deviation of each output's residual, (ny,)."""
+    residuals: tuple[Residual, ...]
+    condition: float
+    at_bound: tuple[str, ...]
+    """Parameters that ended on a bound."""
+    iterations: int
+    evaluations: int
+    """Simulations of all rows."""
+    method: str
+    converged: bool
+    message: str
+    """One sentence; where not converged, with the cure."""
+    seconds: float = field(compare=False)
+
+    @property
+    def identifiable(self) -> tuple[str, ...]:
+        """Names with the verdict *identifiable*."""
+        pairs = zip(self.names, self.verdict, strict=True)
+        return tuple(name for name, verdict in pairs if verdict == "identifiable")
+
+    def __getitem__(self, name: str) -> float:
+        return float(self.values[self.names.index(name)])
+
+    def interval(self, name: str) -> tuple[float, float]:
+        """95 % interval of one parameter."""
+        low, high = self.interval95[self.names.index(name)].tolist()
+        return low, high
+
+    def to_dict(self, *, timing: bool = True) -> dict[str, Json]:
+        """Plain scalars for JSON, infinities as None. Without ``timing`` equal fits stay equal."""
+        pairs = enumerate(self.names)
+        content: dict[str, Any] = {
+            "parameters": {
+                name: {
+                    "value": self.values[j], "start": self.start[j], "unit": self.units[j],
+                    "sigma": self.sigma[j], "interval95": self.interval95[j],
+                    "verdict": self.verdict[j], "reason": self.reasons[j],
+                }
+                for j, name in pairs
+            },
+            "outputs": {
+                r.output: {
+                    "deviation_before": self.deviation_before[k],
+                    "deviation_after": self.deviation_after[k],
+                    "moving_before": self.moving_before[k], "moving_after": self.moving_after[k],
+                    "rms_before": r.rms_before, "rms_after": r.rms_after, "rows": r.rows,
+                    "whiteness": r.whiteness,
+                    "dependence": r.dependence and r.dependence._asdict(),
+                }
+                for k, r in enumerate(self.residuals)
+            },
+            "method": self.method, "converged": self.converged, "message": self.message,
+            "iterations": self.iterations, "evaluations": self.evaluations,
+            "condition": self.condition, "at_bound": self.at_bound, "cost": self.cost,
+        }  # fmt: skip
+        if timing:
+            content["seconds"] = self.seconds
+        return plain(content)  # type: ignore[return-value]
+
+    def _table(self) -> list[tuple[str, ...]]:
+        rows: list[tuple[str, ...]] = []
+        for j, name in enumerate(self.names):
+            half = (self.interval95[j, 1] - self.interval95[j, 0]) / 2
+            shown = f"± {half:.3g}" if math.isfinite(half) else "unknown"
+            value, unit = f"{self.values[j]:.5g}", self.units[j]
+            rows.append((name, value, shown, unit, self.verdict[j], self.reasons[j]))
+        return rows
+
+    def __str__(self) -> str:
+        """A table of parameters, then of outputs."""
+        lines = [f"{self.method}: {self.message}"]
+        for name, value, half, unit, verdict, reason in self._table():
+            tail = f"  {reason}" if reason else ""
+            lines.append(f"  {name:<12} {value:>10} {half:<12} {unit:<8} {verdict}{tail}")
+        for name, before, after in zip(
+            self.outputs, self.deviation_before, self.deviation_after, strict=True
+        ):
+            lines.append(f"  {name:<12} {100 * before:9.2f} % -> {100 * after:.2f} %")
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        """The same tables for a notebook."""
+        head = "<tr><th>parameter<th>value<th>95 %<th>unit<th>verdict<th>reason</tr>"
+        body = "".join(
+            "<tr>" + "".join(f"<td>{html.escape(cell)}" for cell in row) + "</tr>"
+            for row in self._table()
+        )
+        rows = "".join(
+            f"<tr><td>{html.escape(name)}<td>{100 * before:.2f} %<td>{100 * after:.2f} %</tr>"
+            for name, before, after in zip(
+                self.outputs, self.deviation_before, self.deviation_after, strict=True
+            )
+        )
+        return (
+            f"<p>{html.escape(self.method)}: {html.escape(self.message)}</p>"
+            f"<table>{head}{body}</table>"
+            f"<table><tr><th>output<th>deviation before<th>after</tr>{rows}</table>"
+        )

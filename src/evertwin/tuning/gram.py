@@ -1,0 +1,208 @@
+"""The compiled loops of the closed form: sums over rows, then a small system of equations.
+
+Rows are summed per output with the few columns that act on it, so that 69,000 rows of a 6-axis arm
+need 6 small matrices and no large one. Weights come afterwards and cost no second pass.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+__all__ = ["FINE", "ILL", "SINGULAR", "gram", "normal"]
+
+FINE, SINGULAR, ILL = 0, 1, 2
+"""Return codes of `normal`: solved; a parameter has no effect; too ill-conditioned."""
+
+
+@njit(cache=True)
+def gram(
+    y: Any, y0: Any, phi: Any, p: Any, products: Any, sides: Any, squares: Any, count: Any
+) -> None:
+    """Adds rows to ``products`` (ny,m,m), ``sides`` (ny,m), ``squares`` (ny,), ``count`` (ny,).
+
+    ``p`` (ny,m) is the point about which is linearised; a row whose ``y`` is NaN is left out.
+    """
+    n, ny, m = phi.shape
+    for i in range(n):
+        for k in range(ny):
+            r = y[i, k] - y0[i, k]
+            for a in range(m):
+                r -= phi[i, k, a] * p[k, a]
+            if r != r:
+                continue
+            squares[k] += r * r
+            count[k] += 1
+            for a in range(m):
+                f = phi[i, k, a]
+                sides[k, a] += f * r
+                for b in range(a + 1):
+                    products[k, a, b] += f * phi[i, k, b]
+
+
+@njit(cache=True)
+def _factor(h: Any, root: Any) -> float:
+    """Cholesky factor of ``h`` in ``root`` (lower); the smallest pivot, 0 if not positive."""
+    k = h.shape[0]
+    smallest = 1.0
+    for i in range(k):
+        for j in range(i + 1):
+            s = h[i, j]
+            for a in range(j):
+                s -= root[i, a] * root[j, a]
+            if i != j:
+                root[i, j] = s / root[j, j]
+                continue
+            smallest = min(smallest, s)
+            if s <= 0.0:
+                return 0.0
+            root[i, i] = np.sqrt(s)
+    return smallest
+
+
+@njit(cache=True)
+def _inverse(root: Any, out: Any) -> None:
+    """(root rootᵀ)⁻¹ into ``out``."""
+    k = root.shape[0]
+    inv = np.zeros((k, k))
+    for j in range(k):
+        inv[j, j] = 1.0 / root[j, j]
+        for i in range(j + 1, k):
+            s = 0.0
+            for a in range(j, i):
+                s -= root[i, a] * inv[a, j]
+            inv[i, j] = s / root[i, i]
+    for i in range(k):
+        for j in range(i + 1):
+            s = 0.0
+            for a in range(i, k):
+                s += inv[a, i] * inv[a, j]
+            out[i, j] = s
+            out[j, i] = s
+
+
+@njit(cache=True)
+def normal(
+    products: Any, sides: Any, squares: Any, count: Any, at: Any, information: Any, pull: Any,
+    scale: Any, delta: Any, covariance: Any, noise: Any, dof: Any,
+) -> int:  # fmt: skip
+    """Solves for ``delta`` (k,) and its ``covariance`` (k,k), weighting outputs by their noise.
+
+    Args:
+        products, sides, squares, count: from `gram`.
+        at: position of each column in ``delta``, −1 for a column that stays, (ny, m).
+        information, pull: prior 1/σ² and prior value − point, (k,).
+        scale: standard deviation of each output's noise, NaN where unknown: two rounds.
+        noise, dof: filled with each output's noise variance and degrees of freedom, (ny,).
+    """
+    ny, m = at.shape
+    k = delta.shape[0]
+    h, g, d = np.empty((k, k)), np.empty(k), np.empty(k)
+    root, weight = np.zeros((k, k)), np.ones(ny)
+    known = True
+    for o in range(ny):
+        if scale[o] == scale[o]:
+            weight[o] = 1.0 / (scale[o] * scale[o])
+        else:
+            known = False
+            weight[o] = count[o] / squares[o] if squares[o] > 0.0 else 1.0
+    for _ in range(1 if known else 2):
+        h[:, :] = 0.0
+        for j in range(k):
+            h[j, j] = information[j]
+            g[j] = information[j] * pull[j]
+        for o in range(ny):
+            for a in range(m):
+                ia = at[o, a]
+                if ia < 0:
+                    continue
+                g[ia] += weight[o] * sides[o, a]
+                for b in range(a + 1):
+                    ib = at[o, b]
+                    if ib < 0:
+                        continue
+                    h[ia, ib] += weight[o] * products[o, a, b]
+                    if a != b:
+                        h[ib, ia] += weight[o] * products[o, a, b]
+        for j in range(k):
+            if not h[j, j] > 0.0:
+                return SINGULAR
+            d[j] = np.sqrt(h[j, j])
+        for i in range(k):
+            for j in range(k):
+                h[i, j] /= d[i] * d[j]
+        if not _factor(h, root) > 1e-9:
+            return ILL
+        _inverse(root, covariance)
+        for i in range(k):
+            for j in range(k):
+                covariance[i, j] /= d[i] * d[j]
+        for i in range(k):
+            delta[i] = 0.0
+            for j in range(k):
+                delta[i] += covariance[i, j] * g[j]
+        _spread(products, sides, squares, count, at, delta, covariance, weight, noise, dof)
+        for o in range(ny):
+            if scale[o] != scale[o] and noise[o] > 0.0:
+                weight[o] = 1.0 / noise[o]
+    if not known:
+        # The last weights are those of the round before: rescaled to the noise that was found.
+        _rescale(products, at, information, weight, h, root, covariance)
+    return FINE
+
+
+@njit(cache=True)
+def _spread(
+    products: Any, sides: Any, squares: Any, count: Any, at: Any, delta: Any, covariance: Any,
+    weight: Any, noise: Any, dof: Any,
+) -> None:  # fmt: skip
+    """Each output's noise variance: its sum of squares over its degrees of freedom."""
+    ny, m = at.shape
+    for o in range(ny):
+        s, used = squares[o], 0.0
+        for a in range(m):
+            ia = at[o, a]
+            if ia < 0:
+                continue
+            s -= 2.0 * sides[o, a] * delta[ia]
+            for b in range(m):
+                ib = at[o, b]
+                if ib < 0:
+                    continue
+                f = products[o, a, b] if b <= a else products[o, b, a]
+                s += f * delta[ia] * delta[ib]
+                used += weight[o] * f * covariance[ia, ib]
+        dof[o] = max(count[o] - used, 1.0)
+        # Below the rounding of the sums nothing is known about the noise.
+        noise[o] = max(s, 1e-15 * squares[o]) / dof[o]
+
+
+@njit(cache=True)
+def _rescale(
+    products: Any, at: Any, information: Any, weight: Any, h: Any, root: Any, covariance: Any
+) -> None:
+    """The covariance with the final weights."""
+    ny, m = at.shape
+    k = covariance.shape[0]
+    h[:, :] = 0.0
+    d = np.empty(k)
+    for j in range(k):
+        h[j, j] = information[j]
+    for o in range(ny):
+        for a in range(m):
+            for b in range(m):
+                if at[o, a] >= 0 and at[o, b] >= 0:
+                    f = products[o, a, b] if b <= a else products[o, b, a]
+                    h[at[o, a], at[o, b]] += weight[o] * f
+    for j in range(k):
+        d[j] = np.sqrt(h[j, j])
+    for i in range(k):
+        for j in range(k):
+            h[i, j] /= d[i] * d[j]
+    if _factor(h, root) > 1e-12:
+        _inverse(root, covariance)
+        for i in range(k):
+            for j in range(k):
+                covariance[i, j] /= d[i] * d[j]

@@ -1,0 +1,234 @@
+"""The gate before solving: which parameters do these rows determine?
+
+Columns of the sensitivity are scaled to unit length, so that the question has no units. Then, for
+the information matrix H = Σ Jᵀ J / σ²:
+
+* a parameter whose column is zero is not excited here; one that changes the output nowhere is an
+  error (*the knob is not connected*, `connected`);
+* a direction whose singular value is (almost) zero is undetermined: every parameter in it is;
+* a direction whose singular value is small **and** rests on less than a tenth of the rows is
+  undetermined too. That is the general rule behind a known trap: an offset together with
+  direction-dependent Coulomb friction is separated only by the few rows near standstill, where the
+  friction law is least known. It fits the training force better and simulates worse;
+* the interval of the rest, against the parameter's natural size, tells identifiable from weak.
+
+What is not identifiable keeps its prior. Condition index after Belsley, Kuh, Welsch, "Regression
+Diagnostics" (1980); the share of rows is the participation ratio (Σz²)²/Σz⁴ of the direction.
+
+>>> import numpy as np
+>>> v = np.array([1.0, 2.0, 3.0, 1.5])
+>>> j = np.stack([np.sign(v), v, np.ones(4)], axis=1)   # one direction of motion only
+>>> result = gate(j.T @ j, lambda d: j @ d, ("Fc", "Bm", "offset"), np.ones(3))
+>>> result.verdicts, result.rank
+(('not', 'identifiable', 'not'), 2)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+from jaxtyping import Float64
+
+from evertwin.errors import ModelError
+from evertwin.models import Model
+from evertwin.types import Vector
+
+__all__ = ["Gate", "connected", "gate"]
+
+Matrix: TypeAlias = Float64[np.ndarray, "k k"]
+
+NULL = 1e-3
+"""Singular value of unit columns below which a direction is undetermined."""
+SMALL = 0.25
+"""… below which it must rest on more than a few rows."""
+SHARE = 0.1
+"""Share of the rows that it must rest on."""
+LOADED = 0.2
+"""Weight from which a parameter belongs to a direction."""
+WEAK, NOT = 0.5, 2.0
+"""Half width of the 95 % interval, in natural sizes, from which a parameter is weak or not
+identifiable."""
+
+
+class Gate(NamedTuple):
+    """What the rows determine.
+
+    >>> Gate._fields[:2]
+    ('verdicts', 'reasons')
+    """
+
+    verdicts: tuple[str, ...]
+    """identifiable, weak or not, per parameter."""
+    reasons: tuple[str, ...]
+    """Why, per parameter; empty where identifiable."""
+    rank: int
+    condition: float
+    """Largest over smallest singular value of the unit columns."""
+    excitation: Vector
+    """Length of each column in noise standard deviations times the natural size, (k,): how much
+    signal the parameter makes in these rows."""
+    sigma: Vector
+    """Standard deviation that the rows alone allow, (k,); infinite where not determined."""
+    undetermined: np.ndarray
+    """True where a direction (not only a wide interval) speaks against the parameter, (k,)."""
+
+    @property
+    def free(self) -> np.ndarray:
+        """True for parameters that may be tuned, (k,)."""
+        return np.array([v != "not" for v in self.verdicts], dtype=np.bool_)
+
+
+def gate(
+    information: Matrix,
+    rows: Callable[[Vector], Any],
+    names: tuple[str, ...],
+    sizes: Vector,
+    dof: float = np.inf,
+) -> Gate:
+    """Judges each parameter.
+
+    Args:
+        information: H in units of 1/parameter², without any prior.
+        rows: ``direction (k,) -> J·direction / σ`` over all rows (any shape).
+        names: the parameters.
+        sizes: natural size of each, (k,); what counts as a large error.
+        dof: degrees of freedom of the noise estimate (infinite: known noise).
+    """
+    k = len(names)
+    length = np.sqrt(np.maximum(np.diag(information), 0.0))
+    excitation = length * sizes
+    live = excitation > 1e-9 * max(float(excitation.max(initial=0.0)), 1e-300)
+    reasons = ["" if on else "not excited: it does not act in these rows" for on in live]
+    values, vectors = _directions(information, length, live)
+    for i, value in enumerate(values.tolist()):
+        if value >= SMALL:
+            continue
+        vector = vectors[:, i]
+        share = _share(rows, np.divide(vector, length, out=np.zeros(k), where=live))
+        if value < NULL or share < SHARE:
+            _refuse(reasons, vector, names, value, share)
+    _nulls(reasons, values, vectors, names)
+    bad = np.array([bool(reason) for reason in reasons])
+    sigma = _sigma(information, length, ~bad)
+    half = 1.96 * np.sqrt(1 + 2.5 / dof) * sigma if dof > 2 else 12.7 * sigma
+    verdicts = [_verdict(reasons, j, float(half[j] / sizes[j])) for j in range(k)]
+    small = float(values.min(initial=np.inf)) if live.all() else 0.0
+    condition = float(values.max(initial=0.0)) / small if small > 0 else np.inf
+    rank = int((values >= NULL).sum())
+    return Gate(tuple(verdicts), tuple(reasons), rank, condition, excitation, sigma, bad)
+
+
+def _directions(information: Matrix, length: Vector, live: np.ndarray) -> tuple[Any, Any]:
+    """Singular values of the unit columns that live, ascending, and their directions (k, ·)."""
+    scaled = information[np.ix_(live, live)] / np.outer(length[live], length[live])
+    squares, inner = np.linalg.eigh(scaled)
+    vectors = np.zeros((len(length), len(squares)))
+    vectors[live] = inner
+    return np.sqrt(np.maximum(squares, 0.0)), vectors
+
+
+def _share(rows: Callable[[Vector], Any], direction: Vector) -> float:
+    """Share of the rows that a direction rests on."""
+    z2 = np.square(np.nan_to_num(np.asarray(rows(direction)).ravel()))
+    fourth = float(np.square(z2).sum())
+    active = int(np.count_nonzero(z2)) if fourth == 0 else _rows_of(direction, rows)
+    return float(z2.sum()) ** 2 / fourth / max(active, 1) if fourth > 0 else 0.0
+
+
+def _rows_of(direction: Vector, rows: Callable[[Vector], Any]) -> int:
+    """Rows on which some parameter of the direction acts at all."""
+    acts = np.zeros(1)
+    for j in np.flatnonzero(np.abs(direction) > LOADED * np.abs(direction).max()).tolist():
+        single = np.zeros(len(direction))
+        single[j] = 1.0
+        acts = acts + np.abs(np.nan_to_num(np.asarray(rows(single)).ravel()))
+    return int(np.count_nonzero(acts))
+
+
+def _refuse(
+    reasons: list[str], vector: Vector, names: tuple[str, ...], value: float, share: float
+) -> None:
+    """Notes every parameter that the undetermined direction loads."""
+    loaded = np.flatnonzero(np.abs(vector) > LOADED * np.abs(vector).max())
+    together = ", ".join(names[j] for j in loaded)
+    for j in loaded.tolist():
+        if value < NULL:
+            reasons[j] = f"collinear: only a combination of {together} acts on these rows"
+        else:
+            reasons[j] = (
+                f"nearly collinear: only {100 * share:.1f} % of the rows tell {together} apart"
+            )
+
+
+def _nulls(reasons: list[str], values: Any, vectors: Any, names: tuple[str, ...]) -> None:
+    """With several undetermined directions their basis is arbitrary: use the whole space."""
+    null = vectors[:, values < NULL]
+    if null.shape[1] < 2:
+        return
+    weight = np.sqrt(np.square(null).sum(axis=1))
+    loaded = np.flatnonzero(weight > LOADED * weight.max())
+    together = ", ".join(names[j] for j in loaded)
+    for j in loaded.tolist():
+        reasons[j] = f"collinear: only combinations of {together} act on these rows"
+
+
+def _sigma(information: Matrix, length: Vector, free: np.ndarray) -> Vector:
+    """Standard deviations of the free parameters, infinite for the others."""
+    sigma = np.full(len(length), np.inf)
+    if free.any():
+        d = length[free]
+        scaled = information[np.ix_(free, free)] / np.outer(d, d)
+        sigma[free] = np.sqrt(np.maximum(np.diag(np.linalg.pinv(scaled)), 0.0)) / d
+    return sigma
+
+
+def _verdict(reasons: list[str], j: int, half: float) -> str:
+    """The word for parameter ``j`` whose interval is ± ``half`` natural sizes."""
+    if reasons[j]:
+        return "not"
+    if half <= WEAK:
+        return "identifiable"
+    reasons[j] = f"its 95 % interval is ± {100 * half:.0f} % of its size"
+    return "weak" if half <= NOT else "not"
+
+
+def connected(model: Model, names: tuple[str, ...], u: Any) -> None:
+    """Checks that each parameter changes the output somewhere near the rows' inputs.
+
+    Args:
+        model: any model.
+        names: the parameters in question.
+        u: inputs seen, (n, nu); probes reach beyond them.
+
+    Raises:
+        ModelError: the knob is not connected; names it.
+    """
+    probes, steps = _probes(u)
+    p = model.parameters.values
+    x = model.initial(p)
+    reference = model.simulate(x, probes, steps, p)[1]
+    for name in names:
+        changed = False
+        for amount in (1e-3, 0.5):
+            other = p.copy()
+            place = model.parameters.index(name)
+            step = amount * max(abs(p[place]), 1.0)
+            low, high = model.parameters.low[place], model.parameters.high[place]
+            other[place] = p[place] + step if p[place] + step <= high else max(p[place] - step, low)
+            y = model.simulate(model.initial(other), probes, steps, other)[1]
+            changed |= not np.array_equal(y, reference, equal_nan=True)
+        if not changed:
+            raise ModelError(
+                f"{name}: the knob is not connected: changing it changes no output; remove it from "
+                "the editable parameters or check where the model uses it"
+            )
+
+
+def _probes(u: Any) -> tuple[Any, Any]:
+    """Seeded inputs around and beyond those seen, and intervals."""
+    rng = np.random.default_rng(0)
+    size = np.nanmax(np.abs(np.where(np.isfinite(u), u, 0.0)), axis=0, initial=0.0)
+    reach = np.where(size > 0, 1.5 * size, 1.0)
+    return rng.uniform(-1.0, 1.0, (256, u.shape[1])) * reach, np.full(256, 0.05)

@@ -1,0 +1,250 @@
+"""Nonlinear tuning: SciPy's trust-region least squares on predictions over one horizon.
+
+Parameters are scaled to their natural size, bounds are kept, the Jacobian takes one roll-out per
+parameter. Not converging is a value: the best parameters so far, and a sentence with the cure.
+
+>>> from evertwin.fold import make_block
+>>> from evertwin.models import FunctionModel, Parameters
+>>> from evertwin.signals import Layout
+>>> tank = FunctionModel(lambda x, u, dt, p: ([x[0] + dt * (u[0] - p[0] * x[0])],) * 2,
+...     Layout.of(q="m/s"), Layout.of(h="m"), Layout.of(h="m"), Parameters.of(leak=(0.5, "1/s")))
+>>> u = np.ones((20, 1))
+>>> _, h = tank.simulate(np.zeros(1), u, np.full(20, 0.1), np.array([0.2]))
+>>> rows = make_block(t=np.arange(20) * 10**8, u=u, y=np.concatenate([[[0.0]], h[:-1]]))
+>>> outcome = least_squares(Problem(tank, (rows,)), Settings())
+>>> outcome.values.round(4).tolist(), outcome.converged
+([0.2], True)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import optimize
+from scipy.stats import qmc
+
+from evertwin.errors import UsageError
+from evertwin.tuning.assemble import Outcome, noise_of, rms
+from evertwin.tuning.problem import Problem
+from evertwin.types import Vector
+
+__all__ = ["Settings", "least_squares"]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How hard to try.
+
+    >>> Settings().starts
+    1
+    """
+
+    evaluations: int = 200
+    """Most residual evaluations per start, differences not counted."""
+    starts: int = 1
+    """Starts: the given one, then a Latin hypercube over the bounds (or start ± size)."""
+    seed: int = 0
+    tolerance: float = 1e-10
+    """Relative change of cost or parameters that ends the search."""
+    progress: Callable[[int, float], bool] | None = None
+    """Called with (evaluations so far, cost); False stops and keeps the best so far."""
+
+    def __post_init__(self) -> None:
+        if self.evaluations < 1 or self.starts < 1:
+            raise UsageError(
+                f"tuning: expected at least 1 evaluation and 1 start, got {self.evaluations} and "
+                f"{self.starts}"
+            )
+
+
+class _Stop(ArithmeticError):
+    """The caller has had enough; never leaves this module."""
+
+
+class Objective:
+    """Weighted residuals over scaled parameters; remembers the best point seen.
+
+    >>> Objective.__name__
+    'Objective'
+    """
+
+    def __init__(
+        self, problem: Problem, settings: Settings, free: np.ndarray, base: Vector
+    ) -> None:
+        self.problem, self.settings, self.free = problem, settings, free
+        self.base, self.sizes = base, problem.sizes[free]
+        self.weight = np.ones(len(problem.model.outputs))
+        self.evaluations = 0
+        self.best: tuple[float, Vector] = (np.inf, base)
+
+    def values(self, z: Any) -> Vector:
+        """All tuned parameters at scaled free ones."""
+        out = self.base.copy()
+        out[self.free] = self.base[self.free] + z * self.sizes
+        return out
+
+    def vector(self, z: Any) -> Vector:
+        """Weighted residuals of the rows that count, then the prior's pull; not counted."""
+        values = self.residual_values(z)
+        r = self.problem.residuals(values)
+        self.evaluations += 1
+        rows = (r * self.weight)[self.problem.rows.used]
+        pull = (values - self.problem.start) * np.sqrt(self.problem.information)
+        out = np.concatenate([rows, pull[self.free]])
+        return np.where(np.isnan(out), np.inf, out)
+
+    def residual_values(self, z: Any) -> Vector:
+        """The values that residuals are taken at; variable projection solves for some of them."""
+        return self.values(z)
+
+    def __call__(self, z: Any) -> Vector:
+        """`vector`, with progress."""
+        r = self.vector(z)
+        with np.errstate(over="ignore", invalid="ignore"):
+            cost = 0.5 * float(r @ r)
+        if cost < self.best[0]:
+            self.best = cost, np.asarray(z, dtype=np.float64).copy()
+        progress = self.settings.progress
+        if progress is not None and progress(self.evaluations, cost) is False:
+            raise _Stop
+        return r
+
+    def jacobian(self, z: Any) -> Any:
+        """Differences, one evaluation per parameter, inside the bounds."""
+        low, high = self.bounds
+        centre = self.vector(z)
+        out = np.empty((len(centre), len(z)))
+        for j in range(len(z)):
+            step = 1e-6 * max(1.0, abs(float(z[j])))
+            other = np.array(z, dtype=np.float64)
+            other[j] = z[j] + step if z[j] + step <= high[j] else max(z[j] - step, low[j])
+            change = other[j] - z[j]
+            with np.errstate(invalid="ignore"):
+                out[:, j] = (self.vector(other) - centre) / change if change else 0.0
+        return np.where(np.isfinite(out), out, 0.0)
+
+    @property
+    def bounds(self) -> tuple[Any, Any]:
+        """Bounds of the scaled free parameters."""
+        low, high = self.problem.bounds
+        base = self.base[self.free]
+        return (low[self.free] - base) / self.sizes, (high[self.free] - base) / self.sizes
+
+
+def least_squares(
+    problem: Problem,
+    settings: Settings,
+    free: np.ndarray | None = None,
+    start: Vector | None = None,
+) -> Outcome:
+    """Tunes the ``free`` parameters (default: all); the others stay."""
+    base = problem.start.copy() if start is None else np.array(start)
+    every = np.ones(len(base), dtype=np.bool_) if free is None else free
+    if not every.any():
+        return Outcome(base, 0, 0, True, "nothing to solve: no parameter is identifiable",
+                       method="nonlinear")  # fmt: skip
+    return search(Objective(problem, settings, every, base), "nonlinear")
+
+
+def search(objective: Objective, method: str) -> Outcome:
+    """Runs the starts, re-weights once, and says how it ended."""
+    problem = objective.problem
+    first = problem.residuals(objective.residual_values(np.zeros(len(objective.sizes))))
+    objective.evaluations += 1
+    lost = np.isnan(first) & problem.rows.used
+    if lost.any():
+        row, output = (int(i) for i in np.argwhere(lost)[0])
+        name = problem.model.outputs.names[output]
+        return Outcome(
+            objective.base, 0, objective.evaluations, False,
+            f"the simulation diverged at the start values ({name}, row {row}): start from other "
+            "values, narrow the bounds or shorten the horizon", method=method,
+        )  # fmt: skip
+    objective.weight = 1.0 / _spread(problem, first)
+    results: list[Any] = []
+    try:
+        for z in _starts(objective):
+            results.append(_run(objective, z))
+            results.sort(key=lambda result: float(result.cost))
+        if (
+            problem.scale is None
+            and len(objective.weight) + np.count_nonzero(problem.information) > 1
+        ):
+            values = objective.residual_values(results[0].x)
+            r = problem.residuals(values)
+            paid = np.full(len(objective.weight), len(results[0].x) / len(objective.weight))
+            objective.weight = 1.0 / noise_of(problem, r, paid)
+            results = [_run(objective, results[0].x)]
+    except _Stop:
+        z = objective.best[1]
+        return Outcome(
+            objective.residual_values(z), len(results), objective.evaluations, False,
+            f"stopped by the caller after {objective.evaluations} evaluations: the best values so "
+            "far are kept", method=method,
+        )  # fmt: skip
+    return _outcome(objective, results[0], method)
+
+
+def _outcome(objective: Objective, best: Any, method: str) -> Outcome:
+    problem = objective.problem
+    names = [name for name, on in zip(problem.names, objective.free, strict=True) if on]
+    hit = tuple(name for name, on in zip(names, best.active_mask, strict=True) if on)
+    converged = best.status > 0
+    message = f"converged after {best.nfev} evaluations"
+    if not converged:
+        message = (
+            f"not converged after {best.nfev} evaluations: allow more (`evaluations`), start "
+            "nearer, or give bounds"
+        )
+    if hit:
+        message += f"; {', '.join(hit)} ended on a bound: widen it if that is not physical"
+    values = objective.residual_values(best.x)
+    return Outcome(
+        values, int(best.njev or 0), objective.evaluations, converged, message, hit, method
+    )
+
+
+def _spread(problem: Problem, r: Any) -> Vector:
+    """First guess of the noise: the residual at the start."""
+    if problem.scale is not None:
+        return problem.scale
+    if problem.loss == "linear":
+        sigma = rms(r)
+    else:
+        sigma = np.array([1.4826 * np.nanmedian(np.abs(c)) for c in r.T])
+    floor = 1e-9 * np.nan_to_num(rms(problem.rows.y)) + 1e-300
+    return np.asarray(np.maximum(np.nan_to_num(sigma, nan=1.0), floor))
+
+
+def _starts(objective: Objective) -> list[Vector]:
+    k = len(objective.sizes)
+    low, high = objective.bounds
+    inside = np.clip(np.zeros(k), low, high)
+    extra = objective.settings.starts - 1
+    if not extra:
+        return [inside]
+    low, high = np.maximum(low, -1e6), np.minimum(high, 1e6)
+    low = np.where(low > -1e6, low, -1.0)
+    high = np.where(high < 1e6, high, 1.0)
+    points = qmc.LatinHypercube(k, seed=objective.settings.seed).random(extra)
+    return [inside, *(low + points * (high - low))]
+
+
+def _run(objective: Objective, z: Vector) -> Any:
+    settings, (low, high) = objective.settings, objective.bounds
+    # SciPy wants a start strictly inside: one on a bound is moved by a millionth of its size.
+    margin = np.minimum(1e-6, 0.25 * (high - low))
+    return optimize.least_squares(
+        objective,
+        np.clip(z, low + margin, high - margin),
+        jac=objective.jacobian,
+        bounds=(low, high),
+        loss=objective.problem.loss,
+        max_nfev=settings.evaluations,
+        xtol=settings.tolerance,
+        ftol=settings.tolerance,
+        gtol=1e-12,
+    )
