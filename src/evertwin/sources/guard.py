@@ -159,7 +159,9 @@ class _Clock:
         for row in self.held:
             step = 0 if self.last is None else row.t + self.shift - self.last
             kind = "backward" if step < 0 else "clock_jump"
-            detail = f"a step of {step * 1e-9:.6g} s" if step else "no row after it shares its clock"
+            detail = (
+                f"a step of {step * 1e-9:.6g} s" if step else "no row after it shares its clock"
+            )
             self.problems.append(Problem(kind, row.line, detail))
         self.held = []
 

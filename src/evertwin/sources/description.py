@@ -1,0 +1,130 @@
+"""A recording, described: plain numbers, ready for JSON.
+
+>>> Info("run.csv", "csv", 10, ()).to_dict()["schema"]
+'evertwin.info/1'
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from evertwin.fold import plain
+from evertwin.types import Json
+
+__all__ = ["ColumnInfo", "Info", "TableInfo", "TimeInfo"]
+
+
+@dataclass(frozen=True)
+class TimeInfo:
+    """The clock of one table; everything in seconds but the stamps.
+
+    >>> TimeInfo("t", "s", "stated", True, 0, 10**9, 1.0, 0.01, 0.01, 0.01, 0.0).rate
+    100.0
+    """
+
+    column: str
+    unit: str
+    reason: str
+    """Why this unit."""
+    sure: bool
+    start: int
+    """Smallest stamp [ns]."""
+    end: int
+    """Largest stamp [ns]."""
+    duration: float
+    period: float
+    """Median step forward."""
+    period_low: float
+    """5 % quantile of the step."""
+    period_high: float
+    """95 % quantile of the step."""
+    jitter: float
+    """Half the distance between those two."""
+    gaps: int = 0
+    """Steps of more than five periods (the 20 longest are looked at)."""
+    longest_gap: float = 0.0
+    longest_gap_line: int = 0
+    repeated: int = 0
+    backward: int = 0
+    no_stamp: int = 0
+
+    @property
+    def rate(self) -> float:
+        """Rows per second, from the median step; NaN for a single row."""
+        return 1 / self.period if self.period > 0 else float("nan")
+
+
+@dataclass(frozen=True)
+class ColumnInfo:
+    """One column.
+
+    >>> ColumnInfo("v", "number", "m/s", 0, 0, 0).unit
+    'm/s'
+    """
+
+    name: str
+    kind: str
+    unit: str
+    count: int
+    missing: int
+    infinite: int
+    text: int = 0
+    """Cells that are words in a column of numbers."""
+    low: float = float("nan")
+    high: float = float("nan")
+    mean: float = float("nan")
+    std: float = float("nan")
+    constant_rows: int = 0
+    """Longest stretch of equal values."""
+    constant_line: int = 0
+    changes: int = 0
+    absurd: tuple[tuple[float, int], ...] = ()
+    """(value, line) far outside the rest; at most ten to either side."""
+    sentinels: tuple[float, ...] = ()
+    """Extremes that are common words for "no measurement"."""
+
+
+@dataclass(frozen=True)
+class TableInfo:
+    """One table of the recording.
+
+    >>> TableInfo("", 0, None, ()).problems
+    {}
+    """
+
+    name: str
+    rows: int
+    time: TimeInfo | None
+    columns: tuple[ColumnInfo, ...]
+    problems: dict[str, int] | None = None
+    """Rows left out, by kind."""
+    examples: tuple[str, ...] = ()
+    """The first of each kind, with its line."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "problems", dict(self.problems or {}))
+
+
+@dataclass(frozen=True)
+class Info:
+    """A recording, described.
+
+    >>> Info("run.csv", "csv", 10, ()).to_dict()["kind"]
+    'csv'
+    """
+
+    file: str
+    kind: str
+    bytes: int
+    tables: tuple[TableInfo, ...]
+    notes: tuple[str, ...] = ()
+    findings: tuple[str, ...] = ()
+
+    def to_dict(self) -> dict[str, Json]:
+        """Plain values for JSON; NaN is None, the rate stands beside the period."""
+        out = plain(self)
+        assert isinstance(out, dict)
+        for table, source in zip(out["tables"], self.tables, strict=True):
+            if source.time is not None:
+                table["time"]["rate"] = plain(source.time.rate)
+        return {"schema": "evertwin.info/1", **out}

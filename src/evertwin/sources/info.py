@@ -1,0 +1,135 @@
+"""What is in a recording, and what is wrong with it, in one pass over the file.
+
+`inspect` gives an `Info`: plain numbers, ready for JSON. Its ``findings`` are the sentences a
+person should read before any twin does.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from evertwin.errors import DataError
+from evertwin.sources.description import ColumnInfo, Info, TableInfo, TimeInfo
+from evertwin.sources.findings import column_findings, table_findings
+from evertwin.sources.recording import open_recording
+from evertwin.sources.stamps import NO_STAMP, StampError, to_ns
+from evertwin.sources.statistics import ClockStatistics, ColumnStatistics
+from evertwin.sources.table import Column, Problem, Rows, Table
+from evertwin.sources.tally import Tally
+from evertwin.sources.time_unit import TimeGuess, guess, time_column
+
+__all__ = ["inspect"]
+
+
+def inspect(path: Path | str) -> Info:
+    """Everything about a recording that one pass can tell; memory stays bounded.
+
+    Raises:
+        DataError: not a recording, or damaged from its first byte on.
+        MissingExtra: the library that reads it is not installed.
+
+    >>> import tempfile
+    >>> file = Path(tempfile.mkdtemp()) / "run.csv"
+    >>> _ = file.write_text("t [s],v [m/s]\\n0,1\\n0.1,2\\n0.2,nan\\n0.2\\n0.3,4\\n")
+    >>> table = inspect(file).tables[0]
+    >>> table.rows, round(table.time.rate), table.columns[1].missing, table.problems
+    (4, 10, 1, {'truncated': 1})
+    """
+    path = Path(path)
+    recording = open_recording(path)
+    files = path.rglob("*") if path.is_dir() else [path]
+    size = sum(file.stat().st_size for file in files if file.is_file())
+    tables = tuple(_table(table) for table in recording.tables)
+    findings = [*recording.notes]
+    for info in tables:
+        findings += table_findings(info)
+        for column in info.columns:
+            findings += column_findings(column, info)
+    return Info(path.name, recording.kind, size, tables, recording.notes, tuple(findings))
+
+
+def _table(table: Table) -> TableInfo:
+    time = time_column(table)
+    numbers = [c for c in table.columns if c.kind in ("number", "boolean") and c != time]
+    stats = [ColumnStatistics() for _ in numbers]
+    clock, tally, unit, count = ClockStatistics(), Tally(), None, 0
+    names = [column.name for column in numbers]
+    for rows in table.rows(names, None if time is None else time.name, strict=False):
+        tally.add(rows.problems)
+        count += len(rows.line)
+        if len(rows.line) == 0:
+            continue
+        for j, column in enumerate(stats):
+            column.add(rows.line, rows.values[:, j])
+        if time is not None:
+            unit = unit or guess(time.name, rows.time[:1000], time.unit)
+            _add_stamps(rows, unit, clock, tally)
+    words = _words(tally)
+    columns = {c.name: _column(c, s, words) for c, s in zip(numbers, stats, strict=True)}
+    listed = tuple(columns.get(c.name, ColumnInfo(c.name, c.kind, c.unit, count, 0, 0))
+                   for c in table.columns)  # fmt: skip
+    described = None if time is None or unit is None else _time(time, unit, clock, tally)
+    return TableInfo(table.name, count, described, listed, tally.counts, tally.lines())
+
+
+def _add_stamps(rows: Rows, unit: TimeGuess, clock: ClockStatistics, tally: Tally) -> None:
+    """Stamps one piece at a time; where a piece holds a word, row by row."""
+    try:
+        t = to_ns(rows.time, unit.unit)
+    except StampError:
+        t = np.array([_stamp(rows.time[i : i + 1], unit.unit) for i in range(len(rows.time))])
+    known = t != NO_STAMP
+    tally.add(Problem("no_stamp", int(at), "no stamp") for at in rows.line[~known])
+    clock.add(rows.line[known], t[known])
+
+
+def _stamp(cell: np.ndarray, unit: str) -> int:
+    try:
+        return int(to_ns(cell, unit)[0])
+    except DataError:
+        return NO_STAMP
+
+
+def _words(tally: Tally) -> dict[str, int]:
+    """Words per column, from the tally's kept examples (at most 20 are kept whole)."""
+    out: dict[str, int] = {}
+    for problem in tally.first.get("text", []):
+        name = problem.detail.rpartition(": ")[0]
+        out[name] = out.get(name, 0) + 1
+    return out
+
+
+def _column(column: Column, s: ColumnStatistics, words: dict[str, int]) -> ColumnInfo:
+    absurd = tuple(s.absurd())
+    extremes = {value for value, _ in absurd} | {v for v, _ in s.lows[:1] + s.highs[:1]}
+    return ColumnInfo(
+        column.name, column.kind, column.unit, s.count, s.missing, s.infinite,
+        words.get(column.name, 0),
+        s.lows[0][0] if s.lows else float("nan"),
+        s.highs[0][0] if s.highs else float("nan"),
+        s.mean, s.std, s.longest, s.longest_line, s.changes, absurd,
+        tuple(sorted(extremes & _SENTINELS)),
+    )  # fmt: skip
+
+
+_SENTINELS = frozenset(
+    {-999.0, -9999.0, -99999.0, 9999.0, 99999.0, 32767.0, -32768.0, 65535.0, 2147483647.0,
+     -2147483648.0, 4294967295.0}
+)  # fmt: skip
+
+
+def _time(column: Column, unit: TimeGuess, clock: ClockStatistics, tally: Tally) -> TimeInfo | None:
+    if clock.rows == 0:
+        return None
+    steps = clock.sample.values
+    low, middle, high = np.quantile(steps, [0.05, 0.5, 0.95]) if len(steps) else (0.0, 0.0, 0.0)
+    gaps = [(s, at) for s, at in clock.longest if s > 5 * middle]
+    longest = gaps[0] if gaps else (0.0, 0)
+    return TimeInfo(
+        column.name, unit.unit, unit.reason, unit.sure, clock.low, clock.high,
+        (clock.high - clock.low) * 1e-9, float(middle), float(low), float(high),
+        float(high - low) / 2, len(gaps), longest[0], longest[1],
+        clock.repeated, clock.backward, tally.counts.get("no_stamp", 0),
+    )  # fmt: skip
