@@ -1,10 +1,10 @@
 """Base inertial parameters: the combinations of a chain's inertias that its torques depend on.
 
 Ten numbers a link are too many: some never reach a torque, others only in sums. The choice made
-here keeps numbers of single links that are independent, from the tip inwards, and leaves the rest
-at their given values; the chosen ones absorb what the rest gets wrong, so they are *not* a link's
-own mass moments. Rotor inertias come first: where a rotor and a link cannot be told apart
-(the first joints), the rotor has it.
+here keeps single numbers whose effects on the torques are independent and as different as possible
+(pivoting) and leaves the rest at their given values; the chosen ones absorb what the rest gets
+wrong, so they are *not* a link's own mass moments. Rotor inertias come first: where a rotor and a
+link cannot be told apart (the first joints), the rotor has it.
 
 Gautier and Khalil, "Direct calculation of minimum set of inertial parameters of serial robots"
 (1990); numerically, by QR: Gautier, "Numerical calculation of the base inertial parameters" (1991).
@@ -16,6 +16,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+import scipy.linalg
 from jaxtyping import Float64
 from numba import njit
 
@@ -39,8 +40,8 @@ def _columns(geometry: Any, flats: Any, u: Any, out: Any) -> None:
 
 
 def body_columns(
-    geometry: Float64[np.ndarray, " g"], flats: tuple[int, ...], u: Float64[np.ndarray, "rows m"]
-) -> Float64[np.ndarray, "rows n k"]:
+    geometry: Float64[np.ndarray, " g"], flats: tuple[int, ...], u: Float64[np.ndarray, "n nu"]
+) -> Float64[np.ndarray, "n ny k"]:
     """Derivative of the joint torques by the inertial numbers at ``flats`` (10·link + number)."""
     out = np.empty((len(u), u.shape[1] // 3, len(flats)))
     _columns(geometry, np.array(flats, dtype=np.int64), np.ascontiguousarray(u), out)
@@ -62,27 +63,19 @@ def _base(packed: bytes, rotor: bool) -> tuple[int, ...]:
     geometry = np.frombuffer(packed).copy()
     n = (len(geometry) - 3) // 13
     u = np.random.default_rng(0).uniform(-2.0, 2.0, (20 * n, 3 * n))
-    order = tuple(BODY * link + k for link in reversed(range(n)) for k in range(BODY))
-    bodies = body_columns(geometry, order, u).reshape(-1, BODY * n)
-    first = _rotors(u, n) if rotor else np.zeros((len(bodies), 0))
-    both = np.concatenate([first, bodies], axis=1)
-    both = both / np.maximum(np.linalg.norm(both, axis=0), 1e-12)
-    found = []
-    # Orthogonalised one by one: a column is kept if the kept ones do not already make it.
-    kept = np.zeros((len(both), 0))
-    for k in range(both.shape[1]):
-        rest = both[:, k]
-        for _ in range(2):
-            rest = rest - kept @ (kept.T @ rest)
-        length = float(np.linalg.norm(rest))
-        if length > 1e-6:
-            kept = np.concatenate([kept, rest[:, None] / length], axis=1)
-            if k >= first.shape[1]:
-                found.append(order[k - first.shape[1]])
-    return tuple(sorted(found))
+    bodies = body_columns(geometry, tuple(range(BODY * n)), u).reshape(-1, BODY * n)
+    whole = np.linalg.norm(bodies)
+    if rotor:
+        first, _ = np.linalg.qr(_rotors(u, n))
+        bodies = bodies - first @ (first.T @ bodies)
+    # Columns of unit length, so that pivoting compares directions and not units.
+    bodies = bodies / np.maximum(np.linalg.norm(bodies, axis=0), 1e-9 * whole)
+    triangle, order = scipy.linalg.qr(bodies, mode="r", pivoting=True)
+    size = np.abs(np.diag(triangle))
+    return tuple(sorted(order[: np.count_nonzero(size > 1e-6 * size[0])].tolist()))
 
 
-def _rotors(u: Float64[np.ndarray, "rows m"], n: int) -> Float64[np.ndarray, "all n"]:
+def _rotors(u: Float64[np.ndarray, "n nu"], n: int) -> Float64[np.ndarray, "all n"]:
     """The columns of the rotor inertias: q̈ of the own joint."""
     columns = np.zeros((len(u), n, n))
     for j in range(n):

@@ -103,7 +103,7 @@ def payload_map(chain: Chain) -> Float64[np.ndarray, "10 10"]:
     return np.stack(columns, axis=1)
 
 
-def tables_of(laws: Sequence[Law], names: tuple[str, ...]) -> Int64[np.ndarray, "n slots"]:
+def tables_of(laws: Sequence[Law], names: tuple[str, ...]) -> Int64[np.ndarray, "ny slots"]:
     """Where in ``p`` each slot of each joint's drive lies, −1 where it has none."""
     tables = np.array([law.table(names, str(j + 1)) for j, law in enumerate(laws)])
     for j in range(len(laws)):
@@ -115,7 +115,7 @@ def tables_of(laws: Sequence[Law], names: tuple[str, ...]) -> Int64[np.ndarray, 
 def context_of(
     chain: Chain,
     base: Sequence[int],
-    tables: Int64[np.ndarray, "n slots"],
+    tables: Int64[np.ndarray, "ny slots"],
     parameters: Parameters,
     addresses: tuple[int, int, int],
 ) -> Int64[np.ndarray, " k"]:

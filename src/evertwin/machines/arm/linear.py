@@ -29,14 +29,14 @@ class Columns(NamedTuple):
     ('places', 'code')
     """
 
-    places: Int64[np.ndarray, "n m"]
+    places: Int64[np.ndarray, "ny m"]
     """Index in ``p``, −1 for an unused place."""
-    code: Int64[np.ndarray, "n m"]
+    code: Int64[np.ndarray, "ny m"]
     """Slot of the drive, or ``BODIES`` + position among the bodies' columns, or −1."""
 
 
 def columns_of(
-    tables: Int64[np.ndarray, "n slots"], base: Sequence[int], first: int, payload: int
+    tables: Int64[np.ndarray, "ny slots"], base: Sequence[int], first: int, payload: int
 ) -> Columns:
     """Columns of every joint.
 

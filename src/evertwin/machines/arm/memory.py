@@ -29,11 +29,13 @@ SCRATCH = 160
 """Reals in one piece of working memory: `JOINTS` joints with ten reals each."""
 JOINTS = 16
 """Joints that a compiled arm can have."""
+MOST = 512
+"""Reals that lie behind one address at most; what is not there is never touched."""
 
 
 def reals(address: int) -> Any:
     """The float64 values that start at ``address``, to be indexed; not bounded."""
-    return ctypes.cast(address, ctypes.POINTER(ctypes.c_double))
+    return np.ctypeslib.as_array((ctypes.c_double * MOST).from_address(int(address)))
 
 
 def scratch() -> Any:

@@ -165,11 +165,11 @@ class Arm:
         return np.array(x, dtype=np.float64)
 
     @cached_property
-    def _tables(self) -> Int64[np.ndarray, "n slots"]:
+    def _tables(self) -> Int64[np.ndarray, "ny slots"]:
         return layout.tables_of(self.laws, self.parameters.names)
 
     @cached_property
-    def _standstill(self) -> Float64[np.ndarray, " n"]:
+    def _standstill(self) -> Float64[np.ndarray, " ny"]:
         return np.array([law.standstill for law in self.laws])
 
     @cached_property
@@ -206,13 +206,13 @@ class Arm:
         return linear.columns_of(self._tables, self.base, first, carried)
 
     @property
-    def columns(self) -> Int64[np.ndarray, "n m"]:
+    def columns(self) -> Int64[np.ndarray, "ny m"]:
         """Index into ``p`` of each joint's regressor columns, −1 where unused."""
         return self._linear.places
 
     def regressor(
         self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
-    ) -> tuple[Outputs, Float64[np.ndarray, "rows n m"]]:
+    ) -> tuple[Outputs, Float64[np.ndarray, "n ny m"]]:
         """Torques of what is not tuned, and the compact regressor."""
         n, p = self.chain.n, np.ascontiguousarray(p)
         u = self._motion(np.ascontiguousarray(u), p)
@@ -237,7 +237,7 @@ class Arm:
         q, v, a = np.split(u, 3, axis=1)
         return np.concatenate([q - late * (v - 0.5 * late * a), v - late * a, a], axis=1)
 
-    def _bodies(self, u: Inputs) -> Float64[np.ndarray, "rows n k"]:
+    def _bodies(self, u: Inputs) -> Float64[np.ndarray, "n ny k"]:
         """Columns of the chosen inertial numbers, then of the payload's."""
         n = self.chain.n
         parts = [body_columns(self.chain.geometry, self.base, u)]

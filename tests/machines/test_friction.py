@@ -1,0 +1,73 @@
+"""Friction laws: features and force agree, names and tables fit, wrong names are refused."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from evertwin.errors import UsageError
+from evertwin.machines import friction
+from evertwin.machines.friction import COLUMNS, INERTIA, Law, features, force
+
+TERMS = ("direction", "stribeck", "root", "load")
+NAMES = [
+    "+".join((switch, *chosen))
+    for switch in ("sign", "tanh")
+    for size in range(5)
+    for chosen in itertools.combinations(TERMS, size)
+]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_force_is_features_times_coefficients(name: str) -> None:
+    law = Law.parse(name)
+    assert str(law) == name
+    items = law.parameters("2")
+    names = tuple(item.name for item in items)
+    table = np.array(law.table(names, "2"))
+    rng = np.random.default_rng(1)
+    linear = [names[i] for i in table[:COLUMNS] if i >= 0]
+    p = np.array([rng.normal() if item.name in linear else item.value for item in items])
+    v, load = rng.uniform(-1, 1, 20), rng.uniform(-50, 50, 20)
+    v[0] = 0.0
+    expected = features(law, v, load) @ p[[i for i in table[:INERTIA] if i >= 0]]
+    pairs = zip(v, load, strict=True)
+    found = [force(table, 0, p, a, b, law.standstill) for a, b in pairs]
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
+    plain = [force.py_func(table, 0, p, a, b, law.standstill) for a, b in zip(v, load, strict=True)]
+    np.testing.assert_array_equal(found, plain)
+
+
+def test_every_term_dissipates() -> None:
+    law = Law.parse("sign+direction+stribeck+root+load")
+    v = np.array([-1.0, -0.01, 0.01, 1.0])
+    columns = features(law, v, np.full(4, -7.0))
+    offset = 3  # pushes one way; Fv_back acts backwards only
+    power = np.delete(columns, offset, axis=1) * v[:, None]
+    assert (power >= 0).all() and (power[0] > 0).all()
+
+
+def test_rungs_lead_up_to_the_law() -> None:
+    law = Law.parse("tanh+direction+load")
+    assert [(r.name, r.add) for r in law.rungs("4")] == [
+        ("direction", ("Fv_back4",)), ("load", ("Fl4",))
+    ]  # fmt: skip
+    assert str(law.without("direction")) == "tanh+load"
+
+
+def test_standstill_counts_as_rest() -> None:
+    assert friction.switch(5e-4, 0.0, 1e-3) == 0.0
+    assert friction.switch(-2e-3, 0.0, 1e-3) == -1.0
+
+
+@pytest.mark.parametrize("name", ["sign+wind", "coulomb", ""])
+def test_unknown_laws_are_refused(name: str) -> None:
+    with pytest.raises(UsageError, match="friction: "):
+        Law.parse(name)
+
+
+def test_shapes_must_be_above_zero() -> None:
+    with pytest.raises(UsageError, match="width > 0"):
+        Law(width=0.0)
