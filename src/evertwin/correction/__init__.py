@@ -1,0 +1,1 @@
+"""Structural correction: terms that make the model do what the machine does."""
