@@ -13,7 +13,7 @@ import struct
 import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, NamedTuple
 
 from evertwin.errors import DataError, MissingExtra
 from evertwin.sources.optional import load
@@ -120,7 +120,7 @@ def _ros1(path: Path) -> Iterator[Message | Cut]:
 
 
 def _ros1_records(
-    file: BinaryIO, connections: dict[int, Connection], depth: int
+    file: io.BufferedIOBase, connections: dict[int, Connection], depth: int
 ) -> Iterator[Message]:
     """Records of the bag format 2.0: header length, header, data length, data."""
     while True:
@@ -140,7 +140,7 @@ def _ros1_records(
             yield from _ros1_records(_ros1_chunk(header, data), connections, 1)
 
 
-def _ros1_chunk(header: dict[bytes, bytes], data: bytes) -> BinaryIO:
+def _ros1_chunk(header: dict[bytes, bytes], data: bytes) -> io.BufferedIOBase:
     size = _size(header[b"size"])
     unpack: dict[bytes, Callable[[bytes], bytes]] = {
         b"none": bytes,
@@ -174,7 +174,7 @@ def _size(four: bytes) -> int:
     return number
 
 
-def _exactly(file: BinaryIO, size: int) -> bytes:
+def _exactly(file: io.BufferedIOBase, size: int) -> bytes:
     data = file.read(size)
     if len(data) < size:
         raise EOFError(f"{len(data)} bytes left of a record of {size}")
@@ -185,7 +185,9 @@ def _db3(path: Path) -> Iterator[Message | Cut]:
     """A ROS 2 database, opened read-only, so that nothing is written beside it."""
     link = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
     try:
-        connections = {row[0]: Connection(row[1], row[2], row[3], "") for row in _topics(link)}
+        connections = {
+            row[0]: Connection(row[1], row[2], row[3], "") for row in _topics(link, path)
+        }
         query = "SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp, id"
         for topic, stamp, data in link.execute(query):
             yield Message(connections[topic], int(stamp), bytes(data))
@@ -195,8 +197,10 @@ def _db3(path: Path) -> Iterator[Message | Cut]:
         link.close()
 
 
-def _topics(link: sqlite3.Connection) -> list[tuple[int, str, str, str]]:
+def _topics(link: sqlite3.Connection, path: Path) -> list[tuple[int, str, str, str]]:
     try:
         return link.execute("SELECT id, name, type, serialization_format FROM topics").fetchall()
     except sqlite3.Error as error:
-        raise DataError(f"no ROS 2 database ({error}): expected a table 'topics'") from None
+        raise DataError(
+            f"{path.name}: no ROS 2 database ({error}): expected a table 'topics'"
+        ) from None

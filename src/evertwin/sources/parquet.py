@@ -112,9 +112,9 @@ class ParquetTable:
             column = column.cast(arrow.float64())
         if arrow.types.is_boolean(column.type):
             column = column.cast(arrow.uint8())
-        return column.to_numpy(zero_copy_only=False).astype(
-            np.float64 if _kind(column.type) in ("number", "boolean") else None
-        )
+        array = column.to_numpy(zero_copy_only=False)
+        number = _kind(column.type) in ("number", "boolean")
+        return array.astype(np.float64) if number else array
 
     def _stamps(self, batch: Any, name: str) -> Any:
         """Raw stamps; an empty integer must not turn its neighbours into floats."""

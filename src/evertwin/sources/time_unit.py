@@ -32,6 +32,7 @@ _HINTS = {
     "s": {"s", "sec", "secs", "second", "seconds"},
 }
 _DATE = re.compile(rb"\s*\d{4}[-./]\d\d?[-./]\d")
+_NUMBER = re.compile(rb"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$")
 _FIRST, _LAST = 946_684_800, 4_102_444_800
 """The years 2000 and 2100 [s]."""
 
@@ -64,6 +65,8 @@ def guess(heading: str, raw: np.ndarray[Any, Any], stated: str = "") -> TimeGues
     for unit, hints in _HINTS.items():
         if words & hints:
             return TimeGuess(unit, "stated in the heading", True)
+    if raw.dtype.kind == "S":
+        raw = raw[np.array([_NUMBER.match(cell) is not None for cell in raw.tolist()], np.bool_)]
     stamps = to_ns(raw, "ns" if _whole(raw) else "s")
     stamps = stamps[stamps != NO_STAMP]
     if len(stamps) == 0:
