@@ -1,23 +1,46 @@
-"""Tuning: parameters of a model from windows of rows, with intervals and verdicts."""
+"""Tuning: parameters of a model from windows of rows, with intervals and verdicts.
 
+`solve` chooses: closed form where outputs are linear in all tuned parameters, variable projection
+where they are linear in some, SciPy's least squares elsewhere. `ClosedForm` is the prepared fast
+path, `Recursive` the one in the stream, `Iteration` the axis-by-axis rounds, `climb` the ladder.
+"""
+
+from evertwin.tuning.advice import advise, rank_windows
 from evertwin.tuning.closed import ClosedForm, Solution
 from evertwin.tuning.fit import Fit, Residual
 from evertwin.tuning.identifiability import Gate, connected, gate
+from evertwin.tuning.iteration import Iterated, Iteration, Round
+from evertwin.tuning.ladder import Climb, climb, held_out
 from evertwin.tuning.nonlinear import Settings
 from evertwin.tuning.problem import Problem
+from evertwin.tuning.recursive import Recursive, RecursiveRows, RecursiveState
+from evertwin.tuning.schedule import Schedule, weights_from_growth
 from evertwin.tuning.solve import solve
 from evertwin.tuning.statistics import Dependence
 
 __all__ = [
+    "Climb",
     "ClosedForm",
     "Dependence",
     "Fit",
     "Gate",
+    "Iterated",
+    "Iteration",
     "Problem",
+    "Recursive",
+    "RecursiveRows",
+    "RecursiveState",
     "Residual",
+    "Round",
+    "Schedule",
     "Settings",
     "Solution",
+    "advise",
+    "climb",
     "connected",
     "gate",
+    "held_out",
+    "rank_windows",
     "solve",
+    "weights_from_growth",
 ]

@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Float64
 from scipy import stats
 
+from evertwin.tuning.advice import advise
 from evertwin.tuning.fit import Fit, Residual
 from evertwin.tuning.identifiability import Gate, gate
 from evertwin.tuning.problem import Problem
@@ -136,7 +137,7 @@ def assemble(
         interval95=np.stack([values - half, values + half], axis=1),
         covariance=covariance,
         verdict=judged.verdicts,
-        reasons=_reasons(judged, outcome.at_bound, problem.names),
+        reasons=_reasons(problem, judged, outcome.at_bound),
         p=problem.full(values),
         cost=0.5 * float(np.nansum(np.square(r / sigma))),
         outputs=problem.model.outputs.names,
@@ -177,11 +178,26 @@ def _moving(problem: Problem) -> np.ndarray:
     return np.asarray(np.asarray(problem.moving(problem.rows.u)) & problem.rows.used)
 
 
-def _reasons(judged: Gate, at_bound: tuple[str, ...], names: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(
-        "; ".join(filter(None, [reason, "ended on its bound" if name in at_bound else ""]))
-        for name, reason in zip(names, judged.reasons, strict=True)
-    )
+def _reasons(problem: Problem, judged: Gate, at_bound: tuple[str, ...]) -> tuple[str, ...]:
+    """Why each parameter is weak or not identifiable, and what would help."""
+    names, out = problem.names, []
+    cures: dict[str, str] = {}
+    for name, reason in zip(names, judged.reasons, strict=True):
+        parts = [reason, "ended on its bound" if name in at_bound else ""]
+        if "collinear" in reason or "not excited" in reason:
+            if reason not in cures:
+                same = [n for n, r in zip(names, judged.reasons, strict=True) if r == reason]
+                cures[reason] = _cure(problem, same)
+            parts.append(cures[reason])
+        out.append("; ".join(filter(None, parts)))
+    return tuple(out)
+
+
+def _cure(problem: Problem, names: list[str]) -> str:
+    needs = advise(problem.model, names, problem.rows.u)
+    if needs:
+        return f"needs {' and '.join(needs)}"
+    return f"no motion tells them apart: fix one of {', '.join(names)}" if len(names) > 1 else ""
 
 
 def _covariance(

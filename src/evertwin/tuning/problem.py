@@ -213,15 +213,13 @@ class Problem:
     def predict(self, values: Vector) -> Outputs:
         """Filtered predictions of all rows, (n, ny); NaN where the model gave none."""
         p, rows = self.full(values), self.rows
-        x0 = self.model.initial(p)
         if self.linear:
-            y0, phi = self.model.regressor(x0, rows.u, rows.dt, p)  # type: ignore[attr-defined]
+            y0, phi = self._parts
             columns = self.model.columns  # type: ignore[attr-defined]
-            y = y0 + (phi * np.where(columns < 0, 0.0, p[columns])).sum(axis=2)
-        else:
-            restart = Restart(rows.adopts, rows.code, x0)
-            ny = rows.y.shape[1]
-            _, y = roll(self.kernel, x0, rows.u, rows.dt, p, ny, restart)
+            return np.asarray(y0 + (phi * np.where(columns < 0, 0.0, p[columns])).sum(axis=2))
+        x0 = self.model.initial(p)
+        restart = Restart(rows.adopts, rows.code, x0)
+        _, y = roll(self.kernel, x0, rows.u, rows.dt, p, rows.y.shape[1], restart)
         return np.asarray(self.smooth(y, rows.segments))
 
     def residuals(self, values: Vector) -> Outputs:
@@ -237,7 +235,7 @@ class Problem:
         Exact for linear models, else by differences: two roll-outs per parameter.
         """
         if self.linear:
-            return self._linear_jacobian(values)
+            return self._linear_jacobian(len(values))
         out = np.empty((*self.rows.y.shape, len(values)))
         low, high = self.bounds
         for j, step in enumerate(self.steps(values).tolist()):
@@ -262,6 +260,11 @@ class Problem:
         good = np.isfinite(choices) & (choices > 0)
         return np.asarray(choices[np.argmax(good, axis=0), np.arange(len(low))])
 
+    @cached_property
+    def _parts(self) -> tuple[Outputs, Float64[np.ndarray, "n ny m"]]:
+        """`regressor` of a problem that is linear in all: no tuned parameter changes it."""
+        return self.regressor(self.start)
+
     def regressor(self, values: Vector) -> tuple[Outputs, Float64[np.ndarray, "n ny m"]]:
         """Filtered (y0, Phi) of a linear model; y0 holds all that is not in Phi's columns."""
         rows, p = self.rows, self.full(values)
@@ -273,13 +276,13 @@ class Problem:
         both = self.smooth(np.concatenate([y0, phi.reshape(n, ny * m)], axis=1), rows.segments)
         return both[:, :ny].copy(), both[:, ny:].reshape(n, ny, m).copy()
 
-    def _linear_jacobian(self, values: Vector) -> Float64[np.ndarray, "n ny k"]:
-        _, phi = self.regressor(values)
-        out = np.zeros((*self.rows.y.shape, len(values)))
-        for k, row in enumerate(self.model.columns.tolist()):  # type: ignore[attr-defined]
+    def _linear_jacobian(self, k: int) -> Float64[np.ndarray, "n ny k"]:
+        phi = self._parts[1]
+        out = np.zeros((*self.rows.y.shape, k))
+        for o, row in enumerate(self.model.columns.tolist()):  # type: ignore[attr-defined]
             for m, place in enumerate(row):
                 if place in self.places:
-                    out[:, k, np.flatnonzero(self.places == place)[0]] += phi[:, k, m]
+                    out[:, o, np.flatnonzero(self.places == place)[0]] += phi[:, o, m]
         return out
 
 

@@ -26,6 +26,8 @@ BINS = 8
 """Classes of each input, of about equal size."""
 LAGS = 20
 """Lags that the whiteness test looks at."""
+DIRECT = 16
+"""Lags up to which sums are taken one by one; beyond, the spectrum is faster."""
 MOST = 4000
 """Largest lag that an autocorrelation is followed to."""
 
@@ -46,26 +48,43 @@ class Dependence(NamedTuple):
 
 
 def autocorrelation(r: Vector, lags: int) -> Vector:
-    """ρ(0) … ρ(lags) of a residual; NaN counts as zero, (lags + 1,)."""
-    size = 1 << int(2 * len(r) - 1).bit_length()
+    """ρ(0) … ρ(lags) of a residual; NaN is left out, (lags + 1,)."""
     known = ~np.isnan(r)
     centred = np.where(known, r - (np.mean(r[known]) if known.any() else 0.0), 0.0)
-    spectrum = np.abs(np.fft.rfft(centred, size)) ** 2
-    products = np.fft.irfft(spectrum, size)[: lags + 1]
-    pairs = np.fft.irfft(np.abs(np.fft.rfft(known.astype(np.float64), size)) ** 2, size)[: lags + 1]
+    if lags > DIRECT:
+        products, pairs = _products(centred, lags), _products(known.astype(np.float64), lags)
+    else:
+        # Sums without BLAS, whose threads cost more than these short sums.
+        steps = range(1, lags + 1)
+        shifted = [np.einsum("i,i->", centred[h:], centred[: len(r) - h]) for h in steps]
+        products = np.array([np.einsum("i,i->", centred, centred), *shifted])
+        whole = known.all()
+        counts = [len(r) - h if whole else np.sum(known[h:] & known[: len(r) - h]) for h in steps]
+        pairs = np.array([known.sum(), *counts], dtype=np.float64)
     if not products[0] > 0:
         return np.eye(1, lags + 1).reshape(-1)
     mean = products / np.maximum(np.round(pairs), 1.0)
     return np.asarray(mean / mean[0])
 
 
+def _products(values: Vector, lags: int) -> Vector:
+    """Σ_t v(t) v(t + h) for h = 0 … lags, by way of the spectrum."""
+    size = 1 << int(2 * len(values) - 1).bit_length()
+    return np.asarray(np.fft.irfft(np.abs(np.fft.rfft(values, size)) ** 2, size)[: lags + 1])
+
+
 def memory(r: Vector) -> Vector:
     """ρ(0), ρ(1), … up to the last lag before it is lost in its own scatter (2/√n)."""
     n = int(np.count_nonzero(~np.isnan(r)))
-    lags = max(1, min(len(r) // 4, MOST))
-    rho = autocorrelation(r, lags)
-    lost = np.flatnonzero(np.abs(rho) < 2.0 / np.sqrt(max(n, 1)))
-    return np.asarray(rho[: int(lost[0]) if len(lost) else lags + 1])
+    most = max(1, min(len(r) // 4, MOST))
+    border = 2.0 / np.sqrt(max(n, 1))
+    rho, lags = np.ones(1), min(4, most)
+    while True:
+        rho = autocorrelation(r, lags)
+        lost = np.flatnonzero(np.abs(rho) < border)
+        if len(lost) or lags == most:
+            return np.asarray(rho[: int(lost[0]) if len(lost) else lags + 1])
+        lags = min(lags * 16, most)
 
 
 def effective(r: Vector) -> float:
@@ -115,8 +134,9 @@ def dependences(
     classes = [_classes(u[:, j]) for j in range(u.shape[1])]
     found = []
     for k, output in enumerate(outputs):
+        rho = memory(r[:, k])
         tests = [
-            (*_explained(r[:, k], classes[j]), name)
+            (*_explained(r[:, k], classes[j], rho), name)
             for j, name in enumerate(inputs)
             if classes[j].max(initial=0) > 0
         ]
@@ -135,7 +155,7 @@ def _classes(values: Vector) -> np.ndarray:
     return np.searchsorted(edges, values, side="right")
 
 
-def _explained(r: Vector, classes: np.ndarray) -> tuple[float, float]:
+def _explained(r: Vector, classes: np.ndarray, rho: Vector) -> tuple[float, float]:
     """(p, share) of an analysis of variance over classes, with effective rows."""
     known = ~np.isnan(r)
     e, c = r[known], classes[known]
@@ -148,16 +168,16 @@ def _explained(r: Vector, classes: np.ndarray) -> tuple[float, float]:
     means = np.bincount(c, e)[full] / count[full]
     between = float((count[full] * np.square(means - e.mean())).sum())
     share = between / total
-    n = _independent(r, classes)
+    n = _independent(len(e), classes, rho)
     if n <= groups + 1 or share >= 1:
         return 1.0, share
     f = share / (groups - 1) / ((1 - share) / (n - groups))
     return float(stats.f.sf(f, groups - 1, n - groups)), share
 
 
-def _independent(r: Vector, classes: np.ndarray) -> float:
+def _independent(rows: int, classes: np.ndarray, rho: Vector) -> float:
     """Effective rows for a correlation of two series: n / (1 + 2 Σ ρ_r ρ_c)."""
-    rho = memory(r)
+    if len(rho) == 1:
+        return float(rows)
     other = autocorrelation(classes.astype(np.float64), len(rho) - 1)
-    n = float(np.count_nonzero(~np.isnan(r)))
-    return n / max(1.0, 1.0 + 2.0 * float((rho[1:] * other[1:]).sum()))
+    return rows / max(1.0, 1.0 + 2.0 * float((rho[1:] * other[1:]).sum()))

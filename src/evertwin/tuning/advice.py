@@ -1,0 +1,169 @@
+"""What would make a parameter identifiable: extra motion, or a part of the data at hand.
+
+`advise` tries simple changes of each input on the model itself (the other direction, smaller and
+larger values, any value where it is constant) and names those that raise the information most,
+until every direction is determined. Where no motion helps, the parameters cannot be told apart at
+all and it says so. `rank_windows` picks from available data instead: greedily, by the gain in the
+logarithm of the information's determinant (D-optimal design).
+
+>>> from evertwin.models import FunctionModel, Parameters
+>>> from evertwin.signals import Layout
+>>> axis = FunctionModel(lambda x, u, dt, p: ([], [p[0] * np.sign(u[0]) + p[1]]),
+...     Layout.of(speed="rad/s"), Layout.of(torque="Nm"),
+...     parameters=Parameters.of(Fc=(1.0, "Nm"), offset=(0.1, "Nm")))
+>>> advise(axis, ("Fc", "offset"), np.linspace(1, 2, 20)[:, None])
+('speed in both directions (here 1 to 2 rad/s)',)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float64
+
+from evertwin.fold import Block
+from evertwin.models import Model
+from evertwin.tuning.identifiability import NULL, SHARE, SMALL
+from evertwin.tuning.problem import Problem
+from evertwin.types import Inputs, Vector
+
+__all__ = ["advise", "rank_windows"]
+
+ROWS = 300
+"""Rows that the changes are tried on."""
+MOST = 3
+"""Changes named at most."""
+
+
+def advise(model: Model, names: Sequence[str], u: Inputs) -> tuple[str, ...]:
+    """The extra motion that would determine ``names``, in words; empty if nothing helps.
+
+    Args:
+        model: any model; simulated freely from its initial state.
+        names: parameters that the rows do not determine, with those they are entangled with.
+        u: inputs seen, (n, nu).
+    """
+    seen = u[np.isfinite(u).all(axis=1)][:: max(1, len(u) // ROWS)]
+    if not len(seen):
+        return ()
+    rows = _sensitivity(model, names, seen)
+    said: list[str] = []
+    options = {text: _sensitivity(model, names, v) for text, v in _changes(model, seen)}
+    for _ in range(MOST):
+        if _determined(rows) or not options:
+            break
+        best = max(options, key=lambda text: _score(np.concatenate([rows, options[text]])))
+        gained = np.concatenate([rows, options.pop(best)])
+        if _score(gained) < _score(rows) + 0.5:
+            break
+        rows = gained
+        said.append(best)
+    return tuple(said) if _determined(rows) else ()
+
+
+def _changes(model: Model, u: Inputs) -> Iterator[tuple[str, Inputs]]:
+    """Changed inputs, each with its description."""
+    for c, channel in enumerate(model.inputs):
+        low, high = float(u[:, c].min()), float(u[:, c].max())
+        here = f"(here {low:.3g} to {high:.3g} {channel.unit})"
+        other = u.copy()
+        if low == high:
+            reach = min(max(abs(low), 1.0), channel.high)
+            other[:, c] = np.where(np.arange(len(u)) % 2, 1.0, -1.0) * reach
+            yield f"a changing {channel.name} (here constant {low:.3g} {channel.unit})", other
+        else:
+            if low >= 0 or high <= 0:
+                other[:, c] = np.clip(-u[:, c], channel.low, channel.high)
+                yield f"{channel.name} in both directions {here}", other
+            wide = u.copy()
+            factor = np.where(np.arange(len(u)) % 2, 0.3, 2.0)
+            wide[:, c] = np.clip(factor * u[:, c], channel.low, channel.high)
+            yield f"{channel.name} over a wider range {here}", wide
+        if low == high != 0.0:
+            both = u.copy()
+            both[:, c] *= np.linspace(-2.0, 2.0, len(u))
+            yield f"{channel.name} at several values in both directions {here}", both
+
+
+def _sensitivity(model: Model, names: Sequence[str], u: Inputs) -> Any:
+    """Outputs' sensitivity to the named parameters in natural sizes, (n·ny, k)."""
+    p, dt = model.parameters.values, np.full(len(u), 0.05)
+    columns = []
+    for name in names:
+        place = model.parameters.index(name)
+        size = abs(float(p[place])) or 1.0
+        ends = []
+        for sign in (-1.0, 1.0):
+            q = p.copy()
+            q[place] += sign * 1e-4 * size
+            ends.append(model.simulate(model.initial(q), u, dt, q)[1].ravel())
+        columns.append(np.nan_to_num((ends[1] - ends[0]) / 2e-4))
+    return np.stack(columns, axis=1)
+
+
+def _unit(rows: Any) -> Any:
+    length = np.sqrt(np.square(rows).sum(axis=0))
+    return rows / np.where(length > 0, length, 1.0)
+
+
+def _score(rows: Any) -> float:
+    """Log-determinant of the unit columns' information, floored where undetermined."""
+    return float(np.log(np.maximum(np.linalg.eigvalsh(_unit(rows).T @ _unit(rows)), 1e-8)).sum())
+
+
+def _determined(rows: Any) -> bool:
+    """The gate's rule on directions."""
+    unit = _unit(rows)
+    values, vectors = np.linalg.eigh(unit.T @ unit)
+    if values[0] < NULL**2:
+        return False
+    for value, vector in zip(values, vectors.T, strict=True):
+        z2 = np.square(unit @ vector)
+        active = np.count_nonzero(np.abs(unit).sum(axis=1))
+        if value < SMALL**2 and z2.sum() ** 2 / np.square(z2).sum() / active < SHARE:
+            return False
+    return True
+
+
+def rank_windows(
+    problem: Problem, candidates: Sequence[Block], sigma: Vector | None = None
+) -> tuple[tuple[int, float], ...]:
+    """Candidate windows, most informative first: (index, gain in log-determinant when added).
+
+    Args:
+        problem: its windows and prior are what is known already.
+        candidates: parts of production data to choose from.
+        sigma: standard deviation of each output's noise, (ny,); default: the problem's scale or 1.
+    """
+    ny = len(problem.model.outputs)
+    noise = sigma if sigma is not None else problem.scale
+    noise = np.ones(ny) if noise is None else noise
+    known = _information(problem, problem.windows, noise) + np.diag(problem.information)
+    parts = [_information(problem, (window,), noise) for window in candidates]
+    size = np.sqrt(np.diag(known + sum(parts, np.zeros_like(known))))
+    size[size == 0] = 1.0
+    scale = 1.0 / np.outer(size, size)
+    ranked, left = [], list(range(len(parts)))
+    while left:
+        before = _volume(known * scale)
+        gains = [_volume((known + parts[i]) * scale) - before for i in left]
+        at = int(np.argmax(gains))
+        known = known + parts[left[at]]
+        ranked.append((left.pop(at), float(gains[at])))
+    return tuple(ranked)
+
+
+def _information(
+    problem: Problem, windows: tuple[Block, ...], noise: Vector
+) -> Float64[np.ndarray, "k k"]:
+    part = replace(problem, windows=windows)
+    j = np.where(part.rows.used[:, :, None], part.jacobian(part.start), 0.0) / noise[:, None]
+    flat = np.nan_to_num(j.reshape(-1, j.shape[2]))
+    return np.asarray(flat.T @ flat)
+
+
+def _volume(scaled: Any) -> float:
+    return float(np.log(np.maximum(np.linalg.eigvalsh(scaled), 1e-12)).sum())
