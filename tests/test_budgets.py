@@ -20,7 +20,7 @@ PARAMETERS = 6
 LONGER = "# longer than the budget:"
 """A numerical step may exceed BODY_LINES where such a comment in it argues why."""
 
-COMPILED = {"cfunc", "intrinsic", "jit", "njit", "vectorize"}
+COMPILED = {"cfunc", "intrinsic", "jit", "njit", "overload", "vectorize"}
 """Numba's decorators: the signature of such a function is Numba's."""
 
 BROAD_EXCEPT = {
@@ -134,7 +134,11 @@ def test_functions_take_few_parameters() -> None:
         # A compiled function takes its arrays one by one, and step(context, x, u, dt, p, x_next, y)
         # is the C interface of the contract, not the author's choice.
         names = [a.arg for a in f.arguments]
-        fixed = bool(COMPILED & decorators(f.node)) or names[:1] in (["context"], ["_context"], ["_"])
+        fixed = bool(COMPILED & decorators(f.node)) or names[:1] in (
+            ["context"],
+            ["_context"],
+            ["_"],
+        )
         return 0 if fixed or len(names) <= PARAMETERS else len(names)
 
     assert not (found := offenders(too_many)), f"over {PARAMETERS} parameters: {found}"

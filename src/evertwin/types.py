@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int64, UInt8
@@ -37,4 +37,9 @@ StateVector: TypeAlias = Float64[np.ndarray, " nx"]
 ParameterVector: TypeAlias = Float64[np.ndarray, " np"]
 Vector: TypeAlias = Float64[np.ndarray, " k"]
 
-Json: TypeAlias = "None | bool | int | float | str | tuple[Json, ...] | list[Json] | Mapping[str, Json]"
+if TYPE_CHECKING:
+    Json: TypeAlias = (
+        "bool | int | float | str | tuple[Json, ...] | list[Json] | Mapping[str, Json] | None"
+    )
+else:
+    Json = object  # run-time checkers cannot follow a recursive alias

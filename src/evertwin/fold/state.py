@@ -95,6 +95,7 @@ def load(content: bytes, like: S) -> S:
 def _fill(like: object, arrays: dict[str, Any], path: str) -> object:
     if isinstance(like, tuple):
         names = getattr(like, "_fields", range(len(like)))
+        parts: list[Any]
         parts = [_fill(v, arrays, f"{path}.{n}") for n, v in zip(names, like, strict=True)]
         return type(like)(*parts) if hasattr(like, "_fields") else tuple(parts)
     if path not in arrays:

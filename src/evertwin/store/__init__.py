@@ -1,0 +1,8 @@
+"""The record of truth: checkpoints, versions, events, requests, answers, parameter history."""
+
+from evertwin.store.check import check_store
+from evertwin.store.contract import Checkpoint, Store
+from evertwin.store.kinds import Estimate, Kept
+from evertwin.store.sqlite import SqliteStore
+
+__all__ = ["Checkpoint", "Estimate", "Kept", "SqliteStore", "Store", "check_store"]
