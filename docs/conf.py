@@ -19,6 +19,8 @@ extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx_copybutton"]
 source_suffix = {".md": "markdown"}
 exclude_patterns = ["_build"]
 nitpicky = False
+# Two rooms may use one word (Rows, Problem); a reference by the short name then has two targets.
+suppress_warnings = ["ref.python"]
 
 html_theme = "furo"
 html_title = f"evertwin {release}"
