@@ -71,9 +71,11 @@ def parquet(**more: object) -> bytes:
     return buffer.getvalue()
 
 
-def mcap_file(payload: Callable[[int], bytes] | None = None, encoding: str = "json") -> bytes:
+def mcap_file(
+    payload: Callable[[int], bytes] | None = None, encoding: str = "json", chunk: int = 2000
+) -> bytes:
     buffer = io.BytesIO()
-    writer = mcap.writer.Writer(buffer, chunk_size=2000)
+    writer = mcap.writer.Writer(buffer, chunk_size=chunk)
     writer.start()
     schema = writer.register_schema("drive", "jsonschema", b"{}")
     channel = writer.register_channel("/drive", encoding, schema)
@@ -293,7 +295,8 @@ def build(folder: Path) -> dict[str, tuple[bytes, str]]:
         "good.mcap": (mcap_file(), "read"),
         "cut.mcap": (cut(mcap_file(), 0.5), "cut_off"),
         "no_summary.mcap": (cut(mcap_file(), 0.9), "cut_off"),
-        "damaged.mcap": (flipped(mcap_file(), 0.1), "cut_off"),
+        "damaged.mcap": (flipped(mcap_file(), 0.1), "read"),
+        "damaged_chunk.mcap": (flipped(mcap_file(chunk=1 << 20), 0.2), "refused"),
         "head_only.mcap": (mcap_file()[:20], "refused"),
         "protobuf.mcap": (mcap_file(encoding="protobuf"), "refused"),
         "not_json.mcap": (mcap_file(lambda i: b"{"), "refused"),

@@ -128,8 +128,10 @@ def _ros1_records(
         if not head:
             return
         header = _ros1_fields(_exactly(file, _size(head)))
-        data = _exactly(file, _size(file.read(4)))
         code = header[b"op"]
+        size = _size(file.read(4))
+        open_chunk = code == b"\x05" and header.get(b"compression") == b"none"
+        data = file.read(size) if open_chunk else _exactly(file, size)
         if code == b"\x02":
             seconds, nanos = struct.unpack("<II", header[b"time"])
             connection = connections[_size(header[b"conn"])]
@@ -138,6 +140,8 @@ def _ros1_records(
             connections[_size(header[b"conn"])] = _ros1_connection(header, data)
         elif code == b"\x05" and depth == 0:
             yield from _ros1_records(_ros1_chunk(header, data), connections, 1)
+            if len(data) < size:
+                raise EOFError(f"{len(data)} bytes left of a chunk of {size}")
 
 
 def _ros1_chunk(header: dict[bytes, bytes], data: bytes) -> io.BufferedIOBase:

@@ -147,7 +147,8 @@ class Recorded:
                     f"{path.name}: source {self.name!r} takes columns of {len(found)} topics "
                     f"({', '.join(sorted(found))}): give each topic a source of its own"
                 )
-            table = next(t for t in recording.tables if t.name == found.pop())
+            topic = found.pop()
+            table = next(t for t in recording.tables if t.name == topic)
         wanted = [cell.column for cell in self.cells]
         wanted += [] if self.task is None else [self.task]
         numbers = tuple(_column(table, column).name for column in wanted)

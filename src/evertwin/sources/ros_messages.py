@@ -11,6 +11,7 @@ import json
 import math
 import struct
 from collections.abc import Iterator, Mapping
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -33,8 +34,8 @@ class Decoder:
     """
 
     def __init__(self) -> None:
-        self._stores: dict[str, Any] = {}
-        self._known: set[tuple[str, str]] = set()
+        self._own: dict[str, Any] = {}
+        self._known: dict[tuple[str, str], Any] = {}
 
     def decode(self, message: Message) -> Any:
         """The message.
@@ -62,30 +63,32 @@ class Decoder:
             raise DataError(f"damaged message of type {connection.type!r} ({error})") from None
 
     def _store(self, connection: Connection) -> Any:
+        """The standard types, or a store of this decoder's own where the bag defines more."""
+        key = (connection.encoding, connection.type)
+        if key not in self._known:
+            store = _standard(connection.encoding)
+            own = connection.definition.strip() and _full(connection.type) not in store.fielddefs
+            self._known[key] = self._extended(connection) if own else store
+        return self._known[key]
+
+    def _extended(self, connection: Connection) -> Any:
         typesys = load("rosbags.typesys")
         kind = connection.encoding
-        if kind not in self._stores:
-            which = typesys.Stores.ROS1_NOETIC if kind == "ros1" else typesys.Stores.ROS2_HUMBLE
-            self._stores[kind] = typesys.get_typestore(which)
-        store = self._stores[kind]
-        key = (kind, connection.type)
-        if key not in self._known:
-            self._known.add(key)
-            self._register(store, connection)
-        return store
-
-    def _register(self, store: Any, connection: Connection) -> None:
-        """Types that the bag defines itself; standard ones keep their standard definition."""
-        typesys = load("rosbags.typesys")
-        name = _full(connection.type)
-        if not connection.definition.strip() or name in store.fielddefs:
-            return
+        store = self._own.setdefault(kind, _standard.__wrapped__(kind))
         try:
-            types = typesys.get_types_from_msg(connection.definition, name)
-            new = {k: v for k, v in types.items() if k not in store.fielddefs}
-            store.register(new)
+            types = typesys.get_types_from_msg(connection.definition, _full(connection.type))
+            store.register({k: v for k, v in types.items() if k not in store.fielddefs})
         except (typesys.TypesysError, ValueError, KeyError, TypeError, AssertionError) as error:
             raise DataError(f"definition of {connection.type!r}: {error}") from None
+        return store
+
+
+@cache
+def _standard(encoding: str) -> Any:
+    """The standard message types of ROS 1 or ROS 2."""
+    typesys = load("rosbags.typesys")
+    which = typesys.Stores.ROS1_NOETIC if encoding == "ros1" else typesys.Stores.ROS2_HUMBLE
+    return typesys.get_typestore(which)
 
 
 def _serde_errors() -> tuple[type[Exception], ...]:
