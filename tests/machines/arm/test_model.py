@@ -160,6 +160,14 @@ def test_another_law_keeps_what_both_have() -> None:
     np.testing.assert_array_equal(same, before)
 
 
+def test_laws_for_all_joints_keep_their_widths() -> None:
+    arm = Arm.of("ur5_like", law="tanh", width=0.05)
+    richer = arm.with_laws("tanh+load")
+    assert {(str(law), law.width) for law in richer.laws} == {("tanh+load", 0.05)}
+    mixed = arm.with_laws(["sign", "tanh", "sign+load", "tanh", "sign", "sign"])
+    assert [str(law) for law in mixed.laws][:3] == ["sign", "tanh", "sign+load"]
+
+
 def test_an_arm_survives_the_way_into_another_process() -> None:
     arm = planted(Arm.of("ur5_like", law=FULL))
     u, p = motion(3), arm.parameters.values

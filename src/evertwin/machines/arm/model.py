@@ -254,17 +254,26 @@ class Arm:
             for rung in law.rungs(str(j + 1))
         )
 
-    def with_law(self, joint: int, law: Law | str) -> Arm:
-        """The same arm with another friction law at one joint (counted from 0).
+    def with_laws(self, laws: Law | str | Sequence[Law | str]) -> Arm:
+        """The same arm with another friction law at all joints, or with one for each.
 
         Parameters that both have keep their values and settings.
         """
-        laws = list(self.laws)
-        laws[joint] = Law.parse(law) if isinstance(law, str) else law
-        bare = replace(self, laws=tuple(laws), parameters=Parameters())
+        given = [laws] * self.chain.n if isinstance(laws, Law | str) else list(laws)
+        shaped = [
+            replace(old, **_terms(law)) if isinstance(law, str) else law
+            for old, law in zip(self.laws, given, strict=True)
+        ]
+        bare = replace(self, laws=tuple(shaped), parameters=Parameters())
         old = {item.name: item for item in self.parameters}
         kept = Parameters(tuple(old.get(item.name, item) for item in bare.parameters))
         return replace(bare, parameters=kept)
+
+    def with_law(self, joint: int, law: Law | str) -> Arm:
+        """The same arm with another friction law at one joint (counted from 0)."""
+        laws: list[Law | str] = list(self.laws)
+        laws[joint] = law
+        return self.with_laws(laws)
 
     def moving(self, threshold: float = 0.05) -> Any:
         """``moving(u) -> bool (n, ny)``: where a joint is faster than ``threshold`` [rad/s]."""
@@ -274,3 +283,11 @@ class Arm:
             return np.abs(u[:, n : 2 * n]) > threshold
 
         return faster
+
+
+def _terms(law: str) -> dict[str, Any]:
+    """Switch and terms of a law's name; widths stay as they are."""
+    parsed = Law.parse(law)
+    return {
+        key: getattr(parsed, key) for key in ("switch", "direction", "stribeck", "root", "load")
+    }
