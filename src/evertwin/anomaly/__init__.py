@@ -1,0 +1,42 @@
+"""Anomaly: is this deviation usual, and if not, have the parameters moved or is the form wrong?
+
+`Cusum` (limits from false alarms per month), `SnrLimit` and `Drift` watch residuals, phase by
+phase; `branch` reads a tuned window.
+"""
+
+from evertwin.anomaly.branch import Rule, Verdict, branch, explained
+from evertwin.anomaly.calibration import Calibrated, Calibration, Calm, blank, calibrate
+from evertwin.anomaly.cusum import Cusum, CusumState
+from evertwin.anomaly.drift import Drift, DriftState
+from evertwin.anomaly.phases import PhaseState, PhaseStats, Regimes, TaskSteps
+from evertwin.anomaly.residuals import Alarms, Residuals
+from evertwin.anomaly.score import Score, always, never, score
+from evertwin.anomaly.snr import SnrLimit, SnrState
+
+__all__ = [
+    "Alarms",
+    "Calibrated",
+    "Calibration",
+    "Calm",
+    "Cusum",
+    "CusumState",
+    "Drift",
+    "DriftState",
+    "PhaseState",
+    "PhaseStats",
+    "Regimes",
+    "Residuals",
+    "Rule",
+    "Score",
+    "SnrLimit",
+    "SnrState",
+    "TaskSteps",
+    "Verdict",
+    "always",
+    "blank",
+    "branch",
+    "calibrate",
+    "explained",
+    "never",
+    "score",
+]

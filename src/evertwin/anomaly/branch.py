@@ -1,0 +1,198 @@
+"""Normal or abnormal? Tested, not guessed.
+
+A deviation was suspected, and the window was tuned. The answer is read from what is left:
+
+* the tuned residual is independent of the inputs: the parameters had moved, *normal*;
+* it still depends on the inputs, or tuning had to leave the bounds: the form is wrong, *abnormal*.
+
+Dependence is tested on each input and on its change since the prediction began (a missing lag shows
+there), with as many effective rows as the residual's memory leaves. With enough rows any model
+fails such a test, so size counts too: the part of the *first* deviation that inputs still explain,
+share of the tuned residual times what tuning left, has to reach ``part``.
+
+Competing refits name the cause: each tunes its own parameters on the same window, and the one that
+explains the larger share of the deviation is the cause, if it explains enough and leads clearly.
+What counts as a parameter is the twin file's choice: a cause whose parameters are not editable is
+*abnormal*, however well it fits.
+
+>>> import numpy as np
+>>> from evertwin.fold import make_block
+>>> from evertwin.models import FunctionModel, Parameters
+>>> from evertwin.signals import Layout
+>>> from evertwin.tuning import Problem, solve
+>>> gain = FunctionModel(lambda x, u, dt, p: ([], [p[0] * u[0]]), Layout.of(v="m/s"),
+...     Layout.of(speed="m/s"), parameters=Parameters.of(gain=(1.0, "1")))
+>>> rng = np.random.default_rng(0)
+>>> v = rng.uniform(0, 0.2, (400, 1))
+>>> def judged(speed):
+...     noisy = speed + rng.normal(0, 0.002, (400, 1))
+...     problem = Problem(gain, (make_block(t=np.arange(400), u=v, y=noisy),))
+...     return branch(solve(problem), problem).kind
+>>> judged(1.1 * v), judged(np.where(v < 0.06, 0.0, v))
+('normal', 'abnormal')
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from evertwin.fold import plain
+from evertwin.models.kernel import CONTINUE
+from evertwin.tuning import Dependence, Fit, Problem
+from evertwin.tuning.statistics import dependences
+from evertwin.types import Inputs, Json
+
+__all__ = ["Rule", "Verdict", "branch", "explained"]
+
+
+@dataclass(frozen=True)
+class Rule:
+    """When a residual still depends on an input, and when a cause has a name.
+
+    >>> Rule().part
+    0.05
+    """
+
+    chance: float = 0.01
+    """Largest probability that the dependence is chance."""
+    part: float = 0.05
+    """Least part of the first deviation that an input still explains after tuning."""
+    enough: float = 0.5
+    """Share of the deviation that a cause has to explain."""
+    lead: float = 0.1
+    """Share by which it has to lead."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Normal or abnormal, with its cause and evidence.
+
+    >>> Verdict("normal", "friction", "friction explains 91 % of the deviation").kind
+    'normal'
+    """
+
+    kind: str
+    """normal: the parameters had moved. abnormal: the form is wrong."""
+    cause: str
+    """Name of the refit that explains the deviation; empty where none does."""
+    reason: str
+    shares: Mapping[str, float] = field(default_factory=dict)
+    """Share of the deviation that each refit explains."""
+    evidence: Mapping[str, Json] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "evidence", plain(self.evidence))
+
+
+def branch(
+    fit: Fit,
+    problem: Problem,
+    refits: Mapping[str, Fit] | None = None,
+    editable: frozenset[str] | None = None,
+    rule: Rule | None = None,
+) -> Verdict:
+    """The verdict on a tuned window.
+
+    Args:
+        fit: the tuning of what may be tuned.
+        problem: what it was tuned on.
+        refits: cause → tuning of that cause's parameters on the same window, from the same start.
+        editable: names of the parameters that may be tuned; default: those of the problem.
+        rule: limits of the tests.
+    """
+    rule = rule or Rule()
+    allowed = frozenset(problem.names) if editable is None else editable
+    shares = {name: explained(refit, fit.noise) for name, refit in (refits or {}).items()}
+    cause = _cause(shares, rule)
+    left = 1.0 - explained(fit, fit.noise)
+    worst, part = _dependence(fit, problem, rule)
+    evidence: dict[str, Any] = {
+        "explained": 1.0 - left,
+        "shares": shares,
+        "dependence": worst and worst._asdict(),
+        "part": part,
+        "white": {r.output: r.whiteness for r in fit.residuals},
+        "at_bound": fit.at_bound,
+        "converged": fit.converged,
+    }
+
+    def verdict(kind: str, reason: str) -> Verdict:
+        return Verdict(kind, cause, reason, shares, evidence)
+
+    if cause:
+        named = f"{cause} explains {100 * shares[cause]:.0f} % of the deviation"
+        foreign = [name for name in (refits or {})[cause].names if name not in allowed]
+        if foreign:
+            return verdict("abnormal", f"{named}, and {', '.join(foreign)} may not be tuned")
+    if not fit.converged:
+        return verdict("abnormal", f"tuning found no parameters: {fit.message}")
+    if fit.at_bound:
+        return verdict("abnormal", f"tuning drives {', '.join(fit.at_bound)} to a bound")
+    if worst is not None:
+        return verdict(
+            "abnormal",
+            f"after tuning {worst.output} still depends on {worst.input}: it explains "
+            f"{100 * worst.share:.0f} % of what is left, {100 * part:.0f} % of the deviation",
+        )
+    if cause:
+        return verdict("normal", named)
+    return verdict(
+        "normal",
+        f"tuning explains {100 * (1.0 - left):.0f} % of the deviation, and no input explains "
+        "what is left",
+    )
+
+
+def explained(fit: Fit, noise: np.ndarray) -> float:
+    """Share of the sum of squares that a fit takes away, outputs weighted by their ``noise``."""
+    weight = 1.0 / np.where(noise > 0, noise, 1.0) ** 2
+    rows = np.array([r.rows for r in fit.residuals], dtype=np.float64)
+    before = np.array([r.rms_before for r in fit.residuals]) ** 2 * rows
+    after = np.array([r.rms_after for r in fit.residuals]) ** 2 * rows
+    total = float(np.nansum(weight * before))
+    return 1.0 - float(np.nansum(weight * after)) / total if total > 0 else 0.0
+
+
+def _cause(shares: Mapping[str, float], rule: Rule) -> str:
+    """The refit that explains enough and leads clearly; empty if there is none."""
+    ranked = sorted(shares, key=lambda name: -shares[name])
+    if not ranked or shares[ranked[0]] < rule.enough:
+        return ""
+    if len(ranked) > 1 and shares[ranked[0]] - shares[ranked[1]] < rule.lead:
+        return ""
+    return ranked[0]
+
+
+def _dependence(fit: Fit, problem: Problem, rule: Rule) -> tuple[Dependence | None, float]:
+    """The dependence that weighs most, None if none counts; and its part of the deviation."""
+    rows, model = problem.rows, problem.model
+    residual = problem.residuals(fit.values)
+    names = model.inputs.names
+    found = dependences(
+        np.where(rows.used, residual, np.nan),
+        np.column_stack([rows.u, _change(rows.u, rows.code)]),
+        model.outputs.names,
+        (*names, *(f"change of {name}" for name in names)),
+    )
+    before = {r.output: r.rms_before for r in fit.residuals}
+    after = {r.output: r.rms_after for r in fit.residuals}
+    worst, most = None, 0.0
+    for one in found:
+        if not (one.p <= rule.chance and before[one.output] > 0):
+            continue
+        part = one.share * (after[one.output] / before[one.output]) ** 2
+        if part >= max(rule.part, most):
+            worst, most = one, part
+    return worst, most
+
+
+def _change(u: Inputs, code: np.ndarray) -> Inputs:
+    """Inputs less those where the prediction began; less those of the row before if static."""
+    if (code == CONTINUE).all():
+        return np.diff(u, axis=0, prepend=u[:1])
+    began = np.maximum.accumulate(np.where(code != CONTINUE, np.arange(len(code)), 0))
+    return np.asarray(u - u[began])

@@ -1,0 +1,206 @@
+"""The calibrated CUSUM: a lasting shift of the residual, found within a set number of false alarms.
+
+A stage of the stream. Until it is calibrated it collects calm rows and tries after 1, 2, 4, …
+times the least number of samples; while that fails the state says "not calibrated yet", as an
+event with its reason. It may also start from a calibration made elsewhere (`Cusum.begin`).
+One event tells the begin of each excursion; an excursion ends after ``quiet`` samples without
+alarm.
+
+>>> rng = np.random.default_rng(0)
+>>> detector = Cusum(("speed",), Calm())
+>>> r = rng.normal(size=(3000, 1))
+>>> r[2500:] += 4.0
+>>> state, out = detector.step(detector.init(), Residuals.of(r, interval=3.0))
+>>> [(event.kind, event.row) for event in out.records]
+[('suspected', 2503)]
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float64, Int64
+from numba import njit
+
+from evertwin.anomaly.calibration import Calibration, Calm, blank, calibrate
+from evertwin.anomaly.residuals import Alarms, Residuals
+from evertwin.errors import UsageError
+from evertwin.fold import Event, Out
+
+__all__ = ["Cusum", "CusumState"]
+
+
+class CusumState(NamedTuple):
+    """The calibration, the running sums, and the calm rows collected so far.
+
+    >>> CusumState._fields[0]
+    'calibration'
+    """
+
+    calibration: Calibration
+    past: Float64[np.ndarray, "ny orders"]
+    """Last standardised residuals, latest first."""
+    sums: Float64[np.ndarray, "ny 2"]
+    """Up and down."""
+    seen: Int64[np.ndarray, "ny 2"]
+    """Samples in ``past``; samples since the last alarm (−1: no excursion)."""
+    calm: Residuals
+    """Rows collected for calibrating, up to a fixed capacity."""
+    collected: int
+
+
+@njit(cache=True)
+def watch(
+    r: Any, phase: Any, mean: Any, scale: Any, ar: Any, sigma: Any, limit: Any, k: float,
+    clip: float, quiet: int, past: Any, sums: Any, seen: Any, alarm: Any, statistic: Any,
+    begins: Any,
+) -> None:  # fmt: skip
+    """Rows through whitening and CUSUM; ``begins`` marks where an excursion starts."""
+    orders = ar.shape[1]
+    for i in range(r.shape[0]):
+        for j in range(r.shape[1]):
+            x = r[i, j]
+            statistic[i, j] = max(sums[j, 0], sums[j, 1]) / limit[j]
+            if x != x:
+                continue
+            z = (x - mean[phase[i], j]) / scale[phase[i], j]
+            e = z
+            for m in range(orders):
+                e -= ar[j, m] * past[j, m]
+            for m in range(orders - 1, 0, -1):
+                past[j, m] = past[j, m - 1]
+            if orders > 0:
+                past[j, 0] = z
+            if seen[j, 1] >= 0:
+                seen[j, 1] = -1 if seen[j, 1] >= quiet else seen[j, 1] + 1
+            if seen[j, 0] < orders:
+                seen[j, 0] += 1
+                continue
+            e = min(max(e / sigma[j], -clip), clip)
+            sums[j, 0] = max(0.0, sums[j, 0] + e - k)
+            sums[j, 1] = max(0.0, sums[j, 1] - e - k)
+            statistic[i, j] = max(sums[j, 0], sums[j, 1]) / limit[j]
+            if statistic[i, j] > 1.0:
+                alarm[i, j] = 1 if sums[j, 0] > sums[j, 1] else -1
+                begins[i, j] = seen[j, 1] < 0
+                sums[j, :] = 0.0
+                seen[j, 1] = 0
+
+
+@dataclass(frozen=True)
+class Cusum:
+    """The detector of lasting shifts. See the module.
+
+    >>> Cusum(("force",)).init().calibration.ready
+    False
+    """
+
+    names: tuple[str, ...]
+    """Names of the outputs, for events."""
+    calm: Calm = Calm()
+    phases: int = 1
+    capacity: int = 1 << 14
+    """Most rows kept for calibrating; when they do not suffice the older half is dropped."""
+    quiet: int = 100
+    """Samples without alarm that end an excursion."""
+
+    def __post_init__(self) -> None:
+        if self.capacity < 2 * self.calm.least:
+            raise UsageError(
+                f"cusum: expected a capacity of at least twice {self.calm.least} samples, got "
+                f"{self.capacity}"
+            )
+
+    def init(self) -> CusumState:
+        """Not calibrated yet, nothing collected."""
+        ny = len(self.names)
+        empty = np.zeros(self.capacity, dtype=np.int64)
+        return CusumState(
+            blank(self.phases, ny, self.calm.orders),
+            np.zeros((ny, self.calm.orders)),
+            np.zeros((ny, 2)),
+            np.tile(np.array([0, -1], dtype=np.int64), (ny, 1)),
+            Residuals(empty, empty.copy(), np.zeros((self.capacity, ny)), empty.copy()),
+            0,
+        )
+
+    def begin(self, calibration: Calibration) -> CusumState:
+        """The state that starts from a calibration on other data."""
+        return self.init()._replace(calibration=calibration)
+
+    def on(self, state: CusumState) -> tuple[str, ...]:
+        """Names of the outputs that are in an excursion now."""
+        return tuple(name for name, seen in zip(self.names, state.seen[:, 1]) if seen >= 0)
+
+    def restart(self, state: CusumState) -> CusumState:
+        """The same calibration, sums and memory cleared: after the model has changed."""
+        return self.begin(state.calibration)
+
+    def step(self, state: CusumState, block: Residuals) -> tuple[CusumState, Out]:
+        """Rows of `Alarms`, and an event per excursion. Consumes ``state``."""
+        n = len(block.row)
+        rows = Alarms(
+            block.row, np.zeros(block.r.shape, dtype=np.int8), np.full(block.r.shape, np.nan)
+        )
+        records: list[Event] = []
+        at = 0
+        while at < n:
+            if state.calibration.ready:
+                state = self._watch(state, block, rows, at, records)
+                break
+            state, at = self._collect(state, block, at, records)
+        return state, Out(rows, tuple(records))
+
+    def _watch(
+        self, state: CusumState, block: Residuals, rows: Alarms, at: int, records: list[Event]
+    ) -> CusumState:
+        part = block.take(at, len(block.row))
+        known, begins = state.calibration, np.zeros(part.r.shape, dtype=np.bool_)
+        watch(
+            part.r, part.phase, known.mean, known.scale, known.ar, known.sigma, known.limit,
+            0.5 * self.calm.shift, self.calm.clip, self.quiet, state.past, state.sums, state.seen,
+            rows.alarm[at:], rows.statistic[at:], begins,
+        )  # fmt: skip
+        for i, j in np.argwhere(begins).tolist():
+            word = "above" if rows.alarm[at + i, j] > 0 else "below"
+            records.append(
+                Event(
+                    int(part.row[i]), int(part.t[i]), "suspected", self.names[j],
+                    f"the residual stays {word} what is calm: "
+                    f"CUSUM {rows.statistic[at + i, j]:.2f} times its limit",
+                    {"statistic": float(rows.statistic[at + i, j]), "limit": float(known.limit[j]),
+                     "residual": float(part.r[i, j]), "phase": int(part.phase[i])},
+                )
+            )  # fmt: skip
+        return state
+
+    def _collect(
+        self, state: CusumState, block: Residuals, at: int, records: list[Event]
+    ) -> tuple[CusumState, int]:
+        """Takes rows up to the next attempt; there it calibrates."""
+        have = state.collected
+        goal = self.calm.least
+        while goal <= have:
+            goal *= 2
+        goal = min(goal, self.capacity)
+        stop = min(at + goal - have, len(block.row))
+        for kept, new in zip(state.calm, block, strict=True):
+            kept[have : have + stop - at] = new[at:stop]
+        have += stop - at
+        if have < goal:
+            return state._replace(collected=have), stop
+        found, reason = calibrate(state.calm.take(0, have), self.calm, self.phases)
+        if not reason:
+            return self.begin(found), stop
+        last = block.take(stop - 1, stop)
+        records.append(
+            Event(int(last.row[0]), int(last.t[0]), "not_calibrated", "", reason, {"rows": have})
+        )
+        if have == self.capacity:
+            half = have // 2
+            for kept in state.calm:
+                kept[:half] = kept[half:have].copy()
+            have = half
+        return state._replace(collected=have), stop

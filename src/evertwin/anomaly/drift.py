@@ -1,0 +1,132 @@
+"""Drift: is the model about to leave the range it is valid in?
+
+Two ADWIN windows per output, on the innovation (has its mean moved?) and on its size (has its
+spread changed?), fed with predictions over one horizon, which the twin's own updates cannot hide.
+The residual is standardised and whitened by a calibration, so that one ``delta`` serves all
+outputs: ADWIN's bound is for independent samples.
+
+>>> from evertwin.anomaly.calibration import Calm, calibrate
+>>> rng = np.random.default_rng(0)
+>>> calm = calibrate(Residuals.of(rng.normal(size=(2000, 1)), 1.0), Calm()).calibration
+>>> r = rng.normal(size=(4000, 1)); r[2000:] *= 2.0
+>>> detector = Drift(("x",))
+>>> state, out = detector.step(detector.begin(calm), Residuals.of(r, 1.0))
+>>> [(event.kind, event.evidence["of"]) for event in out.records][:1]
+[('drift', 'spread')]
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float64, Int64
+from numba import njit
+
+from evertwin.anomaly import adwin
+from evertwin.anomaly.adwin import LEVELS, TOTAL, WIDTH, add
+from evertwin.anomaly.calibration import Calibration, blank
+from evertwin.anomaly.residuals import Residuals
+from evertwin.fold import Event, Out
+
+__all__ = ["Drift", "DriftState"]
+
+KINDS = ("mean", "spread")
+USUAL = float(np.sqrt(2.0 / np.pi))
+"""Mean size of a normal innovation."""
+
+
+class DriftState(NamedTuple):
+    """The calibration, the past for whitening, and the windows.
+
+    >>> DriftState._fields
+    ('calibration', 'past', 'seen', 'windows')
+    """
+
+    calibration: Calibration
+    past: Float64[np.ndarray, "ny orders"]
+    seen: Int64[np.ndarray, " ny"]
+    windows: Float64[np.ndarray, "windows levels columns"]
+    """Mean and spread of each output in turn."""
+
+
+@njit(cache=True)
+def watch(
+    r: Any, phase: Any, mean: Any, scale: Any, ar: Any, sigma: Any, clip: float, delta: float,
+    past: Any, seen: Any, windows: Any, level: Any,
+) -> None:  # fmt: skip
+    """Rows through whitening and both windows; ``level`` (n, 2·ny) gets the new means."""
+    orders = ar.shape[1]
+    for i in range(r.shape[0]):
+        for j in range(r.shape[1]):
+            if r[i, j] != r[i, j]:
+                continue
+            z = (r[i, j] - mean[phase[i], j]) / scale[phase[i], j]
+            e = z
+            for m in range(orders):
+                e -= ar[j, m] * past[j, m]
+            for m in range(orders - 1, 0, -1):
+                past[j, m] = past[j, m - 1]
+            if orders > 0:
+                past[j, 0] = z
+            seen[j] += 1
+            if seen[j] <= orders:
+                continue
+            e = min(max(e / sigma[j], -clip), clip)
+            for m in range(2):
+                window = windows[2 * j + m]
+                if add(window, e if m == 0 else abs(e), delta):
+                    level[i, 2 * j + m] = window[LEVELS, TOTAL] / window[LEVELS, WIDTH]
+
+
+@dataclass(frozen=True)
+class Drift:
+    """The drift detector. See the module.
+
+    >>> Drift(("a", "b")).init().windows.shape[0]
+    4
+    """
+
+    names: tuple[str, ...]
+    delta: float = 1e-4
+    """Chance of a false cut, per test of one window."""
+    clip: float = 8.0
+    phases: int = 1
+    orders: int = 8
+    """As in the calibration."""
+
+    def init(self) -> DriftState:
+        """Not calibrated: silent."""
+        return self.begin(blank(self.phases, len(self.names), self.orders))
+
+    def begin(self, calibration: Calibration) -> DriftState:
+        """The state that starts from a calibration."""
+        ny = len(self.names)
+        return DriftState(
+            calibration, np.zeros((ny, self.orders)), np.zeros(ny, dtype=np.int64),
+            adwin.new(2 * ny),
+        )  # fmt: skip
+
+    def step(self, state: DriftState, block: Residuals) -> tuple[DriftState, Out]:
+        """Events ``drift`` with what has changed and to which value. Consumes ``state``."""
+        known = state.calibration
+        if not known.ready:
+            return state, Out()
+        level = np.full((len(block.row), 2 * len(self.names)), np.nan)
+        watch(
+            block.r, block.phase, known.mean, known.scale, known.ar, known.sigma, self.clip,
+            self.delta, state.past, state.seen, state.windows, level,
+        )  # fmt: skip
+        places = np.argwhere(np.isfinite(level))
+        return state, Out(records=tuple(self._event(block, level, *place) for place in places))
+
+    def _event(self, block: Residuals, level: np.ndarray, row: int, column: int) -> Event:
+        kind, value = KINDS[column % 2], float(level[row, column])
+        usual = 0.0 if kind == "mean" else USUAL
+        return Event(
+            int(block.row[row]), int(block.t[row]), "drift", self.names[column // 2],
+            f"the {kind} of the residual has moved to {value:.2f} standard deviations, calm is "
+            f"{usual:.2f}",
+            {"of": kind, "value": value, "usual": usual, "delta": self.delta},
+        )  # fmt: skip
