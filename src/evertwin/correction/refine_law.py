@@ -1,0 +1,272 @@
+"""Refinement: a learned table becomes a continuous law with a lag.
+
+The table brings the deviation "below the anomaly level", model tuning then takes out the
+quantisation (Müller, Jazdi, Weyrich, "Self-improving Models for the Intelligent Digital Twin",
+section 3). The law is
+
+    v = min(gain·|u| + offset, cap), with the sign of u, then a first-order lag τ
+
+in three variants: as it stands; with a dead zone (v = 0 up to a threshold); with a clamp (v never
+below a threshold). All numbers of a variant are fitted together, the lag among them, since a law
+fitted without it takes the lag's transients for its own. A dead zone's end cannot be found by
+slopes, so every command that was seen near the table's own edge is tried; the largest one at which
+the machine stood still wins. The variants have different numbers of parameters: the Bayesian
+information criterion, n·ln(Σr²/n) + k·ln n, decides between them.
+
+>>> from evertwin.correction.sarsa import learn_table
+>>> from evertwin.correction.sarsa_settings import SarsaSettings
+>>> from evertwin.fold import make_block
+>>> from evertwin.machines.mobile import Robot1D
+>>> command = np.repeat(np.arange(1, 21) * 0.01, 5)
+>>> effect = np.where(command <= 0.06, 0.0, np.minimum(0.97 * command + 0.002, 0.16))
+>>> noise = np.random.default_rng(0).normal(0.0, 0.001, 100)
+>>> rows = make_block(t=np.arange(100) * 10**9, u=command[:, None],
+...     y=(np.cumsum(effect) + noise)[:, None])
+>>> robot = Robot1D()
+>>> p = robot.parameters.values
+>>> found = refine_law(robot, p, (rows,), learn_table(robot, p, (rows,), SarsaSettings("v")), 1.0)
+>>> found.variant, round(found.threshold, 3), round(found.cap, 2)
+('dead zone', 0.06, 0.16)
+>>> found.describes[0]
+'v: start threshold 0.06 m/s (dead zone)'
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from jaxtyping import Float64
+from scipy.optimize import least_squares
+
+from evertwin.correction.ranges import inputs_of, quiet_level
+from evertwin.correction.sarsa_table import Table
+from evertwin.errors import DataError
+from evertwin.fold import Block
+from evertwin.models import Kernel, Model, Restart, roll
+from evertwin.models.corrected import Corrected, Term
+from evertwin.sync import residuals, restarts
+from evertwin.types import ParameterVector, Vector
+
+__all__ = ["Refined", "refine_law"]
+
+TRIED = 16
+"""Most dead-zone thresholds that are tried at once."""
+LEAST = 12
+"""Fewest residuals to fit on."""
+VARIANTS = ("", "dead zone", "clamp")
+Numbers: TypeAlias = Float64[np.ndarray, " numbers"]
+"""[threshold,] gain, offset, cap, tau."""
+
+
+@dataclass(frozen=True)
+class Refined:
+    """A law with a lag in the place of a table.
+
+    >>> Refined((), {}, "", 0.0, 1.0, 0.1, {}, 0.0, 0, ()).tau
+    0.1
+    """
+
+    terms: tuple[Term, ...]
+    """The law and the lag, to be put on the original model in this order."""
+    values: Mapping[str, float]
+    """Parameters of both, by name."""
+    variant: str
+    """``dead zone``, ``clamp``, or empty for neither."""
+    threshold: float
+    """Start threshold in the channel's unit; 0 without one."""
+    cap: float
+    """Saturation in the channel's unit; infinite if the commands do not reach it."""
+    tau: float
+    """Time constant of the lag [s]."""
+    criterion: Mapping[str, float]
+    """Bayesian information criterion of the best fit per variant; the least won."""
+    rms: float
+    """Rms of the residuals over one horizon, in the outputs' unit."""
+    evaluations: int
+    describes: tuple[str, ...]
+    """What was found, in plain words."""
+
+
+class _Fit(NamedTuple):
+    """One fitted variant."""
+
+    criterion: float
+    variant: str
+    q: Numbers
+    evaluations: int
+    squares: float
+
+
+def refine_law(
+    model: Model,
+    p: ParameterVector,
+    windows: Sequence[Block],
+    table: Table,
+    horizon: float,
+) -> Refined:
+    """The law and lag that predict best over one horizon from the measured state.
+
+    Args:
+        model: the original model, whose input ``table.channel`` is translated.
+        p: its parameters, (np,).
+        windows: recorded rows.
+        table: what SARSA found: where the search starts.
+        horizon: length of a prediction [s].
+
+    Raises:
+        DataError: fewer than 12 residuals.
+    """
+    trials = {v: _Trial(model, p, tuple(windows), table, horizon, v) for v in VARIANTS}
+    rows = trials[""].residual(trials[""].start(0.0)).size
+    if rows < LEAST:
+        raise DataError(
+            f"refinement: expected at least {LEAST} predicted rows, got {rows}: record more"
+        )
+    fits = [trials[""].fit(0.0)]
+    thresholds = _thresholds(inputs_of(windows, model.inputs.index(table.channel)), table)
+    fits += [trials["dead zone"].fit(threshold) for threshold in thresholds]
+    fits += [trials["clamp"].fit(_edge(table))]
+    best = min(fits, key=lambda fit: fit.criterion)
+    least = {v: min(f.criterion for f in fits if f.variant == v) for v in {f.variant for f in fits}}
+    evaluations = sum(fit.evaluations for fit in fits)
+    return trials[best.variant].outcome(best, least, evaluations)
+
+
+def _edge(table: Table) -> float:
+    """The largest level that the table sends to less than half of itself, or more than one and a
+    half times; else the smallest level above 0.
+    """
+    size, value = np.abs(table.levels), np.abs(table.values)
+    off = table.learned & (size > 0) & (size < 0.7 * size.max())
+    off &= (value < 0.5 * size) | (value > 1.5 * size)
+    if off.any():
+        return float(size[off].max())
+    return float(size[size > 0].min())
+
+
+def _thresholds(u: Vector, table: Table) -> list[float]:
+    """Commands near the table's edge, at most `TRIED`; they include the largest below the edge."""
+    edge, step = _edge(table), float(table.levels[1] - table.levels[0])
+    seen = np.unique(np.abs(u).round(9))
+    near = seen[(seen > 0) & (np.abs(seen - edge) <= 2.0 * step + 1e-9)]
+    if len(near) > TRIED:
+        near = near[np.unique(np.linspace(0, len(near) - 1, TRIED).round().astype(int))]
+    return [float(value) for value in near]
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """One variant on the data."""
+
+    model: Model
+    p: ParameterVector
+    windows: tuple[Block, ...]
+    table: Table
+    horizon: float
+    variant: str
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        channel = self.table.channel
+        quiet = quiet_level(
+            np.concatenate([self.table.levels[self.table.visits > 0], [0.0]])
+        ) if self.variant == "clamp" else 0.0  # fmt: skip
+        levels = (quiet,) if quiet > 0 else ()
+        return (
+            Term("law", channel, variant=self.variant, levels=levels),
+            Term("lag", channel, levels=(4.0,)),
+        )
+
+    def start(self, threshold: float) -> Numbers:
+        """Where the fit begins, from the table."""
+        cap = float(np.abs(self.table.values).max())
+        law = [1.0, 0.0, 0.98 * cap, 0.1 * self.horizon]
+        return np.array([threshold, *law] if self.variant else law)
+
+    def _bounds(self) -> tuple[Numbers, Numbers]:
+        reach = float(np.abs(self.table.levels).max())
+        low = [0.2, -0.5 * reach, 0.05 * reach, 1e-3 * self.horizon]
+        high = [3.0, 0.5 * reach, 3.0 * reach, 2.0 * self.horizon]
+        if self.variant == "":
+            return np.array(low), np.array(high)
+        return np.array([0.0, *low]), np.array([0.7 * reach, *high])
+
+    def residual(self, q: Numbers) -> Vector:
+        """Measured − predicted over the horizon, all windows and outputs, without NaN."""
+        full = self.full(q)
+        found = []
+        for block, restart in self._planned:
+            ny = block.y.shape[1]
+            _, y = roll(self._kernel, restart.x0, block.u, block.dt, full, ny, restart)
+            found.append(residuals(self._corrected, block, y).ravel())
+        r: Vector = np.concatenate(found)
+        known: Vector = r[~np.isnan(r)]
+        return known
+
+    @cached_property
+    def _corrected(self) -> Corrected:
+        return Corrected(self.model, self.terms)
+
+    @cached_property
+    def _kernel(self) -> Kernel:
+        return self._corrected.kernel()
+
+    @cached_property
+    def _planned(self) -> tuple[tuple[Block, Restart], ...]:
+        x0 = self._corrected.initial(self.full(self.start(0.0)))
+        return tuple((block, restarts(block, self.horizon, x0)) for block in self.windows)
+
+    def full(self, q: Numbers) -> ParameterVector:
+        """Parameters of the corrected model: no delay, only the lag."""
+        return np.concatenate([self.p, q[:-1], [0.0, q[-1]]])
+
+    def fit(self, threshold: float) -> _Fit:
+        """The least-squares fit; a dead zone's threshold stays where it is."""
+        q = self.start(threshold)
+        low, high = self._bounds()
+        free = np.arange(1 if self.variant == "dead zone" else 0, len(q))
+        typical = np.where(np.arange(len(q)) == len(q) - 1, 0.1 * self.horizon, 0.05 * high)
+
+        def residual(values: Numbers) -> Vector:
+            q[free] = values
+            return self.residual(q)
+
+        result = least_squares(
+            residual, np.clip(q[free], low[free], high[free]), bounds=(low[free], high[free]),
+            x_scale=typical[free], diff_step=np.full(len(free), 1e-4),
+        )  # fmt: skip
+        q[free] = result.x
+        n, squares = len(result.fun), 2.0 * float(result.cost)
+        criterion = n * math.log(max(squares / n, 1e-300)) + len(q) * math.log(n)
+        return _Fit(criterion, self.variant, q, int(result.nfev), squares / n)
+
+    def outcome(self, fit: _Fit, least: Mapping[str, float], evaluations: int) -> Refined:
+        """The fit as terms, values and sentences."""
+        names = self._corrected.parameters.names[len(self.p) :]
+        values = dict(zip(names, self.full(fit.q)[len(self.p) :].tolist(), strict=True))
+        threshold = float(fit.q[0]) if self.variant else 0.0
+        gain, offset, cap, tau = (float(v) for v in fit.q[-4:])
+        reached = gain * float(np.abs(self.table.levels).max()) + offset > cap
+        cap = cap if reached else math.inf
+        return Refined(
+            self.terms, values, self.variant, threshold, cap, tau, dict(least),
+            math.sqrt(fit.squares), evaluations,
+            tuple(self._sentences(threshold, gain, offset, cap, tau)),
+        )  # fmt: skip
+
+    def _sentences(
+        self, threshold: float, gain: float, offset: float, cap: float, tau: float
+    ) -> Iterator[str]:
+        channel = self.table.channel
+        unit = self.model.inputs.units[self.model.inputs.index(channel)]
+        if self.variant:
+            yield f"{channel}: start threshold {threshold:.3g} {unit} ({self.variant})"
+        yield f"{channel}: gain {gain:.3g}, offset {offset:.2g} {unit}"
+        if math.isfinite(cap):
+            yield f"{channel}: saturation at {cap:.3g} {unit}"
+        yield f"{channel}: first-order lag of {tau:.2g} s"

@@ -1,0 +1,89 @@
+"""Planted laws and lags are found again; the variant is chosen by data."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from evertwin.correction.refine_law import Refined, refine_law
+from evertwin.correction.sarsa import learn_table
+from evertwin.correction.sarsa_settings import SarsaSettings
+from evertwin.errors import DataError
+from evertwin.fold import Block, make_block, take
+from evertwin.machines.mobile import Robot1D
+from evertwin.models.corrected import Corrected
+
+ROBOT = Robot1D()
+P = ROBOT.parameters.values
+
+
+def goal(command: np.ndarray, variant: str) -> np.ndarray:
+    linear = np.minimum(0.97 * command + 0.002, 0.16)
+    if variant == "dead zone":
+        return np.where(command <= 0.06, 0.0, linear)
+    if variant == "clamp":
+        return np.where(command < 0.005, 0.0, np.maximum(linear, 0.06))
+    return linear
+
+
+def record(variant: str, tau: float, seed: int = 0, noise: float = 0.002) -> Block:
+    """A shuffled sweep of 100 s after three seconds at rest, position at 1 Hz."""
+    rng = np.random.default_rng(seed)
+    command = np.r_[np.zeros(3), np.repeat(rng.permutation(np.arange(1, 21)) * 0.01, 5)]
+    aim, v, way = goal(command, variant), 0.0, np.zeros(len(command))
+    decay = np.exp(-1.0 / tau)
+    for k, target in enumerate(aim):
+        way[k] = target + (v - target) * tau * (1.0 - decay)
+        v = target + (v - target) * decay
+    way += noise * rng.standard_normal(len(way))
+    y = np.cumsum(way) + noise * rng.standard_normal(len(way))
+    return make_block(t=np.arange(len(y)) * 10**9, u=command[:, None], y=y[:, None])
+
+
+def refined(rows: Block) -> Refined:
+    table = learn_table(ROBOT, P, (rows,), SarsaSettings("v"))
+    return refine_law(ROBOT, P, (rows,), table, 1.0)
+
+
+@pytest.mark.parametrize("variant", ["dead zone", "clamp"])
+@pytest.mark.parametrize("tau", [0.05, 0.2])
+@pytest.mark.parametrize("seed", range(3))
+def test_the_planted_law_is_found(variant: str, tau: float, seed: int) -> None:
+    found = refined(record(variant, tau, seed))
+    assert found.variant == variant
+    assert found.threshold == pytest.approx(0.06, abs=0.003)
+    assert found.cap == pytest.approx(0.16, abs=0.003)
+    assert found.tau == pytest.approx(tau, abs=0.06)
+    assert found.rms < 0.005
+
+
+def test_a_linear_drive_gets_no_threshold() -> None:
+    found = refined(record("", 0.1, 2))
+    assert found.variant == ""
+    assert found.threshold == 0.0
+    assert found.values["law.v.gain"] == pytest.approx(0.97, abs=0.05)
+
+
+def test_the_terms_make_a_model_that_predicts() -> None:
+    found = refined(record("dead zone", 0.2, 1))
+    corrected = Corrected(ROBOT, found.terms)
+    p = corrected.parameters.with_values({**dict(found.values)}).values
+    unseen = record("dead zone", 0.2, 9, noise=0.0)
+    _, y = corrected.simulate(corrected.initial(p), unseen.u, np.ones(len(unseen.t)), p)
+    _, naive = ROBOT.simulate(ROBOT.initial(P), unseen.u, np.ones(len(unseen.t)), P)
+    assert np.sqrt(np.mean((y - unseen.y) ** 2)) < 0.1
+    assert np.sqrt(np.mean((naive - unseen.y) ** 2)) > 0.5
+
+
+def test_the_findings_are_said_in_words() -> None:
+    said = refined(record("clamp", 0.1, 4)).describes
+    assert said[0].startswith("v: start threshold 0.0")
+    assert said[0].endswith("m/s (clamp)")
+    assert any("saturation at 0.1" in sentence for sentence in said)
+
+
+def test_too_few_rows_are_refused() -> None:
+    rows = record("clamp", 0.1)
+    table = learn_table(ROBOT, P, (rows,), SarsaSettings("v"))
+    with pytest.raises(DataError, match="at least 12"):
+        refine_law(ROBOT, P, (take(rows, 0, 8),), table, 1.0)
