@@ -11,7 +11,7 @@ import pytest
 from evertwin.config import read
 from evertwin.config.fields import field_docs, section_doc, settings
 from evertwin.config.page import page
-from evertwin.config.schema import json_schema, sections
+from evertwin.config.schema import schema, sections
 
 ROOT = Path(__file__).parent.parent.parent
 TWINS = sorted((ROOT / "twins").glob("*.toml"))
@@ -19,9 +19,9 @@ TWINS = sorted((ROOT / "twins").glob("*.toml"))
 
 @pytest.fixture(scope="module")
 def validator() -> jsonschema.Draft202012Validator:
-    schema = json_schema()
-    jsonschema.Draft202012Validator.check_schema(schema)
-    return jsonschema.Draft202012Validator(schema)
+    content = schema()
+    jsonschema.Draft202012Validator.check_schema(content)
+    return jsonschema.Draft202012Validator(content)
 
 
 def test_the_schema_accepts_what_is_read(

@@ -162,8 +162,9 @@ class SignalSpec(Section):
     """Largest physically possible value."""
     rate: Spread | None = None
     """Largest possible change per second."""
-    hold: bool = True
-    """Inputs: hold the last value between samples (else interpolate)."""
+    hold: bool | None = None
+    """Inputs: a command, held from its stamp on (true), or measured at the row and interpolated
+    (false). Absent: held for a model with states, measured for a static map."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

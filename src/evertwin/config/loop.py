@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
 from evertwin.config.data import Seconds, Spread
-from evertwin.config.fields import Inherit, Limits, Section
+from evertwin.config.fields import Inherit, Limits, Quantity, Section
 from evertwin.config.quantity import written
 from evertwin.errors import UsageError
 from evertwin.signals.units import compatible
@@ -44,6 +44,10 @@ class ArbiterSpec(Section):
     """``tolerance``: adopt it when it differs by more."""
     sigma: Spread = 0.0
     """Standard deviation of the measurement; 0: learned from the residuals."""
+    tolerance_angle: Annotated[float, Quantity("rad"), Limits(above=0.0)] = math.inf
+    """The same for the angles of a group, such as the heading of a pose."""
+    sigma_angle: Annotated[float, Quantity("rad"), Limits(at_least=0.0)] = 0.0
+    """Standard deviation of a measured angle; 0: learned."""
     growth: Spread = 0.0
     """Growth of the prediction's standard deviation per √s while it predicts; 0: learned."""
     frozen: Annotated[int, Limits(at_least=0)] = 5
@@ -169,11 +173,11 @@ class TrialSpec(Section):
     """Chance of promoting a challenger that is no better."""
     margin: Annotated[float, Limits(at_least=0.0, below=1.0)] = 0.05
     """Smallest relative gain on unseen data."""
-    segments: Annotated[int, Limits(at_least=2)] = 10
+    segments: Annotated[int, Limits(at_least=2)] = 20
     """Fewest segments."""
     limit: Annotated[int, Limits(at_least=2)] = 2000
     """Segments after which a trial ends without promotion."""
-    probation: Annotated[int, Limits(at_least=1)] = 30
+    probation: Annotated[int, Limits(at_least=10)] = 150
     """Segments after a promotion during which the old champion runs along."""
     holdoff: Annotated[int, Limits(at_least=0)] = 100
     """Rows after a rejection or roll-back before the next candidate."""

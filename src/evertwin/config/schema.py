@@ -3,8 +3,8 @@
 An editor that knows TOML schemas completes keys and marks mistakes while typing, given a first line
 such as ``#:schema evertwin.schema.json`` and that file from ``evertwin schema``.
 
->>> schema = json_schema()
->>> schema["required"], schema["properties"]["clock"]["$ref"]
+>>> content = schema()
+>>> content["required"], content["properties"]["clock"]["$ref"]
 (['schema', 'name', 'model'], '#/$defs/ClockSpec')
 """
 
@@ -32,7 +32,7 @@ from evertwin.config.fields import (
 from evertwin.config.spec import SCHEMA, TwinSpec
 from evertwin.types import Json
 
-__all__ = ["json_schema", "sections"]
+__all__ = ["schema", "sections"]
 
 _WORDS = {str: "string", int: "integer", float: "number", bool: "boolean"}
 _LIMITS = {
@@ -43,7 +43,7 @@ _LIMITS = {
 }
 
 
-def json_schema() -> Mapping[str, Json]:
+def schema() -> Mapping[str, Json]:
     """The schema (draft 2020-12), as plain values."""
     body: dict[str, Any] = _section(TwinSpec)
     body["properties"]["schema"] = {"const": SCHEMA, "description": "Version of the file's form."}
