@@ -29,11 +29,14 @@ from jaxtyping import Float64, Int64
 
 from evertwin.errors import UsageError
 from evertwin.trial.betting import GRID, LENGTHS, Bets, evidence, open_bets
-from evertwin.trial.gate_loop import OPEN, OTHER, run, unsafe
+from evertwin.trial.gate_loop import OPEN, OTHER, STAYS, run, unsafe
 from evertwin.types import Vector
 
 __all__ = ["Check", "GateState", "Trial", "figures", "new_state", "pass_through"]
 
+_KINDS: dict[int, Literal["promote", "reject"] | None] = {
+    OPEN: None, OTHER: "promote", STAYS: "reject"
+}  # fmt: skip
 _LARGEST = 600.0
 """Logarithm above which an e-value is shown as this."""
 
@@ -150,7 +153,7 @@ class Trial:
             UsageError: another number of columns.
         """
         pass_through(state, losses, self.rule)
-        return state, self.verdict(state)[0]
+        return state, _KINDS[int(state.tally[0])]
 
     def verdict(
         self, state: GateState
@@ -166,9 +169,7 @@ class Trial:
         if missed:
             said += f"; not reached: {', '.join(missed)}"
         found |= {"sentence": said, "missed": tuple(missed)}
-        if state.tally[0] == OPEN:
-            return None, found
-        return ("promote" if state.tally[0] == OTHER else "reject"), found
+        return _KINDS[int(state.tally[0])], found
 
     def checklist(self, state: GateState) -> tuple[Check, ...]:
         """Every line of the gate with its figure and limit, at any time."""
@@ -197,7 +198,8 @@ def pass_through(state: GateState, losses: Float64[np.ndarray, "m columns"], rul
             f"trial: expected {columns} columns per segment (loss of live and other version, then "
             f"both counts per safety measure), got shape {losses.shape}"
         )
-    run(losses, rule, LENGTHS, GRID, state.ahead, state.back, *state[2:])
+    if len(losses):
+        run(losses, rule, LENGTHS, GRID, state.ahead, state.back, *state[2:])
 
 
 def figures(state: GateState) -> dict[str, Any]:

@@ -23,10 +23,14 @@ from jaxtyping import Float64
 
 from evertwin.errors import UsageError
 from evertwin.trial.gate import GateState, figures, new_state, pass_through
-from evertwin.trial.gate_loop import OPEN, OTHER
+from evertwin.trial.gate_loop import OPEN, OTHER, STAYS
 from evertwin.types import Vector
 
 __all__ = ["Probation"]
+
+_KINDS: dict[int, Literal["keep", "roll_back"] | None] = {
+    OPEN: None, OTHER: "roll_back", STAYS: "keep"
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -76,7 +80,7 @@ class Probation:
             UsageError: another number of columns.
         """
         pass_through(state, losses, self.rule)
-        return state, self.verdict(state)[0]
+        return state, _KINDS[int(state.tally[0])]
 
     def verdict(
         self, state: GateState
@@ -88,6 +92,4 @@ class Probation:
             f"over {found['segments']} segments, e-value {found['e_value']:.3g} for the replaced "
             f"and {found['e_value_against']:.3g} for the live version"
         )
-        if state.tally[0] == OPEN:
-            return None, found
-        return ("roll_back" if state.tally[0] == OTHER else "keep"), found
+        return _KINDS[int(state.tally[0])], found
