@@ -1,0 +1,5 @@
+"""``python -m evertwin``."""
+
+from evertwin.app.cli import main
+
+main()

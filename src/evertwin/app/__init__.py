@@ -1,0 +1,1 @@
+"""The edges: command line, report, demonstration. A thin shell over `evertwin.Twin`."""

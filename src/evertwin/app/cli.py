@@ -1,0 +1,310 @@
+"""The command line: ``evertwin COMMAND``. Data goes to stdout, progress and logs to stderr.
+
+Commands are thin: each parses, calls the Python interface, and prints. What a command needs is
+imported when it runs, so that ``--help`` stays fast.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+from pathlib import Path
+from typing import Annotated, Optional
+
+import typer
+
+from evertwin.errors import EvertwinError
+
+__all__ = ["app", "main"]
+
+app = typer.Typer(
+    name="evertwin",
+    help="Keeps the model of a machine true to the machine.",
+    no_args_is_help=True,
+    add_completion=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+model_app = typer.Typer(
+    help="The versions of a twin's model: list, show, promote, rollback, pin.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+app.add_typer(model_app, name="model")
+
+TwinFile = Annotated[Path, typer.Argument(help="Twin file (TOML).", metavar="TWIN.toml")]
+AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
+Check = Annotated[bool, typer.Option("--check", help="Exit with 1 when there are findings.")]
+DataFiles = Annotated[
+    Optional[list[Path]],
+    typer.Option("--data", help="Recordings in place of the twin file's; repeat, or list several."),
+]
+
+
+def _version(value: bool) -> None:
+    if value:
+        from importlib.metadata import version
+
+        typer.echo(version("evertwin"))
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    verbose: Annotated[
+        int, typer.Option("-v", "--verbose", count=True, help="Log to stderr; twice for more.")
+    ] = 0,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    """Keeps the model of a machine true to the machine."""
+    if verbose:
+        logging.basicConfig(
+            stream=sys.stderr,
+            level=logging.INFO if verbose == 1 else logging.DEBUG,
+            format="%(levelname)s %(name)s: %(message)s",
+        )
+
+
+@app.command()
+def demo(
+    seed: Annotated[int, typer.Option(help="Seed of the embedded machines.")] = 1,
+    out: Annotated[Path, typer.Option(help="Folder for recordings and reports.")] = Path(
+        "evertwin-demo"
+    ),
+    as_json: AsJson = False,
+) -> None:
+    """Both embedded machines through the whole loop: a mobile robot and a 6-axis arm.
+
+    Example: evertwin demo --out /tmp/demo
+    """
+    from evertwin.app.demo import run_demo
+
+    run_demo(out, seed, as_json)
+
+
+@app.command()
+def run(
+    twin: TwinFile,
+    data: DataFiles = None,
+    report: Annotated[
+        Optional[Path], typer.Option(help="Write a self-contained HTML report.")
+    ] = None,
+    as_json: AsJson = False,
+    check: Check = False,
+) -> None:
+    """Run a twin beside recorded data: judge, tune, correct, try in shadow, promote.
+
+    Example: evertwin run robot.toml --data monday.csv --report monday.html
+    """
+    from evertwin.app.commands import run_twin
+
+    run_twin(twin, data, report, as_json, check)
+
+
+@app.command()
+def fit(
+    twin: TwinFile,
+    train: Annotated[list[Path], typer.Option("--train", help="Recording to learn from; repeat.")],
+    test: Annotated[
+        Optional[list[Path]], typer.Option("--test", help="Recording to be judged on; repeat.")
+    ] = None,
+    as_json: AsJson = False,
+    check: Check = False,
+) -> None:
+    """Tune the parameters on recordings and judge them on others; nothing goes live.
+
+    Example: evertwin fit arm.toml --train a.csv --train b.csv --test c.csv
+    """
+    from evertwin.app.commands import fit_twin
+
+    fit_twin(twin, train, test or [], as_json, check)
+
+
+@app.command()
+def info(
+    file: Annotated[Path, typer.Argument(help="Recording.", metavar="FILE")],
+    as_json: AsJson = False,
+    check: Check = False,
+) -> None:
+    """What a recording holds: channels, rates, gaps, repeats, absurd values, truncated rows.
+
+    Example: evertwin info run.csv
+    """
+    from evertwin.app.commands import show_info
+
+    show_info(file, as_json, check)
+
+
+@app.command()
+def init(
+    file: Annotated[Path, typer.Argument(help="Recording.", metavar="FILE")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="Twin file to write.")],
+    model: Annotated[str, typer.Option(help="Kind of model.")] = "python",
+    urdf: Annotated[Optional[Path], typer.Option(help="Description of an arm.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Propose a commented twin file for a recording.
+
+    Example: evertwin init run.csv --model robot1d -o robot.toml
+    """
+    from evertwin.app.starter import write_starter
+
+    write_starter(file, out, (model, urdf), force, as_json)
+
+
+@app.command()
+def doctor(twin: TwinFile, data: DataFiles = None, as_json: AsJson = False) -> None:
+    """Find what is wrong, or will be: units, lag, excitation, what is not identifiable.
+
+    Exit code 1 when there are findings. Example: evertwin doctor robot.toml --data run.csv
+    """
+    from evertwin.app.commands import examine
+
+    examine(twin, data, as_json)
+
+
+@app.command()
+def compare(
+    twin: TwinFile,
+    first: Annotated[int, typer.Argument(help="Number of a version.", metavar="VERSION")],
+    second: Annotated[int, typer.Argument(help="Number of a version.", metavar="VERSION")],
+    data: DataFiles = None,
+    as_json: AsJson = False,
+) -> None:
+    """Two versions of a twin over the same data.
+
+    Example: evertwin compare robot.toml 0 1 --data tuesday.csv
+    """
+    from evertwin.app.commands import compare_versions
+
+    compare_versions(twin, (first, second), data, as_json)
+
+
+@app.command()
+def schema(as_json: AsJson = False) -> None:
+    """The JSON schema of the twin file.
+
+    Example: evertwin schema > evertwin.schema.json
+    """
+    from evertwin.app.commands import show_schema
+
+    show_schema()
+
+
+@model_app.command("list")
+def model_list(twin: TwinFile, as_json: AsJson = False) -> None:
+    """All versions, and which is live."""
+    from evertwin.app.commands import list_versions
+
+    list_versions(twin, as_json)
+
+
+@model_app.command("show")
+def model_show(
+    twin: TwinFile,
+    number: Annotated[int, typer.Argument(help="Number of a version.", metavar="VERSION")],
+    as_json: AsJson = False,
+) -> None:
+    """Form, parameters and history of one version."""
+    from evertwin.app.commands import show_version
+
+    show_version(twin, number, as_json)
+
+
+@model_app.command("promote")
+def model_promote(
+    twin: TwinFile,
+    number: Annotated[int, typer.Argument(help="Number of a version.", metavar="VERSION")],
+    reason: Annotated[str, typer.Option(help="Why; kept in the log.")] = "by hand",
+    as_json: AsJson = False,
+) -> None:
+    """Make a version live, whatever the gate says."""
+    from evertwin.app.commands import by_hand
+
+    by_hand(twin, "promote", number, reason, as_json)
+
+
+@model_app.command("rollback")
+def model_rollback(
+    twin: TwinFile,
+    reason: Annotated[str, typer.Option(help="Why; kept in the log.")] = "by hand",
+    as_json: AsJson = False,
+) -> None:
+    """Make the champion before the present one live again."""
+    from evertwin.app.commands import by_hand
+
+    by_hand(twin, "rollback", None, reason, as_json)
+
+
+@model_app.command("pin")
+def model_pin(
+    twin: TwinFile,
+    number: Annotated[
+        Optional[int], typer.Argument(help="Number of a version; none: unpin.", metavar="[VERSION]")
+    ] = None,
+    reason: Annotated[str, typer.Option(help="Why; kept in the log.")] = "by hand",
+    as_json: AsJson = False,
+) -> None:
+    """Keep a version live until it is unpinned."""
+    from evertwin.app.commands import by_hand
+
+    by_hand(twin, "pin", number, reason, as_json)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Runs a command and exits with its code: 0 ok, 1 findings, 2 usage or configuration, 4 data,
+    5 model, 75 locked, 101 bug, 130 interrupted."""
+    if os.environ.get("NO_COLOR"):
+        os.environ["TERM"] = os.environ.get("TERM", "dumb")
+    words = sys.argv[1:] if arguments is None else arguments
+    try:
+        app(_spread(words), standalone_mode=False, prog_name="evertwin")
+    except typer.Exit as done:
+        sys.exit(done.exit_code)
+    except EvertwinError as error:
+        _fail(str(error), error.exit_code)
+    except KeyboardInterrupt:
+        _fail("interrupted", 130)
+    except Exception as error:  # noqa: BLE001  (the edge: typer's own errors and bugs end here)
+        code = getattr(error, "exit_code", None)
+        shown = getattr(error, "format_message", None)
+        if code is not None and shown is not None:
+            _fail(f"{shown()} (evertwin --help)", 2)
+        logging.getLogger("evertwin").debug("bug", exc_info=error)
+        _bug(error)
+
+
+def _spread(words: list[str]) -> list[str]:
+    """``--data A B C`` is ``--data A --data B --data C``; so are --train and --test."""
+    out: list[str] = []
+    option = ""
+    for word in words:
+        if word in ("--data", "--train", "--test"):
+            option = word
+            continue
+        if word.startswith("-") and len(word) > 1:
+            option = ""
+        out += [option, word] if option else [word]
+    return out
+
+
+def _fail(message: str, code: int) -> None:
+    for line in message.splitlines():
+        typer.echo(f"evertwin: {line}", err=True)
+    sys.exit(code)
+
+
+def _bug(error: Exception) -> None:
+    import traceback
+
+    typer.echo("".join(traceback.format_exception(error)), err=True)
+    _fail(f"this is a bug in evertwin: {type(error).__name__}: {error}", 101)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,156 @@
+"""What the commands do, each in a few lines over `evertwin.Twin`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import typer
+
+from evertwin.app.console import Progress, show
+from evertwin.app.report import write_report
+from evertwin.config.schema import schema
+from evertwin.errors import DataError
+from evertwin.fold import plain
+from evertwin.models.form import Version
+from evertwin.sources.info import inspect
+from evertwin.twin import Twin
+
+__all__ = [
+    "by_hand",
+    "compare_versions",
+    "examine",
+    "fit_twin",
+    "list_versions",
+    "run_twin",
+    "show_info",
+    "show_schema",
+    "show_version",
+]
+
+Files = Sequence[Path] | None
+FINDINGS = ("measurement_error", "abnormal", "drift", "rolled_back", "not_identifiable")
+
+
+def run_twin(twin: Path, data: Files, report: Path | None, as_json: bool, check: bool) -> None:
+    """``evertwin run``."""
+    progress = Progress()
+    with Twin.open(twin) as opened:
+        result = opened.run(_files(data), progress)
+        progress.close()
+        if report is not None:
+            write_report(result, opened.setup, report)
+        show(result.to_dict(), str(result), as_json)
+    if check and result.of_kind(*FINDINGS):
+        raise typer.Exit(1)
+
+
+def fit_twin(
+    twin: Path, train: Sequence[Path], test: Sequence[Path], as_json: bool, check: bool
+) -> None:
+    """``evertwin fit``."""
+    with Twin.open(twin) as opened:
+        result = opened.fit(_files(train), [str(_file(path)) for path in test])
+        show(result.to_dict(), str(result), as_json)
+    if check and (not result.fit.converged or "not" in result.fit.verdict):
+        raise typer.Exit(1)
+
+
+def show_info(file: Path, as_json: bool, check: bool) -> None:
+    """``evertwin info``."""
+    found = inspect(_file(file))
+    show(found.to_dict(), str(found), as_json)
+    if check and found.problems:
+        raise typer.Exit(1)
+
+
+def examine(twin: Path, data: Files, as_json: bool) -> None:
+    """``evertwin doctor``."""
+    with Twin.open(twin) as opened:
+        found = opened.doctor(_files(data))
+        show(found.to_dict(), str(found), as_json)
+    if found.findings:
+        raise typer.Exit(1)
+
+
+def compare_versions(twin: Path, pair: tuple[int, int], data: Files, as_json: bool) -> None:
+    """``evertwin compare``."""
+    with Twin.open(twin) as opened:
+        found = opened.compare(*pair, _files(data))
+        show(found.to_dict(), str(found), as_json)
+
+
+def show_schema() -> None:
+    """``evertwin schema``."""
+    typer.echo(json.dumps(schema(), indent=2))
+
+
+def list_versions(twin: Path, as_json: bool) -> None:
+    """``evertwin model list``."""
+    with Twin.open(twin) as opened:
+        live = opened.champion.number
+        versions = opened.versions
+        content = {
+            "schema": "evertwin.versions/1",
+            "champion": live,
+            "pinned": opened.pinned,
+            "versions": [_brief(v) for v in versions],
+        }
+        lines = [
+            f"{'*' if v.number == live else ' '} {v.number:>3}  {v.hash[:12]}  {v.reason}"
+            for v in versions
+        ]
+        show(content, "\n".join(lines), as_json)
+
+
+def show_version(twin: Path, number: int, as_json: bool) -> None:
+    """``evertwin model show``."""
+    with Twin.open(twin) as opened:
+        version = opened.version(number)
+        parameters = opened.parameters_of(number)
+        about = [e for e in opened.events if e.evidence.get("version") == number]
+        content = _brief(version) | {
+            "schema": "evertwin.version/1",
+            "form": version.form,
+            "parameters": {p.name: {"value": p.value, "unit": p.unit} for p in parameters},
+            "events": about,
+        }
+        lines = [f"version {number}  {version.hash}", f"made from {version.parent}: {version.reason}"]
+        lines += [f"  {term.kind} on {term.channel} {term.variant}" for term in version.form.terms]
+        lines += [f"  {p.name:<16} {p.value:.6g} {p.unit}" for p in parameters]
+        lines += [f"  row {e.row}: {e.kind}: {e.reason}" for e in about]
+        show(content, "\n".join(lines), as_json)
+
+
+def by_hand(twin: Path, verb: str, number: int | None, reason: str, as_json: bool) -> None:
+    """``evertwin model promote | rollback | pin``."""
+    with Twin.open(twin) as opened:
+        if verb == "pin":
+            event = opened.pin(number, reason)
+        elif verb == "rollback":
+            event = opened.rollback(reason)
+        else:
+            event = opened.promote(-1 if number is None else number, reason)
+        show({"schema": "evertwin.event/1", "event": plain(event)}, event.reason, as_json)
+
+
+def _brief(version: Version) -> dict[str, object]:
+    return {
+        "version": version.number,
+        "hash": version.hash,
+        "parent": version.parent,
+        "reason": version.reason,
+        "row": version.row,
+        "terms": len(version.form.terms),
+    }
+
+
+def _file(path: Path) -> Path:
+    if not path.exists():
+        raise DataError(f"{path}: no such file")
+    return path
+
+
+def _files(data: Files) -> list[str] | None:
+    return None if not data else [str(_file(path)) for path in data]

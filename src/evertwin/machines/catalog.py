@@ -1,0 +1,69 @@
+"""The machines by the names that a twin file uses, and those that other packages add.
+
+Another package registers a factory under the entry point group ``evertwin.models``; it is called
+with the options of the twin file and gives a Model.
+
+>>> machine("robot1d", {}).inputs.names
+('v',)
+>>> machine("robot", {})
+Traceback (most recent call last):
+evertwin.errors.UsageError: no model 'robot', did you mean 'robot1d'?
+"""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+from collections.abc import Callable, Mapping
+from importlib.metadata import entry_points
+from typing import Any
+
+from evertwin.errors import MissingExtra, UsageError
+from evertwin.models import Model
+
+__all__ = ["MACHINES", "machine"]
+
+MACHINES: Mapping[str, tuple[str, str, str]] = {
+    "arm": ("evertwin.machines.arm", "Arm.of", "arm"),
+    "differential": ("evertwin.machines.mobile", "Differential", ""),
+    "drive": ("evertwin.machines.drive", "Drive", ""),
+    "drive_force": ("evertwin.machines.drive", "DriveForce", ""),
+    "odometer": ("evertwin.machines.mobile", "Odometer", ""),
+    "omni": ("evertwin.machines.mobile", "Omni", ""),
+    "robot1d": ("evertwin.machines.mobile", "Robot1D", ""),
+    "thermal": ("evertwin.machines.thermal", "ThermalBox", ""),
+}
+"""Name → module, factory, and the extra that it needs."""
+
+
+def machine(kind: str, options: Mapping[str, Any]) -> Model:
+    """The model called ``kind``, built with ``options``.
+
+    Raises:
+        UsageError: there is no such model, or it does not take these options.
+        MissingExtra: a package that it needs is not installed.
+    """
+    factory = _factory(kind)
+    try:
+        return factory(**options)
+    except TypeError as error:
+        raise UsageError(f"[model] kind = {kind!r}: {error}: check the options") from error
+
+
+def _factory(kind: str) -> Callable[..., Model]:
+    if kind in MACHINES:
+        module, path, extra = MACHINES[kind]
+        try:
+            found: Any = importlib.import_module(module)
+        except ModuleNotFoundError as error:
+            raise MissingExtra.of(str(error.name), extra or "all") from error
+        for name in path.split("."):
+            found = getattr(found, name)
+        return found  # type: ignore[no-any-return]
+    plugins = {point.name: point for point in entry_points(group="evertwin.models")}
+    if kind in plugins:
+        return plugins[kind].load()  # type: ignore[no-any-return]
+    names = [*MACHINES, *plugins, "python"]
+    near = difflib.get_close_matches(kind, names, n=1)
+    hint = f", did you mean {near[0]!r}?" if near else f": there are {', '.join(sorted(names))}"
+    raise UsageError(f"no model {kind!r}{hint}")

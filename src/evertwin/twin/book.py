@@ -1,0 +1,130 @@
+"""What a twin has in its store: versions, who is live, what happened.
+
+Who is live follows from the log alone (promotions, roll-backs, pins), so log and twin cannot differ.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from evertwin.errors import StoreError, UsageError
+from evertwin.fold import Answer, Event, Record
+from evertwin.models.form import Version
+from evertwin.store import Estimate, Store
+from evertwin.twin.versions import Versions
+
+__all__ = ["Book"]
+
+SWITCHES = ("promoted", "rolled_back", "configured")
+
+
+class Book:
+    """The store of one twin, read once and kept in step.
+
+    >>> Book.__name__
+    'Book'
+    """
+
+    def __init__(self, store: Store, versions: Versions) -> None:
+        self._store = store
+        self._versions = versions
+        self._kept = 0
+        self.lives: list[int] = []
+        """Versions that have been live, in order; the last one is."""
+        self.pinned = False
+        self._open()
+
+    def _open(self) -> None:
+        kept = [r for r in self._store.read("version") if isinstance(r, Version)]
+        configured = self._versions[0]
+        if kept:
+            self._versions.restore(kept)
+            self._kept = len(kept)
+        for event in self._store.read("event"):
+            if isinstance(event, Event):
+                self._follow(event)
+        newest = [v for v in self._versions if v.parent is None][-1]
+        if not kept or newest.hash != configured.hash:
+            number = 0 if not kept else len(self._versions)
+            if kept:
+                again = [*self._versions, replace(configured, number=number)]
+                self._versions.restore(again)
+            self.keep_versions()
+            self.switch(number, "configured", "as the twin file says")
+
+    @property
+    def champion(self) -> int:
+        """Number of the live version."""
+        return self.lives[-1]
+
+    @property
+    def before(self) -> int | None:
+        """The version that was live before the present one."""
+        others = [number for number in self.lives if number != self.champion]
+        return others[-1] if others else None
+
+    def add(self, record: Record, row: int) -> None:
+        """Keeps a record; what it needs (its version) first."""
+        self.keep_versions()
+        self._store.append([record], row)
+        if isinstance(record, Event):
+            self._follow(record)
+        if isinstance(record, Answer):
+            self._estimates(record, row)
+
+    def keep_versions(self) -> None:
+        """Keeps versions that are new."""
+        new = [self._versions[n] for n in range(self._kept, len(self._versions))]
+        self._store.append(new)
+        self._kept += len(new)
+
+    def _follow(self, event: Event) -> None:
+        number: Any = event.evidence.get("version")
+        if event.kind in SWITCHES:
+            if not isinstance(number, int) or number >= len(self._versions):
+                raise StoreError(f"log: event {event.kind!r} names no known version: {number}")
+            self.lives.append(number)
+        if event.kind == "pinned":
+            self.pinned = bool(event.evidence["pinned"])
+            if isinstance(number, int) and number != self.champion:
+                self.lives.append(number)
+
+    def _estimates(self, answer: Answer, row: int) -> None:
+        """The parameter history: one entry per tuned parameter."""
+        content: Any = answer.content
+        fit = content.get("fit")
+        if not fit:
+            return
+        found = []
+        for name, item in fit["parameters"].items():
+            low, high = item["interval95"]
+            found.append(
+                Estimate(
+                    row, int(content.get("time", 0)), answer.version, name, item["value"],
+                    float("-inf") if low is None else low, float("inf") if high is None else high,
+                    item["verdict"],
+                )  # fmt: skip
+            )
+        self._store.append(found)
+
+    def switch(self, number: int, kind: str, reason: str) -> Event:
+        """Makes a version live by an event."""
+        version = self._versions[number]
+        event = Event(
+            version.row, 0, kind, "", f"version {number}: {reason}",
+            {"version": number, "hash": version.hash},
+        )  # fmt: skip
+        self.add(event, version.row)
+        return event
+
+    def pin(self, number: int | None, reason: str) -> Event:
+        """Pins a version, or lets go."""
+        if number is not None and not 0 <= number < len(self._versions):
+            raise UsageError(f"pin: there are versions 0 to {len(self._versions) - 1}")
+        chosen = self.champion if number is None else number
+        evidence = {"version": chosen, "pinned": number is not None}
+        said = f"version {chosen} pinned: {reason}" if number is not None else f"unpinned: {reason}"
+        event = Event(0, 0, "pinned", "", said, evidence)
+        self.add(event, 0)
+        return event

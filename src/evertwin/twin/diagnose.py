@@ -1,0 +1,3 @@
+"""What is wrong with a twin or its data, or will be."""
+class Diagnosis: ...
+def diagnose(*a): raise NotImplementedError

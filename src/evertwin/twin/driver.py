@@ -1,0 +1,124 @@
+"""The fold of a whole twin: pieces between beats, decisions at beats, slow work when it is due.
+
+The driver cuts blocks where the data sets its beats, so where a source cuts them cannot matter. A
+file run waits for an answer at the row where it is due; an answer is computed from rows that are
+still in the state, so a checkpoint holds all that is needed to go on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from evertwin.fold import Answer, Block, Event, Record, Request
+from evertwin.twin.decide import Decide
+from evertwin.twin.follow import EMPTY, Follow, Followed
+from evertwin.twin.settle import new_books
+from evertwin.twin.setup import Setup
+from evertwin.twin.state import CORRECT, Desk, TwinState
+from evertwin.twin.versions import Versions
+from evertwin.twin.work import Work
+
+__all__ = ["Driver"]
+
+Watcher = Callable[[TwinState, Block, Followed], None]
+
+
+def _ignore(state: TwinState, piece: Block, out: Followed) -> None:
+    """No one looks at the rows."""
+
+
+@dataclass
+class Driver:
+    """A twin at work. ``log`` gets every record in order; ``watch`` sees every piece.
+
+    >>> Driver.__name__
+    'Driver'
+    """
+
+    setup: Setup
+    versions: Versions
+    log: Callable[[int, Record], None]
+    watch: Watcher = _ignore
+    champion: int = 0
+    """Version that is live at the start."""
+    pinned: bool = False
+    follow: Follow = field(init=False)
+    decide: Decide = field(init=False)
+    work: Work = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.follow = Follow(self.setup, self.versions)
+        self.decide = Decide(self.follow)
+        self.work = Work(self.setup, self.versions)
+
+    def init(self) -> TwinState:
+        """The state before the first row."""
+        setup, ny = self.setup, len(self.setup.model.outputs)
+        scale = setup.spec.prediction.scale
+        sizes = np.array([scale.get(name, 1.0) for name in setup.model.outputs.names])
+        return TwinState(
+            row=0, task=-1, time=0,
+            live=self.follow.lane(self.champion, tracked=True), first=EMPTY, other=EMPTY,
+            smooth=setup.smooth.init(), detect=setup.detect.init(), trial=setup.trial.init(),
+            books=new_books(ny, np.zeros(2, dtype=np.int64), 0, sizes),
+            desk=Desk(pinned=self.pinned), watched=np.zeros((0, 2)), ring=setup.ring.init(),
+        )  # fmt: skip
+
+    def run(self, blocks: Iterable[Block], state: TwinState | None = None) -> TwinState:
+        """Folds the blocks; consumes ``state``."""
+        state = self.init() if state is None else state
+        for block in blocks:
+            state = self.step(state, block)
+        return state
+
+    def step(self, state: TwinState, block: Block) -> TwinState:
+        """One block, cut at its beats."""
+        for at_beat, piece in self.setup.beat.pieces(block, state.task):
+            if at_beat and state.row > 0:
+                state = self.beat(state, task_end=int(piece.task[0]) != state.task)
+            state, out = self.follow.step(state, piece)
+            for event in out.events:
+                self.log(event.row, event)
+            self.watch(state, piece, out)
+        return state
+
+    def beat(self, state: TwinState, *, task_end: bool) -> TwinState:
+        """The decisions before the next row."""
+        if task_end:
+            state = self.follow.end_task(state)
+        answer = None
+        if state.desk.open and (state.row >= state.desk.due):
+            answer = self._answer(state)
+            self.log(state.row, answer)
+        state, events, requests = self.decide.step(state, answer, task_end)
+        for record in (*events, *requests):
+            self.log(state.row, record)
+        return state
+
+    def finish(self, state: TwinState) -> TwinState:
+        """The end of the data: the last task ends, open work is answered."""
+        if state.row == 0:
+            return state
+        state = self.beat(state, task_end=True)
+        for _ in range(4):
+            if not state.desk.open:
+                break
+            desk = state.desk._replace(due=state.row)
+            state = self.beat(state._replace(desk=desk), task_end=False)
+        return state
+
+    def _answer(self, state: TwinState) -> Answer:
+        desk = state.desk
+        kind = "correct" if desk.phase == CORRECT else "fit"
+        window = (desk.start, desk.stop)
+        request = Request(desk.open, kind, state.live.version, state.row, desk.due, window)
+        rows = self.setup.ring.between(state.ring, *window)
+        return self.work.answer(request, rows, state)
+
+
+def events_of(records: Iterable[Record]) -> list[Event]:
+    """The events among records."""
+    return [record for record in records if isinstance(record, Event)]

@@ -1,0 +1,98 @@
+"""From a twin file to its model: the machine by name, parameters and limits as the file says."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from evertwin.config.spec import TwinSpec
+from evertwin.errors import ConfigError, UsageError
+from evertwin.machines.catalog import machine
+from evertwin.models import Model, Parameter, Parameters
+from evertwin.models.configured import configured
+from evertwin.signals import Layout
+
+__all__ = ["model_of"]
+
+
+def model_of(spec: TwinSpec, given: Model | None = None) -> Model:
+    """The base model of a twin: ``given``, or the one that the file names.
+
+    Raises:
+        UsageError: no such model, parameter or channel.
+        ConfigError: a model in Python that is not where the file says.
+    """
+    model = given or _built(spec)
+    for name in spec.signals:
+        (model.inputs + model.outputs).index(name)
+    return configured(
+        model, parameters=_parameters(spec, model), inputs=_limited(spec, model.inputs),
+        outputs=_limited(spec, model.outputs),
+    )  # fmt: skip
+
+
+def _built(spec: TwinSpec) -> Model:
+    options = {key: _located(spec, value) for key, value in spec.model.options.items()}
+    if spec.model.kind == "python":
+        return _from_file(spec, options)
+    return machine(spec.model.kind, options)
+
+
+def _located(spec: TwinSpec, value: Any) -> Any:
+    """File names in options are relative to the twin file."""
+    if isinstance(value, str) and value.endswith((".urdf", ".py", ".xml", ".mo", ".fmu")):
+        return str(Path(spec.folder) / value)
+    return value
+
+
+def _from_file(spec: TwinSpec, options: Mapping[str, Any]) -> Model:
+    """``options = { file = "tank.py", name = "tank" }``: a Model built in a Python file."""
+    file, name = Path(str(options.get("file", ""))), str(options.get("name", "model"))
+    module_spec = importlib.util.spec_from_file_location(file.stem, file)
+    if module_spec is None or module_spec.loader is None or not file.is_file():
+        raise ConfigError(f"[model] options: no Python file {file.name!r} beside the twin file")
+    module = importlib.util.module_from_spec(module_spec)
+    module_spec.loader.exec_module(module)
+    found = getattr(module, name, None)
+    if not isinstance(found, Model):
+        raise ConfigError(f"{file.name}: expected a model called {name!r}, got {found!r}")
+    return found
+
+
+def _parameters(spec: TwinSpec, model: Model) -> Parameters:
+    items = {item.name: item for item in model.parameters}
+    for name, said in spec.model.parameters.items():
+        model.parameters.index(name)
+        changes = {
+            key: getattr(said, key)
+            for key in ("value", "low", "high", "sigma", "editable", "source")
+            if getattr(said, key) is not None
+        }
+        items[name] = _changed(items[name], changes)
+    return Parameters(tuple(items.values()))
+
+
+def _changed(item: Parameter, changes: dict[str, Any]) -> Parameter:
+    """A start value beyond the model's own bounds moves the bound that the file leaves open."""
+    value = changes.get("value", item.value)
+    if "low" not in changes and value < item.low:
+        raise UsageError(f"{item.name}: start value {value:g} is below its bound {item.low:g}")
+    if "high" not in changes and value > item.high:
+        raise UsageError(f"{item.name}: start value {value:g} is above its bound {item.high:g}")
+    return replace(item, **changes)
+
+
+def _limited(spec: TwinSpec, layout: Layout) -> Layout:
+    channels = []
+    for channel in layout:
+        said = spec.signals.get(channel.name)
+        changes = {} if said is None else {
+            key: getattr(said, key)
+            for key in ("low", "high", "rate")
+            if getattr(said, key) is not None
+        }
+        channels.append(replace(channel, **changes))
+    return Layout(tuple(channels))

@@ -1,0 +1,113 @@
+"""Who looks at a run while it goes on, and tells afterwards what it found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from evertwin.fold import Answer, Block, Event, Record
+from evertwin.models import Parameters
+from evertwin.twin.accounts import deviation
+from evertwin.twin.driver import Driver
+from evertwin.twin.follow import Followed
+from evertwin.twin.result import OutputFigures, RunResult
+from evertwin.twin.setup import Setup
+from evertwin.twin.state import TwinState
+from evertwin.twin.trace import Trace
+
+__all__ = ["Observer"]
+
+OFTEN = 100_000
+"""Rows between two reports of progress."""
+
+
+class Observer:
+    """Collects rows, events and the newest knowledge of parameters.
+
+    >>> Observer.__name__
+    'Observer'
+    """
+
+    def __init__(
+        self, setup: Setup, progress: Callable[[int, float], None] | None = None
+    ) -> None:
+        self.setup = setup
+        self.trace = Trace()
+        self.events: list[Event] = []
+        self.knowledge: dict[str, dict[str, Any]] = {}
+        self._progress = progress
+        self._told = 0
+        self._seconds = 0.0
+
+    def watch(self, state: TwinState, piece: Block, out: Followed) -> None:
+        """One piece between beats."""
+        nu = piece.u.shape[1]
+        before = out.rows if out.first is None else out.first
+        self.trace.add(
+            {
+                "row": np.arange(piece.row, piece.row + len(piece.t)), "t": piece.t,
+                "task": piece.task, "input": piece.u, "measured": piece.y,
+                "predicted": out.rows.y, "residual": piece.y - out.rows.y,
+                "sigma": out.rows.sigma, "mark": out.mark[:, nu:], "update": out.rows.update,
+                "first": before.y, "first_update": before.update,
+                "version": np.full(len(piece.t), state.live.version),
+            }
+        )  # fmt: skip
+        self._seconds += float(piece.dt.sum())
+        if self._progress is not None and state.row - self._told >= OFTEN:
+            self._told = state.row
+            self._progress(state.row, self._seconds)
+
+    def record(self, record: Record) -> None:
+        """A record as it is logged."""
+        if isinstance(record, Event):
+            self.events.append(record)
+        if isinstance(record, Answer):
+            content: Any = record.content
+            fit: Mapping[str, Any] = content.get("fit") or {}
+            for name, item in fit.get("parameters", {}).items():
+                self.knowledge[name] = {k: item[k] for k in ("interval95", "verdict")}
+
+    def result(self, driver: Driver, state: TwinState, seconds: float) -> RunResult:
+        """The outcome."""
+        champion = driver.versions[state.live.version]
+        model = driver.versions.model(state.live.version)
+        parameters: Parameters = model.parameters.with_values(champion.p)
+        return RunResult(
+            name=self.setup.spec.name, samples=state.row, seconds=seconds,
+            outputs=figures(self.setup, state), position_updates=updates(state),
+            unseen_since=state.books.rows, events=tuple(self.events), champion=champion,
+            parameters=parameters, knowledge=self.knowledge, versions=tuple(driver.versions),
+            model=model, trace=self.trace.columns(),
+        )  # fmt: skip
+
+
+def figures(setup: Setup, state: TwinState) -> dict[str, OutputFigures]:
+    """Deviations of the first and the last champion over the rows since the last switch."""
+    books, alone = state.books, state.first.version < 0
+    first, first_moving = (
+        (books.live, books.live_moving) if alone else (books.first, books.first_moving)
+    )
+    pairs = [
+        [deviation(sums, relative=relative) for sums in (first, books.live)]
+        for relative in (False, True)
+    ]
+    moving = [deviation(sums, relative=True) for sums in (first_moving, books.live_moving)]
+    return {
+        channel.name: OutputFigures(
+            channel.unit, float(pairs[0][0][k]), float(pairs[0][1][k]), float(pairs[1][0][k]),
+            float(pairs[1][1][k]), float(moving[0][k]), float(moving[1][k]),
+            int(books.live.count[k]), int(books.live_moving.count[k]),
+        )
+        for k, channel in enumerate(setup.model.outputs)
+    }  # fmt: skip
+
+
+def updates(state: TwinState) -> tuple[int, int]:
+    """Tolerance updates (first, last champion) over the same rows."""
+    live = int(state.live.track.updates.sum()) - int(state.books.updates[0])
+    if state.first.version < 0:
+        return live, live
+    return int(state.first.track.updates.sum()) - int(state.books.updates[1]), live

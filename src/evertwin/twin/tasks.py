@@ -1,0 +1,190 @@
+"""From recorded channels to rows, one task at a time: clock, filter, derived channels, crop.
+
+Used where something needs a whole task (resampling, zero-phase filter, derivatives, crop). A
+command acts from its stamp on, so a row's held input is the newest one *before* its interval; a
+measured input (``hold = false``) is the one at the row itself.
+
+>>> from evertwin.config.spec import ModelSpec, TwinSpec
+>>> spec = TwinSpec(name="x", model=ModelSpec(kind="x"))
+>>> series = {"v": (np.array([0, 10**9]), np.array([1.0, 3.0]))}
+>>> rows = Table.on_union(series, spec)
+>>> rows.columns["v"].tolist()
+[1.0, 3.0]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from evertwin.config.spec import DeriveSpec, TwinSpec
+from evertwin.errors import ConfigError, DataError
+from evertwin.fold import Block, make_block
+from evertwin.models import Model
+from evertwin.signals.filters import Butterworth, by_segment
+from evertwin.signals.resample import linear
+from evertwin.sync.horizon import nanoseconds
+from evertwin.types import Stamps, Vector
+
+__all__ = ["Series", "Table", "rows_of_task"]
+
+Series: TypeAlias = Mapping[str, tuple[Stamps, Vector]]
+"""Channel → (stamps [ns], values [SI])."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Channels of one task on one clock.
+
+    >>> Table(np.array([0]), {"v": np.array([1.0])}).columns["v"].tolist()
+    [1.0]
+    """
+
+    t: Stamps
+    columns: Mapping[str, Vector]
+
+    @classmethod
+    def on_union(cls, series: Series, spec: TwinSpec) -> Table:
+        """On the union of all stamps; values only where they were measured."""
+        t = np.unique(np.concatenate([stamps for stamps, _ in series.values()]))
+        columns = {}
+        for name, (stamps, values) in series.items():
+            column = np.full(len(t), np.nan)
+            column[np.searchsorted(t, stamps)] = values
+            columns[name] = column
+        return cls(t, columns)
+
+    @classmethod
+    def on_grid(cls, series: Series, rate: float, gap: float) -> Table:
+        """On a uniform grid; interpolated, and left out inside gaps longer than ``gap`` [s]."""
+        first = max(int(stamps[0]) for stamps, _ in series.values())
+        last = min(int(stamps[-1]) for stamps, _ in series.values())
+        if last <= first:
+            raise DataError("the sources of this task do not overlap in time: check their clocks")
+        n = int((last - first) * 1e-9 * rate) + 1
+        t = first + np.rint(np.arange(n) * 1e9 / rate).astype(np.int64)
+        longest = nanoseconds(gap)
+        columns = {
+            name: linear(stamps, values[:, None], t, longest)[:, 0]
+            for name, (stamps, values) in series.items()
+        }
+        return cls(t, columns)
+
+    def keep(self, where: np.ndarray) -> Table:
+        """The rows at which ``where`` is true."""
+        return Table(self.t[where], {name: v[where] for name, v in self.columns.items()})
+
+    def column(self, name: str) -> Vector:
+        """A channel by name.
+
+        Raises:
+            ConfigError: it is neither recorded nor derived.
+        """
+        if name not in self.columns:
+            raise ConfigError(
+                f"channel {name!r} is neither recorded nor derived: there are "
+                f"{', '.join(self.columns)}; name it in [source.channels] or [[derive]], or say "
+                f"[signals.{name}] source = …"
+            )
+        return self.columns[name]
+
+
+def _derivative(table: Table, columns: list[Vector], value: float) -> Vector:
+    seconds = (table.t - table.t[0]) * 1e-9
+    if len(seconds) < 3:
+        return np.full(len(seconds), np.nan)
+    return np.asarray(np.gradient(columns[0], seconds))
+
+
+_OPERATIONS: Mapping[str, Callable[[Table, list[Vector], float], Any]] = {
+    "derivative": _derivative,
+    "sum": lambda _, c, v: np.sum(c, axis=0),
+    "mean": lambda _, c, v: np.mean(c, axis=0),
+    "difference": lambda _, c, v: c[0] - c[1],
+    "product": lambda _, c, v: np.prod(c, axis=0),
+    "scale": lambda _, c, v: c[0] * v,
+    "norm": lambda _, c, v: np.sqrt(np.sum(np.square(c), axis=0)),
+    "max": lambda _, c, v: np.max(np.abs(c), axis=0),
+}
+
+
+def _derived(table: Table, derive: tuple[DeriveSpec, ...]) -> Table:
+    columns = dict(table.columns)
+    for item in derive:
+        parts = [Table(table.t, columns).column(name) for name in item.source]
+        columns[item.name] = np.asarray(_OPERATIONS[item.op](table, parts, item.value), dtype=float)
+    return Table(table.t, columns)
+
+
+def _filtered(table: Table, spec: TwinSpec) -> Table:
+    rule = spec.filter
+    if rule is None or not rule.inputs:
+        return table
+    if spec.clock.rate is None:
+        raise ConfigError("[filter] inputs: a filter over inputs needs a [clock] rate")
+    smooth = Butterworth(rule.cutoff, spec.clock.rate, rule.order)
+    columns, none = dict(table.columns), np.zeros(len(table.t), dtype=np.bool_)
+    for name in rule.inputs:
+        column = table.column(name)[:, None]
+        columns[name] = by_segment(smooth, column, none, smooth.shortest)[:, 0]
+    return Table(table.t, columns)
+
+
+def _cropped(table: Table, spec: TwinSpec) -> Table:
+    clock = spec.clock
+    seconds = (table.t - table.t[0]) * 1e-9
+    where = (seconds >= clock.start) & (seconds <= clock.stop)
+    if clock.crop is not None:
+        size = np.max([np.abs(table.column(name)) for name in clock.crop.channels], axis=0)
+        moves = np.flatnonzero(size > clock.crop.above)
+        if len(moves) == 0:
+            return table.keep(np.zeros(len(seconds), dtype=np.bool_))
+        inside = clock.crop.inside
+        first, last = seconds[moves[0]] + inside, seconds[moves[-1]] - inside
+        where &= (seconds >= first) & (seconds <= last)
+    return table.keep(where)
+
+
+def rows_of_task(series: Series, spec: TwinSpec, model: Model, row: int, task: int) -> Block | None:
+    """The rows of one task; None when nothing is left of it.
+
+    Raises:
+        ConfigError: a channel of the model is neither recorded nor derived.
+        DataError: the sources do not overlap.
+    """
+    clock = spec.clock
+    table = (
+        Table.on_union(series, spec)
+        if clock.rate is None
+        else Table.on_grid(series, clock.rate, clock.gap)
+    )
+    table = _cropped(_derived(_filtered(table, spec), spec.derive), spec)
+    if len(table.t) == 0:
+        return None
+    u = np.stack([_input(table, spec, name, len(model.states) > 0) for name in model.inputs.names], axis=1)
+    y = np.stack([table.column(_source(spec, n)) for n in model.outputs.names], axis=1)
+    block = make_block(table.t, u, y, row=row, task=task)
+    gap = block.gap | (block.dt > clock.gap)
+    gap[0] = True
+    return block._replace(gap=gap)
+
+
+def _source(spec: TwinSpec, name: str) -> str:
+    rule = spec.signals.get(name)
+    return name if rule is None or rule.source is None else rule.source
+
+
+def _input(table: Table, spec: TwinSpec, name: str, dynamic: bool) -> Vector:
+    rule = spec.signals.get(name)
+    held = dynamic if rule is None or rule.hold is None else rule.hold
+    values = table.column(_source(spec, name))
+    if not held:
+        known = np.flatnonzero(~np.isnan(values))
+        return values if len(known) == len(values) else np.interp(table.t, table.t[known], values[known])
+    known = np.where(np.isnan(values), -1, np.arange(len(values)))
+    newest = np.maximum.accumulate(known)
+    last = np.where(newest < 0, np.nan, values[newest])
+    return np.concatenate([last[:1], last[:-1]])

@@ -1,0 +1,193 @@
+"""The twin: open it, run it beside recorded data, fit it, ask it.
+
+    twin = Twin.open("arm.toml")
+    result = twin.run(["monday.csv", "tuesday.csv"])
+    result.outputs["tau1"].relative_rms_after
+
+The same without a file: ``Twin(TwinSpec(name=…, model=ModelSpec(kind=…)))``, or with a model of
+your own as second argument.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from evertwin.config import TwinSpec, read
+from evertwin.errors import UsageError
+from evertwin.fold import Block, Event, Record
+from evertwin.models import Model, Parameters
+from evertwin.models.form import Version
+from evertwin.store import SqliteStore, Store
+from evertwin.twin.book import Book
+from evertwin.twin.compare import Comparison, compare
+from evertwin.twin.diagnose import Diagnosis, diagnose
+from evertwin.twin.driver import Driver
+from evertwin.twin.factory import model_of
+from evertwin.twin.feed import Data, Feed
+from evertwin.twin.fitting import FitResult, fit
+from evertwin.twin.observer import Observer
+from evertwin.twin.result import RunResult
+from evertwin.twin.setup import Setup
+from evertwin.twin.versions import Versions
+
+__all__ = ["Twin"]
+
+log = logging.getLogger("evertwin")
+Progress = Callable[[int, float], None]
+"""``progress(rows so far, seconds of data so far)``."""
+
+
+class Twin:
+    """A model that is kept true to its machine.
+
+    >>> import numpy as np
+    >>> from evertwin.config.spec import ModelSpec, PredictionSpec
+    >>> twin = Twin(TwinSpec("robot", ModelSpec("robot1d"), prediction=PredictionSpec(horizon=1.0)))
+    >>> t = np.arange(50) * 0.1
+    >>> result = twin.run({"t": t, "v": np.full(50, 0.2), "x": 0.2 * t})
+    >>> result.samples, result.outputs["x"].rms_after < 1e-9
+    (50, True)
+    """
+
+    def __init__(
+        self, spec: TwinSpec, model: Model | None = None, store: Store | None = None
+    ) -> None:
+        self.spec = spec
+        self.model = model_of(spec, model)
+        self.setup = Setup(spec, self.model)
+        path = spec.store.path
+        where = ":memory:" if path is None else str(Path(spec.folder) / path)
+        self.store: Store = store or SqliteStore(where)
+        self._versions = Versions(self.model)
+        self._book = Book(self.store, self._versions)
+
+    @classmethod
+    def open(cls, path: str | Path) -> Twin:
+        """The twin of a file.
+
+        Raises:
+            ConfigError: the file does not say what it must; with file, line and nearest key.
+            StoreLocked: another process works with its store.
+        """
+        return cls(read(path))
+
+    def close(self) -> None:
+        """Lets go of the store."""
+        self.store.close()
+
+    def __enter__(self) -> Twin:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def versions(self) -> tuple[Version, ...]:
+        """All versions so far; the first is the model as configured."""
+        return tuple(self._versions)
+
+    @property
+    def champion(self) -> Version:
+        """The version that is live."""
+        return self._versions[self._book.champion]
+
+    def version(self, number: int) -> Version:
+        """One version by number."""
+        return self._versions[number]
+
+    def parameters_of(self, number: int) -> Parameters:
+        """The parameters of a version, with its values."""
+        return self._versions.model(number).parameters.with_values(self._versions[number].p)
+
+    @property
+    def pinned(self) -> bool:
+        """Is the champion pinned?"""
+        return self._book.pinned
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """Everything that was decided, in order."""
+        return tuple(r for r in self.store.read("event") if isinstance(r, Event))
+
+    def blocks(self, data: Data = None) -> tuple[Block, ...]:
+        """The rows of recordings, one block a task."""
+        return tuple(Feed(self.spec, self.model).blocks(data))
+
+    def run(self, data: Data = None, progress: Progress | None = None) -> RunResult:
+        """Runs the twin beside recorded data: follow, judge, tune, correct, try, promote.
+
+        Args:
+            data: files, columns by name with ``t`` [s], blocks; None: the twin file's recordings.
+            progress: called now and then with rows and seconds of data.
+
+        Raises:
+            DataError: a recording cannot be read.
+        """
+        began = time.perf_counter()
+        feed = Feed(self.spec, self.model)
+        observer = Observer(self.setup, progress)
+        driver = Driver(
+            self.setup, self._versions, self._keep(observer), observer.watch,
+            self._book.champion, self._book.pinned,
+        )  # fmt: skip
+        state = driver.finish(driver.run(feed.blocks(data)))
+        self._book.keep_versions()
+        self.store.checkpoint(state, state.row)
+        seconds = time.perf_counter() - began
+        result = observer.result(driver, state, seconds)
+        log.info("%s: %d rows in %.2f s", self.spec.name, state.row, seconds)
+        return replace(result, problems=dict(feed.tally.counts))
+
+    def _keep(self, observer: Observer) -> Callable[[int, Record], None]:
+        def keep(row: int, record: Record) -> None:
+            self._book.add(record, row)
+            observer.record(record)
+            if isinstance(record, Event):
+                log.info("row %d: %s %s: %s", row, record.kind, record.signal, record.reason)
+
+        return keep
+
+    def fit(
+        self, train: Data = None, test: Sequence[Any] = (), progress: Progress | None = None
+    ) -> FitResult:
+        """Tunes the champion on ``train`` and judges it on each of ``test``; changes nothing live.
+
+        Args:
+            train: recordings to learn from.
+            test: recordings that are not learned from, each judged alone and all together.
+        """
+        return fit(self.setup, self._versions, self.champion.number, train, tuple(test))
+
+    def doctor(self, data: Data = None) -> Diagnosis:
+        """What is wrong, or will be: units, lag, excitation, what is not identifiable."""
+        return diagnose(self.setup, self._versions, self.champion.number, data)
+
+    def compare(self, a: int, b: int, data: Data = None) -> Comparison:
+        """Two versions over the same data."""
+        return compare(self.setup, self._versions, (a, b), data)
+
+    # ------------------------------------------------------------------ the operator's hand
+
+    def promote(self, number: int, reason: str = "by hand") -> Event:
+        """Makes a version live, whatever the gate says; an event tells so."""
+        return self._book.switch(self._versions[number].number, "promoted", reason)
+
+    def rollback(self, reason: str = "by hand") -> Event:
+        """Makes the champion before the present one live again.
+
+        Raises:
+            UsageError: there was none before.
+        """
+        before = self._book.before
+        if before is None:
+            raise UsageError("roll back: no other version has been live before this one")
+        return self._book.switch(before, "rolled_back", reason)
+
+    def pin(self, number: int | None, reason: str = "by hand") -> Event:
+        """Keeps a version live until it is unpinned (None): no promotion happens."""
+        return self._book.pin(number, reason)

@@ -1,0 +1,92 @@
+"""The versions that a twin has had, and the stages that run them.
+
+Append-only: a number names a version for ever. Stages are built once per version.
+
+>>> from evertwin.models import FunctionModel, Parameters
+>>> from evertwin.signals import Layout
+>>> model = FunctionModel(lambda x, u, dt, p: ([], [p[0] * u[0]]), Layout.of(u="1"),
+...     Layout.of(y="1"), Layout(), Parameters.of(gain=(1.0, "1")))
+>>> versions = Versions(model)
+>>> versions.add(Form(), {"gain": 1.1}, parent=0, reason="tuned").number
+1
+>>> [v.values for v in versions]
+[(1.0,), (1.1,)]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from evertwin.errors import UsageError
+from evertwin.models import Model
+from evertwin.models.corrected import build
+from evertwin.models.form import Form, Version
+
+__all__ = ["Versions"]
+
+
+class Versions:
+    """Append-only list of versions over one base model.
+
+    >>> Versions.__name__
+    'Versions'
+    """
+
+    def __init__(self, base: Model, form: Form | None = None) -> None:
+        self.base = base
+        self._versions: list[Version] = []
+        self._models: dict[Form, Model] = {}
+        self.add(form or Form(), {}, parent=None, reason="as configured")
+
+    def add(
+        self,
+        form: Form,
+        values: Mapping[str, float],
+        *,
+        parent: int | None,
+        reason: str,
+        row: int = 0,
+    ) -> Version:
+        """A new version of ``form``; values not named are the parent's, or the model's own."""
+        parameters = self.model_of(form).parameters
+        old = {} if parent is None else dict(self.values(parent))
+        known = {k: v for k, v in (old | dict(values)).items() if k in parameters.names}
+        unknown = set(values) - set(parameters.names)
+        if unknown:
+            raise UsageError(f"version: no parameters {sorted(unknown)} in this form")
+        filled = [known.get(item.name, item.value) for item in parameters]
+        version = Version(
+            len(self._versions), form, parameters.names, tuple(filled), parent, reason, row
+        )
+        self._versions.append(version)
+        return version
+
+    def restore(self, versions: list[Version]) -> None:
+        """Replaces the list by the one a store has kept."""
+        self._versions = list(versions)
+
+    def values(self, number: int) -> Mapping[str, float]:
+        """Parameter values of a version, by name."""
+        version = self[number]
+        return dict(zip(version.names, version.values, strict=True))
+
+    def model_of(self, form: Form) -> Model:
+        """The model of a form, built once."""
+        if form not in self._models:
+            self._models[form] = build(self.base, form)
+        return self._models[form]
+
+    def model(self, number: int) -> Model:
+        """The model of a version (its parameters carry the base model's values)."""
+        return self.model_of(self[number].form)
+
+    def __getitem__(self, number: int) -> Version:
+        if not 0 <= number < len(self._versions):
+            raise UsageError(f"version: there are 0 to {len(self._versions) - 1}, got {number}")
+        return self._versions[number]
+
+    def __iter__(self) -> Iterator[Version]:
+        return iter(self._versions)
+
+    def __len__(self) -> int:
+        return len(self._versions)

@@ -1,0 +1,90 @@
+"""The newest rows of the stream, kept for slow work. Fixed capacity, filled in place.
+
+>>> from evertwin.fold import make_block
+>>> ring = Ring(capacity=3, nu=1, ny=1)
+>>> rows = make_block(t=range(5), u=[[float(i)] for i in range(5)], y=[[0.0]] * 5)
+>>> ring.between(ring.push(ring.init(), rows), 0, 5)[0].u.ravel().tolist()
+[2.0, 3.0, 4.0]
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from evertwin.errors import UsageError
+from evertwin.fold import Block, take
+
+__all__ = ["Ring", "Rows", "split"]
+
+
+class Rows(NamedTuple):
+    """State of `Ring`: rows by number modulo capacity.
+
+    >>> Ring(capacity=2, nu=1, ny=1).init().end
+    0
+    """
+
+    end: int
+    """Number of the row after the newest."""
+    t: np.ndarray
+    dt: np.ndarray
+    u: np.ndarray
+    y: np.ndarray
+    mark: np.ndarray
+    task: np.ndarray
+    gap: np.ndarray
+
+
+@dataclass(frozen=True)
+class Ring:
+    """The newest ``capacity`` rows.
+
+    >>> Ring(capacity=100, nu=2, ny=1).capacity
+    100
+    """
+
+    capacity: int
+    nu: int
+    ny: int
+
+    def __post_init__(self) -> None:
+        if self.capacity < 1:
+            raise UsageError(f"window: expected at least 1 row, got {self.capacity}")
+
+    def init(self) -> Rows:
+        """No rows."""
+        n = self.capacity
+        return Rows(
+            0, np.zeros(n, np.int64), np.zeros(n), np.zeros((n, self.nu)), np.zeros((n, self.ny)),
+            np.zeros((n, self.nu + self.ny), np.uint8), np.zeros(n, np.int64), np.zeros(n, np.bool_),
+        )  # fmt: skip
+
+    def push(self, rows: Rows, block: Block) -> Rows:
+        """With the block's rows; the oldest make room. Consumes ``rows``."""
+        n, capacity = len(block.t), self.capacity
+        source = max(0, n - capacity)
+        while source < n:
+            place = (block.row + source) % capacity
+            count = min(n - source, capacity - place)
+            for ring, new in zip(rows[1:], block[1:], strict=True):
+                ring[place : place + count] = new[source : source + count]
+            source += count
+        return rows._replace(end=block.row + n)
+
+    def between(self, rows: Rows, start: int, stop: int) -> tuple[Block, ...]:
+        """Copies of the kept rows with numbers in [start, stop), task by task."""
+        first = max(start, rows.end - self.capacity, 0)
+        if stop <= first:
+            return ()
+        places = np.arange(first, stop) % self.capacity
+        return split(Block(first, *(column[places] for column in rows[1:])))
+
+
+def split(block: Block) -> tuple[Block, ...]:
+    """The block's tasks, each a window of its own."""
+    opens = np.flatnonzero(np.diff(block.task)) + 1
+    edges: Any = [0, *opens.tolist(), len(block.t)]
+    return tuple(take(block, a, b) for a, b in zip(edges, edges[1:], strict=False))

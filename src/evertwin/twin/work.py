@@ -1,0 +1,215 @@
+"""Slow work: what a request asks for, computed from a window of rows. Pure, so replay is exact.
+
+``fit``: tune what may be tuned, then ask whether the parameters had moved (normal) or the form is
+wrong (abnormal). ``correct``: search for terms that make up for the form. Either may end in a
+candidate, which then has to prove itself on data that this work has not seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from evertwin.anomaly.branch import Verdict, branch, explained
+from evertwin.correction.improve import Proposal
+from evertwin.errors import DataError, ModelError, UsageError
+from evertwin.fold import Answer, Block, Request, plain
+from evertwin.models import Model
+from evertwin.models.form import Form, Version
+from evertwin.trial import admit
+from evertwin.tuning import Fit, Iteration, Problem, Schedule, solve
+from evertwin.twin.learn import learn
+from evertwin.twin.setup import Setup
+from evertwin.twin.state import TwinState
+from evertwin.twin.versions import Versions
+
+__all__ = ["Work"]
+
+Windows = tuple[Block, ...]
+
+
+def _event(kind: str, signal: str, reason: str, evidence: Mapping[str, Any]) -> dict[str, Any]:
+    return {"kind": kind, "signal": signal, "reason": reason, "evidence": dict(evidence)}
+
+
+@dataclass(frozen=True)
+class Work:
+    """Answers to requests.
+
+    >>> Work.__name__
+    'Work'
+    """
+
+    setup: Setup
+    versions: Versions
+
+    def answer(self, request: Request, windows: Windows, state: TwinState) -> Answer:
+        """The answer to a request; what cannot be done is an event in it."""
+        version = self.versions[request.version]
+        try:
+            if request.kind == "fit":
+                content = self.fit(version, windows, state.desk.tunings)
+            else:
+                content = self.correct(version, windows)
+        except (DataError, ModelError, UsageError) as error:
+            reason = f"{request.kind}: {error}"
+            content = {"events": [_event("rejected", "", reason, {})]}
+        return Answer(request.id, request.version, plain(content))  # type: ignore[arg-type]
+
+    # ------------------------------------------------------------------ tuning
+
+    def problem(self, version: Version, windows: Windows, names: tuple[str, ...]) -> Problem:
+        """The tuning problem of a version on a window."""
+        model = self.versions.model(version.number)
+        return Problem(
+            model, windows, names, self.setup.horizon, None, self.setup.smooth_window,
+            model.parameters.with_values(version.p), self.setup.spec.tuning.loss,
+            self.setup.moving if self.setup.spec.moving is not None else None,
+        )  # fmt: skip
+
+    def editable(self, version: Version) -> tuple[str, ...]:
+        """What may be tuned of a version: the base model's share and the terms' own numbers."""
+        model = self.versions.model(version.number)
+        base = self.setup.model.parameters.names
+        terms = tuple(n for n in model.parameters.editable if n not in base)
+        tabled = tuple(n for n in terms if not n.startswith(("table.", "surface.")))
+        return tuple(n for n in self.setup.editable if n in model.parameters.names) + tabled
+
+    def due(self, version: Version, tunings: int) -> tuple[str, ...]:
+        """The parameters whose turn it is."""
+        names, weights = self.editable(version), self.setup.weights
+        schedule = Schedule({name: weights.get(name, 1.0) for name in names})
+        return schedule.due(tunings)
+
+    def tune(self, problem: Problem) -> tuple[Fit, tuple[Any, ...]]:
+        """The fit, and its rounds where it went by rounds."""
+        rule = self.setup.spec.tuning
+        if rule.method != "iteration":
+            return solve(problem), ()
+        limit = self.setup.requirement if np.isfinite(self.setup.requirement) else 0.05
+        done = Iteration(limit=limit, relaxation=rule.relaxation).run(problem)
+        return done.fit, tuple(done.rounds)
+
+    def fit(self, version: Version, windows: Windows, tunings: int) -> dict[str, Any]:
+        """Tunes, and judges what the residual of the tuned model still says."""
+        names = self.due(version, tunings)
+        if not names:
+            return {"events": [], "next": self._next()}
+        problem = self.problem(version, windows, names)
+        fit, rounds = self.tune(problem)
+        verdict = self.verdict(version, problem, fit, windows)
+        events = [
+            _event("not_identifiable", name, fit.reasons[k], {"verdict": fit.verdict[k]})
+            for k, name in enumerate(fit.names)
+            if fit.verdict[k] == "not"
+        ]
+        events.append(_event(verdict.kind, verdict.cause, verdict.reason, verdict.evidence))
+        content: dict[str, Any] = {
+            "events": events, "fit": fit.to_dict(timing=False), "rounds": rounds, "tuned": True,
+        }  # fmt: skip
+        if verdict.kind == "abnormal" and self._next():
+            content["next"] = self._next()
+        elif verdict.kind == "normal":
+            content["candidate"] = self._tuned(version, problem, fit, windows, events)
+        return content
+
+    def _tuned(
+        self, version: Version, problem: Problem, fit: Fit, windows: Windows,
+        events: list[dict[str, Any]],
+    ) -> dict[str, Any] | None:  # fmt: skip
+        """The tuned version as a candidate, if anything was learned and nothing is out of bounds."""
+        checks = admit(fit.values, *problem.bounds)
+        missed = [check.name for check in checks if not check.passed]
+        if missed:
+            events.append(_event("rejected", "", f"outside: {', '.join(missed)}", {}))
+        if missed or not fit.converged or not np.any(fit.values != fit.start):
+            return None
+        reason = f"tuned {', '.join(fit.identifiable)}"
+        events.append(_event("tuned", "", reason, fit.to_dict(timing=False)))
+        values = dict(zip(fit.names, fit.values.tolist(), strict=True))
+        scale = self.scale(problem, fit.start)
+        return self._candidate(version.form, values, scale, reason, windows)
+
+    def verdict(self, version: Version, problem: Problem, fit: Fit, windows: Windows) -> Verdict:
+        """Normal or abnormal, with the cause that explains most."""
+        refits = {}
+        known = problem.model.parameters.names
+        for cause, names in self.setup.causes.items():
+            chosen = tuple(name for name in names if name in known)
+            if chosen:
+                refits[cause] = solve(self.problem(version, windows, chosen))
+        found = branch(fit, problem, refits, frozenset(self.setup.editable))
+        short = self._short(fit)
+        if found.kind == "normal" and short and self._next():
+            return replace(found, kind="abnormal", reason=f"{short}: the form does not reach it")
+        return found
+
+    def _short(self, fit: Fit) -> str:
+        """Which output stays outside the requirement after tuning; empty where all reach it."""
+        setup = self.setup
+        for k, one in enumerate(fit.residuals):
+            left = fit.moving_after[k] if setup.relative else one.rms_after
+            if setup.watched[k] and left > setup.requirement:
+                limit = setup.shown(k, setup.requirement)
+                return f"tuned, {one.output} is still off by {setup.shown(k, left)} (limit {limit})"
+        return ""
+
+    def scale(self, problem: Problem, values: np.ndarray) -> np.ndarray:
+        """Rms residual per output: what counts as 1 in a loss."""
+        given = self.setup.spec.prediction.scale
+        residual = problem.residuals(values)
+        names = problem.model.outputs.names
+        with np.errstate(invalid="ignore"):
+            rms = np.sqrt(np.nanmean(np.square(residual), axis=0))
+        found = [given.get(n, float(rms[k])) for k, n in enumerate(names)]
+        return np.array([size if np.isfinite(size) and size > 0 else 1.0 for size in found])
+
+    # ------------------------------------------------------------------ correction
+
+    def _next(self) -> str | None:
+        return "correct" if self.setup.spec.correction.terms else None
+
+    def correct(self, version: Version, windows: Windows) -> dict[str, Any]:
+        """Searches for terms on top of the version's form."""
+        base: Model = self.setup.model
+        proposal: Proposal = learn(self.setup, base, version, windows)
+        evidence = proposal.evidence()
+        if not proposal.found:
+            events = [_event("rejected", "", "no correction pays on unseen rows", evidence)]
+            return {"events": events, "candidate": self._instead(version, windows, events)}
+        reason = "; ".join(proposal.describes)
+        values = dict(zip(proposal.names, proposal.p.tolist(), strict=True))
+        return {
+            "events": [_event("corrected", "", reason, evidence)],
+            "candidate": self._candidate(proposal.form, values, proposal.scale, reason, windows),
+        }
+
+    def _instead(
+        self, version: Version, windows: Windows, events: list[dict[str, Any]]
+    ) -> dict[str, Any] | None:
+        """Where no correction pays, tuning is the better half, if it explains most of it."""
+        problem = self.problem(version, windows, self.editable(version))
+        fit, _ = self.tune(problem)
+        if explained(fit, fit.noise) < 0.5:
+            return None
+        return self._tuned(version, problem, fit, windows, events)
+
+    def _candidate(
+        self, form: Form, values: Mapping[str, float], scale: np.ndarray, reason: str,
+        windows: Windows,
+    ) -> dict[str, Any]:  # fmt: skip
+        return {
+            "form": form, "values": values, "scale": scale, "reason": reason,
+            "watched": self.watched(windows),
+        }  # fmt: skip
+
+    def watched(self, windows: Windows) -> np.ndarray:
+        """Range of the watched inputs over the windows, (k, 2)."""
+        columns = [self.setup.model.inputs.index(n) for n in self.setup.spec.correction.watch]
+        if not columns or not windows:
+            return np.zeros((0, 2))
+        u = np.concatenate([w.u[:, columns] for w in windows])
+        return np.stack([np.nanmin(u, axis=0), np.nanmax(u, axis=0)], axis=1)
