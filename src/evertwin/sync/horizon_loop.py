@@ -23,13 +23,13 @@ TASK, BEGUN, END, LAST = 0, 1, 2, 3
 began, stamp of the last row."""
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def wrapped(residual: float, angle: bool) -> float:
     """An angle's residual in (−π, π], any other as it is."""
     return np.pi - (np.pi - residual) % (2 * np.pi) if angle else residual
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def is_known(values: Any) -> bool:
     """True if every value of a row is finite."""
     for k in range(values.shape[0]):  # noqa: SIM110 - generators do not compile
@@ -38,13 +38,13 @@ def is_known(values: Any) -> bool:
     return True
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def is_due(stamp: int, adopted: int, horizon: int) -> bool:
     """Has an output that was adopted at ``adopted`` to be adopted again?"""
     return adopted == NEVER or stamp - adopted >= horizon - SLACK
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def plan(t: Any, anew: Any, y: Any, horizon: int, code: Any, adopts: Any) -> None:
     """Fills ``code`` (n,) and ``adopts`` (n, ny), the outputs that each restart takes over."""
     n, ny = y.shape
@@ -64,7 +64,7 @@ def plan(t: Any, anew: Any, y: Any, horizon: int, code: Any, adopts: Any) -> Non
                     code[i + 1] = ADOPT
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def began(anew: Any, known: Any) -> Any:
     """True where an output was known at an earlier row since the state started anew, (n, ny)."""
     out = np.empty_like(known)
@@ -76,7 +76,7 @@ def began(anew: Any, known: Any) -> Any:
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def run(
     step: int, observe: int, context: Any, t: Any, dt: Any, u: Any, y: Any, mark: Any, task: Any,
     gap: Any, angle: Any, horizon: int, x: Any, p: Any, x0: Any, scale: Any, square: Any,

@@ -1,0 +1,226 @@
+"""Compiled: one sample of one group through the four steps of `evertwin.sync.arbiter`.
+
+See `evertwin.sync.plausible_loop` for the tuples of arrays.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from evertwin.sync import places as at
+from evertwin.sync.horizon_loop import wrapped
+from evertwin.sync.plausible_loop import (
+    doubted,
+    grown,
+    implausible,
+    learn,
+    measure,
+    standstill,
+)
+from evertwin.sync.vote_loop import agrees, end_contest, end_fault, fault, note, remember, widen
+
+__all__ = ["forget", "judge"]
+
+OK, CONTESTED, OVERRULED, ERROR = 0, 4, 5, 6
+ADOPTED, BLENDED, RESET, FIRST = 1, 2, 3, 4
+SYNTAX, FROZEN, VOTE = 1, 4, 7
+FOUND_ERROR, FOUND_OVERRULED, FOUND_FRESH, FOUND_WIDER = 0, 1, 4, 5
+
+
+@njit(cache=True, error_model="numpy")
+def forget(rules: Any, memory: Any, rows: Any, notes: Any, g: int, now: Any) -> None:
+    """The state starts anew: what is open is closed, and the next sample is adopted as it is."""
+    end_contest(rules, memory, rows, notes, g, now)
+    end_fault(memory, notes, g, now)
+    memory[1][g, at.STARTED] = memory[1][g, at.RUN] = 0
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def settle(
+    limits: Any, memory: Any, sample: Any, g: int, size: int, stamp: int, adopt: bool,
+    spread: float,
+) -> None:  # fmt: skip
+    """A trusted sample: adopt it where asked and possible, else keep its offset."""
+    values, numbers, figures = memory
+    room, y, predicted, take = sample
+    for k in range(size):
+        j = room[k]
+        values[j, at.OFFSET] = 0.0
+        if adopt and limits[j, at.ADOPTS] > 0:
+            take[j] = y[j]
+        elif predicted[j] == predicted[j]:
+            values[j, at.OFFSET] = wrapped(y[j] - predicted[j], limits[j, at.ANGLE] > 0)
+        values[j, at.GOOD], values[j, at.PATH] = y[j], 0.0
+    figures[g, at.SPREAD] = spread
+    numbers[g, at.STARTED], numbers[g, at.GOOD_AT] = 1, stamp
+    numbers[g, at.SAMPLES] += 1
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def use(settings: Any, memory: Any, sample: Any, g: int, size: int, stamp: int) -> int:
+    """A sample inside the gate: nothing, a tolerance update, or a blend."""
+    limits, rules, _ = settings
+    values, numbers, figures = memory
+    room, y, predicted, take = sample
+    share, elapsed = rules[g, at.BLEND], float(stamp - numbers[g, at.GOOD_AT])
+    known = figures[g, at.INTERVAL]
+    steps = elapsed / known if known > 0 else 1.0
+    # A pause is no regular interval.
+    limited = min(elapsed, 3.0 * known)
+    figures[g, at.INTERVAL] = known + (limited - known) / 32.0 if known > 0 else elapsed
+    if rules[g, at.USE] == at.MIX:
+        spread = figures[g, at.SPREAD] + share * share / (1.0 - share) * steps
+        gain = spread / (1.0 + spread)
+        settle(limits, memory, sample, g, size, stamp, False, gain)
+        for k in range(size):
+            j = room[k]
+            if limits[j, at.ADOPTS] > 0:
+                # While the variance is not known, the measurement is all there is.
+                weight = gain if values[j, at.BASE] < np.inf else 1.0
+                take[j] = predicted[j] + weight * values[j, at.NU]
+                values[j, at.OFFSET] = 0.0
+        return BLENDED
+    adopt = False
+    if rules[g, at.USE] == at.UPDATE:
+        for k in range(size):
+            j = room[k]
+            off = abs(wrapped(y[j] - predicted[j], limits[j, at.ANGLE] > 0))
+            adopt = adopt or (limits[j, at.ADOPTS] > 0 and off > limits[j, at.TOLERANCE])
+    settle(limits, memory, sample, g, size, stamp, adopt, share)
+    numbers[g, at.UPDATES] += adopt
+    return ADOPTED if adopt else 0
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def follow(settings: Any, memory: Any, sample: Any, g: int, size: int, now: Any) -> None:
+    """Keeps the run of equal values."""
+    rules = settings[1]
+    values, numbers, _ = memory
+    room, y = sample[0], sample[1]
+    same = numbers[g, at.RUN] > 0
+    for k in range(size):
+        j = room[k]
+        same = same and y[j] == values[j, at.LAST]
+    if same:
+        numbers[g, at.RUN] += 1
+        return
+    if 0 < rules[g, at.FROZEN] <= numbers[g, at.RUN]:
+        numbers[g, at.STILL] += standstill(settings, memory, sample, g, size)
+    numbers[g, at.RUN], numbers[g, at.RUN_ROW], numbers[g, at.RUN_AT] = 1, now[0], now[1]
+    for k in range(size):
+        j = room[k]
+        values[j, at.WAY] = 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def withdraw(settings: Any, memory: Any, sample: Any, g: int, size: int) -> None:
+    """The sensor turned out to be frozen: its equal values lose their effect on the state."""
+    limits, rules, _ = settings
+    values, numbers, _ = memory
+    room, _, predicted, take = sample
+    for k in range(size):
+        j = room[k]
+        expected = values[j, at.ORIGIN] + values[j, at.WAY]
+        values[j, at.OFFSET] = 0.0
+        if rules[g, at.USE] != at.NONE and limits[j, at.ADOPTS] > 0:
+            take[j] = expected
+        else:
+            values[j, at.OFFSET] = wrapped(expected - predicted[j], limits[j, at.ANGLE] > 0)
+        values[j, at.PATH] = abs(values[j, at.WAY])
+    numbers[g, at.GOOD_AT] = numbers[g, at.RUN_AT]
+
+
+@njit(cache=True, error_model="numpy")
+def contest(
+    settings: Any, memory: Any, statistics: Any, board: Any, notes: Any, sample: Any, g: int,
+    size: int, now: Any, phase: int,
+) -> tuple[int, int]:  # fmt: skip
+    """A sample outside the gate: the vote."""
+    limits, rules, _ = settings
+    values, numbers, figures = memory
+    room, rows, votes = sample[0], board[3], int(rules[g, at.VOTE])
+    remember(rules, memory, board, room, g, size, now[0], now[1])
+    agreed = numbers[g, at.CONTEST] >= votes and agrees(settings, values, board, room, g, size)
+    # What left the vote without agreement was an error; told for all of them at once.
+    late = numbers[g, at.BATCH] - votes
+    if late > 0 and (agreed or late >= votes):
+        span = (numbers[g, at.BATCH_ROW], numbers[g, at.LEFT], late)
+        note(notes, memory, now, FOUND_ERROR, g, VOTE, span)
+        numbers[g, at.BATCH_ROW], numbers[g, at.BATCH] = rows[0, g], votes
+    if agreed:
+        note(notes, memory, now, FOUND_OVERRULED, g, 0, (rows[0, g], now[0], votes))
+        numbers[g, at.CONTEST] = numbers[g, at.BATCH] = 0
+        numbers[g, at.RESETS] += 1
+        figures[g, at.OUTSIDE] = 0.0
+        refresh(memory, notes, g, now)
+        settle(limits, memory, sample, g, size, now[1], True, 1.0)
+        return OVERRULED, RESET
+    if widen(rules, figures, statistics, room, g, size, phase):
+        note(notes, memory, now, FOUND_WIDER, g, 0, (now[0], now[0], 0))
+    return CONTESTED, 0
+
+
+@njit(cache=True, error_model="numpy")
+def refresh(memory: Any, notes: Any, g: int, now: Any) -> None:
+    """The group is valid (again)."""
+    numbers = memory[1]
+    if numbers[g, at.VALID] == 2:
+        note(notes, memory, now, FOUND_FRESH, g, 0, (now[0], now[0], 0))
+    numbers[g, at.VALID] = 1
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def judge(
+    settings: Any, memory: Any, statistics: Any, board: Any, notes: Any, sample: Any, g: int,
+    size: int, now: Any, phase: int,
+) -> tuple[int, int]:  # fmt: skip
+    """Mark and use of one sample; fills ``take`` with what the state adopts. ``size`` < 0: refused.
+
+    Args:
+        now: row and stamp.
+    """
+    limits, rules, _ = settings
+    values, numbers, figures = memory
+    room, y, predicted, _ = sample
+    if size < 0:
+        fault(rules, memory, notes, g, SYNTAX, now[0], now)
+        return ERROR, 0
+    started, ratio = numbers[g, at.STARTED] > 0, 0.0
+    for k in range(size):
+        started = started and predicted[room[k]] == predicted[room[k]]
+    if started:
+        ratio = measure(settings, memory, statistics, sample, g, size, now[1], phase)
+    follow(settings, memory, sample, g, size, now)
+    cause = implausible(settings, memory, sample, g, size, now[1])
+    if cause == 0 and ratio > 1.0:
+        cause = doubted(settings, memory, sample, g, size)
+    for k in range(size):
+        j = room[k]
+        values[j, at.LAST] = y[j]
+    numbers[g, at.LAST_AT] = now[1]
+    if cause > 0:
+        if cause == FROZEN and numbers[g, at.CAUSE] != FROZEN:
+            withdraw(settings, memory, sample, g, size)
+        onset = numbers[g, at.RUN_ROW] if cause == FROZEN else now[0]
+        fault(rules, memory, notes, g, cause, onset, now)
+        return ERROR, 0
+    if numbers[g, at.CAUSE] > 0:
+        end_fault(memory, notes, g, now)
+    if ratio > 1.0:
+        return contest(settings, memory, statistics, board, notes, sample, g, size, now, phase)
+    if numbers[g, at.CONTEST] > 0:
+        end_contest(rules, memory, board[3], notes, g, now)
+    if numbers[g, at.VALID] != 1:
+        refresh(memory, notes, g, now)
+    if not started:
+        settle(limits, memory, sample, g, size, now[1], True, 1.0)
+        return OK, FIRST
+    growth = grown(rules, numbers, figures, g, now[1])
+    for k in range(size):
+        nu = values[room[k], at.NU]
+        learn(statistics, phase, room[k], nu * nu / growth)
+    figures[g, at.OUTSIDE] *= 1.0 - 1.0 / (4.0 * rules[g, at.VOTE])
+    return OK, use(settings, memory, sample, g, size, now[1])

@@ -1,0 +1,28 @@
+"""Arrays without reference counts, for compiled loops that pass many of them on.
+
+Numba counts references to an array atomically, at each call and each assignment; in a loop that
+judges one row after the other this costs more than the judging. A borrowed array is the same array
+without an owner: whoever borrows must not outlive who lends.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+__all__ = ["borrowed"]
+
+
+@intrinsic
+def borrowed(typing: Any, array: Any) -> Any:
+    """The array without an owner."""
+
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        view = context.make_array(signature.args[0])(context, builder, arguments[0])
+        view.meminfo = cgutils.get_null_value(view.meminfo.type)
+        view.parent = cgutils.get_null_value(view.parent.type)
+        return view._getvalue()
+
+    return array(array), code

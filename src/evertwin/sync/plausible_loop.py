@@ -1,0 +1,191 @@
+"""Compiled: innovations with the arbiter's own variance, and the tests of hard plausibility.
+
+The loops pass their arrays on in tuples: ``settings`` (limits, rules, sentinels), ``memory``
+(values, numbers, figures), ``statistics`` (variance, counts, warm), ``board`` (the vote's ring,
+paths, times, rows), ``notes`` (found, detail, extent) and ``sample`` (room, y, predicted, take).
+``room[:size]`` are the outputs of group ``g`` that were measured at this row.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from evertwin.sync import places as at
+from evertwin.sync.horizon_loop import wrapped
+
+__all__ = ["doubted", "grown", "implausible", "learn", "measure", "standstill", "variance_of"]
+
+NONE, RANGE, RATE, FROZEN, SENTINEL, FACTOR = 0, 2, 3, 4, 5, 6
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def grown(rules: Any, numbers: Any, figures: Any, g: int, stamp: int) -> float:
+    """Growth of the innovation's variance since the last trusted sample; 1 at the interval.
+
+    The state's variance over that of the measurement is ρ. It grows by q at every regular interval
+    and a blend by K = ρ/(1 + ρ) leaves ρ = K; so K stays where q = K²/(1 − K).
+    """
+    k = rules[g, at.BLEND]
+    if not figures[g, at.INTERVAL] > 0:
+        return 1.0
+    steps = (stamp - numbers[g, at.GOOD_AT]) / figures[g, at.INTERVAL]
+    return float((1 + figures[g, at.SPREAD] + k * k / (1 - k) * steps) * (1 - k))
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def variance_of(variance: Any, counts: Any, phase: int, j: int) -> float:
+    """Regular variance of output ``j``'s innovation; inf while too few are known."""
+    pool = variance.shape[0] - 1
+    if counts[phase, j] >= at.PHASE:
+        return float(variance[phase, j])
+    return float(variance[pool, j]) if counts[pool, j] >= at.FEW else np.inf
+
+
+@njit(cache=True, error_model="numpy")
+def learn(statistics: Any, phase: int, j: int, square: float) -> None:
+    """One more squared innovation, in its phase and over all of them."""
+    variance, counts, warm = statistics
+    pool = variance.shape[0] - 1
+    n = counts[pool, j]
+    if n < at.LEARN:
+        warm[n, j] = np.sqrt(square)
+        counts[pool, j] = n + 1
+        if n + 1 >= at.FEW:
+            ordered = np.sort(warm[: n + 1, j])
+            middle = 1.4826 * ordered[(n + 1) // 2]
+            # From a few innovations the spread is uncertain: three times as wide until it is known.
+            variance[pool, j] = middle * middle * (1.0 if n + 1 == at.LEARN else 9.0)
+        return
+    counts[pool, j] = min(n + 1, at.MEMORY)
+    variance[pool, j] += (square - variance[pool, j]) / counts[pool, j]
+    if phase != pool:
+        counts[phase, j] = min(counts[phase, j] + 1, at.MEMORY)
+        variance[phase, j] += (square - variance[phase, j]) / counts[phase, j]
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def measure(
+    settings: Any, memory: Any, statistics: Any, sample: Any, g: int, size: int, stamp: int,
+    phase: int,
+) -> float:  # fmt: skip
+    """Innovations and variances of a sample; gives the largest test ratio.
+
+    ratio = innovation² / (gate²·S + path²): S is the regular variance, grown since the last trusted
+    sample, and the path that the model predicted since then may be all wrong (a machine that stands
+    still, or moves twice as far, is no measurement error).
+    """
+    limits, rules, _ = settings
+    values, numbers, figures = memory
+    room, y, predicted, _ = sample
+    worst = 0.0
+    growth = grown(rules, numbers, figures, g, stamp)
+    gate = rules[g, at.GATE] * rules[g, at.GATE]
+    elapsed = (stamp - numbers[g, at.GOOD_AT]) * 1e-9
+    for k in range(size):
+        j = room[k]
+        nu = wrapped(y[j] - predicted[j] - values[j, at.OFFSET], limits[j, at.ANGLE] > 0)
+        floor = 1e-9 * (abs(predicted[j]) + abs(y[j])) + 1e-15
+        base = variance_of(statistics[0], statistics[1], phase, j) + floor * floor
+        values[j, at.NU], values[j, at.BASE] = nu, base
+        spread = base * growth
+        if rules[g, at.GROWTH] > 0:
+            spread = base + rules[g, at.GROWTH] * rules[g, at.GROWTH] * elapsed
+        credible = rules[g, at.SHARE] * values[j, at.PATH]
+        worst = max(worst, nu * nu / (gate * spread + credible * credible))
+    return worst
+
+
+@njit(cache=True, error_model="numpy")
+def standstill(settings: Any, memory: Any, sample: Any, g: int, size: int) -> bool:
+    """A run of equal values ends: did the machine stand still, against the model's prediction?
+
+    Then the new value continues from the old one; after a sensor's fault it lies at the prediction.
+    """
+    limits, rules, _ = settings
+    values = memory[0]
+    room, y = sample[0], sample[1]
+    for k in range(size):
+        j = room[k]
+        if abs(values[j, at.WAY]) > 2 * rules[g, at.GATE] * np.sqrt(values[j, at.BASE]):
+            angle = limits[j, at.ANGLE] > 0
+            moved = abs(wrapped(y[j] - values[j, at.LAST], angle))
+            expected = values[j, at.ORIGIN] + values[j, at.WAY]
+            return bool(moved < 0.5 * abs(wrapped(y[j] - expected, angle)))
+    return False
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def implausible(settings: Any, memory: Any, sample: Any, g: int, size: int, stamp: int) -> int:
+    """Range, rate, and a frozen value: the first cause that holds, or none.
+
+    Frozen are equal values while the model predicts motion beyond the noise. A sensor whose equal
+    values proved to be real standstills (twice) is not judged by this.
+    """
+    limits, rules, _ = settings
+    values, numbers, _ = memory
+    room, y = sample[0], sample[1]
+    for k in range(size):
+        j = room[k]
+        if y[j] < limits[j, at.LOW] or y[j] > limits[j, at.HIGH]:
+            return RANGE
+    if numbers[g, at.STARTED] == 0:
+        return NONE
+    since = (stamp - numbers[g, at.GOOD_AT]) * 1e-9
+    before = (stamp - numbers[g, at.LAST_AT]) * 1e-9
+    for k in range(size):
+        j = room[k]
+        angle, rate = limits[j, at.ANGLE] > 0, limits[j, at.RATE]
+        # The first sample after a real jump is too fast, the second agrees with the first.
+        fast = abs(wrapped(y[j] - values[j, at.GOOD], angle)) > rate * since
+        if fast and abs(wrapped(y[j] - values[j, at.LAST], angle)) > rate * before:
+            return RATE
+    if 0 < rules[g, at.FROZEN] <= numbers[g, at.RUN] and numbers[g, at.STILL] < 2:
+        for k in range(size):
+            j = room[k]
+            if abs(values[j, at.WAY]) > rules[g, at.GATE] * np.sqrt(values[j, at.BASE]):
+                return FROZEN
+    return NONE
+
+
+@njit(cache=True, error_model="numpy")
+def suspected(room: float, noise: float, y: float, expected: float, angle: bool) -> float:
+    """The factor between a measurement and what was expected of it; 0 if there is none.
+
+    It is looked for only where a tenth of the expected value stands out of the noise.
+    """
+    room = min(room, 0.1 * abs(expected))
+    if not 0.1 * abs(expected) > noise:
+        return 0.0
+    for k in range(at.FACTORS.shape[0]):
+        if angle and k != at.TURN:
+            continue
+        for f in (at.FACTORS[k], 1.0 / at.FACTORS[k]):
+            if abs(wrapped(y / f - expected, angle)) <= room:
+                return float(f)
+    return 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def doubted(settings: Any, memory: Any, sample: Any, g: int, size: int) -> int:
+    """A value outside the gate: a sentinel code, a suspected factor, or neither."""
+    limits, rules, sentinels = settings
+    values, _, figures = memory
+    room, y = sample[0], sample[1]
+    for k in range(size):
+        j = room[k]
+        noise = rules[g, at.GATE] * np.sqrt(values[j, at.BASE])
+        if abs(values[j, at.NU]) <= noise:
+            continue
+        for s in range(sentinels.shape[0]):
+            if y[j] == sentinels[s]:
+                return SENTINEL
+        angle = limits[j, at.ANGLE] > 0
+        credible = noise + rules[g, at.SHARE] * values[j, at.PATH]
+        factor = suspected(credible, noise, y[j], y[j] - values[j, at.NU], angle)
+        if factor != 0.0:
+            figures[g, at.FACTOR] = factor
+            return FACTOR
+    return NONE

@@ -1,0 +1,221 @@
+"""Track: the machine's state, followed by simulation and measurement together.
+
+One fused loop simulates a row, judges what was measured (`evertwin.sync.arbiter`) and adopts it
+where that is asked for. State holds the model's state, its parameters, and everything the arbiter
+remembers, in arrays of fixed shape: a shadow is a second state.
+
+The marks that come out are those known at the row: a contested sample is marked at once, and the
+record of the vote, keyed by the row where it was decided, names the first and the last row, so that
+learning a correction can use them afterwards. Tuning never sees them.
+
+>>> from evertwin.fold import make_block
+>>> from evertwin.models import FunctionModel
+>>> from evertwin.signals import Layout
+>>> robot = FunctionModel(lambda x, u, dt, p: ([x[0] + u[0] * dt],) * 2,
+...     Layout.of(v="m/s"), Layout.of(x="m"), Layout.of(x="m"))
+>>> t = np.arange(100)
+>>> x = 0.1 * t + 0.01 * np.sin(7.0 * t)
+>>> x[50] += 3.0
+>>> rows = make_block(t=t * 10**8, u=np.ones((100, 1)), y=x[:, None])
+>>> stage = Track(robot, Arbiter(Rule(use="tolerance", tolerance=0.05, sigma=0.01)))
+>>> state, out = stage.step(stage.init(), rows)
+>>> [(e.kind, e.evidence["onset"], e.evidence["samples"]) for e in out.records]
+[('measurement_error', 50, 1)]
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float64, Int64, UInt8
+
+from evertwin.fold import Block, Event, Out
+from evertwin.models import Kernel, KernelModel, Model, python_kernel
+from evertwin.sync import places as at
+from evertwin.sync.arbiter import Arbiter, Rule, describe, members
+from evertwin.sync.horizon_loop import NEVER
+from evertwin.sync.track_loop import run
+from evertwin.types import Bools, Outputs, ParameterVector, StateVector
+
+__all__ = ["Arbiter", "Rule", "Track", "TrackRows", "TrackState"]
+
+NOTES = 256
+"""Findings per group that one pass may note before they are read."""
+
+
+class TrackState(NamedTuple):
+    """State of `Track`.
+
+    >>> TrackState._fields[:3]
+    ('x', 'p', 'x0')
+    """
+
+    x: StateVector
+    p: ParameterVector
+    x0: StateVector
+    """State that a new start begins with."""
+    values: Float64[np.ndarray, "ny 9"]
+    """Memory per output, see `evertwin.sync.places`."""
+    numbers: Int64[np.ndarray, "ng 22"]
+    """Memory per group: flags, stamps, the open fault and contest, counters."""
+    figures: Float64[np.ndarray, "ng 4"]
+    """Memory per group: growth, interval, share of contested samples, suspected factor."""
+    variance: Float64[np.ndarray, "phases ny"]
+    """Variance of the innovation per phase, and over all of them in the last row."""
+    counts: Int64[np.ndarray, "phases ny"]
+    """Innovations in them."""
+    warm: Float64[np.ndarray, "learn ny"]
+    """The first innovations."""
+    ring: Float64[np.ndarray, "vote ny"]
+    """Innovations of the contested samples."""
+    paths: Float64[np.ndarray, "vote ny"]
+    times: Int64[np.ndarray, "vote ng"]
+    rows: Int64[np.ndarray, "vote ng"]
+    clock: Int64[np.ndarray, " two"]
+    """Task of the last row, has a row come?"""
+
+    @property
+    def updates(self) -> Int64[np.ndarray, " ng"]:
+        """Tolerance updates per group."""
+        return self.numbers[:, at.UPDATES]
+
+    @property
+    def resets(self) -> Int64[np.ndarray, " ng"]:
+        """Overrulings per group."""
+        return self.numbers[:, at.RESETS]
+
+    @property
+    def valid(self) -> Bools:
+        """Has the group had a trusted sample within the time-out?"""
+        fresh: Bools = self.numbers[:, at.VALID] == 1
+        return fresh
+
+
+class TrackRows(NamedTuple):
+    """One row out per row in.
+
+    >>> TrackRows._fields
+    ('y', 'residual', 'mark', 'update', 'sigma', 'age')
+    """
+
+    y: Outputs
+    """Predicted outputs, before anything of this row is adopted, (n, ny); NaN at a new start."""
+    residual: Outputs
+    """Measured − predicted of trusted samples, angles wrapped, (n, ny); else NaN."""
+    mark: UInt8[np.ndarray, "n ny"]
+    """`Mark` of each output after judging."""
+    update: UInt8[np.ndarray, "n ng"]
+    """Per group: 0 nothing adopted, 1 tolerance update, 2 blend, 3 overruled, 4 first sample."""
+    sigma: Outputs
+    """Standard deviation that the arbiter expects of measured − predicted, (n, ny); inf while it is
+    not known."""
+    age: Float64[np.ndarray, "n ng"]
+    """Seconds since the group's last trusted sample; NaN before the first."""
+
+
+@dataclass(frozen=True)
+class Track:
+    """The fused stage. See the module for an example.
+
+    >>> Track.__name__
+    'Track'
+    """
+
+    model: Model
+    arbiter: Arbiter = Arbiter()
+
+    def __post_init__(self) -> None:
+        _ = self._settings
+
+    @cached_property
+    def _kernel(self) -> Kernel:
+        model = self.model
+        return model.kernel() if isinstance(model, KernelModel) else python_kernel(model)
+
+    @cached_property
+    def adopts(self) -> Bools:
+        """Which outputs `observe` can adopt, found by trying, (ny,)."""
+        p = self.model.parameters.values
+        x = self.model.initial(p)
+        tried = np.zeros(len(self.model.outputs), dtype=np.bool_)
+        for j in range(len(tried)):
+            y = np.full(len(tried), np.nan)
+            y[j] = 0.4142
+            tried[j] = bool((self.model.observe(x, y) != x).any())
+        return tried
+
+    @cached_property
+    def _settings(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, int, np.ndarray]:
+        outputs, phases = self.model.outputs, self.arbiter.phases
+        column = self.model.inputs.index(phases.channel) if phases else -1
+        edges = np.array(phases.edges if phases else (), dtype=np.float64)
+        return (
+            self.arbiter.limits(outputs, self.adopts), self.arbiter.rules(outputs),
+            np.array(self.arbiter.sentinels, dtype=np.float64), members(outputs), column, edges,
+        )  # fmt: skip
+
+    def init(self) -> TrackState:
+        """The state before the first row, with the model's own parameters."""
+        p, outputs = self.model.parameters.values, self.model.outputs
+        x0, ny, ng = self.model.initial(p), len(outputs), len(outputs.groups)
+        phases = self.arbiter.phases
+        kinds = len(phases.edges) + 2 if phases else 1
+        vote = int(self._settings[1][:, at.VOTE].max()) if ng else 2
+        sigma = self.arbiter.sigmas(outputs)
+        variance, counts = np.zeros((kinds, ny)), np.zeros((kinds, ny), dtype=np.int64)
+        variance[-1], counts[-1] = sigma**2, np.where(sigma > 0, at.LEARN, 0)
+        values = np.zeros((ny, 9))
+        values[:, [at.AFTER, at.BASE]] = np.nan, np.inf
+        numbers = np.zeros((ng, 22), dtype=np.int64)
+        numbers[:, [at.GOOD_AT, at.LAST_AT]] = NEVER
+        return TrackState(
+            x0.copy(), p, x0, values, numbers, np.zeros((ng, 4)), variance, counts,
+            np.zeros((at.LEARN, ny)), np.zeros((vote, ny)), np.zeros((vote, ny)),
+            np.zeros((vote, ng), dtype=np.int64), np.zeros((vote, ng), dtype=np.int64),
+            np.zeros(2, dtype=np.int64),
+        )  # fmt: skip
+
+    def renew(self, state: TrackState, p: ParameterVector) -> TrackState:
+        """The state with other parameters; everything else runs on. Consumes ``state``."""
+        values = np.array(p, dtype=np.float64)
+        return state._replace(p=values, x0=self.model.initial(values))
+
+    def take_over(self, state: TrackState, other: Track, p: ParameterVector) -> TrackState:
+        """The state of ``other`` (same outputs, another form of the model) for this stage.
+
+        States of the same name keep their value, new ones start as the model says, and the
+        arbiter's memory is kept. Consumes ``state``.
+        """
+        fresh = self.renew(self.init(), p)
+        x = fresh.x0.copy()
+        old = other.model.states.names
+        for k, name in enumerate(self.model.states.names):
+            if name in old:
+                x[k] = state.x[old.index(name)]
+        return state._replace(x=x, p=fresh.p, x0=fresh.x0)
+
+    def step(self, state: TrackState, block: Block) -> tuple[TrackState, Out]:
+        n, ny = block.y.shape
+        ng = len(state.numbers)
+        rows = TrackRows(
+            np.empty((n, ny)), np.empty((n, ny)), np.empty((n, ny), dtype=np.uint8),
+            np.zeros((n, ng), dtype=np.uint8), np.empty((n, ny)), np.empty((n, ng)),
+        )  # fmt: skip
+        room = min(8 * n, NOTES) * ng + 8 * ng + 1
+        found, detail = np.empty((room, 8), dtype=np.int64), np.empty((room, 1 + 2 * ny))
+        kernel, extent, start = self._kernel, np.zeros(1, dtype=np.int64), 0
+        records: list[Event] = []
+        while start < n:
+            start = run(
+                kernel.step, kernel.observe, kernel.context, block.row, start, block.t, block.dt,
+                block.u, block.y, block.mark, block.task, block.gap, *self._settings, *state,
+                *rows, found, detail, extent,
+            )  # fmt: skip
+            if extent[0]:
+                notes = zip(found[: extent[0]], detail[: extent[0]], strict=True)
+                records += [describe(self.model.outputs, note, more) for note, more in notes]
+                extent[0] = 0
+        return state, Out(rows, tuple(records))

@@ -1,0 +1,182 @@
+"""The fused loop: simulate, judge and observe, row by row, in compiled code.
+
+An adopted measurement changes the state that the next row starts from, so these three cannot be
+passes over a block. See `evertwin.sync.track`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from evertwin.models.kernel import call_observe, call_step
+from evertwin.sync import places as at
+from evertwin.sync.arbiter_loop import forget, judge
+from evertwin.sync.borrow import borrowed
+from evertwin.sync.horizon_loop import is_known, wrapped
+from evertwin.sync.plausible_loop import grown, variance_of
+from evertwin.sync.vote_loop import note
+
+__all__ = ["run"]
+
+TASK, BEGUN = 0, 1
+ABSENT, OVERRULED, ERROR = 1, 5, 6
+FIRST = 4
+FOUND_STALE = 3
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def phase_of(u: Any, i: int, column: int, edges: Any) -> int:
+    """Number of edges that the phase's input reaches."""
+    phase = 0
+    if column >= 0:
+        for k in range(edges.shape[0]):
+            phase += u[i, column] >= edges[k]
+    return phase
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def is_row_known(u: Any, i: int) -> bool:
+    """True if every input of the row is finite."""
+    for k in range(u.shape[1]):  # noqa: SIM110 - generators do not compile
+        if not np.isfinite(u[i, k]):
+            return False
+    return True
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def proceed(limits: Any, values: Any, predicted: Any) -> None:
+    """Adds the predicted motion of this row to path and way."""
+    for j in range(values.shape[0]):
+        moved = wrapped(predicted[j] - values[j, at.AFTER], limits[j, at.ANGLE] > 0)
+        if moved == moved:
+            values[j, at.PATH] += abs(moved)
+            values[j, at.WAY] += moved
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def present(members: Any, g: int, measured: Any, marked: Any, room: Any) -> int:
+    """Fills ``room`` with the group's samples of this row: how many, or −1 if one is broken."""
+    size = 0
+    for c in range(members.shape[1]):
+        j = members[g, c]
+        if j < 0:
+            break
+        if marked[j] == ERROR:
+            return -1
+        if np.isfinite(measured[j]) and (marked[j] == 0 or marked[j] == OVERRULED):
+            room[size] = j
+            size += 1
+    return size
+
+
+@njit(cache=True, error_model="numpy")
+def refuse(members: Any, g: int, marks: Any, i: int) -> None:
+    """One value of the group was refused by its source, so none of this row is believed."""
+    for k in range(members.shape[1]):
+        j = members[g, k]
+        if j >= 0 and marks[i, j] != ABSENT:
+            marks[i, j] = ERROR
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def age(rules: Any, memory: Any, notes: Any, g: int, now: Any) -> float:
+    """Seconds since the last trusted sample, NaN before the first; tells when that is too long."""
+    numbers = memory[1]
+    if numbers[g, at.VALID] == 0:
+        return np.nan
+    seconds = (now[1] - numbers[g, at.GOOD_AT]) * 1e-9
+    if seconds > rules[g, at.TIMEOUT] and numbers[g, at.VALID] == 1:
+        numbers[g, at.VALID] = 2
+        note(notes, memory, now, FOUND_STALE, g, 0, (now[0], now[0], 0))
+    return float(seconds)
+
+
+@njit(cache=True, error_model="numpy")
+def run(
+    step: int, observe: int, context: Any, first: int, start: int, t: Any, dt: Any, u: Any, y: Any,
+    mark: Any, task: Any, gap: Any, limits: Any, rules: Any, sentinels: Any, members: Any,
+    column: int, edges: Any, x: Any, p: Any, x0: Any, values: Any, numbers: Any, figures: Any,
+    variance: Any, counts: Any, warm: Any, ring: Any, paths: Any, times: Any, rows: Any,
+    clock: Any, out: Any, residual: Any, marks: Any, update: Any, sigma: Any, ages: Any,
+    found: Any, detail: Any, extent: Any,
+) -> int:  # fmt: skip
+    """Rows from ``start`` on, until the notes are full; gives the next row."""
+    # longer than the budget: one row is one thought, and cutting it costs a third of the speed
+    n, nu, ny, nx, ng = u.shape[0], u.shape[1], y.shape[1], x.shape[0], rules.shape[0]
+    # The row's own arrays: views into the block would cost a reference count each.
+    ahead, measured, predicted, take = np.empty_like(x), np.empty(ny), np.empty(ny), np.empty(ny)
+    marked, room = np.empty(ny, dtype=np.uint8), np.empty(ny, dtype=np.int64)
+    settings = borrowed(limits), borrowed(rules), borrowed(sentinels)
+    memory = borrowed(values), borrowed(numbers), borrowed(figures)
+    statistics = borrowed(variance), borrowed(counts), borrowed(warm)
+    board = borrowed(ring), borrowed(paths), borrowed(times), borrowed(rows)
+    groups, seen, next_x = borrowed(members), borrowed(marked), borrowed(ahead)
+    inputs, borders = borrowed(u), borrowed(edges)
+    notes = borrowed(found), borrowed(detail), borrowed(extent)
+    sample = borrowed(room), borrowed(measured), borrowed(predicted), borrowed(take)
+    space = found.shape[0] - 8 * ng
+    u_at, out_at, take_at = u.ctypes.data, predicted.ctypes.data, take.ctypes.data
+    c, a, b, parameters = context.ctypes.data, x.ctypes.data, ahead.ctypes.data, p.ctypes.data
+    for i in range(start, n):
+        if extent[0] > space:
+            return int(i)
+        now, phase = (first + i, t[i]), phase_of(inputs, i, column, borders)
+        anew = clock[BEGUN] == 0 or gap[i] or task[i] != clock[TASK] or not is_row_known(inputs, i)
+        clock[BEGUN], clock[TASK] = 1, task[i]
+        failed = anew and nx > 0
+        if not failed:
+            code = call_step(step, c, a, u_at + 8 * i * nu, dt[i], parameters, b, out_at)
+            failed = code != 0 or not is_known(next_x) or (anew and not is_known(sample[2]))
+        for k in range(nx):
+            x[k] = x0[k] if failed else ahead[k]
+        for j in range(ny):
+            measured[j], marked[j], take[j] = y[i, j], mark[i, nu + j], np.nan
+            if failed:
+                predicted[j] = np.nan
+            out[i, j], marks[i, j], residual[i, j] = predicted[j], marked[j], np.nan
+        if failed or anew:
+            for g in range(ng):
+                forget(settings[1], memory, board[3], notes, g, now)
+        proceed(settings[0], memory[0], sample[2])
+        for g in range(ng):
+            size = present(groups, g, sample[1], seen, sample[0])
+            if size == 0:
+                continue
+            verdict, done = judge(
+                settings, memory, statistics, board, notes, sample, g, size, now, phase
+            )
+            update[i, g] = done
+            if size < 0:
+                refuse(members, g, marks, i)
+            for k in range(size):
+                j = room[k]
+                marks[i, j] = verdict
+                if verdict == 0 and (done != FIRST or nx == 0):
+                    residual[i, j] = wrapped(measured[j] - predicted[j], limits[j, at.ANGLE] > 0)
+        taken = False
+        for j in range(ny):
+            values[j, at.AFTER] = take[j] if take[j] == take[j] else predicted[j]
+            taken = taken or take[j] == take[j]
+        if taken and nx > 0:
+            call_observe(observe, c, a, take_at)
+        for g in range(ng):
+            ages[i, g] = age(settings[1], memory, notes, g, now)
+            growth = (
+                grown(settings[1], memory[1], memory[2], g, now[1]) if ages[i, g] >= 0 else np.inf
+            )
+            for k in range(members.shape[1]):
+                j = members[g, k]
+                if j < 0:
+                    break
+                if numbers[g, at.RUN] == 1:
+                    values[j, at.ORIGIN] = values[j, at.AFTER] + values[j, at.OFFSET]
+                spread = variance_of(statistics[0], statistics[1], phase, j) * growth
+                offset = values[j, at.OFFSET]
+                sigma[i, j] = np.sqrt(spread + offset * offset)
+    # The scratch arrays are used here once more, so that they outlive their borrowed forms.
+    return int(
+        n + 0 * (room.size + measured.size + predicted.size + take.size + ahead.size + marked.size)
+    )

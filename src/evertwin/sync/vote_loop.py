@@ -1,0 +1,159 @@
+"""Compiled: the vote of contested samples, and the notes that become records.
+
+See `evertwin.sync.plausible_loop` for the tuples of arrays.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from evertwin.sync import places as at
+from evertwin.sync.horizon_loop import wrapped
+
+__all__ = ["agrees", "end_contest", "end_fault", "fault", "note", "remember", "widen"]
+
+ERROR, OVERRULED, RESTORED, STALE, FRESH, WIDER = range(6)
+VOTE = 7
+
+
+@njit(cache=True, error_model="numpy")
+def note(notes: Any, memory: Any, now: Any, kind: int, g: int, cause: int, span: Any) -> None:
+    """Notes a finding at ``now`` (row, stamp) about ``span`` (first, last row, samples)."""
+    found, detail, extent = notes
+    values, _, figures = memory
+    k = extent[0]
+    extent[0] = k + 1
+    found[k, at.ROW], found[k, at.STAMP] = now
+    found[k, at.KIND], found[k, at.GROUP], found[k, at.WHY] = kind, g, cause
+    found[k, at.FIRST], found[k, at.FINAL], found[k, at.NUMBER] = span
+    ny = values.shape[0]
+    detail[k, 0] = figures[g, at.FACTOR]
+    for j in range(ny):
+        detail[k, 1 + j], detail[k, 1 + ny + j] = values[j, at.NU], values[j, at.BASE]
+
+
+@njit(cache=True, error_model="numpy")
+def remember(
+    rules: Any, memory: Any, board: Any, room: Any, g: int, size: int, row: int, stamp: int
+) -> None:
+    """A contested sample takes part in the vote; the oldest leaves it."""
+    values, numbers, _ = memory
+    ring, paths, times, rows = board
+    last = int(rules[g, at.VOTE]) - 1
+    numbers[g, at.LEFT] = rows[0, g]
+    for i in range(last):
+        times[i, g], rows[i, g] = times[i + 1, g], rows[i + 1, g]
+        for k in range(size):
+            j = room[k]
+            ring[i, j], paths[i, j] = ring[i + 1, j], paths[i + 1, j]
+    times[last, g], rows[last, g] = stamp, row
+    for k in range(size):
+        j = room[k]
+        ring[last, j], paths[last, j] = values[j, at.NU], values[j, at.PATH]
+    numbers[g, at.CONTEST] += 1
+    numbers[g, at.CONTESTED] += 1
+    if numbers[g, at.BATCH] == 0:
+        numbers[g, at.BATCH_ROW] = row
+    numbers[g, at.BATCH] += 1
+
+
+@njit(cache=True, error_model="numpy")
+def agrees(settings: Any, values: Any, board: Any, room: Any, g: int, size: int) -> bool:
+    """Do the last k contested samples lie on one line beside the prediction?
+
+    A machine that was moved is off by a constant; one that moves otherwise than predicted, by a
+    line. The scatter about it must stay within the gate, and its slope must be credible.
+    """
+    limits, rules, _ = settings
+    ring, paths, times, _ = board
+    votes = int(rules[g, at.VOTE])
+    newest = times[votes - 1, g]
+    span = (newest - times[0, g]) * 1e-9
+    for k in range(size):
+        j = room[k]
+        gate = rules[g, at.GATE] * np.sqrt(values[j, at.BASE])
+        angle = limits[j, at.ANGLE] > 0
+        s0, s1, s2, r0, r1 = float(votes), 0.0, 0.0, 0.0, 0.0
+        for i in range(votes):
+            a = (times[i, g] - newest) * 1e-9
+            d = wrapped(ring[i, j] - ring[votes - 1, j], angle)
+            s1, s2, r0, r1 = s1 + a, s2 + a * a, r0 + d, r1 + a * d
+        slope = (s0 * r1 - s1 * r0) / (s0 * s2 - s1 * s1)
+        level = (r0 - slope * s1) / s0
+        way = values[j, at.PATH] - paths[0, j]
+        far = (votes - 1) * 10.0 * gate + 3.0 * way
+        if limits[j, at.RATE] < np.inf:
+            far = max(gate, limits[j, at.RATE] * span + way)
+        if not abs(slope) * span <= far:
+            return False
+        for i in range(votes):
+            a = (times[i, g] - newest) * 1e-9
+            d = wrapped(ring[i, j] - ring[votes - 1, j], angle)
+            if not abs(d - level - slope * a) <= gate + 0.25 * way:
+                return False
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def widen(
+    rules: Any, figures: Any, statistics: Any, room: Any, g: int, size: int, phase: int
+) -> bool:
+    """Too many samples outside: the noise has risen, the gate is set anew (never switched off)."""
+    variance, counts, _ = statistics
+    share = 1.0 / (4.0 * rules[g, at.VOTE])
+    figures[g, at.OUTSIDE] += (1.0 - figures[g, at.OUTSIDE]) * share
+    if figures[g, at.OUTSIDE] <= 0.3:
+        return False
+    figures[g, at.OUTSIDE] = 0.15
+    pool = variance.shape[0] - 1
+    for k in range(size):
+        j = room[k]
+        variance[pool, j] *= 2.0
+        counts[pool, j] = min(counts[pool, j], 100)
+        if phase != pool:
+            variance[phase, j] *= 2.0
+            counts[phase, j] = min(counts[phase, j], 100)
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def end_contest(rules: Any, memory: Any, rows: Any, notes: Any, g: int, now: Any) -> None:
+    """The contest is over without agreement: its samples were measurement errors."""
+    numbers = memory[1]
+    if numbers[g, at.BATCH] > 0:
+        newest = rows[int(rules[g, at.VOTE]) - 1, g]
+        span = (numbers[g, at.BATCH_ROW], newest, numbers[g, at.BATCH])
+        note(notes, memory, now, ERROR, g, VOTE, span)
+    numbers[g, at.CONTEST] = numbers[g, at.BATCH] = 0
+
+
+@njit(cache=True, error_model="numpy")
+def fault(rules: Any, memory: Any, notes: Any, g: int, cause: int, onset: int, now: Any) -> None:
+    """One more sample with an obvious error; told once, at its end or when it lasts."""
+    numbers = memory[1]
+    if numbers[g, at.CAUSE] != cause:
+        end_fault(memory, notes, g, now)
+        numbers[g, at.CAUSE], numbers[g, at.ONSET] = cause, onset
+        numbers[g, at.FAULTS] = numbers[g, at.TOLD] = 0
+    numbers[g, at.FAULTS] += 1
+    numbers[g, at.ERRORS] += 1
+    numbers[g, at.UNTIL] = now[0]
+    if numbers[g, at.TOLD] == 0 and numbers[g, at.FAULTS] >= rules[g, at.VOTE]:
+        numbers[g, at.TOLD] = 1
+        span = (numbers[g, at.ONSET], now[0], numbers[g, at.FAULTS])
+        note(notes, memory, now, ERROR, g, cause, span)
+
+
+@njit(cache=True, error_model="numpy")
+def end_fault(memory: Any, notes: Any, g: int, now: Any) -> None:
+    """The fault is over."""
+    numbers = memory[1]
+    if numbers[g, at.CAUSE] == 0:
+        return
+    span = (numbers[g, at.ONSET], numbers[g, at.UNTIL], numbers[g, at.FAULTS])
+    kind = RESTORED if numbers[g, at.TOLD] else ERROR
+    note(notes, memory, now, kind, g, numbers[g, at.CAUSE], span)
+    numbers[g, at.CAUSE] = numbers[g, at.FAULTS] = numbers[g, at.TOLD] = 0
