@@ -19,16 +19,21 @@ residuals of smoothed rates are not white. A motion without change gives no lag,
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import scipy.interpolate
 import scipy.signal
+from jaxtyping import Float64, Int64
 
 from evertwin.errors import DataError
 from evertwin.signals.filters import SavitzkyGolay
 from evertwin.signals.resample import linear, uniform
 from evertwin.types import Stamps, Vector
+
+First: TypeAlias = Float64[np.ndarray, " n"]
+Second: TypeAlias = Float64[np.ndarray, " m"]
+Others: TypeAlias = Int64[np.ndarray, " m"]
 
 __all__ = ["Lag", "Offset", "clock_offset", "lag"]
 
@@ -71,7 +76,7 @@ class _Pair(NamedTuple):
     period: float
 
 
-def lag(ta: Stamps, a: Vector, tb: Stamps, b: Vector, longest: float) -> Lag:
+def lag(ta: Stamps, a: First, tb: Others, b: Second, longest: float) -> Lag:
     """The lag of ``b`` after ``a``.
 
     Args:
@@ -118,7 +123,7 @@ def _none(reason: str) -> Lag:
     return Lag(float("nan"), float("inf"), 0.0, float("nan"), "not", reason)
 
 
-def _levels(ta: Stamps, a: Vector, tb: Stamps, b: Vector) -> _Pair:
+def _levels(ta: Stamps, a: First, tb: Others, b: Second) -> _Pair:
     """Both signals on one grid; NaN where a signal is absent."""
     if len(ta) < 3 or len(tb) < 3:
         raise DataError("lag: expected at least 3 samples of each signal")
@@ -233,7 +238,7 @@ class Offset:
 
 
 def clock_offset(
-    ta: Stamps, a: Vector, tb: Stamps, b: Vector, longest: float, pieces: int = 5
+    ta: Stamps, a: First, tb: Others, b: Second, longest: float, pieces: int = 5
 ) -> Offset:
     """Offset and drift of the second clock, from the lags of consecutive pieces.
 

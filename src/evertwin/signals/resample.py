@@ -13,13 +13,18 @@ than ``longest`` is NaN and ``gap`` is set where data resumes.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from jaxtyping import Bool, Float64, Int64
 
 from evertwin.errors import DataError, UsageError
 from evertwin.signals.series import Series
-from evertwin.types import Bools, Outputs, Stamps, Vector
+from evertwin.types import Bools, Stamps
+
+Grid: TypeAlias = Int64[np.ndarray, " m"]
+Values: TypeAlias = Float64[np.ndarray, "n k"]
+OnGrid: TypeAlias = Float64[np.ndarray, "m k"]
 
 __all__ = ["Resampled", "hold", "linear", "resample", "uniform"]
 
@@ -47,7 +52,7 @@ def uniform(start: int, stop: int, period: int) -> Stamps:
     return np.arange(start, stop + 1, period, dtype=np.int64)
 
 
-def linear(t: Stamps, v: Outputs, grid: Stamps, longest: int) -> Outputs:
+def linear(t: Stamps, v: Values, grid: Grid, longest: int) -> OnGrid:
     """Values (m, k) at ``grid``, straight lines between finite neighbours.
 
     Args:
@@ -64,7 +69,9 @@ def linear(t: Stamps, v: Outputs, grid: Stamps, longest: int) -> Outputs:
     return out
 
 
-def _line(t: Stamps, v: Vector, grid: Stamps, longest: int) -> Vector:
+def _line(
+    t: Stamps, v: Float64[np.ndarray, " n"], grid: Grid, longest: int
+) -> Float64[np.ndarray, " m"]:
     after = np.clip(np.searchsorted(t, grid, side="left"), 0, len(t) - 1)
     before = np.where(t[after] == grid, after, np.maximum(after - 1, 0))
     width = t[after] - t[before]
@@ -74,7 +81,7 @@ def _line(t: Stamps, v: Vector, grid: Stamps, longest: int) -> Vector:
     return np.where(inside, value, np.nan)
 
 
-def hold(t: Stamps, v: Outputs, grid: Stamps, longest: int) -> Outputs:
+def hold(t: Stamps, v: Values, grid: Grid, longest: int) -> OnGrid:
     """Values (m, k) at ``grid``, each the newest finite one at or before it; see `linear`.
 
     >>> import numpy as np
@@ -119,7 +126,7 @@ def resample(series: Series, period: int, held: Sequence[str] = (), longest: int
     return Resampled(Series(series.layout, grid, out), _gaps(series.t, grid, longest))
 
 
-def _gaps(t: Stamps, grid: Stamps, longest: int) -> Bools:
+def _gaps(t: Stamps, grid: Grid, longest: int) -> Bool[np.ndarray, " m"]:
     """True at the first grid point at or after each sample that ends a gap."""
     gap = np.zeros(len(grid), dtype=np.bool_)
     ends = t[1:][np.diff(t) > longest]

@@ -15,10 +15,11 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
-from evertwin.errors import DataError
+from evertwin.errors import DataError, UsageError
 
-__all__ = ["COMMENTS", "MISSING", "TRUTH", "Dialect", "cells_of", "detect"]
+__all__ = ["COMMENTS", "FOUND", "MISSING", "TRUTH", "Dialect", "Stated", "cells_of", "detect"]
 
 COMMENTS = (b"#", b"%", b"//")
 """What a comment line begins with."""
@@ -27,6 +28,7 @@ MISSING = frozenset({b"", b"nan", b"na", b"n/a", b"null", b"none", b"-", b"--", 
 TRUTH = {b"true": 1.0, b"false": 0.0}
 """Words of a switch, in lower case."""
 
+_WORDS: dict[str, bytes | None] = {"auto": None, "blank": None, "tab": b"\t"}
 _NUMBER = re.compile(rb"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$|[+-]?inf(inity)?$", re.IGNORECASE)
 _COMMA_NUMBER = re.compile(rb"[+-]?\d*,\d+([eE][+-]?\d+)?$")
 _DATE = re.compile(rb"\d{4}[-./]\d\d?[-./]\d\d?[T ._]\d")
@@ -95,8 +97,45 @@ def kind_of_cell(cell: bytes, decimal_comma: bool) -> str:
     return "d" if _DATE.match(cell) else "t"
 
 
-def detect(lines: Sequence[bytes]) -> Dialect:
-    """The dialect of a table that begins with ``lines``.
+@dataclass(frozen=True)
+class Stated:
+    """What the user says of a text table; what is left open is found from its first lines.
+
+    >>> detect([b"1,5,2,5", b"1,6,2,6"], Stated(delimiter=",")).fields
+    4
+    >>> detect([b"1,5;2,5"], Stated(decimal=",")).decimal_comma
+    True
+    """
+
+    header: bool | None = None
+    """Does it open with headings?"""
+    delimiter: str = "auto"
+    """One sign, ``tab``, ``blank`` for runs of blanks, or ``auto``."""
+    decimal: Literal["auto", ".", ","] = "auto"
+
+    def __post_init__(self) -> None:
+        if self.delimiter not in _WORDS and len(self.delimiter.encode()) != 1:
+            raise UsageError(
+                f"delimiter: expected one sign, 'tab', 'blank' or 'auto', got {self.delimiter!r}"
+            )
+        if self.delimiter == self.decimal != "auto":
+            raise UsageError(f"{self.decimal!r} cannot both delimit cells and mark decimals")
+
+    def signs(self, found: tuple[bytes | None, bool]) -> tuple[bytes | None, bool]:
+        """Delimiter and whether the decimal sign is a comma, given what was ``found``."""
+        delimiter, comma = found
+        if self.delimiter != "auto":
+            delimiter = _WORDS.get(self.delimiter, self.delimiter.encode())
+            comma = comma and delimiter != b","
+        return delimiter, comma if self.decimal == "auto" else self.decimal == ","
+
+
+FOUND = Stated()
+"""Nothing is stated, all is found."""
+
+
+def detect(lines: Sequence[bytes], stated: Stated = FOUND) -> Dialect:
+    """The dialect of a table that begins with ``lines``; what is ``stated`` is believed.
 
     Raises:
         DataError: no row of data, or a table that can be read in two ways.
@@ -104,10 +143,12 @@ def detect(lines: Sequence[bytes]) -> Dialect:
     data = [(i, ln) for i, ln in enumerate(lines) if ln.strip() and not ln.startswith(COMMENTS)]
     if not data:
         raise DataError("no row of data, only blank and comment lines: check the file")
-    delimiter, comma = _delimiter([ln for _, ln in data])
+    delimiter, comma = stated.signs(_delimiter([ln for _, ln in data]))
     table = [[c.strip() for c in cells_of(ln, delimiter)] for _, ln in data]
     kinds = ["".join(kind_of_cell(c, comma) for c in row) for row in table]
     headed = _heading_lines(kinds)
+    if stated.header is not None:
+        headed = max(headed, 1) if stated.header else 0
     if headed == len(table):
         raise DataError("headings but no row of data: the recording may have been cut off")
     body = Counter(len(row) for row in table[headed:])

@@ -25,6 +25,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Int64
 
 from evertwin.sources.stamps import NO_STAMP
 from evertwin.sources.table import Problem
@@ -33,7 +34,7 @@ from evertwin.types import Outputs, Stamps
 __all__ = ["Guarded", "Rules", "guard"]
 
 _MONTH = 31 * 86_400 * 10**9
-_CENTURY = 100 * 366 * 86_400 * 10**9
+_FAR = 2**62
 
 
 @dataclass(frozen=True)
@@ -89,9 +90,15 @@ def _typical(t: Stamps) -> int:
 
 
 class _Row(NamedTuple):
-    line: int
-    t: int
+    """One row, as slices of length one."""
+
+    line: Stamps
+    stamp: Stamps
     v: Outputs
+
+    @property
+    def t(self) -> int:
+        return int(self.stamp[0])
 
 
 class _Clock:
@@ -104,56 +111,59 @@ class _Clock:
         self.shift = 0
         self.held: list[_Row] = []
         self.problems: list[Problem] = []
-        self.passed: list[_Row] = []
+        self.passed: list[Piece] = []
 
     def take(self, line: Stamps, t: Stamps, v: Outputs) -> Guarded:
-        if self._plain(t):
-            self.last = int(t[-1]) + self.shift
-            return Guarded(line, t + self.shift, v, ())
-        for i in range(len(t)):
-            self._row(_Row(int(line[i]), int(t[i]), v[i]))
+        """The rows of one piece: even stretches whole, what is odd row by row."""
+        breaks = np.append(self._breaks(t), len(t))
+        i = 0
+        while i < len(t):
+            ahead = None if self.last is None else int(t[i]) + self.shift - self.last
+            if not self.held and ahead is not None and 0 < ahead <= self.jump:
+                stop = int(breaks[np.searchsorted(breaks, i, side="right")])
+                self._pass(line[i:stop], t[i:stop], v[i:stop])
+                i = stop
+            else:
+                self._row(_Row(line[i : i + 1], t[i : i + 1], v[i : i + 1]))
+                i += 1
         return self._out(v.shape[1])
 
     def finish(self, width: int) -> Guarded:
+        """The end of the stream."""
         if self.last is None:
             self._believe()
         self._drop_held()
         return self._out(width)
 
-    def _plain(self, t: Stamps) -> bool:
-        """True when nothing is held and every step is a credible one: the fast way."""
-        if self.held or len(t) == 0 or t.min() == NO_STAMP:
-            return False
-        if int(t.max()) - int(t.min()) > _CENTURY:
-            return False
+    def _breaks(self, t: Stamps) -> Int64[np.ndarray, " breaks"]:
+        """Rows that do not follow the one before by a credible step."""
         steps = np.diff(t)
-        if len(steps) and not (steps.min() > 0 and steps.max() <= self.jump):
-            return False
-        if self.last is None:
-            return len(t) > self.rules.confirm
-        return 0 < int(t[0]) + self.shift - self.last <= self.jump
+        sane = (t > -_FAR) & (t < _FAR)  # beyond, differences would overflow
+        good = (steps > 0) & (steps <= self.jump) & sane[1:] & sane[:-1]
+        return np.flatnonzero(~good) + 1
 
     def _row(self, row: _Row) -> None:
-        if row.t == NO_STAMP:
-            self.problems.append(Problem("no_stamp", row.line, "the stamp is empty or absurd"))
+        t, line = row.t, int(row.line[0])
+        if t == NO_STAMP:
+            self.problems.append(Problem("no_stamp", line, "the stamp is empty or absurd"))
             return
-        ahead = None if self.last is None else row.t + self.shift - self.last
+        ahead = None if self.last is None else t + self.shift - self.last
         if ahead is not None and 0 < ahead <= self.jump:
             self._drop_held()
-            self._pass(row)
-        elif self.held and 0 < row.t - self.held[-1].t <= self.jump:
+            self._pass(*row)
+        elif self.held and 0 < t - self.held[-1].t <= self.jump:
             self.held.append(row)
             if len(self.held) > self.rules.confirm:
                 self._believe()
-        elif ahead == 0 or (self.held and row.t == self.held[-1].t):
-            self.problems.append(Problem("repeated", row.line, "the stamp of the row before again"))
+        elif ahead == 0 or (self.held and t == self.held[-1].t):
+            self.problems.append(Problem("repeated", line, "the stamp of the row before again"))
         else:
             self._drop_held()
             self.held = [row]
 
-    def _pass(self, row: _Row) -> None:
-        self.last = row.t + self.shift
-        self.passed.append(_Row(row.line, self.last, row.v))
+    def _pass(self, line: Stamps, t: Stamps, v: Outputs) -> None:
+        self.last = int(t[-1]) + self.shift
+        self.passed.append((line, t + self.shift, v))
 
     def _drop_held(self) -> None:
         for row in self.held:
@@ -162,7 +172,7 @@ class _Clock:
             detail = (
                 f"a step of {step * 1e-9:.6g} s" if step else "no row after it shares its clock"
             )
-            self.problems.append(Problem(kind, row.line, detail))
+            self.problems.append(Problem(kind, int(row.line[0]), detail))
         self.held = []
 
     def _believe(self) -> None:
@@ -170,19 +180,23 @@ class _Clock:
         first = self.held[0]
         step = 0 if self.last is None else first.t + self.shift - self.last
         if 0 < step <= _MONTH:
-            self.problems.append(Problem("gap", first.line, f"{step * 1e-9:.6g} s without a row"))
+            detail = f"{step * 1e-9:.6g} s without a row"
+            self.problems.append(Problem("gap", int(first.line[0]), detail))
         elif self.last is not None:
             self.shift = self.last + self.rules.gap + 1 - first.t
             detail = f"the clock was set by {step * 1e-9:.6g} s: moved to follow behind a gap"
-            self.problems.append(Problem("clock_set", first.line, detail))
+            self.problems.append(Problem("clock_set", int(first.line[0]), detail))
         held, self.held = self.held, []
         for row in held:
-            self._pass(row)
+            self._pass(*row)
 
     def _out(self, width: int) -> Guarded:
-        rows, self.passed = self.passed, []
+        passed, self.passed = self.passed, []
         problems, self.problems = tuple(self.problems), []
-        line = np.array([row.line for row in rows], dtype=np.int64)
-        t = np.array([row.t for row in rows], dtype=np.int64)
-        v = np.array([row.v for row in rows], dtype=np.float64).reshape(len(rows), width)
+        if not passed:
+            none = np.zeros(0, dtype=np.int64)
+            return Guarded(none, none, np.zeros((0, width)), problems)
+        if len(passed) == 1:
+            return Guarded(*passed[0], problems)
+        line, t, v = (np.concatenate(parts) for parts in zip(*passed, strict=True))
         return Guarded(line, t, v, problems)

@@ -26,6 +26,7 @@ import numpy as np
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import Chunk
 from evertwin.signals import conversion
+from evertwin.sources.dialect import FOUND, Stated
 from evertwin.sources.guard import Guarded, Piece, Rules, guard
 from evertwin.sources.names import closest
 from evertwin.sources.recording import open_recording
@@ -35,7 +36,18 @@ from evertwin.sources.tally import Tally
 from evertwin.sources.time_unit import guess, time_column
 from evertwin.types import Outputs, Stamps
 
-__all__ = ["Cell", "Clock", "Recorded"]
+__all__ = ["FORMATS", "Cell", "Clock", "Recorded"]
+
+FORMATS = {
+    "csv": ("csv",),
+    "text": ("csv",),
+    "mat": ("mat",),
+    "parquet": ("parquet",),
+    "mcap": ("mcap",),
+    "bag": ("ros1", "ros2"),
+    "numpy": ("npy", "npz"),
+}
+"""Name in a twin file to the kinds of file that it means."""
 
 
 @dataclass(frozen=True)
@@ -101,6 +113,10 @@ class Recorded:
     """Column whose change opens a new task."""
     tally: Tally = field(default_factory=Tally, compare=False)
     """Problems found while reading."""
+    stated: Stated = FOUND
+    """What the user says of how its text tables are written."""
+    format: str = "auto"
+    """One of `FORMATS`: files of another kind are refused; auto: any."""
 
     def open(self) -> None:
         """Check that every file holds the columns.
@@ -137,7 +153,12 @@ class Recorded:
                     yield Chunk(self.name, part.t, self._si(part.v), task)
 
     def _wiring(self, path: Path) -> _Wiring:
-        recording = open_recording(path)
+        recording = open_recording(path, self.stated)
+        if self.format != "auto" and recording.kind not in FORMATS[self.format]:
+            raise DataError(
+                f"{path.name}: source {self.name!r} expects {self.format}, this is "
+                f"{recording.kind}: name another file, or write format = 'auto'"
+            )
         if len(recording.tables) == 1:
             table = recording.tables[0]
         else:

@@ -14,6 +14,7 @@ from pathlib import Path
 from evertwin.errors import DataError
 from evertwin.sources.arrays import open_npy, open_npz
 from evertwin.sources.bags import open_bag
+from evertwin.sources.dialect import FOUND, Stated
 from evertwin.sources.mat import open_mat
 from evertwin.sources.parquet import open_parquet
 from evertwin.sources.sniff import sniff
@@ -25,8 +26,10 @@ __all__ = ["open_recording"]
 _OPEN = {"mat": open_mat, "parquet": open_parquet, "npy": open_npy, "npz": open_npz}
 
 
-def open_recording(path: Path | str) -> Recording:
+def open_recording(path: Path | str, stated: Stated = FOUND) -> Recording:
     """The tables of a file, or of a folder that holds a ROS 2 bag.
+
+    What is ``stated`` holds for text tables; every other kind of file says it itself.
 
     Raises:
         DataError: no such file, a damaged one, or a kind that is never read.
@@ -35,7 +38,7 @@ def open_recording(path: Path | str) -> Recording:
     path = Path(path)
     kind = sniff(path)
     if kind == "text":
-        table = TextTable(path)
+        table = TextTable(path, stated=stated)
         if len(table.columns) == 0:
             raise DataError(f"{path.name}: no columns")
         return Recording(path, "csv", (table,))

@@ -21,7 +21,16 @@ import numpy as np
 from jaxtyping import Float64
 
 from evertwin.errors import DataError
-from evertwin.sources.dialect import COMMENTS, MISSING, TRUTH, Dialect, cells_of, detect
+from evertwin.sources.dialect import (
+    COMMENTS,
+    FOUND,
+    MISSING,
+    TRUTH,
+    Dialect,
+    Stated,
+    cells_of,
+    detect,
+)
 from evertwin.sources.names import distinct, split_unit
 from evertwin.sources.table import Column, Problem, Rows
 
@@ -53,6 +62,8 @@ class TextTable:
 
     path: Path
     name: str = ""
+    stated: Stated = FOUND
+    """What the user says of how it is written."""
 
     @cached_property
     def dialect(self) -> Dialect:
@@ -63,7 +74,7 @@ class TextTable:
             if sum(bool(ln.strip()) and not ln.startswith(COMMENTS) for ln in top) >= _TOP:
                 break
         try:
-            return detect(top[:4000])
+            return detect(top[:4000], self.stated)
         except DataError as error:
             raise DataError(f"{self.path.name}: {error}") from None
 
