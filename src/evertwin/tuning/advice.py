@@ -27,8 +27,8 @@ from jaxtyping import Float64
 from evertwin.fold import Block
 from evertwin.models import Model
 from evertwin.tuning.identifiability import NULL, SHARE, SMALL
-from evertwin.tuning.problem import Problem
-from evertwin.types import Inputs, Vector
+from evertwin.tuning.problem import PerOutput, Problem
+from evertwin.types import Inputs
 
 __all__ = ["advise", "rank_windows"]
 
@@ -129,7 +129,7 @@ def _determined(rows: Any) -> bool:
 
 
 def rank_windows(
-    problem: Problem, candidates: Sequence[Block], sigma: Vector | None = None
+    problem: Problem, candidates: Sequence[Block], sigma: PerOutput | None = None
 ) -> tuple[tuple[int, float], ...]:
     """Candidate windows, most informative first: (index, gain in log-determinant when added).
 
@@ -157,7 +157,7 @@ def rank_windows(
 
 
 def _information(
-    problem: Problem, windows: tuple[Block, ...], noise: Vector
+    problem: Problem, windows: tuple[Block, ...], noise: PerOutput
 ) -> Float64[np.ndarray, "k k"]:
     part = replace(problem, windows=windows)
     j = np.where(part.rows.used[:, :, None], part.jacobian(part.start), 0.0) / noise[:, None]

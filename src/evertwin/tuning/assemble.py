@@ -22,7 +22,7 @@ from scipy import stats
 from evertwin.tuning.advice import advise
 from evertwin.tuning.fit import Fit, Residual
 from evertwin.tuning.identifiability import Gate, gate
-from evertwin.tuning.problem import Problem
+from evertwin.tuning.problem import PerOutput, Problem
 from evertwin.tuning.statistics import dependences, effective, ljung_box, spread
 from evertwin.types import Outputs, Vector
 
@@ -49,7 +49,7 @@ class Outcome(NamedTuple):
     """Why a parameter was held, per parameter; empty text where it was tuned."""
 
 
-def rms(values: Outputs) -> Vector:
+def rms(values: Outputs) -> PerOutput:
     """Root mean square per column over what is not NaN; NaN for an empty column.
 
     >>> rms(np.array([[3.0], [np.nan], [4.0]])).round(3).tolist()
@@ -62,7 +62,7 @@ def rms(values: Outputs) -> Vector:
     return np.asarray(np.sqrt(mean))
 
 
-def noise_of(problem: Problem, r: Outputs, parameters: Vector) -> Vector:
+def noise_of(problem: Problem, r: Outputs, parameters: PerOutput) -> PerOutput:
     """Standard deviation of each output's residual: given, or from its degrees of freedom.
 
     Args:
@@ -82,7 +82,7 @@ def noise_of(problem: Problem, r: Outputs, parameters: Vector) -> Vector:
     return np.asarray(np.maximum(np.nan_to_num(sigma), floor))
 
 
-def judge(problem: Problem, j: Sensitivity, sigma: Vector, values: Vector) -> Gate:
+def judge(problem: Problem, j: Sensitivity, sigma: PerOutput, values: Vector) -> Gate:
     """The identifiability gate on the rows that count."""
     scaled = np.where(problem.rows.used[:, :, None], j, 0.0) / sigma[:, None]
     flat = np.ascontiguousarray(scaled.reshape(-1, scaled.shape[2]))
@@ -201,7 +201,7 @@ def _cure(problem: Problem, names: list[str]) -> str:
 
 
 def _covariance(
-    problem: Problem, j: Sensitivity, r: Outputs, sigma: Vector, free: np.ndarray
+    problem: Problem, j: Sensitivity, r: Outputs, sigma: PerOutput, free: np.ndarray
 ) -> tuple[Float64[np.ndarray, "k k"], Vector]:
     """Covariance (infinite diagonal where not free) and Student's quantile per parameter."""
     used = problem.rows.used

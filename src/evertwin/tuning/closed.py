@@ -39,7 +39,7 @@ from jaxtyping import Float64, Int64
 from evertwin.errors import UsageError
 from evertwin.models import LinearModel, Parameters
 from evertwin.tuning.gram import FINE, gram, normal
-from evertwin.tuning.problem import Filter
+from evertwin.tuning.problem import Filter, PerOutput
 from evertwin.types import Inputs, Intervals, Outputs, Vector
 
 __all__ = ["ClosedForm", "Solution", "Sums"]
@@ -56,9 +56,9 @@ class Sums(NamedTuple):
     """Phiᵀ Phi (lower triangle)."""
     sides: Float64[np.ndarray, "ny m"]
     """Phiᵀ r, with r the residual at the present parameters."""
-    squares: Vector
+    squares: PerOutput
     """rᵀ r, (ny,)."""
-    rows: Vector
+    rows: PerOutput
     """Rows that count, (ny,)."""
 
 
@@ -73,9 +73,9 @@ class Solution(NamedTuple):
     """Tuned values, (k,)."""
     covariance: Float64[np.ndarray, "k k"]
     """For independent noise."""
-    noise: Vector
+    noise: PerOutput
     """Standard deviation of each output's residual, (ny,)."""
-    dof: Vector
+    dof: PerOutput
     """Degrees of freedom of that estimate, (ny,)."""
     solved: bool
     """False where the rows do not determine the parameters; the values are then the start's."""

@@ -88,7 +88,7 @@ class Fit:
     moving_before: tuple[float, ...]
     """The same over moving rows (all rows where the problem does not say)."""
     moving_after: tuple[float, ...]
-    noise: Vector
+    noise: Float64[np.ndarray, " ny"]
     """Standard deviation of each output's residual, (ny,)."""
     residuals: tuple[Residual, ...]
     condition: float

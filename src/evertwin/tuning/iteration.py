@@ -38,7 +38,7 @@ from jaxtyping import Float64
 from evertwin.errors import UsageError
 from evertwin.tuning.assemble import Outcome, assemble, rms
 from evertwin.tuning.fit import Fit
-from evertwin.tuning.problem import Problem
+from evertwin.tuning.problem import PerOutput, Problem
 from evertwin.tuning.schedule import Schedule
 from evertwin.types import Outputs, Vector
 
@@ -152,7 +152,7 @@ class Iteration:
         return Outcome(values, counts[0], counts[1], not left, message, method="iteration")
 
 
-def relative(problem: Problem, r: Outputs) -> Vector:
+def relative(problem: Problem, r: Outputs) -> PerOutput:
     """rms(residual) / rms(measured) per output, over moving rows where the problem says so."""
     rows = problem.rows
     on = rows.used if problem.moving is None else rows.used & problem.moving(rows.u)
@@ -172,7 +172,7 @@ def _own(problem: Problem, j: Float64[np.ndarray, "n ny k"]) -> list[np.ndarray]
     return [np.flatnonzero(row) for row in acts]
 
 
-def _step(columns: Any, r: Vector) -> Vector:
+def _step(columns: Any, r: Any) -> Vector:
     """The least-squares step of one axis."""
     known = np.isfinite(r)
     size = np.sqrt(np.square(columns[known]).sum(axis=0))

@@ -14,6 +14,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from scipy import optimize
 
 from evertwin.models import LinearModel
 from evertwin.tuning.assemble import Outcome
@@ -63,6 +64,13 @@ class Projected(Objective):
         size[size == 0] = 1.0
         change = np.linalg.lstsq(a / size, b, rcond=1e-10)[0] / size
         values[self.linear] += change
+        low, high = (bound[self.linear] for bound in self.problem.bounds)
+        solved = values[self.linear]
+        if ((solved < low) | (solved > high)).any():
+            start = solved - change
+            bounds = (low - start) * size, (high - start) * size
+            change = optimize.lsq_linear(a / size, b, bounds=bounds).x / size
+            values[self.linear] = np.clip(start + change, low, high)
         return values
 
     def _rows(self, values: Vector) -> tuple[Any, Any]:

@@ -28,7 +28,7 @@ from scipy.stats import qmc
 
 from evertwin.errors import UsageError
 from evertwin.tuning.assemble import Outcome, noise_of, rms
-from evertwin.tuning.problem import Problem
+from evertwin.tuning.problem import PerOutput, Problem
 from evertwin.types import Vector
 
 __all__ = ["Settings", "least_squares"]
@@ -169,10 +169,7 @@ def search(objective: Objective, method: str) -> Outcome:
         for z in _starts(objective):
             results.append(_run(objective, z))
             results.sort(key=lambda result: float(result.cost))
-        if (
-            problem.scale is None
-            and len(objective.weight) + np.count_nonzero(problem.information) > 1
-        ):
+        for _ in range(_rounds(problem)):
             values = objective.residual_values(results[0].x)
             r = problem.residuals(values)
             paid = np.full(len(objective.weight), len(results[0].x) / len(objective.weight))
@@ -186,6 +183,15 @@ def search(objective: Objective, method: str) -> Outcome:
             "far are kept", method=method,
         )  # fmt: skip
     return _outcome(objective, results[0], method)
+
+
+def _rounds(problem: Problem) -> int:
+    """How often the noise is estimated anew from the residual and the search repeated."""
+    if problem.scale is not None:
+        return 0
+    if problem.loss != "linear":
+        return 2
+    return int(len(problem.model.outputs) + np.count_nonzero(problem.information) > 1)
 
 
 def _outcome(objective: Objective, best: Any, method: str) -> Outcome:
@@ -207,7 +213,7 @@ def _outcome(objective: Objective, best: Any, method: str) -> Outcome:
     )
 
 
-def _spread(problem: Problem, r: Any) -> Vector:
+def _spread(problem: Problem, r: Any) -> PerOutput:
     """First guess of the noise: the residual at the start."""
     if problem.scale is not None:
         return problem.scale

@@ -45,10 +45,11 @@ from evertwin.signals import wrap
 from evertwin.sync.horizon import openings, residuals, restarts
 from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, Vector
 
-__all__ = ["Filter", "Moving", "Problem", "Rows"]
+__all__ = ["Filter", "Loss", "Moving", "PerOutput", "Problem", "Rows"]
 
 Filter: TypeAlias = Callable[[Any], Any]
 """``filter(columns (n, k)) -> (n, k)``: linear, over the rows of one task."""
+PerOutput: TypeAlias = Float64[np.ndarray, " ny"]
 Loss: TypeAlias = Literal["linear", "soft_l1", "huber", "cauchy", "arctan"]
 Moving: TypeAlias = Callable[[Any], Any]
 """``moving(u (n, nu)) -> bool (n, ny)``: which rows count as moving, per output."""
@@ -88,7 +89,7 @@ class Problem:
     """Names of the parameters to tune; by default those that the model calls editable."""
     horizon: float = math.inf
     """Length of a prediction [s]; ``inf``: free run over each task."""
-    scale: Vector | None = None
+    scale: PerOutput | None = None
     """Standard deviation of each output's noise, (ny,); None: estimated."""
     filter: Filter | None = None
     prior: Parameters | None = None
@@ -212,10 +213,11 @@ class Problem:
 
     def predict(self, values: Vector) -> Outputs:
         """Filtered predictions of all rows, (n, ny); NaN where the model gave none."""
-        p, rows = self.full(values), self.rows
-        if self.linear:
-            y0, phi = self._parts
-            columns = self.model.columns  # type: ignore[attr-defined]
+        p, rows, model = self.full(values), self.rows, self.model
+        rowwise = isinstance(model, LinearModel) and not isinstance(model, KernelModel)
+        if self.linear or (rowwise and len(model.states) == 0):
+            y0, phi = self._parts if self.linear else self.regressor(values)
+            columns = model.columns  # type: ignore[attr-defined]
             return np.asarray(y0 + (phi * np.where(columns < 0, 0.0, p[columns])).sum(axis=2))
         x0 = self.model.initial(p)
         restart = Restart(rows.adopts, rows.code, x0)

@@ -20,7 +20,7 @@ from evertwin.tuning.fit import Fit
 from evertwin.tuning.identifiability import connected
 from evertwin.tuning.mixed import project, separable
 from evertwin.tuning.nonlinear import Settings, least_squares
-from evertwin.tuning.problem import Problem
+from evertwin.tuning.problem import PerOutput, Problem
 from evertwin.types import ParameterVector, Vector
 
 __all__ = ["solve"]
@@ -69,7 +69,7 @@ def _linear(problem: Problem, began: float) -> Fit:
     return assemble(problem, Outcome(values, 1, 1, True, message, hit), problem.start, j, began)
 
 
-def _bounded(problem: Problem, j: Any, sigma: Vector) -> tuple[Vector, tuple[str, ...]]:
+def _bounded(problem: Problem, j: Any, sigma: PerOutput) -> tuple[Vector, tuple[str, ...]]:
     """Linear least squares inside the bounds, on the triangular factor of the rows."""
     used = problem.rows.used
     weight = 1.0 / np.where(sigma > 0, sigma, 1.0)
@@ -95,8 +95,8 @@ def _search(problem: Problem, settings: Settings, began: float) -> Fit:
         _check_knobs(problem, j)
         r = problem.residuals(problem.start)
         before = judge(problem, j, noise_of(problem, r, np.zeros(r.shape[1])), problem.start)
-        pairs = zip(before.reasons, before.undetermined, strict=True)
-        held = tuple(reason if bad else "" for reason, bad in pairs)
+        # Collinear parameters take part, so that the others stay unbiased; they are put back after.
+        held = tuple(r if r.startswith("not excited") else "" for r in before.reasons)
     free = np.array([not reason for reason in held])
     if separable(problem) and problem.loss == "linear":
         outcome = project(problem, settings, free)

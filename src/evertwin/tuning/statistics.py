@@ -13,12 +13,16 @@ are not independent witnesses (Bartlett 1946).
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from jaxtyping import Float64
 from scipy import stats
 
 from evertwin.types import Inputs, Outputs, Vector
+
+Series: TypeAlias = Float64[np.ndarray, " n"]
+Lags: TypeAlias = Float64[np.ndarray, " lags"]
 
 __all__ = ["Dependence", "autocorrelation", "dependences", "effective", "ljung_box", "spread"]
 
@@ -47,7 +51,7 @@ class Dependence(NamedTuple):
     """Probability of such a share by chance, corrected for the number of inputs looked at."""
 
 
-def autocorrelation(r: Vector, lags: int) -> Vector:
+def autocorrelation(r: Series, lags: int) -> Lags:
     """ρ(0) … ρ(lags) of a residual; NaN is left out, (lags + 1,)."""
     known = ~np.isnan(r)
     centred = np.where(known, r - (np.mean(r[known]) if known.any() else 0.0), 0.0)
@@ -67,13 +71,13 @@ def autocorrelation(r: Vector, lags: int) -> Vector:
     return np.asarray(mean / mean[0])
 
 
-def _products(values: Vector, lags: int) -> Vector:
+def _products(values: Series, lags: int) -> Lags:
     """Σ_t v(t) v(t + h) for h = 0 … lags, by way of the spectrum."""
     size = 1 << int(2 * len(values) - 1).bit_length()
     return np.asarray(np.fft.irfft(np.abs(np.fft.rfft(values, size)) ** 2, size)[: lags + 1])
 
 
-def memory(r: Vector) -> Vector:
+def memory(r: Series) -> Lags:
     """ρ(0), ρ(1), … up to the last lag before it is lost in its own scatter (2/√n)."""
     n = int(np.count_nonzero(~np.isnan(r)))
     most = max(1, min(len(r) // 4, MOST))
@@ -87,13 +91,13 @@ def memory(r: Vector) -> Vector:
         lags = min(lags * 16, most)
 
 
-def effective(r: Vector) -> float:
+def effective(r: Series) -> float:
     """Effective number of rows for a variance: n / (1 + 2 Σ ρ²)."""
     rho = memory(r)
     return float(np.count_nonzero(~np.isnan(r)) / (1.0 + 2.0 * np.square(rho[1:]).sum()))
 
 
-def spread(influence: np.ndarray, r: Vector) -> Vector:
+def spread(influence: Float64[np.ndarray, "n k"], r: Series) -> Vector:
     """Variance of Σ_t c_t e_t for noise e with the autocorrelation of ``r``, over its variance.
 
     Args:
@@ -116,7 +120,7 @@ def spread(influence: np.ndarray, r: Vector) -> Vector:
     return np.asarray(np.maximum(total, white))
 
 
-def ljung_box(r: Vector) -> float:
+def ljung_box(r: Series) -> float:
     """Probability that a white residual shows so much autocorrelation (Ljung and Box 1978)."""
     n = int(np.count_nonzero(~np.isnan(r)))
     lags = min(LAGS, n // 5)
@@ -146,7 +150,7 @@ def dependences(
     return tuple(found)
 
 
-def _classes(values: Vector) -> np.ndarray:
+def _classes(values: Series) -> np.ndarray:
     """Class of each row, 0 … at most BINS − 1, of about equal size."""
     edges = np.unique(np.nanquantile(values, np.linspace(0, 1, BINS + 1)))[1:-1]
     few = np.unique(values[np.isfinite(values)][:: max(1, len(values) // 2000)])
@@ -155,7 +159,7 @@ def _classes(values: Vector) -> np.ndarray:
     return np.searchsorted(edges, values, side="right")
 
 
-def _explained(r: Vector, classes: np.ndarray, rho: Vector) -> tuple[float, float]:
+def _explained(r: Series, classes: np.ndarray, rho: Lags) -> tuple[float, float]:
     """(p, share) of an analysis of variance over classes, with effective rows."""
     known = ~np.isnan(r)
     e, c = r[known], classes[known]
@@ -175,7 +179,7 @@ def _explained(r: Vector, classes: np.ndarray, rho: Vector) -> tuple[float, floa
     return float(stats.f.sf(f, groups - 1, n - groups)), share
 
 
-def _independent(rows: int, classes: np.ndarray, rho: Vector) -> float:
+def _independent(rows: int, classes: np.ndarray, rho: Lags) -> float:
     """Effective rows for a correlation of two series: n / (1 + 2 Σ ρ_r ρ_c)."""
     if len(rho) == 1:
         return float(rows)

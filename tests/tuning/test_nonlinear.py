@@ -1,0 +1,180 @@
+"""Nonlinear tuning: solvers against problems, bounds, divergence, outliers, cancelling."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evertwin.errors import ModelError, UsageError
+from evertwin.fold import make_block
+from evertwin.models import Compiled, FunctionModel, Parameter, Parameters
+from evertwin.signals import Channel, Layout
+from evertwin.tuning import Problem, Settings, solve
+from evertwin.tuning.nonlinear import least_squares
+
+P = np.array([3.0, 2.0, 0.02])
+
+
+def test_every_solver_agrees_on_a_linear_problem(axes: Any, measured: Any) -> None:
+    rng = np.random.default_rng(0)
+    model, u = axes(1), rng.normal(size=(200, 1))
+    problem = Problem(model, (measured(model, u, P, 0.1 * rng.normal(size=u.shape)),))
+    closed = solve(problem)
+    searched = least_squares(problem, Settings())
+    np.testing.assert_allclose(searched.values, closed.values, rtol=1e-6)
+    wide = replace(problem, editable=("Fc0", "Bm0", "width"), prior=_width(model, 0.02))
+    mixed = solve(wide)
+    plain = least_squares(wide, Settings())
+    assert mixed.method == "variable projection"
+    np.testing.assert_allclose(mixed.values[:2], plain.values[:2], rtol=1e-4)
+    assert mixed.cost <= closed.cost * 1.02
+
+
+def _width(model: Any, value: float) -> Parameters:
+    return model.parameters.with_values({"width": value})
+
+
+def test_variable_projection_finds_a_width_from_far_away(axes: Any, measured: Any) -> None:
+    rng = np.random.default_rng(1)
+    model, truth = axes(1), np.array([3.0, 2.0, 0.3])
+    z = []
+    for _ in range(25):
+        u = rng.normal(size=(200, 1))
+        block = measured(model, u, truth, 0.1 * rng.normal(size=u.shape))
+        prior = _width(model, 0.1)
+        fit = solve(Problem(model, (block,), ("Fc0", "Bm0", "width"), prior=prior))
+        assert fit.converged
+        z.append((fit.values - truth) / fit.sigma)
+    assert 0.75 < np.sqrt(np.square(z).mean()) < 1.25
+
+
+def test_a_gain_is_recovered_over_one_horizon(robot: Compiled, run: Any) -> None:
+    inside = []
+    for seed in range(20):
+        fit = solve(Problem(robot, (run(robot, 1.1, seed),), horizon=2.0))
+        low, high = fit.interval("gain")
+        inside.append(low < 1.1 < high)
+        assert abs(fit["gain"] - 1.1) < 0.03
+        assert fit.deviation_after[0] < fit.deviation_before[0]
+    assert sum(inside) >= 16
+
+
+def test_windows_count_together(robot: Compiled, run: Any) -> None:
+    windows = tuple(run(robot, 1.1, seed) for seed in range(4))
+    one, four = (solve(Problem(robot, w, horizon=1.0)) for w in (windows[:1], windows))
+    assert four.residuals[0].rows == 4 * one.residuals[0].rows
+    assert four.sigma[0] < 0.7 * one.sigma[0]
+
+
+def test_bounds_hold_are_reported_and_may_be_started_on(robot: Compiled, run: Any) -> None:
+    tight = Parameters((Parameter("gain", 1.05, "1", 0.2, 1.05),))
+    fit = solve(Problem(robot, (run(robot, 1.4, 0),), prior=tight, horizon=1.0))
+    assert fit["gain"] == pytest.approx(1.05)
+    assert fit.at_bound == ("gain",)
+    assert "widen" in fit.message
+
+
+def test_divergence_is_a_value_with_a_cure() -> None:
+    def step(x: Any, u: Any, dt: float, p: Any) -> Any:
+        y = p[0] * x[0] + u[0]
+        return [y], [y if abs(y) < 1e6 else np.nan]
+
+    wild = FunctionModel(
+        step, Layout.of(u="1"), Layout.of(x="1"), Layout.of(x="1"), Parameters.of(a=(5.0, "1"))
+    )
+    block = make_block(t=np.arange(30), u=np.ones((30, 1)), y=np.ones((30, 1)))
+    fit = solve(Problem(wild, (block,)))
+    assert not fit.converged
+    assert fit.values.tolist() == [5.0]
+    assert fit.verdict == ("not",)
+    assert "start from other values" in fit.message
+    assert np.isinf(fit.interval95).all()
+
+
+def test_too_few_evaluations_are_said(robot: Any, wavy: Any, run: Any) -> None:
+    problem = Problem(wavy, (run(robot, 0.3, 0),))
+    fit = solve(problem, settings=Settings(evaluations=1))
+    assert not fit.converged
+    assert "allow more" in fit.message
+
+
+def test_more_starts_leave_a_local_minimum(robot: Any, wavy: Any, run: Any) -> None:
+    block = run(robot, np.sin(5 * 1.6), 3)
+    near, far = (
+        solve(Problem(wavy, (block,), horizon=2.0), settings=Settings(starts=n)) for n in (1, 12)
+    )
+    assert far.cost <= near.cost
+    assert np.sin(5 * far["gain"]) == pytest.approx(np.sin(8.0), abs=0.05)
+    again = solve(Problem(wavy, (block,), horizon=2.0), settings=Settings(starts=12))
+    assert np.array_equal(far.values, again.values)
+
+
+def test_a_robust_loss_shrugs_off_outliers(axes: Any, measured: Any) -> None:
+    rng = np.random.default_rng(5)
+    model, u = axes(1), rng.normal(size=(300, 1))
+    noise = 0.1 * rng.normal(size=u.shape)
+    noise[::11] += 5.0
+    block = measured(model, u, P, noise)
+    plain, robust = (solve(Problem(model, (block,), loss=loss)) for loss in ("linear", "cauchy"))
+    # The width of the error bar follows the core of the residual, not its outliers.
+    assert np.abs(robust.values - P[:2]).max() < 0.05
+    assert robust.sigma[0] < plain.sigma[0] / 3
+
+
+def test_cancelling_keeps_the_best_so_far(robot: Compiled, run: Any) -> None:
+    seen: list[float] = []
+
+    def watch(evaluations: int, cost: float) -> bool:
+        seen.append(cost)
+        return len(seen) < 3
+
+    problem = Problem(robot, (run(robot, 1.5, 0),), horizon=1.0)
+    fit = solve(problem, settings=Settings(progress=watch))
+    assert not fit.converged
+    assert "stopped by the caller" in fit.message
+    assert abs(fit["gain"] - 1.5) < abs(1.0 - 1.5)
+
+
+def test_an_unconnected_knob_is_an_error(robot: Compiled, run: Any) -> None:
+    loose = replace(robot, parameters=robot.parameters + Parameters.of(unused=(1.0, "1")))
+    with pytest.raises(ModelError, match="unused: the knob is not connected"):
+        solve(Problem(loose, (run(robot, 1.1, 0),)))
+
+
+def test_a_silent_input_is_not_an_unconnected_knob(robot: Compiled) -> None:
+    still = make_block(t=np.arange(20) * 10**8, u=np.zeros((20, 1)), y=np.zeros((20, 1)))
+    fit = solve(Problem(robot, (still,)))
+    assert fit.verdict == ("not",)
+    assert fit.values.tolist() == [1.0]
+    assert "not excited" in fit.reasons[0]
+    assert "a changing command" in fit.reasons[0]
+
+
+def test_misuse_is_an_exception(robot: Compiled, run: Any) -> None:
+    block = run(robot, 1.0, 0)
+    with pytest.raises(UsageError, match="at least one window"):
+        Problem(robot, ())
+    with pytest.raises(UsageError, match="did you mean 'gain'"):
+        Problem(robot, (block,), ("gian",))
+    with pytest.raises(UsageError, match="expected 1 numbers"):
+        Problem(robot, (block,), scale=np.ones(2))
+    with pytest.raises(UsageError, match="at least 1 evaluation"):
+        Settings(evaluations=0)
+    fixed = replace(robot, parameters=Parameters((Parameter("gain", 1.0, "1", editable=False),)))
+    with pytest.raises(UsageError, match="no parameter is editable"):
+        Problem(fixed, (block,))
+    with pytest.raises(UsageError, match="model's parameters"):
+        solve(Problem(robot, (block,), prior=Parameters.of(other=(1.0, "1"))))
+
+
+def test_angles_wrap(robot: Compiled) -> None:
+    heading = Layout((Channel("heading", "rad", kind="angle"),))
+    turner = replace(robot, outputs=heading, states=heading)
+    y = 0.1 * np.arange(200)[:, None]
+    wrapped = np.pi - np.mod(np.pi - y, 2 * np.pi)
+    block = make_block(t=np.arange(200) * 10**8, u=np.ones((200, 1)), y=wrapped)
+    fit = solve(Problem(turner, (block,), horizon=1.0))
+    assert fit["gain"] == pytest.approx(1.0)
