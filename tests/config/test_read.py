@@ -138,7 +138,7 @@ def test_the_message_says_where_and_what_to_do(case: str) -> None:
 
 def test_all_problems_are_told_at_once() -> None:
     with pytest.raises(ConfigError) as error:
-        reads(f"{HEAD}[clock]\nrat = 1\nslack = -1\n[trial]\nalpha = 2", "f")
+        reads(f"{HEAD}[clock]\nrat = 1\ngap = -1\n[trial]\nalpha = 2", "f")
     places = [line.split(":")[1] for line in str(error.value).splitlines()]
     assert places == ["5", "6", "8"]
 

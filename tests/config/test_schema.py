@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from pathlib import Path
 
@@ -75,3 +76,20 @@ def test_every_setting_stands_on_the_page() -> None:
     for kind in sections():
         for setting in settings(kind):
             assert f"| `{setting.key}` |" in text
+
+
+def test_every_setting_is_read_by_the_loop() -> None:
+    """A setting that nothing reads would be a promise that is not kept."""
+    package = ROOT / "src" / "evertwin"
+    code = "\n".join(
+        path.read_text(encoding="utf-8")
+        for path in package.rglob("*.py")
+        if "config" not in path.relative_to(package).parts
+    )
+    read_nowhere = [
+        f"{kind.__name__}.{setting.name}"
+        for kind in sections()
+        for setting in settings(kind)
+        if not re.search(rf"\.{setting.name}\b", code)
+    ]
+    assert not read_nowhere

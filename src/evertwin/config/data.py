@@ -105,13 +105,13 @@ class SourceSpec(Section):
     match: str = "*"
     """Which files given with ``--data`` belong to this source (file name pattern)."""
     format: Literal["auto", "csv", "text", "mat", "parquet", "mcap", "bag", "numpy"] = "auto"
-    """How the files are written; ``auto``: by name and first bytes."""
+    """Kind of the files, others are refused; ``auto``: any, told from the content."""
     header: bool | None = None
     """Does a table open with headings? Absent: found from its first lines."""
     delimiter: str = "auto"
-    """Sign between the cells of a table."""
-    decimal: Literal[".", ","] = "."
-    """Decimal sign of a table."""
+    """Sign between the cells of a table, ``tab``, ``blank`` for runs of blanks, or ``auto``."""
+    decimal: Literal["auto", ".", ","] = "auto"
+    """Decimal sign of a table; ``auto``: found from its first lines."""
     time: TimeSpec = TimeSpec(column=0)
     """Where the stamps come from."""
     task: Column | None = None
@@ -198,8 +198,6 @@ class ClockSpec(Section):
 
     rate: Hertz | None = None
     """Resample each task onto a uniform grid; absent: the union of the stamps."""
-    slack: Annotated[Seconds, Limits(at_least=0.0)] = 0.0
-    """How long a row waits for late samples."""
     gap: Annotated[Seconds, Limits(above=0.0)] = math.inf
     """Longest interval that is simulated over."""
     start: Seconds = -math.inf

@@ -4,7 +4,7 @@ The text is known to be valid when it comes here, so one pass over its lines is 
 open tables, keys end where their value parses.
 
 >>> lines = Lines("schema = 1\\n[[source]]\\nname = 1\\nfiles = [\\n 'x',\\n]\\n[clock]\\nrate = 1")
->>> lines.of(("source", 0, "files")), lines.of(("clock", "rate")), lines.of(("clock", "slack"))
+>>> lines.of(("source", 0, "files")), lines.of(("clock", "rate")), lines.of(("clock", "gap"))
 (4, 8, 7)
 """
 
