@@ -1,0 +1,83 @@
+"""The runner of the documentation's commands is able to fail."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+
+PAGE = """
+<!-- run -->
+```console
+$ printf 'a\\n' > kept.txt
+shown output, not run
+$ test -e kept.txt && \\
+    echo joined
+```
+
+<!-- run exit=3 -->
+```bash
+test -e kept.txt
+exit 3
+```
+
+<!-- run -->
+```python
+import pathlib
+assert pathlib.Path("kept.txt").read_text() == "a\\n"
+```
+
+<!-- not run: needs a robot -->
+```console
+$ false
+```
+
+```toml
+anything = "no command"
+```
+"""
+
+
+def run(tmp_path: Path, text: str) -> subprocess.CompletedProcess[str]:
+    page = tmp_path / "page.md"
+    page.write_text(text, encoding="utf-8")
+    command = [sys.executable, str(ROOT / "tools" / "run_docs.py"), str(page)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def test_a_page_that_keeps_its_word_passes(tmp_path: Path) -> None:
+    done = run(tmp_path, PAGE)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "documentation: 3 ok, 1 shown" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("exit 3", "exit 4"), "expected exit code 3, got 4"),
+        (("<!-- run exit=3 -->", ""), "FAILED: no <!-- run -->"),
+        (("<!-- run exit=3 -->", "<!-- run exit=3 -->\n\ntext between"), "FAILED: no <!-- run -->"),
+        (("not run: needs a robot", "not run"), "'not run' without a reason"),
+        (('== "a\\n"', '== "b"'), "AssertionError"),
+        (("exit 3", "sleep 9"), "took more than 1 s"),
+    ],
+)
+def test_a_page_that_does_not_fails(tmp_path: Path, change: tuple[str, str], message: str) -> None:
+    text = PAGE.replace(*change)
+    assert text != PAGE
+    if "took" in message:
+        text = text.replace("exit=3", "exit=3 timeout=1")
+    done = run(tmp_path, text)
+    assert done.returncode == 1
+    assert message in done.stdout
+
+
+def test_the_readme_shows_both_commands() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert "make demo" in text
+    assert "make test" in text
+    assert "macOS and Windows are untested" in text
