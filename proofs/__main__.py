@@ -1,6 +1,6 @@
 """All proofs, one after the other: `python -m proofs [NAME ...]`.
 
-Each is a module of this folder that prints its figures and runs alone, too: `python -m proofs.NAME`.
+Each is a module of this folder that prints its figures; it runs alone as `python -m proofs.NAME`.
 A proof that ends with another exit code than 0 fails the run.
 """
 
