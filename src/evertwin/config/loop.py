@@ -90,8 +90,8 @@ class AnomalySpec(Section):
     """Over all outputs together; sets the detectors' limits."""
     calibration: Annotated[Seconds, Limits(above=0.0)] = math.inf
     """Calm data that sets the run-length limits; inf: the first task."""
-    phases: tuple[str, ...] = ()
-    """Channels whose values define the phase."""
+    phases: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    """Input to the borders (SI, rising) that divide its range: each regime has its own limits."""
     outputs: tuple[str, ...] = ()
     """Outputs that are watched; empty: all."""
     window: Annotated[int, Limits(at_least=1)] = 600

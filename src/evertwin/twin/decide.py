@@ -79,20 +79,16 @@ class Decide:
         if reason is not None:
             watch = new_sums(len(state.books.watch.count))
             decision.state = state._replace(books=state.books._replace(watch=watch))
-        alarm = setup.detect.alarm(state.detect)
-        if alarm is not None and not state.desk.alarmed:
-            decision.say(alarm.kind, alarm.signal, alarm.reason, alarm.evidence)
-            reason, signal, evidence = alarm.reason, alarm.signal, alarm.evidence
-        decision.desk(alarmed=alarm is not None)
+        detect, alarm = setup.detect.beat(decision.state.detect)
+        decision.state = decision.state._replace(detect=detect)
         due = state.time - state.desk.fitted >= setup.schedule
-        if due and not reason:
-            reason, signal, evidence = "scheduled", "", {}
-        if reason and self._free(decision.state):
-            if due:
-                decision.desk(fitted=state.time)
-            elif alarm is None:
-                decision.say("suspected", signal, reason, evidence)
-            self._ask(decision, "fit", FIT, {"reason": reason})
+        if not reason and alarm:
+            reason = alarm
+        elif reason and self._free(decision.state):
+            decision.say("suspected", signal, reason, evidence)
+        if (reason or due) and self._free(decision.state):
+            decision.desk(fitted=state.time)
+            self._ask(decision, "fit", FIT, {"reason": reason or "scheduled"})
 
     def _deviates(self, state: TwinState, task_end: bool) -> tuple[str | None, str, dict[str, Any]]:
         """(None, …) when it is too early to say, ("", …) when within the requirement."""
@@ -219,7 +215,7 @@ class Decide:
         )
         return state._replace(
             live=lane, first=first, other=other, books=books,
-            trial=follow.setup.probation.init(),
+            trial=follow.setup.probation.init(), detect=follow.setup.detect.init(),
         )  # fmt: skip
 
     def _taken_over(self, number: int, state: TwinState) -> Any:

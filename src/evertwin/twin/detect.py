@@ -1,35 +1,88 @@
-"""The detectors of a twin over released rows."""
+"""The detectors of a twin over released rows: CUSUM, drift, signal to noise, on one calibration.
+
+They begin silent. The CUSUM collects calm rows and calibrates itself; the others start from its
+calibration at the next beat, so that where rows are cut cannot matter. A new champion has other
+residuals: everything begins anew with it.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from evertwin.config.spec import TwinSpec
-from evertwin.models import Model
+import numpy as np
+
+from evertwin.anomaly import Calm, Cusum, CusumState, Drift, DriftState, Residuals, SnrLimit, SnrState
+from evertwin.config.spec import AnomalySpec
+from evertwin.fold import Event
 from evertwin.twin.settle import Released
 
-__all__ = ["Alarm", "Detect"]
+__all__ = ["Detect", "DetectState"]
 
 
-class Alarm(NamedTuple):
-    kind: str
-    signal: str
-    reason: str
-    evidence: dict[str, Any]
+class DetectState(NamedTuple):
+    """States of the detectors, and what was not yet acted on.
+
+    >>> DetectState._fields
+    ('cusum', 'drift', 'snr', 'pending')
+    """
+
+    cusum: CusumState
+    drift: DriftState
+    snr: SnrState
+    pending: str
+    """Reason of the newest alarm since the last beat; empty: none."""
 
 
 @dataclass(frozen=True)
 class Detect:
+    """The detectors together. Built by `Detect.of`.
+
+    >>> Detect.of(AnomalySpec(), ("x",), np.array([True]), 1).columns
+    (0,)
+    """
+
+    cusum: Cusum
+    drift: Drift
+    snr: SnrLimit
+    columns: tuple[int, ...]
+    """Outputs that are watched."""
+    use_snr: bool
+
     @classmethod
-    def of(cls, spec: TwinSpec, model: Model) -> "Detect":
-        return cls()
+    def of(
+        cls, spec: AnomalySpec, names: tuple[str, ...], watched: np.ndarray, phases: int
+    ) -> Detect:
+        """As the twin file says."""
+        columns = tuple(int(k) for k in np.flatnonzero(watched))
+        chosen = tuple(names[k] for k in columns)
+        calm = Calm(false_alarms_per_month=spec.false_alarms_per_month)
+        limit = SnrLimit(chosen, spec.snr or 6.0, phases=phases, orders=calm.orders)
+        return cls(
+            Cusum(chosen, calm, phases), Drift(chosen, phases=phases, orders=calm.orders), limit,
+            columns, spec.snr > 0,
+        )  # fmt: skip
 
-    def init(self) -> tuple[Any, ...]:
-        return ()
+    def init(self) -> DetectState:
+        """Nothing calibrated."""
+        return DetectState(self.cusum.init(), self.drift.init(), self.snr.init(), "")
 
-    def step(self, state: Any, rows: Released) -> Any:
-        return state
+    def step(self, state: DetectState, rows: Released) -> tuple[DetectState, tuple[Event, ...]]:
+        """More rows; consumes ``state``."""
+        seen = Residuals(rows.row, rows.t, rows.live[:, self.columns], rows.phase)
+        cusum, a = self.cusum.step(state.cusum, seen)
+        drift, b = self.drift.step(state.drift, seen)
+        snr, found = state.snr, a.records + b.records
+        if self.use_snr:
+            snr, c = self.snr.step(snr, seen)
+            found += c.records
+        events = tuple(event for event in found if isinstance(event, Event))
+        alarms = [e.reason for e in events if e.kind != "not_calibrated"]
+        return DetectState(cusum, drift, snr, alarms[-1] if alarms else state.pending), events
 
-    def alarm(self, state: Any) -> Alarm | None:
-        return None
+    def beat(self, state: DetectState) -> tuple[DetectState, str]:
+        """At a beat: the reason of an alarm since the last one, and calibrations handed on."""
+        known = state.cusum.calibration
+        if known.ready and not state.drift.calibration.ready:
+            state = state._replace(drift=self.drift.begin(known), snr=self.snr.begin(known))
+        return state._replace(pending=""), state.pending

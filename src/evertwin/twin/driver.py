@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from evertwin.fold import Answer, Block, Event, Record, Request
+from evertwin.fold import Answer, Block, Record, Request
 from evertwin.twin.decide import Decide
 from evertwin.twin.follow import EMPTY, Follow, Followed
 from evertwin.twin.settle import new_books
@@ -88,7 +88,9 @@ class Driver:
     def beat(self, state: TwinState, *, task_end: bool) -> TwinState:
         """The decisions before the next row."""
         if task_end:
-            state = self.follow.end_task(state)
+            state, found = self.follow.end_task(state)
+            for event in found:
+                self.log(event.row, event)
         answer = None
         if state.desk.open and (state.row >= state.desk.due):
             answer = self._answer(state)
@@ -117,8 +119,3 @@ class Driver:
         request = Request(desk.open, kind, state.live.version, state.row, desk.due, window)
         rows = self.setup.ring.between(state.ring, *window)
         return self.work.answer(request, rows, state)
-
-
-def events_of(records: Iterable[Record]) -> list[Event]:
-    """The events among records."""
-    return [record for record in records if isinstance(record, Event)]

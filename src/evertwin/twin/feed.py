@@ -18,6 +18,7 @@ from evertwin.config.spec import SourceSpec
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import Block, Chunk
 from evertwin.models import Model
+from evertwin.sources.dialect import Stated
 from evertwin.sources.recorded import Cell, Clock, Recorded
 from evertwin.sources.tally import Tally
 from evertwin.twin.tasks import rows_of_task
@@ -82,7 +83,11 @@ class Feed:
         cells += [Cell(f"?{column}", column, "1") for column in spec.where]
         time = spec.time
         clock = Clock(time.column, time.unit, time.rate, round(spec.offset * 1e9))
-        return Recorded(spec.name, paths, tuple(cells), clock, spec.task, self.tally), spec
+        stated = Stated(spec.header, spec.delimiter, spec.decimal)
+        recorded = Recorded(
+            spec.name, paths, tuple(cells), clock, spec.task, self.tally, stated, spec.format
+        )
+        return recorded, spec
 
 
 def _columns(data: Mapping[str, Any]) -> dict[str, tuple[np.ndarray, np.ndarray]]:

@@ -77,7 +77,8 @@ class Follow:
         other, c = self._predict(state.other, judged)
         none = np.full_like(piece.y, np.nan)
         rows = Released(
-            np.arange(piece.row, piece.row + len(piece.t)), piece.y, a.residual,
+            np.arange(piece.row, piece.row + len(piece.t)), piece.t, self.setup.phase(piece.u),
+            piece.y, a.residual,
             none if b is None else b.residual, none if c is None else c.residual,
             self.setup.moving(piece.u), a.end,
         )  # fmt: skip
@@ -87,26 +88,29 @@ class Follow:
             live=live, first=first, other=other, smooth=smooth,
             ring=self.setup.ring.push(state.ring, judged),
         )  # fmt: skip
-        return self._judge(state, released), Followed(out.rows, before, mark, out.records)
+        state, found = self._judge(state, released)
+        return state, Followed(out.rows, before, mark, out.records + found)
 
-    def end_task(self, state: TwinState) -> TwinState:
+    def end_task(self, state: TwinState) -> tuple[TwinState, tuple[Event, ...]]:
         """What waits for the end of its task is released. Consumes ``state``."""
         smooth, released = self.setup.smooth.flush(state.smooth)
         state = state._replace(smooth=smooth)
-        return state if released is None else self._judge(state, released)
+        return (state, ()) if released is None else self._judge(state, released)
 
-    def _judge(self, state: TwinState, rows: Released) -> TwinState:
+    def _judge(
+        self, state: TwinState, rows: Released
+    ) -> tuple[TwinState, tuple[Event, ...]]:
         """Released rows into books, detectors and the trial."""
         if len(rows.row) == 0:
-            return state
+            return state, ()
         books, pairs = settle(state.books, rows)
-        detect = self.setup.detect.step(state.detect, rows)
+        detect, found = self.setup.detect.step(state.detect, rows)
         trial, phase = state.trial, state.desk.phase
         if len(pairs) and phase == TRIAL:
             trial, _ = self.setup.trial.step(trial, pairs)
         elif len(pairs) and phase == PROBATION:
             trial, _ = self.setup.probation.step(trial, pairs)
-        return state._replace(books=books, detect=detect, trial=trial)
+        return state._replace(books=books, detect=detect, trial=trial), found
 
     def _track(self, lane: Lane, piece: Block) -> tuple[Lane, Any]:
         if lane.version < 0:

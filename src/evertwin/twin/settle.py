@@ -22,11 +22,15 @@ class Released(NamedTuple):
     """Rows that are ready to be judged; filtered where the twin has a filter.
 
     >>> Released._fields
-    ('row', 'measured', 'live', 'first', 'other', 'moving', 'end')
+    ('row', 't', 'phase', 'measured', 'live', 'first', 'other', 'moving', 'end')
     """
 
     row: np.ndarray
     """Row numbers, int64, (n,)."""
+    t: np.ndarray
+    """Stamps [ns], (n,)."""
+    phase: np.ndarray
+    """Phase of each row, int64, (n,)."""
     measured: Outputs
     live: Outputs
     """Residuals of the champion, (n, ny); NaN where unknown."""
@@ -79,5 +83,5 @@ def settle(books: Books, rows: Released) -> tuple[Books, np.ndarray]:
     """
     pairs = np.empty((int(np.count_nonzero(rows.end)), 2))
     sums = (books.watch, books.live, books.first, books.live_moving, books.first_moving)
-    count = _settle(rows[1:], tuple(tuple(s) for s in sums), books.pair, books.scale, pairs)
+    count = _settle(rows[3:], tuple(tuple(s) for s in sums), books.pair, books.scale, pairs)
     return books, pairs[:count]

@@ -10,6 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
+from evertwin.anomaly import Regimes
 from evertwin.config.spec import TwinSpec
 from evertwin.errors import ConfigError, UsageError
 from evertwin.fold import Beat, Block
@@ -116,6 +117,22 @@ class Setup:
         return np.asarray(np.abs(u[:, columns]) > rule.above)
 
     @cached_property
+    def regimes(self) -> tuple[np.ndarray, Regimes] | None:
+        """Columns of the inputs that define the phase, and their borders."""
+        phases = self.spec.anomaly.phases
+        if not phases:
+            return None
+        columns = np.array([self.model.inputs.index(name) for name in phases])
+        return columns, Regimes(tuple(tuple(borders) for borders in phases.values()))
+
+    def phase(self, u: np.ndarray) -> np.ndarray:
+        """Phase of each row, (n,); 0 where none are set."""
+        if self.regimes is None:
+            return np.zeros(len(u), dtype=np.int64)
+        columns, regimes = self.regimes
+        return regimes.of(u[:, columns])
+
+    @cached_property
     def requirement(self) -> float:
         """Largest deviation; infinite: none."""
         return self.spec.anomaly.requirement
@@ -197,4 +214,5 @@ class Setup:
 
     @cached_property
     def detect(self) -> Detect:
-        return Detect.of(self.spec, self.model)
+        phases = 1 if self.regimes is None else self.regimes[1].count
+        return Detect.of(self.spec.anomaly, self.model.outputs.names, self.watched, phases)

@@ -70,6 +70,8 @@ class Waiting(NamedTuple):
 
     count: np.ndarray
     row: np.ndarray
+    t: np.ndarray
+    phase: np.ndarray
     values: np.ndarray
     """measured, live, first, other side by side, (capacity, 4·ny)."""
     moving: np.ndarray
@@ -96,7 +98,8 @@ class ZeroPhase:
     def init(self) -> Waiting:
         n = self.capacity
         return Waiting(
-            np.zeros(1, np.int64), np.zeros(n, np.int64), np.zeros((n, 4 * self.outputs)),
+            np.zeros(1, np.int64), *(np.zeros(n, np.int64) for _ in range(3)),
+            np.zeros((n, 4 * self.outputs)),
             np.zeros((n, self.outputs), np.bool_), np.zeros(n, np.bool_),
         )  # fmt: skip
 
@@ -113,8 +116,9 @@ class ZeroPhase:
                 f"a zero-phase filter holds a whole task: expected at most {self.capacity} rows, "
                 f"row {int(rows.row[-1])} is beyond: raise tuning.window or use kind = 'savgol'"
             )
-        state.row[a:b], state.moving[a:b], state.end[a:b] = rows.row, rows.moving, rows.end
-        state.values[a:b] = np.concatenate(rows[1:5], axis=1)
+        state.row[a:b], state.t[a:b], state.phase[a:b] = rows.row, rows.t, rows.phase
+        state.moving[a:b], state.end[a:b] = rows.moving, rows.end
+        state.values[a:b] = np.concatenate(rows[3:7], axis=1)
         state.count[0] = b
         return state, _slice(state, 0, 0, self.outputs)
 
@@ -149,6 +153,6 @@ def _slice(state: Waiting, start: int, stop: int, ny: int) -> Released:
     values = state.values[start:stop].copy()
     parts = [values[:, i * ny : (i + 1) * ny] for i in range(4)]
     return Released(
-        state.row[start:stop].copy(), *parts,
+        *(column[start:stop].copy() for column in (state.row, state.t, state.phase)), *parts,
         state.moving[start:stop].copy(), state.end[start:stop].copy(),
     )  # fmt: skip

@@ -84,8 +84,6 @@ class Desk(NamedTuple):
     tunings: int = 0
     """Tunings so far: the schedule's position."""
     pinned: bool = False
-    alarmed: bool = False
-    """Was a detector in alarm at the last beat?"""
 
 
 class TwinState(NamedTuple):
