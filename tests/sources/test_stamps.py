@@ -76,6 +76,14 @@ def test_exponents_and_leap_seconds() -> None:
     assert leap == after
 
 
+@pytest.mark.parametrize("kind", ["S", "i8", "f8"])
+def test_minutes_and_hours(kind: str) -> None:
+    raw = np.array([0, 2, -3])
+    cells = raw.astype("S4") if kind == "S" else raw.astype(kind)
+    assert to_ns(cells, "min").tolist() == [0, 120 * 10**9, -180 * 10**9]
+    assert to_ns(cells, "h").tolist() == [0, 7200 * 10**9, -10800 * 10**9]
+
+
 def test_unknown_unit() -> None:
     with pytest.raises(UsageError, match="fortnight"):
         to_ns(np.array([1]), "fortnight")

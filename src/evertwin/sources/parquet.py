@@ -88,7 +88,7 @@ class ParquetTable:
     def _open(self) -> Any:
         arrow, parquet = load("pyarrow"), load("pyarrow.parquet")
         try:
-            return parquet.ParquetFile(self.path, memory_map=False)
+            return parquet.ParquetFile(self.path, buffer_size=1 << 20, pre_buffer=False)
         except (arrow.ArrowException, OSError, ValueError) as error:
             raise self._damaged(error) from None
 

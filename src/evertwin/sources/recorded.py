@@ -33,7 +33,7 @@ from evertwin.sources.recording import open_recording
 from evertwin.sources.stamps import StampError, to_ns, zones
 from evertwin.sources.table import Column, Rows, Table
 from evertwin.sources.tally import Tally
-from evertwin.sources.time_unit import guess, time_column
+from evertwin.sources.time_unit import TimeGuess, guess, time_column
 from evertwin.types import Outputs, Stamps
 
 __all__ = ["FORMATS", "Cell", "Clock", "Recorded"]
@@ -264,9 +264,8 @@ def _time_column(table: Table, clock: Clock) -> Column | None:
 
 
 def _unit(table: Table, time: Column, rows: Rows, unit: str) -> str:
-    if unit != "auto":
-        return unit
-    found = guess(time.name, rows.time[:1000], time.unit)
+    stated = TimeGuess(unit, "stated", True)
+    found = guess(time.name, rows.time[:1000], time.unit) if unit == "auto" else stated
     if not found.sure:
         raise DataError(
             f"{table.path.name}: column {time.name!r}: the unit of time is not clear "

@@ -30,7 +30,9 @@ NO_STAMP = int(np.iinfo(np.int64).min)
 """Stands for a stamp that is empty, not a number, or beyond the years 1677 to 2262."""
 
 UNITS = {"s": 9, "ms": 6, "us": 3, "ns": 0}
-"""Power of ten that turns one unit into nanoseconds. ``iso`` is the fifth unit."""
+"""Power of ten that turns one unit into nanoseconds. ``iso`` stands for dates."""
+_LONG = {"min": 60, "h": 3600}
+"""Seconds of the units that are no power of ten."""
 
 _ISO = re.compile(
     rb"\s*(\d{4})[-./](\d\d?)[-./](\d\d?)[T ._](\d\d?)[:.](\d\d)(?:[:.](\d\d)(?:[.,](\d+))?)?"
@@ -44,7 +46,7 @@ def to_ns(raw: np.ndarray[Any, Any], unit: str) -> Stamps:
 
     Args:
         raw: bytes (text), integers, floats or datetime64, (n,).
-        unit: s, ms, us, ns or iso; datetime64 needs none.
+        unit: s, ms, us, ns, min, h or iso; datetime64 needs none.
 
     Raises:
         UsageError: an unknown unit.
@@ -56,18 +58,21 @@ def to_ns(raw: np.ndarray[Any, Any], unit: str) -> Stamps:
         return np.where(np.abs(day) < 106_000, ns, NO_STAMP)
     if unit == "iso":
         return np.array([_iso(bytes(cell), i) for i, cell in enumerate(raw.tolist())], np.int64)
-    if unit not in UNITS:
-        raise UsageError(f"time unit: expected one of {', '.join(UNITS)}, iso; got {unit!r}")
-    power = UNITS[unit]
+    if unit not in UNITS and unit not in _LONG:
+        known = ", ".join([*UNITS, *_LONG, "iso"])
+        raise UsageError(f"time unit: expected one of {known}; got {unit!r}")
+    power, seconds = UNITS.get(unit, 9), _LONG.get(unit, 1)
+    if raw.dtype.kind == "S" and seconds > 1:
+        cells = (_decimal(bytes(cell), power, i, seconds) for i, cell in enumerate(raw.tolist()))
+        return np.array(list(cells), dtype=np.int64)
     if raw.dtype.kind == "S":
         return _from_text(raw, power)
     if raw.dtype.kind in "iub":
-        return _from_integers(raw, power)
-    return _from_floats(raw.astype(np.float64), power)
+        return _from_integers(raw, seconds * 10**power)
+    return _from_floats(raw.astype(np.float64) * seconds, power)
 
 
-def _from_integers(raw: np.ndarray[Any, Any], power: int) -> Stamps:
-    factor = 10**power
+def _from_integers(raw: np.ndarray[Any, Any], factor: int) -> Stamps:
     wide = raw.astype(object) if raw.dtype == np.uint64 else raw.astype(np.int64)
     fits = (wide <= _LIMIT // factor) & (wide >= -(_LIMIT // factor))
     out = np.full(len(raw), NO_STAMP, dtype=np.int64)
@@ -116,14 +121,14 @@ def _from_text(raw: np.ndarray[Any, Any], power: int) -> Stamps:
     return number
 
 
-def _decimal(cell: bytes, power: int, position: int) -> int:
+def _decimal(cell: bytes, power: int, position: int, factor: int = 1) -> int:
     text = cell.decode("utf-8", "replace").strip()
     if text.lower() in {"", "nan", "na", "n/a", "null", "none", "inf", "-inf"}:
         return NO_STAMP
     try:
         if "_" in text:
             raise InvalidOperation
-        number = (Decimal(text).scaleb(power)).to_integral_value()
+        number = (Decimal(text) * factor).scaleb(power).to_integral_value()
     except InvalidOperation:
         raise _not_a_stamp(text, position) from None
     return int(number) if abs(number) <= _LIMIT else NO_STAMP
