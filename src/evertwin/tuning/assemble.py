@@ -56,7 +56,8 @@ def rms(values: Outputs) -> PerOutput:
     [3.536]
     """
     known = ~np.isnan(values)
-    total = np.square(np.where(known, values, 0.0)).sum(axis=0)
+    with np.errstate(over="ignore"):  # of a diverged simulation it is infinite
+        total = np.square(np.where(known, values, 0.0)).sum(axis=0)
     count = known.sum(axis=0)
     mean = np.divide(total, count, out=np.full(len(count), np.nan), where=count > 0)
     return np.asarray(np.sqrt(mean))
@@ -99,7 +100,8 @@ def judge(problem: Problem, j: Sensitivity, sigma: PerOutput, values: Vector) ->
     dof = (
         np.inf if problem.scale is not None else float(max(problem.rows.used.sum() - len(sizes), 1))
     )
-    return gate(information, lambda d: flat @ d, problem.names, sizes, dof)
+    shape = problem.rows.used.shape
+    return gate(information, lambda d: (flat @ d).reshape(shape), problem.names, sizes, dof)
 
 
 def assemble(

@@ -6,7 +6,7 @@ the information matrix H = Σ Jᵀ J / σ²:
 * a parameter whose column is zero is not excited here; one that changes the output nowhere is an
   error (*the knob is not connected*, `connected`);
 * a direction whose singular value is (almost) zero is undetermined: every parameter in it is;
-* a direction whose singular value is small **and** rests on less than a tenth of the rows is
+* a direction whose singular value is small **and** rests on less than 5 % of the rows is
   undetermined too. That is the general rule behind a known trap: an offset together with
   direction-dependent Coulomb friction is separated only by the few rows near standstill, where the
   friction law is least known. It fits the training force better and simulates worse;
@@ -43,7 +43,7 @@ NULL = 1e-3
 """Singular value of unit columns below which a direction is undetermined."""
 SMALL = 0.25
 """… below which it must rest on more than a few rows."""
-SHARE = 0.1
+SHARE = 0.05
 """Share of the rows that it must rest on."""
 LOADED = 0.2
 """Weight from which a parameter belongs to a direction."""
@@ -91,7 +91,7 @@ def gate(
 
     Args:
         information: H in units of 1/parameter², without any prior.
-        rows: ``direction (k,) -> J·direction / σ`` over all rows (any shape).
+        rows: ``direction (k,) -> J·direction / σ`` over all rows, (n,) or (n, ny).
         names: the parameters.
         sizes: natural size of each, (k,); what counts as a large error.
         dof: degrees of freedom of the noise estimate (infinite: known noise).
@@ -130,21 +130,33 @@ def _directions(information: Matrix, length: Vector, live: np.ndarray) -> tuple[
 
 
 def _share(rows: Callable[[Vector], Any], direction: Vector) -> float:
-    """Share of the rows that a direction rests on."""
-    z2 = np.square(np.nan_to_num(np.asarray(rows(direction)).ravel()))
-    fourth = float(np.square(z2).sum())
-    active = int(np.count_nonzero(z2)) if fourth == 0 else _rows_of(direction, rows)
-    return float(z2.sum()) ** 2 / fourth / max(active, 1) if fourth > 0 else 0.0
+    """Share of the rows that a direction rests on, output by output, weighted by its effect there.
+
+    Directions of different outputs with like singular values come out mixed; each output's rows
+    are counted by themselves, so that a mixture is not taken for something that few rows tell.
+    """
+    z2 = _effect(rows, direction)
+    total, fourth = z2.sum(axis=0), np.square(z2).sum(axis=0)
+    active = np.maximum(_rows_of(direction, rows), 1)
+    share = np.divide(total**2, fourth * active, out=np.zeros(len(total)), where=fourth > 0)
+    whole = float(total.sum())
+    return float((share * total).sum()) / whole if whole > 0 else 0.0
 
 
-def _rows_of(direction: Vector, rows: Callable[[Vector], Any]) -> int:
-    """Rows on which some parameter of the direction acts at all."""
-    acts = np.zeros(1)
+def _effect(rows: Callable[[Vector], Any], direction: Vector) -> Any:
+    """Squared effect of a direction on every row and output, (n, ny)."""
+    z2 = np.square(np.nan_to_num(np.asarray(rows(direction))))
+    return z2.reshape(len(z2), -1)
+
+
+def _rows_of(direction: Vector, rows: Callable[[Vector], Any]) -> Any:
+    """Rows of each output on which some parameter of the direction acts at all, (ny,)."""
+    acts: Any = 0.0
     for j in np.flatnonzero(np.abs(direction) > LOADED * np.abs(direction).max()).tolist():
         single = np.zeros(len(direction))
         single[j] = 1.0
-        acts = acts + np.abs(np.nan_to_num(np.asarray(rows(single)).ravel()))
-    return int(np.count_nonzero(acts))
+        acts = acts + _effect(rows, single)
+    return np.count_nonzero(acts, axis=0)
 
 
 def _refuse(

@@ -154,7 +154,7 @@ def search(objective: Objective, method: str) -> Outcome:
     problem = objective.problem
     first = problem.residuals(objective.residual_values(np.zeros(len(objective.sizes))))
     objective.evaluations += 1
-    lost = np.isnan(first) & problem.rows.used
+    lost = ~np.isfinite(first) & problem.rows.used
     if lost.any():
         row, output = (int(i) for i in np.argwhere(lost)[0])
         name = problem.model.outputs.names[output]

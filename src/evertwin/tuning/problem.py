@@ -244,8 +244,10 @@ class Problem:
             ends = np.clip([values[j] - step, values[j] + step], low[j], high[j])
             left, right = values.copy(), values.copy()
             left[j], right[j] = ends
-            change = wrap(self.predict(right) - self.predict(left), self.model.outputs.angles)
-            out[:, :, j] = change / (ends[1] - ends[0])
+            # A simulation that diverges gives NaN here, and the solver says so.
+            with np.errstate(invalid="ignore"):
+                change = self.predict(right) - self.predict(left)
+            out[:, :, j] = wrap(change, self.model.outputs.angles) / (ends[1] - ends[0])
         return out
 
     def steps(self, values: Vector) -> Vector:

@@ -120,4 +120,5 @@ def _diverged(problem: Problem, outcome: Outcome, began: float) -> Fit:
     """Nothing was learned: every value stays, every interval is infinite."""
     nothing = np.zeros((*problem.rows.y.shape, len(problem.names)))
     held = ("the simulation diverged",) * len(problem.names)
-    return assemble(problem, outcome._replace(held=held), problem.start, nothing, began)
+    with np.errstate(over="ignore", invalid="ignore"):
+        return assemble(problem, outcome._replace(held=held), problem.start, nothing, began)
