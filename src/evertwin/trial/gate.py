@@ -103,7 +103,7 @@ class Trial:
     """Length of a segment [s]."""
     limit: int = 2000
     """Segments after which an undecided challenger is rejected."""
-    alpha_reject: float = 0.05
+    alpha_reject: float = 0.01
     """Chance that an equal challenger is rejected early as worse."""
     measures: int = 0
     """Safety measures per segment: counts where less is better, such as limits exceeded."""
