@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sqlite3
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -191,6 +193,35 @@ def test_damage_anywhere_never_gives_a_wrong_number(bags: dict[str, Path], tmp_p
             continue
         for chunk in chunks:
             np.testing.assert_allclose(chunk.v[:, 0], 0.1 * (chunk.t - START) / STEP)
+
+
+def test_split_bags_are_read_in_order(tmp_path: Path) -> None:
+    """Files run_2 and run_10 of one bag, and one whose last rows are still in its log."""
+    folder = tmp_path / "bag"
+    folder.mkdir()
+    links = []
+    for part, numbers in ((2, range(3)), (10, range(3, 6))):
+        link = sqlite3.connect(folder / f"run_{part}.db3")
+        link.execute("PRAGMA journal_mode=WAL")
+        link.execute(
+            "CREATE TABLE topics(id INTEGER, name TEXT, type TEXT, serialization_format TEXT)"
+        )
+        link.execute(
+            "CREATE TABLE messages(id INTEGER, topic_id INTEGER, timestamp INTEGER, data BLOB)"
+        )
+        link.execute("INSERT INTO topics VALUES(1, '/x', 'std_msgs/msg/Float64', 'cdr')")
+        for i in numbers:
+            data = b"\0\1\0\0" + struct.pack("<d", i)
+            link.execute("INSERT INTO messages VALUES(?,1,?,?)", (i, i * STEP, data))
+        link.commit()
+        links.append(link)
+    assert (folder / "run_2.db3-wal").stat().st_size > 0
+    (chunk,) = [
+        c for c in Recorded("x", (folder,), (Cell("x", "/x.data", "1"),)).read() if len(c.t)
+    ]
+    assert chunk.v[:, 0].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
+    for link in links:
+        link.close()
 
 
 def test_info_names_what_is_left_out(bags: dict[str, Path]) -> None:

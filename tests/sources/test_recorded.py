@@ -43,6 +43,26 @@ def test_a_task_column_opens_tasks(csv: Path) -> None:
     assert chunks[1].t.tolist() == [(10 + i) * 50_000_000 for i in range(10)]
 
 
+def test_each_task_has_a_clock_of_its_own(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    rows = [f"{w},{0.1 * i:.1f},{i}" for w in range(3) for i in range(20)]
+    rows[5] = "0,0.4,99"
+    path.write_text("\n".join(["window,t,x", *rows]) + "\n")
+    source = Recorded("r", (path,), (Cell("x", "x", "1"),), Clock("t"), "window")
+    chunks = list(source.read())
+    assert [(c.task, len(c.t), int(c.t[0])) for c in chunks] == [(0, 19, 0), (1, 20, 0), (2, 20, 0)]
+    assert source.tally.counts == {"repeated": 1}
+    moved = list(merge([source.read()], gap=10**9))
+    assert moved[1].t[0] - moved[0].t[-1] == 10**9
+
+
+def test_a_log_with_a_few_even_lines_is_no_table(tmp_path: Path) -> None:
+    path = tmp_path / "run.log"
+    path.write_text("".join(f"{i} " * (i % 7 + 1) + "\n" for i in range(60)))
+    with pytest.raises(DataError, match="no table"):
+        list(Recorded("r", (path,), (Cell("x", 0, "1"),), Clock(rate=1.0)).read())
+
+
 def test_rate_keeps_time_over_rows_left_out(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     path.write_text("x,y\n" + "".join(f"{i},{i}\n" if i != 3 else "3\n" for i in range(6)))

@@ -186,8 +186,10 @@ def _exactly(file: io.BufferedIOBase, size: int) -> bytes:
 
 
 def _db3(path: Path) -> Iterator[Message | Cut]:
-    """A ROS 2 database, opened read-only, so that nothing is written beside it."""
-    link = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
+    """A ROS 2 database, opened read-only; a write-ahead log beside it is read with it."""
+    log = path.with_name(f"{path.name}-wal")
+    still = "" if log.is_file() and log.stat().st_size else "&immutable=1"
+    link = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro{still}", uri=True)
     try:
         connections = {
             row[0]: Connection(row[1], row[2], row[3], "") for row in _topics(link, path)

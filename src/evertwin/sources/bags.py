@@ -6,6 +6,7 @@ more columns hold time: ``stamp`` (the message's header, where it has one) and `
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -53,11 +54,16 @@ def open_bag(path: Path, kind: str) -> Recording:
 
 def _inside(path: Path) -> tuple[tuple[Path, str], ...]:
     packed = sorted(path.glob("*.zstd"))
-    files = sorted([*path.glob("*.db3"), *path.glob("*.mcap")])
+    files = sorted([*path.glob("*.db3"), *path.glob("*.mcap")], key=_natural)
     if not files:
         what = f"{packed[0].name}: unpack it first (zstd -d)" if packed else "no *.db3 or *.mcap"
         raise DataError(f"{path}: expected a recording or a folder with a ROS 2 bag, got {what}")
     return tuple((file, sniff(file)) for file in files)
+
+
+def _natural(path: Path) -> list[tuple[int, str]]:
+    """Sorts run_2 before run_10."""
+    return [(int(p), "") if p.isdigit() else (-1, p) for p in re.split(r"(\d+)", path.name)]
 
 
 def _learn(

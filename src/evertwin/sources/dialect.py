@@ -56,6 +56,8 @@ class Dialect:
     """Cells of a complete row."""
     kinds: str
     """One letter a column, from the first rows: n number, b boolean, d date, t text, ? empty."""
+    even: float = 1.0
+    """Share of the first rows that have so many cells."""
 
 
 def cells_of(line: bytes, delimiter: bytes | None) -> list[bytes]:
@@ -160,7 +162,8 @@ def detect(lines: Sequence[bytes], stated: Stated = FOUND) -> Dialect:
         headings, fields = _reconciled(headings, fields, table[headed:])
     units = tuple(_text(c) for c in table[1]) if headed == 2 else ()
     columns = _kinds_of_columns(kinds[headed:], fields)
-    return Dialect(delimiter, comma, headings, units, data[headed][0], fields, columns)
+    even = body[fields] / body.total()
+    return Dialect(delimiter, comma, headings, units, data[headed][0], fields, columns, even)
 
 
 def _text(cell: bytes) -> str:

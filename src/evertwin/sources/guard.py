@@ -31,7 +31,7 @@ from evertwin.sources.stamps import NO_STAMP
 from evertwin.sources.table import Problem
 from evertwin.types import Outputs, Stamps
 
-__all__ = ["Guarded", "Rules", "guard"]
+__all__ = ["Guarded", "Rules", "Watch", "guard", "typical"]
 
 _MONTH = 31 * 86_400 * 10**9
 _FAR = 2**62
@@ -71,19 +71,22 @@ Piece = tuple[Stamps, Stamps, Outputs]
 
 def guard(pieces: Iterable[Piece], rules: Rules) -> Iterator[Guarded]:
     """Pieces (line, t, v) of one source, cleaned. Where they are cut does not matter."""
-    clock: _Clock | None = None
+    clock: Watch | None = None
     width = 0
     for line, t, v in pieces:
         width = v.shape[1]
-        if clock is None:
-            clock = _Clock(rules, _typical(t))
+        clock = clock or Watch(rules, typical(t))
         yield clock.take(line, t, v)
-    if clock is not None and clock.held:
+    if clock is not None:
         yield clock.finish(width)
 
 
-def _typical(t: Stamps) -> int:
-    """The median forward step of the first rows [ns]."""
+def typical(t: Stamps) -> int:
+    """The median forward step of the first rows [ns]; a second where there is none.
+
+    >>> typical(np.array([0, 10, 20, 5, 15]))
+    10
+    """
     steps = np.diff(t[:1000][t[:1000] != NO_STAMP])
     forward = steps[steps > 0]
     return int(np.median(forward)) if len(forward) else 10**9
@@ -101,8 +104,12 @@ class _Row(NamedTuple):
         return int(self.stamp[0])
 
 
-class _Clock:
-    """The state along one stream."""
+class Watch:
+    """The state along one stream; `take` its pieces in order, then `finish`.
+
+    >>> Watch(Rules(), step=10**7).jump
+    1000000000
+    """
 
     def __init__(self, rules: Rules, step: int) -> None:
         self.jump = rules.jump or max(100 * step, 10**9)
@@ -130,7 +137,7 @@ class _Clock:
 
     def finish(self, width: int) -> Guarded:
         """The end of the stream."""
-        if self.last is None:
+        if self.last is None and self.held:
             self._believe()
         self._drop_held()
         return self._out(width)

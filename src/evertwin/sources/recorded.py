@@ -27,7 +27,7 @@ from evertwin.errors import DataError, UsageError
 from evertwin.fold import Chunk
 from evertwin.signals import conversion
 from evertwin.sources.dialect import FOUND, Stated
-from evertwin.sources.guard import Guarded, Piece, Rules, guard
+from evertwin.sources.guard import Guarded, Piece, Rules, Watch, typical
 from evertwin.sources.names import closest
 from evertwin.sources.recording import open_recording
 from evertwin.sources.stamps import StampError, to_ns, zones
@@ -143,14 +143,38 @@ class Recorded:
         """
         task = -1
         for path in self.files:
-            task += 1
-            value: float | None = None
-            for out in guard(self._pieces(path), self.clock.rules):
+            for opens, out in self._guarded(path):
+                task += int(opens)
                 self.tally.add(out.problems)
-                for code, part in self._parts(out):
-                    task += int(value is not None and code != value)
-                    value = code
-                    yield Chunk(self.name, part.t, self._si(part.v), task)
+                if len(out.t):
+                    yield Chunk(self.name, out.t, self._si(out.v), task)
+
+    def _guarded(self, path: Path) -> Iterator[tuple[bool, Guarded]]:
+        """Clean rows, each task with a watch of its own; True where a task opens."""
+        watch: Watch | None = None
+        step, code = 0, float("nan")
+        for line, t, v in self._pieces(path):
+            step = step or typical(t)
+            for value, rows in self._parts(v):
+                if watch is None or value != code:
+                    if watch is not None:
+                        yield False, watch.finish(len(self.cells))
+                    watch, code = Watch(self.clock.rules, step), value
+                    yield True, watch.take(line[rows], t[rows], v[rows, : len(self.cells)])
+                else:
+                    yield False, watch.take(line[rows], t[rows], v[rows, : len(self.cells)])
+        if watch is not None:
+            yield False, watch.finish(len(self.cells))
+
+    def _parts(self, v: Outputs) -> Iterator[tuple[float, slice]]:
+        """The rows of each task; without a task column all of them."""
+        if self.task is None:
+            yield 0.0, slice(None)
+            return
+        code = np.nan_to_num(v[:, -1], nan=-np.inf)
+        cuts = [0, *(np.flatnonzero(np.diff(code) != 0) + 1).tolist(), len(code)]
+        for a, b in pairwise(cuts):
+            yield float(code[a]), slice(a, b)
 
     def _wiring(self, path: Path) -> _Wiring:
         recording = open_recording(path, self.stated)
@@ -199,19 +223,6 @@ class Recorded:
             raise DataError(f"{where}: {error}") from None
         known = t != np.iinfo(np.int64).min
         return np.where(known, t + self.clock.offset, t)
-
-    def _parts(self, out: Guarded) -> Iterator[tuple[float, Guarded]]:
-        """The rows of each task; without a task column all of them."""
-        n = len(out.t)
-        if n == 0:
-            return
-        if self.task is None:
-            yield 0.0, out
-            return
-        code = out.v[:, -1]
-        cuts = [0, *(np.flatnonzero(np.diff(code) != 0) + 1).tolist(), n]
-        for a, b in pairwise(cuts):
-            yield float(code[a]), Guarded(out.line[a:b], out.t[a:b], out.v[a:b, :-1], ())
 
     def _si(self, raw: Outputs) -> Outputs:
         out = np.empty((len(raw), len(self.cells)))

@@ -92,6 +92,11 @@ class TextTable:
     def rows(self, numbers: Sequence[str], time: str | None, strict: bool = True) -> Iterator[Rows]:
         """See `Table`."""
         names = [column.name for column in self.columns]
+        if strict and self.dialect.even < 0.5:
+            raise DataError(
+                f"{self.path.name}: most of its first lines have not {self.dialect.fields} cells: "
+                "no table; state the delimiter, or take the table out of the log"
+            )
         use = [names.index(name) for name in numbers]
         clock = None if time is None else names.index(time)
         order = 0
