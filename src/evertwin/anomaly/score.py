@@ -42,16 +42,16 @@ class Score(NamedTuple):
 
 def score(
     alarms: Stamps,
-    onsets: Stamps,
-    ends: Stamps,
+    onsets: np.ndarray,
+    ends: np.ndarray,
     calm: Sequence[tuple[int, int]],
 ) -> Score:
     """Scores alarms.
 
     Args:
         alarms: stamps at which the detector fires [ns].
-        onsets: where each event begins [ns].
-        ends: until where an alarm counts for it [ns].
+        onsets: where each event begins [ns], (m,).
+        ends: until where an alarm counts for it [ns], (m,).
         calm: [start, stop) in which every alarm is false [ns].
     """
     delays = []

@@ -18,44 +18,50 @@ is fitted to calm data (least squares, order by Bayes' information criterion) an
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import numpy as np
 from jaxtyping import Float64
 from numpy.lib.stride_tricks import sliding_window_view
 
-from evertwin.types import Vector
+__all__ = ["Coefficients", "Series", "autoregression", "effective", "innovations"]
 
-__all__ = ["autoregression", "effective", "innovations"]
+Series: TypeAlias = Float64[np.ndarray, " n"]
+Coefficients: TypeAlias = Float64[np.ndarray, " orders"]
+"""Latest lag first."""
 
 
-def autoregression(z: Vector, orders: int) -> Float64[np.ndarray, " orders"]:
-    """Coefficients, latest lag first, zero beyond the order that was chosen.
+def autoregression(z: Series, orders: int) -> Coefficients:
+    """Coefficients, zero beyond the order that was chosen.
 
     Args:
         z: a calm series with mean zero, more than ``4·orders`` samples.
         orders: the highest order tried.
     """
-    y = z[orders:]
-    lags = sliding_window_view(z, orders)[:-1, ::-1]
-    best = (len(y) * np.log(np.mean(y**2) + 1e-300), np.zeros(orders))
+    if orders == 0:
+        return np.zeros(0)
+    y, lags = z[orders:], sliding_window_view(z, orders)[:-1, ::-1]
+    gram, cross, power = lags.T @ lags, lags.T @ y, float(y @ y)
+    best = (len(y) * np.log(power / len(y) + 1e-300), np.zeros(orders))
     for order in range(1, orders + 1):
-        a = np.linalg.lstsq(lags[:, :order], y, rcond=None)[0]
-        spread = float(np.mean((y - lags[:, :order] @ a) ** 2)) + 1e-300
+        a = np.linalg.lstsq(gram[:order, :order], cross[:order], rcond=None)[0]
+        spread = max(power - float(a @ cross[:order]), 0.0) / len(y) + 1e-300
         cost = len(y) * np.log(spread) + order * np.log(len(y))
         if cost < best[0]:
             best = (cost, np.append(a, np.zeros(orders - order)))
     return best[1]
 
 
-def innovations(z: Vector, a: Vector) -> Vector:
-    """``e`` of all samples but the first ``len(a)``."""
+def innovations(z: Series, a: Coefficients) -> np.ndarray:
+    """``e`` of all samples but the first ``len(a)``, (n − orders,)."""
     if len(a) == 0:
         return z.copy()
     lags = sliding_window_view(z, len(a))[:-1, ::-1]
-    e: Vector = z[len(a) :] - np.einsum("ij,j->i", lags, a)
+    e: np.ndarray = z[len(a) :] - np.einsum("ij,j->i", lags, a)
     return e
 
 
-def effective(z: Vector, a: Vector) -> float:
+def effective(z: Series, a: Coefficients) -> float:
     """Independent samples that would fix the mean of ``z`` as well.
 
     More than ``len(z)`` where neighbours cancel each other. The variance of a long mean is
