@@ -70,11 +70,13 @@ def unicycle(gain: float = 1.0) -> Compiled:
     )  # fmt: skip
 
 
-def drive_rows(seed: int, n: int = 600, sigma: float = 0.01, rate: float = 10.0) -> Block:
+def drive_rows(
+    seed: int, n: int = 600, sigma: float = 0.01, rate: float = 10.0, speed: float = 0.3
+) -> Block:
     """``n`` rows of a drive with true gain 1 under slowly changing speed, noisy position."""
     rng = np.random.default_rng(seed)
     t = np.round(np.arange(n) * 1e9 / rate).astype(np.int64)
-    v = 0.3 + 0.2 * np.sin(0.4 * t * 1e-9)
+    v = speed * (1.0 + 0.6 * np.sin(0.4 * t * 1e-9))
     x = np.concatenate([[0.0], np.cumsum(v[1:] / rate)])
     return make_block(t=t, u=v[:, None], y=(x + rng.normal(0, sigma, n))[:, None])
 

@@ -13,6 +13,7 @@ from typing import Any
 from numba.core.dispatcher import Dispatcher
 
 from evertwin.models.kernel import call_observe, call_step
+from evertwin.sync.borrow import borrowed
 
 I64, F64 = ctypes.c_int64, ctypes.c_double
 _STEP = ctypes.CFUNCTYPE(I64, I64, I64, I64, F64, I64, I64, I64)
@@ -27,6 +28,10 @@ def _observe(address: int, c: int, x: int, y: int) -> int:
     return int(_OBSERVE(address)(c, x, y))
 
 
+def _same(array: Any) -> Any:
+    return array
+
+
 def plain(function: Any) -> Callable[..., Any]:
     """``function`` and all compiled functions that it calls, as plain Python."""
     source = function.py_func
@@ -36,6 +41,8 @@ def plain(function: Any) -> Callable[..., Any]:
             names[name] = _step
         elif value is call_observe:
             names[name] = _observe
+        elif value is borrowed:
+            names[name] = _same
         elif isinstance(value, Dispatcher) and name != source.__name__:
             names[name] = plain(value) if name in source.__code__.co_names else value
     return types.FunctionType(source.__code__, {**source.__globals__, **names})

@@ -50,7 +50,7 @@ def test_compiled_and_plain_loop_agree_bit_for_bit(monkeypatch: pytest.MonkeyPat
     y, anew = np.where(block.mark[:, 2:] == 0, block.y, np.nan), block.gap
     for function in (horizon_loop.plan, plain(horizon_loop.plan)):
         code, adopts = np.zeros(len(y), dtype=np.uint8), np.full_like(y, np.nan)
-        function(block.t, anew, y, 10**9, code, adopts)
+        function(block.t, anew, y, block.mark[:, 2:] == 5, 10**9, code, adopts)
         last = locals().get("last", (code, adopts))
         assert equal((code, adopts), last)
     known = ~np.isnan(y)
@@ -133,6 +133,16 @@ def test_a_segment_cut_by_a_gap_counts_when_half_a_horizon_long() -> None:
         block.gap[at] = True
         _, out = fold(Horizon(drive(), 1.0), [block])
         assert out.rows.end.sum() == segments, at
+
+
+def test_what_overruled_is_adopted_at_once_and_not_compared() -> None:
+    block = drive_rows(1, n=40)
+    block.y[20:] += 1.0
+    block.mark[20, 1] = Mark.OVERRULED
+    _, out = fold(Horizon(drive(), 10.0), [block])
+    assert np.isnan(out.rows.residual[20, 0])
+    assert np.nanmax(np.abs(out.rows.residual)) < 0.1
+    assert restarts(block, 10.0, np.zeros(1)).code[21] == 1
 
 
 @pytest.mark.parametrize("horizon", [0.0, -1.0, np.nan])

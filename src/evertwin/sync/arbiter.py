@@ -96,8 +96,6 @@ class Rule:
                 "expected vote ≥ 2, frozen 0 or ≥ 2 and blend between 0 and 1, got "
                 f"vote = {self.vote}, frozen = {self.frozen}, blend = {self.blend}"
             )
-        if self.use not in _USE:
-            raise UsageError(f"use: expected one of {', '.join(_USE)}, got {self.use!r}")
 
     def numbers(self) -> tuple[float, ...]:
         """The settings in the order of the compiled loop."""

@@ -201,16 +201,25 @@ def judge(
         j = room[k]
         values[j, at.LAST] = y[j]
     numbers[g, at.LAST_AT] = now[1]
+    if cause > 0 or ratio > 1.0:
+        for k in range(size):
+            values[room[k], at.WRONG] = values[room[k], at.NU]
     if cause > 0:
         if cause == FROZEN and numbers[g, at.CAUSE] != FROZEN:
             withdraw(settings, memory, sample, g, size)
+            if numbers[g, at.BATCH_ROW] >= numbers[g, at.RUN_ROW]:
+                # What was contested since then is part of the same fault.
+                numbers[g, at.CONTEST] = numbers[g, at.BATCH] = 0
         onset = numbers[g, at.RUN_ROW] if cause == FROZEN else now[0]
         fault(rules, memory, notes, g, cause, onset, now)
         return ERROR, 0
     if numbers[g, at.CAUSE] > 0:
         end_fault(memory, notes, g, now)
     if ratio > 1.0:
-        return contest(settings, memory, statistics, board, notes, sample, g, size, now, phase)
+        verdict, done = contest(
+            settings, memory, statistics, board, notes, sample, g, size, now, phase
+        )
+        return verdict, done
     if numbers[g, at.CONTEST] > 0:
         end_contest(rules, memory, board[3], notes, g, now)
     if numbers[g, at.VALID] != 1:

@@ -7,7 +7,8 @@ for rows in memory (`evertwin.models.roll` then gives the predictions); `Horizon
 stage of the stream, with parameters in its state, so that a shadow is a second state.
 
 Each output has its own clock, since sensors differ in rate: it is adopted again at its first
-trusted sample once the horizon has passed, and predicted from the next row on. States that are not
+trusted sample once the horizon has passed (at once where a measurement overruled the simulation),
+and predicted from the next row on. States that are not
 measured run on. Where the data has a gap, opens a task, or an input is not known, the state starts
 anew; a model without state never restarts.
 
@@ -39,6 +40,7 @@ __all__ = [
     "Horizon",
     "HorizonRows",
     "HorizonState",
+    "contiguous",
     "nanoseconds",
     "openings",
     "residuals",
@@ -54,6 +56,18 @@ def nanoseconds(seconds: float) -> int:
     1500000000
     """
     return round(seconds * 1e9) if seconds < 9e9 else int(np.iinfo(np.int64).max)
+
+
+def contiguous(block: Block) -> Block:
+    """The block with arrays that compiled code can walk through by address; no copy if they are.
+
+    >>> from evertwin.fold import make_block
+    >>> rows = make_block(t=range(4), u=np.ones((4, 3)), y=np.ones((4, 1)))
+    >>> contiguous(rows._replace(u=rows.u[:, 1:])).u.flags.c_contiguous
+    True
+    """
+    row, *arrays = block
+    return Block(row, *(np.ascontiguousarray(array) for array in arrays))
 
 
 def trusted(block: Block) -> Outputs:
@@ -86,7 +100,8 @@ def restarts(block: Block, horizon: float, x0: StateVector) -> Restart:
     if len(x0) == 0:
         return Restart(y, code, x0)
     adopts = np.full_like(y, np.nan)
-    plan(block.t, openings(block), y, nanoseconds(horizon), code, adopts)
+    moved = block.mark[:, block.u.shape[1] :] == Mark.OVERRULED
+    plan(block.t, openings(block), y, moved, nanoseconds(horizon), code, adopts)
     return Restart(adopts, code, x0)
 
 
@@ -206,8 +221,7 @@ class Horizon:
         )  # fmt: skip
         kernel = self._kernel
         run(
-            kernel.step, kernel.observe, kernel.context, block.t, block.dt, block.u, block.y,
-            block.mark, block.task, block.gap, *self._fixed, *state[:2], *state[2:], *rows,
+            kernel.step, kernel.observe, kernel.context, *contiguous(block)[1:], *self._fixed, *state[:2], *state[2:], *rows,
         )  # fmt: skip
         return state, Out(rows)
 
@@ -215,12 +229,13 @@ class Horizon:
 def residuals(model: Model, block: Block, y: Outputs) -> Outputs:
     """Measured − predicted for predictions ``y`` of the block's rows, angles wrapped, (n, ny).
 
-    NaN where not measured, not trusted (worse than held, unless overruled), not predicted, or not
-    started: a sensor that reports later than the row where the state starts anew is compared from
-    its second sample on, the first being adopted.
+    NaN where not measured, not trusted (worse than held; what overruled the simulation is adopted,
+    but no measure of the model), not predicted, or not started: a sensor that reports later than
+    the row where the state starts anew is compared from its second sample on, the first being
+    adopted.
     """
     mark = block.mark[:, block.u.shape[1] :]
-    known = (mark <= Mark.HELD) | (mark == Mark.OVERRULED)
+    known = mark <= Mark.HELD
     if len(model.states):
         known &= began(openings(block), ~np.isnan(trusted(block)))
     return wrap(np.where(known, block.y - y, np.nan), model.outputs.angles)

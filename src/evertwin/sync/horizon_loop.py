@@ -18,6 +18,7 @@ NEVER = np.iinfo(np.int64).min
 """Stamp of an output that was not adopted since the state started anew."""
 SLACK = 1_000
 """Stamps are rounded: a horizon counts as reached this many nanoseconds early."""
+OK, HELD, OVERRULED = 0, 2, 5
 TASK, BEGUN, END, LAST = 0, 1, 2, 3
 """Places in a stream's ``clock``: task of the last row, has a row come?, stamp at which the segment
 began, stamp of the last row."""
@@ -45,7 +46,7 @@ def is_due(stamp: int, adopted: int, horizon: int) -> bool:
 
 
 @njit(cache=True, error_model="numpy")
-def plan(t: Any, anew: Any, y: Any, horizon: int, code: Any, adopts: Any) -> None:
+def plan(t: Any, anew: Any, y: Any, moved: Any, horizon: int, code: Any, adopts: Any) -> None:
     """Fills ``code`` (n,) and ``adopts`` (n, ny), the outputs that each restart takes over."""
     n, ny = y.shape
     adopted = np.full(ny, NEVER)
@@ -57,7 +58,8 @@ def plan(t: Any, anew: Any, y: Any, horizon: int, code: Any, adopts: Any) -> Non
                 adopts[i, j] = y[i, j]
             continue
         for j in range(ny):
-            if y[i, j] == y[i, j] and is_due(t[i], adopted[j], horizon):
+            due = moved[i, j] or is_due(t[i], adopted[j], horizon)
+            if y[i, j] == y[i, j] and due:
                 adopted[j] = t[i]
                 adopts[i, j] = y[i, j]
                 if i + 1 < n:
@@ -111,7 +113,8 @@ def run(
             x[:] = ahead
         taken = False
         for j in range(ny):
-            known = y[i, j] == y[i, j] and (mark[i, nu + j] <= 2 or mark[i, nu + j] == 5)
+            level = mark[i, nu + j]
+            known = y[i, j] == y[i, j] and level <= HELD
             started = nx == 0 or adopted[j] != NEVER
             residual[i, j] = np.nan
             take[j] = np.nan
@@ -120,8 +123,10 @@ def run(
                 scaled = residual[i, j] / scale[j]
                 square[j] += scaled * scaled
                 samples[j] += 1
-            fresh = known and (mark[i, nu + j] == 0 or mark[i, nu + j] == 5)
-            if fresh and nx > 0 and is_due(t[i], adopted[j], horizon):
+            # What overruled the simulation is adopted at once, and no measure of the model.
+            moved = y[i, j] == y[i, j] and level == OVERRULED
+            fresh = known and level == OK and is_due(t[i], adopted[j], horizon)
+            if nx > 0 and (moved or fresh):
                 taken, take[j], adopted[j] = True, y[i, j], t[i]
         if taken:
             call_observe(observe, c, a, take_at)

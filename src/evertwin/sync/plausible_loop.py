@@ -163,7 +163,8 @@ def suspected(room: float, noise: float, y: float, expected: float, angle: bool)
         if angle and k != at.TURN:
             continue
         for f in (at.FACTORS[k], 1.0 / at.FACTORS[k]):
-            if abs(wrapped(y / f - expected, angle)) <= room:
+            turns = angle and abs(y / f) > 2.0 * np.pi
+            if abs(wrapped(y / f - expected, angle)) <= room and not turns:
                 return float(f)
     return 0.0
 

@@ -36,6 +36,7 @@ from evertwin.fold import Block, Event, Out
 from evertwin.models import Kernel, KernelModel, Model, python_kernel
 from evertwin.sync import places as at
 from evertwin.sync.arbiter import Arbiter, Rule, describe, members
+from evertwin.sync.horizon import contiguous
 from evertwin.sync.horizon_loop import NEVER
 from evertwin.sync.track_loop import run
 from evertwin.types import Bools, Outputs, ParameterVector, StateVector
@@ -57,7 +58,7 @@ class TrackState(NamedTuple):
     p: ParameterVector
     x0: StateVector
     """State that a new start begins with."""
-    values: Float64[np.ndarray, "ny 9"]
+    values: Float64[np.ndarray, "ny 10"]
     """Memory per output, see `evertwin.sync.places`."""
     numbers: Int64[np.ndarray, "ng 22"]
     """Memory per group: flags, stamps, the open fault and contest, counters."""
@@ -167,7 +168,7 @@ class Track:
         sigma = self.arbiter.sigmas(outputs)
         variance, counts = np.zeros((kinds, ny)), np.zeros((kinds, ny), dtype=np.int64)
         variance[-1], counts[-1] = sigma**2, np.where(sigma > 0, at.LEARN, 0)
-        values = np.zeros((ny, 9))
+        values = np.zeros((ny, 10))
         values[:, [at.AFTER, at.BASE]] = np.nan, np.inf
         numbers = np.zeros((ng, 22), dtype=np.int64)
         numbers[:, [at.GOOD_AT, at.LAST_AT]] = NEVER
@@ -208,11 +209,11 @@ class Track:
         found, detail = np.empty((room, 8), dtype=np.int64), np.empty((room, 1 + 2 * ny))
         kernel, extent, start = self._kernel, np.zeros(1, dtype=np.int64), 0
         records: list[Event] = []
+        columns = contiguous(block)[1:]
         while start < n:
             start = run(
-                kernel.step, kernel.observe, kernel.context, block.row, start, block.t, block.dt,
-                block.u, block.y, block.mark, block.task, block.gap, *self._settings, *state,
-                *rows, found, detail, extent,
+                kernel.step, kernel.observe, kernel.context, block.row, start, *columns,
+                *self._settings, *state, *rows, found, detail, extent,
             )  # fmt: skip
             if extent[0]:
                 notes = zip(found[: extent[0]], detail[: extent[0]], strict=True)

@@ -31,8 +31,9 @@ def note(notes: Any, memory: Any, now: Any, kind: int, g: int, cause: int, span:
     found[k, at.FIRST], found[k, at.FINAL], found[k, at.NUMBER] = span
     ny = values.shape[0]
     detail[k, 0] = figures[g, at.FACTOR]
+    told = at.WRONG if kind in (ERROR, RESTORED) else at.NU
     for j in range(ny):
-        detail[k, 1 + j], detail[k, 1 + ny + j] = values[j, at.NU], values[j, at.BASE]
+        detail[k, 1 + j], detail[k, 1 + ny + j] = values[j, told], values[j, at.BASE]
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,0 +1,419 @@
+from __future__ import annotations
+
+import struct
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from evertwin.errors import UsageError
+from evertwin.fold import Block, Mark, check_online, equal, fold, make_block, take
+from evertwin.models import FunctionModel
+from evertwin.signals import Layout
+from evertwin.sync import Arbiter, Phases, Rule, Track, track_loop
+
+from .faults import FAULTS, LENGTH, ONSET, recording
+from .machines import drive, drive_rows, unicycle, unicycle_rows
+from .plain import plain
+
+RULES = {
+    "none": Rule(),
+    "tolerance": Rule(use="tolerance", tolerance=0.02, tolerance_angle=0.01),
+    "blend": Rule(use="blend"),
+    "short": Rule(use="blend", sigma=0.01, vote=3, frozen=2, timeout=0.5, growth=0.01),
+}
+
+
+def kinds(records: Any) -> list[str]:
+    return [record.kind for record in records]
+
+
+def spoiled(seed: int) -> Block:
+    """A robot in the plane with spikes, a freeze, a jump, refused values and an unknown input."""
+    block = unicycle_rows(seed)
+    rng = np.random.default_rng(seed)
+    known = np.flatnonzero(~np.isnan(block.y).any(axis=1))
+    spikes = rng.choice(known, 12, replace=False)
+    block.y[spikes, rng.integers(0, 3, 12)] += rng.choice([-1.0, 3.0], 12)
+    frozen = known[(known > 60) & (known < 110)]
+    block.y[frozen] = block.y[frozen[0]]
+    block.y[200:, 0] += 2.0
+    block.y[230:260, 1] *= 100.0
+    block.mark[:, 2:][rng.random((len(block.t), 3)) < 0.02] = Mark.ERROR
+    block.u[150] = np.nan
+    return block
+
+
+@given(
+    st.integers(0, 30),
+    st.sampled_from(sorted(RULES)),
+    st.lists(st.integers(1, 399), max_size=6, unique=True),
+)
+@settings(max_examples=20, deadline=None)
+def test_partition(seed: int, rule: str, cuts: list[int]) -> None:
+    arbiter = Arbiter(RULES[rule], phases=Phases("w", (0.0, 1.0)))
+    check_online(Track(unicycle(1.02), arbiter), spoiled(seed), [sorted(cuts)])
+
+
+@pytest.mark.parametrize("rule", sorted(RULES))
+def test_compiled_and_plain_loop_agree_bit_for_bit(
+    rule: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stage = Track(unicycle(1.02), Arbiter(RULES[rule], phases=Phases("w", (0.0, 1.0))))
+    compiled = [fold(stage, [spoiled(seed)]) for seed in (0, 1)]
+    monkeypatch.setattr("evertwin.sync.track.run", plain(track_loop.run))
+    for seed in (0, 1):
+        state, out = fold(stage, [spoiled(seed)])
+        assert equal(state, compiled[seed][0])
+        assert equal(out.rows, compiled[seed][1].rows)
+        assert out.records == compiled[seed][1].records
+
+
+def followed(gain: float, rule: Rule, block: Block) -> tuple[np.ndarray, Any]:
+    """The state after each row, and all that came out."""
+    stage = Track(drive(gain), Arbiter(rule))
+    state, x, records = stage.init(), [], []
+    for i in range(len(block.t)):
+        state, out = stage.step(state, take(block, i, i + 1))
+        x.append(state.x[0])
+        records += out.records
+    return np.array(x), records
+
+
+LIMITS = {"clean": 0.0055, "spikes": 0.0055, "stuck": 0.024, "wrong unit": 0.024}
+
+
+@pytest.mark.parametrize("gain", [0.95, 1.05])
+@pytest.mark.parametrize("fault", ["clean", "spikes", "stuck", "wrong unit"])
+def test_error_of_the_position_under_faults(fault: str, gain: float) -> None:
+    """Gain 5 % off: what cannot be known is 5 % of the way during the fault, 0.08 m at its end."""
+    squares = []
+    for seed in range(5):
+        block, truth = recording(fault, seed)
+        x, records = followed(gain, Rule(use="blend", sigma=0.01), block)
+        squares.append(np.mean((x - truth) ** 2))
+        assert "overruled" not in kinds(records)
+    assert np.sqrt(np.mean(squares)) < LIMITS[fault]
+
+
+@pytest.mark.parametrize("use", ["none", "tolerance", "blend"])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_real_jump_is_overruled_within_the_vote(use: Any, seed: int) -> None:
+    block, _ = recording("jump", seed)
+    rule = Rule(use=use, tolerance=0.02, sigma=0.01)
+    state, out = fold(Track(drive(1.05), Arbiter(rule)), [block])
+    (event,) = [r for r in out.records if r.kind == "overruled"]
+    assert (event.row, event.evidence["onset"]) == (ONSET + 7, ONSET)
+    assert event.evidence["delta"]["x"] == pytest.approx(1.0, abs=0.1)
+    marks = out.rows.mark[ONSET : ONSET + 9, 0].tolist()
+    assert marks == [Mark.CONTESTED] * 7 + [Mark.OVERRULED, Mark.OK]
+    assert out.rows.update[ONSET + 7, 0] == 3
+    assert state.resets.tolist() == [1]
+    assert np.isnan(out.rows.residual[ONSET : ONSET + 8, 0]).all()
+
+
+@pytest.mark.parametrize("use", ["none", "tolerance", "blend"])
+@pytest.mark.parametrize(("fault", "cause"), [("stuck", "frozen"), ("wrong unit", "factor")])
+def test_a_fault_is_named_once(use: Any, fault: str, cause: str) -> None:
+    block, _ = recording(fault, 1)
+    rule = Rule(use=use, tolerance=0.02, sigma=0.01)
+    _, out = fold(Track(drive(1.05), Arbiter(rule)), [block])
+    assert kinds(out.records) == ["measurement_error", "measurement_restored"]
+    told, over = out.records
+    assert told.evidence["cause"] == over.evidence["cause"] == cause
+    assert told.evidence["onset"] == over.evidence["onset"] == ONSET
+    assert over.evidence["end"] == ONSET + LENGTH - 1
+    assert told.row < ONSET + 16
+    if cause == "factor":
+        assert told.evidence["factor"] == 1000.0
+        assert "factor of 1000" in told.reason
+    refused = out.rows.mark[ONSET : ONSET + LENGTH, 0] == Mark.ERROR
+    assert refused.mean() > 0.9
+    assert (out.rows.mark[ONSET + LENGTH :, 0] != Mark.ERROR).all()
+
+
+def test_no_false_resets_in_24_hours_of_clean_data() -> None:
+    for use in ("tolerance", "blend"):
+        block = drive_rows(7, n=864_000)
+        rule = Rule(use=use, tolerance=0.03)  # type: ignore[arg-type]
+        state, out = fold(Track(drive(1.05), Arbiter(rule)), [block])
+        assert state.resets.tolist() == [0]
+        refused = (out.rows.mark[:, 0] > Mark.HELD).mean()
+        assert refused < 1e-4
+        assert kinds(out.records).count("measurement_error") < 60
+
+
+def test_tolerance_updates_are_counted_and_are_no_resets() -> None:
+    block = drive_rows(3, n=3000)
+    rule = Rule(use="tolerance", tolerance=0.04, sigma=0.015)
+    state, out = fold(Track(drive(1.1), Arbiter(rule)), [block])
+    updates = out.rows.update[:, 0] == 1
+    assert state.updates.tolist() == [updates.sum()]
+    assert state.resets.tolist() == [0]
+    assert 50 < updates.sum() < 1000
+    np.testing.assert_array_equal(updates, np.abs(out.rows.residual[:, 0]) > 0.04)
+    after = np.flatnonzero(updates[:-1]) + 1
+    assert np.abs(out.rows.residual[after, 0]).mean() < 0.02
+
+
+def test_a_group_is_judged_and_adopted_together() -> None:
+    block = unicycle_rows(5)
+    measured = np.flatnonzero(~np.isnan(block.y).any(axis=1))
+    at = measured[np.searchsorted(measured, 100)]
+    block.y[at, 0] += 5.0
+    rule = Rule(use="tolerance", tolerance=0.012, tolerance_angle=0.02)
+    state, out = fold(Track(unicycle(1.05), Arbiter(rule)), [block])
+    assert (out.rows.mark[at] == Mark.CONTESTED).all()
+    updates = out.rows.update[:, 0] == 1
+    assert updates.sum() > 0
+    assert "overruled" not in kinds(out.records)
+    assert np.isfinite(state.x).all()
+
+
+def test_angles_wrap_in_innovations_and_votes() -> None:
+    """The heading passes ±π several times; then the robot is turned by 3 rad."""
+    block = unicycle_rows(6, n=1200)
+    turned = block.y[:, 2] + np.where(np.arange(1200) >= 600, 3.0, 0.0)
+    block.y[:, 2] = np.arctan2(np.sin(turned), np.cos(turned))
+    # From the same row on, the position follows the turned heading.
+    model = unicycle()
+    start = block.y[599].copy()
+    start[np.isnan(start)] = 0.0
+    rule = Rule(use="blend", sigma=0.02, sigma_angle=0.02, share=0.2)
+    heading = Layout((model.outputs.channels[2],))
+    turn = FunctionModel(
+        lambda x, u, dt, p: ([x[0] + u[1] * dt],) * 2, model.inputs, heading, heading
+    )
+    only = block._replace(y=block.y[:, 2:], mark=np.ascontiguousarray(block.mark[:, [0, 1, 4]]))
+    _, out = fold(Track(turn, Arbiter(rule)), [only])
+    assert kinds(out.records) == ["overruled"]
+    assert abs(abs(out.records[0].evidence["delta"]["heading"]) - 3.0) < 0.2
+    assert np.nanmax(np.abs(out.rows.residual)) < 0.2
+
+
+def test_a_heading_in_degrees_is_named() -> None:
+    block = drive_rows(1)
+    block.y[:, 0] /= 20.0
+    block.y[300:340] *= 180 / np.pi
+    heading = Layout((unicycle().outputs.channels[2],))
+    turn = FunctionModel(
+        lambda x, u, dt, p: ([x[0] + u[0] * dt / 20],) * 2, Layout.of(v="m/s"), heading, heading
+    )
+    _, out = fold(Track(turn, Arbiter(Rule(use="blend", sigma_angle=0.001))), [block])
+    (first, *_) = out.records
+    assert first.evidence["cause"] == "factor"
+    assert first.evidence["factor"] == pytest.approx(180 / np.pi)
+    assert "180/π" in first.reason
+
+
+def test_a_sensor_at_rest_is_not_frozen() -> None:
+    block = drive_rows(2)
+    block.u[200:400] = 0.0
+    truth = np.concatenate([[0.0], np.cumsum(block.u[1:, 0] * block.dt[1:])])
+    block.y[:, 0] = truth + np.random.default_rng(0).normal(0, 0.01, 600)
+    block.y[200:400] = block.y[200]
+    _, out = fold(Track(drive(), Arbiter(Rule(use="blend", sigma=0.01))), [block])
+    assert "frozen" not in [r.evidence.get("cause") for r in out.records]
+
+
+def test_a_machine_that_stands_still_is_believed_the_third_time() -> None:
+    """Without noise it looks like a frozen sensor, until the motion goes on from there."""
+    t = np.arange(1200)
+    v = np.where(t % 200 < 100, 0.3, 0.05)
+    moved = np.where(v > 0.1, v, 0.0)
+    x = np.concatenate([[0.0], np.cumsum(moved[1:] * 0.1)])
+    block = make_block(t=t * 10**8, u=v[:, None], y=np.round(x, 4)[:, None])
+    rule = Rule(use="tolerance", tolerance=0.02, sigma=0.005)
+    _, out = fold(Track(drive(), Arbiter(rule)), [block])
+    refused = (out.rows.mark[:, 0] == Mark.ERROR).reshape(6, 200).any(axis=1)
+    assert refused.tolist() == [True, True, False, False, False, False]
+    assert (out.rows.update[800:, 0] == 1).sum() > 10
+
+
+def test_range_and_rate() -> None:
+    block = drive_rows(4)
+    block.y[100] = 500.0
+    block.y[200] += 0.5
+    block.y[300:] += 2.0
+    stage = Track(drive(low=-1.0, high=100.0, rate=2.0), Arbiter(Rule(use="blend", sigma=0.01)))
+    _, out = fold(stage, [block])
+    causes = {r.evidence["onset"]: r.evidence.get("cause") for r in out.records}
+    assert causes[100] == "range"
+    assert causes[200] == "rate"
+    # A real jump is too fast once; then its samples agree with each other.
+    assert causes[300] == "rate"
+    assert kinds(out.records).count("overruled") == 1
+    assert [r.row for r in out.records if r.kind == "overruled"] == [308]
+
+
+@pytest.mark.parametrize("code", [-32768.0, 65535.0, 2143289344.0, -9999.0])
+def test_sentinel_codes(code: float) -> None:
+    block = drive_rows(5)
+    block.y[100:103] = code
+    _, out = fold(Track(drive(), Arbiter(Rule(sigma=0.01))), [block])
+    (event,) = out.records
+    assert event.evidence["cause"] == "sentinel"
+    assert (event.evidence["onset"], event.evidence["end"]) == (100, 102)
+
+
+def test_noise_that_rises_resets_the_gate_but_never_removes_it() -> None:
+    block = drive_rows(8, n=6000)
+    rng = np.random.default_rng(8)
+    block.y[3000:, 0] += rng.normal(0, 0.1, 3000)
+    block.y[5000] += 5.0
+    _, out = fold(Track(drive(1.02), Arbiter(Rule(use="blend", sigma=0.01))), [block])
+    assert "gate_widened" in kinds(out.records)
+    assert (out.rows.mark[4000:, 0] == Mark.OK).mean() > 0.95
+    assert out.rows.mark[5000, 0] != Mark.OK
+    z = out.rows.residual[4500:, 0] / out.rows.sigma[4500:, 0]
+    assert 0.9 < np.mean(np.abs(z[np.isfinite(z)]) < 1.96) < 0.99
+
+
+@pytest.mark.parametrize("phases", [None, Phases("v", (0.2, 0.4))])
+def test_sigma_is_the_spread_of_the_residual(phases: Phases | None) -> None:
+    block = drive_rows(9, n=20_000)
+    arbiter = Arbiter(Rule(use="blend"), phases=phases)
+    state, out = fold(Track(drive(), arbiter), [block])
+    z = out.rows.residual[100:, 0] / out.rows.sigma[100:, 0]
+    assert np.nanmean(np.abs(z) < 1.96) == pytest.approx(0.95, abs=0.01)
+    assert len(state.variance) == (1 if phases is None else 4)
+
+
+def test_sigma_and_age_grow_without_measurement_until_not_valid() -> None:
+    block = drive_rows(1)
+    block.y[200:300] = np.nan
+    stage = Track(drive(1.05), Arbiter(Rule(use="blend", sigma=0.01, timeout=5.0)))
+    state, out = fold(stage, [block])
+    assert (np.diff(out.rows.sigma[200:300, 0]) > 0).all()
+    np.testing.assert_allclose(out.rows.age[200:300, 0], 0.1 * np.arange(1, 101))
+    assert [(r.kind, r.row) for r in out.records] == [("not_valid", 250), ("valid", 300)]
+    assert state.valid.tolist() == [True]
+    assert not fold(stage, [take(block, 0, 280)])[0].valid.any()
+    assert np.isnan(fold(stage, [take(block, 200, 210)])[1].rows.age).all()
+
+
+def test_a_short_burst_that_never_agrees_is_an_error() -> None:
+    block = drive_rows(1)
+    block.y[200:240, 0] = np.random.default_rng(3).uniform(-9, 9, 40)
+    state, out = fold(Track(drive(), Arbiter(Rule(use="blend", sigma=0.01))), [block])
+    assert state.resets.tolist() == [0]
+    told = [r.evidence for r in out.records if r.kind == "measurement_error"]
+    assert sum(e["samples"] for e in told) == (out.rows.mark[:, 0] > Mark.HELD).sum() >= 35
+    assert (out.rows.mark[260:, 0] == Mark.OK).mean() > 0.95
+
+
+def test_a_static_map_keeps_the_offset_of_an_overruled_level() -> None:
+    model = FunctionModel(
+        lambda x, u, dt, p: ([], [2 * u[0]]), Layout.of(v="m/s"), Layout.of(f="N")
+    )
+    block = drive_rows(1)
+    block.y[:, 0] = 2 * block.u[:, 0] + np.random.default_rng(0).normal(0, 0.01, 600)
+    block.y[300:] += 1.0
+    _, out = fold(Track(model), [block])
+    assert kinds(out.records) == ["overruled"]
+    np.testing.assert_allclose(out.rows.residual[320:, 0], 1.0, atol=0.06)
+    assert (out.rows.mark[310:, 0] == Mark.OK).mean() > 0.99
+    assert np.isfinite(out.rows.residual[0]).all()
+
+
+def test_everything_is_adopted_anew_after_a_gap() -> None:
+    block = drive_rows(2)
+    block.y[300:] += 5.0
+    block.gap[300] = True
+    _, out = fold(Track(drive(), Arbiter(Rule(use="tolerance", tolerance=0.1))), [block])
+    assert kinds(out.records) == []
+    assert out.rows.update[[0, 300], 0].tolist() == [4, 4]
+    assert np.isnan(out.rows.y[[0, 300]]).all()
+    assert np.nanmax(np.abs(out.rows.residual)) < 0.2
+
+
+def test_an_open_contest_is_closed_by_a_new_task() -> None:
+    block = drive_rows(2)
+    block.y[297:300] += 5.0
+    block.task[300:] = 1
+    _, out = fold(Track(drive(), Arbiter(Rule(sigma=0.01))), [block])
+    (event,) = out.records
+    assert (event.kind, event.row, event.evidence["samples"]) == ("measurement_error", 300, 3)
+
+
+def test_new_parameters_and_a_new_form_keep_what_is_known() -> None:
+    block = drive_rows(2)
+    stage = Track(drive(1.05), Arbiter(Rule(use="blend")))
+    state, _ = stage.step(stage.init(), take(block, 0, 300))
+    x, variance = state.x.copy(), state.variance.copy()
+    state = stage.renew(state, np.array([1.0]))
+    assert (state.x == x).all() and state.p.tolist() == [1.0]
+    wall = FunctionModel(
+        lambda x, u, dt, p: ([x[1] * 0, x[1] + u[0] * dt], [x[1] + u[0] * dt]),
+        Layout.of(v="m/s"), Layout.of(x="m"), Layout.of(hidden="1", x="m"), start=(7.0, 0.0),
+    )  # fmt: skip
+    other = Track(wall, stage.arbiter)
+    state = other.take_over(state, stage, np.zeros(0))
+    assert state.x.tolist() == [7.0, x[0]] and (state.variance == variance).all()
+    state, out = other.step(state, take(block, 300, 600))
+    assert kinds(out.records) == [] and (out.rows.mark == 0).all()
+
+
+def test_which_outputs_can_be_adopted_is_found_by_trying() -> None:
+    model = FunctionModel(
+        lambda x, u, dt, p: ([x[0] + u[0] * dt], [x[0] + u[0] * dt, u[0]]),
+        Layout.of(v="m/s"), Layout.of(x="m", current="A"), Layout.of(x="m"),
+    )  # fmt: skip
+    stage = Track(model, Arbiter(Rule(use="blend")))
+    assert stage.adopts.tolist() == [True, False]
+    block = drive_rows(1)
+    y = np.stack([block.y[:, 0], block.u[:, 0] + 0.5], axis=1)
+    y[:, 1] += np.random.default_rng(1).normal(0, 0.01, 600)
+    _, out = fold(stage, [make_block(t=block.t, u=block.u, y=y)])
+    assert (out.rows.mark == 0).mean() > 0.99
+    assert np.nanmean(out.rows.residual[:, 1]) == pytest.approx(0.5, abs=0.01)
+
+
+@given(st.lists(st.binary(min_size=8, max_size=8), min_size=1, max_size=40), st.integers(0, 3))
+@settings(max_examples=60, deadline=None)
+def test_no_bit_pattern_reaches_the_state(patterns: list[bytes], rule: int) -> None:
+    values = np.array([struct.unpack("d", b)[0] for b in patterns])
+    block = drive_rows(1, n=200)
+    y = block.y.copy()
+    y[40 : 40 + len(values), 0] = values
+    stage = Track(drive(), Arbiter(RULES[sorted(RULES)[rule]]))
+    state, out = fold(stage, [make_block(t=block.t, u=block.u, y=y)])
+    assert np.isfinite(state.x).all()
+    assert np.isfinite(out.rows.y[1:]).all()
+    out.records and [record.evidence for record in out.records]
+
+
+@pytest.mark.parametrize(
+    ("settings_", "says"),
+    [
+        ({"gate": 0.0}, "gate: expected a number above 0"),
+        ({"timeout": -1.0}, "timeout"),
+        ({"sigma": float("nan")}, "sigma"),
+        ({"share": -0.1}, "share"),
+        ({"vote": 1}, "vote ≥ 2"),
+        ({"frozen": 1}, "frozen 0 or ≥ 2"),
+        ({"blend": 1.0}, "blend between 0 and 1"),
+    ],
+)
+def test_rules_are_checked(settings_: dict[str, Any], says: str) -> None:
+    with pytest.raises(UsageError, match=says):
+        Rule(**settings_)
+
+
+def test_unknown_groups_and_phases_are_named() -> None:
+    with pytest.raises(UsageError, match="no group 'poses' among the outputs: there are pose"):
+        Track(unicycle(), Arbiter(groups={"poses": Rule()}))
+    with pytest.raises(UsageError, match="increasing numbers"):
+        Phases("v", (1.0, 0.0))
+    with pytest.raises(UsageError, match="no channel"):
+        Track(drive(), Arbiter(phases=Phases("speed", (0.0,))))
+
+
+def test_findings_beyond_one_pass_are_all_told() -> None:
+    block = drive_rows(1, n=4000)
+    block.y[20::4] += 3.0
+    _, out = fold(Track(drive(), Arbiter(Rule(sigma=0.01, use="blend"))), [block])
+    assert kinds(out.records).count("measurement_error") > 900
+    assert FAULTS[0] == "clean"
