@@ -43,7 +43,7 @@ from evertwin.models.variants import in_variant
 from evertwin.signals.channels import Channel, Layout
 from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
 
-__all__ = ["Corrected", "Term", "build"]
+__all__ = ["Corrected", "Term", "build", "effective_inputs"]
 
 _CODES = {
     "table": kernels.TABLE,
@@ -181,6 +181,29 @@ class Corrected:
 
     def observe(self, x: StateVector, y: Float64[np.ndarray, " ny"]) -> StateVector:
         return self._compiled.observe(x, y)
+
+
+def effective_inputs(model: Model, u: Inputs, p: ParameterVector) -> Inputs:
+    """What static terms make of the inputs, row by row, (n, nu); a lag's memory is left out.
+
+    >>> from evertwin.models.function import FunctionModel
+    >>> base = FunctionModel(lambda x, u, dt, p: ([], [u[0]]), Layout.of(v="m/s"), Layout.of(y="m"))
+    >>> half = Corrected(base, (Term("table", "v", variant="linear", levels=(0.0, 1.0)),))
+    >>> effective_inputs(half, np.array([[0.5]]), np.array([0.0, 0.5])).tolist()
+    [[0.25]]
+    """
+    out = np.array(u, dtype=np.float64)
+    if isinstance(model, Corrected):
+        fixed = Corrected(
+            model.model, tuple(t for t in model.terms if t.kind not in ("lag", "state"))
+        )
+        kept = [
+            i for k, t in enumerate(model.terms) if t.kind not in ("lag", "state")
+            for i in model.parameters.indices(model.names_of(k)).tolist()
+        ]  # fmt: skip
+        values = np.concatenate([p[: len(model.model.parameters)], p[kept]])
+        kernels.effective_rows(np.array(fixed._plan, dtype=np.int64), out, values)
+    return out
 
 
 def build(model: Model, form: Form) -> Model:

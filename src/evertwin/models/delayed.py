@@ -31,7 +31,14 @@ __all__ = ["Delayed", "delayed"]
 class Delayed(Corrected):
     """All inputs of a Model reach it ``delay`` later; the delay is a parameter.
 
-    See the module for an example; `delayed` builds one.
+    `delayed` builds one; see the module.
+
+    >>> from evertwin.models.function import FunctionModel
+    >>> from evertwin.signals import Layout
+    >>> still = FunctionModel(lambda x, u, dt, p: (x, x), Layout.of(v="m/s"), Layout.of(x="m"),
+    ...     Layout.of(x="m"))
+    >>> Delayed(still, (Term("lag", "*", variant="delay"),), 0.1).parameters["lag.delay"].value
+    0.1
     """
 
     delay: float = 0.0

@@ -29,6 +29,7 @@ __all__ = [
     "TABLE",
     "adopt",
     "effective",
+    "effective_rows",
     "exchange",
     "shift",
     "step",
@@ -159,14 +160,11 @@ def lag(u: Any, dt: Any, delay: Any, tau: Any, ahead: Any, capacity: Any) -> Non
         oldest += 1
         edge += ahead[h + oldest]
     for c in range(m):
-        f, total, far = ahead[1 + c], 0.0, max(edge, delay + dt)
+        f, total, far, end = ahead[1 + c], 0.0, delay + dt, edge
         for j in range(oldest, -1, -1):
-            near = edge
-            for k in range(oldest, j - 1, -1):
-                near -= ahead[h + k]
-            near = 0.0 if j == 0 else near
-            piece = min(far, delay + dt) - max(near, delay)
-            far = near
+            end = end - ahead[h + j] if j > 0 else 0.0
+            piece = far - max(end, delay)
+            far = min(far, end)
             if piece <= 0.0:
                 continue
             a = ahead[v + j * m + c]
@@ -207,6 +205,14 @@ def effective(plan: Any, u: Any, dt: Any, p: Any, x: Any, ahead: Any) -> Any:
             lag(u[first:last], dt, p[q], tau, memory, plan[at + 9])
         at += plan[at]
     return 0
+
+
+@njit(cache=True)
+def effective_rows(plan: Any, u: Any, p: Any) -> None:
+    """Static terms over many rows, in place."""
+    none = np.zeros(1)
+    for i in range(u.shape[0]):
+        effective(plan, u[i], 0.0, p, none, none)
 
 
 @njit(cache=True)

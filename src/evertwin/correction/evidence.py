@@ -1,0 +1,186 @@
+"""What a correction is judged on: predictions over one horizon, segment by segment.
+
+Recorded windows are simulated from the measured state, restarted after every horizon. Of each
+segment a few rows are kept, and its deviation is the rms of their scaled residuals. Folds are runs
+of whole segments, dealt out in turn, so that what is held out is never the neighbour of a row in
+the same manoeuvre alone.
+
+>>> import numpy as np
+>>> from evertwin.fold import make_block
+>>> from evertwin.machines.mobile import Robot1D
+>>> rows = make_block(t=np.arange(9) * 10**9, u=np.ones((9, 1)), y=1.1 * np.arange(9)[:, None])
+>>> seen = gather(Robot1D(), (rows,), horizon=2.0)
+>>> seen.segments, seen.deviations(seen.residual(Robot1D(), np.array([1.1]))).round(6).tolist()
+(4, [0.0, 0.0, 0.0, 0.0])
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from evertwin.errors import DataError, UsageError
+from evertwin.fold import Block
+from evertwin.models import KernelModel, Model, Restart, python_kernel, roll
+from evertwin.models.kernel import ANEW
+from evertwin.signals import wrap
+from evertwin.sync import residuals, restarts
+from evertwin.types import Bools, Inputs, Intervals, Outputs, ParameterVector, Vector
+
+__all__ = ["Evidence", "gather", "mean_deviation"]
+
+SAMPLES = 4
+"""Rows of each segment that are looked at, evenly spread, its last among them."""
+RUN = 5
+"""Neighbouring segments that go into one fold together."""
+FOLDS = 10
+FAILED = 1e3
+"""Scaled residual of a row that could not be predicted."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Windows prepared for scoring; `gather` builds it.
+
+    >>> Evidence.__name__      # see the module
+    'Evidence'
+    """
+
+    u: Inputs
+    """Inputs of all windows, one after another."""
+    dt: Intervals
+    code: np.ndarray
+    """Restart code of every row; each window starts anew."""
+    adopts: Outputs
+    """What each restart takes over."""
+    rows: Int64[np.ndarray, " m"]
+    """Rows that are looked at."""
+    measured: Float64[np.ndarray, "m ny"]
+    """What was measured there, (m, ny)."""
+    segment: Int64[np.ndarray, " m"]
+    """Segment of each of these rows."""
+    known: Float64[np.ndarray, "m ny"]
+    """1 where measured and trusted, else 0."""
+    scale: Vector
+    """Size that counts as 1, per output, (ny,)."""
+    horizon: float
+    """Length of a prediction, at most the longest window [s]."""
+
+    @property
+    def segments(self) -> int:
+        """How many."""
+        return int(self.segment[-1]) + 1
+
+    @property
+    def fold(self) -> Int64[np.ndarray, " m"]:
+        """Fold of each row looked at."""
+        folds = min(FOLDS, max(2, self.segments // 2))
+        run = RUN if self.segments >= RUN * folds else 1
+        return self.segment // run % folds
+
+    def residual(self, model: Model, p: ParameterVector) -> Float64[np.ndarray, "m ny"]:
+        """Scaled residuals of the rows looked at, (m, ny); 0 where nothing is known."""
+        kernel = model.kernel() if isinstance(model, KernelModel) else python_kernel(model)
+        x0 = model.initial(p)
+        restart = Restart(self.adopts, self.code, x0)
+        _, y = roll(kernel, x0, self.u, self.dt, p, len(model.outputs), restart)
+        scaled = wrap(self.measured - y[self.rows], model.outputs.angles) / self.scale
+        scaled = np.where(np.isfinite(scaled), np.clip(scaled, -FAILED, FAILED), FAILED)
+        return np.where(self.known > 0.0, scaled, 0.0)
+
+    def deviations(self, residual: Float64[np.ndarray, "m ny"]) -> Vector:
+        """Rms of each segment's scaled residuals, (segments,)."""
+        square = np.bincount(self.segment, (residual**2).sum(axis=1), self.segments)
+        count = np.bincount(self.segment, self.known.sum(axis=1), self.segments)
+        return np.sqrt(square / np.maximum(count, 1.0))
+
+
+def mean_deviation(deviations: Vector) -> float:
+    """One figure: the mean over segments."""
+    return float(deviations.mean())
+
+
+def gather(
+    model: Model,
+    windows: Sequence[Block],
+    horizon: float,
+    scale: Vector | None = None,
+    p: ParameterVector | None = None,
+) -> Evidence:
+    """Prepares windows for scoring.
+
+    Args:
+        model: gives the outputs and, with ``p``, the scale when none is given: the rms of its
+            residuals, one for all outputs of one unit.
+        horizon: length of a prediction [s].
+
+    Raises:
+        DataError: fewer than four segments can be judged.
+        UsageError: the model is a static map, which corrections of the input do not apply to.
+    """
+    values = model.parameters.values if p is None else p
+    x0 = model.initial(values)
+    if len(x0) == 0:
+        raise UsageError("correction: expected a model with states, got a static map: tune it")
+    reach = min(horizon, max(float(w.t[-1] - w.t[0]) * 1e-9 for w in windows))
+    plans = [restarts(w, horizon, x0) for w in windows]
+    known = [np.isfinite(residuals(model, w, np.zeros_like(w.y))) for w in windows]
+    rows, segment, count, offset = [], [], 0, 0
+    for window, plan, usable in zip(windows, plans, known, strict=True):
+        chosen, numbers = _choose(window, plan.code, usable.any(axis=1), reach)
+        rows.append(chosen + offset)
+        segment.append(numbers + count)
+        count += int(numbers[-1]) + 1 if len(numbers) else 0
+        offset += len(window.t)
+    if count < 4:
+        raise DataError(
+            f"correction: expected at least 4 segments of {reach:g} s with measured outputs, got "
+            f"{count}: give more data or a shorter horizon"
+        )
+    looked = np.concatenate(rows)
+    evidence = Evidence(
+        np.concatenate([w.u for w in windows]), np.concatenate([w.dt for w in windows]),
+        np.concatenate([plan.code for plan in plans]), np.concatenate([plan.y for plan in plans]),
+        looked, np.concatenate([w.y for w in windows])[looked], np.concatenate(segment),
+        np.concatenate(known)[looked].astype(np.float64), np.ones(len(model.outputs)), reach,
+    )  # fmt: skip
+    size = _scale(evidence, model, values) if scale is None else np.asarray(scale, dtype=np.float64)
+    return replace(evidence, scale=size)
+
+
+def _choose(
+    window: Block, code: np.ndarray, usable: Bools, reach: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rows looked at in one window, and their segments from 0."""
+    starts, last = [], -math.inf
+    seconds = (window.t - window.t[0]) * 1e-9
+    for i in np.flatnonzero(code):
+        if code[i] == ANEW or seconds[i - 1] - last >= reach - 1e-6:
+            starts.append(i)
+            last = seconds[i] if code[i] == ANEW else seconds[i - 1]
+    rows: list[int] = []
+    segment: list[int] = []
+    for begin, end in zip(starts, [*starts[1:], len(code)], strict=True):
+        found = np.flatnonzero(usable[begin:end] & (code[begin:end] != ANEW)) + begin
+        if len(found) == 0 or seconds[found[-1]] - seconds[max(begin - 1, 0)] < 0.5 * reach:
+            continue
+        places = np.linspace(0, len(found), min(SAMPLES, len(found)) + 1)[1:].astype(int) - 1
+        segment += [segment[-1] + 1 if segment else 0] * len(places)
+        rows += found[places].tolist()
+    return np.array(rows, dtype=np.int64), np.array(segment, dtype=np.int64)
+
+
+def _scale(evidence: Evidence, model: Model, p: ParameterVector) -> Vector:
+    """Rms of the residuals, pooled over outputs of one unit; never zero."""
+    square = (evidence.residual(model, p) ** 2).sum(axis=0)
+    count = evidence.known.sum(axis=0)
+    units = np.array(model.outputs.units)
+    rms = [
+        math.sqrt(square[units == unit].sum() / max(count[units == unit].sum(), 1.0))
+        for unit in units
+    ]
+    return np.array([value if value > 0.0 else 1.0 for value in rms])

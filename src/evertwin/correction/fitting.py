@@ -1,0 +1,380 @@
+"""Fitting terms to predictions over the horizon, and scoring them on what was held out.
+
+All numbers minimise one cost, Σ soft_l1(r/scale) over the rows looked at, by SciPy. What a fit
+would predict of a fold that it had not seen follows without refitting: with residuals e and
+Jacobian J at the optimum and weights W, leaving rows out moves the optimum by
+
+    δ = (J'WJ + R)⁻¹ J'W e      over the rows that stay,       e_out − J_out·δ
+
+exact for terms that are linear in their numbers (tables, surfaces; R is their prior), and to first
+order for laws and lags. Every candidate of every kind is scored by this one rule.
+
+A surface has a Gaussian-process prior over its nodes: exp(−d²/2b²) with length b, and symmetric
+where the machine is: odd in its own channel and even in the other ("both"), odd under reversal of
+both ("odd"), or neither. Length, noise and symmetry are those that predict held-out folds best.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float64
+from scipy.optimize import least_squares
+
+from evertwin.correction.candidates import Candidate
+from evertwin.correction.evidence import Evidence, mean_deviation
+from evertwin.correction.stack import Part, Stack, bounded
+from evertwin.models.corrected import effective_inputs
+from evertwin.models.form import Term
+from evertwin.types import Inputs, Vector
+
+__all__ = ["Scored", "fit_candidate", "refit", "score"]
+
+LENGTHS = (0.3, 0.4, 0.6, 1.0)
+"""Lengths b of a surface's prior, in half ranges."""
+NOISES = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0)
+"""Variance of a residual, in units of the prior's mean variance."""
+MODES = 48
+"""Most modes of a surface."""
+NEAR, PAYS = 0.01, 0.05
+"""Held-out deviations this near are equal; a less symmetric prior must gain this much."""
+TRIED = 2
+"""Of many starts only these many, the best as they stand, are fitted."""
+EVALUATIONS = 20
+"""Of one fit."""
+
+
+class Scored(NamedTuple):
+    """A stack, and how it predicts what it was not fitted to.
+
+    >>> Scored._fields
+    ('stack', 'deviations', 'detail')
+    """
+
+    stack: Stack
+    deviations: Vector
+    """Held-out deviation of every segment."""
+    detail: str = ""
+    """What was chosen on the way."""
+
+    @property
+    def mean(self) -> float:
+        """Mean held-out deviation."""
+        return mean_deviation(self.deviations)
+
+
+def fit_candidate(stack: Stack, candidate: Candidate, evidence: Evidence) -> Scored:
+    """The stack with the candidate on top, its numbers fitted, the others as they are."""
+    part = Part(
+        candidate.term, candidate.starts[0], candidate.low, candidate.high, candidate.typical,
+        candidate.fixed,
+    )  # fmt: skip
+    grown, at = stack.with_part(part)
+    if candidate.linear:
+        return _fit_linear(grown, at, evidence)
+    first = grown.first(at)
+    starts = []
+    for values in candidate.starts:
+        p = grown.p
+        p[first : first + len(values)] = values
+        starts.append(grown.with_p(p))
+    free = _free(grown, (at,))
+    if len(starts) > TRIED:
+        starts = sorted(starts, key=partial(_cost, evidence))[:TRIED]
+    best, _ = min((_solve(s, free, evidence) for s in starts), key=lambda f: f[1])
+    return score(best, free, evidence)
+
+
+def refit(stack: Stack, evidence: Evidence) -> Scored:
+    """All terms with few numbers fitted together; tables and surfaces stay.
+
+    A table is scored as if it had not seen the fold, too; a surface as it is.
+    """
+    few = tuple(k for k, part in enumerate(stack.parts) if part.few and part.low)
+    if few:
+        stack = _solve(stack, _free(stack, few), evidence)[0]
+    tables = tuple(k for k, part in enumerate(stack.parts) if part.term.kind == "table")
+    if not few and not tables:
+        residual = evidence.residual(stack.model, stack.p)
+        return Scored(stack, evidence.deviations(residual))
+    return score(stack, _free(stack, few + tables), evidence)
+
+
+class Free(NamedTuple):
+    """The numbers that a fit may change: places in p, bounds, size of a considerable change.
+
+    >>> Free._fields
+    ('places', 'low', 'high', 'typical')
+    """
+
+    places: np.ndarray
+    low: Vector
+    high: Vector
+    typical: Vector
+
+
+def _free(stack: Stack, parts: Sequence[int]) -> Free:
+    rows = [
+        (stack.first(k) + i, part.low[i], part.high[i], part.typical[i])
+        for k in parts
+        for part in (bounded(stack.parts[k]),)
+        for i in range(len(part.values))
+        if i not in part.fixed
+    ]
+    index, low, high, typical = zip(*rows, strict=True)
+    return Free(np.array(index), np.array(low), np.array(high), np.array(typical))
+
+
+def _jacobian(
+    stack: Stack, free: Free, evidence: Evidence, at: Vector
+) -> Float64[np.ndarray, "r k"]:
+    """∂e/∂p by differences of a hundredth of a considerable change, inside the bounds."""
+    p, model = stack.p, stack.model
+    p[free.places] = at
+    base = evidence.residual(model, p).ravel()
+    columns = np.empty((len(base), len(free.places)))
+    for k, place in enumerate(free.places):
+        h = 0.01 * free.typical[k]
+        h = h if at[k] + h <= free.high[k] else -h
+        p[place] = at[k] + h
+        columns[:, k] = (evidence.residual(model, p).ravel() - base) / h
+        p[place] = at[k]
+    return columns
+
+
+def _cost(evidence: Evidence, stack: Stack) -> float:
+    """Σ soft_l1 of the residuals, as SciPy counts it."""
+    residual = evidence.residual(stack.model, stack.p)
+    return float(np.sum(np.sqrt(1.0 + residual**2) - 1.0))
+
+
+def _solve(stack: Stack, free: Free, evidence: Evidence) -> tuple[Stack, float]:
+    p, model = stack.p, stack.model
+
+    def residual(values: Vector) -> Float64[np.ndarray, " r"]:
+        p[free.places] = values
+        return evidence.residual(model, p).ravel()
+
+    margin = 1e-9 * (1.0 + np.abs(free.typical))
+    start = np.clip(p[free.places], free.low + margin, free.high - margin)
+    result = least_squares(
+        residual, start, jac=partial(_jacobian, stack, free, evidence),
+        bounds=(free.low, free.high), loss="soft_l1", x_scale=free.typical, max_nfev=EVALUATIONS,
+        xtol=1e-4, ftol=1e-5,
+    )  # fmt: skip
+    p[free.places] = result.x
+    return stack.with_p(p), float(result.cost)
+
+
+def score(stack: Stack, free: Free, evidence: Evidence) -> Scored:
+    """Held-out deviations of a stack whose free numbers are at their optimum."""
+    values = stack.p[free.places]
+    e = evidence.residual(stack.model, stack.p)
+    span = free.high - free.low
+    inside = (values - free.low > 1e-6 * span) & (free.high - values > 1e-6 * span)
+    inside |= ~np.isfinite(span)
+    kept = Free(*(column[inside] for column in free))
+    columns = _jacobian(stack, kept, evidence, values[inside]) * kept.typical
+    return Scored(stack, evidence.deviations(_left_out(columns, e, evidence)))
+
+
+def _left_out(
+    columns: Float64[np.ndarray, "r k"], e: Float64[np.ndarray, "m ny"], evidence: Evidence
+) -> Float64[np.ndarray, "m ny"]:
+    """What the residuals would be had their fold not been fitted."""
+    ny = e.shape[1]
+    fold = np.repeat(evidence.fold, ny)
+    flat = e.ravel()
+    weight = 1.0 / np.sqrt(1.0 + flat**2)
+    grams, sides, places = [], [], []
+    for number in range(int(fold.max()) + 1):
+        inside = fold == number
+        weighted = columns[inside] * weight[inside, None]
+        grams.append(columns[inside].T @ weighted)
+        sides.append(weighted.T @ flat[inside])
+        places.append(inside)
+    gram, side = sum(grams), sum(sides)
+    out = flat.copy()
+    for part, own, inside in zip(grams, sides, places, strict=True):
+        step = -np.linalg.lstsq(gram - part, side - own, rcond=1e-9)[0]
+        out[inside] = flat[inside] + columns[inside] @ step
+    return out.reshape(e.shape)
+
+
+def _fit_linear(stack: Stack, at: int, evidence: Evidence) -> Scored:
+    """A table or a surface: solved at once, for each prior; the best on held-out folds."""
+    part = stack.parts[at]
+    first = stack.first(at)
+    n = len(part.values)
+    p, model = stack.p, stack.model
+    free = Free(
+        first + np.arange(n), np.array(part.low), np.array(part.high), np.array(part.typical)
+    )
+    e = evidence.residual(model, p)
+    columns = _touched(stack, part.term, free, evidence)
+    found: list[tuple[_Prior, Scored]] = []
+    for prior in _priors(part.term):
+        mixed = columns @ prior.modes
+        spread = float((mixed**2).sum(axis=1).mean())
+        if spread <= 0.0:
+            continue
+        mixed /= np.sqrt(spread)
+        for noise, values, out in _ridges(mixed, e, prior.noises, evidence):
+            q = p.copy()
+            q[free.places] += prior.modes @ values / np.sqrt(spread)
+            name = f"{prior.name}, noise {noise:g}"
+            scored = Scored(stack.with_p(q), evidence.deviations(out), name)
+            found.append((prior._replace(noises=(noise,)), scored))
+    return _simplest(found) if found else Scored(stack, evidence.deviations(e), "no effect")
+
+
+def _simplest(found: Sequence[tuple[_Prior, Scored]]) -> Scored:
+    """The best prior; a less symmetric one must pay, and of near equals the smoothest wins."""
+    best: Scored | None = None
+    for rank in sorted({prior.rank for prior, _ in found}):
+        rivals = [(prior, scored) for prior, scored in found if prior.rank == rank]
+        least = min(scored.mean for _, scored in rivals)
+        near = [pair for pair in rivals if pair[1].mean <= (1 + NEAR) * least]
+        chosen = max(near, key=lambda pair: (pair[0].length, pair[0].noises[0]))[1]
+        if best is None or chosen.mean < (1 - PAYS) * best.mean:
+            best = chosen
+    assert best is not None
+    return best
+
+
+def _touched(
+    stack: Stack, term: Term, free: Free, evidence: Evidence
+) -> Float64[np.ndarray, "r k"]:
+    """The Jacobian, simulated only for numbers that the recorded inputs reach."""
+    names = stack.base.inputs.names
+    u = _as_seen(stack, term, evidence.u)[:, names.index(term.channel)]
+    near = _weights_reached(u, np.array(term.levels))
+    if term.kind == "surface":
+        o = evidence.u[:, names.index(term.source)]
+        near = (near[:, :, None] & _weights_reached(o, np.array(term.levels2))[:, None, :]).reshape(
+            len(u), -1
+        )
+    some = np.flatnonzero(near.any(axis=0))
+    chosen = Free(*(column[some] for column in free))
+    columns = np.zeros((evidence.known.size, len(free.places)))
+    columns[:, some] = _jacobian(stack, chosen, evidence, stack.p[chosen.places])
+    return columns
+
+
+def _as_seen(stack: Stack, term: Term, u: Inputs) -> Inputs:
+    """The inputs as the static terms before this one leave them."""
+    inner = Stack(stack.base, stack.inner)
+    for part in stack.parts:
+        if part.term == term or part.term.kind in ("lag", "state"):
+            break
+        inner = inner.with_part(part)[0]
+    return effective_inputs(inner.model, u, inner.p)
+
+
+def _weights_reached(
+    u: Float64[np.ndarray, " n"], levels: Float64[np.ndarray, " levels"]
+) -> np.ndarray:
+    """Which levels have a value nearer than their neighbours, (n, levels)."""
+    step = np.diff(levels)
+    below, above = np.r_[step[:1], step], np.r_[step, step[-1:]]
+    known = np.where(np.isfinite(u), u, levels[0])
+    gap = known[:, None] - levels
+    inside = (gap > -below) & (gap < above)
+    inside[:, 0] |= known <= levels[0]
+    inside[:, -1] |= known >= levels[-1]
+    return np.asarray(inside)
+
+
+def _ridges(
+    columns: Float64[np.ndarray, "r k"],
+    e: Float64[np.ndarray, "m ny"],
+    noises: Sequence[float],
+    evidence: Evidence,
+) -> Iterator[tuple[float, Vector, Float64[np.ndarray, "m ny"]]]:
+    """(noise, numbers, held-out residuals), from one eigendecomposition per fold.
+
+    The robust weights come from a first fit with the middle noise.
+    """
+    fold, flat = np.repeat(evidence.fold, e.shape[1]), e.ravel()
+    middle = sorted(noises)[len(noises) // 2] * np.eye(columns.shape[1])
+    first = flat - columns @ np.linalg.solve(columns.T @ columns + middle, columns.T @ flat)
+    weighted = columns / np.sqrt(1.0 + first**2)[:, None]
+    gram, side = columns.T @ weighted, weighted.T @ flat
+    whole = np.linalg.eigh(gram)
+    parts = []
+    for number in range(int(fold.max()) + 1):
+        own = fold == number
+        share = weighted[own]
+        parts.append((own, np.linalg.eigh(gram - columns[own].T @ share), share.T @ flat[own]))
+    for noise in noises:
+        out = flat.copy()
+        for own, system, known in parts:
+            out[own] += columns[own] @ _eigen_solve(system, noise, side - known)
+        yield noise, _eigen_solve(whole, noise, side), out.reshape(e.shape)
+
+
+def _eigen_solve(system: tuple[Any, Any], noise: float, side: Vector) -> Vector:
+    """−(A + noise·1)⁻¹·side of a symmetric A given by its eigenvalues and eigenvectors."""
+    values, vectors = system
+    return np.asarray(-(vectors @ ((vectors.T @ side) / (np.maximum(values, 0.0) + noise))))
+
+
+class _Prior(NamedTuple):
+    """What is believed of a table or surface before: numbers = modes @ z, z of unit variance."""
+
+    modes: Float64[np.ndarray, "n k"]
+    noises: tuple[float, ...]
+    length: float
+    rank: int
+    """0: as symmetric as can be; more: less."""
+    name: str
+
+
+def _priors(term: Term) -> Iterator[_Prior]:
+    n = len(term.levels)
+    if term.kind == "table":
+        yield _Prior(np.eye(n), (1e-6,), 0.0, 0, "levels apart")
+    for length in LENGTHS:
+        own = _modes(np.array(term.levels), length)
+        if term.kind == "table":
+            smooth = own.vectors * np.sqrt(own.variance)
+            yield _Prior(smooth, NOISES, length, 0, f"length {length:g}")
+            continue
+        other = _modes(np.array(term.levels2), length)
+        for rank, symmetry in enumerate(("both", "odd", "none")):
+            modes = _product(own, other, symmetry)
+            yield _Prior(modes, NOISES, length, rank, f"symmetry {symmetry}, length {length:g}")
+
+
+class _Modes(NamedTuple):
+    """Of a prior along one channel."""
+
+    vectors: np.ndarray
+    variance: np.ndarray
+    odd: np.ndarray
+
+
+def _modes(levels: Vector, length: float) -> _Modes:
+    """Eigenvectors of the prior along one channel, their variances, and which are odd."""
+    z = 2.0 * levels / (levels[-1] - levels[0])
+    variance, vectors = np.linalg.eigh(np.exp(-((z[:, None] - z) ** 2) / (2 * length**2)))
+    odd = np.abs(vectors + vectors[::-1]).sum(axis=0) < np.abs(vectors - vectors[::-1]).sum(axis=0)
+    return _Modes(vectors, np.maximum(variance, 0.0), odd)
+
+
+def _product(own: _Modes, other: _Modes, symmetry: str) -> Float64[np.ndarray, "nodes modes"]:
+    """The strongest products of modes that have the symmetry, times their standard deviation."""
+    variance = np.outer(own.variance, other.variance)
+    odd, even = own.odd[:, None], ~other.odd[None, :]
+    if symmetry == "both":
+        variance = variance * (odd & even)
+    elif symmetry == "odd":
+        variance = variance * ((odd & even) | (~odd & ~even))
+    order = np.argsort(variance.ravel())[::-1][:MODES]
+    order = order[variance.ravel()[order] > 1e-4 * variance.max()]
+    i, j = np.unravel_index(order, variance.shape)
+    products = np.einsum("ak,bk->abk", own.vectors[:, i], other.vectors[:, j])
+    return np.asarray(products.reshape(-1, len(order)) * np.sqrt(variance[i, j]))

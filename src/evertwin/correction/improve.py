@@ -1,0 +1,335 @@
+"""Which terms pay: forward selection, simplest kinds first, judged on held-out predictions.
+
+One procedure with one set of settings for every machine:
+
+1. Score the stack as it is: mean deviation of segments over one horizon, held out.
+2. Try every candidate of the present tier (one or two numbers; then laws; then tables and
+   surfaces), on top of the stack, and, for a richer kind, in place of the simpler static terms on
+   its channel. Fit, score.
+3. The best one joins if it lowers the held-out deviation by ``gain`` (5 %). Refit the terms with
+   few numbers together. Repeat; when no candidate of the tier pays, climb.
+4. At the end a term that no longer pays is dropped.
+
+What comes out is a proposal. It goes live through a trial on unseen data only.
+
+>>> import numpy as np
+>>> from evertwin.fold import make_block
+>>> from evertwin.machines.mobile import Robot1D
+>>> rng = np.random.default_rng(0)
+>>> u = np.repeat(rng.uniform(0.0, 0.2, 60), 5)
+>>> y = np.minimum(u, 0.1).cumsum() + 1e-3 * rng.normal(size=300)
+>>> rows = make_block(t=np.arange(300) * 10**9, u=u[:, None], y=y[:, None])
+>>> proposal = improve(Robot1D(), Form(), (rows,), 5.0, Selection(kinds=("law",)))
+>>> [term.kind for term in proposal.form.terms], proposal.gains[0].gain > 0.9
+(['law'], True)
+>>> proposal.describes
+('v: gain 0.998, saturation at 0.0999 m/s',)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from evertwin.correction.candidates import FREE, SHAPED, SIMPLE, Candidate, propose
+from evertwin.correction.describe import describe
+from evertwin.correction.evidence import Evidence, gather, mean_deviation
+from evertwin.correction.fitting import Scored, fit_candidate, refit
+from evertwin.correction.stack import Part, Stack
+from evertwin.errors import UsageError
+from evertwin.fold import Block
+from evertwin.models import Model
+from evertwin.models.corrected import Corrected
+from evertwin.models.form import Form, Term
+from evertwin.models.variants import in_variant
+from evertwin.types import Json, ParameterVector, Vector
+
+__all__ = ["KINDS", "Gain", "Proposal", "Selection", "improve", "prepare", "stack_of"]
+
+KINDS = ("lag", "coupling", "law", "table", "surface")
+TINY = 1e-12
+NEAR = 0.01
+"""Held-out deviations this near are equal: the simpler term wins."""
+_REPLACED = {
+    (SHAPED, "law"): ("law", "table"),
+    (SHAPED, "coupling"): ("coupling",),
+}
+"""Kinds on its channel whose place a term may take, by tier and kind."""
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Settings of the selection; the defaults serve every case.
+
+    >>> Selection().gain
+    0.05
+    """
+
+    kinds: tuple[str, ...] = KINDS
+    """Kinds of term that may be tried."""
+    channels: tuple[str, ...] = ()
+    """Inputs (for ``state``: states) that may be corrected; empty: all inputs."""
+    gain: float = 0.05
+    """Least relative gain in held-out deviation that a term must bring."""
+    most: int = 6
+    """Most terms that one proposal adds."""
+    quantum: float = 0.0
+    """Step of a table's levels; 0: proposed from the data."""
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.gain < 1.0:
+            raise UsageError(f"gain: expected a share within (0, 1), got {self.gain}")
+
+
+@dataclass(frozen=True)
+class Gain:
+    """What one term brought, and on what evidence.
+
+    >>> Gain(Term("lag", "*"), 1.0, 0.8, 100).gain
+    0.19999999999999996
+    """
+
+    term: Term
+    before: float
+    """Mean held-out deviation before it joined, in units of the scale."""
+    after: float
+    segments: int
+    replaced: tuple[Term, ...] = ()
+    """Simpler terms whose place it took."""
+    detail: str = ""
+
+    @property
+    def gain(self) -> float:
+        """Relative gain."""
+        return 1.0 - self.after / self.before if self.before > 0.0 else 0.0
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A corrected form with its numbers; empty ``gains``: nothing pays, the form is as it was.
+
+    >>> import numpy as np
+    >>> Proposal(Form(), (), np.zeros(0), 1.0, 1.0, np.ones(1)).found
+    False
+    """
+
+    form: Form
+    names: tuple[str, ...]
+    """Names of the parameters of the form's model."""
+    p: ParameterVector
+    before: float
+    """Mean held-out deviation of the form as it was, in units of ``scale``."""
+    after: float
+    scale: Vector
+    """Size that counts as 1 per output."""
+    gains: tuple[Gain, ...] = ()
+    """The new terms."""
+    steps: tuple[Gain, ...] = ()
+    """Every step on the way, terms that were replaced or dropped later included."""
+    describes: tuple[str, ...] = ()
+    """The terms in plain words."""
+    tried: Mapping[str, float] = field(default_factory=dict)
+    """Held-out gain of every candidate on the form as it was."""
+
+    @property
+    def found(self) -> bool:
+        """Is there anything to try?"""
+        return bool(self.gains)
+
+    def evidence(self) -> dict[str, Json]:
+        """The figures, for an event."""
+        return {
+            "before": self.before,
+            "after": self.after,
+            "terms": [
+                {"kind": g.term.kind, "channel": g.term.channel, "gain": g.gain} for g in self.gains
+            ],
+            "steps": [g.detail for g in self.steps],
+            "tried": dict(self.tried),
+        }
+
+
+def improve(
+    model: Model,
+    form: Form,
+    windows: Sequence[Block],
+    horizon: float,
+    settings: Selection | None = None,
+    p: ParameterVector | None = None,
+) -> Proposal:
+    """Searches for terms on top of a form.
+
+    Args:
+        model: base model, without terms.
+        form: present form; its terms stay, may be refitted, and may be replaced by richer ones.
+        windows: rows to learn from; trusted rows only count.
+        horizon: length of a prediction [s].
+        p: parameters of the present form's model; default: its own.
+
+    Raises:
+        DataError: too few segments.
+        UsageError: the model is a static map.
+    """
+    chosen = settings or Selection()
+    stack, evidence = prepare(model, form, windows, horizon, p)
+    candidates = propose(
+        stack.base, windows, chosen.kinds, chosen.channels, evidence.horizon, chosen.quantum
+    )
+    search = _Search(evidence, candidates, chosen)
+    return search.proposal(form, stack, search.run(stack))
+
+
+def prepare(
+    model: Model,
+    form: Form,
+    windows: Sequence[Block],
+    horizon: float,
+    p: ParameterVector | None,
+) -> tuple[Stack, Evidence]:
+    """The form as a stack, and the evidence; one unit of loss is what the bare model misses."""
+    stack = stack_of(model, form, p)
+    scale = gather(stack.base, windows, horizon, p=stack.p[: len(stack.inner)]).scale
+    return stack, gather(stack.model, windows, horizon, scale, stack.p)
+
+
+def stack_of(model: Model, form: Form, p: ParameterVector | None = None) -> Stack:
+    """The form as a stack. Terms of a form come without bounds: they are not refitted."""
+    base = in_variant(model, dict(form.variant)) if form.variant else model
+    corrected = Corrected(base, form.terms)
+    values = corrected.parameters.values if p is None else p
+    at = len(base.parameters)
+    parts = []
+    for number, term in enumerate(form.terms):
+        size = len(corrected.names_of(number))
+        parts.append(Part(term, tuple(float(v) for v in values[at : at + size])))
+        at += size
+    return Stack(base, tuple(float(v) for v in values[: len(base.parameters)]), tuple(parts))
+
+
+@dataclass(frozen=True)
+class _Search:
+    """One run of the selection."""
+
+    evidence: Evidence
+    candidates: tuple[Candidate, ...]
+    settings: Selection
+
+    def run(self, stack: Stack) -> tuple[Stack, float, list[Gain], dict[str, float]]:
+        """Climbs the tiers: stack found, its held-out deviation, what terms brought, what was
+        tried."""
+        now = refit(stack, self.evidence)
+        level, gains, tried = now.mean, list[Gain](), dict[str, float]()
+        for tier in range(SIMPLE, FREE + 1):
+            while len(gains) < self.settings.most:
+                options = self.options(now, level, tier)
+                tried = {_label(o): o.gain for o in options if not o.replaced} | tried
+                best = _best(options)
+                if best is None or best.gain < self.settings.gain:
+                    break
+                now, after = best.scored, level * (1.0 - best.gain)
+                if not best.candidate.linear:
+                    again = refit(now.stack, self.evidence)
+                    if again.mean < now.mean:
+                        now, after = again, after * again.mean / now.mean
+                gains.append(
+                    Gain(
+                        best.candidate.term, level, after, self.evidence.segments, best.replaced,
+                        _said(now.stack, best.candidate.term, now.detail),
+                    )
+                )  # fmt: skip
+                level = after
+            if tier < FREE:
+                now, level = self.pruned(now, level, gains)
+        return now.stack, level, gains, tried
+
+    def options(self, now: Scored, level: float, tier: int) -> list[_Option]:
+        """Every candidate of the tier, fitted: on top, and in place of simpler terms.
+
+        On top, the terms below were fitted to all rows, so the comparison is with the stack's
+        deviation on the rows that it was fitted to; in their place, with its held-out deviation.
+        """
+        fitted = mean_deviation(
+            self.evidence.deviations(self.evidence.residual(now.stack.model, now.stack.p))
+        )
+        found = []
+        for candidate in (c for c in self.candidates if c.tier == tier):
+            if tier == FREE and any(
+                part.term.kind == candidate.term.kind
+                and part.term.channel == candidate.term.channel
+                for part in now.stack.parts
+            ):
+                continue
+            top = fit_candidate(now.stack, candidate, self.evidence)
+            found.append(_Option(top, candidate, (), 1.0 - top.mean / max(fitted, TINY)))
+            simpler = [
+                k for k, part in enumerate(now.stack.parts)
+                if part.term.kind in _REPLACED.get((tier, candidate.term.kind), ())
+                and part.term.channel == candidate.term.channel
+            ]  # fmt: skip
+            if simpler:
+                bare = now.stack
+                for k in reversed(simpler):
+                    bare = bare.without(k)
+                terms = tuple(now.stack.parts[k].term for k in simpler)
+                instead = fit_candidate(bare, candidate, self.evidence)
+                found.append(
+                    _Option(instead, candidate, terms, 1.0 - instead.mean / max(level, TINY))
+                )
+        return found
+
+    def pruned(self, now: Scored, level: float, gains: list[Gain]) -> tuple[Scored, float]:
+        """Without the terms that no longer pay; the terms of the form given stay."""
+        new = {id(g.term) for g in gains}
+        for k in reversed(range(len(now.stack.parts))):
+            if len(now.stack.parts) < 2 or id(now.stack.parts[k].term) not in new:
+                continue
+            less = refit(now.stack.without(k), self.evidence)
+            if now.mean > (1 - self.settings.gain) * less.mean:
+                level *= less.mean / max(now.mean, TINY)
+                now = less
+        return now, level
+
+    def proposal(
+        self,
+        form: Form,
+        stack: Stack,
+        found: tuple[Stack, float, list[Gain], dict[str, float]],
+    ) -> Proposal:
+        """The outcome as data."""
+        best, after, gains, tried = found
+        before = refit(stack, self.evidence).mean
+        kept = tuple(g for g in gains if any(g.term is part.term for part in best.parts))
+        if not kept:
+            best, after = stack, before
+        return Proposal(
+            Form(tuple(part.term for part in best.parts), form.variant),
+            best.model.parameters.names, best.p, before, after, self.evidence.scale, kept,
+            tuple(gains), describe(best), tried,
+        )  # fmt: skip
+
+
+class _Option(NamedTuple):
+    scored: Scored
+    candidate: Candidate
+    replaced: tuple[Term, ...]
+    gain: float
+
+
+def _best(options: Sequence[_Option]) -> _Option | None:
+    """The largest gain; of near equals the one with the fewest numbers."""
+    most = max((o.gain for o in options), default=0.0)
+    near = [o for o in options if 1.0 - o.gain <= (1.0 + NEAR) * (1.0 - most)]
+    return min(near, key=lambda o: (len(o.candidate.low), -o.gain), default=None)
+
+
+def _said(stack: Stack, term: Term, detail: str) -> str:
+    """The sentence about a term just found, and how its fit was chosen."""
+    said = next(
+        s for s, part in zip(describe(stack), stack.parts, strict=True) if part.term is term
+    )
+    return f"{said} ({detail})" if detail else said
+
+
+def _label(option: _Option) -> str:
+    return " ".join(p for p in (*option.candidate.key, option.candidate.term.variant) if p)

@@ -1,0 +1,95 @@
+"""What the data proposes: the range of an input, the levels of a table, how long a lag may be.
+
+"The action space has to cover the complete observed space", and "the resolution must be high
+enough that the quantization noise is significantly smaller than the expected model deviation",
+starting very rough (Müller, Jazdi, Weyrich, "Self-improving Models for the Intelligent Digital
+Twin", section 3). Commands of a machine often come in few distinct values: then these are the
+levels. Otherwise the range is cut evenly.
+
+>>> import numpy as np
+>>> propose_levels(np.repeat([0.0, 0.05, 0.10], 9)).tolist()
+[0.0, 0.05, 0.1]
+>>> propose_levels(np.linspace(0.0, 1.0, 999), count=4).round(3).tolist()
+[0.125, 0.375, 0.625, 0.875]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float64
+
+from evertwin.errors import DataError
+from evertwin.fold import Block
+from evertwin.types import Vector
+
+__all__ = ["LEVELS", "changes_within", "inputs_of", "propose_levels", "quiet_level", "reach_of"]
+
+LEVELS = 20
+"""Levels of a table over a continuous range: rough on purpose, quantisation is tuned out later."""
+DISTINCT = 41
+"""Up to this many distinct commands are taken as the levels themselves."""
+
+
+def inputs_of(windows: Sequence[Block], column: int) -> Vector:
+    """Finite values of one input over all windows."""
+    values = np.concatenate([w.u[:, column] for w in windows])
+    return np.asarray(values[np.isfinite(values)])
+
+
+def propose_levels(
+    u: Vector, count: int = LEVELS, quantum: float = 0.0
+) -> Float64[np.ndarray, " levels"]:
+    """Levels that cover the observed inputs, rising.
+
+    Args:
+        u: observed inputs.
+        count: levels over a continuous range.
+        quantum: step between levels; 0: chosen here.
+
+    Raises:
+        DataError: the input never changes.
+    """
+    low, high = float(u.min()), float(u.max())
+    if not low < high:
+        raise DataError(
+            f"correction: expected an input that changes, got {low:g} throughout: "
+            "record other commands too"
+        )
+    if quantum > 0.0:
+        first, last = np.floor(low / quantum + 1e-9), np.ceil(high / quantum - 1e-9)
+        return np.arange(first, last + 1) * quantum
+    distinct = np.unique(u.round(12))
+    if len(distinct) <= min(DISTINCT, max(len(u) // 4, 2)):
+        return distinct
+    edges = np.linspace(low, high, count + 1)
+    return 0.5 * (edges[1:] + edges[:-1])
+
+
+def reach_of(u: Vector) -> float:
+    """Largest size of the input, bar the odd outlier: 99.5 % of the non-zero ones lie below."""
+    size = np.abs(u[u != 0.0])
+    return float(np.quantile(size, 0.995)) if len(size) else 0.0
+
+
+def quiet_level(u: Vector) -> float:
+    """Half the smallest command that is not zero, where commands come in few distinct values.
+
+    Below it "no command" is meant, whatever the drive makes of small commands.
+    """
+    distinct = np.unique(np.abs(u).round(12))
+    distinct = distinct[distinct > 0.0]
+    return 0.5 * float(distinct[0]) if 0 < len(distinct) <= DISTINCT else 0.0
+
+
+def changes_within(windows: Sequence[Block], seconds: float) -> int:
+    """The most changes of the inputs in any stretch of ``seconds``: what a lag must remember."""
+    most = 1
+    for window in windows:
+        changed = np.flatnonzero((window.u[1:] != window.u[:-1]).any(axis=1)) + 1
+        t = window.t[changed]
+        if len(t):
+            upto = np.searchsorted(t, t + round(seconds * 1e9), side="right")
+            most = max(most, int((upto - np.arange(len(t))).max()))
+    return most

@@ -1,0 +1,110 @@
+"""A stack of terms with their numbers, on top of a base model: data that grows and shrinks.
+
+Static terms come first, in the order in which they were found; a lag smooths what they make of the
+command; extra states come last.
+
+>>> from evertwin.machines.mobile import Robot1D
+>>> stack = Stack(Robot1D(), (1.0,)).plus(Term("lag", "*"), (0.0, 0.1)).plus(
+...     Term("law", "v"), (0.9, 0.0, 1.0))
+>>> [part.term.kind for part in stack.parts], stack.p.tolist()
+(['law', 'lag'], [1.0, 0.9, 0.0, 1.0, 0.0, 0.1])
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from evertwin.models import Model
+from evertwin.models.corrected import Corrected
+from evertwin.models.form import Term
+from evertwin.types import ParameterVector
+
+__all__ = ["Part", "Stack", "bounded"]
+
+_ORDER = {"lag": 1, "state": 2}
+
+
+@dataclass(frozen=True)
+class Part:
+    """One term with its numbers and their bounds.
+
+    >>> Part(Term("lag", "*"), (0.0, 0.1)).few
+    True
+    """
+
+    term: Term
+    values: tuple[float, ...]
+    low: tuple[float, ...] = ()
+    high: tuple[float, ...] = ()
+    typical: tuple[float, ...] = ()
+    fixed: tuple[int, ...] = ()
+
+    @property
+    def few(self) -> bool:
+        """Has it few numbers, that are refitted together with others?"""
+        return self.term.kind not in ("table", "surface")
+
+
+def bounded(part: Part) -> Part:
+    """The part with bounds, wide ones where it came without.
+
+    >>> bounded(Part(Term("table", "v", levels=(0.0, 2.0)), (0.0, 2.0))).typical
+    (0.1, 0.1)
+    """
+    if part.low:
+        return part
+    n, size = len(part.values), max((abs(v) for v in part.term.levels), default=1.0)
+    return replace(part, low=(-np.inf,) * n, high=(np.inf,) * n, typical=(0.05 * size,) * n)
+
+
+@dataclass(frozen=True)
+class Stack:
+    """A base model with terms. See the module for an example."""
+
+    base: Model
+    inner: tuple[float, ...]
+    """Parameter values of the base model."""
+    parts: tuple[Part, ...] = ()
+
+    @cached_property
+    def model(self) -> Model:
+        """The corrected model."""
+        terms = tuple(part.term for part in self.parts)
+        return Corrected(self.base, terms) if terms else self.base
+
+    @cached_property
+    def p(self) -> ParameterVector:
+        """Parameters of `model`, in order."""
+        values = [v for part in self.parts for v in part.values]
+        return np.array([*self.inner, *values], dtype=np.float64)
+
+    def first(self, part: int) -> int:
+        """Where the numbers of part ``part`` begin in `p`."""
+        return len(self.inner) + sum(len(other.values) for other in self.parts[:part])
+
+    def plus(self, term: Term, values: tuple[float, ...]) -> Stack:
+        """With one more term, in its place."""
+        return self.with_part(Part(term, values))[0]
+
+    def with_part(self, part: Part) -> tuple[Stack, int]:
+        """With one more part, and where it went."""
+        rank = _ORDER.get(part.term.kind, 0)
+        at = sum(_ORDER.get(other.term.kind, 0) <= rank for other in self.parts)
+        parts = (*self.parts[:at], part, *self.parts[at:])
+        return replace(self, parts=parts), at
+
+    def without(self, part: int) -> Stack:
+        """Without one part."""
+        return replace(self, parts=self.parts[:part] + self.parts[part + 1 :])
+
+    def with_p(self, p: ParameterVector) -> Stack:
+        """The same terms with other numbers."""
+        parts, at = [], len(self.inner)
+        for part in self.parts:
+            stop = at + len(part.values)
+            parts.append(replace(part, values=tuple(float(v) for v in p[at:stop])))
+            at = stop
+        return replace(self, parts=tuple(parts))
