@@ -44,6 +44,9 @@ from evertwin.types import Inputs, Intervals, Outputs, Vector
 
 __all__ = ["ClosedForm", "Solution", "Sums"]
 
+CHUNK = 2048
+"""Rows that are summed up at a time."""
+
 
 class Sums(NamedTuple):
     """Rows summed per output; sums of windows add up.
@@ -138,6 +141,10 @@ class ClosedForm:
     def solve(self, u: Inputs, dt: Intervals, y: Outputs) -> Solution:
         """Parameters from inputs and measured outputs; rows with NaN are left out."""
         p, x0 = self._fixed[0], self._fixed[6]
+        if self.filter is None and len(u) > CHUNK:
+            solution = self.solve_sums(self._by_chunks(u, dt, y))
+            if solution.solved:
+                return solution
         y0, phi = self.model.regressor(x0, u, dt, p)
         if self.filter is not None:
             n, ny, m = phi.shape
@@ -151,12 +158,23 @@ class ClosedForm:
         solution = self.solve_sums(self.sums(y, y0, phi))
         return solution if solution.solved else self._careful(y, y0, phi)
 
+    def _by_chunks(self, u: Inputs, dt: Intervals, y: Outputs) -> Sums:
+        """The same sums, piece by piece: a regressor that fits the cache is never stored."""
+        p, x0, around = self._fixed[0], self._fixed[6], self._fixed[4]
+        total = self._empty()
+        for a in range(0, len(u), CHUNK):
+            rows = slice(a, a + CHUNK)
+            y0, phi = self.model.regressor(x0, u[rows], dt[rows], p)
+            gram(y[rows], y0, phi, around, *total)
+        return total
+
+    def _empty(self) -> Sums:
+        ny, m = self._fixed[4].shape
+        return Sums(np.zeros((ny, m, m)), np.zeros((ny, m)), np.zeros(ny), np.zeros(ny))
+
     def sums(self, y: Outputs, y0: Outputs, phi: Float64[np.ndarray, "n ny m"]) -> Sums:
         """Rows summed per output."""
-        around = self._fixed[4]
-        ny, m = around.shape
-        flat = np.zeros((ny, m + 3, m + 1))
-        out = Sums(np.zeros((ny, m, m)), flat[:, 0, :m].copy(), np.zeros(ny), np.zeros(ny))
+        around, out = self._fixed[4], self._empty()
         gram(y, y0, phi, around, *out)
         return out
 
