@@ -10,7 +10,7 @@ from evertwin.anomaly import adwin
 
 def detections(x: np.ndarray, delta: float) -> list[int]:
     window = adwin.new(1)[0]
-    return [i for i, value in enumerate(x.tolist()) if adwin.add(window, value, delta)]
+    return [i for i, value in enumerate(x.tolist()) if adwin.add(window, value, delta, adwin.CLOCK)]
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -33,7 +33,7 @@ def test_the_window_holds_what_it_says() -> None:
     assert np.isnan(adwin.mean(window))
     x = np.random.default_rng(0).normal(3.0, 1.0, 5000)
     for value in x.tolist():
-        adwin.add(window, value, 1e-9)
+        adwin.add(window, value, 1e-9, 32)
     assert adwin.width(window) == 5000
     assert adwin.mean(window) == pytest.approx(x.mean())
     total = window[adwin.LEVELS]
@@ -46,7 +46,7 @@ def test_after_a_jump_the_old_part_is_forgotten() -> None:
     rng = np.random.default_rng(1)
     window = adwin.new(1)[0]
     for value in np.concatenate([rng.normal(0, 1, 3000), rng.normal(5, 1, 3000)]).tolist():
-        adwin.add(window, value, 1e-3)
+        adwin.add(window, value, 1e-3, 32)
     assert adwin.mean(window) == pytest.approx(5.0, abs=0.1)
     assert 2500 < adwin.width(window) <= 3100
 
@@ -64,7 +64,7 @@ def test_compiled_and_plain_python_agree_bit_for_bit() -> None:
     x[400:] += 2.0
     compiled, plain = adwin.new(2)
     for value in x.tolist():
-        a = adwin.add(compiled, value, 0.01)
-        b = adwin.add.py_func(plain, value, 0.01)
+        a = adwin.add(compiled, value, 0.01, 8)
+        b = adwin.add.py_func(plain, value, 0.01, 8)
         assert a == b
     assert compiled.tobytes() == plain.tobytes()

@@ -161,7 +161,10 @@ def test_compiled_and_plain_loops_agree_bit_for_bit(module: Any) -> None:
             state = _SNR.begin(known)
             return [np.full(ny, 0.3), 6.0, state.ring, state.seen]
         state = _DRIFT.begin(known)
-        return [known.ar, known.sigma, 8.0, 0.05, state.past, state.seen, state.windows]
+        return [
+            known.ar, known.sigma, 8.0, 0.05, 8,
+            state.past, state.seen, state.sums, state.windows,
+        ]  # fmt: skip
 
     results = []
     for loop in (module.watch, module.watch.py_func):

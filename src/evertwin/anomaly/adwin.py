@@ -1,7 +1,7 @@
 """ADWIN: a window that grows while its mean holds, and drops its old part when it does not.
 
 The window is kept as an exponential histogram: row ``l`` holds up to ``BUCKETS`` buckets of ``2^l``
-samples each, as their sum and their sum of squared differences. Every ``CLOCK`` samples all splits
+samples each, as their sum and their sum of squared differences. Every ``clock`` samples all splits
 between buckets are tried; the old part goes where the means of the two parts differ by more than
 
     ε = √(2·m·σ²·ln(2·ln(W)/δ)) + ⅔·m·ln(2·ln(W)/δ),    m = 1/n₀ + 1/n₁
@@ -11,7 +11,7 @@ logarithmic in the window. Compiled; the state is one array of fixed size, so th
 
 >>> state = new(1)
 >>> x = np.r_[np.zeros(1000), np.ones(200)] + np.random.default_rng(0).normal(0, 0.1, 1200)
->>> [i for i, v in enumerate(x) if add(state[0], float(v), 0.002)][:1]
+>>> [i for i, v in enumerate(x) if add(state[0], float(v), 0.002, CLOCK)][:1]
 [1023]
 """
 
@@ -24,11 +24,11 @@ import numpy as np
 from jaxtyping import Float64
 from numba import njit
 
-__all__ = ["add", "mean", "new", "width"]
+__all__ = ["CLOCK", "add", "mean", "new", "width"]
 
 LEVELS, BUCKETS = 40, 5
 CLOCK, GRACE, LEAST = 32, 10, 5
-"""Samples between two tests; width that they start at; least samples of a part."""
+"""Usual samples between two tests; width that they start at; least samples of a part."""
 USED, SUM, SQUARE = 0, 1, 2 + BUCKETS
 """Columns of a level: buckets used, their sums, their sums of squares (oldest first)."""
 COLUMNS = 3 + 2 * BUCKETS
@@ -130,7 +130,7 @@ def _forget(window: Any) -> None:
 
 
 @njit(cache=True)
-def add(window: Any, value: float, delta: float) -> bool:
+def add(window: Any, value: float, delta: float, clock: int) -> bool:
     """One sample into the window; True where the mean has changed. Changes ``window``."""
     all_ = window[LEVELS]
     all_[TICKS] += 1.0
@@ -142,7 +142,7 @@ def add(window: Any, value: float, delta: float) -> bool:
     _push(window[0], value, 0.0)
     _compress(window)
     changed = False
-    if int(all_[TICKS]) % CLOCK == 0 and all_[WIDTH] > GRACE:
+    if int(all_[TICKS]) % clock == 0 and all_[WIDTH] > GRACE:
         while all_[WIDTH] > 2 * LEAST and _splits(window, delta):
             _forget(window)
             changed = True

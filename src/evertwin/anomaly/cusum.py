@@ -56,9 +56,9 @@ def watch(
     r: Any, phase: Any, mean: Any, scale: Any, ar: Any, sigma: Any, limit: Any, k: float,
     clip: float, quiet: int, past: Any, sums: Any, seen: Any, alarm: Any, statistic: Any,
     begins: Any,
-) -> None:  # fmt: skip
-    """Rows through whitening and CUSUM; ``begins`` marks where an excursion starts."""
-    orders = ar.shape[1]
+) -> int:  # fmt: skip
+    """How many excursions start, marked in ``begins``. Rows through whitening and CUSUM."""
+    orders, started = ar.shape[1], 0
     for i in range(r.shape[0]):
         for j in range(r.shape[1]):
             x = r[i, j]
@@ -84,9 +84,12 @@ def watch(
             statistic[i, j] = max(sums[j, 0], sums[j, 1]) / limit[j]
             if statistic[i, j] > 1.0:
                 alarm[i, j] = 1 if sums[j, 0] > sums[j, 1] else -1
-                begins[i, j] = seen[j, 1] < 0
+                if seen[j, 1] < 0:
+                    begins[i, j] = True
+                    started += 1
                 sums[j, :] = 0.0
                 seen[j, 1] = 0
+    return started
 
 
 @dataclass(frozen=True)
@@ -156,14 +159,14 @@ class Cusum:
     def _watch(
         self, state: CusumState, block: Residuals, rows: Alarms, at: int, records: list[Event]
     ) -> CusumState:
-        part = block.take(at, len(block.row))
+        part = block.take(at, len(block.row)) if at else block
         known, begins = state.calibration, np.zeros(part.r.shape, dtype=np.bool_)
-        watch(
+        started = watch(
             part.r, part.phase, known.mean, known.scale, known.ar, known.sigma, known.limit,
             0.5 * self.calm.shift, self.calm.clip, self.quiet, state.past, state.sums, state.seen,
             rows.alarm[at:], rows.statistic[at:], begins,
         )  # fmt: skip
-        for i, j in np.argwhere(begins).tolist():
+        for i, j in np.argwhere(begins).tolist() if started else ():
             word = "above" if rows.alarm[at + i, j] > 0 else "below"
             records.append(
                 Event(

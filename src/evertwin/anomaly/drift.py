@@ -3,7 +3,8 @@
 Two ADWIN windows per output, on the innovation (has its mean moved?) and on its size (has its
 spread changed?), fed with predictions over one horizon, which the twin's own updates cannot hide.
 The residual is standardised and whitened by a calibration, so that one ``delta`` serves all
-outputs: ADWIN's bound is for independent samples.
+outputs: ADWIN's bound is for independent samples. Innovations enter by means of ``batch``
+consecutive ones, which saves time and finds slow changes as well.
 
 >>> from evertwin.anomaly.calibration import Calm, calibrate
 >>> rng = np.random.default_rng(0)
@@ -17,6 +18,7 @@ outputs: ADWIN's bound is for independent samples.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -25,7 +27,7 @@ from jaxtyping import Float64, Int64
 from numba import njit
 
 from evertwin.anomaly import adwin
-from evertwin.anomaly.adwin import LEVELS, TOTAL, WIDTH, add
+from evertwin.anomaly.adwin import CLOCK, LEVELS, TOTAL, WIDTH, add
 from evertwin.anomaly.calibration import Calibration, blank
 from evertwin.anomaly.residuals import Residuals
 from evertwin.fold import Event, Out
@@ -41,12 +43,14 @@ class DriftState(NamedTuple):
     """The calibration, the past for whitening, and the windows.
 
     >>> DriftState._fields
-    ('calibration', 'past', 'seen', 'windows')
+    ('calibration', 'past', 'seen', 'sums', 'windows')
     """
 
     calibration: Calibration
     past: Float64[np.ndarray, "ny orders"]
     seen: Int64[np.ndarray, " ny"]
+    sums: Float64[np.ndarray, "ny 2"]
+    """Sum and sum of sizes of the batch so far."""
     windows: Float64[np.ndarray, "windows levels columns"]
     """Mean and spread of each output in turn."""
 
@@ -54,10 +58,11 @@ class DriftState(NamedTuple):
 @njit(cache=True)
 def watch(
     r: Any, phase: Any, mean: Any, scale: Any, ar: Any, sigma: Any, clip: float, delta: float,
-    past: Any, seen: Any, windows: Any, level: Any,
-) -> None:  # fmt: skip
-    """Rows through whitening and both windows; ``level`` (n, 2·ny) gets the new means."""
+    batch: int, past: Any, seen: Any, sums: Any, windows: Any, level: Any,
+) -> int:  # fmt: skip
+    """How many changes. Rows through whitening and both windows; ``level`` gets the new means."""
     orders = ar.shape[1]
+    clock, grow, changes = max(1, CLOCK // batch), math.sqrt(batch), 0
     for i in range(r.shape[0]):
         for j in range(r.shape[1]):
             if r[i, j] != r[i, j]:
@@ -74,10 +79,17 @@ def watch(
             if seen[j] <= orders:
                 continue
             e = min(max(e / sigma[j], -clip), clip)
+            sums[j, 0] += e
+            sums[j, 1] += abs(e)
+            if (seen[j] - orders) % batch != 0:
+                continue
             for m in range(2):
                 window = windows[2 * j + m]
-                if add(window, e if m == 0 else abs(e), delta):
-                    level[i, 2 * j + m] = window[LEVELS, TOTAL] / window[LEVELS, WIDTH]
+                if add(window, sums[j, m] / batch * grow, delta, clock):
+                    level[i, 2 * j + m] = window[LEVELS, TOTAL] / window[LEVELS, WIDTH] / grow
+                    changes += 1
+                sums[j, m] = 0.0
+    return changes
 
 
 @dataclass(frozen=True)
@@ -92,6 +104,8 @@ class Drift:
     delta: float = 1e-4
     """Chance of a false cut, per test of one window."""
     clip: float = 8.0
+    batch: int = 8
+    """Innovations that are averaged before they enter a window."""
     phases: int = 1
     orders: int = 8
     """As in the calibration."""
@@ -105,7 +119,7 @@ class Drift:
         ny = len(self.names)
         return DriftState(
             calibration, np.zeros((ny, self.orders)), np.zeros(ny, dtype=np.int64),
-            adwin.new(2 * ny),
+            np.zeros((ny, 2)), adwin.new(2 * ny),
         )  # fmt: skip
 
     def step(self, state: DriftState, block: Residuals) -> tuple[DriftState, Out]:
@@ -114,10 +128,12 @@ class Drift:
         if not known.ready:
             return state, Out()
         level = np.full((len(block.row), 2 * len(self.names)), np.nan)
-        watch(
+        changes = watch(
             block.r, block.phase, known.mean, known.scale, known.ar, known.sigma, self.clip,
-            self.delta, state.past, state.seen, state.windows, level,
+            self.delta, self.batch, state.past, state.seen, state.sums, state.windows, level,
         )  # fmt: skip
+        if changes == 0:
+            return state, Out()
         places = np.argwhere(np.isfinite(level))
         return state, Out(records=tuple(self._event(block, level, *place) for place in places))
 

@@ -27,6 +27,7 @@ from evertwin.anomaly.calibration import Calibration, blank
 from evertwin.anomaly.residuals import Alarms, Residuals
 from evertwin.errors import UsageError
 from evertwin.fold import Event, Out
+from evertwin.types import Vector
 
 __all__ = ["SnrLimit", "SnrState"]
 
@@ -35,10 +36,12 @@ class SnrState(NamedTuple):
     """The calibration and the last residuals.
 
     >>> SnrState._fields
-    ('calibration', 'ring', 'seen')
+    ('calibration', 'noise', 'ring', 'seen')
     """
 
     calibration: Calibration
+    noise: Vector
+    """Standard deviation of the mean over the window on calm data, (ny,)."""
     ring: Float64[np.ndarray, "ny window"]
     """Standardised residuals, the oldest overwritten."""
     seen: Int64[np.ndarray, "ny 2"]
@@ -99,7 +102,9 @@ class SnrLimit:
     def begin(self, calibration: Calibration) -> SnrState:
         """The state that starts from a calibration."""
         ny = len(self.names)
-        return SnrState(calibration, np.zeros((ny, self.window)), np.zeros((ny, 2), dtype=np.int64))
+        seen = np.zeros((ny, 2), dtype=np.int64)
+        noise = self._noise(calibration)
+        return SnrState(calibration, noise, np.zeros((ny, self.window)), seen)
 
     def step(self, state: SnrState, block: Residuals) -> tuple[SnrState, Out]:
         """Rows of `Alarms` and an event where an alarm begins. Consumes ``state``."""
@@ -109,7 +114,7 @@ class SnrLimit:
             return state, Out(rows)
         known, begins = state.calibration, np.zeros(shape, dtype=np.bool_)
         watch(
-            block.r, block.phase, known.mean, known.scale, self._noise(known), self.threshold,
+            block.r, block.phase, known.mean, known.scale, state.noise, self.threshold,
             state.ring, state.seen, rows.alarm, rows.statistic, begins,
         )  # fmt: skip
         return state, Out(rows, tuple(self._event(block, rows, i, j) for i, j in _places(begins)))
