@@ -125,12 +125,12 @@ class Proposal:
     """Size that counts as 1 per output."""
     gains: tuple[Gain, ...] = ()
     """The new terms."""
-    steps: tuple[Gain, ...] = ()
-    """Every step on the way, terms that were replaced or dropped later included."""
     describes: tuple[str, ...] = ()
     """The terms in plain words."""
     tried: Mapping[str, float] = field(default_factory=dict)
     """Held-out gain of every candidate on the form as it was."""
+    steps: tuple[Gain, ...] = ()
+    """Every step on the way, terms that were replaced or dropped later included."""
 
     @property
     def found(self) -> bool:
@@ -305,7 +305,7 @@ class _Search:
         return Proposal(
             Form(tuple(part.term for part in best.parts), form.variant),
             best.model.parameters.names, best.p, before, after, self.evidence.scale, kept,
-            tuple(gains), describe(best), tried,
+            describe(best), tried, tuple(gains),
         )  # fmt: skip
 
 
