@@ -24,11 +24,11 @@ import numpy as np
 from evertwin.sources import Cell, Clock, Recorded
 
 CHANNELS = 18
-PIECE = 600_000
+PIECE = 120_000
 
 
 def pieces(rows: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Stamps [ns] and values, ten minutes at a time."""
+    """Stamps [ns] and values, two minutes at a time."""
     frequency = 0.05 + 0.01 * np.arange(CHANNELS)
     for start in range(0, rows, PIECE):
         i = np.arange(start, min(start + PIECE, rows))
@@ -37,7 +37,7 @@ def pieces(rows: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
 
 
 def write_parquet(path: Path, rows: int) -> None:
-    """One file with a row group per ten minutes."""
+    """One file with a row group per two minutes."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

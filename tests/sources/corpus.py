@@ -1,5 +1,5 @@
-"""Broken recordings, generated. Each row of a whole file obeys x = 10·t + 0.25 and y = −20·t, so that
-a single wrong number in what was read shows.
+"""Broken recordings, generated. Each row of a whole file obeys x = 10·t + 0.25 and y = −20·t, so
+that a single wrong number in what was read shows.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def mcap_file(
     for i in range(N):
         content = json.dumps({"x": X[i], "y": Y[i]}).encode()
         data = content if payload is None else payload(i)
-        stamp = int(round(T[i] * 1e9))
+        stamp = round(T[i] * 1e9)
         writer.add_message(channel, stamp, data, stamp)
     writer.finish()
     return buffer.getvalue()
@@ -158,7 +158,7 @@ def _set(i: int, value: int) -> Callable[[np.ndarray], np.ndarray]:
 
 
 def build(folder: Path) -> dict[str, tuple[bytes, str]]:
-    """File name → (content, what must happen): 'read', 'refused', or the kind of problem counted."""
+    """File name → (content, what must happen): read, refused, any, or the problem counted."""
     canary = str(folder / "canary")
     loot = pickle.dumps(Canary(canary))
     whole = text(lines())
@@ -301,7 +301,7 @@ def build(folder: Path) -> dict[str, tuple[bytes, str]]:
         "protobuf.mcap": (mcap_file(encoding="protobuf"), "refused"),
         "not_json.mcap": (mcap_file(lambda i: b"{"), "refused"),
         "half_not_json.mcap": (
-            mcap_file(lambda i: json.dumps({"x": X[i], "y": Y[i]}).encode() if i % 2 == 0 else b"["),
+            mcap_file(lambda i: b"[" if i % 2 else json.dumps({"x": X[i], "y": Y[i]}).encode()),
             "damaged",
         ),
         "field_vanishes.mcap": (

@@ -66,8 +66,9 @@ def ros1_bag(path: Path, compression: str = "") -> Path:
         for i in range(N):
             t = START + i * STEP + 5_000_000
             for link, make, name in (
-                (odom, odometry, "nav_msgs/msg/Odometry"), (arm, joints, "sensor_msgs/msg/JointState"),
-            ):  # fmt: skip
+                (odom, odometry, "nav_msgs/msg/Odometry"),
+                (arm, joints, "sensor_msgs/msg/JointState"),
+            ):
                 writer.write(link, t, store.serialize_ros1(make(store.types, i, True), name))
             text = store.types["std_msgs/msg/String"](data="hello")
             writer.write(word, t, store.serialize_ros1(text, "std_msgs/msg/String"))
@@ -84,8 +85,9 @@ def ros2_bag(path: Path, storage: StoragePlugin) -> Path:
         for i in range(N):
             t = START + i * STEP + 5_000_000
             for link, make, name in (
-                (odom, odometry, "nav_msgs/msg/Odometry"), (arm, joints, "sensor_msgs/msg/JointState"),
-            ):  # fmt: skip
+                (odom, odometry, "nav_msgs/msg/Odometry"),
+                (arm, joints, "sensor_msgs/msg/JointState"),
+            ):
                 writer.write(link, t, store.serialize_cdr(make(store.types, i, False), name))
             gauge = store.types["my_msgs/msg/Gauge"](torque=1.5, code=np.arange(3, dtype=np.int32))
             writer.write(own, t, store.serialize_cdr(gauge, "my_msgs/msg/Gauge"))

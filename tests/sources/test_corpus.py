@@ -122,3 +122,35 @@ def test_a_stated_unit_makes_an_unclear_one_clear(files: dict[str, tuple[Path, s
     path, _ = files["unclear_unit.csv"]
     chunks = list(Recorded("run", (path,), (Cell("x", "x", "1"),), Clock(unit="ms")).read())
     assert chunks[0].t[1] == 20_000_000
+
+
+def _mutated(content: bytes, rng: np.random.Generator) -> bytes:
+    """One byte replaced, inserted or doubled; never a digit for a digit, which nobody could see."""
+    at = int(rng.integers(6, len(content)))
+    new = bytes([int(rng.choice(list(b"xX;,\n\r\t\"' #\0\xff_/:")))])
+    return [
+        content[:at] + new + content[at + 1 :],
+        content[:at] + new + content[at:],
+        content[:at] + new * 3 + content[at:],
+        content[:at] + content[content.index(b"\n", at - 6) + 1 :],
+    ][int(rng.integers(4))]
+
+
+def test_mutated_text_gives_no_wrong_number(tmp_path: Path) -> None:
+    whole = CORPUS.text(CORPUS.lines())
+    path = tmp_path / "run.csv"
+    outcomes = {"read": 0, "refused": 0}
+    for seed in range(200):
+        path.write_bytes(_mutated(whole, np.random.default_rng(seed)))
+        try:
+            chunks = list(source(path).read())
+        except DataError as error:
+            assert "run.csv" in str(error)
+            outcomes["refused"] += 1
+            continue
+        outcomes["read"] += 1
+        t = np.concatenate([c.t for c in chunks])
+        v = np.concatenate([c.v for c in chunks])
+        assert len(t) >= CORPUS.N - 3, seed
+        check_values("mutated", t, v)
+    assert min(outcomes.values()) > 25

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
@@ -17,7 +19,7 @@ def run(t: np.ndarray, cuts: list[int], rules: Rules = RULES) -> Guarded:
     edges = sorted({0, n, *(c % (n + 1) for c in cuts)})
     v = np.arange(n, dtype=np.float64)[:, None]
     pieces = [
-        (np.arange(a, b), t[a:b], v[a:b]) for a, b in zip(edges, edges[1:], strict=False)
+        (np.arange(a, b), t[a:b], v[a:b]) for a, b in itertools.pairwise(edges)
     ]  # fmt: skip
     out = list(guard(iter(pieces), rules))
     return Guarded(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -65,7 +66,7 @@ def test_a_log_with_a_few_even_lines_is_no_table(tmp_path: Path) -> None:
 
 def test_rate_keeps_time_over_rows_left_out(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
-    path.write_text("x,y\n" + "".join(f"{i},{i}\n" if i != 3 else "3\n" for i in range(6)))
+    path.write_text("x,y\n" + "".join(f"{i},{i}\n" if i != 3 else "3,3,3\n" for i in range(6)))
     source = Recorded("r", (path,), (Cell("x", "x", "1"),), Clock(rate=1000.0))
     (chunk,) = source.read()
     assert (chunk.t // 1_000_000).tolist() == chunk.v[:, 0].tolist() == [0, 1, 2, 4, 5]
@@ -153,7 +154,7 @@ def chunked(name: str, t: np.ndarray, cuts: list[int], task: int = 0) -> list[Ch
     edges = sorted({0, len(t), *(c % (len(t) + 1) for c in cuts)})
     v = t[:, None].astype(np.float64)
     return [
-        Chunk(name, t[a:b], v[a:b], task) for a, b in zip(edges, edges[1:], strict=False)
+        Chunk(name, t[a:b], v[a:b], task) for a, b in itertools.pairwise(edges)
     ]  # fmt: skip
 
 

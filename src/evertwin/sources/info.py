@@ -32,10 +32,10 @@ def inspect(path: Path | str) -> Info:
 
     >>> import tempfile
     >>> file = Path(tempfile.mkdtemp()) / "run.csv"
-    >>> _ = file.write_text("t [s],v [m/s]\\n0,1\\n0.1,2\\n0.2,nan\\n0.2\\n0.3,4\\n")
+    >>> _ = file.write_text("t [s],v [m/s]\\n0,1\\n0.1,2\\n0.2,nan\\n0.2,3,4\\n0.3,4\\n")
     >>> table = inspect(file).tables[0]
     >>> table.rows, round(table.time.rate), table.columns[1].missing, table.problems
-    (4, 10, 1, {'truncated': 1})
+    (4, 10, 1, {'overlong': 1})
     """
     path = Path(path)
     recording = open_recording(path)

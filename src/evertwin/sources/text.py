@@ -1,6 +1,7 @@
 """Text tables (CSV and its relatives), read in blocks of a few megabytes.
 
-A row with too few or too many cells is left out and counted with its line. The last line without a
+A row with too few or too many cells is left out and counted with its line; so is a row before a
+line of one cell, because a line broken in its last number looks complete. The last line without a
 line end may have been cut inside a number, ``3.1`` instead of ``3.14``, so it is kept only where
 its last cell has as many decimals as the cells above it. A word where a number should be is an
 error with file, line and column. Gzip is unpacked while reading.
@@ -51,13 +52,13 @@ class TextTable:
 
     >>> import tempfile
     >>> file = Path(tempfile.mkdtemp()) / "run.csv"
-    >>> _ = file.write_text("t,v [m/s]\\n0,1.5\\n1,\\n2\\n")
+    >>> _ = file.write_text("t,v [m/s]\\n0,1.5\\n1,\\n2,3,4\\n")
     >>> table = TextTable(file)
     >>> table.columns[1]
     Column(name='v', kind='number', unit='m/s')
     >>> rows = next(table.rows(["v"], "t"))
     >>> rows.line.tolist(), rows.values[:, 0].tolist(), rows.problems[0].kind
-    ([2, 3], [1.5, nan], 'truncated')
+    ([2, 3], [1.5, nan], 'overlong')
     """
 
     path: Path
@@ -131,9 +132,9 @@ class TextTable:
                         f"{self.path.name}:{line + len(held) + len(lines)}: a line of more than "
                         f"{LONGEST} bytes: end lines with a line feed"
                     )
-                if held and lines:
-                    yield line, held, ""
-                    line, held = line + len(held), []
+                if len(held) > 1 and lines:  # its last line stays: the next may be the other half
+                    yield line, held[:-1], ""
+                    line, held = line + len(held) - 1, held[-1:]
                 held += lines
         if rest.strip():
             yield line, [*held, rest], reason or "open"
@@ -172,6 +173,10 @@ class _Piece:
             count = len(ln.split()) if d.delimiter is None else ln.count(d.delimiter) + 1
             last = bool(cut) and i == len(self.lines) - 1
             if count != d.fields or b"\0" in ln:
+                if count == 1 and where and where[-1][0] == self.first + i - 1:
+                    kept.pop()
+                    detail = "the next line holds one cell: perhaps its other half"
+                    problems.append(Problem("truncated", where.pop()[0], detail))
                 problems.append(self._misfit(self.first + i, count, b"\0" in ln))
             elif last and (cut != "open" or not self._complete(raw, kept)):
                 detail = "no line end: a cell may be cut short" if cut == "open" else cut
