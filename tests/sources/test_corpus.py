@@ -140,7 +140,7 @@ def test_mutated_text_gives_no_wrong_number(tmp_path: Path) -> None:
     whole = CORPUS.text(CORPUS.lines())
     path = tmp_path / "run.csv"
     outcomes = {"read": 0, "refused": 0}
-    for seed in range(200):
+    for seed in range(120):
         path.write_bytes(_mutated(whole, np.random.default_rng(seed)))
         try:
             chunks = list(source(path).read())
@@ -153,4 +153,4 @@ def test_mutated_text_gives_no_wrong_number(tmp_path: Path) -> None:
         v = np.concatenate([c.v for c in chunks])
         assert len(t) >= CORPUS.N - 3, seed
         check_values("mutated", t, v)
-    assert min(outcomes.values()) > 25
+    assert min(outcomes.values()) > 15

@@ -19,6 +19,7 @@ def peak(hours: float, kind: str) -> dict[str, float]:
     return content
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "short", "long"), [("parquet", 0.05, 0.2), ("csv", 0.004, 0.016)])
 def test_memory_does_not_grow_with_the_file(kind: str, short: float, long: float) -> None:
     few, many = peak(short, kind), peak(long, kind)

@@ -167,5 +167,6 @@ def _unit(channel: Channel, column: ColumnInfo) -> tuple[str, str]:
     largest = max(abs(column.low), abs(column.high))
     for inside, outside, above, below in _RANGES:
         if channel.unit == inside and above < largest < below:
-            return outside, f"values reach {largest:.4g}: too large for {inside}"
+            size = "small" if above < 0 else "large"
+            return outside, f"values reach {largest:.4g}: too {size} for {inside}"
     return channel.unit, "assumed: please check"
