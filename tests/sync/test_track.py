@@ -12,7 +12,7 @@ from evertwin.errors import UsageError
 from evertwin.fold import Block, Mark, check_online, equal, fold, make_block, take
 from evertwin.models import FunctionModel
 from evertwin.signals import Layout
-from evertwin.sync import Arbiter, Phases, Rule, Track, track_loop
+from evertwin.sync import Arbiter, Horizon, Phases, Rule, Track, track_loop
 
 from .faults import FAULTS, LENGTH, ONSET, recording
 from .machines import drive, drive_rows, unicycle, unicycle_rows
@@ -409,6 +409,15 @@ def test_unknown_groups_and_phases_are_named() -> None:
         Phases("v", (1.0, 0.0))
     with pytest.raises(UsageError, match="no channel"):
         Track(drive(), Arbiter(phases=Phases("speed", (0.0,))))
+
+
+def test_columns_of_wider_arrays_are_read_rightly() -> None:
+    block = unicycle_rows(3)
+    wide = np.concatenate([np.zeros((400, 1)), block.u], axis=1)
+    for stage in (Track(unicycle()), Horizon(unicycle())):
+        expected = fold(stage, [block])
+        assert equal(fold(stage, [block._replace(u=wide[:, 1:])]), expected)
+        assert equal(fold(stage, [block._replace(y=np.asfortranarray(block.y))]), expected)
 
 
 def test_findings_beyond_one_pass_are_all_told() -> None:

@@ -30,7 +30,7 @@ SYNTAX, FROZEN, VOTE = 1, 4, 7
 FOUND_ERROR, FOUND_OVERRULED, FOUND_FRESH, FOUND_WIDER = 0, 1, 4, 5
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 def forget(rules: Any, memory: Any, rows: Any, notes: Any, g: int, now: Any) -> None:
     """The state starts anew: what is open is closed, and the next sample is adopted as it is."""
     end_contest(rules, memory, rows, notes, g, now)
@@ -38,7 +38,7 @@ def forget(rules: Any, memory: Any, rows: Any, notes: Any, g: int, now: Any) -> 
     memory[1][g, at.STARTED] = memory[1][g, at.RUN] = 0
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True)
 def settle(
     limits: Any, memory: Any, sample: Any, g: int, size: int, stamp: int, adopt: bool,
     spread: float,
@@ -59,7 +59,7 @@ def settle(
     numbers[g, at.SAMPLES] += 1
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True)
 def use(settings: Any, memory: Any, sample: Any, g: int, size: int, stamp: int) -> int:
     """A sample inside the gate: nothing, a tolerance update, or a blend."""
     limits, rules, _ = settings
@@ -94,7 +94,7 @@ def use(settings: Any, memory: Any, sample: Any, g: int, size: int, stamp: int) 
     return ADOPTED if adopt else 0
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True)
 def follow(settings: Any, memory: Any, sample: Any, g: int, size: int, now: Any) -> None:
     """Keeps the run of equal values."""
     rules = settings[1]
@@ -115,7 +115,7 @@ def follow(settings: Any, memory: Any, sample: Any, g: int, size: int, now: Any)
         values[j, at.WAY] = 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 def withdraw(settings: Any, memory: Any, sample: Any, g: int, size: int) -> None:
     """The sensor turned out to be frozen: its equal values lose their effect on the state."""
     limits, rules, _ = settings
@@ -133,7 +133,7 @@ def withdraw(settings: Any, memory: Any, sample: Any, g: int, size: int) -> None
     numbers[g, at.GOOD_AT] = numbers[g, at.RUN_AT]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 def contest(
     settings: Any, memory: Any, statistics: Any, board: Any, notes: Any, sample: Any, g: int,
     size: int, now: Any, phase: int,
@@ -163,7 +163,7 @@ def contest(
     return CONTESTED, 0
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 def refresh(memory: Any, notes: Any, g: int, now: Any) -> None:
     """The group is valid (again)."""
     numbers = memory[1]
@@ -172,7 +172,7 @@ def refresh(memory: Any, notes: Any, g: int, now: Any) -> None:
     numbers[g, at.VALID] = 1
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True)
 def judge(
     settings: Any, memory: Any, statistics: Any, board: Any, notes: Any, sample: Any, g: int,
     size: int, now: Any, phase: int,

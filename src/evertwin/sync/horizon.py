@@ -221,7 +221,8 @@ class Horizon:
         )  # fmt: skip
         kernel = self._kernel
         run(
-            kernel.step, kernel.observe, kernel.context, *contiguous(block)[1:], *self._fixed, *state[:2], *state[2:], *rows,
+            kernel.step, kernel.observe, kernel.context, *contiguous(block)[1:], *self._fixed,
+            *state, *rows,
         )  # fmt: skip
         return state, Out(rows)
 

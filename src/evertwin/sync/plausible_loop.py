@@ -21,7 +21,7 @@ __all__ = ["doubted", "grown", "implausible", "learn", "measure", "standstill", 
 NONE, RANGE, RATE, FROZEN, SENTINEL, FACTOR = 0, 2, 3, 4, 5, 6
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True)
 def grown(rules: Any, numbers: Any, figures: Any, g: int, stamp: int) -> float:
     """Growth of the innovation's variance since the last trusted sample; 1 at the interval.
 
@@ -35,7 +35,7 @@ def grown(rules: Any, numbers: Any, figures: Any, g: int, stamp: int) -> float:
     return float((1 + figures[g, at.SPREAD] + k * k / (1 - k) * steps) * (1 - k))
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True)
 def variance_of(variance: Any, counts: Any, phase: int, j: int) -> float:
     """Regular variance of output ``j``'s innovation; inf while too few are known."""
     pool = variance.shape[0] - 1
@@ -44,7 +44,7 @@ def variance_of(variance: Any, counts: Any, phase: int, j: int) -> float:
     return float(variance[pool, j]) if counts[pool, j] >= at.FEW else np.inf
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 def learn(statistics: Any, phase: int, j: int, square: float) -> None:
     """One more squared innovation, in its phase and over all of them."""
     variance, counts, warm = statistics
@@ -66,7 +66,7 @@ def learn(statistics: Any, phase: int, j: int, square: float) -> None:
         variance[phase, j] += (square - variance[phase, j]) / counts[phase, j]
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True)
 def measure(
     settings: Any, memory: Any, statistics: Any, sample: Any, g: int, size: int, stamp: int,
     phase: int,
@@ -98,7 +98,7 @@ def measure(
     return worst
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 def standstill(settings: Any, memory: Any, sample: Any, g: int, size: int) -> bool:
     """A run of equal values ends: did the machine stand still, against the model's prediction?
 
@@ -117,7 +117,7 @@ def standstill(settings: Any, memory: Any, sample: Any, g: int, size: int) -> bo
     return False
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True)
 def implausible(settings: Any, memory: Any, sample: Any, g: int, size: int, stamp: int) -> int:
     """Range, rate, and a frozen value: the first cause that holds, or none.
 
@@ -150,7 +150,7 @@ def implausible(settings: Any, memory: Any, sample: Any, g: int, size: int, stam
     return NONE
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 def suspected(room: float, noise: float, y: float, expected: float, angle: bool) -> float:
     """The factor between a measurement and what was expected of it; 0 if there is none.
 
@@ -169,7 +169,7 @@ def suspected(room: float, noise: float, y: float, expected: float, angle: bool)
     return 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 def doubted(settings: Any, memory: Any, sample: Any, g: int, size: int) -> int:
     """A value outside the gate: a sentinel code, a suspected factor, or neither."""
     limits, rules, sentinels = settings

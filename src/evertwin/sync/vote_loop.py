@@ -19,7 +19,7 @@ ERROR, OVERRULED, RESTORED, STALE, FRESH, WIDER = range(6)
 VOTE = 7
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 def note(notes: Any, memory: Any, now: Any, kind: int, g: int, cause: int, span: Any) -> None:
     """Notes a finding at ``now`` (row, stamp) about ``span`` (first, last row, samples)."""
     found, detail, extent = notes
@@ -36,7 +36,7 @@ def note(notes: Any, memory: Any, now: Any, kind: int, g: int, cause: int, span:
         detail[k, 1 + j], detail[k, 1 + ny + j] = values[j, told], values[j, at.BASE]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 def remember(
     rules: Any, memory: Any, board: Any, room: Any, g: int, size: int, row: int, stamp: int
 ) -> None:
@@ -61,7 +61,7 @@ def remember(
     numbers[g, at.BATCH] += 1
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 def agrees(settings: Any, values: Any, board: Any, room: Any, g: int, size: int) -> bool:
     """Do the last k contested samples lie on one line beside the prediction?
 
@@ -98,7 +98,7 @@ def agrees(settings: Any, values: Any, board: Any, room: Any, g: int, size: int)
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 def widen(
     rules: Any, figures: Any, statistics: Any, room: Any, g: int, size: int, phase: int
 ) -> bool:
@@ -120,7 +120,7 @@ def widen(
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 def end_contest(rules: Any, memory: Any, rows: Any, notes: Any, g: int, now: Any) -> None:
     """The contest is over without agreement: its samples were measurement errors."""
     numbers = memory[1]
@@ -131,7 +131,7 @@ def end_contest(rules: Any, memory: Any, rows: Any, notes: Any, g: int, now: Any
     numbers[g, at.CONTEST] = numbers[g, at.BATCH] = 0
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 def fault(rules: Any, memory: Any, notes: Any, g: int, cause: int, onset: int, now: Any) -> None:
     """One more sample with an obvious error; told once, at its end or when it lasts."""
     numbers = memory[1]
@@ -148,7 +148,7 @@ def fault(rules: Any, memory: Any, notes: Any, g: int, cause: int, onset: int, n
         note(notes, memory, now, ERROR, g, cause, span)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 def end_fault(memory: Any, notes: Any, g: int, now: Any) -> None:
     """The fault is over."""
     numbers = memory[1]
