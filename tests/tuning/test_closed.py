@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,9 @@ import pytest
 from scipy.signal import butter, filtfilt
 
 from evertwin.errors import DataError, UsageError
-from evertwin.models import Parameters
+from evertwin.fold import make_block
+from evertwin.models import FunctionModel, Parameters
+from evertwin.signals import Layout
 from evertwin.tuning import ClosedForm, Problem, solve
 from evertwin.tuning.gram import gram, normal
 
@@ -193,3 +196,24 @@ def test_kernels_equal_their_plain_twins_bit_for_bit() -> None:
         results.append((code, *sums, *out))
     for left, right in zip(*results, strict=True):
         assert np.array_equal(left, right)
+
+
+def test_only_moving_rows_count_and_the_filter_runs_over_all() -> None:
+    def smooth(columns: Any) -> Any:
+        kernel = np.ones(5) / 5
+        return np.stack([np.convolve(c, kernel, mode="same") for c in columns.T], axis=1)
+
+    u = np.sin(np.linspace(0, 20, 400))[:, None]
+    rest = np.abs(u[:, 0]) <= 0.3
+    y = 3.0 * u + np.where(rest, 5.0, 0.0)[:, None] * np.sign(u)
+    line = FunctionModel(
+        lambda x, u, dt, p: ([], [p[0] * u[0]]), Layout.of(u="1"), Layout.of(y="1"),
+        parameters=Parameters.of(slope=(1.0, "1")),
+    )  # fmt: skip
+    rows = make_block(t=np.arange(400), u=u, y=y)
+    problem = Problem(line, (rows,), filter=smooth, moving=lambda u: np.abs(u) > 0.5)
+    moving = replace(problem, only_moving=True)
+    assert moving.rows.used.sum() == (np.abs(u) > 0.5).sum()
+    np.testing.assert_array_equal(moving.rows.y[moving.rows.used], problem.rows.y[moving.rows.used])
+    assert solve(moving)["slope"] == pytest.approx(3.0, abs=0.01)
+    assert solve(problem)["slope"] != pytest.approx(3.0, abs=0.1)

@@ -97,6 +97,9 @@ class Problem:
     loss: Loss = "linear"
     """``linear`` or one of SciPy's robust losses: soft_l1, huber, cauchy, arctan."""
     moving: Moving | None = None
+    only_moving: bool = False
+    """Only moving rows count; the filter still runs over all. At standstill friction is not
+    determined, so it has nothing to say there."""
 
     def __post_init__(self) -> None:
         ny = len(self.model.outputs)
@@ -180,11 +183,11 @@ class Problem:
             used &= ~opens[:, None]
         y = np.where(used, np.concatenate([block.y for block in self.windows]), np.nan)
         segments = _segments(opens, skip=int(len(x0) > 0))
-        rows = Rows(u, dt, y, used, code, adopts, segments)
-        if self.filter is None:
-            return rows
-        smooth = np.where(used, self.smooth(_bridge(y, segments), segments), np.nan)
-        return rows._replace(y=smooth)
+        if self.filter is not None:
+            y = self.smooth(_bridge(y, segments), segments)
+        if self.only_moving and self.moving is not None:
+            used &= np.asarray(self.moving(u))
+        return Rows(u, dt, np.where(used, y, np.nan), used, code, adopts, segments)
 
     def smooth(self, columns: Any, segments: tuple[tuple[int, int], ...]) -> Any:
         """``columns`` (n, k) filtered stretch by stretch; the same for every side.
