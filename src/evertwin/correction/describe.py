@@ -53,10 +53,13 @@ def _lag(term: Term, values: tuple[float, ...], unit: str) -> str:
 def _coupling(term: Term, values: tuple[float, ...], unit: str) -> str:
     c, o = term.channel, term.source
     if term.variant == "grip":
-        return (
-            f"{c}: gain {values[0]:.3g}, limited to 1/({values[1]:.3g} + {values[2]:.3g}·|{o}|) "
-            f"{unit}"
+        cap, grip = values[1], values[2]
+        limit = (
+            f"1/({cap:.3g} + {grip:.3g}·|{o}|)"
+            if cap > 1e-6 * grip or grip == 0.0
+            else f"{1 / grip:.3g}/|{o}|"
         )
+        return f"{c}: gain {values[0]:.3g}, limited to {limit} {unit}"
     size = f"|{o}|" if term.variant == "magnitude" else o
     return f"{c}: {'falls' if values[0] >= 0 else 'rises'} by {abs(values[0]):.3g}·{size}"
 
