@@ -18,6 +18,7 @@ residuals of smoothed rates are not white. A motion without change gives no lag,
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
@@ -259,7 +260,7 @@ def clock_offset(
     start, stop = max(int(ta[0]), int(tb[0])), min(int(ta[-1]), int(tb[-1]))
     edges = np.linspace(start, stop, pieces + 1).astype(np.int64)
     lags, middles = [], []
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in itertools.pairwise(edges):
         i, j = np.searchsorted(ta, [low, high]), np.searchsorted(tb, [low, high])
         found = lag(ta[slice(*i)], a[slice(*i)], tb[slice(*j)], b[slice(*j)], longest)
         if found.verdict != "not":

@@ -2,8 +2,9 @@
 
 Both leave the phase alone: the Butterworth because it runs forward and backward, which doubles its
 order and makes −3 dB at the cut-off into −6; the Savitzky-Golay because its taps are symmetric. A
-zero-phase filter looks ahead, so it belongs inside a window; in the stream `evertwin.signals.smooth`
-does the same with a declared delay. The same filter goes over both sides of a comparison.
+zero-phase filter looks ahead, so it belongs inside a window; in the stream
+`evertwin.signals.smooth` does the same with a declared delay. The same filter goes over both sides
+of a comparison.
 
 >>> import numpy as np
 >>> slow = np.sin(2 * np.pi * 1.0 * np.arange(0, 4, 0.01))[:, None]

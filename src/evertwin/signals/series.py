@@ -1,4 +1,4 @@
-"""A series: channels over strictly increasing stamps. What a window is cut, resampled and written as.
+"""A series: channels over strictly increasing stamps; windows are cut, resampled and written so.
 
 >>> import numpy as np
 >>> s = Series(Layout.of(v="m/s"), np.array([0, 10**9, 2 * 10**9]), np.array([[0.0], [1.0], [0.5]]))
