@@ -68,6 +68,7 @@ class Decide:
             self._judge_trial(decision)
         elif decision.state.desk.phase == PROBATION:
             self._judge_probation(decision)
+        self._cross(decision)
         self._watch(decision, task_end)
         return decision.state, decision.events, decision.requests
 
@@ -89,6 +90,27 @@ class Decide:
         if (reason or due) and self._free(decision.state):
             decision.desk(fitted=state.time)
             self._ask(decision, "fit", FIT, {"reason": reason or "scheduled"})
+
+    def _cross(self, decision: Decision) -> None:
+        """A correction learned for one range of another input is learned anew outside it."""
+        state, setup = decision.state, self.follow.setup
+        names = setup.spec.correction.watch
+        if len(state.watched) and self.follow.versions[state.live.version].form.terms:
+            last = (state.ring.end - 1) % setup.ring.capacity
+            now = state.ring.u[last, [setup.model.inputs.index(name) for name in names]]
+            room = 0.1 * (state.watched[:, 1] - state.watched[:, 0]) + 1e-9
+            outside = (now < state.watched[:, 0] - room) | (now > state.watched[:, 1] + room)
+            if outside.any():
+                name = names[int(np.argmax(outside))]
+                reason = f"{name} left the range that the correction was learned for"
+                decision.say("training_restarted", name, reason, {"now": now, "range": state.watched})
+                decision.state = state._replace(watched=np.zeros((0, 2)))
+                retrain = state.row + setup.spec.anomaly.window
+                decision.desk(since=state.row, retrain=retrain)
+        desk = decision.state.desk
+        if desk.retrain and state.row >= desk.retrain and self._free(decision.state):
+            decision.desk(retrain=0)
+            self._ask(decision, "correct", CORRECT, {"reason": "new training sequence"})
 
     def _deviates(self, state: TwinState, task_end: bool) -> tuple[str | None, str, dict[str, Any]]:
         """(None, …) when it is too early to say, ("", …) when within the requirement."""

@@ -1,6 +1,8 @@
-"""How a correction is learned: a translation table by SARSA, or a search over all kinds of term.
+"""How a correction is learned.
 
-The twin file says which (`[correction]`): ``refine = false`` stops at the table.
+One corrected input whose table may be learned: SARSA learns the translation table, which is refined
+into a continuous law with a lag (``refine = false`` stops at the table). Anything else: a search
+over all kinds of term that the twin file allows, each of which has to pay on held-out rows.
 """
 
 from __future__ import annotations
@@ -9,6 +11,7 @@ import numpy as np
 
 from evertwin.correction.evidence import gather
 from evertwin.correction.improve import Gain, Proposal, Selection, improve
+from evertwin.correction.refine_law import refine_law
 from evertwin.correction.sarsa import learn_table
 from evertwin.correction.sarsa_settings import SarsaSettings
 from evertwin.correction.sarsa_settings import propose as propose_actions
@@ -26,11 +29,9 @@ Windows = tuple[Block, ...]
 def learn(setup: Setup, base: Model, version: Version, windows: Windows) -> Proposal:
     """A proposal for a corrected form of ``version``, learned on ``windows``."""
     rule = setup.spec.correction
-    if "table" in rule.terms and not rule.refine:
-        return _table(setup, base, version, windows)
-    settings = Selection(
-        kinds=rule.terms, channels=rule.channels, quantum=rule.quantum,
-    )  # fmt: skip
+    if "table" in rule.terms and len(rule.channels) == 1:
+        return _translation(setup, base, version, windows)
+    settings = Selection(kinds=rule.terms, channels=rule.channels, quantum=rule.quantum)
     return improve(base, version.form, windows, setup.horizon, settings, version.p)
 
 
@@ -51,21 +52,25 @@ def sarsa_settings(setup: Setup, channel: str, windows: Windows) -> SarsaSetting
     )  # fmt: skip
 
 
-def _table(setup: Setup, base: Model, version: Version, windows: Windows) -> Proposal:
-    """The table alone, in place of the terms that the version has."""
+def _translation(setup: Setup, base: Model, version: Version, windows: Windows) -> Proposal:
+    """The translation of one input, in place of the terms that the version has."""
     channel = setup.spec.correction.channels[0]
-    settings = sarsa_settings(setup, channel, windows)
     p = version.p[: len(base.parameters)]
-    table = learn_table(base, p, windows, settings)
-    term = Term("table", channel, levels=tuple(table.levels.tolist()))
-    form = Form((term,), version.form.variant)
-    model, values = build(base, form), np.concatenate([p, table.values])
+    table = learn_table(base, p, windows, sarsa_settings(setup, channel, windows))
+    terms: tuple[Term, ...] = (Term("table", channel, levels=tuple(table.levels.tolist())),)
+    said = (f"{channel}: {int(table.learned.sum())} of {len(table.levels)} levels learned",)
+    values = {f"table.{channel}.{k}": float(v) for k, v in enumerate(table.values)}
+    if setup.spec.correction.refine:
+        refined = refine_law(base, p, windows, table, setup.horizon)
+        terms, said, values = refined.terms, refined.describes, dict(refined.values)
+    form = Form(terms, version.form.variant)
+    model = build(base, form)
+    full = model.parameters.with_values(values).values
+    full[: len(p)] = p
     seen = gather(base, windows, setup.horizon, p=p)
     before = float(seen.deviations(seen.residual(base, p)).mean())
-    after = float(seen.deviations(seen.residual(model, values)).mean())
-    detail = f"{channel}: {int(table.learned.sum())} of {len(table.levels)} levels learned"
-    gain = Gain(term, before, after, seen.segments, detail=detail)
+    after = float(seen.deviations(seen.residual(model, full)).mean())
+    gain = Gain(terms[0], before, after, seen.segments, detail=said[0])
     gains = (gain,) if after < before else ()
-    return Proposal(
-        form, model.parameters.names, values, before, after, seen.scale, gains, (detail,), {}
-    )
+    names = model.parameters.names
+    return Proposal(form, names, full, before, after, seen.scale, gains=gains, describes=said)

@@ -80,7 +80,8 @@ class Observer:
             outputs=figures(self.setup, state), position_updates=updates(state),
             unseen_since=state.books.rows, events=tuple(self.events), champion=champion,
             parameters=parameters, knowledge=self.knowledge, versions=tuple(driver.versions),
-            model=model, trace=self.trace.columns(),
+            model=model, models={v.form: driver.versions.model(v.number) for v in driver.versions},
+            trace=self.trace.columns(),
         )  # fmt: skip
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from evertwin.errors import MissingExtra
 from evertwin.fold import Event, plain
 from evertwin.models import Model, Parameters
-from evertwin.models.form import Version
+from evertwin.models.form import Form, Version
 from evertwin.twin.draw import draw_run
 from evertwin.types import Json
 
@@ -69,6 +69,8 @@ class RunResult:
     versions: tuple[Version, ...]
     model: Model
     """Of the champion."""
+    models: Mapping[Form, Model] = field(repr=False)
+    """Of every form that was live or tried."""
     trace: Mapping[str, np.ndarray] = field(repr=False)
     problems: Mapping[str, int] = field(default_factory=dict)
     """What was wrong with the recordings, counted."""
@@ -105,6 +107,10 @@ class RunResult:
             "interval95": known.get("interval95"),
             "verdict": known.get("verdict", "not tuned"),
         }
+
+    def model_of(self, version: Version) -> Model:
+        """The model of one of the run's versions."""
+        return self.models[version.form]
 
     def of_kind(self, *kinds: str) -> tuple[Event, ...]:
         """The events of some kinds, in order."""

@@ -83,6 +83,8 @@ class Desk(NamedTuple):
     """Stamp of the last scheduled fit [ns]."""
     tunings: int = 0
     """Tunings so far: the schedule's position."""
+    retrain: int = 0
+    """Row from which a new training sequence has enough rows; 0: none is going on."""
     pinned: bool = False
 
 

@@ -19,8 +19,8 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
-from evertwin.sources.writers import write
 from evertwin.types import Vector
+from evertwin.worlds.save import save
 
 __all__ = ["Cycle", "Truth", "main", "path", "record", "solve_path"]
 
@@ -188,7 +188,7 @@ def columns(
     noisy = dict(table)
     noisy["tau"] = table["tau"] + np.array(truth.noise) * rng.standard_normal(table["tau"].shape)
     flat = {"t": table["t"]}
-    units = {"t": "s"}
+    units: dict[str, str] = {}
     for name, unit in _NAMES.items():
         for axis in range(table["tau"].shape[1]):
             flat[f"{name}{axis + 1}"] = noisy[name][:, axis]
@@ -206,7 +206,6 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--stribeck", type=float, default=0.0)
     parser.add_argument("--out", type=Path, required=True)
     given = parser.parse_args(arguments)
-    given.out.mkdir(parents=True, exist_ok=True)
     table: dict[str, np.ndarray] | None = None
     for k in range(given.cycles):
         scale = 1.0 + given.growth * k
@@ -217,7 +216,7 @@ def main(arguments: list[str] | None = None) -> None:
             table = record(load(given.urdf, truth), Cycle(), truth)
         rng = np.random.default_rng([given.seed, k])
         flat, units = columns(table, truth, rng)
-        write(given.out / f"cycle-{k:04d}.npz", flat, units)
+        save(given.out / f"cycle-{k:04d}.csv", flat, units)
 
 
 if __name__ == "__main__":

@@ -17,23 +17,22 @@ from typing import Any
 
 import numpy as np
 
-from evertwin.sources.writers import write
 from evertwin.types import Vector
 from evertwin.worlds.drive import WORLDS, Commands, Drive, commands, positions, sweep, target
+from evertwin.worlds.save import save
 
 __all__ = ["Plan", "light", "main", "simulate"]
 
-_SECOND = 1_000_000_000
-
-
 @dataclass(frozen=True)
 class Plan:
-    """What one recording contains.
+    """What one recording contains: standing, a sweep, random commands.
 
     >>> Plan().each
     5
     """
 
+    still: int = 3
+    """Seconds at standstill first."""
     each: int = 5
     """Seconds of the sweep at each whole speed; 0: no sweep."""
     seconds: int = 400
@@ -42,7 +41,7 @@ class Plan:
 
 def _commands(rng: np.random.Generator, how: Commands, plan: Plan) -> Vector:
     first = sweep(how, plan.each) if plan.each else np.zeros(0)
-    return np.concatenate([first, commands(rng, how, plan.seconds)])
+    return np.concatenate([np.zeros(plan.still), first, commands(rng, how, plan.seconds)])
 
 
 def light(seed: int, world: str, plan: Plan) -> dict[str, Vector]:
@@ -109,7 +108,7 @@ def _servo(
     )  # fmt: skip
 
 
-_UNITS = {"t": "s", "v_cmd": "cm/s", "w_cmd": "rad/s", "x": "cm", "y": "cm", "heading": "rad"}
+_UNITS = {"v_cmd": "cm/s", "w_cmd": "rad/s", "x": "cm", "y": "cm", "heading": "rad"}
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -119,16 +118,17 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--light", action="store_true", help="without MuJoCo")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--runs", type=int, default=0, help="recordings, seeds from --seed on")
+    parser.add_argument("--still", type=int, default=Plan.still, help="standing seconds first")
     parser.add_argument("--each", type=int, default=Plan.each, help="sweep seconds per speed")
     parser.add_argument("--seconds", type=int, default=Plan.seconds, help="random seconds")
+    parser.add_argument("--format", choices=("csv", "npz"), default="npz", help="of many runs")
     parser.add_argument("--out", type=Path, required=True)
     given = parser.parse_args(arguments)
-    make, plan = (light if given.light else simulate), Plan(given.each, given.seconds)
+    make, plan = (light if given.light else simulate), Plan(given.still, given.each, given.seconds)
     for k in range(max(1, given.runs)):
         seed = given.seed + k
-        path = given.out / f"{given.world}-{seed:04d}.npz" if given.runs else given.out
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write(path, make(seed, given.world, plan), _UNITS)
+        path = given.out / f"{given.world}-{seed:04d}.{given.format}" if given.runs else given.out
+        save(path, make(seed, given.world, plan), _UNITS)
 
 
 if __name__ == "__main__":
