@@ -193,7 +193,7 @@ def schema(as_json: AsJson = False) -> None:
     """
     from evertwin.app.commands import show_schema
 
-    show_schema()
+    show_schema(as_json)
 
 
 @model_app.command("list")
@@ -259,24 +259,34 @@ def model_pin(
 def main(arguments: list[str] | None = None) -> None:
     """Runs a command and exits with its code: 0 ok, 1 findings, 2 usage or configuration, 4 data,
     5 model, 75 locked, 101 bug, 130 interrupted."""
-    if os.environ.get("NO_COLOR"):
-        os.environ["TERM"] = os.environ.get("TERM", "dumb")
     words = sys.argv[1:] if arguments is None else arguments
     try:
-        app(_spread(words), standalone_mode=False, prog_name="evertwin")
-    except typer.Exit as done:
-        sys.exit(done.exit_code)
+        code = app(_spread(words) or ["--help"], standalone_mode=False, prog_name="evertwin")
+        sys.stdout.flush()
+        sys.exit(code if isinstance(code, int) else 0)
     except EvertwinError as error:
         _fail(str(error), error.exit_code)
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, typer.Abort):
         _fail("interrupted", 130)
+    except BrokenPipeError:
+        # the reader has left (| head): nothing more to say, and nothing to flush at exit
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(0)
     except Exception as error:  # noqa: BLE001  (the edge: typer's own errors and bugs end here)
-        code = getattr(error, "exit_code", None)
         shown = getattr(error, "format_message", None)
-        if code is not None and shown is not None:
-            _fail(f"{shown()} (evertwin --help)", 2)
-        logging.getLogger("evertwin").debug("bug", exc_info=error)
+        if shown is not None and getattr(error, "exit_code", None) is not None:
+            if type(error).__name__ == "NoArgsIsHelpError":
+                typer.echo(shown(), err=True)
+                sys.exit(2)
+            _fail(f"{shown()}\nsee: evertwin {_command(error)}--help", 2)
         _bug(error)
+
+
+def _command(error: Exception) -> str:
+    """The words of the command that a usage error is about, with a blank behind."""
+    context = getattr(error, "ctx", None)
+    path = "" if context is None else str(context.command_path).removeprefix("evertwin").strip()
+    return f"{path} " if path else ""
 
 
 def _spread(words: list[str]) -> list[str]:

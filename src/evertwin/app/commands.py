@@ -11,10 +11,11 @@ import typer
 from evertwin.app.console import Progress, show
 from evertwin.app.report import write_report
 from evertwin.config.schema import schema
-from evertwin.errors import DataError
+from evertwin.errors import DataError, UsageError
 from evertwin.fold import plain
 from evertwin.models.form import Version
 from evertwin.sources.info import inspect
+from evertwin.sources.info_text import render
 from evertwin.twin import Twin
 
 __all__ = [
@@ -60,8 +61,8 @@ def fit_twin(
 def show_info(file: Path, as_json: bool, check: bool) -> None:
     """``evertwin info``."""
     found = inspect(_file(file))
-    show(found.to_dict(), str(found), as_json)
-    if check and found.problems:
+    show(found.to_dict(), render(found), as_json)
+    if check and found.findings:
         raise typer.Exit(1)
 
 
@@ -81,9 +82,10 @@ def compare_versions(twin: Path, pair: tuple[int, int], data: Files, as_json: bo
         show(found.to_dict(), str(found), as_json)
 
 
-def show_schema() -> None:
-    """``evertwin schema``."""
-    typer.echo(json.dumps(schema(), indent=2))
+def show_schema(as_json: bool) -> None:
+    """``evertwin schema``: with ``--json`` it names itself as every other document does."""
+    content = {"schema": "evertwin.schema/1", **schema()} if as_json else schema()
+    typer.echo(json.dumps(content, indent=2))
 
 
 def list_versions(twin: Path, as_json: bool) -> None:
@@ -126,6 +128,8 @@ def show_version(twin: Path, number: int, as_json: bool) -> None:
 def by_hand(twin: Path, verb: str, number: int | None, reason: str, as_json: bool) -> None:
     """``evertwin model promote | rollback | pin``."""
     with Twin.open(twin) as opened:
+        if opened.spec.store.path is None:
+            raise UsageError(f"{twin}: keeps nothing: say [store] path = 'twin.db' to keep versions")
         if verb == "pin":
             event = opened.pin(number, reason)
         elif verb == "rollback":
