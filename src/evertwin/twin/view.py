@@ -74,7 +74,7 @@ class View:
 
     def some(self, windows: tuple[Block, ...]) -> tuple[Block, ...]:
         """The first whole windows, `MOST` rows about."""
-            kept: list[Block] = []
+        kept: list[Block] = []
         rows = 0
         for window in windows:
             if kept and rows + len(window.t) > MOST:
