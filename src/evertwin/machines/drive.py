@@ -166,9 +166,12 @@ def _metric(item: Parameter) -> Parameter:
     return replace(item, unit=_UNITS[item.unit])
 
 
-def _build(law: Law | str, two_sided: bool) -> tuple[Law, Parameters, tuple[int, ...]]:
+def _build(
+    law: Law | str, two_sided: bool, standstill: float
+) -> tuple[Law, Parameters, tuple[int, ...]]:
     """The law, the parameters and the context that both forms share."""
     form = Law.parse(law) if isinstance(law, str) else law
+    form = replace(form, standstill=standstill)
     if form.load:
         raise UsageError("drive: expected a law without 'load': a drive transmits no load torque")
     items = [Parameter("mass", 1.0, "kg", 1e-6, 1e9), *map(_metric, form.parameters())]
@@ -189,7 +192,7 @@ class Drive(Compiled):
     """
 
     def __init__(self, law: Law | str = "sign", two_sided: bool = False) -> None:
-        _, parameters, context = _build(law, two_sided)
+        _, parameters, context = _build(law, two_sided, 0.0)
         motion = Layout.of(position="m", speed="m/s")
         super().__init__(
             Layout.of(force="N"), motion, motion, parameters, step.address, observe.address, context
@@ -200,6 +203,8 @@ class Drive(Compiled):
 class DriveForce(Compiled):
     """From speed [m/s] and acceleration [m/s²] to force [N], linear in mass and friction.
 
+    Below ``standstill`` [m/s] the sign of the speed counts as zero.
+
     >>> model = DriveForce("sign+direction", two_sided=True)
     >>> model.columns.tolist(), model.rungs()[0].add
     ([[0, 1, 2, 3, 4, 5]], ('Fv_back',))
@@ -207,8 +212,10 @@ class DriveForce(Compiled):
 
     law: Law = field(default_factory=Law)
 
-    def __init__(self, law: Law | str = "sign", two_sided: bool = False) -> None:
-        form, parameters, context = _build(law, two_sided)
+    def __init__(
+        self, law: Law | str = "sign", two_sided: bool = False, standstill: float = 0.0
+    ) -> None:
+        form, parameters, context = _build(law, two_sided, standstill)
         super().__init__(
             Layout.of(speed="m/s", acceleration="m/s**2"),
             Layout.of(force="N"),
