@@ -1,0 +1,177 @@
+"""A ladder of terms: parameters join the fit, output by output, while held-out error falls.
+
+Where a model is linear and a term that is not tuned is a zero, the variants of a law are subsets of
+one model's parameters. The rows are then summed once per window, and every candidate is a small
+system: all windows but a fold are solved, the fold is scored, in turn. A term stays if the
+held-out error of its own output falls by more than ``gain`` (5 %: less is no improvement) and the
+others' together do not rise; else it is left out for good. Terms are tried in the order given.
+
+>>> import numpy as np
+>>> from evertwin.fold import make_block
+>>> from evertwin.models import Parameters
+>>> from evertwin.signals import Layout
+>>> class Law:
+...     inputs, outputs, states = Layout.of(v="m/s"), Layout.of(force="N"), Layout()
+...     parameters = Parameters.of(a=(0.0, "1"), b=(0.0, "1"), c=(0.0, "1"))
+...     columns = np.array([[0, 1, 2]])
+...     def initial(self, p): return np.zeros(0)
+...     def observe(self, x, y): return x
+...     def simulate(self, x, u, dt, p): return x, p[0] * u + p[1] * u**2 + p[2] * u**3
+...     def regressor(self, x, u, dt, p):
+...         return np.zeros((len(u), 1)), np.stack([u, u**2, u**3], axis=2)
+>>> rng = np.random.default_rng(0)
+>>> def window():
+...     v = rng.uniform(-1, 1, (60, 1))
+...     return make_block(t=np.arange(60), u=v, y=v + v**2 + rng.normal(0, 0.1, (60, 1)))
+>>> problem = Problem(Law(), (window(), window(), window()))
+>>> climb_terms(problem, [("square", ("b",), 0), ("cube", ("c",), 0)]).taken
+(('square',),)
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from jaxtyping import Float64
+
+from evertwin.errors import UsageError
+from evertwin.models import LinearModel
+from evertwin.tuning.closed import ClosedForm, Sums
+from evertwin.tuning.problem import Problem
+
+__all__ = ["Ascent", "Step", "Term", "climb_terms"]
+
+Term: TypeAlias = tuple[str, tuple[str, ...], int]
+"""(name, parameters that join, output that they are for)."""
+Score: TypeAlias = Float64[np.ndarray, " ny"]
+WORSE = 1.001
+"""What the other outputs together may lose."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One term that was tried.
+
+    >>> Step("load", "tau2", 3.4, 1.5, True).taken
+    True
+    """
+
+    term: str
+    output: str
+    before: float
+    """Held-out rms residual of the output without the term."""
+    after: float
+    """The same with it; infinite where it cannot be solved for."""
+    taken: bool
+
+
+@dataclass(frozen=True)
+class Ascent:
+    """Which terms pay.
+
+    >>> Ascent(("Fc1",), ((),), ()).names
+    ('Fc1',)
+    """
+
+    names: tuple[str, ...]
+    """Parameters to tune."""
+    taken: tuple[tuple[str, ...], ...]
+    """Terms taken, per output."""
+    steps: tuple[Step, ...]
+
+
+class _Folds:
+    """Sums of each fold, and of all rows but the fold."""
+
+    def __init__(self, problem: Problem, folds: int | None) -> None:
+        model = problem.model
+        if not isinstance(model, LinearModel) or not problem.linear:
+            raise UsageError("ladder of terms: expected outputs linear in every tuned parameter")
+        count = min(folds or len(problem.windows), len(problem.windows))
+        if count < 2:
+            raise UsageError("ladder of terms: expected at least 2 windows (tasks), got 1")
+        self.problem, self.model = problem, model
+        y0, phi = problem.regressor(problem.start)
+        plan = ClosedForm(model, problem.names, problem.parameters)
+        edges = np.cumsum([0, *(len(window.t) for window in problem.windows)]).tolist()
+        parts: list[list[Sums]] = [[] for _ in range(count)]
+        for i, (a, b) in enumerate(itertools.pairwise(edges)):
+            parts[i % count].append(plan.sums(problem.rows.y[a:b], y0[a:b], phi[a:b]))
+        self.folds = [_added(part) for part in parts]
+        self.rest = [
+            _added([fold for j, fold in enumerate(self.folds) if j != i]) for i in range(count)
+        ]
+
+    def score(self, names: tuple[str, ...]) -> Score:
+        """Held-out rms residual of each output with only ``names`` tuned, (ny,)."""
+        problem, ny = self.problem, len(self.model.columns)
+        scale = () if problem.scale is None else tuple(problem.scale.tolist())
+        plan = ClosedForm(self.model, names, problem.parameters, scale)
+        at, start = plan.at, problem.parameters.values[problem.parameters.indices(names)]
+        total, count = np.zeros(ny), np.zeros(ny)
+        for rest, fold in zip(self.rest, self.folds, strict=True):
+            solution = plan.solve_sums(rest)
+            if not solution.solved:
+                return np.full(ny, np.inf)
+            delta = np.where(at < 0, 0.0, (solution.values - start)[at])
+            total += _squares(fold, delta)
+            count += fold.rows
+        return np.asarray(np.sqrt(np.maximum(total, 0.0) / np.maximum(count, 1.0)))
+
+
+def _added(parts: Sequence[Sums]) -> Sums:
+    return Sums(*(np.sum(columns, axis=0) for columns in zip(*parts, strict=True)))
+
+
+def _squares(sums: Sums, delta: Float64[np.ndarray, "ny m"]) -> Score:
+    """Sum of squared residuals of each output when its columns move by ``delta``."""
+    lower = np.tril(sums.products)
+    full = lower + np.transpose(np.tril(sums.products, -1), (0, 2, 1))
+    bent = np.einsum("ka,kab,kb->k", delta, full, delta)
+    return np.asarray(sums.squares - 2.0 * np.einsum("ka,ka->k", sums.sides, delta) + bent)
+
+
+def climb_terms(
+    problem: Problem, terms: Sequence[Term], gain: float = 0.05, folds: int | None = None
+) -> Ascent:
+    """Climbs.
+
+    Args:
+        problem: windows, filter and model; its tuned parameters include those of all terms, whose
+            start values are zero.
+        terms: in the order in which they are tried.
+        gain: least relative fall of the output's held-out error that counts.
+        folds: number of folds over the windows; default: one window each.
+
+    Raises:
+        UsageError: fewer than two windows, a parameter that is not linear or does not start at
+            zero.
+    """
+    for name in (name for _, add, _ in terms for name in add):
+        if problem.parameters[name].value != 0.0:
+            raise UsageError(f"ladder of terms: expected {name} to start at zero: it may stay out")
+    rows = _Folds(problem, folds)
+    outputs = problem.model.outputs.names
+    optional = {name for _, add, _ in terms for name in add}
+    names = tuple(name for name in problem.names if name not in optional)
+    here, steps = rows.score(names), []
+    taken: list[tuple[str, ...]] = [() for _ in outputs]
+    for term, add, output in terms:
+        wider = tuple(name for name in problem.names if name in names or name in add)
+        there = rows.score(wider)
+        pays = bool(there[output] < (1.0 - gain) * here[output]) and _together(there, here)
+        steps.append(Step(term, outputs[output], float(here[output]), float(there[output]), pays))
+        if pays:
+            names, here = wider, there
+            taken[output] += (term,)
+    return Ascent(names, tuple(taken), tuple(steps))
+
+
+def _together(there: Score, here: Score) -> bool:
+    """True if the outputs as a whole, each relative to its own error, did not get worse."""
+    ratio = np.divide(there, here, out=np.ones(len(here)), where=here > 0)
+    return bool(np.mean(ratio) < WORSE)
