@@ -14,7 +14,7 @@ from jaxtyping import Int64
 from numba import njit
 
 from evertwin.machines.arm.rnea import BODY
-from evertwin.machines.friction import COLUMNS, INERTIA, VS, WIDTH, feature, switch
+from evertwin.machines.friction import COLUMNS, INERTIA, VS, feature
 
 __all__ = ["Columns", "columns_of", "fill"]
 
@@ -60,17 +60,13 @@ def columns_of(
 
 
 @njit(cache=True)
-def fill(
-    tables: Any, code: Any, standstill: Any, p: Any, u: Any, load: Any, bodies: Any, phi: Any
-) -> None:
-    """Fills ``phi`` (rows, n, m); ``load`` (rows, n), ``bodies`` (rows, n, k)."""
+def fill(tables: Any, code: Any, p: Any, u: Any, s: Any, load: Any, bodies: Any, phi: Any) -> None:
+    """Fills ``phi`` (rows, n, m); switch ``s`` and ``load`` (rows, n), ``bodies`` (rows, n, k)."""
     n, m = code.shape
     for i in range(u.shape[0]):
         for j in range(n):
             v = u[i, n + j]
-            width = p[tables[j, WIDTH]] if tables[j, WIDTH] >= 0 else 0.0
             vs = p[tables[j, VS]] if tables[j, VS] >= 0 else 1.0
-            s = switch(v, width, standstill[j])
             for k in range(m):
                 slot = code[j, k]
                 if slot < 0:
@@ -80,4 +76,4 @@ def fill(
                 elif slot == INERTIA:
                     phi[i, j, k] = u[i, 2 * n + j]
                 else:
-                    phi[i, j, k] = feature(slot, v, s, load[i, j], vs)
+                    phi[i, j, k] = feature(slot, v, s[i, j], load[i, j], vs)

@@ -36,9 +36,10 @@ from evertwin.machines.arm import kernel as compiled
 from evertwin.machines.arm import layout, linear
 from evertwin.machines.arm.base import base_parameters, body_columns
 from evertwin.machines.arm.chain import Chain, serial
-from evertwin.machines.arm.rnea import BODY, batch
+from evertwin.machines.arm.lanes import batch, switches
+from evertwin.machines.arm.rnea import BODY
 from evertwin.machines.arm.urdf import Robot, parse, read
-from evertwin.machines.friction import Law, Rung
+from evertwin.machines.friction import WIDTH, Law, Rung
 from evertwin.models import Kernel, Parameter, Parameters, roll
 from evertwin.signals import Layout
 from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
@@ -221,9 +222,10 @@ class Arm:
         y0 = batch(self.chain.geometry, rest, u)
         load = batch(self.chain.geometry, self.chain.inertia, u) if self.base else y0
         phi = np.empty((len(u), n, self.columns.shape[1]))
-        linear.fill(
-            self._tables, self._linear.code, self._standstill, p, u, load, self._bodies(u), phi
-        )
+        tables = self._tables
+        widths = np.where(tables[:, WIDTH] >= 0, p[tables[:, WIDTH]], 0.0)
+        s = switches(u, widths, self._standstill)
+        linear.fill(tables, self._linear.code, p, u, s, load, self._bodies(u), phi)
         if self.motor:
             at = self.parameters.index("K1")
             y0, phi = y0 / p[at : at + n], phi / p[at : at + n, None]

@@ -1,0 +1,69 @@
+"""Rows side by side: the same torques and switches as row by row, whatever the cut."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from evertwin.machines.arm import Arm, lanes
+from evertwin.machines.arm.rnea import JOINT, batch
+from evertwin.machines.friction import switch
+
+ARM = Arm.of("ur5_like", law="tanh")
+
+
+def rows(n: int, seed: int = 0) -> np.ndarray:
+    return np.random.default_rng(seed).normal(size=(n, 18)) * 3
+
+
+@pytest.mark.parametrize("sliding", [False, True])
+def test_torques_agree_with_the_recursion_row_by_row(sliding: bool) -> None:
+    geometry = ARM.chain.geometry.copy()
+    geometry[3 + JOINT * 2 + 12] = float(sliding)
+    u = rows(333)
+    expected = batch(geometry, ARM.chain.inertia, u)
+    np.testing.assert_allclose(lanes.batch(geometry, ARM.chain.inertia, u), expected, atol=1e-11)
+
+
+def test_cuts_change_no_bit() -> None:
+    u, width, still = rows(100), np.array([0.02, 0.5, 0, 0.02, 1, 0]), np.full(6, 0.1)
+    whole = lanes.batch(ARM.chain.geometry, ARM.chain.inertia, u)
+    switched = lanes.switches(u, width, still)
+    for a, b in ((0, 1), (1, 34), (34, 67), (67, 100)):
+        part = np.ascontiguousarray(u[a:b])
+        assert np.array_equal(lanes.batch(ARM.chain.geometry, ARM.chain.inertia, part), whole[a:b])
+        assert np.array_equal(lanes.switches(part, width, still), switched[a:b])
+
+
+def test_switches_agree_with_the_law() -> None:
+    u, width, still = rows(200), np.array([0.02, 0.5, 0, 3, 30, 0]), np.full(6, 0.1)
+    found = lanes.switches(u, width, still)
+    expected = [[switch(row[6 + j], width[j], still[j]) for j in range(6)] for row in u]
+    np.testing.assert_allclose(found, expected, atol=1e-14)
+
+
+def test_sine_and_cosine_over_many_turns() -> None:
+    angles = np.random.default_rng(1).uniform(-1e4, 1e4, 5000)
+    found = np.array([lanes._sine.py_func(angle) for angle in angles])
+    np.testing.assert_allclose(found, np.stack([np.sin(angles), np.cos(angles)], 1), atol=1e-15)
+
+
+def test_compiled_equals_plain_bit_for_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+    u, width, still = rows(40), np.array([0.02, 0.5, 0, 0.02, 1, 0]), np.full(6, 0.1)
+    torques = lanes.batch(ARM.chain.geometry, ARM.chain.inertia, u)
+    switched = lanes.switches(u, width, still)
+    for name in ("_sine", "_tanh", "_outwards", "_inwards", "_smooth"):
+        monkeypatch.setattr(lanes, name, getattr(lanes, name).py_func)
+    plain = lanes.batch.py_func(ARM.chain.geometry, ARM.chain.inertia, u)
+    assert np.array_equal(plain, torques)
+    assert np.array_equal(lanes.switches.py_func(u, width, still), switched)
+
+
+def test_the_regressor_agrees_with_the_kernel() -> None:
+    u = rows(50)
+    p = ARM.parameters.values + 0.3
+    y0, phi = ARM.regressor(np.zeros(0), u, np.zeros(50), p)
+    _, y = replace(ARM).simulate(np.zeros(0), u, np.zeros(50), p)
+    np.testing.assert_allclose(y0 + (phi * p[ARM.columns]).sum(axis=2), y, atol=1e-10)
