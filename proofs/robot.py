@@ -50,10 +50,10 @@ def record(folder: Path, world: str, runs: int) -> list[Path]:
     """The recordings, written by the robot's process."""
     command = [
         sys.executable, "-m", "evertwin.worlds.robot", "--light", "--world", world, "--runs",
-        str(runs), "--seconds", "900", "--out", str(folder / world),
+        str(runs), "--seconds", "900", "--format", "csv", "--out", str(folder / world),
     ]  # fmt: skip
     subprocess.run(command, check=True)
-    return sorted((folder / world).glob("*.npz"))
+    return sorted((folder / world).glob("*.csv"))
 
 
 def oracle(world: str, v: np.ndarray, x: np.ndarray) -> int:
