@@ -21,7 +21,7 @@ from scipy import stats
 
 from evertwin.tuning.advice import advise
 from evertwin.tuning.fit import Fit, Residual
-from evertwin.tuning.identifiability import Gate, gate
+from evertwin.tuning.identifiability import Gate, gate, grade
 from evertwin.tuning.problem import PerOutput, Problem
 from evertwin.tuning.statistics import dependences, effective, ljung_box, spread
 from evertwin.types import Outputs, Vector
@@ -87,21 +87,26 @@ def judge(problem: Problem, j: Sensitivity, sigma: PerOutput, values: Vector) ->
     """The identifiability gate on the rows that count."""
     scaled = np.where(problem.rows.used[:, :, None], j, 0.0) / sigma[:, None]
     flat = np.ascontiguousarray(scaled.reshape(-1, scaled.shape[2]))
-    information = flat.T @ flat
-    length = np.sqrt(np.diag(information))
+    sizes = sizes_of(problem, j, sigma, values)
+    count = problem.rows.used.sum() - len(sizes)
+    dof = np.inf if problem.scale is not None else float(max(count, 1))
+    shape = problem.rows.used.shape
+    return gate(flat.T @ flat, lambda d: (flat @ d).reshape(shape), problem.names, sizes, dof)
+
+
+def sizes_of(problem: Problem, j: Sensitivity, sigma: PerOutput, values: Vector) -> Vector:
+    """Natural size of each parameter, (k,): what counts as a large error of it."""
     sizes = np.maximum(np.abs(problem.start), np.abs(values))
-    # A parameter that starts and ends near zero has no size of its own: a tenth of what would
-    # explain the whole output.
+    # A parameter that starts at zero may well end near it and has no size of its own there: a
+    # tenth of what would explain the whole output.
+    length = np.sqrt(np.square(np.where(problem.rows.used[:, :, None], j, 0.0) / sigma[:, None])
+                     .sum(axis=(0, 1)))  # fmt: skip
     whole = np.sqrt(np.nansum(np.square(problem.rows.y / sigma)))
     tenth = np.divide(0.1 * whole, length, out=np.ones(len(sizes)), where=length > 0)
     zero = problem.start == 0
     sizes[zero] = np.maximum(sizes[zero], tenth[zero])
     sizes[sizes == 0] = 1.0
-    dof = (
-        np.inf if problem.scale is not None else float(max(problem.rows.used.sum() - len(sizes), 1))
-    )
-    shape = problem.rows.used.shape
-    return gate(information, lambda d: (flat @ d).reshape(shape), problem.names, sizes, dof)
+    return np.asarray(sizes)
 
 
 def assemble(
@@ -118,16 +123,20 @@ def assemble(
         np.abs(np.where(problem.rows.used[:, :, None], j, 0)).sum(axis=0), axis=1
     )
     sigma = noise_of(problem, r, paid.astype(np.float64))
-    judged = _held(judge(problem, j, sigma, outcome.values), outcome.held)
-    free = judged.free
+    judged = judge(problem, j, sigma, outcome.values)
+    refused = _refused(judged, outcome.held)
     if any(outcome.held):
         j = np.where([bool(reason) for reason in outcome.held], 0.0, j)
+    covariance, quantile = _covariance(problem, j, r, sigma)
+    half = quantile * np.sqrt(np.diag(covariance))
+    verdicts, reasons = grade(refused, half / sizes_of(problem, j, sigma, outcome.values))
+    free = np.array([verdict != "not" for verdict in verdicts])
     values = np.where(free, outcome.values, start)
     if not np.array_equal(values, outcome.values):
         r = problem.residuals(values)
-    covariance, quantile = _covariance(problem, j, r, sigma, free)
-    deviation = np.sqrt(np.diag(covariance))
-    half = np.where(free, quantile * deviation, np.inf)
+    covariance[~free, :], covariance[:, ~free] = 0.0, 0.0
+    covariance[~free, ~free] = np.inf
+    half[~free] = np.inf
     y = problem.rows.y
     rows_moving = _moving(problem)
     return Fit(
@@ -135,11 +144,11 @@ def assemble(
         units=tuple(problem.parameters[name].unit for name in problem.names),
         values=values,
         start=start,
-        sigma=deviation,
+        sigma=np.sqrt(np.diag(covariance)),
         interval95=np.stack([values - half, values + half], axis=1),
         covariance=covariance,
-        verdict=judged.verdicts,
-        reasons=_reasons(problem, judged, outcome.at_bound),
+        verdict=verdicts,
+        reasons=_reasons(problem, reasons, outcome.at_bound),
         p=problem.full(values),
         cost=0.5 * float(np.nansum(np.square(r / sigma))),
         outputs=problem.model.outputs.names,
@@ -162,11 +171,11 @@ def assemble(
     )
 
 
-def _held(judged: Gate, held: tuple[str, ...]) -> Gate:
-    """The gate's judgement, with what was held before solving as *not* identifiable."""
-    reasons = tuple(h or r for h, r in zip(held or ("",) * len(judged.reasons), judged.reasons))
-    pairs = zip(held or ("",) * len(judged.verdicts), judged.verdicts)
-    return judged._replace(verdicts=tuple("not" if h else v for h, v in pairs), reasons=reasons)
+def _refused(judged: Gate, held: tuple[str, ...]) -> list[str]:
+    """Why each parameter may not be tuned: held before solving, or refused by a direction."""
+    before = held or ("",) * len(judged.reasons)
+    rows = zip(before, judged.reasons, judged.undetermined, strict=True)
+    return [was or (reason if bad else "") for was, reason, bad in rows]
 
 
 def _ratio(r: Outputs, y: Outputs) -> tuple[float, ...]:
@@ -180,15 +189,17 @@ def _moving(problem: Problem) -> np.ndarray:
     return np.asarray(np.asarray(problem.moving(problem.rows.u)) & problem.rows.used)
 
 
-def _reasons(problem: Problem, judged: Gate, at_bound: tuple[str, ...]) -> tuple[str, ...]:
+def _reasons(
+    problem: Problem, reasons: tuple[str, ...], at_bound: tuple[str, ...]
+) -> tuple[str, ...]:
     """Why each parameter is weak or not identifiable, and what would help."""
     names, out = problem.names, []
     cures: dict[str, str] = {}
-    for name, reason in zip(names, judged.reasons, strict=True):
+    for name, reason in zip(names, reasons, strict=True):
         parts = [reason, "ended on its bound" if name in at_bound else ""]
         if "collinear" in reason or "not excited" in reason:
             if reason not in cures:
-                same = [n for n, r in zip(names, judged.reasons, strict=True) if r == reason]
+                same = [n for n, r in zip(names, reasons, strict=True) if r == reason]
                 cures[reason] = _cure(problem, same)
             parts.append(cures[reason])
         out.append("; ".join(filter(None, parts)))
@@ -203,9 +214,9 @@ def _cure(problem: Problem, names: list[str]) -> str:
 
 
 def _covariance(
-    problem: Problem, j: Sensitivity, r: Outputs, sigma: PerOutput, free: np.ndarray
+    problem: Problem, j: Sensitivity, r: Outputs, sigma: PerOutput
 ) -> tuple[Float64[np.ndarray, "k k"], Vector]:
-    """Covariance (infinite diagonal where not free) and Student's quantile per parameter."""
+    """Covariance and Student's quantile per parameter, with the residual's own autocorrelation."""
     used = problem.rows.used
     k = j.shape[2]
     scaled = np.where(used[:, :, None], j, 0.0) / sigma[:, None]
@@ -232,8 +243,6 @@ def _covariance(
         factor = np.sqrt(variance / np.diag(inverse))
     factor = np.where(np.isfinite(factor), factor, 1.0)
     covariance = inverse * np.outer(factor, factor)
-    covariance[~free, :], covariance[:, ~free] = 0.0, 0.0
-    covariance[~free, ~free] = np.inf
     degrees = np.where(np.isnan(degrees), np.inf, np.maximum(degrees, 1.0))
     return covariance, np.asarray(stats.t.ppf(0.975, degrees))
 

@@ -25,7 +25,7 @@ Diagnostics" (1980); the share of rows is the participation ratio (Σz²)²/Σz�
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -35,7 +35,7 @@ from evertwin.errors import ModelError
 from evertwin.models import Model
 from evertwin.types import Vector
 
-__all__ = ["Gate", "connected", "gate"]
+__all__ = ["Gate", "connected", "gate", "grade"]
 
 Matrix: TypeAlias = Float64[np.ndarray, "k k"]
 
@@ -100,7 +100,7 @@ def gate(
     length = np.sqrt(np.maximum(np.diag(information), 0.0))
     excitation = length * sizes
     live = excitation > 1e-9 * max(float(excitation.max(initial=0.0)), 1e-300)
-    reasons = ["" if on else "not excited: it does not act in these rows" for on in live]
+    refused = ["" if on else "not excited: it does not act in these rows" for on in live]
     values, vectors = _directions(information, length, live)
     for i, value in enumerate(values.tolist()):
         if value >= SMALL:
@@ -108,16 +108,16 @@ def gate(
         vector = vectors[:, i]
         share = _share(rows, np.divide(vector, length, out=np.zeros(k), where=live))
         if value < NULL or share < SHARE:
-            _refuse(reasons, vector, names, value, share)
-    _nulls(reasons, values, vectors, names)
-    bad = np.array([bool(reason) for reason in reasons])
+            _refuse(refused, vector, names, value, share)
+    _nulls(refused, values, vectors, names)
+    bad = np.array([bool(reason) for reason in refused])
     sigma = _sigma(information, length, ~bad)
     half = 1.96 * np.sqrt(1 + 2.5 / dof) * sigma if dof > 2 else 12.7 * sigma
-    verdicts = [_verdict(reasons, j, float(half[j] / sizes[j])) for j in range(k)]
+    verdicts, reasons = grade(refused, half / sizes)
     small = float(values.min(initial=np.inf)) if live.all() else 0.0
     condition = float(values.max(initial=0.0)) / small if small > 0 else np.inf
     rank = int((values >= NULL).sum())
-    return Gate(tuple(verdicts), tuple(reasons), rank, condition, excitation, sigma, bad)
+    return Gate(verdicts, reasons, rank, condition, excitation, sigma, bad)
 
 
 def _directions(information: Matrix, length: Vector, live: np.ndarray) -> tuple[Any, Any]:
@@ -196,14 +196,28 @@ def _sigma(information: Matrix, length: Vector, free: np.ndarray) -> Vector:
     return sigma
 
 
-def _verdict(reasons: list[str], j: int, half: float) -> str:
-    """The word for parameter ``j`` whose interval is ± ``half`` natural sizes."""
-    if reasons[j]:
-        return "not"
-    if half <= WEAK:
-        return "identifiable"
-    reasons[j] = f"its 95 % interval is ± {100 * half:.0f} % of its size"
-    return "weak" if half <= NOT else "not"
+def grade(refused: Sequence[str], half: Vector) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """(verdicts, reasons) of parameters from why they are refused, if so, and their intervals.
+
+    Args:
+        refused: why a direction speaks against the parameter; empty text where none does.
+        half: half width of the 95 % interval in natural sizes, (k,).
+
+    >>> grade(["", "", "collinear"], np.array([0.1, 0.7, 0.1]))[0]
+    ('identifiable', 'weak', 'not')
+    """
+    verdicts, reasons = [], []
+    for reason, width in zip(refused, half.tolist(), strict=True):
+        if reason:
+            word = "not"
+        elif width <= WEAK:
+            word = "identifiable"
+        else:
+            word = "weak" if width <= NOT else "not"
+            reason = f"its 95 % interval is ± {100 * width:.0f} % of its size"
+        verdicts.append(word)
+        reasons.append(reason)
+    return tuple(verdicts), tuple(reasons)
 
 
 def connected(model: Model, names: tuple[str, ...], u: Any) -> None:

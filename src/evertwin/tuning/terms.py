@@ -3,8 +3,8 @@
 Where a model is linear and a term that is not tuned is a zero, the variants of a law are subsets of
 one model's parameters. The rows are then summed once per window, and every candidate is a small
 system: all windows but a fold are solved, the fold is scored, in turn. A term stays if the
-held-out error of its own output falls by more than ``gain`` (5 %: less is no improvement) and the
-others' together do not rise; else it is left out for good. Terms are tried in the order given.
+held-out error of its own output falls by more than ``gain`` (2 %) and the others' together do not
+rise; else it is left out for good. Terms are tried in the order given.
 
 >>> import numpy as np
 >>> from evertwin.fold import make_block
@@ -136,7 +136,7 @@ def _squares(sums: Sums, delta: Float64[np.ndarray, "ny m"]) -> Score:
 
 
 def climb_terms(
-    problem: Problem, terms: Sequence[Term], gain: float = 0.05, folds: int | None = None
+    problem: Problem, terms: Sequence[Term], gain: float = 0.02, folds: int | None = None
 ) -> Ascent:
     """Climbs.
 
