@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,8 @@ from jinja2 import Environment, PackageLoader, select_autoescape
 from matplotlib.figure import Figure
 
 from evertwin.errors import UsageError
-from evertwin.fold import plain
+from evertwin.fold import Event, plain
+from evertwin.models import Model
 from evertwin.models.form import Version
 from evertwin.twin import RunResult
 from evertwin.twin.draw import (
@@ -24,11 +26,31 @@ from evertwin.twin.draw import (
     draw_table,
 )
 from evertwin.twin.setup import Setup
+from evertwin.types import Outputs, ParameterVector
 
 __all__ = ["write_report"]
 
 MOST = 8
 """Outputs that are drawn."""
+ROUNDS = 8
+"""Versions or rounds in one picture at most: the first ones and the last."""
+WORDS = {
+    "segments": "segments of unseen data",
+    "deviation_live": "mean deviation, live version",
+    "deviation_other": "mean deviation, challenger",
+    "rms_live": "rms deviation, live version",
+    "rms_other": "rms deviation, challenger",
+    "gain": "relative gain",
+    "e_value": "e-value for the challenger",
+    "e_value_against": "e-value against it",
+    "segments_per_block": "segments per independent block",
+    "missed": "demands not met",
+    "version": "version",
+    "hash": "hash of the version",
+}
+"""Evidence of a trial, in words."""
+Picture = tuple[str, str, str]
+"""Title, caption, image."""
 
 
 def write_report(result: RunResult, setup: Setup, path: Path) -> None:
@@ -40,13 +62,18 @@ def write_report(result: RunResult, setup: Setup, path: Path) -> None:
     environment = Environment(
         loader=PackageLoader("evertwin.app", "templates"), autoescape=select_autoescape()
     )
+    environment.filters["shown"] = shown
     content: Any = result.to_dict()
     page = environment.get_template("report.html").render(
         run=content,
         name=result.name,
+        relative=setup.relative,
+        updating=_updating(result, setup),
         pictures=list(_pictures(result, setup, content)),
-        promotions=[plain(e) for e in result.of_kind("promoted", "rolled_back", "rejected")],
-        text=str(result),
+        trials=[_trial(e) for e in result.of_kind("promoted", "rolled_back", "rejected")],
+        tuned={k: v for k, v in content["parameters"].items() if v["verdict"] != "not tuned"},
+        kept={k: v for k, v in content["parameters"].items() if v["verdict"] == "not tuned"},
+        outputs=result.model.outputs.names,
     )
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -55,55 +82,127 @@ def write_report(result: RunResult, setup: Setup, path: Path) -> None:
         raise UsageError(f"{path}: cannot be written: {error.strerror}") from error
 
 
-def _pictures(result: RunResult, setup: Setup, content: Any) -> Iterator[tuple[str, str, str]]:
+def shown(value: Any) -> str:
+    """A figure as a person reads it.
+
+    >>> shown(0.12345678), shown(1.9e7), shown([]), shown(None), shown("x"), shown(30)
+    ('0.1235', '1.9e+07', 'none', '-', 'x', '30')
+    """
+    if value is None:
+        return "-"
+    if isinstance(value, bool | str | int):
+        return str(value)
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key} {shown(item)}" for key, item in value.items()) or "none"
+    return ", ".join(shown(item) for item in value) or "none"
+
+
+def _trial(event: Event) -> dict[str, Any]:
+    evidence: Any = plain(event.evidence)
+    known = [(WORDS[key], evidence[key]) for key in WORDS if key in evidence]
+    return {"row": event.row, "kind": event.kind, "reason": event.reason, "evidence": known}
+
+
+def _updating(result: RunResult, setup: Setup) -> bool:
+    return setup.spec.arbiter.use == "tolerance" or any(result.position_updates)
+
+
+def _pictures(result: RunResult, setup: Setup, content: Any) -> Iterator[Picture]:
     """(title, caption, image) of each picture."""
     names = result.model.outputs.names[:MOST]
-    for name in names:
-        caption = "Measured, predicted and residual with its 95 % band; changes of champion dashed."
-        yield f"{name}: run", caption, _encoded(draw_run(result, name))
-    if result.position_updates[0] or setup.spec.arbiter.use == "tolerance":
-        name = names[0]
-        for before in (True, False):
-            title = "Position updates before" if before else "Position updates after"
-            caption = "The last 100 measured samples; hatched where the tolerance was exceeded."
-            yield title, caption, _encoded(draw_deviation(result, name, before))
-    for version in result.versions:
-        term = next((t for t in version.form.terms if t.kind == "table"), None)
-        if term is None:
-            continue
-        unit = result.model.inputs.units[result.model.inputs.index(term.channel)]
-        figure = draw_table(version, unit)
-        if figure is not None:
-            caption = f"What the machine does with a command ({version.reason})."
-            yield f"Translation table of version {version.number}", caption, _encoded(figure)
+    for event in result.of_kind("corrected"):
+        yield from _table(result, event)
+    if _updating(result, setup):
+        yield from _updates(result, setup)
     if setup.static:
         yield from _rounds(result)
     figure = draw_intervals(content["parameters"])
     if figure is not None:
         yield "Parameters", "Tuned values with their 95 % intervals.", _encoded(figure)
+    caption = (
+        "Above: measured and predicted, position updates marked. Below: the residual with its 95 % "
+        "band. Dashed: a change of the live version."
+    )
+    for name in names:
+        yield f"Run: {name}", caption, _encoded(draw_run(result, name))
 
 
-def _rounds(result: RunResult) -> Iterator[tuple[str, str, str]]:
-    """Torque of the last task by every version, one picture for all axes."""
+def _table(result: RunResult, event: Event) -> Iterator[Picture]:
+    """The translation table that a correction learned, although a law may have replaced it."""
+    table: Any = event.evidence.get("table")
+    if not table:
+        return
+    inputs = result.model.inputs
+    unit = inputs.units[inputs.index(table["channel"])]
+    caption = f"Learned at row {event.row}, level by level. What was made of it: {event.reason}."
+    yield "Translation table", caption, _encoded(draw_table(table, unit))
+
+
+def _updates(result: RunResult, setup: Setup) -> Iterator[Picture]:
+    """Deviation of the newest samples by the first and by the last champion."""
+    outputs = result.model.outputs
+    group = outputs.channels[0].group
+    rule = setup.track(result.model).arbiter.rule_of(group)
+    for channel in outputs:
+        if channel.group != group:
+            continue
+        limit = rule.tolerance_angle if channel.kind == "angle" else rule.tolerance
+        for before in (True, False):
+            title = f"Deviation of {channel.name} {'before' if before else 'after'} self-improvement"
+            caption = (
+                f"{'First model' if before else 'Live version'}, newest 100 measured samples. A "
+                "position update happens when any output of the group exceeds its tolerance."
+            )
+            figure = draw_deviation(result, channel.name, before, limit)
+            yield title, caption, _encoded(figure)
+
+
+def _rounds(result: RunResult) -> Iterator[Picture]:
+    """The last task as every version, and every round of tuning, predicts it."""
     trace = result.trace
     last = trace["task"] == trace["task"][-1]
     u = np.ascontiguousarray(trace["input"][last])
     t = (trace["t"][last] - trace["t"][last][0]) * 1e-9
-    names = result.model.outputs.names
-    rounds = [_predicted(result, version, u) for version in result.versions]
-    figure = draw_rounds(trace["measured"][last], rounds, names, t)
-    caption = "The last task, measured and as each version predicts it."
-    yield "Every version on the last task", caption, _encoded(figure)
+    names, measured = result.model.outputs.names, trace["measured"][last]
+    versions = [
+        (f"version {v.number}", _predicted(result.model_of(v), v.p, u)) for v in result.versions
+    ]
+    figure = draw_rounds(measured, _few(versions), names, t)
+    caption = "The last task, measured and as the versions predict it."
+    what = "Torque per axis" if "Nm" in result.model.outputs.units else "Each output"
+    yield f"{what} and version", caption, _encoded(figure)
+    if not result.rounds:
+        return
+    rounds = [
+        (f"round {k}", _predicted(*_of_round(result, item), u))
+        for k, item in enumerate(result.rounds)
+    ]
+    figure = draw_rounds(measured, _few(rounds), names, t)
+    caption = "The last task, measured and as each round of tuning predicts it."
+    yield f"{what} and round", caption, _encoded(figure)
 
 
-def _predicted(result: RunResult, version: Version, u: np.ndarray) -> np.ndarray:
+def _few(items: Sequence[tuple[str, Outputs]]) -> list[tuple[str, Outputs]]:
+    return [*items[: ROUNDS - 1], items[-1]] if len(items) > ROUNDS else list(items)
+
+
+def _of_round(result: RunResult, item: Mapping[str, Any]) -> tuple[Model, ParameterVector]:
+    version: Version = result.versions[item["version"]]
     model = result.model_of(version)
-    _, y = model.simulate(model.initial(version.p), u, np.zeros(len(u)), version.p)
+    parameters = model.parameters.with_values(version.p).with_values(item["values"])
+    return model, parameters.values
+
+
+def _predicted(model: Model, p: ParameterVector, u: np.ndarray) -> Outputs:
+    _, y = model.simulate(model.initial(p), u, np.zeros(len(u)), p)
     return y
 
 
 def _encoded(figure: Figure) -> str:
-    """The figure as a data address."""
+    """The figure as a data address; small figures stay sharp, tall ones small."""
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=110)
+    tall = float(figure.get_figheight())
+    figure.savefig(buffer, format="png", dpi=min(110.0, 110.0 * math.sqrt(8.0 / max(tall, 8.0))))
     return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")

@@ -30,7 +30,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from evertwin.correction.candidates import FREE, SHAPED, SIMPLE, Candidate, propose
 from evertwin.correction.describe import describe
@@ -38,7 +38,7 @@ from evertwin.correction.evidence import Evidence, gather, mean_deviation
 from evertwin.correction.fitting import Scored, fit_candidate, refit
 from evertwin.correction.stack import Part, Stack
 from evertwin.errors import UsageError
-from evertwin.fold import Block
+from evertwin.fold import Block, plain
 from evertwin.models import Model
 from evertwin.models.corrected import Corrected
 from evertwin.models.form import Form, Term
@@ -131,6 +131,8 @@ class Proposal:
     """Held-out gain of every candidate on the form as it was."""
     steps: tuple[Gain, ...] = ()
     """Every step on the way, terms that were replaced or dropped later included."""
+    table: Mapping[str, Any] = field(default_factory=dict)
+    """The translation table that a law was refined from: levels, values, visits, learned."""
 
     @property
     def found(self) -> bool:
@@ -147,6 +149,7 @@ class Proposal:
             ],
             "steps": [g.detail for g in self.steps],
             "tried": dict(self.tried),
+            **({"table": plain(self.table)} if self.table else {}),
         }
 
 

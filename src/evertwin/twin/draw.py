@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from evertwin.models.form import Version
 from evertwin.types import Vector
 
 if TYPE_CHECKING:
@@ -26,6 +25,14 @@ MEASURED, PREDICTED, UPDATE, BAND = "#000000", "#0072B2", "#D55E00", "#56B4E9"
 def _figure(rows: int = 1, height: float = 2.2) -> tuple[Figure, Any]:
     figure = Figure(figsize=(9.0, height * rows), layout="constrained")
     return figure, figure.subplots(rows, 1, squeeze=False)[:, 0]
+
+
+def _legend(axis: Any) -> None:
+    """Above the axes, where it covers nothing."""
+    axis.legend(
+        loc="lower left", bbox_to_anchor=(0.0, 1.0), fontsize=8, ncols=6, frameon=False,
+        borderaxespad=0.2,
+    )  # fmt: skip
 
 
 def _seconds(trace: Mapping[str, np.ndarray]) -> Vector:
@@ -46,24 +53,27 @@ def draw_run(result: RunResult, output: str | None = None) -> Figure:
     t = _seconds(trace)
     above.plot(t, trace["measured"][:, k], ".", ms=2, color=MEASURED, label="measured")
     above.plot(t, trace["predicted"][:, k], "-", lw=0.9, color=PREDICTED, label="predicted")
-    updated = (trace["update"] == 1).any(axis=1)
+    updated = trace["update"][:, int(result.model.outputs.group_of[k])] == 1
     if updated.any():
         above.plot(
             t[updated], trace["measured"][updated, k], "x", color=UPDATE, ms=5,
             label=f"position update ({int(updated.sum())})",
         )  # fmt: skip
     above.set_ylabel(f"{names[k]} [{unit}]")
-    above.legend(loc="upper left", fontsize=8, ncols=3)
+    _legend(above)
     sigma = np.where(np.isfinite(trace["sigma"][:, k]), trace["sigma"][:, k], np.nan)
     below.fill_between(t, -1.96 * sigma, 1.96 * sigma, color=BAND, alpha=0.35, label="95 % band")
-    below.plot(t, trace["residual"][:, k], "-", lw=0.7, color=MEASURED, label="residual")
+    known = np.isfinite(trace["residual"][:, k])
+    below.plot(
+        t[known], trace["residual"][known, k], "-", lw=0.7, color=MEASURED, label="residual"
+    )
     for row in _switches(result):
         at = t[min(int(np.searchsorted(trace["row"], row)), len(t) - 1)]
         for axis in (above, below):
             axis.axvline(at, color=UPDATE, ls="--", lw=1)
     below.set_ylabel(f"residual [{unit}]")
     below.set_xlabel("time [s]")
-    below.legend(loc="upper left", fontsize=8, ncols=2)
+    _legend(below)
     return figure
 
 
@@ -71,68 +81,71 @@ def _switches(result: RunResult) -> list[int]:
     return [e.row for e in result.events if e.kind in ("promoted", "rolled_back")]
 
 
-def draw_deviation(result: RunResult, output: str, before: bool, most: int = 100) -> Figure:
-    """Deviation of each measured position, samples over the tolerance marked.
+def draw_deviation(result: RunResult, output: str, before: bool, limit: float) -> Figure:
+    """Deviation of the newest 100 measured samples; those that made a position update are marked.
 
-    Before: the first champion over the last ``most`` measured samples; after: the last champion
-    over the same.
+    Before: the first champion; after: the last one, over the same samples. ``limit`` is the
+    tolerance, in the output's unit.
     """
     k = result.model.outputs.names.index(output)
+    group = int(result.model.outputs.group_of[k])
     trace, unit = result.trace, result.model.outputs.units[k]
-    known = np.flatnonzero(np.isfinite(trace["measured"][:, k]))[-most:]
-    predicted = trace["first" if before else "predicted"][known, k]
-    updated = (trace["first_update" if before else "update"][known] == 1).any(axis=1)
+    known = np.flatnonzero(np.isfinite(trace["measured"][:, k]))[-100:]
+    updated = trace["first_update" if before else "update"][known, group] == 1
+    deviation = np.abs(
+        trace["measured"][known, k] - trace["first" if before else "predicted"][known, k]
+    )
     figure, (axis,) = _figure(1, 2.6)
-    deviation = np.abs(trace["measured"][known, k] - predicted)
     place = np.arange(len(known))
-    axis.bar(place[~updated], deviation[~updated], color=PREDICTED, label="within tolerance")
-    axis.bar(
-        place[updated], deviation[updated], color=UPDATE, hatch="//",
-        label=f"position update ({int(updated.sum())})",
-    )  # fmt: skip
-    axis.set_ylabel(f"|deviation| [{unit}]")
-    axis.set_xlabel("sample")
-    axis.set_title("first model" if before else "present champion", fontsize=9)
-    axis.legend(loc="upper left", fontsize=8, ncols=2)
+    axis.bar(place[~updated], deviation[~updated], color=PREDICTED, label="no update")
+    if updated.any():
+        axis.bar(
+            place[updated], deviation[updated], color=UPDATE, hatch="//",
+            label=f"position update ({int(updated.sum())})",
+        )  # fmt: skip
+    if np.isfinite(limit):
+        axis.axhline(limit, color=MEASURED, ls="--", lw=1, label=f"tolerance {limit:g} {unit}")
+    axis.set_ylabel(f"|deviation| of {output} [{unit}]")
+    axis.set_xlabel("measured sample, newest last")
+    _legend(axis)
     return figure
 
 
-def draw_table(version: Version, unit: str) -> Figure | None:
-    """The translation from set-point to effective value; None where the version has none."""
-    values = dict(zip(version.names, version.values, strict=True))
-    for term in version.form.terms:
-        if term.kind != "table":
-            continue
-        levels = np.array(term.levels)
-        learned = np.array([values[f"table.{term.channel}.{k}"] for k in range(len(levels))])
-        figure, (axis,) = _figure(1, 3.0)
-        axis.plot(levels, levels, ":", color=MEASURED, label="as commanded")
-        axis.step(levels, learned, where="mid", color=PREDICTED, label="translation")
-        axis.plot(levels, learned, "o", ms=3, color=PREDICTED)
-        axis.set_xlabel(f"commanded {term.channel} [{unit}]")
-        axis.set_ylabel(f"effective {term.channel} [{unit}]")
-        axis.legend(fontsize=8)
-        return figure
-    return None
+def draw_table(table: Mapping[str, Any], unit: str) -> Figure:
+    """The translation from set-point to effective value, as learned; open where nothing was seen."""
+    levels, values = np.array(table["levels"]), np.array(table["values"])
+    learned = np.array(table["learned"], dtype=np.bool_)
+    figure, (axis,) = _figure(1, 3.4)
+    axis.plot(levels, levels, ":", color=MEASURED, label="as commanded")
+    axis.step(levels, values, where="mid", color=PREDICTED, lw=1, label="translation")
+    axis.plot(levels[learned], values[learned], "o", ms=4, color=PREDICTED, label="learned")
+    axis.plot(levels[~learned], values[~learned], "o", ms=4, mfc="none", color=UPDATE,
+              label="not seen")  # fmt: skip
+    axis.set_xlabel(f"set-point {table['channel']} [{unit}]")
+    axis.set_ylabel(f"simulated with [{unit}]")
+    _legend(axis)
+    return figure
 
 
 def draw_rounds(
-    measured: np.ndarray, rounds: Sequence[np.ndarray], names: Sequence[str], t: Vector
+    measured: np.ndarray, rounds: Sequence[tuple[str, np.ndarray]], names: Sequence[str], t: Vector
 ) -> Figure:
-    """Measured torque per axis and the prediction of the first and last round, (n, ny) each."""
-    figure, axes = _figure(len(names), 1.5)
+    """Measured outputs and the prediction of each round (label, (n, ny)), one axis an output."""
+    figure, axes = _figure(len(names), 1.7)
     for k, (axis, name) in enumerate(zip(axes, names, strict=True)):
-        axis.plot(t, measured[:, k], ".", ms=1.5, color=MEASURED, label="measured")
-        for number, predicted in enumerate(rounds):
+        axis.plot(t, measured[:, k], ".", ms=2, color=MEASURED, label="measured")
+        for number, (label, predicted) in enumerate(rounds):
             last = number == len(rounds) - 1
+            share = number / max(len(rounds) - 1, 1)
             axis.plot(
-                t, predicted[:, k], "-" if last else ":", lw=1.2 if last else 0.8,
-                color=PREDICTED if last else UPDATE, alpha=1.0 if last else 0.8,
-                label=f"round {number}",
+                t, predicted[:, k], "-" if last else "--", lw=1.3 if last else 0.8,
+                color=PREDICTED if last else UPDATE, alpha=1.0 if last else 1.0 - 0.6 * share,
+                label=label,
             )  # fmt: skip
         axis.set_ylabel(name, fontsize=8)
+        axis.set_xlim(float(t[0]), float(t[-1]) or 1.0)
         axis.tick_params(labelsize=7)
-    axes[0].legend(loc="upper right", fontsize=7, ncols=min(4, len(rounds) + 1))
+    _legend(axes[0])
     axes[-1].set_xlabel("time [s]")
     return figure
 

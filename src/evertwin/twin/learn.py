@@ -19,11 +19,14 @@ from evertwin.fold import Block
 from evertwin.models import Model
 from evertwin.models.corrected import build
 from evertwin.models.form import Form, Term, Version
+from evertwin.twin.effects import effects
 from evertwin.twin.setup import Setup
 
 __all__ = ["learn"]
 
 Windows = tuple[Block, ...]
+SHOWN = ("channel", "levels", "values", "visits", "learned")
+"""What an event keeps of a translation table."""
 
 
 def learn(setup: Setup, base: Model, version: Version, windows: Windows) -> Proposal:
@@ -46,7 +49,9 @@ def sarsa_settings(setup: Setup, channel: str, windows: Windows) -> SarsaSetting
         count = int(np.ceil((top - low) / rule.quantum - 1e-9)) + 1
         quantum = rule.quantum
     else:
-        low, quantum, count = propose_actions(commands, commands)
+        p = setup.model.parameters.values
+        seen = effects(setup.model, p, windows, channel, setup.horizon)
+        low, quantum, count = propose_actions(*seen)
     return SarsaSettings(
         channel, low, quantum, count, horizon=setup.horizon, mode=rule.learner, watch=rule.watch,
     )  # fmt: skip
@@ -73,4 +78,7 @@ def _translation(setup: Setup, base: Model, version: Version, windows: Windows) 
     gain = Gain(terms[0], before, after, seen.segments, detail=said[0])
     gains = (gain,) if after < before else ()
     names = model.parameters.names
-    return Proposal(form, names, full, before, after, seen.scale, gains=gains, describes=said)
+    return Proposal(
+        form, names, full, before, after, seen.scale, gains=gains, describes=said,
+        table={name: getattr(table, name) for name in SHOWN},
+    )  # fmt: skip

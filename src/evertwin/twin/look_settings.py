@@ -9,14 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from evertwin.correction.evidence import gather
 from evertwin.correction.sarsa_settings import findings
 from evertwin.errors import DataError, UsageError
+from evertwin.twin.effects import effects
 from evertwin.twin.finding import Finding
 from evertwin.twin.learn import sarsa_settings
 from evertwin.twin.view import View, changes
@@ -24,8 +23,6 @@ from evertwin.types import Vector
 
 __all__ = ["look_settings"]
 
-TRIM = 0.02
-"""Share of samples at either end that count as outliers when a range is judged."""
 CLEAR = 3.0
 """Changes over the horizon should be so many times what noise alone makes of them."""
 
@@ -143,12 +140,12 @@ def _actions(view: View) -> Iterator[Finding]:
         return
     channel, windows = rule.channels[0], view.some(view.judged)
     try:
-        command, effect = _effects(view, channel)
+        command, effect = effects(
+            view.model, view.version.p, windows, channel, view.setup.horizon
+        )
         settings = sarsa_settings(view.setup, channel, windows)
     except (DataError, UsageError):
         return  # too little data for a table: the horizon's finding says so
-    # a few samples beyond the range are noise, not a range that is too small
-    effect = np.clip(effect, *np.quantile(effect, [TRIM, 1 - TRIM]))
     if not (np.abs(effect - command) > settings.quantum / 2).any():
         return
     for said in findings(settings, command, effect):
@@ -157,22 +154,3 @@ def _actions(view: View) -> Iterator[Finding]:
             "set [correction] quantum to match, or leave it out: it is then proposed from the data",
             {"low": settings.low, "quantum": settings.quantum, "count": settings.count},
         )  # fmt: skip
-
-
-def _effects(view: View, channel: str) -> tuple[Vector, Vector]:
-    """Mean command and what the machine made of it, per segment of one horizon."""
-    model, p = view.model, view.version.p
-    seen = gather(model, view.some(view.judged), view.setup.horizon, p=p)
-    column = model.inputs.index(channel)
-    step = 1e-3 * max(float(np.nanmax(np.abs(seen.u[:, column]))), 1e-6)
-    u = seen.u.copy()
-    u[:, column] += step
-    r = seen.residual(model, p)
-    slope = (r - replace(seen, u=u).residual(model, p)) / step
-    count = seen.segments
-    top = np.bincount(seen.segment, (r * slope).sum(axis=1), count)
-    base = np.bincount(seen.segment, (slope**2).sum(axis=1), count)
-    number = np.maximum(np.bincount(seen.segment, minlength=count), 1)
-    command = np.bincount(seen.segment, seen.u[seen.rows, column], count) / number
-    good = base > 1e-3 * base.max(initial=0.0)
-    return command[good], (command + np.divide(top, base, where=good, out=np.zeros(count)))[good]

@@ -9,6 +9,8 @@ import numpy as np
 
 from evertwin.fold import Answer, Block, Event, Record
 from evertwin.models import Parameters
+from evertwin.signals import wrap
+from evertwin.tuning.iteration import Round
 from evertwin.twin.accounts import deviation
 from evertwin.twin.driver import Driver
 from evertwin.twin.follow import Followed
@@ -37,6 +39,7 @@ class Observer:
         self.trace = Trace()
         self.events: list[Event] = []
         self.knowledge: dict[str, dict[str, Any]] = {}
+        self.rounds: list[dict[str, Any]] = []
         self._progress = progress
         self._told = 0
         self._seconds = 0.0
@@ -49,7 +52,7 @@ class Observer:
             {
                 "row": np.arange(piece.row, piece.row + len(piece.t)), "t": piece.t,
                 "task": piece.task, "input": piece.u, "measured": piece.y,
-                "predicted": out.rows.y, "residual": piece.y - out.rows.y,
+                "predicted": out.rows.y, "residual": wrap(piece.y - out.rows.y, self.setup.model.outputs.angles),
                 "sigma": out.rows.sigma, "mark": out.mark[:, nu:], "update": out.rows.update,
                 "first": before.y, "first_update": before.update,
                 "version": np.full(len(piece.t), state.live.version),
@@ -68,7 +71,12 @@ class Observer:
             content: Any = record.content
             fit: Mapping[str, Any] = content.get("fit") or {}
             for name, item in fit.get("parameters", {}).items():
-                self.knowledge[name] = {k: item[k] for k in ("interval95", "verdict")}
+                self.knowledge[name] = {k: item[k] for k in ("interval95", "verdict", "value")}
+            names = tuple(fit.get("parameters", {}))
+            for item in content.get("rounds") or ():
+                kept = Round(*item)._asdict()
+                values = dict(zip(names, kept["values"], strict=True))
+                self.rounds.append({"version": record.version, **kept, "values": values})
 
     def result(self, driver: Driver, state: TwinState, seconds: float) -> RunResult:
         """The outcome."""
@@ -81,7 +89,7 @@ class Observer:
             unseen_since=state.books.rows, events=tuple(self.events), champion=champion,
             parameters=parameters, knowledge=self.knowledge, versions=tuple(driver.versions),
             model=model, models={v.form: driver.versions.model(v.number) for v in driver.versions},
-            trace=self.trace.columns(),
+            trace=self.trace.columns(), rounds=tuple(self.rounds),
         )  # fmt: skip
 
 

@@ -72,6 +72,8 @@ class RunResult:
     models: Mapping[Form, Model] = field(repr=False)
     """Of every form that was live or tried."""
     trace: Mapping[str, np.ndarray] = field(repr=False)
+    rounds: tuple[Mapping[str, Any], ...] = ()
+    """Rounds of tuning by iteration: version, deviation per output, tried, frozen, values."""
     problems: Mapping[str, int] = field(default_factory=dict)
     """What was wrong with the recordings, counted."""
 
@@ -96,15 +98,18 @@ class RunResult:
             },
             "parameters": {item.name: self._parameter(item.name) for item in self.parameters},
             "data_problems": self.problems,
+            "rounds": self.rounds,
         }
         return plain(content)  # type: ignore[return-value]
 
     def _parameter(self, name: str) -> dict[str, Any]:
         item, known = self.parameters[name], self.knowledge.get(name, {})
+        # an interval belongs to the value it was found with: a fit that was not adopted has none
+        mine = known.get("value") == item.value
         return {
             "value": item.value,
             "unit": item.unit,
-            "interval95": known.get("interval95"),
+            "interval95": known.get("interval95") if mine else None,
             "verdict": known.get("verdict", "not tuned"),
         }
 
