@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -140,3 +142,17 @@ def test_a_detector_is_scored_beside_its_dummies() -> None:
     assert score(always(t), onsets, ends, calm).false_alarms == 49
     assert score(never(), onsets, ends, calm).found == 0
     assert np.isnan(score(never(), onsets, ends, []).per_month)
+
+
+def test_no_parameters_found_is_abnormal_and_says_why() -> None:
+    problem, _ = axis("friction", 2)
+    fit = replace(solve(problem), converged=False, message="diverged at row 3")
+    found = branch(fit, problem)
+    assert found.kind == "abnormal"
+    assert "diverged at row 3" in found.reason
+
+
+def test_a_cause_that_does_not_lead_has_no_name() -> None:
+    problem, _ = axis("friction", 3)
+    fit = solve(problem)
+    assert branch(fit, problem, {"one": fit, "same": fit}).cause == ""

@@ -134,3 +134,9 @@ def test_settings_that_cannot_be_meant_are_refused() -> None:
 
 def test_without_orders_nothing_is_whitened() -> None:
     assert len(autoregression(np.ones(100), 0)) == 0
+
+
+def test_a_residual_that_never_changes_is_not_calibrated() -> None:
+    assert effective(np.zeros(100), np.zeros(2)) == 0.0
+    found = calibrate(Residuals.of(np.zeros((2000, 1)), 3.0), Calm())
+    assert "worth 0 independent" in found.reason

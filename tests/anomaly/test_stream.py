@@ -25,6 +25,7 @@ from evertwin.anomaly import (
     phases,
     snr,
 )
+from evertwin.errors import UsageError
 from evertwin.fold import canonical, copy, equal, load, save
 from evertwin.fold.laws import join
 
@@ -192,3 +193,8 @@ def test_noise_of_a_mean_follows_the_autoregression() -> None:
     detector = SnrLimit(("a",), window=25)
     means = z[: 25 * 8000].reshape(-1, 25).mean(axis=1) / known.scale[0, 0]
     assert detector._noise(known)[0] == pytest.approx(means.std(), rel=0.1)
+
+
+def test_a_threshold_that_cannot_be_meant_is_refused() -> None:
+    with pytest.raises(UsageError, match="window"):
+        SnrLimit(("a",), window=0)
