@@ -1,5 +1,6 @@
 """Synchronisation: simulated and measured data side by side, and which of the two to trust."""
 
+from evertwin.sync.align import Align, AlignState, Feed, Rows
 from evertwin.sync.arbiter import Arbiter, Phases, Rule
 from evertwin.sync.horizon import (
     Horizon,
@@ -9,19 +10,26 @@ from evertwin.sync.horizon import (
     restarts,
     trusted,
 )
+from evertwin.sync.lag import SharedLag, shared_lag
 from evertwin.sync.track import Track, TrackRows, TrackState
 
 __all__ = [
+    "Align",
+    "AlignState",
     "Arbiter",
+    "Feed",
     "Horizon",
     "HorizonRows",
     "HorizonState",
     "Phases",
+    "Rows",
     "Rule",
+    "SharedLag",
     "Track",
     "TrackRows",
     "TrackState",
     "residuals",
     "restarts",
+    "shared_lag",
     "trusted",
 ]

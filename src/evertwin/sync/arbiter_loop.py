@@ -38,7 +38,13 @@ def forget(rules: Any, memory: Any, rows: Any, notes: Any, g: int, now: Any) -> 
     memory[1][g, at.STARTED] = memory[1][g, at.RUN] = 0
 
 
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True)
+@njit(
+    cache=True,
+    error_model="numpy",
+    no_cpython_wrapper=True,
+    no_cfunc_wrapper=True,
+    forceinline=True,
+)
 def settle(
     limits: Any, memory: Any, sample: Any, g: int, size: int, stamp: int, adopt: bool,
     spread: float,
@@ -59,7 +65,13 @@ def settle(
     numbers[g, at.SAMPLES] += 1
 
 
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True)
+@njit(
+    cache=True,
+    error_model="numpy",
+    no_cpython_wrapper=True,
+    no_cfunc_wrapper=True,
+    forceinline=True,
+)
 def use(settings: Any, memory: Any, sample: Any, g: int, size: int, stamp: int) -> int:
     """A sample inside the gate: nothing, a tolerance update, or a blend."""
     limits, rules, _ = settings
@@ -94,7 +106,13 @@ def use(settings: Any, memory: Any, sample: Any, g: int, size: int, stamp: int) 
     return ADOPTED if adopt else 0
 
 
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True)
+@njit(
+    cache=True,
+    error_model="numpy",
+    no_cpython_wrapper=True,
+    no_cfunc_wrapper=True,
+    forceinline=True,
+)
 def follow(settings: Any, memory: Any, sample: Any, g: int, size: int, now: Any) -> None:
     """Keeps the run of equal values."""
     rules = settings[1]
@@ -172,7 +190,13 @@ def refresh(memory: Any, notes: Any, g: int, now: Any) -> None:
     numbers[g, at.VALID] = 1
 
 
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True)
+@njit(
+    cache=True,
+    error_model="numpy",
+    no_cpython_wrapper=True,
+    no_cfunc_wrapper=True,
+    forceinline=True,
+)
 def judge(
     settings: Any, memory: Any, statistics: Any, board: Any, notes: Any, sample: Any, g: int,
     size: int, now: Any, phase: int,

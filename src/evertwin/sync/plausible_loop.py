@@ -21,7 +21,13 @@ __all__ = ["doubted", "grown", "implausible", "learn", "measure", "standstill", 
 NONE, RANGE, RATE, FROZEN, SENTINEL, FACTOR = 0, 2, 3, 4, 5, 6
 
 
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True)
+@njit(
+    cache=True,
+    error_model="numpy",
+    no_cpython_wrapper=True,
+    no_cfunc_wrapper=True,
+    forceinline=True,
+)
 def grown(rules: Any, numbers: Any, figures: Any, g: int, stamp: int) -> float:
     """Growth of the innovation's variance since the last trusted sample; 1 at the interval.
 
@@ -35,7 +41,13 @@ def grown(rules: Any, numbers: Any, figures: Any, g: int, stamp: int) -> float:
     return float((1 + figures[g, at.SPREAD] + k * k / (1 - k) * steps) * (1 - k))
 
 
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True)
+@njit(
+    cache=True,
+    error_model="numpy",
+    no_cpython_wrapper=True,
+    no_cfunc_wrapper=True,
+    forceinline=True,
+)
 def variance_of(variance: Any, counts: Any, phase: int, j: int) -> float:
     """Regular variance of output ``j``'s innovation; inf while too few are known."""
     pool = variance.shape[0] - 1
@@ -66,7 +78,13 @@ def learn(statistics: Any, phase: int, j: int, square: float) -> None:
         variance[phase, j] += (square - variance[phase, j]) / counts[phase, j]
 
 
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True)
+@njit(
+    cache=True,
+    error_model="numpy",
+    no_cpython_wrapper=True,
+    no_cfunc_wrapper=True,
+    forceinline=True,
+)
 def measure(
     settings: Any, memory: Any, statistics: Any, sample: Any, g: int, size: int, stamp: int,
     phase: int,
@@ -117,7 +135,13 @@ def standstill(settings: Any, memory: Any, sample: Any, g: int, size: int) -> bo
     return False
 
 
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True)
+@njit(
+    cache=True,
+    error_model="numpy",
+    no_cpython_wrapper=True,
+    no_cfunc_wrapper=True,
+    forceinline=True,
+)
 def implausible(settings: Any, memory: Any, sample: Any, g: int, size: int, stamp: int) -> int:
     """Range, rate, and a frozen value: the first cause that holds, or none.
 

@@ -1,0 +1,309 @@
+"""Alignment: samples of several sources, as they arrive, become rows on one clock.
+
+The clock is the union of all stamps (or a uniform grid). A row leaves when every source's newest
+stamp less its slack has passed it, judged after each sample: so how the samples were cut into
+chunks never matters, only their order of arrival, which is part of a recording. What comes later is
+recorded and not folded. A silent source is waited for until a tick (a logged input, never the
+machine's clock) says that its time-out is over. Memory is bounded: where a source would have to
+keep more than ``depth`` samples, rows leave without the others.
+
+What a row holds:
+
+* a command (``hold``) acts from its stamp on, so a row's input is the newest one before its
+  interval; it is marked held where it is older than the row before;
+* a measured input (``lines``) is the one at the row, interpolated where its source has none;
+* an output is there only where it was measured at that stamp (on a grid: interpolated).
+
+>>> feeds = (Feed("wheels", ("v",)), Feed("camera", ("x",)))
+>>> align = Align(Layout.of(v="m/s"), Layout.of(x="m"), feeds)
+>>> state = align.init()
+>>> state, out = align.step(state, Chunk("wheels", np.array([0, 20, 40]), np.ones((3, 1))))
+>>> out.rows is None        # the camera may still send something earlier
+True
+>>> state, out = align.step(state, Chunk("camera", np.array([10, 30]), np.zeros((2, 1))))
+>>> out.rows.t.tolist(), out.rows.block.y[:, 0].tolist()
+([0, 10, 20, 30], [nan, 0.0, nan, 0.0])
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from evertwin.errors import DataError, UsageError
+from evertwin.fold import Block, Chunk, Event, Out
+from evertwin.signals import Layout
+from evertwin.sync import align_loop as loop
+from evertwin.sync.horizon import nanoseconds
+from evertwin.sync.horizon_loop import NEVER
+from evertwin.types import Bools, Inputs, Intervals, Marks, Outputs, Stamps, Tasks
+
+__all__ = ["Align", "AlignState", "Feed", "Rows"]
+
+NOTES = 64
+WORTH = 64
+"""Samples from which on whole columns are faster than the compiled loop."""
+TICK = ""
+"""Name of the source of ticks: chunks whose stamps say how late it is."""
+
+
+@dataclass(frozen=True)
+class Feed:
+    """What one source brings.
+
+    >>> Feed("camera", ("x", "y"), slack=0.05).timeout
+    inf
+    """
+
+    name: str
+    channels: tuple[str, ...]
+    """Its columns in order; names that are no channel of the model are left out."""
+    slack: float = 0.0
+    """How far behind its newest sample another one may still come [s]."""
+    timeout: float = float("inf")
+    """Silent for this long before a tick, it is no longer waited for [s]."""
+    offset: float = 0.0
+    """Added to its stamps [s]: what its clock is behind, or minus its known transport lag."""
+
+
+class AlignState(NamedTuple):
+    """State of `Align`.
+
+    >>> AlignState._fields[0]
+    'clock'
+    """
+
+    clock: Int64[np.ndarray, " clock"]
+    sources: Int64[np.ndarray, "sources memory"]
+    times: Int64[np.ndarray, "sources depth"]
+    """Stamps that wait, per source, a sorted ring."""
+    values: Float64[np.ndarray, "sources depth width"]
+    known_t: Int64[np.ndarray, " channels"]
+    """Stamp of each channel's newest finite value at or before the last row."""
+    known_v: Float64[np.ndarray, " channels"]
+    broken_t: Int64[np.ndarray, " channels"]
+    """Stamp of its newest infinite one."""
+
+
+class Rows(NamedTuple):
+    """Rows that left; `block` gives them as a `Block`.
+
+    >>> Rows._fields[:2]
+    ('number', 't')
+    """
+
+    number: Int64[np.ndarray, " n"]
+    t: Stamps
+    dt: Intervals
+    u: Inputs
+    y: Outputs
+    mark: Marks
+    task: Tasks
+    gap: Bools
+
+    @property
+    def block(self) -> Block:
+        """The rows as a block."""
+        return Block(int(self.number[0]), *self[1:])
+
+
+@dataclass(frozen=True)
+class Align:
+    """The stage. See the module for an example.
+
+    >>> Align(Layout.of(v="m/s"), Layout.of(x="m"), (Feed("log", ("v", "x")),)).gap
+    inf
+    """
+
+    inputs: Layout
+    outputs: Layout
+    feeds: tuple[Feed, ...]
+    lines: tuple[str, ...] = ()
+    """Inputs that are measurements: taken at the row, interpolated between their samples."""
+    gap: float = float("inf")
+    """Longest interval that is simulated over [s]; after a longer one the state starts anew."""
+    rate: float | None = None
+    """Rows per second on a uniform grid; None: the union of the stamps."""
+    jump: float = float("inf")
+    """Stamps further than this behind or ahead of all others [s] are kept out; when a source goes
+    on like that, its clock was set anew and is followed."""
+    depth: int = 4096
+    """Samples per source that may wait."""
+
+    def __post_init__(self) -> None:
+        names = [name for feed in self.feeds for name in feed.channels]
+        for name in (*self.inputs.names, *self.outputs.names):
+            if names.count(name) != 1:
+                raise UsageError(
+                    f"channel {name!r}: expected exactly one source for it, got "
+                    f"{names.count(name)}: the sources bring {', '.join(names)}"
+                )
+        for name in self.lines:
+            self.inputs.index(name)
+        if self.depth < 2 or not self.gap > 0 or not self.jump > 0:
+            raise UsageError(
+                f"expected depth ≥ 2, gap and jump above 0 s, got {self.depth}, {self.gap}, "
+                f"{self.jump}"
+            )
+        if self.rate is not None and not 0 < self.rate < 1e9:
+            raise UsageError(f"rate: expected a number of rows per second, got {self.rate}")
+
+    @cached_property
+    def _plan(self) -> tuple[Int64[np.ndarray, "sources two"], Int64[np.ndarray, "channels four"]]:
+        plan = [(nanoseconds(feed.slack), nanoseconds(feed.timeout)) for feed in self.feeds]
+        table = []
+        for channel in self.inputs:
+            how = loop.LINE if channel.name in self.lines else loop.HOLD
+            table.append((*self._place(channel.name), how, channel.kind == "angle"))
+        for channel in self.outputs:
+            table.append((*self._place(channel.name), loop.MEASURED, channel.kind == "angle"))
+        return np.array(plan, dtype=np.int64), np.array(table, dtype=np.int64)
+
+    def _place(self, name: str) -> tuple[int, int]:
+        for s, feed in enumerate(self.feeds):
+            if name in feed.channels:
+                return s, feed.channels.index(name)
+        raise UsageError(f"channel {name!r}: no source brings it")
+
+    @cached_property
+    def _times(self) -> tuple[int, float, int]:
+        period = 0.0 if self.rate is None else 1e9 / self.rate
+        return nanoseconds(self.gap), period, nanoseconds(self.jump)
+
+    def init(self) -> AlignState:
+        """The state before the first sample."""
+        ns, nc = len(self.feeds), len(self.inputs) + len(self.outputs)
+        width = max(len(feed.channels) for feed in self.feeds)
+        clock = np.zeros(11, dtype=np.int64)
+        clock[[loop.TASK, loop.NOW]] = NEVER
+        sources = np.zeros((ns, 13), dtype=np.int64)
+        sources[:, loop.NEWEST] = NEVER
+        waiting = np.zeros((ns, self.depth), dtype=np.int64), np.zeros((ns, self.depth, width))
+        known = np.full(nc, NEVER), np.full(nc, np.nan), np.full(nc, NEVER)
+        return AlignState(clock, sources, *waiting, *known)
+
+    def step(self, state: AlignState, block: Chunk) -> tuple[AlignState, Out]:
+        """A chunk of samples, or of ticks (source ``""``).
+
+        Raises:
+            DataError: the source is unknown, or has another number of columns.
+        """
+        names = [feed.name for feed in self.feeds]
+        if block.source == TICK:
+            return self._run(state, block, loop.TICK)
+        if block.source not in names:
+            known = ", ".join(names)
+            raise DataError(f"source {block.source!r}: expected one of {known}")
+        s = names.index(block.source)
+        width = len(self.feeds[s].channels)
+        if block.v.shape != (len(block.t), width):
+            raise DataError(
+                f"source {block.source!r}: expected {width} columns "
+                f"({', '.join(self.feeds[s].channels)}), got values of shape {block.v.shape}"
+            )
+        if self.feeds[s].offset:
+            block = block._replace(t=block.t + nanoseconds(self.feeds[s].offset))
+        rows = self._straight(state, block)
+        return (state, Out(rows)) if rows is not None else self._run(state, block, s)
+
+    def flush(self, state: AlignState) -> tuple[AlignState, Out]:
+        """Everything that waits, at the end of the data."""
+        none = Chunk(TICK, np.zeros(1, dtype=np.int64), np.zeros((1, 0)))
+        return self._run(state, none, loop.FINISH)
+
+    def _run(self, state: AlignState, chunk: Chunk, s: int) -> tuple[AlignState, Out]:
+        t, v = np.ascontiguousarray(chunk.t), np.ascontiguousarray(chunk.v, dtype=np.float64)
+        parts, events, start = [], [], 0
+        while start < len(t):
+            rows = self._room(len(t) - start + int(state.sources[:, loop.COUNT].sum()) + 1)
+            found = np.empty((NOTES + len(self.feeds), 6), dtype=np.int64)
+            extent = np.zeros(2, dtype=np.int64)
+            start = loop.push(
+                s, start, t, v, chunk.task, *self._plan, *state, *rows, found, extent, *self._times
+            )
+            parts.append(Rows(*(column[: extent[0]] for column in rows)))
+            events += [self._event(note) for note in found[: extent[1]].tolist()]
+        columns: Sequence[Any] = list(zip(*(part for part in parts if len(part.t)), strict=True))
+        whole = Rows(*(np.concatenate(column) for column in columns)) if columns else None
+        return state, Out(whole, tuple(events))
+
+    def _room(self, n: int) -> Rows:
+        nu, ny = len(self.inputs), len(self.outputs)
+        whole, real = np.dtype(np.int64), np.dtype(np.float64)
+        return Rows(
+            np.empty(n, whole), np.empty(n, whole), np.empty(n, real), np.empty((n, nu), real),
+            np.empty((n, ny), real), np.empty((n, nu + ny), np.uint8), np.empty(n, whole),
+            np.empty(n, np.bool_),
+        )  # fmt: skip
+
+    def _straight(self, state: AlignState, chunk: Chunk) -> Rows | None:
+        """The rows of a single source without fault, whole columns at a time; None: not so."""
+        clock, source = state.clock, state.sources[0]
+        plain = len(self.feeds) == 1 and self.feeds[0].slack == 0 and self.rate is None
+        if not plain or self.jump < float("inf") or len(chunk.t) < WORTH:
+            return None
+        begun = clock[loop.BEGUN] == 1 and clock[loop.TASK] == chunk.task
+        calm = source[loop.RUN] == 0 and source[loop.QUIET] == 0 and source[loop.COUNT] == 0
+        if not (begun and calm and clock[loop.ANEW] == 0):
+            return None
+        t = chunk.t + (source[loop.OFFSET] + clock[loop.SHIFT])
+        columns = self._plan[1][:, loop.COLUMN]
+        values = chunk.v[:, columns]
+        if not (t[0] > clock[loop.LAST] and (t[1:] > t[:-1]).all() and np.isfinite(values).all()):
+            return None
+        return self._columns(state, t, values, chunk)
+
+    def _columns(
+        self, state: AlignState, t: Stamps, values: Float64[np.ndarray, "n channels"], chunk: Chunk
+    ) -> Rows:
+        n, nu, clock = len(t), len(self.inputs), state.clock
+        held = self._plan[1][:nu, loop.HOW] == loop.HOLD
+        u, mark = values[:, :nu].copy(), np.zeros(values.shape, dtype=np.uint8)
+        u[1:, held] = values[:-1, :nu][:, held]
+        u[0, held] = state.known_v[:nu][held]
+        old = state.known_t[:nu] != clock[loop.LAST]
+        mark[0, :nu][held & old] = loop.HELD
+        mark[0, :nu][held & np.isnan(state.known_v[:nu])] = loop.ABSENT
+        steps = np.diff(t, prepend=clock[loop.LAST])
+        number = clock[loop.ROW] + np.arange(n)
+        clock[loop.ROW] += n
+        clock[loop.STEP] += n
+        clock[loop.LAST] = state.sources[0, loop.NEWEST] = t[-1]
+        clock[loop.FORCED] = 0
+        state.sources[0, loop.TIMELY] += n
+        # The ring turns by n places, as it does sample by sample.
+        kept = min(n, self.depth)
+        places = (state.sources[0, loop.HEAD] + np.arange(n - kept, n)) % self.depth
+        state.times[0, places], state.values[0, places] = t[-kept:], chunk.v[-kept:]
+        state.sources[0, loop.HEAD] = (state.sources[0, loop.HEAD] + n) % self.depth
+        state.known_t[:], state.known_v[:] = t[-1], values[-1]
+        tasks, gap = np.full(n, chunk.task, dtype=np.int64), steps > self._times[0]
+        return Rows(
+            number, t, steps * 1e-9, u, np.ascontiguousarray(values[:, nu:]), mark, tasks, gap
+        )
+
+    def _event(self, note: Sequence[int]) -> Event:
+        row, s, kind, first, last, number = note
+        name = self.feeds[s].name
+        word, text = _SAYS[kind]
+        evidence = {"first": None if first == NEVER else first, "last": last, "samples": number}
+        if kind in (loop.JUMPED, loop.SHIFTED):
+            evidence = {"stamp": first, "followed_as": last, "shift": number}
+        return Event(row, last, word, name, text.format(name=name, number=number), evidence)
+
+
+_SAYS = {
+    loop.IS_LATE: ("late", "{name}: {number} samples came after their row had left"),
+    loop.IS_REPEATED: ("repeated", "{name}: {number} samples repeat a stamp"),
+    loop.IS_FUTURE: ("future", "{name}: {number} stamps far ahead of all others"),
+    loop.JUMPED: ("clock_jump", "{name}: its clock was set anew"),
+    loop.IS_QUIET: ("silent", "{name}: silent beyond its time-out, no longer waited for"),
+    loop.BACK: ("back", "{name}: sends again"),
+    loop.OVERFLOW: ("overflow", "{number} samples wait: rows leave without the silent sources"),
+    loop.SHIFTED: ("task_shifted", "the task's stamps lie before the one before: moved behind it"),
+}

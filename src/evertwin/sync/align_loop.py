@@ -1,0 +1,370 @@
+"""Compiled: samples of several sources into rows on one clock; `evertwin.sync.align` explains it.
+
+Each source has a sorted ring of the samples that wait. Everything is decided sample by sample, so
+that it cannot matter how the samples were cut into chunks.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from evertwin.sync.borrow import borrowed
+from evertwin.sync.horizon_loop import NEVER, wrapped
+
+__all__ = ["push"]
+
+SLACK, TIMEOUT = 0, 1
+"""Settings per source [ns]."""
+SOURCE, COLUMN, HOW, TURNS = range(4)
+"""Settings per channel: source, its column, how it comes onto the row, is it an angle?"""
+HOLD, LINE, MEASURED = range(3)
+(
+    HEAD, COUNT, NEWEST, OFFSET, QUIET, RUN, RUN_FIRST, RUN_LAST, RUN_COUNT, RUN_OTHERS, LATE,
+    REPEATED, TIMELY,
+) = range(13)  # fmt: skip
+"""Memory per source: ring, newest stamp, offset of its clock, is it silent?, the run of samples
+that were not folded (kind, first and last stamp, number, timely samples at its start), counters."""
+ROW, LAST, TASK, BEGUN, ANEW, SHIFT, NOW, GRID, STEP, PENDING, FORCED = range(11)
+"""Memory of the clock: next row's number, last row's stamp, task, has a row left?, does the next
+one start anew?, shift of this task, newest tick, first stamp and number of the grid's next row, is
+a sample accepted but its rows not yet released?, was the last row forced out?"""
+FINE, IS_LATE, IS_REPEATED, IS_FUTURE, JUMPED, IS_QUIET, BACK, OVERFLOW, SHIFTED = range(9)
+"""What is noted about a source."""
+MOVE = 10 * 10**9
+"""Distance that a task keeps whose stamps had to be shifted [ns]."""
+RESYNC = 8
+"""Samples in a row off by more than the longest jump, after which a clock is set anew."""
+OK, ABSENT, HELD, ERROR = 0, 1, 2, 6
+TICK, FINISH = -1, -2
+
+
+@njit(cache=True, error_model="numpy")
+def tell(notes: Any, clock: Any, s: int, kind: int, span: Any) -> None:
+    """Notes ``kind`` about source ``s``: first and last stamp, samples."""
+    found, extent = notes
+    k = extent[1]
+    found[k, 0], found[k, 1], found[k, 2] = clock[ROW], s, kind
+    found[k, 3], found[k, 4], found[k, 5] = span
+    extent[1] = k + 1
+
+
+@njit(cache=True, error_model="numpy")
+def end_run(notes: Any, clock: Any, sources: Any, s: int) -> None:
+    """The run of samples that were not folded is over: one record for all of them."""
+    if sources[s, RUN] != FINE:
+        span = (sources[s, RUN_FIRST], sources[s, RUN_LAST], sources[s, RUN_COUNT])
+        tell(notes, clock, s, sources[s, RUN], span)
+    sources[s, RUN], sources[s, RUN_COUNT] = FINE, 0
+
+
+@njit(cache=True, error_model="numpy")
+def refuse(notes: Any, clock: Any, sources: Any, s: int, kind: int, stamp: int) -> None:
+    """A sample that is not folded."""
+    if sources[s, RUN] != kind:
+        end_run(notes, clock, sources, s)
+        sources[s, RUN], sources[s, RUN_FIRST] = kind, stamp
+        sources[s, RUN_OTHERS] = sources[:, TIMELY].sum() - sources[s, TIMELY]
+    sources[s, RUN_LAST] = stamp
+    sources[s, RUN_COUNT] += 1
+    sources[s, REPEATED if kind == IS_REPEATED else LATE] += 1
+
+
+@njit(cache=True, error_model="numpy")
+def insert(sources: Any, times: Any, values: Any, s: int, stamp: int, v: Any, i: int) -> bool:
+    """Puts a sample into the sorted ring; False if its stamp is there already."""
+    depth, k = times.shape[1], sources[s, COUNT]
+    head = sources[s, HEAD]
+    while k > 0 and times[s, (head + k - 1) % depth] > stamp:
+        k -= 1
+    if k > 0 and times[s, (head + k - 1) % depth] == stamp:
+        return False
+    for m in range(sources[s, COUNT], k, -1):
+        times[s, (head + m) % depth] = times[s, (head + m - 1) % depth]
+        values[s, (head + m) % depth] = values[s, (head + m - 1) % depth]
+    times[s, (head + k) % depth] = stamp
+    for c in range(v.shape[1]):
+        values[s, (head + k) % depth, c] = v[i, c]
+    sources[s, COUNT] += 1
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def newest(sources: Any) -> int:
+    """Newest stamp of all sources."""
+    return int(sources[:, NEWEST].max())
+
+
+@njit(cache=True, error_model="numpy")
+def jumped(notes: Any, clock: Any, sources: Any, s: int, kind: int, stamp: int) -> int:
+    """The corrected stamp if a run of samples far off shows that the source's clock was set anew.
+
+    Set back: it goes on from the newest stamp of all. Set forward: the same where other sources
+    kept their time meanwhile, else everything paused and the new stamp holds.
+    """
+    if sources[s, RUN] != kind or sources[s, RUN_COUNT] < RESYNC or stamp <= sources[s, RUN_LAST]:
+        return NEVER
+    others = sources[:, TIMELY].sum() - sources[s, TIMELY]
+    right = stamp
+    if kind == IS_LATE or others > sources[s, RUN_OTHERS]:
+        right = max(newest(sources), clock[LAST]) + 1
+    sources[s, OFFSET] += right - stamp
+    end_run(notes, clock, sources, s)
+    tell(notes, clock, s, JUMPED, (stamp, right, right - stamp))
+    clock[ANEW] = 1
+    return int(right)
+
+
+@njit(cache=True, error_model="numpy")
+def accept(
+    plan: Any, clock: Any, sources: Any, times: Any, values: Any, notes: Any, s: int, stamp: int,
+    v: Any, i: int, jump: int,
+) -> None:  # fmt: skip
+    """One sample: waiting, late, repeated, or from a clock that was set anew."""
+    late = clock[ROW] > 0 and stamp <= clock[LAST]
+    ahead = newest(sources)
+    far = (late and clock[LAST] - stamp > jump) or (ahead != NEVER and stamp - ahead > jump)
+    kind = IS_LATE if late else IS_FUTURE
+    if far:
+        right = jumped(notes, clock, sources, s, kind, stamp)
+        if right != NEVER:
+            stamp, late, far = right, False, False
+    if far or late:
+        same = late and not far and stamp == sources[s, NEWEST]
+        refuse(notes, clock, sources, s, IS_REPEATED if same else kind, stamp)
+        return
+    if not insert(sources, times, values, s, stamp, v, i):
+        refuse(notes, clock, sources, s, IS_REPEATED, stamp)
+        return
+    end_run(notes, clock, sources, s)
+    if sources[s, QUIET]:
+        sources[s, QUIET] = 0
+        tell(notes, clock, s, BACK, (stamp, stamp, 1))
+    sources[s, NEWEST] = max(sources[s, NEWEST], stamp)
+    sources[s, TIMELY] += 1
+
+
+@njit(cache=True, error_model="numpy")
+def edge(plan: Any, clock: Any, sources: Any) -> int:
+    """Stamp that every source has passed."""
+    lowest = np.iinfo(np.int64).max
+    for s in range(sources.shape[0]):
+        mine = NEVER
+        if sources[s, NEWEST] != NEVER:
+            mine = sources[s, NEWEST] - plan[s, SLACK]
+        if clock[NOW] != NEVER and plan[s, TIMEOUT] < np.iinfo(np.int64).max:
+            mine = max(mine, clock[NOW] - plan[s, TIMEOUT])
+        lowest = min(lowest, mine)
+    return int(lowest)
+
+
+@njit(cache=True, error_model="numpy")
+def oldest(sources: Any, times: Any) -> int:
+    """Stamp of the oldest sample that waits; the largest number if none does."""
+    first = np.iinfo(np.int64).max
+    for s in range(sources.shape[0]):
+        if sources[s, COUNT] > 0:
+            first = min(first, times[s, sources[s, HEAD]])
+    return int(first)
+
+
+@njit(cache=True, error_model="numpy")
+def consume(channels: Any, sources: Any, times: Any, values: Any, known: Any, until: int) -> None:
+    """Takes the samples up to ``until`` out of the rings and remembers them per channel."""
+    known_t, known_v, broken_t = known
+    depth = times.shape[1]
+    for s in range(sources.shape[0]):
+        while sources[s, COUNT] > 0 and times[s, sources[s, HEAD]] <= until:
+            head = sources[s, HEAD]
+            for k in range(channels.shape[0]):
+                if channels[k, SOURCE] == s:
+                    value = values[s, head, channels[k, COLUMN]]
+                    if np.isfinite(value):
+                        known_t[k], known_v[k] = times[s, head], value
+                    elif np.isinf(value):
+                        broken_t[k] = times[s, head]
+            sources[s, HEAD] = (head + 1) % depth
+            sources[s, COUNT] -= 1
+
+
+@njit(cache=True, error_model="numpy")
+def between(
+    channels: Any, sources: Any, times: Any, values: Any, known: Any, k: int, stamp: int, gap: int
+) -> float:
+    """Channel ``k`` on the line to its next finite sample that waits; NaN without one."""
+    known_t, known_v, _ = known
+    s, depth = channels[k, SOURCE], times.shape[1]
+    for m in range(sources[s, COUNT]):
+        place = (sources[s, HEAD] + m) % depth
+        value = values[s, place, channels[k, COLUMN]]
+        if np.isfinite(value):
+            width = times[s, place] - known_t[k]
+            if width > gap:
+                return np.nan
+            step = wrapped(value - known_v[k], channels[k, TURNS] > 0)
+            reached = known_v[k] + step * ((stamp - known_t[k]) / width)
+            return float(wrapped(reached, channels[k, TURNS] > 0))
+    return np.nan
+
+
+@njit(cache=True, error_model="numpy")
+def emit(
+    channels: Any, clock: Any, sources: Any, times: Any, values: Any, known: Any, rows: Any,
+    at: int, stamp: int, gap: int, grid: bool,
+) -> None:  # fmt: skip
+    """Fills row ``at`` with stamp ``stamp``."""
+    number, t, dt, u, y, mark, task, new = rows
+    known_t, known_v, broken_t = known
+    nu = u.shape[1]
+    first = clock[BEGUN] == 0 or clock[ANEW] == 1
+    number[at], t[at], task[at] = clock[ROW], stamp, clock[TASK]
+    dt[at] = 0.0 if clock[BEGUN] == 0 else (stamp - clock[LAST]) * 1e-9
+    new[at] = first or stamp - clock[LAST] > gap
+    for k in range(nu):
+        # A command acts from its stamp on: what is held is the newest before the interval.
+        u[at, k] = known_v[k]
+        mark[at, k] = OK if known_t[k] == clock[LAST] else HELD
+    consume(channels, sources, times, values, known, stamp)
+    for k in range(channels.shape[0]):
+        how = channels[k, HOW]
+        if how == HOLD and clock[BEGUN] == 1:
+            if u[at, k] != u[at, k]:
+                mark[at, k] = ABSENT
+            continue
+        value, level = np.nan, ABSENT
+        if known_t[k] == stamp:
+            value, level = known_v[k], OK
+        elif broken_t[k] == stamp:
+            level = ERROR
+        elif known_t[k] != NEVER and (how == LINE or (how == MEASURED and grid)):
+            value = between(channels, sources, times, values, known, k, stamp, gap)
+            level = HELD if how == LINE else OK
+        if how != MEASURED and value != value and known_t[k] != NEVER:
+            value, level = known_v[k], max(HELD, level if level == ERROR else HELD)
+        if value != value and level != ERROR:
+            level = ABSENT
+        mark[at, k] = level
+        if how == MEASURED:
+            y[at, k - nu] = value
+        else:
+            u[at, k] = value
+    clock[ROW] += 1
+    clock[LAST], clock[BEGUN], clock[ANEW] = stamp, 1, 0
+
+
+@njit(cache=True, error_model="numpy")
+def quiet(plan: Any, clock: Any, sources: Any, notes: Any) -> None:
+    """Tells which sources the clock no longer waits for."""
+    for s in range(sources.shape[0]):
+        if clock[NOW] == NEVER or plan[s, TIMEOUT] == np.iinfo(np.int64).max:
+            continue
+        limit = clock[NOW] - plan[s, TIMEOUT]
+        if limit > sources[s, NEWEST] and not sources[s, QUIET]:
+            sources[s, QUIET] = 1
+            tell(notes, clock, s, IS_QUIET, (sources[s, NEWEST], clock[NOW], 0))
+
+
+@njit(cache=True, error_model="numpy")
+def release(
+    plan: Any, channels: Any, clock: Any, sources: Any, times: Any, values: Any, known: Any,
+    rows: Any, notes: Any, gap: int, period: float, everything: bool,
+) -> bool:  # fmt: skip
+    """Lets rows leave; False if the output is full."""
+    extent, capacity, depth = notes[1], rows[1].shape[0], times.shape[1]
+    while True:
+        stamp = oldest(sources, times)
+        if stamp == np.iinfo(np.int64).max:
+            return True
+        full = sources[:, COUNT].max() >= depth
+        if period > 0:
+            if clock[BEGUN] == 0 or clock[ANEW] == 1:
+                clock[GRID], clock[STEP] = stamp, 0
+            elif stamp - clock[LAST] > gap:
+                # Nothing was measured: no rows; the grid starts again behind the gap.
+                clock[GRID], clock[STEP], clock[ANEW] = stamp, 0, 1
+            following = clock[GRID] + int(np.rint(clock[STEP] * period))
+            if everything and following > newest(sources):
+                consume(channels, sources, times, values, known, newest(sources))
+                return True
+            stamp = following
+        if not (everything or full or edge(plan, clock, sources) >= stamp):
+            return True
+        if extent[0] >= capacity:
+            return False
+        forced = full and not everything and edge(plan, clock, sources) < stamp
+        if forced and not clock[FORCED]:
+            tell(notes, clock, 0, OVERFLOW, (stamp, stamp, sources[:, COUNT].max()))
+        clock[FORCED] = forced
+        emit(
+            channels, clock, sources, times, values, known, rows, extent[0], stamp, gap, period > 0
+        )
+        extent[0] += 1
+        clock[STEP] += 1
+
+
+@njit(cache=True, error_model="numpy")
+def open_task(clock: Any, sources: Any, known: Any, notes: Any, task: int, stamp: int) -> None:
+    """Another task: nothing is held over from the one before, and stamps lie behind it."""
+    known_t, known_v, broken_t = known
+    known_t[:], known_v[:], broken_t[:] = NEVER, np.nan, NEVER
+    sources[:, NEWEST], clock[SHIFT] = NEVER, 0
+    if clock[ROW] > 0 and stamp <= clock[LAST]:
+        clock[SHIFT] = clock[LAST] + MOVE - stamp
+        tell(notes, clock, 0, SHIFTED, (stamp, stamp + clock[SHIFT], clock[SHIFT]))
+    clock[TASK], clock[BEGUN], clock[ANEW] = task, 0, 1
+
+
+@njit(cache=True, error_model="numpy")
+def push(
+    s: int, start: int, t: Any, v: Any, task: int, settings: Any, wiring: Any, counters: Any,
+    memory: Any, ring_t: Any, ring_v: Any, known_t: Any, known_v: Any, broken_t: Any, number: Any,
+    row_t: Any, dt: Any, u: Any, y: Any, mark: Any, tasks: Any, new: Any, found: Any, extent: Any,
+    gap: int, period: float, jump: int,
+) -> int:  # fmt: skip
+    """Samples from ``start`` on, until the output is full; gives the next one.
+
+    ``s`` is a source, TICK, or FINISH: then everything leaves, and 1 says that it has.
+    """
+    plan, channels, clock = borrowed(settings), borrowed(wiring), borrowed(counters)
+    sources, times, values = borrowed(memory), borrowed(ring_t), borrowed(ring_v)
+    known = borrowed(known_t), borrowed(known_v), borrowed(broken_t)
+    notes = borrowed(found), borrowed(extent)
+    heads = borrowed(number), borrowed(row_t), borrowed(dt), borrowed(u)
+    rows = (*heads, borrowed(y), borrowed(mark), borrowed(tasks), borrowed(new))
+    room = found.shape[0] - 8 - sources.shape[0]
+    if s == FINISH:
+        done = release(
+            plan, channels, clock, sources, times, values, known, rows, notes, gap, period, True
+        )
+        for k in range(sources.shape[0] if done else 0):
+            end_run(notes, clock, sources, k)
+        return int(done)
+    for i in range(start, t.shape[0]):
+        if extent[1] > room:
+            return int(i)
+        if clock[PENDING] == 0:
+            if s < 0:
+                clock[NOW] = max(clock[NOW], t[i])
+                quiet(plan, clock, sources, notes)
+            elif task < clock[TASK]:
+                refuse(notes, clock, sources, s, IS_LATE, t[i])
+            else:
+                if task > clock[TASK]:
+                    if not release(
+                        plan, channels, clock, sources, times, values, known, rows, notes, gap,
+                        period, True,
+                    ):  # fmt: skip
+                        return int(i)
+                    open_task(clock, sources, known, notes, task, t[i])
+                stamp = t[i] + sources[s, OFFSET] + clock[SHIFT]
+                accept(plan, clock, sources, times, values, notes, s, stamp, v, i, jump)
+        clock[PENDING] = 1
+        done = release(
+            plan, channels, clock, sources, times, values, known, rows, notes, gap, period, False
+        )
+        if not done or extent[1] > room:
+            return int(i)
+        clock[PENDING] = 0
+    return int(t.shape[0])
