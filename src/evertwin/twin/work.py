@@ -68,6 +68,7 @@ class Work:
             model, windows, names, self.setup.horizon, None, self.setup.smooth_window,
             model.parameters.with_values(version.p), self.setup.spec.tuning.loss,
             self.setup.moving if self.setup.spec.moving is not None else None,
+            self.setup.spec.moving is not None and self.setup.spec.moving.tune,
         )  # fmt: skip
 
     def editable(self, version: Version) -> tuple[str, ...]:
@@ -84,14 +85,14 @@ class Work:
         schedule = Schedule({name: weights.get(name, 1.0) for name in names})
         return schedule.due(tunings)
 
-    def tune(self, problem: Problem) -> tuple[Fit, tuple[Any, ...]]:
-        """The fit, and its rounds where it went by rounds."""
+    def tune(self, problem: Problem) -> tuple[Fit, dict[str, Any]]:
+        """The fit; where it went by rounds, these and the single-axis simulations they took."""
         rule = self.setup.spec.tuning
         if rule.method != "iteration":
-            return solve(problem), ()
+            return solve(problem), {}
         limit = self.setup.requirement if np.isfinite(self.setup.requirement) else 0.05
         done = Iteration(limit=limit, relaxation=rule.relaxation).run(problem)
-        return done.fit, tuple(done.rounds)
+        return done.fit, {"rounds": done.rounds, "simulations": done.simulations}
 
     def fit(self, version: Version, windows: Windows, tunings: int) -> dict[str, Any]:
         """Tunes, and judges what the residual of the tuned model still says."""
@@ -100,7 +101,10 @@ class Work:
             return {"events": [], "next": self._next()}
         problem = self.problem(version, windows, names)
         fit, rounds = self.tune(problem)
-        verdict = self.verdict(version, problem, fit, windows)
+        if len(names) < len(self.editable(version)):
+            verdict = Verdict("normal", "", "tuned the share of the parameters whose turn it is")
+        else:
+            verdict = self.verdict(version, problem, fit, windows)
         events = [
             _event("not_identifiable", name, fit.reasons[k], {"verdict": fit.verdict[k]})
             for k, name in enumerate(fit.names)
@@ -108,7 +112,7 @@ class Work:
         ]
         events.append(_event(verdict.kind, verdict.cause, verdict.reason, verdict.evidence))
         content: dict[str, Any] = {
-            "events": events, "fit": fit.to_dict(timing=False), "rounds": rounds, "tuned": True,
+            "events": events, "fit": fit.to_dict(timing=False), "tuned": True, **rounds,
         }  # fmt: skip
         if verdict.kind == "abnormal" and self._next():
             content["next"] = self._next()
