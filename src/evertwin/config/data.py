@@ -244,3 +244,5 @@ class MovingSpec(Section):
     """Moving where the deciding channel's absolute value exceeds this."""
     channels: Mapping[str, str] = field(default_factory=dict)
     """Output to the input channel that decides for it."""
+    tune: bool = False
+    """Tune on moving rows only: for friction, which at standstill is not determined."""

@@ -26,6 +26,7 @@ samples, and the fit keeps one of the two (see `evertwin.tuning`).
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -230,6 +231,10 @@ class DriveForce(Compiled):
     def rungs(self) -> tuple[Rung, ...]:
         """Steps up the ladder of friction laws; each has to pay on unseen data."""
         return self.law.rungs()
+
+    def law_name(self, output: int, terms: Sequence[str]) -> str:
+        """The law with these of its terms."""
+        return str(self.law.only(terms))
 
     @property
     def _slots(self) -> Int64[np.ndarray, " m"]:

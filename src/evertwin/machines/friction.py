@@ -24,6 +24,7 @@ forwards, their difference backwards), so both together can never be told apart.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -141,6 +142,14 @@ class Law:
         """The steps from viscous + Coulomb + offset up to this law, in the ladder's order."""
         slots = {"direction": BACKWARD, "stribeck": STRIBECK, "root": ROOT, "load": LOAD}
         return tuple(Rung(t, (self._item(slots[t], suffix).name,)) for t in self.terms)
+
+    def only(self, terms: Sequence[str]) -> Law:
+        """The law with these of its terms.
+
+        >>> str(Law.parse("tanh+root+load").only(("load",)))
+        'tanh+load'
+        """
+        return self.without(*(term for term in self.terms if term not in terms))
 
     def without(self, *terms: str) -> Law:
         """The law without some of its terms."""

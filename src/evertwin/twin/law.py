@@ -1,14 +1,65 @@
-"""Which friction law: rungs join the fit, output by output, while held-out error falls."""
+"""Which friction law: terms join the fit, output by output, while held-out error falls.
+
+A model with a ladder has ``rungs()`` (terms that start at zero) and names the law that an output
+stands on. The twin file says in which order terms are tried (``[tuning] ladder``).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Protocol, runtime_checkable
 
+from evertwin.errors import ConfigError
+from evertwin.machines.friction import Rung
 from evertwin.tuning import Problem
+from evertwin.tuning.terms import climb_terms
 from evertwin.twin.setup import Setup
 
-__all__ = ["climb_laws"]
+__all__ = ["Laddered", "climb_laws"]
+
+
+@runtime_checkable
+class Laddered(Protocol):
+    """A model whose law has terms that may stay out.
+
+    >>> from evertwin.machines.drive import DriveForce
+    >>> isinstance(DriveForce("sign+direction"), Laddered)
+    True
+    """
+
+    def rungs(self) -> tuple[Rung, ...]:
+        """Terms that may join, each for one output."""
+        ...
+
+    def law_name(self, output: int, terms: Sequence[str]) -> str:
+        """The law of an output that has these of its terms."""
+        ...
 
 
 def climb_laws(setup: Setup, problem: Problem) -> tuple[Problem, Mapping[str, str]]:
-    return problem, {}
+    """The problem with the terms that pay, and each output's law.
+
+    Without ``[tuning] ladder``, or with a single task to learn from, every term of the model takes
+    part.
+
+    Raises:
+        ConfigError: the twin file names a term that the model's law does not have.
+    """
+    order, model = setup.spec.tuning.ladder, problem.model
+    if not order or len(problem.windows) < 2:
+        return problem, {}
+    rungs = model.rungs() if isinstance(model, Laddered) else ()
+    for name in order:
+        if name not in {rung.name for rung in rungs}:
+            there = ", ".join(dict.fromkeys(rung.name for rung in rungs)) or "none"
+            raise ConfigError(
+                f"[tuning] ladder: the model's law has no term {name!r}; it has {there}"
+            )
+    tried = [rung for name in order for rung in rungs if rung.name == name]
+    ascent = climb_terms(problem, tried)
+    assert isinstance(model, Laddered)
+    laws = {
+        output: model.law_name(k, ascent.taken[k]) for k, output in enumerate(model.outputs.names)
+    }
+    return replace(problem, editable=ascent.names), laws

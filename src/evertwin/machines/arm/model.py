@@ -256,6 +256,10 @@ class Arm:
             for rung in law.rungs(str(j + 1))
         )
 
+    def law_name(self, output: int, terms: Sequence[str]) -> str:
+        """The law of a joint that has these of its terms."""
+        return str(self.laws[output].only(terms))
+
     def with_laws(self, laws: Law | str | Sequence[Law | str]) -> Arm:
         """The same arm with another friction law at all joints, or with one for each.
 
