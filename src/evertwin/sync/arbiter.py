@@ -10,8 +10,8 @@ gate cannot do that, so each sample of a signal group passes four steps:
    suspected factor (10ⁿ, 180/π, 25.4) → obvious error: predict on, the uncertainty grows.
 3. *Innovation gate*: innovation² ≤ gate²·S + path². S is the arbiter's own, from the statistics of
    the innovation (per phase where one is set), growing while it predicts; path is what the model
-   predicted to move since the last trusted sample. Inside → nothing, a tolerance update (adopt the
-   measurement when it differs by more than a tolerance), or a blend.
+   predicted to move since the last trusted sample, at least as much as usual. Inside → nothing, a
+   tolerance update (adopt the measurement when it differs by more than a tolerance), or a blend.
 4. Outside → *contested*: marked at once, predict on, and vote over the last k samples of the group.
    They agree with each other → the newest overrules the simulation. Back inside → they were
    measurement errors.

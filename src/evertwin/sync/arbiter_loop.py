@@ -27,6 +27,10 @@ __all__ = ["forget", "judge"]
 OK, CONTESTED, OVERRULED, ERROR = 0, 4, 5, 6
 ADOPTED, BLENDED, RESET, FIRST = 1, 2, 3, 4
 SYNTAX, FROZEN, VOTE = 1, 4, 7
+USUALLY = 100
+"""Samples that the usual path is a mean of."""
+CONCEDED = 50
+"""Innovations that a variance remembers after the simulation was overruled."""
 FOUND_ERROR, FOUND_OVERRULED, FOUND_FRESH, FOUND_WIDER = 0, 1, 4, 5
 
 
@@ -83,6 +87,10 @@ def use(settings: Any, memory: Any, sample: Any, g: int, size: int, stamp: int) 
     # A pause is no regular interval.
     limited = min(elapsed, 3.0 * known)
     figures[g, at.INTERVAL] = known + (limited - known) / 32.0 if known > 0 else elapsed
+    few = min(numbers[g, at.SAMPLES], USUALLY)
+    for k in range(size):
+        step = values[room[k], at.PATH] / max(steps, 1.0)
+        values[room[k], at.USUAL] += (step - values[room[k], at.USUAL]) / few
     if rules[g, at.USE] == at.MIX:
         spread = figures[g, at.SPREAD] + share * share / (1.0 - share) * steps
         gain = spread / (1.0 + spread)
@@ -152,6 +160,25 @@ def withdraw(settings: Any, memory: Any, sample: Any, g: int, size: int) -> None
 
 
 @njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+def concede(
+    limits: Any, statistics: Any, ring: Any, room: Any, size: int, votes: int, phase: int
+) -> None:
+    """Overruled: the model is as wrong as the samples moved from one to the next beside it.
+
+    After a mere jump that is the noise; where the machine moves otherwise than the model predicts,
+    its size becomes regular, so that the same is not contested again and again.
+    """
+    variance, counts, _ = statistics
+    for k in range(size):
+        j = room[k]
+        for of in (phase, variance.shape[0] - 1):
+            counts[of, j] = min(counts[of, j], CONCEDED)
+        for i in range(1, votes):
+            step = wrapped(ring[i, j] - ring[i - 1, j], limits[j, at.ANGLE] > 0)
+            learn(statistics, phase, j, step * step)
+
+
+@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 def contest(
     settings: Any, memory: Any, statistics: Any, board: Any, notes: Any, sample: Any, g: int,
     size: int, now: Any, phase: int,
@@ -173,6 +200,7 @@ def contest(
         numbers[g, at.CONTEST] = numbers[g, at.BATCH] = 0
         numbers[g, at.RESETS] += 1
         figures[g, at.OUTSIDE] = 0.0
+        concede(limits, statistics, board[0], room, size, votes, phase)
         refresh(memory, notes, g, now)
         settle(limits, memory, sample, g, size, now[1], True, 1.0)
         return OVERRULED, RESET

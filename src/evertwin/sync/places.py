@@ -19,11 +19,12 @@ GATE, VOTE, USE, BLEND, SHARE, GROWTH, FROZEN, TIMEOUT = range(8)
 NONE, UPDATE, MIX = range(3)
 """Values of ``USE``."""
 
-OFFSET, LAST, GOOD, PATH, WAY, AFTER, ORIGIN, NU, BASE, WRONG = range(10)
+OFFSET, LAST, GOOD, PATH, WAY, AFTER, ORIGIN, NU, BASE, WRONG, USUAL = range(11)
 """Memory per output: residual of the last trusted sample where that was not adopted; last sample;
 last trusted value; path that was predicted since; way that was predicted since the value changed;
 output after the row; expected value when the run of equal values began; innovation of this sample
-and its regular variance; innovation of the last doubted sample."""
+and its regular variance; innovation of the last doubted sample; usual
+path from sample to sample."""
 (
     STARTED, VALID, GOOD_AT, LAST_AT, RUN, RUN_ROW, RUN_AT, STILL, CAUSE, ONSET, UNTIL, FAULTS,
     TOLD, CONTEST, BATCH, BATCH_ROW, LEFT, SAMPLES, UPDATES, RESETS, CONTESTED, ERRORS,

@@ -68,8 +68,8 @@ def learn(statistics: Any, phase: int, j: int, square: float) -> None:
         if n + 1 >= at.FEW:
             ordered = np.sort(warm[: n + 1, j])
             middle = 1.4826 * ordered[(n + 1) // 2]
-            # From a few innovations the spread is uncertain: three times as wide until it is known.
-            variance[pool, j] = middle * middle * (1.0 if n + 1 == at.LEARN else 9.0)
+            # A few innovations may all be from a standstill: ten times as wide until it is known.
+            variance[pool, j] = middle * middle * (1.0 if n + 1 == at.LEARN else 100.0)
         return
     counts[pool, j] = min(n + 1, at.MEMORY)
     variance[pool, j] += (square - variance[pool, j]) / counts[pool, j]
@@ -92,8 +92,9 @@ def measure(
     """Innovations and variances of a sample; gives the largest test ratio.
 
     ratio = innovation² / (gate²·S + path²): S is the regular variance, grown since the last trusted
-    sample, and the path that the model predicted since then may be all wrong (a machine that stands
-    still, or moves twice as far, is no measurement error).
+    sample. The path that the model predicted since then, or usually predicts from sample to sample,
+    may be all wrong: a machine that stands still against the model, or moves against it, is no
+    measurement error.
     """
     limits, rules, _ = settings
     values, numbers, figures = memory
@@ -111,7 +112,7 @@ def measure(
         spread = base * growth
         if rules[g, at.GROWTH] > 0:
             spread = base + rules[g, at.GROWTH] * rules[g, at.GROWTH] * elapsed
-        credible = rules[g, at.SHARE] * values[j, at.PATH]
+        credible = rules[g, at.SHARE] * max(values[j, at.PATH], values[j, at.USUAL])
         worst = max(worst, nu * nu / (gate * spread + credible * credible))
     return worst
 
