@@ -18,12 +18,17 @@ less; ratios are to the closed form, end to end.
 from __future__ import annotations
 
 import argparse
+import json
+import resource
+import subprocess
 import sys
+import tempfile
 import time
 import warnings
 from collections.abc import Callable
 from importlib.resources import as_file, files
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -227,6 +232,29 @@ def size(n: int, kinds: tuple[str, ...], repeats: int) -> None:
         f"{theirs_s / ours:6.0f} x slower; same estimate to {gap:.1e} Nm")  # fmt: skip
 
 
+def command() -> None:
+    """Prints the time of the whole `fit` command on one recorded cycle of the welding arm."""
+    with tempfile.TemporaryDirectory() as folder:
+        with as_file(files("evertwin.machines") / "data" / "ur5_like.urdf") as urdf:
+            world = [sys.executable, "-m", "evertwin.worlds.arm", "--urdf", str(urdf)]
+            subprocess.run([*world, "--out", folder], check=True)
+        record = next(Path(folder).glob("*.csv"))
+        twin = Path(__file__).parent.parent / "twins" / "arm.toml"
+        line = [str(Path(sys.executable).with_name("evertwin")), "fit", str(twin)]
+        spent, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+        done = subprocess.run(
+            [*line, "--train", str(record), "--json"], capture_output=True, text=True, check=False
+        )
+        wall, after = time.perf_counter() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
+    if done.returncode:
+        say(f"-- evertwin fit ended with {done.returncode}: {done.stderr.splitlines()[-1]}")
+        return
+    processor = after.ru_utime + after.ru_stime - spent.ru_utime - spent.ru_stime
+    tuning = json.loads(done.stdout)["seconds"]
+    say(f"-- evertwin fit, 690 samples from CSV, start of Python to JSON: {wall:.2f} s, processor "
+        f"{processor:.2f} s, of which tuning {tuning:.3f} s")  # fmt: skip
+
+
 def main() -> int:
     """Runs all sizes."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -235,6 +263,7 @@ def main() -> int:
     size(690, ("Fc",), repeats)
     size(690, ("Fc", "Fv"), repeats)
     size(69_000, ("Fc", "Fv"), repeats)
+    command()
     return 0
 
 
