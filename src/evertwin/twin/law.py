@@ -41,7 +41,7 @@ def climb_laws(setup: Setup, problem: Problem) -> tuple[Problem, Mapping[str, st
     """The problem with the terms that pay, and each output's law.
 
     Without ``[tuning] ladder``, or with a single task to learn from, every term of the model takes
-    part.
+    part; so does a term that the ladder does not name.
 
     Raises:
         ConfigError: the twin file names a term that the model's law does not have.

@@ -1,0 +1,82 @@
+"""A ladder of terms: finds the planted ones, agrees with the ladder of whole models."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evertwin.errors import UsageError
+from evertwin.fold import make_block
+from evertwin.machines.arm import Arm
+from evertwin.tuning import Problem, held_out
+from evertwin.tuning.terms import climb_terms
+
+
+def recording(true: Arm, p: Any, seed: int, rows: int = 300) -> Any:
+    rng = np.random.default_rng(seed)
+    u = rng.uniform(-1, 1, (rows, 18))
+    y = true.simulate(np.zeros(0), u, np.full(rows, 0.01), p)[1]
+    t = np.arange(rows) * 10**7
+    return make_block(t=t, u=u, y=y + 0.3 * rng.normal(size=y.shape))
+
+
+def planted() -> tuple[Arm, Problem]:
+    arm = Arm.of("ur5_like", law="tanh+stribeck+root+load")
+    true = {"Fc1": 8.0, "Fs1": 4.0, "Fc2": 9.0, "Fl2": 0.2, "Fc4": 3.0, "Fv4": 2.0, "Ia3": 1.0}
+    p = arm.parameters.with_values(true).values
+    windows = tuple(recording(arm, p, seed) for seed in range(4))
+    return arm, Problem(arm, windows)
+
+
+def test_planted_terms_are_found_on_their_own_joints() -> None:
+    arm, problem = planted()
+    ascent = climb_terms(problem, arm.rungs())
+    assert ascent.taken == (("stribeck",), ("load",), (), (), (), ())
+    assert "Fs1" in ascent.names and "Fl2" in ascent.names and "Fl1" not in ascent.names
+    assert len(ascent.steps) == 18
+    assert [arm.law_name(k, terms) for k, terms in enumerate(ascent.taken)][:3] == [
+        "tanh+stribeck", "tanh+load", "tanh"
+    ]  # fmt: skip
+
+
+def test_the_sums_say_what_fits_and_predictions_say() -> None:
+    arm, problem = planted()
+    (first, *_), steps = problem.windows, climb_terms(problem, arm.rungs()).steps
+    assert len(first.t) == 300
+    plain = tuple(n for n in problem.names if not n.startswith(("Fs", "Fr", "Fl")))
+    direct = held_out(replace(problem, editable=plain))
+    assert steps[0].before == pytest.approx(float(direct[0]), rel=1e-6)
+
+
+def test_only_rows_that_count_are_scored() -> None:
+    arm, problem = planted()
+    some = replace(problem, moving=arm.moving(0.02), only_moving=True)
+    assert climb_terms(some, arm.rungs()).taken[:2] == (("stribeck",), ("load",))
+
+
+def test_misuse_is_refused() -> None:
+    arm, problem = planted()
+    with pytest.raises(UsageError, match="at least 2 windows"):
+        climb_terms(replace(problem, windows=problem.windows[:1]), arm.rungs())
+    started = replace(problem, prior=arm.parameters.with_values({"Fs1": 1.0}))
+    with pytest.raises(UsageError, match="expected Fs1 to start at zero"):
+        climb_terms(started, arm.rungs())
+    shaped = replace(problem, editable=("Fc1", "width1"))
+    with pytest.raises(UsageError, match="expected outputs linear"):
+        climb_terms(shaped, ())
+
+
+def test_a_term_that_nothing_excites_stays_out() -> None:
+    arm, problem = planted()
+    still = []
+    for window in problem.windows:
+        u = window.u.copy()
+        u[:, 6] = 0.5  # joint 1 at one speed: its terms are one constant
+        y = arm.simulate(np.zeros(0), u, window.dt, arm.parameters.values)[1]
+        still.append(make_block(t=window.t, u=u, y=y))
+    ascent = climb_terms(replace(problem, windows=tuple(still)), arm.rungs()[:3])
+    assert ascent.taken[0] == ()
+    assert not any(np.isfinite(step.after) and step.taken for step in ascent.steps)
