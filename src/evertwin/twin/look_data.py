@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from evertwin.fold import Event
 from evertwin.sync.horizon import residuals
 from evertwin.twin.finding import Finding
 from evertwin.twin.view import View, changes
@@ -105,8 +106,18 @@ def _faults(view: View) -> Iterator[Finding]:
     """What the arbiter marked."""
     signals: dict[str, list[int]] = {}
     for number, event in enumerate(view.events):
-        if event.kind in ("measurement_error", "overruled"):
+        if event.kind in ("measurement_error", "overruled") and not _model_is_off(view, event):
             signals.setdefault(event.signal, []).append(number)
+    gated = [event for event in view.events if _model_is_off(view, event)]
+    if gated:
+        names = ", ".join(sorted({event.signal for event in gated}))
+        yield Finding(
+            "gate", gated[0].signal,
+            f"the model is off by more than the gate {len(gated)} times, on {names}",
+            f"row {gated[0].row} first",
+            "a wider [arbiter] gate until the model is tuned: contested samples are not tuned on",
+            {"events": len(gated)},
+        )  # fmt: skip
     for signal, numbers in signals.items():
         for number in numbers[:NAMED]:
             event = view.events[number]
@@ -126,6 +137,12 @@ def _faults(view: View) -> Iterator[Finding]:
                 f"row {view.events[numbers[NAMED]].row} and on",
                 "run the twin and read its events", {"events": len(numbers)},
             )  # fmt: skip
+
+
+def _model_is_off(view: View, event: Event) -> bool:
+    """A static map has no place to jump from: what its gate contests is the model's own error."""
+    contested = event.kind == "overruled" or event.evidence.get("cause") == "vote"
+    return view.setup.static and contested
 
 
 def _lost(view: View) -> Iterator[Finding]:

@@ -23,6 +23,8 @@ from evertwin.types import Vector
 
 __all__ = ["look_settings"]
 
+OFTEN = 0.1
+"""Share of samples that must deviate before a table has something to learn."""
 CLEAR = 3.0
 """Changes over the horizon should be so many times what noise alone makes of them."""
 
@@ -138,16 +140,16 @@ def _actions(view: View) -> Iterator[Finding]:
     rule = view.setup.spec.correction
     if "table" not in rule.terms or len(rule.channels) != 1 or view.setup.static:
         return
-    channel, windows = rule.channels[0], view.some(view.judged)
+    channel, windows, base = rule.channels[0], view.some(view.judged), view.setup.model
     try:
         command, effect = effects(
-            view.model, view.version.p, windows, channel, view.setup.horizon
+            base, base.parameters.values, windows, channel, view.setup.horizon
         )
         settings = sarsa_settings(view.setup, channel, windows)
     except (DataError, UsageError):
         return  # too little data for a table: the horizon's finding says so
-    if not (np.abs(effect - command) > settings.quantum / 2).any():
-        return
+    if np.mean(np.abs(effect - command) > settings.quantum / 2) < OFTEN:
+        return  # nothing is to be learned
     for said in findings(settings, command, effect):
         yield Finding(
             "range", channel, f"table of {channel}: {said}", "[correction] quantum",

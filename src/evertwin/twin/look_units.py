@@ -214,8 +214,8 @@ def look_lags(view: View, figures: dict[str, Any]) -> Iterator[Finding]:
 
 
 def _matters(found: Lag, step: float) -> bool:
-    sure = found.verdict == "identified" and found.correlation > 0.5
-    return sure and abs(found.seconds) > max(3 * found.sigma, 0.2 * step)
+    sure = found.verdict == "identified" and found.correlation > 0.9
+    return sure and abs(found.seconds) > max(4 * found.sigma, 0.5 * step)
 
 
 def _lag_of(window: Block, pair: list[Vector], angle: bool) -> Lag | None:
