@@ -44,7 +44,7 @@ def predict(setup: Setup, model: Model, p: ParameterVector, window: Block) -> Pr
     x0 = model.initial(p)
     plan = restarts(window, setup.horizon, x0)
     _, y = roll(kernel, x0, window.u, window.dt, p, len(model.outputs), plan)
-    residual = residuals(window, y, model.outputs.angles)
+    residual = residuals(model, window, y)
     measured = np.where(np.isnan(residual), np.nan, window.y)
     smooth = setup.smooth_window
     if smooth is not None:
