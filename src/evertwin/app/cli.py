@@ -10,7 +10,7 @@ import logging
 import os
 import sys
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import Annotated
 
 import typer
 
@@ -38,7 +38,7 @@ TwinFile = Annotated[Path, typer.Argument(help="Twin file (TOML).", metavar="TWI
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
 Check = Annotated[bool, typer.Option("--check", help="Exit with 1 when there are findings.")]
 DataFiles = Annotated[
-    Optional[list[Path]],
+    list[Path] | None,
     typer.Option("--data", help="Recordings in place of the twin file's; repeat, or list several."),
 ]
 
@@ -90,9 +90,7 @@ def demo(
 def run(
     twin: TwinFile,
     data: DataFiles = None,
-    report: Annotated[
-        Optional[Path], typer.Option(help="Write a self-contained HTML report.")
-    ] = None,
+    report: Annotated[Path | None, typer.Option(help="Write a self-contained HTML report.")] = None,
     as_json: AsJson = False,
     check: Check = False,
 ) -> None:
@@ -110,7 +108,7 @@ def fit(
     twin: TwinFile,
     train: Annotated[list[Path], typer.Option("--train", help="Recording to learn from; repeat.")],
     test: Annotated[
-        Optional[list[Path]], typer.Option("--test", help="Recording to be judged on; repeat.")
+        list[Path] | None, typer.Option("--test", help="Recording to be judged on; repeat.")
     ] = None,
     as_json: AsJson = False,
     check: Check = False,
@@ -144,7 +142,7 @@ def init(
     file: Annotated[Path, typer.Argument(help="Recording.", metavar="FILE")],
     out: Annotated[Path, typer.Option("-o", "--out", help="Twin file to write.")],
     model: Annotated[str, typer.Option(help="Kind of model.")] = "python",
-    urdf: Annotated[Optional[Path], typer.Option(help="Description of an arm.")] = None,
+    urdf: Annotated[Path | None, typer.Option(help="Description of an arm.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
     as_json: AsJson = False,
 ) -> None:
@@ -245,7 +243,7 @@ def model_rollback(
 def model_pin(
     twin: TwinFile,
     number: Annotated[
-        Optional[int], typer.Argument(help="Number of a version; none: unpin.", metavar="[VERSION]")
+        int | None, typer.Argument(help="Number of a version; none: unpin.", metavar="[VERSION]")
     ] = None,
     reason: Annotated[str, typer.Option(help="Why; kept in the log.")] = "by hand",
     as_json: AsJson = False,

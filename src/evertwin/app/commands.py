@@ -118,7 +118,8 @@ def show_version(twin: Path, number: int, as_json: bool) -> None:
             "parameters": {p.name: {"value": p.value, "unit": p.unit} for p in parameters},
             "events": about,
         }
-        lines = [f"version {number}  {version.hash}", f"made from {version.parent}: {version.reason}"]
+        lines = [f"version {number}  {version.hash}"]
+        lines += [f"made from {version.parent}: {version.reason}"]
         lines += [f"  {term.kind} on {term.channel} {term.variant}" for term in version.form.terms]
         lines += [f"  {p.name:<16} {p.value:.6g} {p.unit}" for p in parameters]
         lines += [f"  row {e.row}: {e.kind}: {e.reason}" for e in about]
@@ -129,7 +130,9 @@ def by_hand(twin: Path, verb: str, number: int | None, reason: str, as_json: boo
     """``evertwin model promote | rollback | pin``."""
     with Twin.open(twin) as opened:
         if opened.spec.store.path is None:
-            raise UsageError(f"{twin}: keeps nothing: say [store] path = 'twin.db' to keep versions")
+            raise UsageError(
+                f"{twin}: keeps nothing: say [store] path = 'twin.db' to keep versions"
+            )
         if verb == "pin":
             event = opened.pin(number, reason)
         elif verb == "rollback":

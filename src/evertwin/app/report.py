@@ -150,7 +150,8 @@ def _updates(result: RunResult, setup: Setup) -> Iterator[Picture]:
             continue
         limit = rule.tolerance_angle if channel.kind == "angle" else rule.tolerance
         for before in (True, False):
-            title = f"Deviation of {channel.name} {'before' if before else 'after'} self-improvement"
+            when = "before" if before else "after"
+            title = f"Deviation of {channel.name} {when} self-improvement"
             caption = (
                 f"{'First model' if before else 'Live version'}, newest 100 measured samples. A "
                 "position update happens when any output of the group exceeds its tolerance."

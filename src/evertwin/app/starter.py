@@ -1,4 +1,4 @@
-"""A first twin file for a recording: which column feeds which channel, and the settings to begin with.
+"""A first twin file for a recording: which column feeds which channel, and settings to begin with.
 
 What could not be told from the recording is marked in the file and named on stderr. Nothing is
 invented: a channel without a column gets the column ``"?"``, which a run refuses by name.
@@ -59,9 +59,9 @@ def write_starter(
         found, proposal = built, propose(info, built.inputs + built.outputs)
     draft = _Draft(out, file, info, table, kind, options, found, proposal)
     _write(out, draft.text())
-    if kind == "python":
-        if force or not own.exists():
-            _write(own, files("evertwin.app").joinpath("templates", "model.py.txt").read_text("utf-8"))
+    if kind == "python" and (force or not own.exists()):
+        template = files("evertwin.app").joinpath("templates", "model.py.txt")
+        _write(own, template.read_text("utf-8"))
     spec = read(out)
     model_of(spec)
     content: dict[str, Any] = {
@@ -198,7 +198,10 @@ class _Draft:
         path = os.path.relpath(self.file.resolve(), self.out.resolve().parent)
         time = self.table.time
         if time is None:
-            clock = ['# No column of time was found: the rate of the rows.', 'time = { rate = "100 Hz" }']
+            clock = [
+                "# No column of time was found: the rate of the rows.",
+                'time = { rate = "100 Hz" }',
+            ]
         else:
             sure = "" if time.sure else f"  # {time.reason}: please check"
             column = _toml(_column(time.column))
@@ -213,7 +216,8 @@ class _Draft:
             lines.append(f"{entry}  # {match.reason}")
         for name in self.missing:
             unit = self.layout.channels[self.layout.index(name)].unit
-            lines.append(f'{name} = {{ column = "?", unit = {_toml(unit)} }}  # no column was found')
+            entry = f'{name} = {{ column = "?", unit = {_toml(unit)} }}'
+            lines.append(f"{entry}  # no column was found")
         return lines
 
     def _derive(self) -> list[str]:
@@ -235,19 +239,7 @@ class _Draft:
         return lines
 
     def _rules(self) -> list[str]:
-        if self.static:
-            pairs = [
-                (n, f"qd{n[3:]}") for n in self.model.outputs.names if n.startswith("tau")
-            ] if self.model else []
-            lines = ["", "[arbiter]", "# Wide, until the model's friction is known.", "gate = 12.0",
-                     "", "[anomaly]", "# Suspected when an output is off by this share of its rms.",
-                     "requirement = 0.05", "", "[prediction]", "# Losses are compared second by second.",
-                     'horizon = "1 s"']  # fmt: skip
-            if pairs:
-                lines += ["", "[moving]", "# At standstill friction is undetermined.", "above = 0.05",
-                          "[moving.channels]", *(f'{a} = "{b}"' for a, b in pairs)]  # fmt: skip
-            return lines
-        return [
+        return self._static_rules() if self.static else [
             "", "[arbiter]", "# Adopt a measurement when the twin is off by more than a tolerance:",
             '# use = "tolerance"', '# tolerance = "2 cm"', "", "[prediction]",
             "# Models are compared on predictions this long, each from the measured state.",
@@ -255,6 +247,20 @@ class _Draft:
             "# Suspected when such a prediction is off by more than this; without it nothing is.",
             '# requirement = "1 cm"',
         ]  # fmt: skip
+
+    def _static_rules(self) -> list[str]:
+        lines = [
+            "", "[arbiter]", "# Wide, until the model's friction is known.", "gate = 12.0", "",
+            "[anomaly]", "# Suspected when an output is off by this share of its rms.",
+            "requirement = 0.05", "", "[prediction]", "# Losses are compared second by second.",
+            'horizon = "1 s"',
+        ]  # fmt: skip
+        torques = [name for name in self.layout.names if name.startswith("tau")]
+        if not torques:
+            return lines
+        deciders = [f'{name} = "qd{name[3:]}"' for name in torques]
+        lines += ["", "[moving]", "# At standstill friction is undetermined.", "above = 0.05"]
+        return [*lines, "[moving.channels]", *deciders]
 
     def _horizon(self) -> float:
         time = self.table.time

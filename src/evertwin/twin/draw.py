@@ -64,9 +64,7 @@ def draw_run(result: RunResult, output: str | None = None) -> Figure:
     sigma = np.where(np.isfinite(trace["sigma"][:, k]), trace["sigma"][:, k], np.nan)
     below.fill_between(t, -1.96 * sigma, 1.96 * sigma, color=BAND, alpha=0.35, label="95 % band")
     known = np.isfinite(trace["residual"][:, k])
-    below.plot(
-        t[known], trace["residual"][known, k], "-", lw=0.7, color=MEASURED, label="residual"
-    )
+    below.plot(t[known], trace["residual"][known, k], "-", lw=0.7, color=MEASURED, label="residual")
     for row in _switches(result):
         at = t[min(int(np.searchsorted(trace["row"], row)), len(t) - 1)]
         for axis in (above, below):
@@ -112,7 +110,7 @@ def draw_deviation(result: RunResult, output: str, before: bool, limit: float) -
 
 
 def draw_table(table: Mapping[str, Any], unit: str) -> Figure:
-    """The translation from set-point to effective value, as learned; open where nothing was seen."""
+    """The translation from set-point to effective value; open dots where nothing was seen."""
     levels, values = np.array(table["levels"]), np.array(table["values"])
     learned = np.array(table["learned"], dtype=np.bool_)
     figure, (axis,) = _figure(1, 3.4)
@@ -159,7 +157,7 @@ def draw_intervals(parameters: Mapping[str, Mapping[str, Any]]) -> Figure | None
     if not known:
         return None
     figure, (axis,) = _figure(1, 0.8 + 0.28 * len(known))
-    for place, (name, item) in enumerate(reversed(known.items())):
+    for place, (_name, item) in enumerate(reversed(known.items())):
         low, high = item["interval95"]
         size = max(abs(item["value"]), 1e-12)
         axis.plot([100 * (low - item["value"]) / size, 100 * (high - item["value"]) / size],

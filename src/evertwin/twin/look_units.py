@@ -156,13 +156,12 @@ def _suspects(inputs: Layout, outputs: Layout) -> list[_Suspect]:
             where = tuple(k for k, other in enumerate(layout.units) if other == unit)
             if len(where) > 1:
                 names = tuple(layout.names[k] for k in where)
-                out.append(_Suspect(names, where if side == "u" else (), where if side == "y" else ()))
+                u, y = (where, ()) if side == "u" else ((), where)
+                out.append(_Suspect(names, u, y))
     return out
 
 
-def _best(
-    view: View, window: Block, before: Vector
-) -> tuple[_Suspect, float, str, Vector] | None:
+def _best(view: View, window: Block, before: Vector) -> tuple[_Suspect, float, str, Vector] | None:
     """The channel and factor that remove most; None where none removes enough."""
     best: tuple[_Suspect, float, str, Vector] | None = None
     wrong = before > WRONG
@@ -196,11 +195,13 @@ def look_lags(view: View, figures: dict[str, Any]) -> Iterator[Finding]:
         found = _lag_of(window, pair, channel.kind == "angle")
         if found is not None:
             lags[channel.name] = found
-    figures["lag"] = {name: one for name, one in lags.items()}
+    figures["lag"] = dict(lags.items())
     late = {name: one for name, one in lags.items() if _matters(one, view.step)}
     if not late:
         return
-    shown = ", ".join(f"{n} {1e3 * o.seconds:.0f} ± {1960 * o.sigma:.0f} ms" for n, o in late.items())
+    shown = ", ".join(
+        f"{n} {1e3 * o.seconds:.0f} ± {1960 * o.sigma:.0f} ms" for n, o in late.items()
+    )
     common = len(late) == len(lags) > 1
     yield Finding(
         "lag", next(iter(late)),
