@@ -49,7 +49,7 @@ def predict(setup: Setup, model: Model, p: ParameterVector, window: Block) -> Pr
     smooth = setup.smooth_window
     if smooth is not None:
         residual, measured, y = smooth(residual), smooth(measured), smooth(y)
-    return Prediction(window, measured, y, residual, setup.moving(window))
+    return Prediction(window, measured, y, residual, setup.moving(window.u))
 
 
 @dataclass(frozen=True)
