@@ -149,7 +149,8 @@ def serial(
             raise ModelError(
                 f"{robot.name}: link '{joint.child}' moves and has no mass: add its <inertial>"
             )
-        bodies.append(body)
+        # What is zero but for rounding is zero: it has no size of its own.
+        bodies.append(np.where(np.abs(body) < 1e-12 * np.abs(body).max(), 0.0, body))
         frame = _frame(turn.T, np.zeros(3))
     return Chain(
         tuple(j.name for j in moving), tuple(j.child for j in moving), np.array(reals),
