@@ -248,6 +248,30 @@ def test_range_and_rate() -> None:
     assert [r.row for r in out.records if r.kind == "overruled"] == [308]
 
 
+def test_a_model_that_is_wrong_about_its_usual_motion_doubts_no_sensor() -> None:
+    """Commands of 1 to 20 cm/s every few seconds; the drive clamps them to 6 to 16 cm/s."""
+    rng = np.random.default_rng(2)
+    command = np.repeat(rng.integers(1, 21, 80), 8) * 0.01
+    x = np.concatenate([[0.0], np.cumsum(np.clip(command[1:], 0.06, 0.16))])
+    y = x + rng.normal(0, 0.002, len(x))
+    block = make_block(t=np.arange(len(x)) * 10**9, u=command[:, None], y=y[:, None])
+    state, out = fold(Track(drive(), Arbiter(Rule(use="tolerance", tolerance=0.02))), [block])
+    assert out.records == ()
+    assert (out.rows.mark == Mark.OK).all()
+    assert 0.2 < state.updates[0] / len(x) < 0.6
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_motion_of_its_own_is_contested_once_at_most(seed: int) -> None:
+    """At first the machine does as it is told; from row 300 on it moves by itself."""
+    block = drive_rows(seed, speed=0.02)
+    block.y[300:, 0] += 0.3 * 0.1 * np.arange(300)
+    state, out = fold(Track(drive(), Arbiter(Rule(use="tolerance", tolerance=0.05))), [block])
+    assert state.resets[0] <= 1
+    assert (out.rows.mark[340:, 0] == Mark.OK).all()
+    assert np.abs(block.y[340:] - out.rows.y[340:]).max() < 0.2
+
+
 @pytest.mark.parametrize("code", [-32768.0, 65535.0, 2143289344.0, -9999.0])
 def test_sentinel_codes(code: float) -> None:
     block = drive_rows(5)
