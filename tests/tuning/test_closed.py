@@ -145,7 +145,7 @@ def test_the_same_filter_goes_over_both_sides(axes: Any, measured: Any) -> None:
     assert abs(one_side.values[0] - 3.0) > 3 * abs(fit.values[0] - 3.0)
     plan = ClosedForm(model, filter=smooth).solve(u, block.dt, block.y)
     np.testing.assert_allclose(plan.values, fit.values, rtol=1e-9)
-    with pytest.raises(DataError, match="cannot be filtered"):
+    with pytest.raises(DataError, match="no stretch of rows is long enough"):
         solve(Problem(model, (measured(model, u[:9], p, 0 * u[:9]),), filter=smooth))
 
 
@@ -217,3 +217,41 @@ def test_only_moving_rows_count_and_the_filter_runs_over_all() -> None:
     np.testing.assert_array_equal(moving.rows.y[moving.rows.used], problem.rows.y[moving.rows.used])
     assert solve(moving)["slope"] == pytest.approx(3.0, abs=0.01)
     assert solve(problem)["slope"] != pytest.approx(3.0, abs=0.1)
+
+
+def test_without_a_measurement_nothing_is_learned(axes: Any, measured: Any) -> None:
+    model, u = axes(2), np.random.default_rng(0).normal(size=(50, 2))
+    block = measured(model, u, np.array([3.0, 2.0, 1.0, 4.0, 0.02]), np.nan)
+    fit = solve(Problem(model, (block,)))
+    assert fit.verdict == ("not",) * 4
+    assert fit.values.tolist() == [1.0] * 4
+    assert np.isnan(fit.deviation_after).all()
+
+
+def test_a_filter_leaves_out_what_is_too_short_or_not_fed(axes: Any, measured: Any) -> None:
+    rng = np.random.default_rng(1)
+    model, p = axes(1), np.array([3.0, 2.0, 0.02])
+    u = np.sin(np.arange(400) / 9)[:, None] + 0.3
+    block = measured(model, u, p, 0.01 * rng.normal(size=u.shape))
+    holes, mark = u.copy(), block.mark.copy()
+    holes[[200, 205]], mark[[200, 205], 0] = np.nan, 1
+    mark[300, 0] = 6
+    b, a = butter(2, 0.3)
+    fit = solve(Problem(model, (block._replace(u=holes, mark=mark),),
+                        filter=lambda c: filtfilt(b, a, c, axis=0)))  # fmt: skip
+    # Rows 200, 205 (no input), 201 to 204 (too short a stretch) and 300 (wrong input).
+    assert fit.residuals[0].rows == 393
+    assert np.abs(fit.values - p[:2]).max() < 0.1
+
+
+def test_chunks_give_the_same_bits(axes: Any, measured: Any) -> None:
+    rng = np.random.default_rng(2)
+    model, u = axes(1), rng.normal(size=(5000, 1))
+    block = measured(model, u, np.array([3.0, 2.0, 0.02]), 0.1 * rng.normal(size=u.shape))
+    plan = ClosedForm(model)
+    y0, phi = model.regressor(None, u, None, model.parameters.values)
+    pieces, whole = plan.solve(u, block.dt, block.y), plan.solve_rows(block.y, y0, phi)
+    assert np.array_equal(pieces.values, whole.values)
+    assert np.array_equal(pieces.covariance, whole.covariance)
+    still = plan.solve(np.zeros_like(u), block.dt, block.y)
+    assert not still.solved

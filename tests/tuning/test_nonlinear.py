@@ -178,3 +178,21 @@ def test_angles_wrap(robot: Compiled) -> None:
     block = make_block(t=np.arange(200) * 10**8, u=np.ones((200, 1)), y=wrapped)
     fit = solve(Problem(turner, (block,), horizon=1.0))
     assert fit["gain"] == pytest.approx(1.0)
+
+
+def test_variable_projection_keeps_linear_bounds(axes: Any, measured: Any) -> None:
+    rng = np.random.default_rng(6)
+    model, u = axes(1), rng.normal(size=(200, 1))
+    block = measured(model, u, np.array([3.0, 2.0, 0.3]), 0.1 * rng.normal(size=u.shape))
+    items = [replace(i, low=0.0, high=2.5) if i.name == "Fc0" else i for i in model.parameters]
+    prior = Parameters(tuple(replace(i, value=0.2) if i.name == "width" else i for i in items))
+    fit = solve(Problem(model, (block,), ("Fc0", "Bm0", "width"), prior=prior))
+    assert fit["Fc0"] == pytest.approx(2.5)
+    assert fit["Bm0"] == pytest.approx(2.0, abs=0.6)
+
+
+def test_nothing_excited_is_nothing_to_solve(wavy: Any) -> None:
+    still = make_block(t=np.arange(20) * 10**8, u=np.zeros((20, 1)), y=np.zeros((20, 1)))
+    fit = solve(Problem(wavy, (still,)), settings=Settings(starts=3))
+    assert fit.converged
+    assert "nothing to solve" in fit.message

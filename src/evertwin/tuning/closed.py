@@ -248,7 +248,9 @@ class ClosedForm:
         rows = dense(phi, at, k)
         used = ~np.isnan(r)
         given = np.where(np.isnan(scale), 1.0, scale)
-        noise = np.where(np.isnan(scale), np.sqrt(np.nanmean(r**2, axis=0)), scale)
+        count = np.maximum(used.sum(axis=0), 1)
+        spread = np.sqrt(np.square(np.where(used, r, 0.0)).sum(axis=0) / count)
+        noise = np.where(np.isnan(scale), spread, scale)
         delta, covariance, used_dof = np.zeros(k), np.full((k, k), np.inf), np.zeros(ny)
         for _ in range(2):
             weight = 1.0 / np.where(noise > 0, noise, given)

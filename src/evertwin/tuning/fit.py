@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import html
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -61,7 +61,7 @@ class Residual:
         return self.dependence is None or self.dependence.p > 0.01
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Fit:
     """One tuning. See the module for an example."""
 
@@ -101,7 +101,7 @@ class Fit:
     converged: bool
     message: str
     """One sentence; where not converged, with the cure."""
-    seconds: float = field(compare=False)
+    seconds: float
 
     @property
     def identifiable(self) -> tuple[str, ...]:

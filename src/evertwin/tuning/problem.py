@@ -30,7 +30,7 @@ import numpy as np
 from jaxtyping import Bool, Float64
 
 from evertwin.errors import DataError, UsageError
-from evertwin.fold import Block
+from evertwin.fold import Block, Mark
 from evertwin.models import (
     Kernel,
     KernelModel,
@@ -47,6 +47,8 @@ from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, Vector
 
 __all__ = ["Filter", "Loss", "Moving", "PerOutput", "Problem", "Rows"]
 
+Segments: TypeAlias = tuple[tuple[int, int], ...]
+"""[start, stop) of stretches of rows."""
 Filter: TypeAlias = Callable[[Any], Any]
 """``filter(columns (n, k)) -> (n, k)``: linear, over the rows of one task."""
 PerOutput: TypeAlias = Float64[np.ndarray, " ny"]
@@ -71,11 +73,11 @@ class Rows(NamedTuple):
     """Restart codes, uint8 (n,)."""
     adopts: Outputs
     """Outputs that each restart takes over, (n, ny)."""
-    segments: tuple[tuple[int, int], ...]
+    segments: Segments
     """[start, stop) of each stretch that a filter may run over."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Problem:
     """What to tune, on what. See the module for an example.
 
@@ -177,35 +179,48 @@ class Problem:
         zeros = [np.zeros_like(block.y) for block in self.windows]
         pairs = zip(self.windows, zeros, strict=True)
         known = np.concatenate([residuals(self.model, block, zero) for block, zero in pairs])
-        used = ~np.isnan(known) & np.isfinite(u).all(axis=1)[:, None]
+        fed = np.concatenate([_fed(block) for block in self.windows])
+        used = ~np.isnan(known) & fed[:, None]
         opens = np.concatenate([openings(block) for block in self.windows])
         if len(x0):
             used &= ~opens[:, None]
         y = np.where(used, np.concatenate([block.y for block in self.windows]), np.nan)
-        segments = _segments(opens, skip=int(len(x0) > 0))
+        # A row that is not predicted (the start of a state, an input that is not known) is none to
+        # filter over.
+        segments = _segments(opens, opens if len(x0) else ~np.isfinite(u).all(axis=1))
         if self.filter is not None:
+            segments = self._filterable(y, segments)
             y = self.smooth(_bridge(y, segments), segments)
+            used &= ~np.isnan(y)
         if self.only_moving and self.moving is not None:
             used &= np.asarray(self.moving(u))
         return Rows(u, dt, np.where(used, y, np.nan), used, code, adopts, segments)
 
-    def smooth(self, columns: Any, segments: tuple[tuple[int, int], ...]) -> Any:
-        """``columns`` (n, k) filtered stretch by stretch; the same for every side.
+    def _filterable(self, y: Outputs, segments: Segments) -> Segments:
+        """The stretches that are long enough for the filter; the others do not count.
 
         Raises:
-            DataError: the filter refuses a stretch (it is too short).
+            DataError: none is.
         """
+        kept, reason = [], "there is none"
+        for a, b in segments:
+            try:
+                self.smooth(np.nan_to_num(y), ((a, b),))
+            except ValueError as error:
+                reason = f"rows {a} to {b} ({b - a} rows) cannot be filtered: {error}"
+                continue
+            kept.append((a, b))
+        if not kept:
+            raise DataError(f"filter: no stretch of rows is long enough; {reason}")
+        return tuple(kept)
+
+    def smooth(self, columns: Any, segments: Segments) -> Any:
+        """``columns`` (n, k) filtered stretch by stretch, the same for every side; NaN between."""
         if self.filter is None:
             return columns
         out = np.full_like(columns, np.nan)
         for a, b in segments:
-            try:
-                out[a:b] = self.filter(columns[a:b])
-            except ValueError as error:
-                raise DataError(
-                    f"filter: rows {a} to {b} ({b - a} rows) cannot be filtered: {error}; "
-                    "leave this stretch out or use a shorter filter"
-                ) from error
+            out[a:b] = self.filter(columns[a:b])
         return out
 
     def full(self, values: Vector) -> ParameterVector:
@@ -293,13 +308,21 @@ class Problem:
         return out
 
 
-def _segments(opens: np.ndarray, skip: int) -> tuple[tuple[int, int], ...]:
-    """Stretches between openings, without their first ``skip`` rows."""
+def _fed(block: Block) -> np.ndarray:
+    """Rows whose inputs are known and trusted, (n,)."""
+    mark = block.mark[:, : block.u.shape[1]]
+    trusted = (mark <= Mark.HELD) | (mark == Mark.OVERRULED)
+    return np.asarray((trusted & np.isfinite(block.u)).all(axis=1))
+
+
+def _segments(opens: np.ndarray, without: np.ndarray) -> Segments:
+    """Stretches between openings; an opening row that is ``without`` a prediction is left out."""
     edges = [*np.flatnonzero(opens).tolist(), len(opens)]
-    return tuple((a + skip, b) for a, b in pairwise(edges) if b > a + skip)
+    starts = ((a + int(without[a]), b) for a, b in pairwise(edges))
+    return tuple((a, b) for a, b in starts if b > a)
 
 
-def _bridge(y: Outputs, segments: tuple[tuple[int, int], ...]) -> Outputs:
+def _bridge(y: Outputs, segments: Segments) -> Outputs:
     """Missing values filled by straight lines, so that a filter can run over them."""
     out = y.copy()
     for a, b in segments:
