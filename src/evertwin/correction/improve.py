@@ -6,8 +6,9 @@ One procedure with one set of settings for every machine:
 2. Try every candidate of the present tier (one or two numbers; then laws; then tables and
    surfaces), on top of the stack, and, for a richer kind, in place of the simpler static terms on
    its channel. Fit, score.
-3. The best one joins if it lowers the held-out deviation by ``gain`` (5 %). Refit the terms with
-   few numbers together. Repeat; when no candidate of the tier pays, climb.
+3. The best one joins if it lowers the held-out deviation by ``gain`` (5 %), and by ``sure``
+   standard errors of the mean over segments. Refit the terms with few numbers together. Repeat;
+   when no candidate of the tier pays, climb.
 4. At the end a term that no longer pays is dropped.
 
 What comes out is a proposal. It goes live through a trial on unseen data only.
@@ -31,6 +32,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from evertwin.correction.candidates import FREE, SHAPED, SIMPLE, Candidate, propose
 from evertwin.correction.describe import describe
@@ -72,6 +75,8 @@ class Selection:
     """Inputs (for ``state``: states) that may be corrected; empty: all inputs."""
     gain: float = 0.05
     """Least relative gain in held-out deviation that a term must bring."""
+    sure: float = 2.5
+    """Least mean gain of a segment, in its standard errors over segments."""
     most: int = 6
     """Most terms that one proposal adds."""
     quantum: float = 0.0
@@ -227,8 +232,8 @@ class _Search:
             while len(gains) < self.settings.most:
                 options = self.options(now, level, tier)
                 tried = {_label(o): o.gain for o in options if not o.replaced} | tried
-                best = _best(options)
-                if best is None or best.gain < self.settings.gain:
+                best = _best(options, self.settings)
+                if best is None:
                     break
                 now, after = best.scored, level * (1.0 - best.gain)
                 if not best.candidate.linear:
@@ -252,9 +257,7 @@ class _Search:
         On top, the terms below were fitted to all rows, so the comparison is with the stack's
         deviation on the rows that it was fitted to; in their place, with its held-out deviation.
         """
-        fitted = mean_deviation(
-            self.evidence.deviations(self.evidence.residual(now.stack.model, now.stack.p))
-        )
+        fitted = self.evidence.deviations(self.evidence.residual(now.stack.model, now.stack.p))
         found = []
         for candidate in (c for c in self.candidates if c.tier == tier):
             if tier == FREE and any(
@@ -264,7 +267,7 @@ class _Search:
             ):
                 continue
             top = fit_candidate(now.stack, candidate, self.evidence)
-            found.append(_Option(top, candidate, (), 1.0 - top.mean / max(fitted, TINY)))
+            found.append(_Option(top, candidate, (), *_compared(fitted, top)))
             simpler = [
                 k for k, part in enumerate(now.stack.parts)
                 if part.term.kind in _REPLACED.get((tier, candidate.term.kind), ())
@@ -276,9 +279,8 @@ class _Search:
                     bare = bare.without(k)
                 terms = tuple(now.stack.parts[k].term for k in simpler)
                 instead = fit_candidate(bare, candidate, self.evidence)
-                found.append(
-                    _Option(instead, candidate, terms, 1.0 - instead.mean / max(level, TINY))
-                )
+                before = now.deviations * (level / max(now.mean, TINY))
+                found.append(_Option(instead, candidate, terms, *_compared(before, instead)))
         return found
 
     def pruned(self, now: Scored, level: float, gains: list[Gain]) -> tuple[Scored, float]:
@@ -317,12 +319,22 @@ class _Option(NamedTuple):
     candidate: Candidate
     replaced: tuple[Term, ...]
     gain: float
+    sure: float
 
 
-def _best(options: Sequence[_Option]) -> _Option | None:
-    """The largest gain; of near equals the one with the fewest numbers."""
-    most = max((o.gain for o in options), default=0.0)
-    near = [o for o in options if 1.0 - o.gain <= (1.0 + NEAR) * (1.0 - most)]
+def _compared(before: Vector, after: Scored) -> tuple[float, float]:
+    """Relative gain of the mean, and the mean gain of a segment in its standard errors."""
+    paired = before - after.deviations
+    error = float(paired.std()) / np.sqrt(len(paired))
+    gain = 1.0 - after.mean / max(mean_deviation(before), TINY)
+    return gain, float(paired.mean()) / max(error, TINY)
+
+
+def _best(options: Sequence[_Option], settings: Selection) -> _Option | None:
+    """The largest gain that is sure; of near equals the one with the fewest numbers."""
+    paying = [o for o in options if o.gain >= settings.gain and o.sure >= settings.sure]
+    most = max((o.gain for o in paying), default=0.0)
+    near = [o for o in paying if 1.0 - o.gain <= (1.0 + NEAR) * (1.0 - most)]
     return min(near, key=lambda o: (len(o.candidate.low), -o.gain), default=None)
 
 

@@ -12,6 +12,7 @@ and a number from the second term of the same kind on (``law.v#2.gain``).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 from evertwin.errors import UsageError
@@ -97,10 +98,7 @@ def term_parameters(term: Term, model: Model, number: int = 1) -> tuple[Paramete
     layout: Layout = model.states if term.kind == "state" else model.inputs
     unit = "1" if term.channel == "*" else layout.channels[layout.index(term.channel)].unit
     source = model.inputs.channels[model.inputs.index(term.source)].unit if term.source else "1"
-    return tuple(
-        Parameter(f"{stem}.{p.name}", p.value, p.unit, p.low, p.high)
-        for p in _parameters(term, unit, source)
-    )
+    return tuple(replace(p, name=f"{stem}.{p.name}") for p in _parameters(term, unit, source))
 
 
 def _parameters(term: Term, unit: str, source: str) -> list[Parameter]:
@@ -110,12 +108,16 @@ def _parameters(term: Term, unit: str, source: str) -> list[Parameter]:
         places = ((i, j) for i in range(len(term.levels)) for j in range(len(term.levels2)))
         return [Parameter(f"{i}.{j}", 0.0, unit) for i, j in places]
     if term.kind == "law":
-        start = [Parameter("threshold", 0.0, unit, low=0.0)] if term.variant else []
+        # no slope leads to the end of a dead zone
+        slides = term.variant != "dead zone"
+        threshold = Parameter("threshold", 0.0, unit, low=0.0, editable=slides)
+        start = [threshold] if term.variant else []
         gain = [Parameter("gain", 1.0, "1", low=0.0), Parameter("offset", 0.0, unit)]
         return [*start, *gain, Parameter("cap", FREE, unit, low=0.0)]
     if term.kind == "lag":
         tau = [] if term.variant else [Parameter("tau", 0.0, "s", low=0.0)]
-        return [Parameter("delay", 0.0, "s", low=0.0), *tau]
+        # with a time constant beside it the delay is found once, and not tuned any more
+        return [Parameter("delay", 0.0, "s", low=0.0, editable=not tau), *tau]
     if term.kind == "state":
         rates = [Parameter(name, 0.0, "1/s", low=0.0) for name in ("loss", "gain")]
         return [*rates, Parameter("start", 0.0, unit)]
@@ -124,6 +126,6 @@ def _parameters(term: Term, unit: str, source: str) -> list[Parameter]:
     inverse = si_unit(f"1/({unit})")
     return [
         Parameter("gain", 1.0, "1", low=0.0),
-        Parameter("inverse_cap", 0.0, inverse, low=0.0),
+        Parameter("inverse_cap", 0.0, inverse, low=0.0, editable=False),
         Parameter("inverse_grip", 0.0, si_unit(f"1/({unit})/({source})"), low=0.0),
     ]
