@@ -82,14 +82,29 @@ class Decide:
             decision.state = state._replace(books=state.books._replace(watch=watch))
         detect, alarm = setup.detect.beat(decision.state.detect)
         decision.state = decision.state._replace(detect=detect)
-        due = state.time - state.desk.fitted >= setup.schedule
+        due = state.elapsed - state.desk.fitted >= setup.schedule
+        if reason or alarm or due:
+            self._supersede(decision)
         if not reason and alarm:
             reason = alarm
         elif reason and self._free(decision.state):
             decision.say("suspected", signal, reason, evidence)
         if (reason or due) and self._free(decision.state):
-            decision.desk(fitted=state.time)
+            decision.desk(fitted=state.elapsed)
             self._ask(decision, "fit", FIT, {"reason": reason or "scheduled"})
+
+    def _supersede(self, decision: Decision) -> None:
+        """A challenger that is long undecided makes room for one learned from newer data."""
+        state, trial = decision.state, self.follow.setup.trial
+        if state.desk.phase != TRIAL or state.desk.pinned:
+            return
+        verdict, evidence = trial.verdict(state.trial)
+        if verdict is None and evidence["segments"] >= 5 * trial.least:
+            number = state.other.version
+            reason = f"version {number} is undecided and superseded: {evidence['sentence']}"
+            decision.say("rejected", "", reason, evidence)
+            decision.state = decision.state._replace(other=EMPTY)
+            decision.desk(phase=WATCH)
 
     def _cross(self, decision: Decision) -> None:
         """A correction learned for one range of another input is learned anew outside it."""

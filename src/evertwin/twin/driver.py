@@ -60,7 +60,7 @@ class Driver:
         scale = setup.spec.prediction.scale
         sizes = np.array([scale.get(name, 1.0) for name in setup.model.outputs.names])
         return TwinState(
-            row=0, task=-1, time=0,
+            row=0, task=-1, time=0, elapsed=0,
             live=self.follow.lane(self.champion, tracked=True), first=EMPTY, other=EMPTY,
             smooth=setup.smooth.init(), detect=setup.detect.init(), trial=setup.trial.init(),
             books=new_books(ny, np.zeros(2, dtype=np.int64), 0, sizes),

@@ -83,7 +83,10 @@ class Follow:
             self.setup.moving(piece.u), a.end,
         )  # fmt: skip
         smooth, released = self.setup.smooth.step(state.smooth, rows)
+        opens = state.row == 0 or int(piece.task[0]) != state.task
+        before_piece = int(piece.t[0]) if opens else state.time
         state = state._replace(
+            elapsed=state.elapsed + int(piece.t[-1]) - before_piece,
             row=piece.row + len(piece.t), task=int(piece.task[-1]), time=int(piece.t[-1]),
             live=live, first=first, other=other, smooth=smooth,
             ring=self.setup.ring.push(state.ring, judged),

@@ -80,7 +80,7 @@ class Desk(NamedTuple):
     since: int = 0
     """Row from which on data may be learned from."""
     fitted: int = 0
-    """Stamp of the last scheduled fit [ns]."""
+    """Elapsed time at the last fit [ns]."""
     tunings: int = 0
     """Tunings so far: the schedule's position."""
     retrain: int = 0
@@ -101,6 +101,8 @@ class TwinState(NamedTuple):
     """Task of the last row."""
     time: int
     """Stamp of the last row [ns]."""
+    elapsed: int
+    """Time within tasks so far [ns]; stamps may start again with each task."""
     live: Lane
     first: Lane
     """The first champion, while another one is live."""

@@ -101,7 +101,9 @@ class Work:
             return {"events": [], "next": self._next()}
         problem = self.problem(version, windows, names)
         fit, rounds = self.tune(problem)
-        if len(names) < len(self.editable(version)):
+        if rounds and fit.converged:
+            verdict = Verdict("normal", "", f"tuned by rounds: {fit.message}")
+        elif len(names) < len(self.editable(version)):
             verdict = Verdict("normal", "", "tuned the share of the parameters whose turn it is")
         else:
             verdict = self.verdict(version, problem, fit, windows)
