@@ -1,6 +1,6 @@
 """All benchmarks, one after the other: `python -m benchmarks [NAME ...]`.
 
-Each is a module of this folder that prints its figures; it runs alone as `python -m benchmarks.NAME`.
+Each is a module of this folder that prints its figures, alone: `python -m benchmarks.NAME`.
 They run in processes of their own with one thread each, so that none warms another's caches.
 """
 
