@@ -43,12 +43,13 @@ DataFiles = Annotated[
 ]
 
 
-def _version(value: bool) -> None:
+def _version(value: bool) -> bool:
     if value:
         from importlib.metadata import version
 
         typer.echo(version("evertwin"))
         raise typer.Exit
+    return value
 
 
 @app.callback()

@@ -76,10 +76,10 @@ def write_starter(
 
 
 def _options(kind: str, urdf: Path | None, own: Path) -> dict[str, Any]:
-    if kind == "python":
-        return {"file": own.name, "name": "model"}
     if urdf is not None and kind != "arm":
         raise UsageError(f"--urdf is for --model arm, got --model {kind}")
+    if kind == "python":
+        return {"file": own.name, "name": "model"}
     if kind != "arm":
         return {}
     return {"urdf": "ur5_like" if urdf is None else str(urdf)}
