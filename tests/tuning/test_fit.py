@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 
 from evertwin.fold import canonical, make_block
+from evertwin.models import Parameters
+from evertwin.signals import Layout
 from evertwin.tuning import Problem, solve
 from evertwin.tuning.statistics import (
     autocorrelation,
@@ -118,3 +120,35 @@ def test_degenerate_residuals_are_harmless() -> None:
     assert ljung_box(r[:, 0]) == 1.0
     assert dependences(r, np.arange(6.0)[:, None], ("y",), ("u",))[0].p == 1.0
     assert dependences(r, np.zeros((6, 1)), ("y",), ("u",)) == ()
+
+
+def test_a_fit_never_predicts_worse_than_its_start() -> None:
+    # Viscous, Coulomb and root friction are nearly collinear, and these rows are few and noisy.
+    law = Parameters.of(Fv=(8.0, "Nms/rad"), Fc=(6.0, "Nm"), Fr=(9.0, "N*m*s**0.5"))
+
+    class Law:
+        inputs, outputs, states = Layout.of(v="rad/s"), Layout.of(tau="Nm"), Layout()
+        parameters, columns = law, np.array([[0, 1, 2]])
+
+        def initial(self, p: Any) -> Any:
+            return np.zeros(0)
+
+        def observe(self, x: Any, y: Any) -> Any:
+            return x
+
+        def simulate(self, x: Any, u: Any, dt: Any, p: Any) -> Any:
+            return x, (self.regressor(x, u, dt, p)[1] * p).sum(axis=2)
+
+        def regressor(self, x: Any, u: Any, dt: Any, p: Any) -> Any:
+            phi = np.stack([u, np.sign(u), np.sign(u) * np.sqrt(np.abs(u))], axis=2)
+            return np.zeros_like(u), phi
+
+    model, refused = Law(), 0
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        u = np.sign(rng.normal(size=(40, 1))) * rng.uniform(0.3, 1.0, (40, 1))
+        y = model.simulate(np.zeros(0), u, None, law.values)[1] + rng.normal(0, 3.0, u.shape)
+        fit = solve(Problem(model, (make_block(t=np.arange(40), u=u, y=y),)))
+        refused += "not" in fit.verdict and set(fit.verdict) != {"not"}
+        assert fit.deviation_after[0] <= fit.deviation_before[0] * (1 + 1e-9), seed
+    assert refused > 5

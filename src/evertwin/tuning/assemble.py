@@ -132,6 +132,9 @@ def assemble(
     verdicts, reasons = grade(refused, half / sizes_of(problem, j, sigma, outcome.values))
     free = np.array([verdict != "not" for verdict in verdicts])
     values = np.where(free, outcome.values, start)
+    wide = ~free & np.array([not reason for reason in refused])
+    if wide.any():
+        values = _followed(problem, j, sigma, values, free)
     if not np.array_equal(values, outcome.values):
         r = problem.residuals(values)
     covariance[~free, :], covariance[:, ~free] = 0.0, 0.0
@@ -169,6 +172,30 @@ def assemble(
         message=outcome.message,
         seconds=time.perf_counter() - began,
     )
+
+
+def _followed(
+    problem: Problem, j: Sensitivity, sigma: PerOutput, values: Vector, free: np.ndarray
+) -> Vector:
+    """Values whose free ones make up for those with too wide an interval, which went back.
+
+    Parameters that are only *nearly* collinear with the free ones carry part of the solution:
+    putting them back alone would predict worse than the start. (What is exactly collinear is
+    left alone: there the free ones are right as they are.) To first order, exact if linear.
+    """
+    scaled = np.where(problem.rows.used[:, :, None], j, 0.0) / sigma[:, None]
+    flat = scaled.reshape(-1, len(values))
+    r = problem.residuals(values) / sigma
+    information = flat[:, free].T @ flat[:, free] + np.diag(problem.information[free])
+    pull = (problem.start - values) * problem.information
+    side = flat[:, free].T @ np.nan_to_num(r.ravel()) + pull[free]
+    out = values.copy()
+    size = np.sqrt(np.diag(information))
+    size[size == 0] = 1.0
+    unit = information / np.outer(size, size)
+    out[free] += np.linalg.lstsq(unit, side / size, rcond=1e-12)[0] / size
+    low, high = problem.bounds
+    return np.asarray(np.clip(out, low, high))
 
 
 def _refused(judged: Gate, held: tuple[str, ...]) -> list[str]:
