@@ -6,7 +6,7 @@ Deviations are rms(measured âˆ’ predicted) / rms(measured) over moving rows (|qÌ
 rows that the last champion had not seen.
 
 1. Solved at once and by relaxed rounds: rounds needed, and the worst axis.
-2. Weights: 24 cycles while friction grows by 0.05 % a cycle, tuned by rounds at every cycle; single-axis
+2. Weights: 24 cycles while friction grows by 0.05 % a cycle, tuned by rounds at each; single-axis
    simulations with equal weights and with the weights below, and the worst axis in any cycle.
 3. The cost of a wrong law: friction with a Stribeck bump, sign in place of tanh.
 
@@ -30,7 +30,7 @@ from evertwin.config import TwinSpec, read
 from evertwin.fold import Answer
 
 TWIN = Path(__file__).parent.parent / "twins" / "arm.toml"
-WEIGHTS = {"Fc1": 1.0, "Fc2": 0.5, "Fc3": 0.5, "Fc4": 1.0, "Fc5": 0.5, "Fc6": 0.5}
+WEIGHTS = {"Fc1": 1.0, "Fc2": 0.5, "Fc3": 0.5, "Fc4": 0.5, "Fc5": 0.5, "Fc6": 0.5}
 CYCLES = 24
 
 
@@ -97,8 +97,8 @@ def weighted(spec: TwinSpec, folder: Path) -> bool:
         largest = 100 * per_cycle(result)[3:].max()
         good &= largest < 5.0
         print(
-            f"{name:10} {len(tunings)} tunings, {counts[-1]} single-axis simulations, worst axis of "
-            f"any later cycle {largest:.2f} %"
+            f"{name:10} {len(tunings)} tunings, {counts[-1]} single-axis simulations, worst axis "
+            f"of any later cycle {largest:.2f} %"
         )
     saved = 1 - counts[1] / counts[0]
     print(f"weights {WEIGHTS}: {100 * saved:.0f} % fewer simulations")
@@ -118,7 +118,8 @@ def wrong(spec: TwinSpec, folder: Path) -> None:
     ):  # fmt: skip
         result, _ = run(chosen, files)
         figures = [100 * f.relative_rms_moving_after for f in result.outputs.values()]
-        print(f"{name:24} moving deviation per axis " + " ".join(f"{v:5.2f}" for v in figures) + " %")
+        shown = " ".join(f"{v:5.2f}" for v in figures)
+        print(f"{name:24} moving deviation per axis {shown} %")
 
 
 def main() -> int:

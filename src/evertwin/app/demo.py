@@ -67,4 +67,5 @@ def _said(result: RunResult) -> str:
         return f"Position updates over the same unseen rows: {before} before, {after} after."
     worst = max(f.relative_rms_moving_after for f in result.outputs.values())
     first = max(f.relative_rms_moving_before for f in result.outputs.values())
-    return f"Worst torque deviation while moving: {100 * first:.1f} % before, {100 * worst:.1f} % after."
+    shown = f"{100 * first:.1f} % before, {100 * worst:.1f} % after"
+    return f"Worst torque deviation while moving: {shown}."

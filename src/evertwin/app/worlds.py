@@ -34,5 +34,5 @@ def _launch(world: str, *options: str) -> None:
         return
     if "No module named 'mujoco'" in done.stderr:
         raise MissingExtra.of("mujoco", "mujoco")
-    lines = done.stderr.strip().splitlines()
-    raise ModelError(f"the embedded {world} stopped with {done.returncode}: {lines[-1] if lines else ''}")
+    last = (done.stderr.strip().splitlines() or ["no message"])[-1]
+    raise ModelError(f"the embedded {world} stopped with {done.returncode}: {last}")

@@ -15,6 +15,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -69,7 +70,7 @@ def check_online(
     n = len(block.t)
     for cut in [range(1, n), *cuts]:
         edges = [0, *cut, n]
-        pieces = [take(block, a, b) for a, b in zip(edges, edges[1:], strict=False) if b > a]
+        pieces = [take(block, a, b) for a, b in pairwise(edges) if b > a]
         if not _agree(whole, fold(stage, pieces)):
             raise LawBroken(f"partition: cut at {list(cut)[:8]} gave another state or output")
     half = n // 2

@@ -48,7 +48,8 @@ def plain(value: object) -> Json:
         return tuple(plain(item) for item in value)
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
-    raise DataError(f"a record holds numbers, text, tuples and mappings, got {type(value).__name__}")
+    kind = type(value).__name__
+    raise DataError(f"a record holds numbers, text, tuples and mappings, got {kind}")
 
 
 def canonical(value: object) -> str:

@@ -47,7 +47,9 @@ class Term:
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> Term:
         """The term that ``plain(term)`` was made of."""
-        fields = {k: tuple(v) if isinstance(v, list | tuple) else v for k, v in content.items()}
+        fields: dict[str, Any] = {
+            k: tuple(v) if isinstance(v, list | tuple) else v for k, v in content.items()
+        }
         return cls(**fields)
 
 
@@ -62,6 +64,12 @@ class Form:
     terms: tuple[Term, ...] = ()
     variant: tuple[tuple[str, str], ...] = ()
     """(aspect, choice) of a base model that has variants, sorted."""
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> Form:
+        """The form that ``plain(form)`` was made of."""
+        variant = tuple((str(aspect), str(choice)) for aspect, choice in content["variant"])
+        return cls(tuple(Term.from_json(term) for term in content["terms"]), variant)
 
 
 @dataclass(frozen=True)
@@ -100,12 +108,8 @@ class Version:
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> Version:
         """The version that ``to_json`` was made of."""
-        form = content["form"]
-        rebuilt = Form(
-            tuple(Term.from_json(term) for term in form["terms"]),
-            tuple((str(a), str(b)) for a, b in form["variant"]),
-        )
+        form = Form.from_json(content["form"])
         return cls(
-            int(content["number"]), rebuilt, tuple(content["names"]), tuple(content["values"]),
+            int(content["number"]), form, tuple(content["names"]), tuple(content["values"]),
             content["parent"], str(content["reason"]), int(content["row"]),
         )  # fmt: skip

@@ -4,7 +4,7 @@ Sums run in the order of the rows, never by block, so that a cut cannot change a
 
 >>> sums = new_sums(outputs=1)
 >>> sums = add(sums, np.array([[0.1], [np.nan]]), np.array([[2.0], [2.0]]))
->>> sums.count.tolist(), deviation(sums, relative=True).round(3).tolist()
+>>> sums.samples.tolist(), deviation(sums, relative=True).round(3).tolist()
 ([1], [0.05])
 """
 
@@ -31,7 +31,7 @@ class Sums(NamedTuple):
     """Σ residual²."""
     measured: Vector
     """Σ measurement² over the same rows."""
-    count: np.ndarray
+    samples: np.ndarray
     """Rows, int64."""
 
 
@@ -58,8 +58,8 @@ def add(sums: Sums, residual: Outputs, measured: Outputs) -> Sums:
 
 def deviation(sums: Sums, relative: bool) -> Vector:
     """Rms of the residual per output, relative to the measurement's or not; NaN without rows."""
-    count = np.where(sums.count > 0, sums.count, np.nan)
+    count = np.where(sums.samples > 0, sums.samples, np.nan)
     base = sums.measured if relative else count
     with np.errstate(invalid="ignore", divide="ignore"):
-        ratio: Vector = np.sqrt(sums.residual / np.where(sums.count > 0, base, np.nan))
+        ratio: Vector = np.sqrt(sums.residual / np.where(sums.samples > 0, base, np.nan))
     return ratio

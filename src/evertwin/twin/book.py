@@ -1,10 +1,11 @@
 """What a twin has in its store: versions, who is live, what happened.
 
-Who is live follows from the log alone (promotions, roll-backs, pins), so log and twin cannot differ.
+Who is live follows from the log alone (promotions, roll-backs, pins): log and twin cannot differ.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -99,13 +100,9 @@ class Book:
         found = []
         for name, item in fit["parameters"].items():
             low, high = item["interval95"]
-            found.append(
-                Estimate(
-                    row, int(content.get("time", 0)), answer.version, name, item["value"],
-                    float("-inf") if low is None else low, float("inf") if high is None else high,
-                    item["verdict"],
-                )  # fmt: skip
-            )
+            bounds = (-math.inf if low is None else low, math.inf if high is None else high)
+            time, verdict = int(content.get("time", 0)), item["verdict"]
+            found.append(Estimate(row, time, answer.version, name, item["value"], *bounds, verdict))
         self._store.append(found)
 
     def switch(self, number: int, kind: str, reason: str) -> Event:

@@ -78,7 +78,7 @@ class Decide:
         state, setup = decision.state, self.follow.setup
         reason, signal, evidence = self._deviates(state, task_end)
         if reason is not None:
-            watch = new_sums(len(state.books.watch.count))
+            watch = new_sums(len(state.books.watch.samples))
             decision.state = state._replace(books=state.books._replace(watch=watch))
         detect, alarm = setup.detect.beat(decision.state.detect)
         decision.state = decision.state._replace(detect=detect)
@@ -118,7 +118,8 @@ class Decide:
             if outside.any():
                 name = names[int(np.argmax(outside))]
                 reason = f"{name} left the range that the correction was learned for"
-                decision.say("training_restarted", name, reason, {"now": now, "range": state.watched})
+                evidence = {"now": now, "range": state.watched}
+                decision.say("training_restarted", name, reason, evidence)
                 decision.state = state._replace(watched=np.zeros((0, 2)))
                 retrain = state.row + setup.spec.anomaly.window
                 decision.desk(since=state.row, retrain=retrain)
@@ -130,7 +131,7 @@ class Decide:
     def _deviates(self, state: TwinState, task_end: bool) -> tuple[str | None, str, dict[str, Any]]:
         """(None, …) when it is too early to say, ("", …) when within the requirement."""
         setup, watch = self.follow.setup, state.books.watch
-        enough = watch.count.max(initial=0) >= (
+        enough = watch.samples.max(initial=0) >= (
             setup.least if task_end else setup.spec.anomaly.window
         )
         if not np.isfinite(setup.requirement) or not enough:
@@ -143,7 +144,7 @@ class Decide:
         name = setup.model.outputs.names[worst]
         shown = [setup.shown(k, values[k]) for k in range(len(values))]
         limit = setup.shown(worst, setup.requirement)
-        evidence = {"deviation": values, "limit": setup.requirement, "rows": watch.count.max()}
+        evidence = {"deviation": values, "limit": setup.requirement, "rows": watch.samples.max()}
         return f"{name} is off by {shown[worst]} (limit {limit})", name, evidence
 
     def _free(self, state: TwinState) -> bool:
@@ -208,15 +209,13 @@ class Decide:
         elif verdict == "reject":
             decision.say("rejected", "", f"version {number} is not better on unseen data", evidence)
             decision.state = decision.state._replace(other=EMPTY)
-            decision.desk(
-                phase=WATCH, hold=state.row + self.follow.setup.spec.trial.holdoff
-            )
+            decision.desk(phase=WATCH, hold=state.row + self.follow.setup.spec.trial.holdoff)
 
     def _promote(self, decision: Decision, evidence: Mapping[str, Any]) -> None:
         state = decision.state
         old, new = state.live, state.other
         reason = f"version {new.version} replaces {old.version}: {evidence['sentence']}"
-        decision.say("promoted", "", reason, evidence | {"version": new.version, "hash": self._hash(new.version)})
+        decision.say("promoted", "", reason, self._switched(evidence, new.version))
         first = old if state.first.version < 0 else state.first
         decision.state = self._live(state, new.version, old, first)
         decision.desk(phase=PROBATION)
@@ -230,7 +229,7 @@ class Decide:
         elif verdict == "roll_back":
             old = state.other.version
             reason = f"version {state.live.version} does worse than {old}: {evidence['sentence']}"
-            decision.say("rolled_back", "", reason, evidence | {"version": old, "hash": self._hash(old)})
+            decision.say("rolled_back", "", reason, self._switched(evidence, old))
             decision.state = self._live(state, old, EMPTY, state.first)
             decision.desk(phase=WATCH, hold=state.row + self.follow.setup.spec.trial.holdoff)
 
@@ -247,9 +246,7 @@ class Decide:
         if other is not EMPTY:
             other = other._replace(track=())
         updates = np.array([self._updates(lane), self._updates(first)], dtype=np.int64)
-        books = new_books(
-            len(follow.setup.model.outputs), updates, state.row, state.books.scale
-        )
+        books = new_books(len(follow.setup.model.outputs), updates, state.row, state.books.scale)
         return state._replace(
             live=lane, first=first, other=other, books=books,
             trial=follow.setup.probation.init(), detect=follow.setup.detect.init(),
@@ -269,5 +266,6 @@ class Decide:
     def _updates(self, lane: Any) -> int:
         return 0 if lane.version < 0 else int(lane.track.updates.sum())
 
-    def _hash(self, number: int) -> str:
-        return self.follow.versions[number].hash
+    def _switched(self, evidence: Mapping[str, Any], number: int) -> dict[str, Any]:
+        """The evidence of a switch, with the version that goes live."""
+        return {**evidence, "version": number, "hash": self.follow.versions[number].hash}

@@ -12,7 +12,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.anomaly import Calm, Cusum, CusumState, Drift, DriftState, Residuals, SnrLimit, SnrState
+from evertwin.anomaly import (
+    Calm,
+    Cusum,
+    CusumState,
+    Drift,
+    DriftState,
+    Residuals,
+    SnrLimit,
+    SnrState,
+)
 from evertwin.config.spec import AnomalySpec
 from evertwin.fold import Event
 from evertwin.twin.settle import Released

@@ -96,7 +96,8 @@ class Driver:
             answer = self._answer(state)
             self.log(state.row, answer)
         state, events, requests = self.decide.step(state, answer, task_end)
-        for record in (*events, *requests):
+        said: list[Record] = [*events, *requests]
+        for record in said:
             self.log(state.row, record)
         return state
 

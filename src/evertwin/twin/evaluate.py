@@ -90,10 +90,14 @@ def deviations(setup: Setup, predictions: Sequence[Prediction]) -> tuple[Deviati
         moves = known & moving[:, k]
         found.append(
             Deviation(
-                channel.name, channel.unit, _rms(residual[known, k]),
+                channel.name,
+                channel.unit,
+                _rms(residual[known, k]),
                 _ratio(residual[known, k], measured[known, k]),
-                _ratio(residual[moves, k], measured[moves, k]), int(moves.sum()), int(known.sum()),
-            )  # fmt: skip
+                _ratio(residual[moves, k], measured[moves, k]),
+                int(moves.sum()),
+                int(known.sum()),
+            )
         )
     return tuple(found)
 

@@ -89,10 +89,14 @@ def _limited(spec: TwinSpec, layout: Layout) -> Layout:
     channels = []
     for channel in layout:
         said = spec.signals.get(channel.name)
-        changes = {} if said is None else {
-            key: getattr(said, key)
-            for key in ("low", "high", "rate")
-            if getattr(said, key) is not None
-        }
+        changes = (
+            {}
+            if said is None
+            else {
+                key: getattr(said, key)
+                for key in ("low", "high", "rate")
+                if getattr(said, key) is not None
+            }
+        )
         channels.append(replace(channel, **changes))
     return Layout(tuple(channels))

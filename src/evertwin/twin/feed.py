@@ -72,7 +72,9 @@ class Feed:
             raise UsageError(
                 f"{self.spec.name}: no data: name files in [[source]] or give them (--data FILE)"
             )
-        sources = [self._recorded(self.spec.source[i], paths) for i, paths in files.items() if paths]
+        sources = [
+            self._recorded(self.spec.source[i], paths) for i, paths in files.items() if paths
+        ]
         yield from _by_task([_gathered(source, spec) for source, spec in sources])
 
     def _recorded(self, spec: SourceSpec, paths: tuple[Path, ...]) -> tuple[Recorded, SourceSpec]:

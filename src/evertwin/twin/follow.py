@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from evertwin.fold import Block, Event
+from evertwin.fold import Block, Event, Record
 from evertwin.models.form import Form
 from evertwin.sync import Horizon, Track
 from evertwin.twin.settle import Released, settle
@@ -92,7 +92,7 @@ class Follow:
             ring=self.setup.ring.push(state.ring, judged),
         )  # fmt: skip
         state, found = self._judge(state, released)
-        return state, Followed(out.rows, before, mark, out.records + found)
+        return state, Followed(out.rows, before, mark, _events(out.records) + found)
 
     def end_task(self, state: TwinState) -> tuple[TwinState, tuple[Event, ...]]:
         """What waits for the end of its task is released. Consumes ``state``."""
@@ -100,9 +100,7 @@ class Follow:
         state = state._replace(smooth=smooth)
         return (state, ()) if released is None else self._judge(state, released)
 
-    def _judge(
-        self, state: TwinState, rows: Released
-    ) -> tuple[TwinState, tuple[Event, ...]]:
+    def _judge(self, state: TwinState, rows: Released) -> tuple[TwinState, tuple[Event, ...]]:
         """Released rows into books, detectors and the trial."""
         if len(rows.row) == 0:
             return state, ()
@@ -128,3 +126,7 @@ class Follow:
         _, horizon = self.stages(lane.version)
         predicted, out = horizon.step(lane.horizon, judged)
         return lane._replace(horizon=predicted), out.rows
+
+
+def _events(records: tuple[Record, ...]) -> tuple[Event, ...]:
+    return tuple(record for record in records if isinstance(record, Event))

@@ -14,9 +14,7 @@ __all__ = ["judges"]
 
 def judges(spec: TwinSpec, model: Model) -> Arbiter:
     """The arbiter over a model's outputs, in SI."""
-    groups = {
-        name: _rule(rule, model.outputs, name) for name, rule in spec.arbiter.groups.items()
-    }
+    groups = {name: _rule(rule, model.outputs, name) for name, rule in spec.arbiter.groups.items()}
     return Arbiter(_rule(spec.arbiter, model.outputs, ""), groups)
 
 
@@ -25,7 +23,9 @@ def _rule(spec: ArbiterSpec, outputs: Layout, group: str) -> Rule:
     inside = [c for c in outputs if not group or c.group == group]
     angles_only = bool(inside) and all(c.kind == "angle" for c in inside)
     linear = (math.inf, 0.0) if angles_only else (spec.tolerance, spec.sigma)
-    angle = (spec.tolerance, spec.sigma) if angles_only else (spec.tolerance_angle, spec.sigma_angle)
+    angle = (
+        (spec.tolerance, spec.sigma) if angles_only else (spec.tolerance_angle, spec.sigma_angle)
+    )
     return Rule(
         gate=spec.gate, vote=spec.vote, use=spec.use, tolerance=linear[0],
         tolerance_angle=angle[0], sigma=linear[1], sigma_angle=angle[1], growth=spec.growth,

@@ -63,7 +63,9 @@ def _translation(setup: Setup, base: Model, version: Version, windows: Windows) 
     p = version.p[: len(base.parameters)]
     table = learn_table(base, p, windows, sarsa_settings(setup, channel, windows))
     terms: tuple[Term, ...] = (Term("table", channel, levels=tuple(table.levels.tolist())),)
-    said = (f"{channel}: {int(table.learned.sum())} of {len(table.levels)} levels learned",)
+    said: tuple[str, ...] = (
+        f"{channel}: {int(table.learned.sum())} of {len(table.levels)} levels learned",
+    )
     values = {f"table.{channel}.{k}": float(v) for k, v in enumerate(table.values)}
     if setup.spec.correction.refine:
         refined = refine_law(base, p, windows, table, setup.horizon)

@@ -32,10 +32,9 @@ class Observer:
     'Observer'
     """
 
-    def __init__(
-        self, setup: Setup, progress: Callable[[int, float], None] | None = None
-    ) -> None:
+    def __init__(self, setup: Setup, progress: Callable[[int, float], None] | None = None) -> None:
         self.setup = setup
+        self._angles = setup.model.outputs.angles
         self.trace = Trace()
         self.events: list[Event] = []
         self.knowledge: dict[str, dict[str, Any]] = {}
@@ -52,7 +51,7 @@ class Observer:
             {
                 "row": np.arange(piece.row, piece.row + len(piece.t)), "t": piece.t,
                 "task": piece.task, "input": piece.u, "measured": piece.y,
-                "predicted": out.rows.y, "residual": wrap(piece.y - out.rows.y, self.setup.model.outputs.angles),
+                "predicted": out.rows.y, "residual": wrap(piece.y - out.rows.y, self._angles),
                 "sigma": out.rows.sigma, "mark": out.mark[:, nu:], "update": out.rows.update,
                 "first": before.y, "first_update": before.update,
                 "version": np.full(len(piece.t), state.live.version),
@@ -108,7 +107,7 @@ def figures(setup: Setup, state: TwinState) -> dict[str, OutputFigures]:
         channel.name: OutputFigures(
             channel.unit, float(pairs[0][0][k]), float(pairs[0][1][k]), float(pairs[1][0][k]),
             float(pairs[1][1][k]), float(moving[0][k]), float(moving[1][k]),
-            int(books.live.count[k]), int(books.live_moving.count[k]),
+            int(books.live.samples[k]), int(books.live_moving.samples[k]),
         )
         for k, channel in enumerate(setup.model.outputs)
     }  # fmt: skip

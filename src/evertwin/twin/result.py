@@ -128,7 +128,7 @@ class RunResult:
             MissingExtra: pandas is not installed.
         """
         try:
-            import pandas  # noqa: PLC0415  (optional)
+            import pandas
         except ModuleNotFoundError as error:
             raise MissingExtra.of("pandas", "analysis") from error
         columns: dict[str, Any] = {}
@@ -147,7 +147,7 @@ class RunResult:
             MissingExtra: xarray is not installed.
         """
         try:
-            import xarray  # noqa: PLC0415  (optional)
+            import xarray
         except ModuleNotFoundError as error:
             raise MissingExtra.of("xarray", "analysis") from error
         names = list(self.model.outputs.names)

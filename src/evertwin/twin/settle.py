@@ -44,8 +44,8 @@ class Released(NamedTuple):
 
 def new_books(outputs: int, updates: np.ndarray, row: int, scale: np.ndarray) -> Books:
     """Empty books, as at the start and at each change of champion."""
-    sums = [new_sums(outputs) for _ in range(5)]
-    return Books(*sums, updates, row, np.zeros(3), scale)
+    watch, live, first, live_moving, first_moving = (new_sums(outputs) for _ in range(5))
+    return Books(watch, live, first, live_moving, first_moving, updates, row, np.zeros(3), scale)
 
 
 @njit(cache=True)

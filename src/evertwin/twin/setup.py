@@ -13,7 +13,7 @@ import numpy as np
 from evertwin.anomaly import Regimes
 from evertwin.config.spec import TwinSpec
 from evertwin.errors import ConfigError, UsageError
-from evertwin.fold import Beat, Block
+from evertwin.fold import Beat
 from evertwin.models import Model
 from evertwin.sync import Track
 from evertwin.sync.horizon import nanoseconds
@@ -177,8 +177,8 @@ class Setup:
     def editable(self) -> tuple[str, ...]:
         """Names of the base model's parameters that may be tuned."""
         names, given = self.model.parameters.names, self.spec.tuning.editable
-        return self.model.parameters.editable if given is None else matching(
-            names, given, "parameter"
+        return (
+            self.model.parameters.editable if given is None else matching(names, given, "parameter")
         )
 
     @cached_property

@@ -1,4 +1,4 @@
-"""The one filter over both sides: residual rows are filtered, hence measurement and prediction alike.
+"""The one filter over both sides: residual rows are filtered, so measurement and prediction are.
 
 A filter is linear, so filtering ``measured − predicted`` is filtering both with the same filter.
 Zero-phase filters need a whole task: rows wait until it ends. Without a filter rows pass.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -26,17 +26,15 @@ class Smooth(Protocol):
     True
     """
 
-    def init(self) -> tuple[np.ndarray, ...]:
+    def init(self) -> Any:
         """Nothing is waiting."""
         ...
 
-    def step(
-        self, state: tuple[np.ndarray, ...], rows: Released
-    ) -> tuple[tuple[np.ndarray, ...], Released]:
+    def step(self, state: Any, rows: Released) -> tuple[Any, Released]:
         """Consumes ``state``."""
         ...
 
-    def flush(self, state: tuple[np.ndarray, ...]) -> tuple[tuple[np.ndarray, ...], Released | None]:
+    def flush(self, state: Any) -> tuple[Any, Released | None]:
         """What is released because the task ends."""
         ...
 
@@ -49,15 +47,16 @@ class Pass:
     ()
     """
 
-    def init(self) -> tuple[np.ndarray, ...]:
+    def init(self) -> tuple[()]:
+        """Nothing waits, ever."""
         return ()
 
-    def step(
-        self, state: tuple[np.ndarray, ...], rows: Released
-    ) -> tuple[tuple[np.ndarray, ...], Released]:
+    def step(self, state: tuple[()], rows: Released) -> tuple[tuple[()], Released]:
+        """The rows as they are."""
         return state, rows
 
-    def flush(self, state: tuple[np.ndarray, ...]) -> tuple[tuple[np.ndarray, ...], Released | None]:
+    def flush(self, state: tuple[()]) -> tuple[tuple[()], None]:
+        """Nothing."""
         return state, None
 
 
@@ -65,10 +64,10 @@ class Waiting(NamedTuple):
     """Rows that wait for the end of their task.
 
     >>> Waiting._fields[0]
-    'count'
+    'waiting'
     """
 
-    count: np.ndarray
+    waiting: np.ndarray
     row: np.ndarray
     t: np.ndarray
     phase: np.ndarray
@@ -97,11 +96,9 @@ class ZeroPhase:
 
     def init(self) -> Waiting:
         n = self.capacity
-        return Waiting(
-            np.zeros(1, np.int64), *(np.zeros(n, np.int64) for _ in range(3)),
-            np.zeros((n, 4 * self.outputs)),
-            np.zeros((n, self.outputs), np.bool_), np.zeros(n, np.bool_),
-        )  # fmt: skip
+        row, t, phase = (np.zeros(n, np.int64) for _ in range(3))
+        values, moving = np.zeros((n, 4 * self.outputs)), np.zeros((n, self.outputs), np.bool_)
+        return Waiting(np.zeros(1, np.int64), row, t, phase, values, moving, np.zeros(n, np.bool_))
 
     def step(self, state: Waiting, rows: Released) -> tuple[Waiting, Released]:
         """The rows wait.
@@ -109,7 +106,7 @@ class ZeroPhase:
         Raises:
             DataError: the task is longer than the capacity.
         """
-        a = int(state.count[0])
+        a = int(state.waiting[0])
         b = a + len(rows.row)
         if b > self.capacity:
             raise DataError(
@@ -119,18 +116,18 @@ class ZeroPhase:
         state.row[a:b], state.t[a:b], state.phase[a:b] = rows.row, rows.t, rows.phase
         state.moving[a:b], state.end[a:b] = rows.moving, rows.end
         state.values[a:b] = np.concatenate(rows[3:7], axis=1)
-        state.count[0] = b
+        state.waiting[0] = b
         return state, _slice(state, 0, 0, self.outputs)
 
     def flush(self, state: Waiting) -> tuple[Waiting, Released | None]:
-        n = int(state.count[0])
+        n = int(state.waiting[0])
         if n == 0:
             return state, None
         values = state.values[:n]
         known = ~np.isnan(values).all(axis=1)
         state.values[:n] = self.smooth(values)
         rows = _slice(state, 0, n, self.outputs)
-        state.count[0] = 0
+        state.waiting[0] = 0
         return state, rows if known.any() else None
 
     @cached_property
@@ -151,8 +148,8 @@ class ZeroPhase:
 
 def _slice(state: Waiting, start: int, stop: int, ny: int) -> Released:
     values = state.values[start:stop].copy()
-    parts = [values[:, i * ny : (i + 1) * ny] for i in range(4)]
-    return Released(
-        *(column[start:stop].copy() for column in (state.row, state.t, state.phase)), *parts,
-        state.moving[start:stop].copy(), state.end[start:stop].copy(),
-    )  # fmt: skip
+    measured, live, first, other = (values[:, i * ny : (i + 1) * ny] for i in range(4))
+    rows = slice(start, stop)
+    row, t, phase = state.row[rows].copy(), state.t[rows].copy(), state.phase[rows].copy()
+    moving, end = state.moving[rows].copy(), state.end[rows].copy()
+    return Released(row, t, phase, measured, live, first, other, moving, end)

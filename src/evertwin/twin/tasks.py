@@ -99,8 +99,24 @@ def _derivative(table: Table, columns: list[Vector], value: float) -> Vector:
     return np.asarray(np.gradient(columns[0], seconds))
 
 
+def _along(table: Table, columns: list[Vector], value: float) -> Vector:
+    """Way along the heading so far, from x, y and heading (the mean one of each interval)."""
+    x, y, heading = columns[0], columns[1], np.unwrap(columns[2])
+    middle = 0.5 * (heading[1:] + heading[:-1])
+    return np.r_[0.0, np.cumsum(np.diff(x) * np.cos(middle) + np.diff(y) * np.sin(middle))]
+
+
+def _way(table: Table, columns: list[Vector], value: float) -> Vector:
+    """Length of the path so far, negative where the task as a whole went backwards."""
+    path = np.r_[0.0, np.cumsum(np.hypot(np.diff(columns[0]), np.diff(columns[1])))]
+    backwards = len(path) > 0 and _along(table, columns, value)[-1] < 0.0
+    return -path if backwards else path
+
+
 _OPERATIONS: Mapping[str, Callable[[Table, list[Vector], float], Any]] = {
     "derivative": _derivative,
+    "along": _along,
+    "way": _way,
     "sum": lambda _, c, v: np.sum(c, axis=0),
     "mean": lambda _, c, v: np.mean(c, axis=0),
     "difference": lambda _, c, v: c[0] - c[1],
@@ -164,7 +180,9 @@ def rows_of_task(series: Series, spec: TwinSpec, model: Model, row: int, task: i
     table = _cropped(_derived(_filtered(table, spec), spec.derive), spec)
     if len(table.t) == 0:
         return None
-    u = np.stack([_input(table, spec, name, len(model.states) > 0) for name in model.inputs.names], axis=1)
+    u = np.stack(
+        [_input(table, spec, name, len(model.states) > 0) for name in model.inputs.names], axis=1
+    )
     y = np.stack([table.column(_source(spec, n)) for n in model.outputs.names], axis=1)
     block = make_block(table.t, u, y, row=row, task=task)
     gap = block.gap | (block.dt > clock.gap)
@@ -183,7 +201,11 @@ def _input(table: Table, spec: TwinSpec, name: str, dynamic: bool) -> Vector:
     values = table.column(_source(spec, name))
     if not held:
         known = np.flatnonzero(~np.isnan(values))
-        return values if len(known) == len(values) else np.interp(table.t, table.t[known], values[known])
+        return (
+            values
+            if len(known) == len(values)
+            else np.interp(table.t, table.t[known], values[known])
+        )
     known = np.where(np.isnan(values), -1, np.arange(len(values)))
     newest = np.maximum.accumulate(known)
     last = np.where(newest < 0, np.nan, values[newest])

@@ -44,7 +44,7 @@ class Trace:
         self._kept += int(keep.sum())
         while self._kept > self.most:
             self.step *= 2
-            kept = {name: column for name, column in self.columns().items()}
+            kept = self.columns()
             keep = kept["row"] % self.step == 0
             self._pieces = [{name: column[keep] for name, column in kept.items()}]
             self._kept = int(keep.sum())

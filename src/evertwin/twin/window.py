@@ -10,6 +10,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -59,7 +60,8 @@ class Ring:
         n = self.capacity
         return Rows(
             0, np.zeros(n, np.int64), np.zeros(n), np.zeros((n, self.nu)), np.zeros((n, self.ny)),
-            np.zeros((n, self.nu + self.ny), np.uint8), np.zeros(n, np.int64), np.zeros(n, np.bool_),
+            np.zeros((n, self.nu + self.ny), np.uint8), np.zeros(n, np.int64),
+            np.zeros(n, np.bool_),
         )  # fmt: skip
 
     def push(self, rows: Rows, block: Block) -> Rows:
@@ -87,4 +89,4 @@ def split(block: Block) -> tuple[Block, ...]:
     """The block's tasks, each a window of its own."""
     opens = np.flatnonzero(np.diff(block.task)) + 1
     edges: Any = [0, *opens.tolist(), len(block.t)]
-    return tuple(take(block, a, b) for a, b in zip(edges, edges[1:], strict=False))
+    return tuple(take(block, a, b) for a, b in pairwise(edges))

@@ -126,7 +126,7 @@ class Work:
         self, version: Version, problem: Problem, fit: Fit, windows: Windows,
         events: list[dict[str, Any]],
     ) -> dict[str, Any] | None:  # fmt: skip
-        """The tuned version as a candidate, if anything was learned and nothing is out of bounds."""
+        """The tuned version as a candidate, if something was learned and all is inside bounds."""
         checks = admit(fit.values, *problem.bounds)
         missed = [check.name for check in checks if not check.passed]
         if missed:

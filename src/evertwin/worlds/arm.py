@@ -71,14 +71,14 @@ class Cycle:
 
 
 def _progress(cycle: Cycle, t: Vector) -> Vector:
-    """Share of the path at increasing times ``t``: smooth start and stop, constant speed between."""
+    """Share of the path at increasing times ``t``: smooth start and stop, else constant speed."""
 
     def eased(s: Vector) -> Vector:
         s = np.clip(s, 0.0, 1.0)
-        return s * s * (3.0 - 2.0 * s)
+        return np.asarray(s * s * (3.0 - 2.0 * s))
 
     speed = eased(t / cycle.ramp) * eased((cycle.seconds - t) / cycle.ramp)
-    share = cumulative_trapezoid(speed, t, initial=0.0)
+    share: Any = cumulative_trapezoid(speed, t, initial=0)
     return np.asarray(share / share[-1])
 
 
@@ -134,9 +134,8 @@ def _rotation(matrix: np.ndarray) -> Vector:
 
 def _friction(truth: Truth, speed: Vector) -> Vector:
     bump = 1.0 + truth.stribeck * np.exp(-((speed / 0.1) ** 2))
-    return np.array(truth.coulomb) * bump * np.tanh(speed / truth.width) + (
-        np.array(truth.viscous) * speed
-    )
+    dry = np.array(truth.coulomb) * bump * np.tanh(speed / truth.width)
+    return np.asarray(dry + np.array(truth.viscous) * speed)
 
 
 def record(model: Any, cycle: Cycle, truth: Truth) -> dict[str, np.ndarray]:
@@ -171,7 +170,9 @@ def load(urdf: Path, truth: Truth) -> Any:
     """The arm in MuJoCo: the URDF's rigid bodies, rotor inertia as armature, no friction yet."""
     text = urdf.read_text()
     head = text.index(">", text.index("<robot")) + 1
-    extension = '<mujoco><compiler fusestatic="false" discardvisual="true" strippath="true"/></mujoco>'
+    extension = (
+        '<mujoco><compiler fusestatic="false" discardvisual="true" strippath="true"/></mujoco>'
+    )
     model = mujoco.MjModel.from_xml_string(text[:head] + extension + text[head:])
     model.opt.timestep, model.opt.disableflags = _STEP, int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     model.dof_armature[:] = truth.rotor
@@ -209,9 +210,7 @@ def main(arguments: list[str] | None = None) -> None:
     table: dict[str, np.ndarray] | None = None
     for k in range(given.cycles):
         scale = 1.0 + given.growth * k
-        truth = Truth(
-            coulomb=tuple(scale * c for c in Truth().coulomb), stribeck=given.stribeck
-        )
+        truth = Truth(coulomb=tuple(scale * c for c in Truth().coulomb), stribeck=given.stribeck)
         if table is None or given.growth:
             table = record(load(given.urdf, truth), Cycle(), truth)
         rng = np.random.default_rng([given.seed, k])

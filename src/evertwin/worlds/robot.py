@@ -23,6 +23,7 @@ from evertwin.worlds.save import save
 
 __all__ = ["Plan", "light", "main", "simulate"]
 
+
 @dataclass(frozen=True)
 class Plan:
     """What one recording contains: standing, a sweep, random commands.
@@ -58,7 +59,8 @@ _SCENE = """
 <worldbody><geom type="plane" size="50 50 .1"/>
 <body name="base" pos="0 0 0.1"><joint name="x" type="slide" axis="1 0 0"/>
 <joint name="y" type="slide" axis="0 1 0"/><joint name="heading" type="hinge" axis="0 0 1"/>
-<geom type="cylinder" size=".2 .1" mass="20" contype="0" conaffinity="0"/></body></worldbody></mujoco>
+<geom type="cylinder" size=".2 .1" mass="20" contype="0" conaffinity="0"/></body>
+</worldbody></mujoco>
 """
 
 
@@ -68,7 +70,7 @@ def simulate(seed: int, world: str, plan: Plan) -> dict[str, Vector]:
     The controller settles with the drive's lag; the base turns slowly while it drives, so that the
     pose is truly planar.
     """
-    import mujoco  # noqa: PLC0415  (only this form of the robot needs it)
+    import mujoco
 
     rng = np.random.default_rng(seed)
     drive, how = WORLDS[world]
@@ -87,7 +89,8 @@ def simulate(seed: int, world: str, plan: Plan) -> dict[str, Vector]:
     pose[:, :2] = pose[:, :2] * 100.0 + drive.sensor * rng.standard_normal((len(pose), 2))
     pose[:, 2] += 0.001 * rng.standard_normal(len(pose))
     return {
-        "t": np.arange(len(u) + 1) * 1.0, "v_cmd": np.r_[u, u[-1:]], "w_cmd": np.r_[turn, turn[-1:]],
+        "t": np.arange(len(u) + 1) * 1.0, "v_cmd": np.r_[u, u[-1:]],
+        "w_cmd": np.r_[turn, turn[-1:]],
         "x": pose[:, 0], "y": pose[:, 1], "heading": pose[:, 2],
     }  # fmt: skip
 
