@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float64
+from numba import njit
 
 from evertwin.models.kernel import Kernel, call_observe, roll
 from evertwin.models.parameters import Parameters
 from evertwin.signals.channels import Layout
 from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
-from numba import njit
 
 __all__ = ["Compiled"]
 
@@ -31,6 +31,9 @@ class Compiled:
     """A model given by its kernel. Machines derive from it or fill it directly.
 
     See `evertwin.machines` for examples; `evertwin.models.check_model` tests the laws.
+
+    >>> Compiled(Layout(), Layout(), Layout.of(x="m"), Parameters(), 0, 0).initial(np.zeros(0))
+    array([0.])
     """
 
     inputs: Layout

@@ -42,7 +42,11 @@ class Followed(NamedTuple):
 
 @dataclass(frozen=True)
 class Follow:
-    """The stages between beats, built once per form of the model."""
+    """The stages between beats, built once per form of the model.
+
+    >>> Follow.__name__
+    'Follow'
+    """
 
     setup: Setup
     versions: Versions

@@ -73,10 +73,12 @@ class Setup:
 
     @cached_property
     def beat(self) -> Beat:
+        """Where decisions may happen."""
         return Beat(self.spec.beat)
 
     @cached_property
     def ring(self) -> Ring:
+        """The newest rows, as many as slow work may look at."""
         # a request is answered up to `latency` rows later, from rows that must still be there
         size = max(self.spec.tuning.window, self.spec.correction.window) + self.latency + 1
         return Ring(size, len(self.model.inputs), len(self.model.outputs))
@@ -202,6 +204,7 @@ class Setup:
 
     @cached_property
     def trial(self) -> Trial:
+        """The gate to the live model."""
         rule = self.spec.trial
         return Trial(
             alpha=rule.alpha, margin=rule.margin, segments=rule.segments, limit=rule.limit,
@@ -210,9 +213,11 @@ class Setup:
 
     @cached_property
     def probation(self) -> Probation:
+        """What a fresh champion has to stand."""
         return Probation(limit=self.spec.trial.probation)
 
     @cached_property
     def detect(self) -> Detect:
+        """The detectors over released rows."""
         phases = 1 if self.regimes is None else self.regimes[1].count
         return Detect.of(self.spec.anomaly, self.model.outputs.names, self.watched, phases)
