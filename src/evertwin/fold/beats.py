@@ -46,8 +46,14 @@ class Beat:
         """
         n = len(block.t)
         first = -block.row % self.every
-        opens = np.flatnonzero(np.diff(block.task, prepend=np.int64(task)))
-        cuts = sorted({*range(first, n, self.every), *opens.tolist()})
-        edges = cuts if cuts and cuts[0] == 0 else [0, *cuts]
+        opens = np.flatnonzero(block.task[1:] != block.task[:-1]) + 1 if n > 1 else None
+        cuts = set(range(first, n, self.every))
+        if opens is not None and len(opens):
+            cuts.update(opens.tolist())
+        at_start = first == 0 or int(block.task[0]) != task
+        edges = sorted(cuts | {0}) if cuts else [0]
+        if len(edges) == 1:
+            yield at_start, block
+            return
         for start, stop in zip(edges, [*edges[1:], n], strict=True):
-            yield start in cuts if start == 0 else True, take(block, start, stop)
+            yield start > 0 or at_start, take(block, start, stop)

@@ -214,15 +214,34 @@ class Horizon:
         return state._replace(p=values, x0=self.model.initial(values))
 
     def step(self, state: HorizonState, block: Block) -> tuple[HorizonState, Out]:
-        n, ny = block.y.shape
+        return self._run(state, block, np.empty(block.y.shape), given=False)
+
+    def judge(self, state: HorizonState, block: Block, y: Outputs) -> tuple[HorizonState, Out]:
+        """As `step`, where the predictions ``y`` of the block are known already. Consumes ``state``.
+
+        Only a model without state predicts the same in every stage.
+
+        Raises:
+            UsageError: the model has states.
+        """
+        if len(state.x):
+            raise UsageError(
+                "judge: a model with states predicts from a state of its own: use step"
+            )
+        return self._run(state, block, np.ascontiguousarray(y), given=True)
+
+    def _run(
+        self, state: HorizonState, block: Block, y: Outputs, *, given: bool
+    ) -> tuple[HorizonState, Out]:
+        n, ny = y.shape
         rows = HorizonRows(
-            np.empty((n, ny)), np.empty((n, ny)), np.zeros(n, dtype=np.bool_), np.zeros((n, ny)),
+            y, np.empty((n, ny)), np.zeros(n, dtype=np.bool_), np.zeros((n, ny)),
             np.zeros((n, ny), dtype=np.int64),
         )  # fmt: skip
         kernel = self._kernel
         run(
-            kernel.step, kernel.observe, kernel.context, *contiguous(block)[1:], *self._fixed,
-            *state, *rows,
+            kernel.step, kernel.observe, kernel.context, given, *contiguous(block)[1:],
+            *self._fixed, *state, *rows,
         )  # fmt: skip
         return state, Out(rows)
 

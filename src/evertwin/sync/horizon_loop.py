@@ -80,12 +80,15 @@ def began(anew: Any, known: Any) -> Any:
 
 @njit(cache=True, error_model="numpy")
 def run(
-    step: int, observe: int, context: Any, t: Any, dt: Any, u: Any, y: Any, mark: Any, task: Any,
-    gap: Any, angle: Any, horizon: int, x: Any, p: Any, x0: Any, scale: Any, square: Any,
+    step: int, observe: int, context: Any, given: bool, t: Any, dt: Any, u: Any, y: Any, mark: Any,
+    task: Any, gap: Any, angle: Any, horizon: int, x: Any, p: Any, x0: Any, scale: Any, square: Any,
     samples: Any, adopted: Any, clock: Any, out: Any, residual: Any, end: Any, sums: Any,
     counts: Any,
 ) -> None:  # fmt: skip
-    """Rows through the model, adopting each output anew once the horizon has passed."""
+    """Rows through the model, adopting each output anew once the horizon has passed.
+
+    ``given``: ``out`` holds the predictions of a model without state already.
+    """
     # longer than the budget: one row is one thought, and cutting it costs a third of the speed
     n, nu, ny, nx = u.shape[0], u.shape[1], y.shape[1], x.shape[0]
     ahead, take = np.empty_like(x), np.empty(ny)
@@ -102,7 +105,7 @@ def run(
             square[:], samples[:], clock[END] = 0.0, 0, t[i]
         clock[BEGUN], clock[TASK], clock[LAST] = 1, task[i], t[i]
         failed = anew and nx > 0
-        if not failed:
+        if not failed and not given:
             at = out_at + 8 * i * ny
             code = call_step(step, c, a, u_at + 8 * i * nu, dt[i], parameters, b, at)
             failed = code != 0 or not is_known(ahead)

@@ -78,13 +78,17 @@ class Detect:
 
     def step(self, state: DetectState, rows: Released) -> tuple[DetectState, tuple[Event, ...]]:
         """More rows; consumes ``state``."""
-        seen = Residuals(rows.row, rows.t, rows.live[:, self.columns], rows.phase)
+        every = len(self.columns) == rows.live.shape[1]
+        live = rows.live if every else rows.live.take(self.columns, axis=1)
+        seen = Residuals(rows.row, rows.t, live, rows.phase)
         cusum, a = self.cusum.step(state.cusum, seen)
         drift, b = self.drift.step(state.drift, seen)
         snr, found = state.snr, a.records + b.records
         if self.use_snr:
             snr, c = self.snr.step(snr, seen)
             found += c.records
+        if not found:
+            return DetectState(cusum, drift, snr, state.pending), ()
         events = tuple(event for event in found if isinstance(event, Event))
         alarms = [e.reason for e in events if e.kind != "not_calibrated"]
         return DetectState(cusum, drift, snr, alarms[-1] if alarms else state.pending), events

@@ -51,14 +51,17 @@ class Follow:
     setup: Setup
     versions: Versions
     _stages: dict[Form, tuple[Track, Horizon]] = field(default_factory=dict, repr=False)
+    _of: dict[int, tuple[Track, Horizon]] = field(default_factory=dict, repr=False)
 
     def stages(self, number: int) -> tuple[Track, Horizon]:
         """The stages that run a version."""
-        form = self.versions[number].form
-        if form not in self._stages:
-            model = self.versions.model_of(form)
-            self._stages[form] = self.setup.track(model), Horizon(model, self.setup.horizon)
-        return self._stages[form]
+        if number not in self._of:
+            form = self.versions[number].form
+            if form not in self._stages:
+                model = self.versions.model_of(form)
+                self._stages[form] = self.setup.track(model), Horizon(model, self.setup.horizon)
+            self._of[number] = self._stages[form]
+        return self._of[number]
 
     def lane(self, number: int, *, tracked: bool) -> Lane:
         """A version from its start: nothing adopted yet."""
@@ -75,9 +78,11 @@ class Follow:
         tracked, out = track.step(state.live.track, piece)
         mark = np.concatenate([piece.mark[:, : piece.u.shape[1]], out.rows.mark], axis=1)
         judged = piece._replace(mark=mark)
-        live, a = self._predict(state.live._replace(track=tracked), judged)
+        known = out.rows.y if self.setup.static else None
+        live, a = self._predict(state.live._replace(track=tracked), judged, known)
         first, before = self._track(state.first, piece)
-        first, b = self._predict(first, judged)
+        seen = before.y if known is not None and before is not None else None
+        first, b = self._predict(first, judged, seen)
         other, c = self._predict(state.other, judged)
         none = np.full_like(piece.y, np.nan)
         rows = Released(
@@ -124,11 +129,17 @@ class Follow:
         tracked, out = track.step(lane.track, piece)
         return lane._replace(track=tracked), out.rows
 
-    def _predict(self, lane: Lane, judged: Block) -> tuple[Lane, Any]:
+    def _predict(
+        self, lane: Lane, judged: Block, known: np.ndarray | None = None
+    ) -> tuple[Lane, Any]:
+        """``known``: the predictions of a lane without state, made by its track already."""
         if lane.version < 0:
             return lane, None
         _, horizon = self.stages(lane.version)
-        predicted, out = horizon.step(lane.horizon, judged)
+        if known is None or len(lane.horizon.x):
+            predicted, out = horizon.step(lane.horizon, judged)
+        else:
+            predicted, out = horizon.judge(lane.horizon, judged, known)
         return lane._replace(horizon=predicted), out.rows
 
 

@@ -112,11 +112,16 @@ class Setup:
 
     def moving(self, u: np.ndarray) -> np.ndarray:
         """Which rows count as moving, per output, (n, ny); all where nothing is said."""
-        rule, outputs = self.spec.moving, self.model.outputs.names
+        rule = self.spec.moving
         if rule is None:
-            return np.ones((len(u), len(outputs)), dtype=np.bool_)
-        columns = [self.model.inputs.index(rule.channels[name]) for name in outputs]
-        return np.asarray(np.abs(u[:, columns]) > rule.above)
+            return np.ones((len(u), len(self.model.outputs)), dtype=np.bool_)
+        return np.asarray(np.abs(u.take(self._moving_columns, axis=1)) > rule.above)
+
+    @cached_property
+    def _moving_columns(self) -> np.ndarray:
+        rule, outputs = self.spec.moving, self.model.outputs.names
+        channels = {} if rule is None else rule.channels
+        return np.array([self.model.inputs.index(channels[name]) for name in outputs])
 
     @cached_property
     def regimes(self) -> tuple[np.ndarray, Regimes] | None:
