@@ -101,6 +101,11 @@ def test_a_static_map_never_restarts() -> None:
     _, out = fold(Horizon(model, 1.0), [block])
     assert np.isfinite(out.rows.residual).all()
     assert out.rows.end.sum() == len(out.rows.losses) == 4
+    stage = Horizon(model, 1.0)
+    state, given = stage.judge(stage.init(), block, out.rows.y)
+    assert equal((state, given), fold(stage, [block]))
+    with pytest.raises(UsageError, match="state of its own"):
+        Horizon(drive()).judge(Horizon(drive()).init(), block, block.y)
 
 
 def test_new_parameters_are_state() -> None:

@@ -9,15 +9,16 @@ gate cannot do that, so each sample of a signal group passes four steps:
 2. *Hard plausibility*: range, rate, frozen value while the model predicts motion, sentinel code,
    suspected factor (10ⁿ, 180/π, 25.4) → obvious error: predict on, the uncertainty grows.
 3. *Innovation gate*: innovation² ≤ gate²·S + path². S is the arbiter's own, from the statistics of
-   the innovation (per phase where one is set), growing while it predicts; path is what the model
-   predicted to move since the last trusted sample, at least as much as usual. Inside → nothing, a
-   tolerance update (adopt the measurement when it differs by more than a tolerance), or a blend.
+   the innovation (per phase where one is set), growing while it predicts; path is twice
+   what the model predicted to move since the last trusted sample, or usually does (the tolerance,
+   if that is more). Inside → nothing, a tolerance update (adopt the measurement when it differs by
+   more than a tolerance), or a blend.
 4. Outside → *contested*: marked at once, predict on, and vote over the last k samples of the group.
    They agree with each other → the newest overrules the simulation. Back inside → they were
    measurement errors.
 
-Tolerance updates and overrulings are different events. Without adoption, innovations are taken
-against the offset of the last trusted sample, so that a slow drift of the model is no error.
+Tolerance updates and overrulings are different events. The innovation is the change since the last
+trusted sample, beside the prediction: a slow drift of the model is no error of the sensor.
 
 What one sensor cannot tell: its own slow drift from the machine's, and a dithering sensor that
 stands still from a machine that does. The measurement is believed in both cases.
@@ -70,7 +71,7 @@ class Rule:
     tolerance_angle: float = math.inf
     """The same for an angle [rad]."""
     sigma: float = 0.0
-    """Standard deviation of a linear channel's innovation at first; 0: learned from 16 samples."""
+    """Standard deviation of a linear channel at first [its unit]; 0: learned from 16 samples."""
     sigma_angle: float = 0.0
     """The same for an angle [rad]."""
     growth: float = 0.0
@@ -81,8 +82,9 @@ class Rule:
     """Without a trusted sample for this long [s] the group is shown as not valid."""
     blend: float = 0.2
     """Weight of a sample in a steady blend; more after a pause."""
-    share: float = 1.0
-    """Share of the predicted motion that may be wrong without a doubt about the sensor."""
+    share: float = 2.0
+    """Share of the predicted motion that may be wrong without a doubt about the sensor; 2: the
+    machine may do the opposite."""
 
     def __post_init__(self) -> None:
         for name in ("gate", "timeout", "tolerance", "tolerance_angle"):

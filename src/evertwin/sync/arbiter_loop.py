@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 
 from evertwin.sync import places as at
+from evertwin.sync.borrow import COLD, HOT
 from evertwin.sync.horizon_loop import wrapped
 from evertwin.sync.plausible_loop import (
     doubted,
@@ -27,14 +28,14 @@ __all__ = ["forget", "judge"]
 OK, CONTESTED, OVERRULED, ERROR = 0, 4, 5, 6
 ADOPTED, BLENDED, RESET, FIRST = 1, 2, 3, 4
 SYNTAX, FROZEN, VOTE = 1, 4, 7
-USUALLY = 100
-"""Samples that the usual path is a mean of."""
-CONCEDED = 50
-"""Innovations that a variance remembers after the simulation was overruled."""
+RECENT = 1000
+"""Samples that the mean square of measured − predicted remembers."""
+QUICKLY = 20
+"""Samples in which the usual path rises; it falls over the memory of the variance."""
 FOUND_ERROR, FOUND_OVERRULED, FOUND_FRESH, FOUND_WIDER = 0, 1, 4, 5
 
 
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+@njit(**COLD)
 def forget(rules: Any, memory: Any, rows: Any, notes: Any, g: int, now: Any) -> None:
     """The state starts anew: what is open is closed, and the next sample is adopted as it is."""
     end_contest(rules, memory, rows, notes, g, now)
@@ -42,40 +43,28 @@ def forget(rules: Any, memory: Any, rows: Any, notes: Any, g: int, now: Any) -> 
     memory[1][g, at.STARTED] = memory[1][g, at.RUN] = 0
 
 
-@njit(
-    cache=True,
-    error_model="numpy",
-    no_cpython_wrapper=True,
-    no_cfunc_wrapper=True,
-    forceinline=True,
-)
+@njit(**HOT)
 def settle(
     limits: Any, memory: Any, sample: Any, g: int, size: int, stamp: int, adopt: bool,
     spread: float,
 ) -> None:  # fmt: skip
-    """A trusted sample: adopt it where asked and possible, else keep its offset."""
+    """A trusted sample: adopt it where asked and possible; keep how far it is off after that."""
     values, numbers, figures = memory
     room, y, predicted, take = sample
     for k in range(size):
         j = room[k]
-        values[j, at.OFFSET] = 0.0
         if adopt and limits[j, at.ADOPTS] > 0:
             take[j] = y[j]
-        elif predicted[j] == predicted[j]:
-            values[j, at.OFFSET] = wrapped(y[j] - predicted[j], limits[j, at.ANGLE] > 0)
+        after = take[j] if take[j] == take[j] else predicted[j]
+        off = wrapped(y[j] - after, limits[j, at.ANGLE] > 0)
+        values[j, at.OFFSET] = off if off == off else 0.0
         values[j, at.GOOD], values[j, at.PATH] = y[j], 0.0
     figures[g, at.SPREAD] = spread
     numbers[g, at.STARTED], numbers[g, at.GOOD_AT] = 1, stamp
     numbers[g, at.SAMPLES] += 1
 
 
-@njit(
-    cache=True,
-    error_model="numpy",
-    no_cpython_wrapper=True,
-    no_cfunc_wrapper=True,
-    forceinline=True,
-)
+@njit(**HOT)
 def use(settings: Any, memory: Any, sample: Any, g: int, size: int, stamp: int) -> int:
     """A sample inside the gate: nothing, a tolerance update, or a blend."""
     limits, rules, _ = settings
@@ -87,21 +76,25 @@ def use(settings: Any, memory: Any, sample: Any, g: int, size: int, stamp: int) 
     # A pause is no regular interval.
     limited = min(elapsed, 3.0 * known)
     figures[g, at.INTERVAL] = known + (limited - known) / 32.0 if known > 0 else elapsed
-    few = min(numbers[g, at.SAMPLES], USUALLY)
     for k in range(size):
-        step = values[room[k], at.PATH] / max(steps, 1.0)
-        values[room[k], at.USUAL] += (step - values[room[k], at.USUAL]) / few
+        j = room[k]
+        more = values[j, at.PATH] / max(steps, 1.0) - values[j, at.USUAL]
+        values[j, at.USUAL] += more / (QUICKLY if more > 0 else at.MEMORY)
+        values[j, at.PROVEN] -= values[j, at.PROVEN] / at.MEMORY
     if rules[g, at.USE] == at.MIX:
         spread = figures[g, at.SPREAD] + share * share / (1.0 - share) * steps
         gain = spread / (1.0 + spread)
-        settle(limits, memory, sample, g, size, stamp, False, gain)
         for k in range(size):
             j = room[k]
+            off = wrapped(y[j] - predicted[j], limits[j, at.ANGLE] > 0)
+            known = values[j, at.SQUARE] < np.inf
+            more = off * off - (values[j, at.SQUARE] if known else 0.0)
+            few = min(numbers[g, at.SAMPLES], RECENT)
+            values[j, at.SQUARE] = values[j, at.SQUARE] + more / few if known else more
             if limits[j, at.ADOPTS] > 0:
                 # While the variance is not known, the measurement is all there is.
-                weight = gain if values[j, at.BASE] < np.inf else 1.0
-                take[j] = predicted[j] + weight * values[j, at.NU]
-                values[j, at.OFFSET] = 0.0
+                take[j] = predicted[j] + (gain if values[j, at.BASE] < np.inf else 1.0) * off
+        settle(limits, memory, sample, g, size, stamp, False, gain)
         return BLENDED
     adopt = False
     if rules[g, at.USE] == at.UPDATE:
@@ -114,13 +107,7 @@ def use(settings: Any, memory: Any, sample: Any, g: int, size: int, stamp: int) 
     return ADOPTED if adopt else 0
 
 
-@njit(
-    cache=True,
-    error_model="numpy",
-    no_cpython_wrapper=True,
-    no_cfunc_wrapper=True,
-    forceinline=True,
-)
+@njit(**HOT)
 def follow(settings: Any, memory: Any, sample: Any, g: int, size: int, now: Any) -> None:
     """Keeps the run of equal values."""
     rules = settings[1]
@@ -141,44 +128,34 @@ def follow(settings: Any, memory: Any, sample: Any, g: int, size: int, now: Any)
         values[j, at.WAY] = 0.0
 
 
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+@njit(**COLD)
 def withdraw(settings: Any, memory: Any, sample: Any, g: int, size: int) -> None:
     """The sensor turned out to be frozen: its equal values lose their effect on the state."""
     limits, rules, _ = settings
     values, numbers, _ = memory
-    room, _, predicted, take = sample
+    room, take = sample[0], sample[3]
     for k in range(size):
         j = room[k]
-        expected = values[j, at.ORIGIN] + values[j, at.WAY]
-        values[j, at.OFFSET] = 0.0
         if rules[g, at.USE] != at.NONE and limits[j, at.ADOPTS] > 0:
-            take[j] = expected
-        else:
-            values[j, at.OFFSET] = wrapped(expected - predicted[j], limits[j, at.ANGLE] > 0)
+            take[j] = values[j, at.ORIGIN] + values[j, at.WAY]
+        values[j, at.OFFSET] = values[j, at.BEFORE]
         values[j, at.PATH] = abs(values[j, at.WAY])
     numbers[g, at.GOOD_AT] = numbers[g, at.RUN_AT]
 
 
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
-def concede(
-    limits: Any, statistics: Any, ring: Any, room: Any, size: int, votes: int, phase: int
-) -> None:
-    """Overruled: the model is as wrong as the samples moved from one to the next beside it.
+@njit(**COLD)
+def concede(values: Any, room: Any, size: int) -> None:
+    """Overruled: the machine moves beside the model as fast as the samples that agreed.
 
-    After a mere jump that is the noise; where the machine moves otherwise than the model predicts,
-    its size becomes regular, so that the same is not contested again and again.
+    After a mere jump that is next to nothing; where the machine moves otherwise than the model
+    predicts, the same is not contested again and again.
     """
-    variance, counts, _ = statistics
     for k in range(size):
         j = room[k]
-        for of in (phase, variance.shape[0] - 1):
-            counts[of, j] = min(counts[of, j], CONCEDED)
-        for i in range(1, votes):
-            step = wrapped(ring[i, j] - ring[i - 1, j], limits[j, at.ANGLE] > 0)
-            learn(statistics, phase, j, step * step)
+        values[j, at.PROVEN] = max(values[j, at.PROVEN], values[j, at.SLOPE])
 
 
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+@njit(**COLD)
 def contest(
     settings: Any, memory: Any, statistics: Any, board: Any, notes: Any, sample: Any, g: int,
     size: int, now: Any, phase: int,
@@ -200,16 +177,16 @@ def contest(
         numbers[g, at.CONTEST] = numbers[g, at.BATCH] = 0
         numbers[g, at.RESETS] += 1
         figures[g, at.OUTSIDE] = 0.0
-        concede(limits, statistics, board[0], room, size, votes, phase)
+        concede(values, room, size)
         refresh(memory, notes, g, now)
         settle(limits, memory, sample, g, size, now[1], True, 1.0)
         return OVERRULED, RESET
-    if widen(rules, figures, statistics, room, g, size, phase):
+    if widen(rules, memory, statistics, room, g, size, phase):
         note(notes, memory, now, FOUND_WIDER, g, 0, (now[0], now[0], 0))
     return CONTESTED, 0
 
 
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+@njit(**COLD)
 def refresh(memory: Any, notes: Any, g: int, now: Any) -> None:
     """The group is valid (again)."""
     numbers = memory[1]
@@ -218,13 +195,7 @@ def refresh(memory: Any, notes: Any, g: int, now: Any) -> None:
     numbers[g, at.VALID] = 1
 
 
-@njit(
-    cache=True,
-    error_model="numpy",
-    no_cpython_wrapper=True,
-    no_cfunc_wrapper=True,
-    forceinline=True,
-)
+@njit(**HOT)
 def judge(
     settings: Any, memory: Any, statistics: Any, board: Any, notes: Any, sample: Any, g: int,
     size: int, now: Any, phase: int,

@@ -12,7 +12,14 @@ from typing import Any
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-__all__ = ["borrowed"]
+__all__ = ["COLD", "HOT", "borrowed"]
+
+COLD: dict[str, Any] = {
+    "cache": True, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True,
+}  # fmt: skip
+"""Options of a compiled function that only compiled functions call."""
+HOT: dict[str, Any] = {**COLD, "forceinline": True}
+"""The same for what runs at every row."""
 
 
 @intrinsic

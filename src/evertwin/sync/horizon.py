@@ -217,7 +217,7 @@ class Horizon:
         return self._run(state, block, np.empty(block.y.shape), given=False)
 
     def judge(self, state: HorizonState, block: Block, y: Outputs) -> tuple[HorizonState, Out]:
-        """As `step`, where the predictions ``y`` of the block are known already. Consumes ``state``.
+        """As `step`, where the block's predictions ``y`` are known already. Consumes ``state``.
 
         Only a model without state predicts the same in every stage.
 

@@ -19,12 +19,16 @@ GATE, VOTE, USE, BLEND, SHARE, GROWTH, FROZEN, TIMEOUT = range(8)
 NONE, UPDATE, MIX = range(3)
 """Values of ``USE``."""
 
-OFFSET, LAST, GOOD, PATH, WAY, AFTER, ORIGIN, NU, BASE, WRONG, USUAL = range(11)
-"""Memory per output: residual of the last trusted sample where that was not adopted; last sample;
-last trusted value; path that was predicted since; way that was predicted since the value changed;
-output after the row; expected value when the run of equal values began; innovation of this sample
-and its regular variance; innovation of the last doubted sample; usual
-path from sample to sample."""
+(
+    OFFSET, LAST, GOOD, PATH, WAY, AFTER, ORIGIN, NU, BASE, WRONG, USUAL, SLOPE, PROVEN, BEFORE,
+    SQUARE,
+) = range(15)  # fmt: skip
+"""Memory per output: what the last trusted sample was off the state after it; last sample; last
+trusted value; path that was predicted since; way that was predicted since the value changed; output
+after the row, and when the run of equal values began; innovation of this sample (its change of the
+offset) and its regular variance; innovation of the last doubted sample; usual path from sample to
+sample; how fast the contested samples move beside the prediction [per sample], and how fast
+agreeing ones did; offset when the run began; mean square of measured − predicted."""
 (
     STARTED, VALID, GOOD_AT, LAST_AT, RUN, RUN_ROW, RUN_AT, STILL, CAUSE, ONSET, UNTIL, FAULTS,
     TOLD, CONTEST, BATCH, BATCH_ROW, LEFT, SAMPLES, UPDATES, RESETS, CONTESTED, ERRORS,
@@ -46,7 +50,7 @@ FEW = 5
 """Innovations after which a provisional one is used."""
 PHASE = 30
 """Innovations of a phase before its own variance is used."""
-MEMORY = 1000
+MEMORY = 10_000
 """Innovations that a variance remembers."""
 TURN = 6
 """Place of 180/π in `FACTORS`, the only factor of an angle."""

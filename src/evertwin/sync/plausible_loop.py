@@ -14,20 +14,24 @@ import numpy as np
 from numba import njit
 
 from evertwin.sync import places as at
+from evertwin.sync.borrow import COLD, HOT
 from evertwin.sync.horizon_loop import wrapped
 
-__all__ = ["doubted", "grown", "implausible", "learn", "measure", "standstill", "variance_of"]
+__all__ = [
+    "credible",
+    "doubted",
+    "grown",
+    "implausible",
+    "learn",
+    "measure",
+    "standstill",
+    "variance_of",
+]
 
 NONE, RANGE, RATE, FROZEN, SENTINEL, FACTOR = 0, 2, 3, 4, 5, 6
 
 
-@njit(
-    cache=True,
-    error_model="numpy",
-    no_cpython_wrapper=True,
-    no_cfunc_wrapper=True,
-    forceinline=True,
-)
+@njit(**HOT)
 def grown(rules: Any, numbers: Any, figures: Any, g: int, stamp: int) -> float:
     """Growth of the innovation's variance since the last trusted sample; 1 at the interval.
 
@@ -41,13 +45,7 @@ def grown(rules: Any, numbers: Any, figures: Any, g: int, stamp: int) -> float:
     return float((1 + figures[g, at.SPREAD] + k * k / (1 - k) * steps) * (1 - k))
 
 
-@njit(
-    cache=True,
-    error_model="numpy",
-    no_cpython_wrapper=True,
-    no_cfunc_wrapper=True,
-    forceinline=True,
-)
+@njit(**HOT)
 def variance_of(variance: Any, counts: Any, phase: int, j: int) -> float:
     """Regular variance of output ``j``'s innovation; inf while too few are known."""
     pool = variance.shape[0] - 1
@@ -56,7 +54,7 @@ def variance_of(variance: Any, counts: Any, phase: int, j: int) -> float:
     return float(variance[pool, j]) if counts[pool, j] >= at.FEW else np.inf
 
 
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+@njit(**COLD)
 def learn(statistics: Any, phase: int, j: int, square: float) -> None:
     """One more squared innovation, in its phase and over all of them."""
     variance, counts, warm = statistics
@@ -78,23 +76,31 @@ def learn(statistics: Any, phase: int, j: int, square: float) -> None:
         variance[phase, j] += (square - variance[phase, j]) / counts[phase, j]
 
 
-@njit(
-    cache=True,
-    error_model="numpy",
-    no_cpython_wrapper=True,
-    no_cfunc_wrapper=True,
-    forceinline=True,
-)
+@njit(**HOT)
+def credible(limits: Any, rules: Any, values: Any, g: int, j: int, steps: float) -> float:
+    """How large an innovation may be without any doubt about the sensor.
+
+    What the model predicted to move since the last trusted sample (``steps`` regular intervals
+    ago), or usually predicts, may be all wrong: a machine that stands still against the model, or
+    moves against it, is no measurement error. Nor is motion of its own that agreeing samples have
+    proven before, nor anything within the tolerance.
+    """
+    size = rules[g, at.SHARE] * max(values[j, at.PATH], values[j, at.USUAL] * steps)
+    size = max(size, values[j, at.PROVEN] * steps)
+    if rules[g, at.USE] == at.UPDATE and limits[j, at.TOLERANCE] < np.inf:
+        size = max(size, limits[j, at.TOLERANCE])
+    return float(size)
+
+
+@njit(**HOT)
 def measure(
     settings: Any, memory: Any, statistics: Any, sample: Any, g: int, size: int, stamp: int,
     phase: int,
 ) -> float:  # fmt: skip
     """Innovations and variances of a sample; gives the largest test ratio.
 
-    ratio = innovation² / (gate²·S + path²): S is the regular variance, grown since the last trusted
-    sample. The path that the model predicted since then, or usually predicts from sample to sample,
-    may be all wrong: a machine that stands still against the model, or moves against it, is no
-    measurement error.
+    ratio = innovation² / (gate²·S + credible²): S is the regular variance, grown since the last
+    trusted sample; what is credible, see `credible`.
     """
     limits, rules, _ = settings
     values, numbers, figures = memory
@@ -103,6 +109,8 @@ def measure(
     growth = grown(rules, numbers, figures, g, stamp)
     gate = rules[g, at.GATE] * rules[g, at.GATE]
     elapsed = (stamp - numbers[g, at.GOOD_AT]) * 1e-9
+    usual = figures[g, at.INTERVAL] * 1e-9
+    steps = max(1.0, elapsed / usual) if usual > 0 else 1.0
     for k in range(size):
         j = room[k]
         nu = wrapped(y[j] - predicted[j] - values[j, at.OFFSET], limits[j, at.ANGLE] > 0)
@@ -112,12 +120,12 @@ def measure(
         spread = base * growth
         if rules[g, at.GROWTH] > 0:
             spread = base + rules[g, at.GROWTH] * rules[g, at.GROWTH] * elapsed
-        credible = rules[g, at.SHARE] * max(values[j, at.PATH], values[j, at.USUAL])
-        worst = max(worst, nu * nu / (gate * spread + credible * credible))
+        room_for = credible(limits, rules, values, g, j, steps)
+        worst = max(worst, nu * nu / (gate * spread + room_for * room_for))
     return worst
 
 
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+@njit(**COLD)
 def standstill(settings: Any, memory: Any, sample: Any, g: int, size: int) -> bool:
     """A run of equal values ends: did the machine stand still, against the model's prediction?
 
@@ -131,18 +139,12 @@ def standstill(settings: Any, memory: Any, sample: Any, g: int, size: int) -> bo
         if abs(values[j, at.WAY]) > 2 * rules[g, at.GATE] * np.sqrt(values[j, at.BASE]):
             angle = limits[j, at.ANGLE] > 0
             moved = abs(wrapped(y[j] - values[j, at.LAST], angle))
-            expected = values[j, at.ORIGIN] + values[j, at.WAY]
+            expected = values[j, at.ORIGIN] + values[j, at.BEFORE] + values[j, at.WAY]
             return bool(moved < 0.5 * abs(wrapped(y[j] - expected, angle)))
     return False
 
 
-@njit(
-    cache=True,
-    error_model="numpy",
-    no_cpython_wrapper=True,
-    no_cfunc_wrapper=True,
-    forceinline=True,
-)
+@njit(**HOT)
 def implausible(settings: Any, memory: Any, sample: Any, g: int, size: int, stamp: int) -> int:
     """Range, rate, and a frozen value: the first cause that holds, or none.
 
@@ -175,7 +177,7 @@ def implausible(settings: Any, memory: Any, sample: Any, g: int, size: int, stam
     return NONE
 
 
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+@njit(**COLD)
 def suspected(room: float, noise: float, y: float, expected: float, angle: bool) -> float:
     """The factor between a measurement and what was expected of it; 0 if there is none.
 
@@ -194,7 +196,7 @@ def suspected(room: float, noise: float, y: float, expected: float, angle: bool)
     return 0.0
 
 
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+@njit(**COLD)
 def doubted(settings: Any, memory: Any, sample: Any, g: int, size: int) -> int:
     """A value outside the gate: a sentinel code, a suspected factor, or neither."""
     limits, rules, sentinels = settings
@@ -209,8 +211,8 @@ def doubted(settings: Any, memory: Any, sample: Any, g: int, size: int) -> int:
             if y[j] == sentinels[s]:
                 return SENTINEL
         angle = limits[j, at.ANGLE] > 0
-        credible = noise + rules[g, at.SHARE] * values[j, at.PATH]
-        factor = suspected(credible, noise, y[j], y[j] - values[j, at.NU], angle)
+        room_for = noise + credible(limits, rules, values, g, j, 1.0)
+        factor = suspected(room_for, noise, y[j], y[j] - values[j, at.NU], angle)
         if factor != 0.0:
             figures[g, at.FACTOR] = factor
             return FACTOR

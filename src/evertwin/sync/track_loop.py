@@ -14,7 +14,7 @@ from numba import njit
 from evertwin.models.kernel import call_observe, call_step
 from evertwin.sync import places as at
 from evertwin.sync.arbiter_loop import forget, judge
-from evertwin.sync.borrow import borrowed
+from evertwin.sync.borrow import HOT, borrowed
 from evertwin.sync.horizon_loop import is_known, wrapped
 from evertwin.sync.plausible_loop import grown, variance_of
 from evertwin.sync.vote_loop import note
@@ -27,7 +27,7 @@ FIRST = 4
 FOUND_STALE = 3
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(**HOT)
 def phase_of(u: Any, i: int, column: int, edges: Any) -> int:
     """Number of edges that the phase's input reaches."""
     phase = 0
@@ -37,7 +37,7 @@ def phase_of(u: Any, i: int, column: int, edges: Any) -> int:
     return phase
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(**HOT)
 def is_row_known(u: Any, i: int) -> bool:
     """True if every input of the row is finite."""
     for k in range(u.shape[1]):  # noqa: SIM110 - generators do not compile
@@ -46,7 +46,7 @@ def is_row_known(u: Any, i: int) -> bool:
     return True
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(**HOT)
 def proceed(limits: Any, values: Any, predicted: Any) -> None:
     """Adds the predicted motion of this row to path and way."""
     for j in range(values.shape[0]):
@@ -56,7 +56,7 @@ def proceed(limits: Any, values: Any, predicted: Any) -> None:
             values[j, at.WAY] += moved
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(**HOT)
 def present(members: Any, g: int, measured: Any, marked: Any, room: Any) -> int:
     """Fills ``room`` with the group's samples of this row: how many, or −1 if one is broken."""
     size = 0
@@ -81,7 +81,7 @@ def refuse(members: Any, g: int, marks: Any, i: int) -> None:
             marks[i, j] = ERROR
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(**HOT)
 def age(rules: Any, memory: Any, notes: Any, g: int, now: Any) -> float:
     """Seconds since the last trusted sample, NaN before the first; tells when that is too long."""
     numbers = memory[1]
@@ -172,10 +172,13 @@ def run(
                 if j < 0:
                     break
                 if numbers[g, at.RUN] == 1:
-                    values[j, at.ORIGIN] = values[j, at.AFTER] + values[j, at.OFFSET]
+                    values[j, at.ORIGIN] = values[j, at.AFTER]
+                    values[j, at.BEFORE] = values[j, at.OFFSET]
                 spread = variance_of(statistics[0], statistics[1], phase, j) * growth
-                offset = values[j, at.OFFSET]
-                sigma[i, j] = np.sqrt(spread + offset * offset)
+                spread += values[j, at.OFFSET] * values[j, at.OFFSET]
+                if rules[g, at.USE] == at.MIX and limits[j, at.ADOPTS] > 0:
+                    spread = values[j, at.SQUARE] * growth
+                sigma[i, j] = np.sqrt(spread)
     # The scratch arrays are used here once more, so that they outlive their borrowed forms.
     return int(
         n + 0 * (room.size + measured.size + predicted.size + take.size + ahead.size + marked.size)

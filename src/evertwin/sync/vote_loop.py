@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 
 from evertwin.sync import places as at
+from evertwin.sync.borrow import COLD
 from evertwin.sync.horizon_loop import wrapped
 
 __all__ = ["agrees", "end_contest", "end_fault", "fault", "note", "remember", "widen"]
@@ -19,7 +20,7 @@ ERROR, OVERRULED, RESTORED, STALE, FRESH, WIDER = range(6)
 VOTE = 7
 
 
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+@njit(**COLD)
 def note(notes: Any, memory: Any, now: Any, kind: int, g: int, cause: int, span: Any) -> None:
     """Notes a finding at ``now`` (row, stamp) about ``span`` (first, last row, samples)."""
     found, detail, extent = notes
@@ -36,7 +37,7 @@ def note(notes: Any, memory: Any, now: Any, kind: int, g: int, cause: int, span:
         detail[k, 1 + j], detail[k, 1 + ny + j] = values[j, told], values[j, at.BASE]
 
 
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+@njit(**COLD)
 def remember(
     rules: Any, memory: Any, board: Any, room: Any, g: int, size: int, row: int, stamp: int
 ) -> None:
@@ -61,7 +62,7 @@ def remember(
     numbers[g, at.BATCH] += 1
 
 
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+@njit(**COLD)
 def agrees(settings: Any, values: Any, board: Any, room: Any, g: int, size: int) -> bool:
     """Do the last k contested samples lie on one line beside the prediction?
 
@@ -84,6 +85,7 @@ def agrees(settings: Any, values: Any, board: Any, room: Any, g: int, size: int)
             s1, s2, r0, r1 = s1 + a, s2 + a * a, r0 + d, r1 + a * d
         slope = (s0 * r1 - s1 * r0) / (s0 * s2 - s1 * s1)
         level = (r0 - slope * s1) / s0
+        values[j, at.SLOPE] = abs(slope) * span / (votes - 1)
         way = values[j, at.PATH] - paths[0, j]
         far = (votes - 1) * 10.0 * gate + 3.0 * way
         if limits[j, at.RATE] < np.inf:
@@ -98,12 +100,13 @@ def agrees(settings: Any, values: Any, board: Any, room: Any, g: int, size: int)
     return True
 
 
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+@njit(**COLD)
 def widen(
-    rules: Any, figures: Any, statistics: Any, room: Any, g: int, size: int, phase: int
+    rules: Any, memory: Any, statistics: Any, room: Any, g: int, size: int, phase: int
 ) -> bool:
     """Too many samples outside: the noise has risen, the gate is set anew (never switched off)."""
     variance, counts, _ = statistics
+    values, _, figures = memory
     share = 1.0 / (4.0 * rules[g, at.VOTE])
     figures[g, at.OUTSIDE] += (1.0 - figures[g, at.OUTSIDE]) * share
     if figures[g, at.OUTSIDE] <= 0.3:
@@ -113,6 +116,7 @@ def widen(
     for k in range(size):
         j = room[k]
         variance[pool, j] *= 2.0
+        values[j, at.SQUARE] *= 2.0
         counts[pool, j] = min(counts[pool, j], 100)
         if phase != pool:
             variance[phase, j] *= 2.0
@@ -120,7 +124,7 @@ def widen(
     return True
 
 
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+@njit(**COLD)
 def end_contest(rules: Any, memory: Any, rows: Any, notes: Any, g: int, now: Any) -> None:
     """The contest is over without agreement: its samples were measurement errors."""
     numbers = memory[1]
@@ -131,7 +135,7 @@ def end_contest(rules: Any, memory: Any, rows: Any, notes: Any, g: int, now: Any
     numbers[g, at.CONTEST] = numbers[g, at.BATCH] = 0
 
 
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+@njit(**COLD)
 def fault(rules: Any, memory: Any, notes: Any, g: int, cause: int, onset: int, now: Any) -> None:
     """One more sample with an obvious error; told once, at its end or when it lasts."""
     numbers = memory[1]
@@ -148,7 +152,7 @@ def fault(rules: Any, memory: Any, notes: Any, g: int, cause: int, onset: int, n
         note(notes, memory, now, ERROR, g, cause, span)
 
 
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+@njit(**COLD)
 def end_fault(memory: Any, notes: Any, g: int, now: Any) -> None:
     """The fault is over."""
     numbers = memory[1]
