@@ -136,7 +136,7 @@ def test_an_extra_state_is_found() -> None:
     y = real.simulate(real.initial(p), u, np.ones(600), p)[1]
     y = y + 0.01 * rng.normal(size=y.shape)
     rows = make_block(t=np.arange(600) * 10**9, u=u, y=y)
-    settings = Selection(kinds=("state",), channels=("x",))
+    settings = Selection(kinds=("state",), channels=("x",), least=8)
     found = improve(tank, Form(), (rows,), 60.0, settings)
     assert [t.kind for t in found.form.terms] == ["state"]
     assert value(found.names, found.p, "state.x.loss") == pytest.approx(0.05, rel=0.1)
@@ -168,6 +168,10 @@ def test_misuse() -> None:
     short = make_block(t=np.arange(3) * 10**9, u=np.ones((3, 1)), y=np.ones((3, 1)))
     with pytest.raises(DataError, match="at least 4 segments"):
         improve(Robot1D(), Form(), (short,), 1.0)
+    n = np.arange(20)
+    more = make_block(t=n * 10**9, u=0.1 * n[:, None], y=0.1 * n.cumsum()[:, None])
+    with pytest.raises(DataError, match="at least 30 segments"):
+        improve(Robot1D(), Form(), (more,), 1.0)
     static = FunctionModel(lambda x, u, dt, p: ([], [u[0]]), Layout.of(v="1"), Layout.of(y="1"))
     with pytest.raises(UsageError, match="static map"):
         improve(static, Form(), (short,), 1.0)

@@ -73,8 +73,8 @@ class TimeSpec(Section):
 
     column: Column | None = None
     """Name in the header, or position from 0; absent: ``rate``."""
-    unit: Literal["s", "ms", "us", "ns", "min", "h", "iso"] = "s"
-    """Unit of the stamps; ``iso`` for dates as text."""
+    unit: Literal["s", "ms", "us", "ns", "min", "h", "iso", "auto"] = "s"
+    """Unit of the stamps; ``iso`` for dates as text; ``auto``: told from each file's stamps."""
     rate: Hertz | None = None
     """Rate of a recording without time column."""
 
@@ -133,15 +133,19 @@ class DeriveSpec(Section):
     name: str
     """Name of the new channel."""
     op: Literal[
-        "derivative", "filter", "sum", "mean", "difference", "product", "scale", "norm", "max"
-    ]
-    """What is computed."""
+        "derivative", "filter", "sum", "mean", "difference", "product", "scale", "norm", "max",
+        "along", "way", "middle", "slope",
+    ]  # fmt: skip
+    """What is computed. ``middle``: the mean over the interval into the row (of the row and the one
+    before). ``slope``: the derivative of a cubic through the rows within ``value`` seconds
+    (Savitzky-Golay; one-sided at the ends). From x, y and heading of a base: ``along``, the way
+    along its heading; ``way``, the length of its path, negative for a task that went backwards."""
     source: Annotated[tuple[str, ...], Key("from")]
     """Recorded or derived channels it is computed from."""
     unit: str | None = None
     """SI unit of the new channel; absent: what follows from the operation."""
     value: float = 1.0
-    """Factor of ``scale``."""
+    """Factor of ``scale``; seconds of ``slope``."""
 
 
 @dataclass(frozen=True)
@@ -165,6 +169,8 @@ class SignalSpec(Section):
     hold: bool | None = None
     """Inputs: a command, held from its stamp on (true), or measured at the row and interpolated
     (false). Absent: held for a model with states, measured for a static map."""
+    judge: bool = True
+    """Outputs: false for one that a prediction of a fit starts from, but is not compared with."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -40,7 +40,7 @@ from evertwin.correction.describe import describe
 from evertwin.correction.evidence import Evidence, gather, mean_deviation
 from evertwin.correction.fitting import Scored, fit_candidate, refit
 from evertwin.correction.stack import Part, Stack
-from evertwin.errors import UsageError
+from evertwin.errors import DataError, UsageError
 from evertwin.fold import Block, plain
 from evertwin.models import Model
 from evertwin.models.corrected import Corrected
@@ -81,6 +81,8 @@ class Selection:
     """Most terms that one proposal adds."""
     quantum: float = 0.0
     """Step of a table's levels; 0: proposed from the data."""
+    least: int = 30
+    """Fewest segments that a search may be based on."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.gain < 1.0:
@@ -181,6 +183,11 @@ def improve(
     """
     chosen = settings or Selection()
     stack, evidence = prepare(model, form, windows, horizon, p)
+    if evidence.segments < chosen.least:
+        raise DataError(
+            f"correction: expected at least {chosen.least} segments of {evidence.horizon:g} s, got "
+            f"{evidence.segments}: give more data or a shorter horizon"
+        )
     candidates = propose(
         stack.base, windows, chosen.kinds, chosen.channels, evidence.horizon, chosen.quantum
     )

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
+from scipy.signal import savgol_filter
 
 from evertwin.config.spec import DeriveSpec, TwinSpec
 from evertwin.errors import ConfigError, DataError
@@ -99,24 +100,45 @@ def _derivative(table: Table, columns: list[Vector], value: float) -> Vector:
     return np.asarray(np.gradient(columns[0], seconds))
 
 
+def _middle(table: Table, columns: list[Vector], value: float) -> Vector:
+    """Mean over the interval into each row, if the value changes steadily."""
+    column = columns[0]
+    return np.concatenate([column[:1], 0.5 * (column[1:] + column[:-1])])
+
+
+def _slope(table: Table, columns: list[Vector], value: float) -> Vector:
+    """Derivative of a cubic through the rows within ``value`` seconds of a uniform clock."""
+    n = len(table.t)
+    interval = float(table.t[-1] - table.t[0]) * 1e-9 / max(n - 1, 1)
+    rows = 2 * round(0.5 * value / interval) + 1 if interval > 0 else 0
+    if not 5 <= rows <= n:
+        raise ConfigError(
+            f"[[derive]] slope: value = {value:g} s is {rows} rows, a cubic needs 5 to {n}"
+        )
+    return np.asarray(savgol_filter(columns[0], rows, 3, deriv=1, delta=interval))
+
+
 def _along(table: Table, columns: list[Vector], value: float) -> Vector:
     """Way along the heading so far, from x, y and heading (the mean one of each interval)."""
     x, y, heading = columns[0], columns[1], np.unwrap(columns[2])
     middle = 0.5 * (heading[1:] + heading[:-1])
-    return np.r_[0.0, np.cumsum(np.diff(x) * np.cos(middle) + np.diff(y) * np.sin(middle))]
+    steps = np.diff(x) * np.cos(middle) + np.diff(y) * np.sin(middle)
+    return np.asarray(np.r_[0.0, np.cumsum(steps)])
 
 
 def _way(table: Table, columns: list[Vector], value: float) -> Vector:
     """Length of the path so far, negative where the task as a whole went backwards."""
     path = np.r_[0.0, np.cumsum(np.hypot(np.diff(columns[0]), np.diff(columns[1])))]
     backwards = len(path) > 0 and _along(table, columns, value)[-1] < 0.0
-    return -path if backwards else path
+    return np.asarray(-path if backwards else path)
 
 
 _OPERATIONS: Mapping[str, Callable[[Table, list[Vector], float], Any]] = {
     "derivative": _derivative,
     "along": _along,
     "way": _way,
+    "middle": _middle,
+    "slope": _slope,
     "sum": lambda _, c, v: np.sum(c, axis=0),
     "mean": lambda _, c, v: np.mean(c, axis=0),
     "difference": lambda _, c, v: c[0] - c[1],
