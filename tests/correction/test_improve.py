@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 
 from evertwin.correction.candidates import propose
+from evertwin.correction.describe import describe
 from evertwin.correction.evidence import gather
 from evertwin.correction.fitting import fit_candidate
 from evertwin.correction.improve import Selection, improve, stack_of
+from evertwin.correction.ranges import propose_levels, quiet_level
+from evertwin.correction.stack import Stack
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import Block, make_block
 from evertwin.machines.mobile import Differential, Odometer, Robot1D
@@ -188,3 +191,27 @@ def test_odometer_misses_nothing_when_heading_was_not_measured() -> None:
     seen = make_block(t=rows.t, u=rows.u, y=travel)
     found = improve(Odometer(), Form(), (seen,), 2.0, Selection(kinds=("coupling",)))
     assert value(found.names, found.p, "coupling.v.w.slip") == pytest.approx(0.1, abs=0.01)
+
+
+def test_levels_and_quantum() -> None:
+    u = np.linspace(-0.07, 0.2, 500)
+    assert propose_levels(u, quantum=0.05) == pytest.approx(np.arange(-2, 5) * 0.05)
+    with pytest.raises(DataError, match="changes"):
+        propose_levels(np.ones(5))
+    assert quiet_level(np.array([0.0, 0.01, 0.02])) == 0.005
+    assert quiet_level(np.linspace(0, 1, 500)) == 0.0
+
+
+def test_every_kind_is_said_in_words() -> None:
+    stack = Stack(Differential(), (1.0, 1.0))
+    grid = (0.0, 1.0)
+    for term, values, said in [
+        (Term("coupling", "v", "w", "proportional"), (-0.1,), "v: rises by 0.1·w"),
+        (Term("coupling", "v", "w", "grip"), (1.0, 0.0, 0.5), "limited to 2/|w| m/s"),
+        (Term("coupling", "v", "w", "grip"), (1.0, 0.5, 0.5), "1/(0.5 + 0.5·|w|) m/s"),
+        (Term("table", "v", levels=grid), (0.0, 0.7), "table of 2 levels"),
+        (Term("surface", "v", "w", levels=grid, levels2=grid), (0.0,) * 4, "surface over v and w"),
+        (Term("lag", "*", variant="delay"), (0.1,), "all inputs: delay of 0.1 s"),
+        (Term("law", "v"), (1.0, 0.1, 0.5), "offset 0.1 m/s"),
+    ]:
+        assert said in describe(stack.plus(term, values))[0]
