@@ -23,22 +23,27 @@ from evertwin.anomaly import (
     SnrState,
 )
 from evertwin.config.spec import AnomalySpec
-from evertwin.fold import Event
+from evertwin.fold import Event, Record
 from evertwin.twin.settle import Released
 
 __all__ = ["Detect", "DetectState"]
+
+QUIET = 1000
+"""Rows without a further drift of an output that end an excursion."""
 
 
 class DetectState(NamedTuple):
     """States of the detectors, and what was not yet acted on.
 
     >>> DetectState._fields
-    ('cusum', 'drift', 'snr', 'pending')
+    ('cusum', 'drift', 'snr', 'told', 'pending')
     """
 
     cusum: CusumState
     drift: DriftState
     snr: SnrState
+    told: np.ndarray
+    """Row of each output's newest drift, int64: one event tells of an excursion."""
     pending: str
     """Reason of the newest alarm since the last beat; empty: none."""
 
@@ -74,7 +79,8 @@ class Detect:
 
     def init(self) -> DetectState:
         """Nothing calibrated."""
-        return DetectState(self.cusum.init(), self.drift.init(), self.snr.init(), "")
+        told = np.full(len(self.columns), -QUIET, dtype=np.int64)
+        return DetectState(self.cusum.init(), self.drift.init(), self.snr.init(), told, "")
 
     def step(self, state: DetectState, rows: Released) -> tuple[DetectState, tuple[Event, ...]]:
         """More rows; consumes ``state``."""
@@ -83,15 +89,27 @@ class Detect:
         seen = Residuals(rows.row, rows.t, live, rows.phase)
         cusum, a = self.cusum.step(state.cusum, seen)
         drift, b = self.drift.step(state.drift, seen)
-        snr, found = state.snr, a.records + b.records
+        snr, found = state.snr, a.records + self._begins(state.told, b.records)
         if self.use_snr:
             snr, c = self.snr.step(snr, seen)
             found += c.records
         if not found:
-            return DetectState(cusum, drift, snr, state.pending), ()
+            return DetectState(cusum, drift, snr, state.told, state.pending), ()
         events = tuple(event for event in found if isinstance(event, Event))
         alarms = [e.reason for e in events if e.kind != "not_calibrated"]
-        return DetectState(cusum, drift, snr, alarms[-1] if alarms else state.pending), events
+        pending = alarms[-1] if alarms else state.pending
+        return DetectState(cusum, drift, snr, state.told, pending), events
+
+    def _begins(self, told: np.ndarray, records: tuple[Record, ...]) -> tuple[Record, ...]:
+        """Drifts that begin an excursion; what follows within `QUIET` rows belongs to it."""
+        kept: list[Record] = []
+        for record in records:
+            if isinstance(record, Event):
+                k = self.drift.names.index(record.signal)
+                if record.row - told[k] >= QUIET:
+                    kept.append(record)
+                told[k] = record.row
+        return tuple(kept)
 
     def beat(self, state: DetectState) -> tuple[DetectState, str]:
         """At a beat: the reason of an alarm since the last one, and calibrations handed on."""

@@ -8,15 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Protocol, runtime_checkable
 
 from evertwin.errors import ConfigError
+from evertwin.fold import Block, take
 from evertwin.machines.friction import Rung
 from evertwin.tuning import Problem
 from evertwin.tuning.terms import climb_terms
 from evertwin.twin.setup import Setup
 
 __all__ = ["Laddered", "climb_laws"]
+
+PARTS = 4
+"""Parts that a single task is cut into."""
 
 
 @runtime_checkable
@@ -40,14 +45,14 @@ class Laddered(Protocol):
 def climb_laws(setup: Setup, problem: Problem) -> tuple[Problem, Mapping[str, str]]:
     """The problem with the terms that pay, and each output's law.
 
-    Without ``[tuning] ladder``, or with a single task to learn from, every term of the model takes
-    part; so does a term that the ladder does not name.
+    A term that already has a value stays. Without ``[tuning] ladder`` every term of the model takes part, and so does a term that the
+    ladder does not name. A single task is cut into parts, so that there is something to hold out.
 
     Raises:
         ConfigError: the twin file names a term that the model's law does not have.
     """
     order, model = setup.spec.tuning.ladder, problem.model
-    if not order or len(problem.windows) < 2:
+    if not order:
         return problem, {}
     rungs = model.rungs() if isinstance(model, Laddered) else ()
     for name in order:
@@ -56,10 +61,27 @@ def climb_laws(setup: Setup, problem: Problem) -> tuple[Problem, Mapping[str, st
             raise ConfigError(
                 f"[tuning] ladder: the model's law has no term {name!r}; it has {there}"
             )
-    tried = [rung for name in order for rung in rungs if rung.name == name]
-    ascent = climb_terms(problem, tried)
+    start = dict(zip(problem.names, problem.start.tolist(), strict=True))
+    tried = [
+        rung
+        for name in order
+        for rung in rungs
+        if rung.name == name and not any(start.get(added) for added in rung.add)
+    ]
+    if not tried:
+        return problem, {}
+    ascent = climb_terms(replace(problem, windows=_folds(problem.windows)), tried)
     assert isinstance(model, Laddered)
     laws = {
         output: model.law_name(k, ascent.taken[k]) for k, output in enumerate(model.outputs.names)
     }
     return replace(problem, editable=ascent.names), laws
+
+
+def _folds(windows: tuple[Block, ...]) -> tuple[Block, ...]:
+    """The tasks; or parts of the only one."""
+    if len(windows) > 1:
+        return windows
+    n = len(windows[0].t)
+    edges = [n * k // PARTS for k in range(PARTS + 1)]
+    return tuple(take(windows[0], a, b) for a, b in pairwise(edges) if b > a)

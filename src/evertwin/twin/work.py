@@ -21,6 +21,7 @@ from evertwin.models import Model
 from evertwin.models.form import Form, Version
 from evertwin.trial import admit
 from evertwin.tuning import Fit, Iteration, Problem, Schedule, solve
+from evertwin.twin.law import climb_laws
 from evertwin.twin.learn import learn
 from evertwin.twin.setup import Setup
 from evertwin.twin.state import TwinState
@@ -99,7 +100,7 @@ class Work:
         names = self.due(version, tunings)
         if not names:
             return {"events": [], "next": self._next()}
-        problem = self.problem(version, windows, names)
+        problem, _ = climb_laws(self.setup, self.problem(version, windows, names))
         fit, rounds = self.tune(problem)
         if rounds and fit.converged:
             verdict = Verdict("normal", "", f"tuned by rounds: {fit.message}")
