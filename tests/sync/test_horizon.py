@@ -36,7 +36,7 @@ def test_the_stream_agrees_with_the_roll_out(horizon: float) -> None:
     model, block = unicycle(), spoiled(3)
     p = model.parameters.values
     plan = restarts(block, horizon, model.initial(p))
-    _, y = roll(model.kernel(), model.initial(p), block.u, block.dt, p, 3, plan)
+    _, y = roll(model.kernel(), model.initial(p), block.u, block.dt, p, plan)
     _, out = fold(Horizon(model, horizon), [block])
     np.testing.assert_array_equal(y, out.rows.y)
     np.testing.assert_array_equal(residuals(model, block, y), out.rows.residual)
@@ -87,7 +87,7 @@ def test_a_late_sensor_is_adopted_first_and_compared_then() -> None:
     np.testing.assert_array_equal(out.rows.residual[:, 1], [np.nan] * 4 + [0.0, 0.0])
     plan = restarts(block, 10.0, np.zeros(2))
     assert plan.code.tolist() == [2, 0, 0, 0, 1, 0]
-    _, predicted = roll(model.kernel(), np.zeros(2), block.u, block.dt, np.zeros(0), 2, plan)
+    _, predicted = roll(model.kernel(), np.zeros(2), block.u, block.dt, np.zeros(0), plan)
     np.testing.assert_array_equal(residuals(model, block, predicted), out.rows.residual)
 
 

@@ -172,6 +172,43 @@ def test_a_group_is_judged_and_adopted_together() -> None:
     assert np.isfinite(state.x).all()
 
 
+def test_groups_are_judged_apart() -> None:
+    """Position and temperature: a fault of one leaves the other alone, at its own rate."""
+    model = FunctionModel(
+        lambda x, u, dt, p: ([x[0] + u[0] * dt, x[1] + 0.01 * dt],) * 2,
+        Layout.of(v="m/s"), Layout.of(x="m", T="K"), Layout.of(x="m", T="K"),
+    )  # fmt: skip
+    block = drive_rows(3)
+    rng = np.random.default_rng(3)
+    hot = 300 + 0.01 * np.arange(600) * 0.1 + rng.normal(0, 0.05, 600)
+    hot[np.arange(600) % 5 > 0] = np.nan
+    y = np.stack([block.y[:, 0], hot], axis=1)
+    y[200:220, 1] *= 9 / 5
+    y[400:, 0] += 1.0
+    rules = {"T": Rule(use="blend", sigma=0.05, vote=4)}
+    arbiter = Arbiter(Rule(use="tolerance", tolerance=0.03, sigma=0.01), rules)
+    state, out = fold(Track(model, arbiter), [make_block(t=block.t, u=block.u, y=y)])
+    told = [(r.signal, r.kind, r.evidence["onset"]) for r in out.records]
+    assert ("T", "overruled", 200) in told and ("x", "overruled", 400) in told
+    assert [signal for signal, _, _ in told].count("x") == 1
+    assert (out.rows.mark[200:400, 0] == Mark.OK).all()
+    assert state.resets.tolist() == [1, 2]
+    assert out.rows.update[np.isnan(hot), 1].sum() == 0
+
+
+def test_a_jump_of_a_static_map_is_no_news_the_second_time() -> None:
+    """Friction of the wrong size: the torque is off by a step whenever the axis turns round."""
+    model = FunctionModel(
+        lambda x, u, dt, p: ([], [0.1 * u[0]]), Layout.of(v="m/s"), Layout.of(f="N")
+    )
+    rng = np.random.default_rng(0)
+    v = np.repeat(np.tile([1.0, -1.0], 10), 30)
+    f = 0.1 * v + 5.0 * np.sign(v) + rng.normal(0, 0.05, 600)
+    _, out = fold(Track(model), [make_block(t=np.arange(600) * 10**8, u=v[:, None], y=f[:, None])])
+    assert kinds(out.records).count("overruled") == 1
+    assert (out.rows.mark[40:] == Mark.OK).mean() > 0.995
+
+
 def test_angles_wrap_in_innovations_and_votes() -> None:
     """The heading passes ±π several times; then the robot is turned by 3 rad."""
     block = unicycle_rows(6, n=1200)

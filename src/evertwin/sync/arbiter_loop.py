@@ -144,15 +144,17 @@ def withdraw(settings: Any, memory: Any, sample: Any, g: int, size: int) -> None
 
 
 @njit(**COLD)
-def concede(values: Any, room: Any, size: int) -> None:
+def concede(limits: Any, values: Any, room: Any, size: int) -> None:
     """Overruled: the machine moves beside the model as fast as the samples that agreed.
 
     After a mere jump that is next to nothing; where the machine moves otherwise than the model
-    predicts, the same is not contested again and again.
+    predicts, the same is not contested again and again. An output that no state adopts did not
+    move: there the jump itself is what the model does not know.
     """
     for k in range(size):
         j = room[k]
-        values[j, at.PROVEN] = max(values[j, at.PROVEN], values[j, at.SLOPE])
+        size_of = values[j, at.SLOPE] if limits[j, at.ADOPTS] > 0 else abs(values[j, at.NU])
+        values[j, at.PROVEN] = max(values[j, at.PROVEN], size_of)
 
 
 @njit(**COLD)
@@ -177,7 +179,7 @@ def contest(
         numbers[g, at.CONTEST] = numbers[g, at.BATCH] = 0
         numbers[g, at.RESETS] += 1
         figures[g, at.OUTSIDE] = 0.0
-        concede(values, room, size)
+        concede(limits, values, room, size)
         refresh(memory, notes, g, now)
         settle(limits, memory, sample, g, size, now[1], True, 1.0)
         return OVERRULED, RESET
