@@ -4,7 +4,8 @@ from evertwin.models import FunctionModel, Parameters
 from evertwin.signals import Layout
 
 
-def step(x, u, dt, p):  # state, input over the interval dt [s], parameters
+def step(x, u, dt, p):
+    """Next state and outputs from state, input over the interval dt [s] and parameters."""
     level = max(x[0] + dt * (u[0] - p[1] * max(x[0], 0.0) ** 0.5) / p[0], 0.0)
     return [level], [level]
 

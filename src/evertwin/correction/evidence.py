@@ -87,7 +87,7 @@ class Evidence:
         kernel = model.kernel() if isinstance(model, KernelModel) else python_kernel(model)
         x0 = model.initial(p)
         restart = Restart(self.adopts, self.code, x0)
-        _, y = roll(kernel, x0, self.u, self.dt, p, len(model.outputs), restart)
+        _, y = roll(kernel, x0, self.u, self.dt, p, restart)
         scaled = wrap(self.measured - y[self.rows], model.outputs.angles) / self.scale
         scaled = np.where(np.isfinite(scaled), np.clip(scaled, -FAILED, FAILED), FAILED)
         return np.where(self.known > 0.0, scaled, 0.0)

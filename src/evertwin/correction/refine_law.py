@@ -201,8 +201,7 @@ class _Trial:
         full = self.full(q)
         found = []
         for block, restart in self._planned:
-            ny = block.y.shape[1]
-            _, y = roll(self._kernel, restart.x0, block.u, block.dt, full, ny, restart)
+            _, y = roll(self._kernel, restart.x0, block.u, block.dt, full, restart)
             found.append(residuals(self._corrected, block, y).ravel())
         r: Vector = np.concatenate(found)
         known: Vector = r[~np.isnan(r)]

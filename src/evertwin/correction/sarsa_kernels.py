@@ -128,7 +128,7 @@ def explore(
 def _next(n: Any) -> float:
     """A number in [0, 1) from the learner's own generator (Lehmer, 48271)."""
     n[RANDOM] = n[RANDOM] * 48271 % 2147483647
-    return (n[RANDOM] - 1) / 2147483646.0
+    return float(n[RANDOM] - 1) / 2147483646.0
 
 
 @njit(cache=True)

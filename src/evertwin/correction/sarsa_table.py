@@ -43,7 +43,7 @@ class Table:
         """The table's value at the level nearest to each set-point, (k,)."""
         quantum = self.levels[1] - self.levels[0]
         at = np.floor((command - self.levels[0]) / quantum + 0.5).astype(np.int64)
-        return self.values[np.clip(at, 0, len(self.levels) - 1)]
+        return np.asarray(self.values[np.clip(at, 0, len(self.levels) - 1)])
 
 
 def read_table(

@@ -15,7 +15,7 @@ import numpy as np
 
 from evertwin.errors import LawBroken
 from evertwin.models.contract import KernelModel, LinearModel, Model
-from evertwin.models.kernel import roll
+from evertwin.models.kernel import Restart, roll
 from evertwin.types import Inputs, Intervals, Outputs
 
 __all__ = ["check_model"]
@@ -55,7 +55,7 @@ def check_model(model: Model, u: Inputs | None = None, dt: Intervals | None = No
     _same("partition", (end, y), (state, np.concatenate(rows)))
     _same("observe: NaN", (end,), (model.observe(end, np.full(y.shape[1], np.nan)),))
     if isinstance(model, KernelModel):
-        _same("kernel", (end, y), roll(model.kernel(), x, u, dt, p, y.shape[1]))
+        _same("kernel", (end, y), roll(model.kernel(), x, u, dt, p, Restart.never(*y.shape)))
     if isinstance(model, LinearModel):
         _linear(model, u, dt, y)
 

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float64
 from numba import njit
 
-from evertwin.models.kernel import Kernel, call_observe, roll
+from evertwin.models.kernel import Kernel, Restart, call_observe, roll
 from evertwin.models.parameters import Parameters
 from evertwin.signals.channels import Layout
 from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
@@ -64,7 +64,7 @@ class Compiled:
         self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
     ) -> tuple[StateVector, Outputs]:
         """State after the last row and the outputs of every row."""
-        return roll(self.kernel(), x, u, dt, p, len(self.outputs))
+        return roll(self.kernel(), x, u, dt, p, Restart.never(len(u), len(self.outputs)))
 
     def observe(self, x: StateVector, y: Float64[np.ndarray, " ny"]) -> StateVector:
         """The state that agrees with the outputs in ``y`` that are not NaN."""

@@ -63,6 +63,11 @@ class Restart(NamedTuple):
     x0: StateVector
     """State that ANEW starts from."""
 
+    @classmethod
+    def never(cls, rows: int, outputs: int) -> Restart:
+        """One run without restarts."""
+        return cls(np.empty((0, outputs)), np.zeros(rows, dtype=np.uint8), np.empty(0))
+
 
 class Kernel(NamedTuple):
     """Addresses of a model's compiled functions.
@@ -79,9 +84,7 @@ class Kernel(NamedTuple):
     """Objects that must outlive the addresses (ctypes callbacks, inner contexts)."""
 
 
-def _calling(
-    context: Any, builder: Any, arguments: list[Any], kinds: list[ir.Type]
-) -> Any:
+def _calling(context: Any, builder: Any, arguments: list[Any], kinds: list[ir.Type]) -> Any:
     """Emits a call of the C function whose address is the first argument."""
     function = ir.FunctionType(ir.IntType(64), kinds)
     pointer = builder.inttoptr(arguments[0], function.as_pointer())
@@ -123,7 +126,7 @@ def call_observe(typing: Any, address: Any, context: Any, x: Any, y: Any) -> Any
 
 
 @njit(cache=True)
-def _roll(  # noqa: PLR0913
+def _roll(
     step: int, observe: int, context: Any, x: Any, u: Any, dt: Any, p: Any, y: Any, code: Any,
     x0: Any, out: Any,
 ) -> None:  # fmt: skip
@@ -152,17 +155,14 @@ def roll(
     u: Inputs,
     dt: Intervals,
     p: ParameterVector,
-    ny: int,
-    restart: Restart | None = None,
+    restart: Restart,
 ) -> tuple[StateVector, Outputs]:
     """Rows simulated by a kernel: (state after the last, outputs (n, ny)).
 
     A row whose step failed is NaN, and so is a row that starts anew.
     """
     state = np.array(x, dtype=np.float64)
-    out = np.empty((len(u), ny))
-    if restart is None:
-        restart = Restart(np.empty((0, ny)), np.zeros(len(u), dtype=np.uint8), state)
+    out = np.empty((len(u), restart.y.shape[1]))
     _roll(
         kernel.step, kernel.observe, kernel.context, state, np.ascontiguousarray(u),
         np.ascontiguousarray(dt), np.ascontiguousarray(p), np.ascontiguousarray(restart.y),

@@ -24,7 +24,9 @@ _SPELLINGS = {
     "Nm": "N*m", "Nms": "N*m*s", "kgm2": "kg*m**2", "kgm^2": "kg*m**2", "Ns": "N*s",
     "1": "dimensionless", "%": "percent", "°C": "degC", "°": "degree", "deg": "degree",
 }  # fmt: skip
-_SI = {"Nm": "Nm", "Nms/rad": "Nms/rad", "Nms": "Nms", "kgm2": "kgm2", "Ns/m": "Ns/m", "Nm/A": "Nm/A"}
+_SI = {
+    "Nm": "Nm", "Nms/rad": "Nms/rad", "Nms": "Nms", "kgm2": "kgm2", "Ns/m": "Ns/m", "Nm/A": "Nm/A",
+}  # fmt: skip
 
 
 @cache
@@ -35,7 +37,9 @@ def _registry() -> pint.UnitRegistry[Any]:
 @cache
 def _parse(unit: str) -> Any:
     if not unit:
-        raise UsageError("unit: expected a unit such as 'm/s', got none: write '1' for a pure number")
+        raise UsageError(
+            "unit: expected a unit such as 'm/s', got none: write '1' for a pure number"
+        )
     parts = unit.replace("·", "*").split("/")
     text = "/".join(_SPELLINGS.get(part.strip(), part.strip()) for part in parts)
     try:

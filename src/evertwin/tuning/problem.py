@@ -239,7 +239,7 @@ class Problem:
             return np.asarray(y0 + (phi * np.where(columns < 0, 0.0, p[columns])).sum(axis=2))
         x0 = self.model.initial(p)
         restart = Restart(rows.adopts, rows.code, x0)
-        _, y = roll(self.kernel, x0, rows.u, rows.dt, p, rows.y.shape[1], restart)
+        _, y = roll(self.kernel, x0, rows.u, rows.dt, p, restart)
         return np.asarray(self.smooth(y, rows.segments))
 
     def residuals(self, values: Vector) -> Outputs:

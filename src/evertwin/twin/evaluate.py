@@ -43,7 +43,7 @@ def predict(setup: Setup, model: Model, p: ParameterVector, window: Block) -> Pr
     kernel = model.kernel() if hasattr(model, "kernel") else python_kernel(model)
     x0 = model.initial(p)
     plan = restarts(window, setup.horizon, x0)
-    _, y = roll(kernel, x0, window.u, window.dt, p, len(model.outputs), plan)
+    _, y = roll(kernel, x0, window.u, window.dt, p, plan)
     residual = residuals(model, window, y)
     measured = np.where(np.isnan(residual), np.nan, window.y)
     smooth = setup.smooth_window

@@ -187,9 +187,7 @@ def look_lags(view: View, figures: dict[str, Any]) -> Iterator[Finding]:
     model, p = view.model, view.version.p
     kernel = model.kernel() if hasattr(model, "kernel") else python_kernel(model)
     x0 = model.initial(p)
-    _, free = roll(
-        kernel, x0, window.u, window.dt, p, len(model.outputs), restarts(window, math.inf, x0)
-    )
+    _, free = roll(kernel, x0, window.u, window.dt, p, restarts(window, math.inf, x0))
     for k, channel in enumerate(model.outputs):
         pair = [free[:, k], trusted(window)[:, k]]
         found = _lag_of(window, pair, channel.kind == "angle")

@@ -130,9 +130,9 @@ class Changes:
 def changes(model: Model, p: ParameterVector, window: Block, horizon: float) -> Changes:
     """Measured and predicted changes over a horizon; of a static map the values themselves."""
     kernel = model.kernel() if hasattr(model, "kernel") else python_kernel(model)
-    x0, ny = model.initial(p), len(model.outputs)
+    x0 = model.initial(p)
     plan = restarts(window, horizon, x0)
-    _, y = roll(kernel, x0, window.u, window.dt, p, ny, plan)
+    _, y = roll(kernel, x0, window.u, window.dt, p, plan)
     base = np.zeros_like(window.y)
     if len(x0):
         base = _held(plan.y)

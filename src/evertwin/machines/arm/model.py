@@ -40,7 +40,7 @@ from evertwin.machines.arm.lanes import batch, switches
 from evertwin.machines.arm.rnea import BODY
 from evertwin.machines.arm.urdf import Robot, parse, read
 from evertwin.machines.friction import WIDTH, Law, Rung
-from evertwin.models import Kernel, Parameter, Parameters, roll
+from evertwin.models import Kernel, Parameter, Parameters, Restart, roll
 from evertwin.signals import Layout
 from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
 
@@ -197,7 +197,7 @@ class Arm:
         self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
     ) -> tuple[StateVector, Outputs]:
         """The outputs of every row."""
-        return roll(self._kernel, x, u, dt, p, self.chain.n)
+        return roll(self._kernel, x, u, dt, p, Restart.never(len(u), self.chain.n))
 
     @cached_property
     def _linear(self) -> linear.Columns:
