@@ -45,18 +45,18 @@ class Observer:
 
     def watch(self, state: TwinState, piece: Block, out: Followed) -> None:
         """One piece between beats."""
-        nu = piece.u.shape[1]
+        at, nu = self.trace.places(piece.row), piece.u.shape[1]
         before = out.rows if out.first is None else out.first
-        self.trace.add(
-            {
-                "row": np.arange(piece.row, piece.row + len(piece.t)), "t": piece.t,
-                "task": piece.task, "input": piece.u, "measured": piece.y,
-                "predicted": out.rows.y, "residual": wrap(piece.y - out.rows.y, self._angles),
-                "sigma": out.rows.sigma, "mark": out.mark[:, nu:], "update": out.rows.update,
-                "first": before.y, "first_update": before.update,
-                "version": np.full(len(piece.t), state.live.version),
-            }
-        )  # fmt: skip
+        columns = {
+            "row": np.arange(piece.row, piece.row + len(piece.t)), "t": piece.t,
+            "task": piece.task, "input": piece.u, "measured": piece.y, "predicted": out.rows.y,
+            "sigma": out.rows.sigma, "mark": out.mark[:, nu:], "update": out.rows.update,
+            "first": before.y, "first_update": before.update,
+        }  # fmt: skip
+        kept = {name: column[at] for name, column in columns.items()}
+        residual = wrap(kept["measured"] - kept["predicted"], self._angles)
+        version = np.full(len(residual), state.live.version)
+        self.trace.add({**kept, "residual": residual, "version": version})
         self._seconds += float(piece.dt.sum())
         if self._progress is not None and state.row - self._told >= OFTEN:
             self._told = state.row

@@ -30,7 +30,7 @@ from evertwin.signals.resample import linear
 from evertwin.sync.horizon import nanoseconds
 from evertwin.types import Stamps, Vector
 
-__all__ = ["Series", "Table", "rows_of_task"]
+__all__ = ["Series", "Table", "is_held", "recorded_as", "rows_of_task"]
 
 Series: TypeAlias = Mapping[str, tuple[Stamps, Vector]]
 """Channel → (stamps [ns], values [SI])."""
@@ -205,27 +205,32 @@ def rows_of_task(series: Series, spec: TwinSpec, model: Model, row: int, task: i
     u = np.stack(
         [_input(table, spec, name, len(model.states) > 0) for name in model.inputs.names], axis=1
     )
-    y = np.stack([table.column(_source(spec, n)) for n in model.outputs.names], axis=1)
+    y = np.stack([table.column(recorded_as(spec, n)) for n in model.outputs.names], axis=1)
     block = make_block(table.t, u, y, row=row, task=task)
     gap = block.gap | (block.dt > clock.gap)
     gap[0] = True
     return block._replace(gap=gap)
 
 
-def _source(spec: TwinSpec, name: str) -> str:
+def recorded_as(spec: TwinSpec, name: str) -> str:
+    """The recorded or derived channel that is a channel of the model."""
     rule = spec.signals.get(name)
     return name if rule is None or rule.source is None else rule.source
 
 
-def _input(table: Table, spec: TwinSpec, name: str, dynamic: bool) -> Vector:
+def is_held(spec: TwinSpec, name: str, dynamic: bool) -> bool:
+    """Is an input a command, held from its stamp on? Usually that of a ``dynamic`` model is."""
     rule = spec.signals.get(name)
-    held = dynamic if rule is None or rule.hold is None else rule.hold
-    values = table.column(_source(spec, name))
-    if not held:
+    return dynamic if rule is None or rule.hold is None else rule.hold
+
+
+def _input(table: Table, spec: TwinSpec, name: str, dynamic: bool) -> Vector:
+    values = table.column(recorded_as(spec, name))
+    if not is_held(spec, name, dynamic):
         known = np.flatnonzero(~np.isnan(values))
         return (
             values
-            if len(known) == len(values)
+            if len(known) in (0, len(values))
             else np.interp(table.t, table.t[known], values[known])
         )
     known = np.where(np.isnan(values), -1, np.arange(len(values)))

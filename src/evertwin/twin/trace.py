@@ -1,7 +1,8 @@
 """What a run looked like, row by row, in bounded memory: for plots, tables and reports.
 
 Up to ``most`` rows are kept as they are; beyond that every second one is dropped, again and again,
-so that an hour at 1 kHz and a day at 1 Hz take the same room.
+so that an hour at 1 kHz and a day at 1 Hz take the same room. Which rows are kept follows from
+their numbers alone, never from where the data was cut.
 
 >>> trace = Trace(most=4)
 >>> for k in range(10):
@@ -32,28 +33,41 @@ class Trace:
     """Rows kept at most."""
     step: int = 1
     """Every how many rows one is kept."""
-    _pieces: list[dict[str, np.ndarray]] = field(default_factory=list, repr=False)
+    _room: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
     _kept: int = 0
 
+    def places(self, row: int) -> slice:
+        """Which rows of a piece that starts at ``row`` are worth handing to `add`."""
+        return slice(-row % self.step, None, self.step)
+
     def add(self, columns: Mapping[str, np.ndarray]) -> None:
-        """More rows; ``row`` numbers them."""
-        keep = columns["row"] % self.step == 0
-        if not keep.any():
-            return
-        self._pieces.append({name: column[keep] for name, column in columns.items()})
-        self._kept += int(keep.sum())
-        while self._kept > self.most:
-            self.step *= 2
-            kept = self.columns()
-            keep = kept["row"] % self.step == 0
-            self._pieces = [{name: column[keep] for name, column in kept.items()}]
-            self._kept = int(keep.sum())
+        """More rows; ``row`` numbers them, increasing."""
+        if not self._room:
+            # pages that are never written take no memory
+            self._room = {
+                name: np.empty((self.most, *column.shape[1:]), column.dtype)
+                for name, column in columns.items()
+            }
+        rows, at = columns["row"], 0
+        while True:
+            wanted = at + np.flatnonzero(rows[at:] % self.step == 0)
+            part = wanted[: self.most - self._kept]
+            for name, column in columns.items():
+                self._room[name][self._kept : self._kept + len(part)] = column[part]
+            self._kept += len(part)
+            if len(part) == len(wanted):
+                return
+            at = int(wanted[len(part)])
+            self._thin()
+
+    def _thin(self) -> None:
+        """Drops every second row."""
+        self.step *= 2
+        keep = np.flatnonzero(self._room["row"][: self._kept] % self.step == 0)
+        for column in self._room.values():
+            column[: len(keep)] = column[keep]
+        self._kept = len(keep)
 
     def columns(self) -> dict[str, np.ndarray]:
         """The rows kept."""
-        if not self._pieces:
-            return {}
-        return {
-            name: np.concatenate([piece[name] for piece in self._pieces])
-            for name in self._pieces[0]
-        }
+        return {name: column[: self._kept].copy() for name, column in self._room.items()}
