@@ -108,7 +108,8 @@ def test_a_wrong_unit_or_sign_is_named(
     code, found = doctored(call, "robot.csv")
     assert code == 1
     (finding,) = found["sign" if factor < 0 else "unit"]
-    assert finding["evidence"]["factor"] == named
+    said = [(h["channels"], h["factor"]) for h in finding["evidence"]["hypotheses"]]
+    assert ([column], named) in said
 
 
 def test_a_frozen_sensor_is_marked(call: Command, folder: Path) -> None:
@@ -165,7 +166,7 @@ ARM = """<robot name="a"><link name="base"/><link name="arm"><inertial>
 
 
 @pytest.mark.parametrize(
-    ("mass", "ixx"), [("0", "0.1"), ("-1", "0.1"), ("1", "0"), ("1", "-0.1"), ("1", "9")]
+    ("mass", "ixx"), [("0", "0.1"), ("-1", "0.1"), ("1", "0"), ("1", "-0.1")]
 )
 def test_impossible_inertia_is_refused(call: Command, folder: Path, mass: str, ixx: str) -> None:
     (folder / "arm.urdf").write_text(ARM.format(mass=mass, ixx=ixx, visual=""))
@@ -190,8 +191,8 @@ def test_a_missing_mesh_does_not_matter(call: Command, folder: Path) -> None:
 def test_a_damaged_store_is_refused(call: Command, folder: Path) -> None:
     assert call("run", "robot.toml", "--data", "robot.csv").code == 0
     data = bytearray((folder / "robot.db").read_bytes())
-    at = data.find(b"promoted")
-    data[at : at + 8] = b"rejected"
+    while (at := data.find(b"promoted")) >= 0:
+        data[at : at + 8] = b"rejected"
     (folder / "robot.db").write_bytes(bytes(data))
     done = call("model", "list", "robot.toml")
     assert done.code == 4 and "hash" in done.err and "Traceback" not in done.err

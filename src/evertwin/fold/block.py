@@ -26,6 +26,9 @@ from evertwin.types import Bools, Inputs, Intervals, Marks, Outputs, Stamps, Tas
 
 __all__ = ["Block", "concatenate", "make_block", "take"]
 
+LARGEST = 1e100
+"""Largest size of a number that can be a measurement: beyond it squares would overflow."""
+
 
 class Block(NamedTuple):
     """Consecutive rows. Built at the edges by `make_block`, trusted inside.
@@ -66,7 +69,8 @@ def make_block(
     Args:
         t: stamps [ns], (n,) integers, strictly increasing.
         u: inputs, (n, nu).
-        y: outputs, (n, ny); NaN becomes the mark ``absent``, infinity ``error`` (and NaN).
+        y: outputs, (n, ny); NaN becomes the mark ``absent``, infinity and what is beyond
+            `LARGEST` ``error`` (and NaN).
         before: stamp of the row before the first one [ns]; None at the start of a stream.
         row: number of the first row.
         task: task number, one or (n,). A row that opens another task starts anew (``gap``).
@@ -89,6 +93,8 @@ def make_block(
             f"row {row + at}: expected a stamp after the row before, got a step of "
             f"{int(steps[at])} ns: repeated and backward stamps are dropped or marked by a source"
         )
+    for side in (inputs, outputs):
+        side[np.abs(side) > LARGEST] = np.inf
     values = np.concatenate([inputs, outputs], axis=1)
     mark = np.where(np.isnan(values), Mark.ABSENT, Mark.OK).astype(np.uint8)
     mark[np.isinf(values)] = Mark.ERROR

@@ -42,9 +42,11 @@ def solve(
     began = time.perf_counter()
     if p0 is not None:
         problem = replace(problem, prior=_started(problem.parameters, p0))
-    if problem.linear and problem.loss == "linear":
-        return _linear(problem, began)
-    return _search(problem, settings or Settings(), began)
+    # a simulation that runs away is infinite, not an accident: the fit says that it diverged
+    with np.errstate(over="ignore", invalid="ignore"):
+        if problem.linear and problem.loss == "linear":
+            return _linear(problem, began)
+        return _search(problem, settings or Settings(), began)
 
 
 def _started(parameters: Parameters, p0: ParameterVector) -> Parameters:

@@ -37,6 +37,7 @@ class Book:
         self._open()
 
     def _open(self) -> None:
+        self._store.verify()  # nothing is built on a log that was changed
         kept = [r for r in self._store.read("version") if isinstance(r, Version)]
         configured = self._versions[0]
         if kept:

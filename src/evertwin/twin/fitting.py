@@ -8,21 +8,37 @@ from __future__ import annotations
 
 import html
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 from evertwin.fold import Block, plain
 from evertwin.models import Parameters
+from evertwin.models.form import Form
 from evertwin.tuning import Fit, Problem
-from evertwin.twin.evaluate import Deviation, deviations, predict
+from evertwin.twin.cut import cut, starts
+from evertwin.twin.evaluate import Deviation, Prediction, deviations, predict
 from evertwin.twin.feed import Data, Feed
 from evertwin.twin.law import climb_laws
+from evertwin.twin.recursion import Recursion
+from evertwin.twin.search import check_initials, initials, own_start, with_terms
 from evertwin.twin.setup import Setup
+from evertwin.twin.sound import sound
 from evertwin.twin.versions import Versions
 from evertwin.twin.work import Work
 from evertwin.types import Json
 
 __all__ = ["FitResult", "fit"]
+
+
+class Judged(NamedTuple):
+    """Predictions of a recording's tasks, and the parameters that each was made with.
+
+    >>> Judged([], []).values
+    []
+    """
+
+    predictions: list[Prediction]
+    values: list[dict[str, float]]
 
 
 @dataclass(frozen=True)
@@ -44,6 +60,12 @@ class FitResult:
     """Output → friction law that was chosen."""
     filter: Mapping[str, Json] | None
     parameters: Parameters
+    form: Form = Form()
+    """Terms that the model has, those included that this fit has found."""
+    search: Mapping[str, Json] = field(default_factory=dict)
+    """The search for terms, if there was one: held-out deviations before and after."""
+    starts: tuple[tuple[Mapping[str, float], ...], ...] = ()
+    """Per test and task of it: the parameters that belong to a recording, fitted to it."""
 
     def to_dict(self) -> dict[str, Json]:
         """Plain content, ``schema: "evertwin.fit/1"``."""
@@ -67,10 +89,15 @@ class FitResult:
                 "parameters": whole["parameters"],
                 "outputs": outputs,
                 "tests": [
-                    {"file": file, "outputs": {d.name: d.to_dict() for d in found}}
-                    for file, found in self.tests
+                    {
+                        "file": file,
+                        "outputs": {d.name: d.to_dict() for d in found},
+                        "fitted_to_the_test": list(starts),
+                    }
+                    for (file, found), starts in zip(self.tests, self._starts, strict=True)
                 ],
                 "filter": self.filter,
+                "form": {"terms": self.form.terms, "search": self.search},
                 "friction_law": self.laws,
                 "converged": self.fit.converged,
                 "message": self.fit.message,
@@ -81,18 +108,33 @@ class FitResult:
             }
         )
 
+    @property
+    def _starts(self) -> tuple[tuple[Mapping[str, float], ...], ...]:
+        """Per test; what nothing was fitted to has none."""
+        filled = tuple(tuple(s for s in starts if s) for starts in self.starts)
+        return filled or ((),) * len(self.tests)
+
     def __str__(self) -> str:
         """Parameters, then deviations per recording."""
         lines = [str(self.fit)]
+        lines += [f"law of {output}: {law}" for output, law in self.laws.items()]
+        lines += [f"term: {said}" for said in self._described()]
         shown = (("train", self.train), *self.tests)
         for file, found in (*shown, ("all tests", self.test)) if self.test else shown:
             lines.append(f"{file}:")
             lines += [
-                f"  {d.name:<10} {100 * d.relative_rms:7.2f} %   moving "
+                f"  {d.name:<10} rms {d.rms:.4g} {d.unit} {100 * d.relative_rms:7.2f} %   moving "
                 f"{100 * d.relative_rms_moving:7.2f} % of {d.moving} rows"
                 for d in found
             ]
+        if any(self._starts):
+            names = ", ".join(self._starts[0][0])
+            lines.append(f"fitted to each test, since they belong to a recording: {names}")
         return "\n".join(lines)
+
+    def _described(self) -> list[str]:
+        found: Any = self.search.get("describes", ())
+        return list(found) or (["none pays on held-out parts"] if self.search else [])
 
     def _repr_html_(self) -> str:
         return f"{self.fit._repr_html_()}<pre>{html.escape(str(self))}</pre>"
@@ -103,24 +145,39 @@ def fit(
 ) -> FitResult:
     """Tunes version ``number`` on ``train`` and judges it on each of ``test``."""
     feed, work = Feed(setup.spec, setup.model), Work(setup, versions)
-    windows = tuple(feed.blocks(train))
-    version = versions[number]
+    version, base = versions[number], versions.model(number)
+
+    def rows(data: Data) -> tuple[Block, ...]:
+        return sound(setup, base, version.p, feed.blocks(data))
+
+    tasks = rows(train)
+    check_initials(setup, base, tasks)
+    windows = starts(setup, cut(tasks, setup.spec.tuning.cut))
     problem: Problem = work.problem(version, windows, work.editable(version))
     problem, laws = climb_laws(setup, problem)
-    found, _ = work.tune(problem)
-    model = problem.model
+    formed = with_terms(setup, work, version.form, problem)
+    model, found = formed.problem.model, formed.fit
+    names = model.parameters.names
 
-    def judged(blocks: tuple[Block, ...]) -> tuple[Deviation, ...]:
-        return deviations(setup, [predict(setup, model, found.p, block) for block in blocks])
+    def judged(blocks: tuple[Block, ...], own: bool = True) -> Judged:
+        blocks = starts(setup, blocks)
+        used = [own_start(setup, model, found.p, b) if own else found.p for b in blocks]
+        if own and setup.spec.tuning.method == "recursive":
+            recursion = Recursion.after(setup, formed.problem, found)
+            return Judged([recursion.predict(b) for b in blocks], [{} for _ in blocks])
+        seen = [predict(setup, model, p, b) for p, b in zip(used, blocks, strict=True)]
+        return Judged(seen, [dict(zip(names, p.tolist(), strict=True)) for p in used])
 
-    named = [(_named(item), tuple(feed.blocks(_listed(item)))) for item in test]
-    together = tuple(block for _, blocks in named for block in blocks)
-    rule = setup.spec.filter
+    tests = [(_named(item), judged(rows(_listed(item)))) for item in test]
+    together = [prediction for _, one in tests for prediction in one.predictions]
+    rule, free = setup.spec.filter, initials(model)
     return FitResult(
-        setup.spec.name, found, judged(windows), judged(together) if named else (),
-        tuple((name, judged(blocks)) for name, blocks in named), laws,
+        setup.spec.name, found, deviations(setup, judged(tasks, own=False).predictions),
+        deviations(setup, together) if tests else (),
+        tuple((name, deviations(setup, one.predictions)) for name, one in tests), laws,
         None if rule is None else {"kind": rule.kind, "order": rule.order, "cutoff": rule.cutoff},
-        model.parameters.with_values(found.p),
+        model.parameters.with_values(found.p), formed.form, formed.search,
+        tuple(tuple({name: p[name] for name in free if name in p} for p in one.values) for _, one in tests),
     )  # fmt: skip
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from evertwin.fold import Event
+from evertwin.fold import Event, Mark
 from evertwin.sync.horizon import residuals
 from evertwin.twin.finding import Finding
 from evertwin.twin.view import View, changes
@@ -48,6 +48,7 @@ def _not_finite(view: View) -> Iterator[Finding]:
     """Inputs that are not known, and outputs that are infinite."""
     u = np.concatenate([window.u for window in view.windows])
     y = np.concatenate([window.y for window in view.windows])
+    mark, nu = np.concatenate([window.mark for window in view.windows]), u.shape[1]
     for k, name in enumerate(view.model.inputs.names):
         if bad := int(np.count_nonzero(~np.isfinite(u[:, k]))):
             first = int(np.flatnonzero(~np.isfinite(u[:, k]))[0])
@@ -58,8 +59,9 @@ def _not_finite(view: View) -> Iterator[Finding]:
                 "stand for no value", {"rows": bad},
             )  # fmt: skip
     for k, name in enumerate(view.model.outputs.names):
-        if bad := int(np.count_nonzero(np.isinf(y[:, k]))):
-            first = int(np.flatnonzero(np.isinf(y[:, k]))[0])
+        absurd = mark[:, nu + k] == Mark.ERROR
+        if bad := int(np.count_nonzero(absurd)):
+            first = int(np.flatnonzero(absurd)[0])
             yield Finding(
                 "absurd", name, f"{name} is infinite in {bad} of {len(y)} rows",
                 f"row {first} first", "marked as errors; look at the recording there",
@@ -153,7 +155,7 @@ def _lost(view: View) -> Iterator[Finding]:
             predicted = changes(view.model, view.version.p, judged, view.horizon).predicted
             zero = np.where(np.isnan(predicted), np.nan, 0.0)
             known = ~np.isnan(residuals(view.model, judged, zero)[:, k])
-            measured += int(np.count_nonzero(~np.isnan(raw.y[:, k])))
+            measured += int(np.count_nonzero(raw.mark[:, raw.u.shape[1] + k] != Mark.ABSENT))
             used += int(np.count_nonzero(known))
         if measured and 1 - used / measured > LOST:
             yield Finding(

@@ -1,8 +1,8 @@
 """Do the settings fit the data? Horizon, tolerance and requirement against noise; action space.
 
-The noise of an output that the model adopts follows from predictions of one row each: two
-successive residuals share one measurement with opposite sign, so their covariance is −σ². Of a
-static map it is what two neighbouring residuals do not share.
+The noise of an output that the model adopts follows from predictions of one row each: successive
+residuals share one measurement with opposite sign, so neighbouring differences of residuals have
+the covariance −4·σ². Of a static map it is what two neighbouring residuals do not share.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from evertwin.types import Vector
 
 __all__ = ["look_settings"]
 
-OFTEN = 0.1
-"""Share of samples that must deviate before a table has something to learn."""
+LITTLE = 0.1
+"""Share of the command that must be missed before a table has something to learn."""
 CLEAR = 3.0
 """Changes over the horizon should be so many times what noise alone makes of them."""
 
@@ -41,25 +41,30 @@ def look_settings(view: View, figures: dict[str, Any]) -> Iterator[Finding]:
 
 def _noise(view: View) -> Vector:
     """Standard deviation of each output's measurement, (ny,); NaN where it cannot be told."""
-    static, p = view.setup.static, view.version.p
+    found = [changes(view.model, view.version.p, window, 1e-9) for window in view.some(view.judged)]
     out = []
     for k in range(len(view.model.outputs)):
-        products, count = 0.0, 0
-        steps: list[np.ndarray] = []
-        for window in view.some(view.judged):
-            found = changes(view.model, p, window, 1e-9)
-            r = (found.measured - found.predicted)[:, k]
-            r = r[np.isfinite(r)]
-            products += float(-(r[1:] * r[:-1]).sum())
-            count += max(len(r) - 1, 0)
-            steps.append(np.abs(np.diff(r)))
-        if count < 30:
-            out.append(math.nan)
-        elif static:
-            out.append(float(np.median(np.concatenate(steps))) / 0.6745 / math.sqrt(2))
-        else:
-            out.append(math.sqrt(max(products / count, 0.0)))
+        steps = []
+        for change in found:
+            r = (change.measured - change.predicted)[:, k]
+            steps.append(np.diff(r[np.isfinite(r)]))
+        out.append(_level(steps, view.setup.static))
     return np.array(out)
+
+
+def _level(steps: list[Vector], static: bool) -> float:
+    """Noise from differences of neighbouring residuals, outliers clipped."""
+    whole = np.concatenate(steps)
+    if len(whole) < 30:
+        return math.nan
+    spread = float(np.median(np.abs(whole))) / 0.6745
+    if static:
+        return spread / math.sqrt(2)
+    # n(i+1) − 2·n(i) + n(i−1): from row to row its covariance is −4·σ², and drifts cancel
+    clipped = [np.clip(d, -5 * spread, 5 * spread) for d in steps]
+    pairs = sum(max(len(d) - 1, 0) for d in clipped)
+    total = sum(float((d[1:] * d[:-1]).sum()) for d in clipped)
+    return math.sqrt(max(-total / max(pairs, 1) / 4, 0.0))
 
 
 def _horizon(view: View, noise: Vector) -> Iterator[Finding]:
@@ -148,7 +153,8 @@ def _actions(view: View) -> Iterator[Finding]:
         settings = sarsa_settings(view.setup, channel, windows)
     except (DataError, UsageError):
         return  # too little data for a table: the horizon's finding says so
-    if np.mean(np.abs(effect - command) > settings.quantum / 2) < OFTEN:
+    missed = float(np.sqrt(np.mean((effect - command) ** 2)))
+    if missed < LITTLE * float(np.sqrt(np.mean(command**2))):
         return  # nothing is to be learned
     for said in findings(settings, command, effect):
         yield Finding(

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -66,29 +66,47 @@ def look_units(view: View, figures: dict[str, Any]) -> list[Finding]:
         if not (before > WRONG).any():
             break
         best = _best(view, window, before)
-        if best is None:
+        if not best:
             break
-        suspect, factor, said, after = best
-        found.append(_told(view, suspect, said, (before, after)))
-        window = _scaled(window, suspect, factor)
+        found.append(_told(view, best, before))
+        window = _scaled(window, best[0].suspect, best[0].factor)
     return found
 
 
-def _told(view: View, suspect: _Suspect, said: str, pair: tuple[Vector, Vector]) -> Finding:
-    names, outputs = ", ".join(suspect.names), view.model.outputs.names
-    better = [k for k in range(len(outputs)) if pair[1][k] < 0.9 * pair[0][k]]
-    shown = ", ".join(f"{outputs[k]} {pair[0][k]:.2f} -> {pair[1][k]:.2f}" for k in better)
-    other = "the outputs" if suspect.u else "the inputs"
-    kind = "sign" if said.startswith("-1") else "unit"
+class _Hypothesis(NamedTuple):
+    """A factor on some channels, and the mismatch that it leaves."""
+
+    suspect: _Suspect
+    factor: float
+    said: str
+    after: Vector
+
+    @property
+    def text(self) -> str:
+        return f"{', '.join(self.suspect.names)} times {self.said}"
+
+
+def _told(view: View, best: list[_Hypothesis], before: Vector) -> Finding:
+    first, outputs = best[0], view.model.outputs.names
+    better = [k for k in range(len(outputs)) if first.after[k] < 0.9 * before[k]]
+    shown = ", ".join(f"{outputs[k]} {before[k]:.2f} -> {first.after[k]:.2f}" for k in better)
+    names = " or ".join(", ".join(one.suspect.names) for one in best)
+    sign = first.factor < 0
     step = (
         f"scale = -1 for {names} in [source.channels], if its direction is confirmed"
-        if kind == "sign"
-        else f"check the unit of {names} in [source.channels] (or of {other} that go with it)"
+        if sign
+        else f"check the unit of {names} in [source.channels]"
     )
     return Finding(
-        kind, suspect.names[0],
-        f"{names} times {said} fits the model: mismatch {shown}", "[source.channels]", step,
-        {"factor": said.split()[0], "channels": suspect.names, "before": pair[0], "after": pair[1]},
+        "sign" if sign else "unit", first.suspect.names[0],
+        f"{', or '.join(one.text for one in best)} fits the model: mismatch {shown}",
+        "[source.channels]", step,
+        {
+            "before": before, "after": first.after,
+            "hypotheses": [
+                {"channels": one.suspect.names, "factor": one.said.split()[0]} for one in best
+            ],
+        },
     )  # fmt: skip
 
 
@@ -161,22 +179,24 @@ def _suspects(inputs: Layout, outputs: Layout) -> list[_Suspect]:
     return out
 
 
-def _best(view: View, window: Block, before: Vector) -> tuple[_Suspect, float, str, Vector] | None:
-    """The channel and factor that remove most; None where none removes enough."""
-    best: tuple[_Suspect, float, str, Vector] | None = None
+def _best(view: View, window: Block, before: Vector) -> list[_Hypothesis]:
+    """What removes most, and what explains it as well; empty where nothing removes enough."""
     wrong = before > WRONG
-    score = math.inf
+    found = []
     for suspect in _suspects(view.model.inputs, view.model.outputs):
         if suspect.y and not wrong[list(suspect.y)].all():
             continue
         for factor, said in FACTORS:
             after = _mismatch(view, _scaled(window, suspect, factor))
             helped = (after < BETTER * before) & wrong
-            total = float(after.sum())
-            # fewer changed channels and more familiar factors come first: they must be beaten
-            if helped.any() and (after <= before + 0.1).all() and total < 0.97 * score:
-                best, score = (suspect, factor, said, after), total
-    return best
+            if helped.any() and (after <= before + 0.1).all():
+                found.append(_Hypothesis(suspect, factor, said, after))
+    if not found:
+        return []
+    least = min(float(one.after.sum()) for one in found)
+    # the channel alone before a set of channels: suspects come in that order
+    close = [one for one in found if float(one.after.sum()) <= 1.05 * least + 0.01]
+    return close[:3]
 
 
 def look_lags(view: View, figures: dict[str, Any]) -> Iterator[Finding]:

@@ -17,8 +17,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from evertwin.config import TwinSpec, read
-from evertwin.errors import UsageError
+from evertwin.errors import StoreError, UsageError
 from evertwin.fold import Block, Event, Record
 from evertwin.models import Model, Parameters
 from evertwin.models.form import Version
@@ -38,6 +40,8 @@ from evertwin.twin.versions import Versions
 __all__ = ["Twin"]
 
 log = logging.getLogger("evertwin")
+_RUNAWAY = np.errstate(over="ignore", invalid="ignore")
+"""A simulation that runs away is infinite: fits and marks say so, no warning is needed."""
 Progress = Callable[[int, float], None]
 """``progress(rows so far, seconds of data so far)``."""
 
@@ -64,7 +68,11 @@ class Twin:
         where = ":memory:" if path is None else str(Path(spec.folder) / path)
         self.store: Store = store or SqliteStore(where)
         self._versions = Versions(self.model)
-        self._book = Book(self.store, self._versions)
+        try:
+            self._book = Book(self.store, self._versions)
+        except StoreError:
+            self.store.close()
+            raise
 
     @classmethod
     def open(cls, path: str | Path) -> Twin:
@@ -118,6 +126,7 @@ class Twin:
         """The rows of recordings, one block a task."""
         return tuple(Feed(self.spec, self.model).blocks(data))
 
+    @_RUNAWAY
     def run(self, data: Data = None, progress: Progress | None = None) -> RunResult:
         """Runs the twin beside recorded data: follow, judge, tune, correct, try, promote.
 
@@ -135,7 +144,7 @@ class Twin:
             self.setup, self._versions, self._keep(observer), observer.watch,
             self._book.champion, self._book.pinned,
         )  # fmt: skip
-        state = driver.finish(driver.run(feed.blocks(data)))
+        state = driver.finish(driver.run(feed.stream(data)))
         self._book.keep_versions()
         self.store.checkpoint(state, state.row)
         seconds = time.perf_counter() - began
@@ -152,6 +161,7 @@ class Twin:
 
         return keep
 
+    @_RUNAWAY
     def fit(
         self, train: Data = None, test: Sequence[Any] = (), progress: Progress | None = None
     ) -> FitResult:
@@ -163,10 +173,12 @@ class Twin:
         """
         return fit(self.setup, self._versions, self.champion.number, train, tuple(test))
 
+    @_RUNAWAY
     def doctor(self, data: Data = None) -> Diagnosis:
         """What is wrong, or will be: units, lag, excitation, what is not identifiable."""
         return diagnose(self.setup, self._versions, self.champion.number, data)
 
+    @_RUNAWAY
     def compare(self, a: int, b: int, data: Data = None) -> Comparison:
         """Two versions over the same data."""
         return compare(self.setup, self._versions, (a, b), data)

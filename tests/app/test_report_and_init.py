@@ -1,0 +1,81 @@
+"""The report is one file with everything inside; a proposed twin file runs as it is."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evertwin.config import read
+from evertwin.config.schema import sections
+from evertwin.twin import Twin
+
+from .conftest import Command, columns, save
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_the_report_is_one_small_file_with_its_pictures(call: Command, folder: Path) -> None:
+    text = (folder / "robot.toml").read_text()
+    rule = '[correction]\nchannels = ["v"]\nterms = ["table", "law"]\nquantum = "1 cm/s"\n'
+    (folder / "robot.toml").write_text(text + rule)
+    table = columns()
+    table["v"] = np.abs(table["v"])  # set-points of one sign, capped by the drive
+    drive = np.where(table["v"] < 4.0, 0.0, np.minimum(table["v"], 9.0))
+    noise = np.random.default_rng(1).normal(0.0, 0.1, len(drive))
+    table["x"] = np.concatenate([[0.0], np.cumsum(0.1 * drive[:-1])]) + noise
+    save(folder / "robot.csv", table)
+    done = call("run", "robot.toml", "--data", "robot.csv", "--report", "out/report.html")
+    assert done.code == 0, done.err
+    page = (folder / "out" / "report.html").read_text(encoding="utf-8")
+    assert len(page) < 3_000_000
+    assert not re.findall(r'(?:src|href)="(?!data:)', page)  # nothing is loaded from elsewhere
+    for title in ("Translation table", "Deviation of x before", "Deviation of x after", "Run: x",
+                  "Evidence of the trials", "e-value"):  # fmt: skip
+        assert title in page, title
+    assert page.count("data:image/png") >= 4
+
+
+@pytest.mark.parametrize("kind", ["robot1d", "python"])
+def test_a_proposed_twin_file_runs(call: Command, folder: Path, kind: str) -> None:
+    done = call("init", "robot.csv", "-o", "new.toml", "--model", kind)
+    assert done.code == 0, done.err
+    assert (folder / "new.toml").read_text().count("#") >= 5
+    run = call("run", "new.toml", "--json")
+    assert run.code == 0, run.err
+    assert run.json["samples"] == 1200
+
+
+def test_what_finds_no_column_is_marked_and_refused(call: Command, folder: Path) -> None:
+    done = call("init", "robot.csv", "-o", "new.toml", "--model", "differential", "--json")
+    assert done.code == 0 and "heading" in done.json["missing"] and "heading" in done.err
+    run = call("run", "new.toml")
+    assert run.code == 4 and "'?'" in run.err
+
+
+def test_an_arm_gets_its_accelerations_derived(call: Command, folder: Path) -> None:
+    t = np.arange(300) * 0.01
+    table: dict[str, np.ndarray] = {"t": t}
+    for j in range(1, 7):
+        table[f"q{j}"] = 0.1 * np.sin(t + j)
+        table[f"qd{j}"] = 0.1 * np.cos(t + j)
+        table[f"tau{j}"] = 0.1 * np.cos(t + j)
+    save(folder / "arm.csv", table)
+    done = call("init", "arm.csv", "-o", "arm.toml", "--model", "arm", "--json")
+    assert done.code == 0, done.err
+    assert done.json["derived"] == [f"qdd{j}" for j in range(1, 7)] and not done.json["missing"]
+    assert read(folder / "arm.toml").clock.rate == 100.0
+    assert call("run", "arm.toml").code == 0
+
+
+def test_the_template_names_every_section_and_builds() -> None:
+    path = ROOT / "twins" / "template.toml"
+    text = path.read_text(encoding="utf-8")
+    with Twin.open(path) as twin:
+        assert twin.model.inputs.names == ("inflow",)
+    for name in ("model", "source", "derive", "signals", "clock", "filter", "moving", "arbiter",
+                 "prediction", "anomaly", "tuning", "correction", "trial", "store"):  # fmt: skip
+        assert re.search(rf"^#? ?\[\[?{name}", text, re.MULTILINE), name
+    assert len(sections()) >= 14
