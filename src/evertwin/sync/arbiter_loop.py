@@ -21,14 +21,23 @@ from evertwin.sync.plausible_loop import (
     measure,
     standstill,
 )
-from evertwin.sync.vote_loop import agrees, end_contest, end_fault, fault, note, remember, widen
+from evertwin.sync.vote_loop import (
+    agrees,
+    end_contest,
+    end_fault,
+    fault,
+    note,
+    remember,
+    sides,
+    widen,
+)
 
 __all__ = ["forget", "judge"]
 
 OK, CONTESTED, OVERRULED, ERROR = 0, 4, 5, 6
 ADOPTED, BLENDED, RESET, FIRST = 1, 2, 3, 4
 SYNTAX, FROZEN, VOTE = 1, 4, 7
-RECENT = 1000
+RECENT = 300
 """Samples that the mean square of measured − predicted remembers."""
 QUICKLY = 20
 """Samples in which the usual path rises; it falls over the memory of the variance."""
@@ -65,6 +74,17 @@ def settle(
 
 
 @njit(**HOT)
+def moderated(values: Any, j: int, off: float) -> float:
+    """The difference that a blend follows: of a sudden change, at first only what is usual.
+
+    If the next sample confirms it, it is followed; a single outlier is not.
+    """
+    bound = 2.0 * np.sqrt(values[j, at.BASE])
+    usual = values[j, at.OFFSET] + min(max(values[j, at.NU], -bound), bound)
+    return float(usual if abs(usual) < abs(off) else off)
+
+
+@njit(**HOT)
 def use(settings: Any, memory: Any, sample: Any, g: int, size: int, stamp: int) -> int:
     """A sample inside the gate: nothing, a tolerance update, or a blend."""
     limits, rules, _ = settings
@@ -76,8 +96,12 @@ def use(settings: Any, memory: Any, sample: Any, g: int, size: int, stamp: int) 
     # A pause is no regular interval.
     limited = min(elapsed, 3.0 * known)
     figures[g, at.INTERVAL] = known + (limited - known) / 32.0 if known > 0 else elapsed
+    few = min(numbers[g, at.SAMPLES], RECENT)
     for k in range(size):
         j = room[k]
+        nu, move = values[j, at.NU], values[j, at.MOVE]
+        values[j, at.CROSS] += (nu * move - values[j, at.CROSS]) / few
+        values[j, at.POWER] += (move * move - values[j, at.POWER]) / few
         more = values[j, at.PATH] / max(steps, 1.0) - values[j, at.USUAL]
         values[j, at.USUAL] += more / (QUICKLY if more > 0 else at.MEMORY)
         values[j, at.PROVEN] -= values[j, at.PROVEN] / at.MEMORY
@@ -89,11 +113,11 @@ def use(settings: Any, memory: Any, sample: Any, g: int, size: int, stamp: int) 
             off = wrapped(y[j] - predicted[j], limits[j, at.ANGLE] > 0)
             known = values[j, at.SQUARE] < np.inf
             more = off * off - (values[j, at.SQUARE] if known else 0.0)
-            few = min(numbers[g, at.SAMPLES], RECENT)
             values[j, at.SQUARE] = values[j, at.SQUARE] + more / few if known else more
             if limits[j, at.ADOPTS] > 0:
                 # While the variance is not known, the measurement is all there is.
-                take[j] = predicted[j] + (gain if values[j, at.BASE] < np.inf else 1.0) * off
+                weight = gain if values[j, at.BASE] < np.inf else 1.0
+                take[j] = predicted[j] + weight * moderated(values, j, off)
         settle(limits, memory, sample, g, size, stamp, False, gain)
         return BLENDED
     adopt = False
@@ -240,7 +264,11 @@ def judge(
         return ERROR, 0
     if numbers[g, at.CAUSE] > 0:
         end_fault(memory, notes, g, now)
-    if ratio > 1.0:
+    if cause == 0 and numbers[g, at.CONTEST] > 0 and started and ratio <= 1.0:
+        outside = sides(limits, values, board, rules, room, g, size)
+    else:
+        outside = ratio > 1.0
+    if outside:
         verdict, done = contest(
             settings, memory, statistics, board, notes, sample, g, size, now, phase
         )

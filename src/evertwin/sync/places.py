@@ -21,14 +21,15 @@ NONE, UPDATE, MIX = range(3)
 
 (
     OFFSET, LAST, GOOD, PATH, WAY, AFTER, ORIGIN, NU, BASE, WRONG, USUAL, SLOPE, PROVEN, BEFORE,
-    SQUARE,
-) = range(15)  # fmt: skip
+    SQUARE, MOVE, CROSS, POWER,
+) = range(18)  # fmt: skip
 """Memory per output: what the last trusted sample was off the state after it; last sample; last
 trusted value; path that was predicted since; way that was predicted since the value changed; output
 after the row, and when the run of equal values began; innovation of this sample (its change of the
 offset) and its regular variance; innovation of the last doubted sample; usual path from sample to
 sample; how fast the contested samples move beside the prediction [per sample], and how fast
-agreeing ones did; offset when the run began; mean square of measured − predicted."""
+agreeing ones did; offset when the run began; mean square of measured − predicted; way that was
+predicted for this sample, its mean product with the innovation and its mean square."""
 (
     STARTED, VALID, GOOD_AT, LAST_AT, RUN, RUN_ROW, RUN_AT, STILL, CAUSE, ONSET, UNTIL, FAULTS,
     TOLD, CONTEST, BATCH, BATCH_ROW, LEFT, SAMPLES, UPDATES, RESETS, CONTESTED, ERRORS,
@@ -54,7 +55,7 @@ MEMORY = 10_000
 """Innovations that a variance remembers."""
 TURN = 6
 """Place of 180/π in `FACTORS`, the only factor of an angle."""
-FACTORS = np.array([10.0, 100.0, 1e3, 1e4, 1e6, 1e9, 180.0 / np.pi, 25.4])
+FACTORS = np.array([10.0, 100.0, 1e3, 1e4, 1e6, 1e9, 180.0 / np.pi, 25.4, 1 / 0.0254])
 """Suspected factors; their inverses are tried too."""
 
 

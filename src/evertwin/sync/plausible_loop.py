@@ -83,10 +83,10 @@ def credible(limits: Any, rules: Any, values: Any, g: int, j: int, steps: float)
     What the model predicted to move since the last trusted sample (``steps`` regular intervals
     ago), or usually predicts, may be all wrong: a machine that stands still against the model, or
     moves against it, is no measurement error. Nor is motion of its own that agreeing samples have
-    proven before, nor anything within the tolerance.
+    proven before (half as much again), nor anything within the tolerance.
     """
     size = rules[g, at.SHARE] * max(values[j, at.PATH], values[j, at.USUAL] * steps)
-    size = max(size, values[j, at.PROVEN] * steps)
+    size = max(size, 1.5 * values[j, at.PROVEN] * steps)
     if rules[g, at.USE] == at.UPDATE and limits[j, at.TOLERANCE] < np.inf:
         size = max(size, limits[j, at.TOLERANCE])
     return float(size)
@@ -116,7 +116,7 @@ def measure(
         nu = wrapped(y[j] - predicted[j] - values[j, at.OFFSET], limits[j, at.ANGLE] > 0)
         floor = 1e-9 * (abs(predicted[j]) + abs(y[j])) + 1e-15
         base = variance_of(statistics[0], statistics[1], phase, j) + floor * floor
-        values[j, at.NU], values[j, at.BASE] = nu, base
+        values[j, at.NU], values[j, at.BASE], values[j, at.MOVE] = nu, base, values[j, at.WAY]
         spread = base * growth
         if rules[g, at.GROWTH] > 0:
             spread = base + rules[g, at.GROWTH] * rules[g, at.GROWTH] * elapsed

@@ -58,7 +58,7 @@ class TrackState(NamedTuple):
     p: ParameterVector
     x0: StateVector
     """State that a new start begins with."""
-    values: Float64[np.ndarray, "ny 15"]
+    values: Float64[np.ndarray, "ny 18"]
     """Memory per output, see `evertwin.sync.places`."""
     numbers: Int64[np.ndarray, "ng 22"]
     """Memory per group: flags, stamps, the open fault and contest, counters."""
@@ -169,7 +169,7 @@ class Track:
         variance, counts = np.zeros((kinds, ny)), np.zeros((kinds, ny), dtype=np.int64)
         # An innovation is the difference of two measurements.
         variance[-1], counts[-1] = 2.0 * sigma**2, np.where(sigma > 0, at.LEARN, 0)
-        values = np.zeros((ny, 15))
+        values = np.zeros((ny, 18))
         values[:, [at.AFTER, at.BASE]] = np.nan, np.inf
         values[:, at.SQUARE] = np.where(sigma > 0, sigma**2, np.inf)
         numbers = np.zeros((ng, 22), dtype=np.int64)

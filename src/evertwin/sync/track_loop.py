@@ -178,6 +178,10 @@ def run(
                 spread += values[j, at.OFFSET] * values[j, at.OFFSET]
                 if rules[g, at.USE] == at.MIX and limits[j, at.ADOPTS] > 0:
                     spread = values[j, at.SQUARE] * growth
+                if values[j, at.POWER] > 0:
+                    # The model's own error goes on while nothing is measured.
+                    drift = values[j, at.CROSS] / values[j, at.POWER] * values[j, at.PATH]
+                    spread += drift * drift
                 sigma[i, j] = np.sqrt(spread)
     # The scratch arrays are used here once more, so that they outlive their borrowed forms.
     return int(

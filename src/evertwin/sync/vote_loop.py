@@ -14,7 +14,7 @@ from evertwin.sync import places as at
 from evertwin.sync.borrow import COLD
 from evertwin.sync.horizon_loop import wrapped
 
-__all__ = ["agrees", "end_contest", "end_fault", "fault", "note", "remember", "widen"]
+__all__ = ["agrees", "end_contest", "end_fault", "fault", "note", "remember", "sides", "widen"]
 
 ERROR, OVERRULED, RESTORED, STALE, FRESH, WIDER = range(6)
 VOTE = 7
@@ -98,6 +98,24 @@ def agrees(settings: Any, values: Any, board: Any, room: Any, g: int, size: int)
             if not abs(d - level - slope * a) <= gate + 0.25 * way:
                 return False
     return True
+
+
+@njit(**COLD)
+def sides(limits: Any, values: Any, board: Any, rules: Any, room: Any, g: int, size: int) -> bool:
+    """A sample inside the gate, which has grown meanwhile: is it one of those that are contested?
+
+    Judged by the output that stands out most: nearer to the last contested sample than to the
+    prediction.
+    """
+    ring, last, most, found = board[0], int(rules[g, at.VOTE]) - 1, 0.0, False
+    for k in range(size):
+        j = room[k]
+        nu = values[j, at.NU]
+        if nu * nu > most * values[j, at.BASE]:
+            most = nu * nu / values[j, at.BASE]
+            rest = wrapped(nu - ring[last, j], limits[j, at.ANGLE] > 0)
+            found = abs(rest) < 0.5 * abs(nu)
+    return found and most > 4.0
 
 
 @njit(**COLD)
