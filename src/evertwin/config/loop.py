@@ -20,6 +20,7 @@ __all__ = [
     "AnomalySpec",
     "ArbiterSpec",
     "CorrectionSpec",
+    "CutSpec",
     "PredictionSpec",
     "TrialSpec",
     "TuningSpec",
@@ -88,8 +89,9 @@ class AnomalySpec(Section):
     """Signal-to-noise threshold; 0: not used."""
     false_alarms_per_month: Annotated[float, Limits(above=0.0)] = 1.0
     """Over all outputs together; sets the detectors' limits."""
-    calibration: Annotated[Seconds, Limits(above=0.0)] = math.inf
-    """Calm data that sets the run-length limits; inf: the first task."""
+    calibration: Annotated[Seconds, Limits(at_least=0.0)] = 0.0
+    """Calm data that sets the run-length limits; 0: as soon as it suffices; inf: the whole first
+    task, and further ones only if it does not suffice."""
     phases: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     """Input to the borders (SI, rising) that divide its range: each regime has its own limits."""
     outputs: tuple[str, ...] = ()
@@ -107,6 +109,20 @@ class AnomalySpec(Section):
         if table.get("relative") is True:
             raise UsageError(f"requirement {value!r} has a unit, so it is not relative")
         return {"relative": False, **table}
+
+
+@dataclass(frozen=True)
+class CutSpec(Section):
+    """``[tuning.cut]``: a fit predicts over windows of its recordings, not over whole tasks.
+
+    >>> CutSpec(length=4.0).step is None
+    True
+    """
+
+    length: Annotated[Seconds, Limits(above=0.0)]
+    """Length of a window; each starts anew from the measured state."""
+    step: Annotated[Seconds, Limits(above=0.0)] | None = None
+    """From one window's start to the next; absent: ``length``, so that they do not overlap."""
 
 
 @dataclass(frozen=True)
@@ -131,10 +147,22 @@ class TuningSpec(Section):
     """Parameter to how often it is tuned, relative to the others."""
     ladder: tuple[str, ...] = ()
     """Variants of the model, simplest first, climbed while held-out error falls."""
+    cut: CutSpec | None = None
+    """Windows that ``fit`` cuts its recordings into; absent: whole tasks."""
     causes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """Cause to its parameters; competing refits name the cause of a deviation."""
     relaxation: Annotated[float, Limits(above=0.0, at_most=1.0)] = 0.4
     """Step of the iteration mode."""
+    follow: tuple[str, ...] = ()
+    """``recursive``: tuned parameters that are followed in the stream; empty: all."""
+    learn: Annotated[Seconds, Limits(above=0.0)] = 1.0
+    """``recursive``: predict for so long, then learn."""
+    memory: Annotated[Seconds, Limits(above=0.0)] = 20.0
+    """``recursive``: time constant of forgetting towards the prior."""
+    spread: Annotated[float, Limits(above=0.0)] = 0.1
+    """``recursive``: standard deviation of the prior, relative to the fitted value."""
+    caution: Annotated[float, Limits(above=0.0)] = 3.0
+    """``recursive``: noise that is assumed, in units of the fit's residual."""
 
 
 @dataclass(frozen=True)
@@ -159,6 +187,11 @@ class CorrectionSpec(Section):
     """Inputs for which the table was learned; when they change a new training sequence starts."""
     window: Annotated[int, Limits(at_least=2)] = 6000
     """Newest rows that a correction is learned on."""
+    in_fit: bool = False
+    """``fit`` searches for terms as well, judged on held-out parts of its recordings."""
+    horizon: Annotated[Seconds, Limits(above=0.0)] | None = None
+    """Length of the predictions that terms are judged on in ``fit``; absent: that of
+    ``[prediction]``."""
 
 
 @dataclass(frozen=True)

@@ -177,7 +177,10 @@ def fit(
         tuple((name, deviations(setup, one.predictions)) for name, one in tests), laws,
         None if rule is None else {"kind": rule.kind, "order": rule.order, "cutoff": rule.cutoff},
         model.parameters.with_values(found.p), formed.form, formed.search,
-        tuple(tuple({name: p[name] for name in free if name in p} for p in one.values) for _, one in tests),
+        tuple(
+            tuple({name: p[name] for name in free if name in p} for p in one.values)
+            for _, one in tests
+        ),
     )  # fmt: skip
 
 

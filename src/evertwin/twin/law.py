@@ -16,6 +16,7 @@ from evertwin.fold import Block, take
 from evertwin.machines.friction import Rung
 from evertwin.tuning import Problem
 from evertwin.tuning.terms import climb_terms
+from evertwin.twin.cut import apart
 from evertwin.twin.setup import Setup
 
 __all__ = ["Laddered", "climb_laws"]
@@ -45,8 +46,9 @@ class Laddered(Protocol):
 def climb_laws(setup: Setup, problem: Problem) -> tuple[Problem, Mapping[str, str]]:
     """The problem with the terms that pay, and each output's law.
 
-    A term that already has a value stays. Without ``[tuning] ladder`` every term of the model takes part, and so does a term that the
-    ladder does not name. A single task is cut into parts, so that there is something to hold out.
+    A term that already has a value stays. Without ``[tuning] ladder`` every term of the model takes
+    part, and so does a term that the ladder does not name. A single task is cut into parts, so that
+    there is something to hold out.
 
     Raises:
         ConfigError: the twin file names a term that the model's law does not have.
@@ -70,7 +72,7 @@ def climb_laws(setup: Setup, problem: Problem) -> tuple[Problem, Mapping[str, st
     ]
     if not tried:
         return problem, {}
-    ascent = climb_terms(replace(problem, windows=_folds(problem.windows)), tried)
+    ascent = climb_terms(replace(problem, windows=_folds(apart(problem.windows))), tried)
     assert isinstance(model, Laddered)
     laws = {
         output: model.law_name(k, ascent.taken[k]) for k, output in enumerate(model.outputs.names)

@@ -23,6 +23,7 @@ from evertwin.trial import admit
 from evertwin.tuning import Fit, Iteration, Problem, Schedule, solve
 from evertwin.twin.law import climb_laws
 from evertwin.twin.learn import learn
+from evertwin.twin.recursion import Recursion
 from evertwin.twin.setup import Setup
 from evertwin.twin.state import TwinState
 from evertwin.twin.versions import Versions
@@ -74,7 +75,10 @@ class Work:
 
     def editable(self, version: Version) -> tuple[str, ...]:
         """What may be tuned of a version: the base model's share and the terms' own numbers."""
-        model = self.versions.model(version.number)
+        return self.tunable(self.versions.model(version.number))
+
+    def tunable(self, model: Model) -> tuple[str, ...]:
+        """The same of any form of the base model."""
         base = self.setup.model.parameters.names
         terms = tuple(n for n in model.parameters.editable if n not in base)
         tabled = tuple(n for n in terms if not n.startswith(("table.", "surface.")))
@@ -137,6 +141,9 @@ class Work:
         reason = f"tuned {', '.join(fit.identifiable)}"
         events.append(_event("tuned", "", reason, fit.to_dict(timing=False)))
         values = dict(zip(fit.names, fit.values.tolist(), strict=True))
+        if self.setup.spec.tuning.method == "recursive":
+            followed, newest, _ = Recursion.after(self.setup, problem, fit).learned(windows)
+            values |= dict(zip(followed, newest.tolist(), strict=True))
         scale = self.scale(problem, fit.start)
         return self._candidate(version.form, values, scale, reason, windows)
 
