@@ -50,4 +50,4 @@ def _far(y: Outputs) -> np.ndarray:
         if high > low:
             with np.errstate(invalid="ignore", over="ignore"):
                 far[:, k] |= np.abs(y[:, k] - middle) > FAR * (high - low)
-    return far
+    return np.asarray(far)

@@ -141,10 +141,12 @@ def changes(model: Model, p: ParameterVector, window: Block, horizon: float) -> 
 
 
 def _held(adopted: Outputs) -> Outputs:
-    """The last adopted value at every row, (n, ny)."""
+    """What the prediction of every row started from: adopted at an earlier row, (n, ny)."""
     out = np.empty_like(adopted)
     for k in range(adopted.shape[1]):
         known = np.where(np.isnan(adopted[:, k]), -1, np.arange(len(adopted)))
         newest = np.maximum.accumulate(known)
         out[:, k] = np.where(newest < 0, np.nan, adopted[newest, k])
+    out[1:] = out[:-1].copy()
+    out[0] = np.nan
     return out
