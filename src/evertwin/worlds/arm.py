@@ -19,7 +19,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
-from evertwin.types import Vector
+from evertwin.types import StateVector, Vector
 from evertwin.worlds.save import save
 
 __all__ = ["Cycle", "Truth", "main", "path", "record", "solve_path"]
@@ -99,7 +99,7 @@ def path(cycle: Cycle, t: Vector) -> tuple[np.ndarray, np.ndarray]:
     return place, turn @ tilt @ down
 
 
-def solve_path(model: Any, cycle: Cycle, t: Vector, start: Vector) -> np.ndarray:
+def solve_path(model: Any, cycle: Cycle, t: Vector, start: StateVector) -> np.ndarray:
     """Joint angles along the path by damped least squares, (n, nq) [rad]."""
     data = mujoco.MjData(model)
     places, turns = path(cycle, t)

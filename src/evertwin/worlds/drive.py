@@ -14,6 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float64
 
 from evertwin.types import Vector
 
@@ -100,7 +101,9 @@ def sweep(how: Commands, each: int) -> Vector:
     return np.repeat(np.arange(1.0, how.highest + 1.0), each)
 
 
-def positions(rng: np.random.Generator, drive: Drive, u: Vector) -> tuple[Vector, Vector]:
+def positions(
+    rng: np.random.Generator, drive: Drive, u: Float64[np.ndarray, " n"]
+) -> tuple[Float64[np.ndarray, " n+1"], Float64[np.ndarray, " n+1"]]:
     """True and measured position after each second under the commands ``u`` [cm], (n + 1,) each.
 
     The lag is integrated exactly over the second.
