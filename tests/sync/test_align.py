@@ -111,10 +111,13 @@ def test_how_samples_are_cut_into_chunks_never_matters(
         assert not np.isinf(rows.y).any() and not np.isinf(rows.u).any()
 
 
-def _longer(c: Chunk) -> Chunk:
-    """The chunk with a hundred regular samples behind it, the stretch that columns are for."""
-    t = np.r_[c.t, c.t[-1] + 20 * np.arange(1, 101)]
-    return c._replace(t=t * 1000, v=np.concatenate([c.v, np.cos(np.outer(t[-100:], [1.0, 2.0]))]))
+def _longer(c: Chunk, k: int) -> Chunk:
+    """A hundred regular samples, mostly; some chunks keep their disorder at the end."""
+    t = 10_000 * k + 20 * np.arange(100)
+    v = np.cos(np.outer(t, [1.0, 2.0]))
+    if k % 3 == 1:
+        t, v = np.r_[t, t[-1] + c.t], np.concatenate([v, c.v])
+    return c._replace(t=t, v=v)
 
 
 def test_a_known_offset_is_removed() -> None:
@@ -129,14 +132,29 @@ def test_a_single_source_takes_the_straight_way_with_the_same_result(
     chunks: list[Chunk], cut: int
 ) -> None:
     align = Align(V, X, (Feed("a", ("v", "x")),), gap=1e-7, lines=() if cut % 2 else ("v",))
-    mine = [_longer(c) for c in chunks if c.source == "a"]
+    mine = [_longer(c, k) for k, c in enumerate(c for c in chunks if c.source == "a")]
     clean = [c._replace(v=np.nan_to_num(c.v, posinf=1.0)) for c in mine]
     for these in (mine, clean):
         if these:
-            whole, parts = run(align, joined(these)), run(align, singles(these))
-            assert equal(whole[0], parts[0])
-            assert equal(whole[1].rows, parts[1].rows)
-            assert whole[1].records == parts[1].records
+            whole = run(align, joined(these))
+            for parts in (run(align, singles(these)), run(align, these)):
+                assert equal(whole[0], parts[0])
+                assert equal(whole[1].rows, parts[1].rows)
+                assert whole[1].records == parts[1].records
+
+
+def test_the_straight_way_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    align = Align(V, X, (Feed("a", ("v", "x")),), depth=32)
+    chunks = [chunk("a", 10 * np.arange(100 * k, 100 * k + 100)) for k in range(5)]
+    expected = run(align, singles(chunks))
+    calls = []
+    push = align_loop.push
+    monkeypatch.setattr(
+        "evertwin.sync.align.loop.push", lambda *a: (calls.append(a[0]), push(*a))[1]
+    )
+    state, out = run(align, chunks)
+    assert equal(state, expected[0]) and equal(out.rows, expected[1].rows)
+    assert calls == [0, align_loop.FINISH]
 
 
 @pytest.mark.parametrize("options", OPTIONS)

@@ -1,4 +1,7 @@
-"""Synchronisation: simulated and measured data side by side, and which of the two to trust."""
+"""Synchronisation: simulated and measured data side by side, and which of the two to trust.
+
+`evertwin.sync.lag` (the transport lag that all axes share) is imported by itself: it needs SciPy.
+"""
 
 from evertwin.sync.align import Align, AlignState, Feed, Rows
 from evertwin.sync.arbiter import Arbiter, Phases, Rule
@@ -10,7 +13,6 @@ from evertwin.sync.horizon import (
     restarts,
     trusted,
 )
-from evertwin.sync.lag import SharedLag, shared_lag
 from evertwin.sync.track import Track, TrackRows, TrackState
 
 __all__ = [
@@ -24,12 +26,10 @@ __all__ = [
     "Phases",
     "Rows",
     "Rule",
-    "SharedLag",
     "Track",
     "TrackRows",
     "TrackState",
     "residuals",
     "restarts",
-    "shared_lag",
     "trusted",
 ]

@@ -165,10 +165,8 @@ class Align:
         return np.array(plan, dtype=np.int64), np.array(table, dtype=np.int64)
 
     def _place(self, name: str) -> tuple[int, int]:
-        for s, feed in enumerate(self.feeds):
-            if name in feed.channels:
-                return s, feed.channels.index(name)
-        raise UsageError(f"channel {name!r}: no source brings it")
+        s = next(s for s, feed in enumerate(self.feeds) if name in feed.channels)
+        return s, self.feeds[s].channels.index(name)
 
     @cached_property
     def _times(self) -> tuple[int, float, int]:

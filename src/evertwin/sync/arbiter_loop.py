@@ -105,6 +105,7 @@ def use(settings: Any, memory: Any, sample: Any, g: int, size: int, stamp: int) 
         more = values[j, at.PATH] / max(steps, 1.0) - values[j, at.USUAL]
         values[j, at.USUAL] += more / (QUICKLY if more > 0 else at.MEMORY)
         values[j, at.PROVEN] -= values[j, at.PROVEN] / at.MEMORY
+    adopt = False
     if rules[g, at.USE] == at.MIX:
         spread = figures[g, at.SPREAD] + share * share / (1.0 - share) * steps
         gain = spread / (1.0 + spread)
@@ -118,9 +119,9 @@ def use(settings: Any, memory: Any, sample: Any, g: int, size: int, stamp: int) 
                 # While the variance is not known, the measurement is all there is.
                 weight = gain if values[j, at.BASE] < np.inf else 1.0
                 take[j] = predicted[j] + weight * moderated(values, j, off)
+                adopt = True
         settle(limits, memory, sample, g, size, stamp, False, gain)
-        return BLENDED
-    adopt = False
+        return BLENDED if adopt else 0
     if rules[g, at.USE] == at.UPDATE:
         for k in range(size):
             j = room[k]
