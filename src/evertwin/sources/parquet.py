@@ -19,7 +19,7 @@ from evertwin.sources.table import Column, Recording, Rows
 
 __all__ = ["ParquetTable", "open_parquet"]
 
-PIECE = 1 << 16
+PIECE = 1 << 13
 """Rows read at once."""
 
 

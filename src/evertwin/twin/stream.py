@@ -26,6 +26,9 @@ from evertwin.types import Stamps
 
 __all__ = ["Plan", "stream"]
 
+MOST = 8_192
+"""Rows of a block: few, since every stage holds some copies of one."""
+
 Values = Float64[np.ndarray, "n columns"]
 
 
@@ -67,7 +70,9 @@ def stream(
             raise DataError("the sources have different numbers of tasks: give each the same files")
         task = _Task(plan, row, number)
         for t, v in _windows(heads, widths):
-            yield from task.rows(t, v, last=False)
+            for start in range(0, len(t), MOST):
+                part = slice(start, start + MOST)
+                yield from task.rows(t[part], v[part], last=False)
         yield from task.rows(np.zeros(0, dtype=np.int64), np.zeros((0, sum(widths))), last=True)
         if task.row > row:
             row, number = task.row, number + 1

@@ -29,7 +29,7 @@ class Trace:
     1
     """
 
-    most: int = 200_000
+    most: int = 100_000
     """Rows kept at most."""
     step: int = 1
     """Every how many rows one is kept."""
@@ -69,5 +69,5 @@ class Trace:
         self._kept = len(keep)
 
     def columns(self) -> dict[str, np.ndarray]:
-        """The rows kept."""
-        return {name: column[: self._kept].copy() for name, column in self._room.items()}
+        """The rows kept, as views that hold until more rows are added."""
+        return {name: column[: self._kept] for name, column in self._room.items()}
