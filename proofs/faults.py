@@ -163,7 +163,8 @@ def lags(seeds: int) -> Iterator[str]:
             y = (path[1] + rng.normal(0, SIGMA, len(t)))[:, None]
             found = shared_lag(block._replace(y=y), path[0][:, None], Layout.of(x="m"), 0.8)
             errors.append(abs(found.seconds - planted) * 1e3)
-        yield f"lag {planted:+.1f} s: found within {np.median(errors):.1f} ms (median), {max(errors):.1f} at most"
+        middle, most = np.median(errors), max(errors)
+        yield f"lag {planted:+.1f} s: found within {middle:.1f} ms (median), {most:.1f} ms at most"
 
 
 def main() -> int:
