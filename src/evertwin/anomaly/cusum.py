@@ -197,6 +197,8 @@ class Cusum:
         found, reason = calibrate(state.calm.take(0, have), self.calm, self.phases)
         if not reason:
             return self.begin(found), stop
+        for j, name in enumerate(self.names):
+            reason = reason.replace(f"output {j}:", f"{name}:")
         last = block.take(stop - 1, stop)
         records.append(
             Event(int(last.row[0]), int(last.t[0]), "not_calibrated", "", reason, {"rows": have})

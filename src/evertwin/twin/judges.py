@@ -7,7 +7,7 @@ import math
 from evertwin.config.spec import ArbiterSpec, TwinSpec
 from evertwin.models import Model
 from evertwin.signals import Layout
-from evertwin.sync import Arbiter, Rule
+from evertwin.sync import Arbiter, Phases, Rule
 
 __all__ = ["judges"]
 
@@ -15,7 +15,15 @@ __all__ = ["judges"]
 def judges(spec: TwinSpec, model: Model) -> Arbiter:
     """The arbiter over a model's outputs, in SI."""
     groups = {name: _rule(rule, model.outputs, name) for name, rule in spec.arbiter.groups.items()}
-    return Arbiter(_rule(spec.arbiter, model.outputs, ""), groups)
+    return Arbiter(_rule(spec.arbiter, model.outputs, ""), groups, _phases(spec))
+
+
+def _phases(spec: TwinSpec) -> Phases | None:
+    """Regimes of one input have innovation statistics of their own; more inputs share theirs."""
+    if len(spec.anomaly.phases) != 1:
+        return None
+    ((channel, borders),) = spec.anomaly.phases.items()
+    return Phases(channel, tuple(borders))
 
 
 def _rule(spec: ArbiterSpec, outputs: Layout, group: str) -> Rule:
