@@ -205,7 +205,10 @@ class Work:
         self, version: Version, windows: Windows, events: list[dict[str, Any]]
     ) -> dict[str, Any] | None:
         """Where no correction pays, tuning is the better half, if it explains most of it."""
-        problem = self.problem(version, windows, self.editable(version))
+        names = self.editable(version)
+        if not names:
+            return None
+        problem = self.problem(version, windows, names)
         fit, _ = self.tune(problem)
         if explained(fit, fit.noise) < 0.5:
             return None
