@@ -47,7 +47,7 @@ def _seconds(trace: Mapping[str, np.ndarray]) -> Vector:
 def draw_run(result: RunResult, output: str | None = None) -> Figure:
     """Measured and predicted with position updates marked, and the residual with its band."""
     names = result.model.outputs.names
-    k = 0 if output is None else names.index(output)
+    k = 0 if output is None else result.model.outputs.index(output)
     trace, unit = result.trace, result.model.outputs.units[k]
     figure, (above, below) = _figure(2, 2.4)
     t = _seconds(trace)
