@@ -3,8 +3,8 @@
 Writes recordings of a 6-axis arm at 1 kHz, an hour a file (q, its first and second derivative, six
 torques: 24 channels), folds them through `Twin.run` in a process of its own and prints rows,
 seconds, rows per second, and the peak resident memory of that process in MB, beside what it has
-after its imports and after one minute of data. One file serves for every hour, each a task of its
-own. `--hours 24` takes some minutes.
+after its imports. One file serves for every hour, each a task of its own. `--hours 24` takes some
+minutes.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ import time
 from pathlib import Path
 
 import numpy as np
-
 from benchmarks.stream import peak_mb
+
 from evertwin import Twin
 from evertwin.config.spec import (
     ArbiterSpec,
@@ -53,7 +53,8 @@ def spec(hours: int, path: Path) -> TwinSpec:
     return TwinSpec(
         "arm", ModelSpec("arm", {"urdf": "ur5_like", "law": "tanh"},
                          {f"Fc{k}": ParameterSpec(value=5.0) for k in range(1, 7)}),
-        source=(source,), beat=1000, arbiter=ArbiterSpec(gate=12.0), prediction=PredictionSpec(horizon=1.0),
+        source=(source,), beat=1000, arbiter=ArbiterSpec(gate=12.0),
+        prediction=PredictionSpec(horizon=1.0),
         moving=MovingSpec(channels={f"tau{k}": f"qd{k}" for k in range(1, 7)}, above=0.05),
     )  # fmt: skip
 
@@ -88,10 +89,15 @@ def fold(path: Path, hours: int) -> None:
     seconds = time.perf_counter() - begin
     peak = peak_mb()
     rms = max(one.relative_rms_after for one in result.outputs.values())
-    say(f"{result.samples} rows ({hours} h at 1 kHz, 24 channels) in {seconds:.1f} s: "
-        f"{result.samples / seconds:.0f} rows/s, {result.samples / 1000 / seconds:.0f} x real time")  # fmt: skip
-    say(f"peak {peak} MB ({imported} MB after import), limit {LIMIT} MB: {LIMIT / peak:.2f} x below; "
-        f"{len(result.events)} events, largest deviation {100 * rms:.1f} %")  # fmt: skip
+    rate = result.samples / seconds
+    say(
+        f"{result.samples} rows ({hours} h at 1 kHz, 24 channels) in {seconds:.1f} s: "
+        f"{rate:.0f} rows/s, {rate / 1000:.0f} x real time"
+    )
+    say(
+        f"peak {peak} MB ({imported} MB after import), limit {LIMIT} MB: {LIMIT / peak:.2f} x "
+        f"below; {len(result.events)} events, largest deviation {100 * rms:.1f} %"
+    )
 
 
 def main() -> None:

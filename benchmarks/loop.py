@@ -1,11 +1,11 @@
 """The whole loop's speed: `python -m benchmarks.loop [--rows 1000000]`.
 
 A row is a row of the union clock. The robot (plane pose from speed and turn rate) has 50 rows a
-second, the pose in every fifth; its drive has a dead zone and a cap that the naive champion does not
-know, so position updates come at the naive model's rate. The arm has 1,000 rows a second with 18
-inputs and 6 torques. Beside the champion a challenger runs on trial, undecided (the twin is pinned):
-track, predictions over the horizon of both, books, detectors, gate, ring of the newest rows, and
-decisions at every beat (every 10 s for the robot, every second for the arm).
+second, the pose in every fifth; its drive has a dead zone and a cap that the naive champion does
+not know, so position updates come at the naive model's rate. The arm has 1,000 rows a second with
+18 inputs and 6 torques. Beside the champion a challenger runs on trial, undecided (the twin is
+pinned): track, predictions over the horizon of both, books, detectors, gate, ring of the newest
+rows, and decisions at every beat (every 10 s for the robot, every second for the arm).
 
 Blocks are rows in memory; reading files is `benchmarks.stream`. A block of one is a whole
 `Driver.step`, beats included. Times are wall-clock: the best of the repeats for blocks, the median

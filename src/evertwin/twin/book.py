@@ -17,7 +17,7 @@ from evertwin.twin.versions import Versions
 
 __all__ = ["Book"]
 
-SWITCHES = ("promoted", "rolled_back", "configured")
+SWITCHES = ("promoted", "rolled_back", "configured", "resumed")
 
 
 class Book:

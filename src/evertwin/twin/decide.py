@@ -196,7 +196,7 @@ class Decide:
             other=follow.lane(version.number, tracked=False), books=books,
             trial=follow.setup.trial.init(), watched=watched,
         )  # fmt: skip
-        decision.desk(phase=TRIAL)
+        decision.desk(phase=TRIAL, versions=version.number + 1)
 
     # ------------------------------------------------------------------ trial and probation
 

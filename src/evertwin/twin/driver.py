@@ -9,15 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from evertwin.fold import Answer, Block, Record, Request
+from evertwin.store import Store
 from evertwin.twin.decide import Decide
 from evertwin.twin.follow import EMPTY, Follow, Followed
 from evertwin.twin.settle import new_books
 from evertwin.twin.setup import Setup
-from evertwin.twin.state import CORRECT, Desk, TwinState
+from evertwin.twin.state import CORRECT, Desk, Lane, TwinState
 from evertwin.twin.versions import Versions
 from evertwin.twin.work import Work
 
@@ -28,6 +30,14 @@ Watcher = Callable[[TwinState, Block, Followed], None]
 
 def _ignore(state: TwinState, piece: Block, out: Followed) -> None:
     """No one looks at the rows."""
+
+
+class _Lanes(NamedTuple):
+    """What a checkpoint says of its lanes before their shape is known."""
+
+    live: Lane
+    first: Lane
+    other: Lane
 
 
 @dataclass
@@ -64,8 +74,28 @@ class Driver:
             live=self.follow.lane(self.champion, tracked=True), first=EMPTY, other=EMPTY,
             smooth=setup.smooth.init(), detect=setup.detect.init(), trial=setup.trial.init(),
             books=new_books(ny, np.zeros(2, dtype=np.int64), 0, sizes),
-            desk=Desk(pinned=self.pinned), watched=np.zeros((0, 2)), ring=setup.ring.init(),
+            desk=Desk(pinned=self.pinned, versions=len(self.versions)), watched=np.zeros((0, 2)), ring=setup.ring.init(),
         )  # fmt: skip
+
+    def template(self, live: int, first: int, other: int) -> TwinState:
+        """A state in the shape of one with these versions in its lanes (−1: none), for loading."""
+        lanes = [
+            EMPTY if number < 0 else self.follow.lane(number, tracked=tracked)
+            for number, tracked in ((live, True), (first, True), (other, False))
+        ]
+        return self.init()._replace(live=lanes[0], first=lanes[1], other=lanes[2])
+
+    def restored(self, store: Store) -> TwinState | None:
+        """The state of the store's newest checkpoint; None if there is none."""
+        found = store.restore(_Lanes(EMPTY, EMPTY, EMPTY))
+        if found is None:
+            return None
+        numbers = [lane.version for lane in found.state]
+        kept = store.restore(self.template(*numbers))
+        assert kept is not None
+        state: TwinState = kept.state
+        self.versions.rewind(state.desk.versions)
+        return state
 
     def run(self, blocks: Iterable[Block], state: TwinState | None = None) -> TwinState:
         """Folds the blocks; consumes ``state``."""

@@ -86,6 +86,8 @@ class Desk(NamedTuple):
     retrain: int = 0
     """Row from which a new training sequence has enough rows; 0: none is going on."""
     pinned: bool = False
+    versions: int = 1
+    """Versions so far."""
 
 
 class TwinState(NamedTuple):

@@ -21,7 +21,7 @@ import numpy as np
 
 from evertwin.config import TwinSpec, read
 from evertwin.errors import StoreError, UsageError
-from evertwin.fold import Block, Event, Record
+from evertwin.fold import Block, Event, Record, take
 from evertwin.models import Model, Parameters
 from evertwin.models.form import Version
 from evertwin.store import SqliteStore, Store
@@ -35,6 +35,7 @@ from evertwin.twin.fitting import FitResult, fit
 from evertwin.twin.observer import Observer
 from evertwin.twin.result import RunResult
 from evertwin.twin.setup import Setup
+from evertwin.twin.state import TwinState
 from evertwin.twin.versions import Versions
 
 __all__ = ["Twin"]
@@ -127,30 +128,67 @@ class Twin:
         return tuple(Feed(self.spec, self.model).blocks(data))
 
     @_RUNAWAY
-    def run(self, data: Data = None, progress: Progress | None = None) -> RunResult:
+    def run(self, data: Data = None, progress: Progress | None = None, every: int = 0) -> RunResult:
         """Runs the twin beside recorded data: follow, judge, tune, correct, try, promote.
 
         Args:
             data: files, columns by name with ``t`` [s], blocks; None: the twin file's recordings.
             progress: called now and then with rows and seconds of data.
+            every: rows from checkpoint to checkpoint, for `resume`; 0: one at the end alone.
 
         Raises:
             DataError: a recording cannot be read.
         """
+        return self._run(data, Observer(self.setup, progress), every, again=False)
+
+    @_RUNAWAY
+    def resume(
+        self, data: Data = None, progress: Progress | None = None, every: int = 0
+    ) -> RunResult:
+        """Goes on from the newest checkpoint of a run that was cut off.
+
+        The end is that of a run without a break: an open request is answered from the rows in the
+        checkpoint. Trace and events of the result begin with the checkpoint.
+
+        Args:
+            data: the same data, from its first row; rows before the checkpoint are passed over.
+            progress: as in `run`.
+            every: as in `run`.
+
+        Raises:
+            UsageError: the store holds no checkpoint.
+        """
+        return self._run(data, Observer(self.setup, progress), every, again=True)
+
+    def _run(self, data: Data, observer: Observer, every: int, *, again: bool) -> RunResult:
         began = time.perf_counter()
         feed = Feed(self.spec, self.model)
-        observer = Observer(self.setup, progress)
         driver = Driver(
             self.setup, self._versions, self._keep(observer), observer.watch,
             self._book.champion, self._book.pinned,
         )  # fmt: skip
-        state = driver.finish(driver.run(feed.stream(data)))
+        state = self._restored(driver) if again else driver.init()
+        kept = state.row
+        for block in feed.stream(data):
+            part = block if block.row >= state.row else _rest(block, state.row)
+            state = driver.step(state, part) if len(part.t) else state
+            if every and state.row - kept >= every:
+                kept = state.row
+                self.store.checkpoint(state, kept)
+        state = driver.finish(state)
         self._book.keep_versions()
         self.store.checkpoint(state, state.row)
         seconds = time.perf_counter() - began
         result = observer.result(driver, state, seconds)
         log.info("%s: %d rows in %.2f s", self.spec.name, state.row, seconds)
         return replace(result, problems=dict(feed.tally.counts))
+
+    def _restored(self, driver: Driver) -> TwinState:
+        state = driver.restored(self.store)
+        if state is None:
+            raise UsageError("resume: the store holds no checkpoint: start with run")
+        self._book.switch(state.live.version, "resumed", f"from the checkpoint at row {state.row}")
+        return state
 
     def _keep(self, observer: Observer) -> Callable[[int, Record], None]:
         def keep(row: int, record: Record) -> None:
@@ -203,3 +241,9 @@ class Twin:
     def pin(self, number: int | None, reason: str = "by hand") -> Event:
         """Keeps a version live until it is unpinned (None): no promotion happens."""
         return self._book.pin(number, reason)
+
+
+def _rest(block: Block, row: int) -> Block:
+    """The rows of a block from number ``row`` on; none where it ends before."""
+    n = len(block.t)
+    return take(block, min(row - block.row, n), n)

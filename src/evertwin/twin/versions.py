@@ -16,6 +16,7 @@ Append-only: a number names a version for ever. Stages are built once per versio
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 from evertwin.errors import UsageError
 from evertwin.models import Model
@@ -36,6 +37,7 @@ class Versions:
         self.base = base
         self._versions: list[Version] = []
         self._models: dict[Form, Model] = {}
+        self._known = 0
         self.add(form or Form(), {}, parent=None, reason="as configured")
 
     def add(
@@ -47,7 +49,10 @@ class Versions:
         reason: str,
         row: int = 0,
     ) -> Version:
-        """A new version of ``form``; values not named are the parent's, or the model's own."""
+        """A new version of ``form``; values not named are the parent's, or the model's own.
+
+        After `rewind`, a version that comes out as before is the one that is kept already.
+        """
         parameters = self.model_of(form).parameters
         old = {} if parent is None else dict(self.values(parent))
         known = {k: v for k, v in (old | dict(values)).items() if k in parameters.names}
@@ -55,15 +60,22 @@ class Versions:
         if unknown:
             raise UsageError(f"version: no parameters {sorted(unknown)} in this form")
         filled = [known.get(item.name, item.value) for item in parameters]
-        version = Version(
-            len(self._versions), form, parameters.names, tuple(filled), parent, reason, row
-        )
-        self._versions.append(version)
+        number = self._known
+        version = Version(number, form, parameters.names, tuple(filled), parent, reason, row)
+        if number == len(self._versions) or self._versions[number] != version:
+            version = replace(version, number=len(self._versions))
+            self._versions.append(version)
+        self._known = version.number + 1
         return version
+
+    def rewind(self, count: int) -> None:
+        """As it was with ``count`` versions; later ones keep their numbers."""
+        self._known = count
 
     def restore(self, versions: list[Version]) -> None:
         """Replaces the list by the one a store has kept."""
         self._versions = list(versions)
+        self._known = len(versions)
 
     def values(self, number: int) -> Mapping[str, float]:
         """Parameter values of a version, by name."""
