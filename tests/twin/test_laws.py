@@ -19,7 +19,8 @@ from evertwin.twin.factory import model_of
 from evertwin.twin.setup import Setup
 from evertwin.twin.twin import Twin
 from evertwin.twin.versions import Versions
-from .machines import CASES, Run, arm, cut, play, robot, whole
+
+from .machines import CASES, Case, Run, arm, cut, play, robot, whole
 
 NAMES = pytest.mark.parametrize("name", ["robot", "arm"])
 
@@ -143,6 +144,11 @@ def _once(twin: Twin, blocks: Iterator[Block]) -> Iterator[Block]:
             del twin.store.checkpoint  # type: ignore[method-assign]
 
 
+def silent(case: Case) -> Driver:
+    setup = Setup(case.spec, model_of(case.spec, None))
+    return Driver(setup, Versions(setup.model), lambda row, record: None)
+
+
 def _like(twin: Twin, run: Run) -> object:
     driver = Driver(twin.setup, Versions(twin.model), lambda row, record: None)
     driver.versions.restore(list(run.versions))
@@ -153,8 +159,7 @@ def _like(twin: Twin, run: Run) -> object:
 @NAMES
 def test_a_state_survives_save_and_load(name: str) -> None:
     case, run = CASES[name](), whole(name)
-    driver = Driver(Setup(case.spec, model_of(case.spec, None)), Versions(model_of(case.spec, None)),
-                    lambda row, record: None)  # fmt: skip
+    driver = silent(case)
     driver.versions.restore(list(run.versions))
     lanes = (run.state.live.version, run.state.first.version, run.state.other.version)
     loaded = load(save(copy(run.state)), like=driver.template(*lanes))
@@ -168,8 +173,7 @@ def test_resuming_needs_a_checkpoint() -> None:
 
 def test_an_empty_run_ends() -> None:
     case = arm()
-    driver = Driver(Setup(case.spec, model_of(case.spec, None)), Versions(model_of(case.spec, None)),
-                    lambda row, record: None)  # fmt: skip
+    driver = silent(case)
     state = driver.finish(driver.init())
     assert state.row == 0
     one = make_block(t=[0], u=np.zeros((1, 18)), y=np.zeros((1, 6)))

@@ -74,7 +74,8 @@ class Driver:
             live=self.follow.lane(self.champion, tracked=True), first=EMPTY, other=EMPTY,
             smooth=setup.smooth.init(), detect=setup.detect.init(), trial=setup.trial.init(),
             books=new_books(ny, np.zeros(2, dtype=np.int64), 0, sizes),
-            desk=Desk(pinned=self.pinned, versions=len(self.versions)), watched=np.zeros((0, 2)), ring=setup.ring.init(),
+            desk=Desk(pinned=self.pinned, versions=len(self.versions)),
+            watched=np.zeros((0, 2)), ring=setup.ring.init(),
         )  # fmt: skip
 
     def template(self, live: int, first: int, other: int) -> TwinState:
