@@ -34,12 +34,13 @@ model_app = typer.Typer(
 )
 app.add_typer(model_app, name="model")
 
+PART = " FILE@START:STOP is the part from START to STOP, in seconds from its first stamp."
 TwinFile = Annotated[Path, typer.Argument(help="Twin file (TOML).", metavar="TWIN.toml")]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
 Check = Annotated[bool, typer.Option("--check", help="Exit with 1 when there are findings.")]
 DataFiles = Annotated[
     list[Path] | None,
-    typer.Option("--data", help="Recordings in place of the twin file's; repeat, or list several."),
+    typer.Option("--data", help="Recordings in place of the twin file's; list several." + PART),
 ]
 
 
@@ -107,16 +108,16 @@ def run(
 @app.command()
 def fit(
     twin: TwinFile,
-    train: Annotated[list[Path], typer.Option("--train", help="Recording to learn from; repeat.")],
+    train: Annotated[list[Path], typer.Option("--train", help="Recordings to learn from." + PART)],
     test: Annotated[
-        list[Path] | None, typer.Option("--test", help="Recording to be judged on; repeat.")
+        list[Path] | None, typer.Option("--test", help="Recording to be judged on; repeat." + PART)
     ] = None,
     as_json: AsJson = False,
     check: Check = False,
 ) -> None:
     """Tune the parameters on recordings and judge them on others; nothing goes live.
 
-    Example: evertwin fit arm.toml --train a.csv --train b.csv --test c.csv
+    Example: evertwin fit arm.toml --train a.csv --train b.csv@0:60 --test b.csv@60:90
     """
     from evertwin.app.commands import fit_twin
 

@@ -17,6 +17,7 @@ from evertwin.models.form import Version
 from evertwin.sources.info import inspect
 from evertwin.sources.info_text import render
 from evertwin.twin import Twin
+from evertwin.twin.parts import Part
 
 __all__ = [
     "by_hand",
@@ -60,7 +61,7 @@ def fit_twin(
 
 def show_info(file: Path, as_json: bool, check: bool) -> None:
     """``evertwin info``."""
-    found = inspect(_file(file))
+    found = inspect(_whole(file))
     show(found.to_dict(), render(found), as_json)
     if check and found.findings:
         raise typer.Exit(1)
@@ -154,9 +155,16 @@ def _brief(version: Version) -> dict[str, object]:
 
 
 def _file(path: Path) -> Path:
-    if not path.exists():
-        raise DataError(f"{path}: no such file")
+    file = Part.parse(path).path
+    if not file.exists():
+        raise DataError(f"{file}: no such file")
     return path
+
+
+def _whole(file: Path) -> Path:
+    if not file.exists():
+        raise DataError(f"{file}: no such file")
+    return file
 
 
 def _files(data: Files) -> list[str] | None:

@@ -190,8 +190,7 @@ class CorrectionSpec(Section):
     in_fit: bool = False
     """``fit`` searches for terms as well, judged on held-out parts of its recordings."""
     horizon: Annotated[Seconds, Limits(above=0.0)] | None = None
-    """Length of the predictions that terms are judged on in ``fit``; absent: that of
-    ``[prediction]``."""
+    """Length of the predictions that ``fit`` judges terms on; absent: that of ``[prediction]``."""
 
 
 @dataclass(frozen=True)

@@ -193,11 +193,19 @@ class Drive(Compiled):
     """
 
     def __init__(self, law: Law | str = "sign", two_sided: bool = False) -> None:
-        _, parameters, context = _build(law, two_sided, 0.0)
+        self.law, parameters, context = _build(law, two_sided, 0.0)
         motion = Layout.of(position="m", speed="m/s")
         super().__init__(
             Layout.of(force="N"), motion, motion, parameters, step.address, observe.address, context
         )
+
+    def rungs(self) -> tuple[Rung, ...]:
+        """Steps up the ladder of friction laws; each has to pay on unseen data."""
+        return self.law.rungs()
+
+    def law_name(self, output: int, terms: Sequence[str]) -> str:
+        """The law with these of its terms."""
+        return str(self.law.only(terms))
 
 
 @dataclass(frozen=True, init=False)

@@ -102,6 +102,13 @@ class Corrected:
             found.append(term_parameters(term, self.model, names[stem]))
         return tuple(found)
 
+    @property
+    def initials(self) -> tuple[str, ...]:
+        """Parameters that are an unmeasured state at the start of a recording."""
+        inner: tuple[str, ...] = getattr(self.model, "initials", ())
+        added = [self.names_of(k)[2] for k, term in enumerate(self.terms) if term.kind == "state"]
+        return (*inner, *added)
+
     def names_of(self, number: int) -> tuple[str, ...]:
         """Names of the parameters of term ``number``."""
         return tuple(item.name for item in self._parameters[number])

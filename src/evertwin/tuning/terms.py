@@ -1,8 +1,8 @@
 """A ladder of terms: parameters join the fit, output by output, while held-out error falls.
 
-Where a model is linear and a term that is not tuned is a zero, the variants of a law are subsets of
-one model's parameters. The rows are then summed once per window, and every candidate is a small
-system: all windows but a fold are solved, the fold is scored, in turn. A term stays if the
+Where a term that is not tuned is a zero, the variants of a law are subsets of one model's
+parameters. All windows but a fold are solved, the fold is scored, in turn; of a linear model the
+rows are summed once per window, and every candidate is a small system. A term stays if the
 held-out error of its own output falls by more than ``gain`` (2 %) and the others' together do not
 rise; else it is left out for good. Terms are tried in the order given.
 
@@ -32,7 +32,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -41,6 +41,7 @@ from jaxtyping import Float64
 from evertwin.errors import UsageError
 from evertwin.models import LinearModel
 from evertwin.tuning.closed import ClosedForm, Sums
+from evertwin.tuning.ladder import held_out
 from evertwin.tuning.problem import Problem
 
 __all__ = ["Ascent", "Step", "Term", "climb_terms"]
@@ -89,11 +90,8 @@ class _Folds:
 
     def __init__(self, problem: Problem, folds: int | None) -> None:
         model = problem.model
-        if not isinstance(model, LinearModel) or not problem.linear:
-            raise UsageError("ladder of terms: expected outputs linear in every tuned parameter")
+        assert isinstance(model, LinearModel)
         count = min(folds or len(problem.windows), len(problem.windows))
-        if count < 2:
-            raise UsageError("ladder of terms: expected at least 2 windows (tasks), got 1")
         self.problem, self.model = problem, model
         y0, phi = problem.regressor(problem.start)
         plan = ClosedForm(model, problem.names, problem.parameters)
@@ -123,6 +121,17 @@ class _Folds:
         return np.asarray(np.sqrt(np.maximum(total, 0.0) / np.maximum(count, 1.0)))
 
 
+class _Refits:
+    """The same for outputs that are not linear in their parameters: every fold is a search."""
+
+    def __init__(self, problem: Problem, folds: int | None) -> None:
+        self.problem, self.folds = problem, folds
+
+    def score(self, names: tuple[str, ...]) -> Score:
+        """Held-out rms residual of each output with only ``names`` tuned, (ny,)."""
+        return held_out(replace(self.problem, editable=names), self.folds)
+
+
 def _added(parts: Sequence[Sums]) -> Sums:
     return Sums(*(np.sum(columns, axis=0) for columns in zip(*parts, strict=True)))
 
@@ -148,13 +157,14 @@ def climb_terms(
         folds: number of folds over the windows; default: one window each.
 
     Raises:
-        UsageError: fewer than two windows, a parameter that is not linear or does not start at
-            zero.
+        UsageError: fewer than two windows, or a parameter that does not start at zero.
     """
     for name in (name for _, add, _ in terms for name in add):
         if problem.parameters[name].value != 0.0:
             raise UsageError(f"ladder of terms: expected {name} to start at zero: it may stay out")
-    rows = _Folds(problem, folds)
+    if len(problem.windows) < 2:
+        raise UsageError("ladder of terms: expected at least 2 windows (tasks), got 1")
+    rows = (_Folds if problem.linear else _Refits)(problem, folds)
     outputs = problem.model.outputs.names
     optional = {name for _, add, _ in terms for name in add}
     names = tuple(name for name in problem.names if name not in optional)

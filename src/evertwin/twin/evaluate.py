@@ -85,7 +85,10 @@ def deviations(setup: Setup, predictions: Sequence[Prediction]) -> tuple[Deviati
     measured = np.concatenate([p.measured for p in predictions])
     moving = np.concatenate([p.moving for p in predictions])
     found = []
+    signals = setup.spec.signals
     for k, channel in enumerate(channels):
+        if channel.name in signals and not signals[channel.name].judge:
+            continue
         known = ~np.isnan(residual[:, k])
         moves = known & moving[:, k]
         found.append(

@@ -1,7 +1,7 @@
 """From recordings to blocks: the rows that a twin folds, task by task.
 
 Where a twin needs whole tasks (a rate, a filter, derived channels, a crop) one task is in memory at
-a time; otherwise chunks pass through `evertwin.sync.Align` as they are read.
+a time; otherwise rows are folded as they are read (`evertwin.twin.stream`).
 """
 
 from __future__ import annotations
@@ -21,12 +21,19 @@ from evertwin.models import Model
 from evertwin.sources.dialect import Stated
 from evertwin.sources.recorded import Cell, Clock, Recorded
 from evertwin.sources.tally import Tally
-from evertwin.twin.tasks import rows_of_task
+from evertwin.twin.parts import Part
+from evertwin.twin.stream import Plan, stream
+from evertwin.twin.tasks import Table, is_held, recorded_as, rows_of_task
 
 __all__ = ["Data", "Feed"]
 
 Data: TypeAlias = "Sequence[str | Path] | Mapping[str, Any] | Iterable[Block] | None"
-"""Files, columns by name (with ``t`` in seconds), ready blocks, or None: the twin file's own."""
+"""Files or parts of them (``FILE@START:STOP``), columns by name (with ``t`` in seconds), ready
+blocks, or None: the twin file's own."""
+
+
+Series: TypeAlias = dict[str, tuple[np.ndarray, np.ndarray]]
+"""Channel → (stamps, values) of one task."""
 
 
 @dataclass
@@ -50,7 +57,7 @@ class Feed:
         if data is not None and not isinstance(data, Sequence | Mapping):
             yield from data
             return
-        if isinstance(data, Sequence) and data and isinstance(data[0], Block):
+        if _are_blocks(data):
             yield from data  # type: ignore[misc]
             return
         row, task = 0, 0
@@ -60,22 +67,90 @@ class Feed:
                 yield block
                 row, task = row + len(block.t), task + 1
         if row == 0:
-            raise DataError("no row is left of the data: check [clock] crop, start and stop")
+            raise DataError(
+                "no row is left of the data: check [clock] crop, start and stop, and @START:STOP"
+            )
 
-    def _tasks(self, data: Any) -> Iterator[dict[str, tuple[np.ndarray, np.ndarray]]]:
+    def stream(self, data: Data = None) -> Iterator[Block]:
+        """The same rows for a fold, in bounded memory where nothing needs a whole task.
+
+        Raises:
+            DataError: a file cannot be read, or holds no row that can be used.
+        """
+        if self._needs_tasks(data):
+            yield from self.blocks(data)
+            return
+        sources = self._sources(files_of(self.spec, [Part.parse(str(p)).path for p in data or ()]))
+        specs = [spec for _, spec in sources]
+        chunks, widths = [_chunks(*one) for one in sources], [len(s.channels) for s in specs]
+        block = None
+        for block in stream(chunks, widths, self._plan(specs)):
+            yield block
+        if block is None:
+            raise DataError("no row is left of the data: its files hold none")
+
+    def _needs_tasks(self, data: Any) -> bool:
+        spec, clock = self.spec, self.spec.clock
+        cropped = clock.crop is not None or clock.start > 0.0 or clock.stop < float("inf")
+        whole = cropped or clock.rate is not None or spec.filter is not None or bool(spec.derive)
+        files = data is None or (isinstance(data, Sequence) and not _are_blocks(data))
+        return whole or not files or not all(Part.parse(item).whole for item in data or ())
+
+    def _plan(self, sources: Sequence[SourceSpec]) -> Plan:
+        spec, model = self.spec, self.model
+        names = [name for source in sources for name in source.channels]
+        table = Table(np.zeros(1, np.int64), {n: np.array([float(k)]) for k, n in enumerate(names)})
+        inputs = [int(table.column(recorded_as(spec, n))[0]) for n in model.inputs.names]
+        outputs = [int(table.column(recorded_as(spec, n))[0]) for n in model.outputs.names]
+        held = np.array([is_held(spec, n, len(model.states) > 0) for n in model.inputs.names])
+        columns = np.array(inputs, dtype=np.int64)
+        return Plan(
+            np.where(held, columns, -1), np.where(held, -1, columns), len(inputs),
+            np.array(outputs, dtype=np.int64), spec.clock.gap,
+        )  # fmt: skip
+
+    def _tasks(self, data: Any) -> Iterator[Series]:
         """Channel → (stamps, values), one task after another."""
         if isinstance(data, Mapping):
             yield _columns(data)
             return
-        files = files_of(self.spec, () if data is None else data)
+        parts = [Part.parse(item) for item in data or ()]
+        if not all(part.whole for part in parts):
+            yield from self._parts(parts)
+            return
+        yield from self._of_files(files_of(self.spec, [part.path for part in parts]))
+
+    def _of_files(self, files: Mapping[int, tuple[Path, ...]]) -> Iterator[Series]:
+        yield from _by_task([_gathered(source, spec) for source, spec in self._sources(files)])
+
+    def _sources(self, files: Mapping[int, tuple[Path, ...]]) -> list[tuple[Recorded, SourceSpec]]:
         if not any(files.values()):
             raise UsageError(
                 f"{self.spec.name}: no data: name files in [[source]] or give them (--data FILE)"
             )
-        sources = [
-            self._recorded(self.spec.source[i], paths) for i, paths in files.items() if paths
-        ]
-        yield from _by_task([_gathered(source, spec) for source, spec in sources])
+        return [self._recorded(self.spec.source[i], paths) for i, paths in files.items() if paths]
+
+    def _parts(self, parts: Sequence[Part]) -> Iterator[Series]:
+        """Parts of recordings: the k-th files of all sources together are one recording."""
+        found: dict[int, list[Part]] = {}
+        for part in parts:
+            files = files_of(self.spec, [part.path])
+            found.setdefault(next(i for i, paths in files.items() if paths), []).append(part)
+        if len({len(listed) for listed in found.values()}) > 1:
+            raise DataError("the sources have different numbers of files: give each the same")
+        for together in zip(*found.values(), strict=True):
+            if len({(part.start, part.stop) for part in together}) > 1:
+                named = ", ".join(str(part.path) for part in together)
+                raise UsageError(f"{named}: files of one recording: give each the same @START:STOP")
+            origin: int | None = None
+            for series in self._of_files(
+                {i: (part.path,) for i, part in zip(found, together, strict=True)}
+            ):
+                opens = min(int(t[0]) for t, _ in series.values())
+                origin = opens if origin is None else origin
+                kept = together[0].of(series, origin)
+                if all(len(t) for t, _ in kept.values()):
+                    yield kept
 
     def _recorded(self, spec: SourceSpec, paths: tuple[Path, ...]) -> tuple[Recorded, SourceSpec]:
         cells = [
@@ -90,6 +165,10 @@ class Feed:
             spec.name, paths, tuple(cells), clock, spec.task, self.tally, stated, spec.format
         )
         return recorded, spec
+
+
+def _are_blocks(data: Any) -> bool:
+    return isinstance(data, Sequence) and len(data) > 0 and isinstance(data[0], Block)
 
 
 def _columns(data: Mapping[str, Any]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
@@ -113,15 +192,28 @@ def _gathered(
         yield waiting[0].task, _joined(waiting, spec)
 
 
+def _chunks(source: Recorded, spec: SourceSpec) -> Iterator[Chunk]:
+    """The wanted rows of the channels alone."""
+    for chunk in source.read():
+        t, v = _wanted(chunk.t, chunk.v, spec) if spec.where else (chunk.t, chunk.v)
+        if len(t):
+            yield chunk._replace(t=t, v=v[:, : len(spec.channels)])
+
+
 def _joined(chunks: list[Chunk], spec: SourceSpec) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     t = np.concatenate([chunk.t for chunk in chunks])
     v = np.concatenate([chunk.v for chunk in chunks])
+    t, v = _wanted(t, v, spec)
+    return {name: (t, v[:, k].copy()) for k, name in enumerate(spec.channels)}
+
+
+def _wanted(t: np.ndarray, v: np.ndarray, spec: SourceSpec) -> tuple[np.ndarray, np.ndarray]:
+    """The rows whose columns have one of the values that ``where`` names."""
     names = [*spec.channels, *(f"?{column}" for column in spec.where)]
     keep = np.ones(len(t), dtype=np.bool_)
     for column, wanted in spec.where.items():
         keep &= np.isin(v[:, names.index(f"?{column}")], np.array(wanted, dtype=np.float64))
-    t, v = t[keep], v[keep]
-    return {name: (t, v[:, k].copy()) for k, name in enumerate(spec.channels)}
+    return t[keep], v[keep]
 
 
 def _by_task(

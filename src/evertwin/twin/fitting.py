@@ -62,8 +62,8 @@ class FitResult:
     parameters: Parameters
     form: Form = Form()
     """Terms that the model has, those included that this fit has found."""
-    search: Mapping[str, Json] = field(default_factory=dict)
-    """The search for terms, if there was one: held-out deviations before and after."""
+    search: Mapping[str, Any] = field(default_factory=dict)
+    """The search for terms, if there was one: held-out errors before and after."""
     starts: tuple[tuple[Mapping[str, float], ...], ...] = ()
     """Per test and task of it: the parameters that belong to a recording, fitted to it."""
 
@@ -118,7 +118,7 @@ class FitResult:
         """Parameters, then deviations per recording."""
         lines = [str(self.fit)]
         lines += [f"law of {output}: {law}" for output, law in self.laws.items()]
-        lines += [f"term: {said}" for said in self._described()]
+        lines += [f"terms: {said}" for said in self._described()]
         shown = (("train", self.train), *self.tests)
         for file, found in (*shown, ("all tests", self.test)) if self.test else shown:
             lines.append(f"{file}:")
@@ -133,8 +133,15 @@ class FitResult:
         return "\n".join(lines)
 
     def _described(self) -> list[str]:
-        found: Any = self.search.get("describes", ())
-        return list(found) or (["none pays on held-out parts"] if self.search else [])
+        if not self.search:
+            return []
+        found = self.search
+        terms = ", ".join(f"{t.kind} on {t.channel}" for t in self.form.terms) or "none"
+        return [
+            f"{terms} (held-out deviation over {found['horizon']:g} s, relative to the residual "
+            f"of the model as configured: {found['before']:.3g} -> {found['after']:.3g})",
+            *found["describes"],
+        ]
 
     def _repr_html_(self) -> str:
         return f"{self.fit._repr_html_()}<pre>{html.escape(str(self))}</pre>"
@@ -155,7 +162,7 @@ def fit(
     windows = starts(setup, cut(tasks, setup.spec.tuning.cut))
     problem: Problem = work.problem(version, windows, work.editable(version))
     problem, laws = climb_laws(setup, problem)
-    formed = with_terms(setup, work, version.form, problem)
+    formed = with_terms(setup, work, version, problem)
     model, found = formed.problem.model, formed.fit
     names = model.parameters.names
 
