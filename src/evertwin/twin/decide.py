@@ -80,8 +80,10 @@ class Decide:
         if reason is not None:
             watch = new_sums(len(state.books.watch.samples))
             decision.state = state._replace(books=state.books._replace(watch=watch))
-        detect, alarm = setup.detect.beat(decision.state.detect)
+        detect, alarm, failed = setup.detect.beat(decision.state.detect, task_end)
         decision.state = decision.state._replace(detect=detect)
+        if failed[0]:
+            decision.say("not_calibrated", "", failed[0], {"rows": failed[1]})
         due = state.elapsed - state.desk.fitted >= setup.schedule
         if reason or alarm or due:
             self._supersede(decision)
@@ -94,14 +96,15 @@ class Decide:
             self._ask(decision, "fit", FIT, {"reason": reason or "scheduled"})
 
     def _supersede(self, decision: Decision) -> None:
-        """A challenger that is long undecided makes room for one learned from newer data."""
+        """A challenger that has long gained next to nothing makes room for one from newer data."""
         state, trial = decision.state, self.follow.setup.trial
         if state.desk.phase != TRIAL or state.desk.pinned:
             return
         verdict, evidence = trial.verdict(state.trial)
-        if verdict is None and evidence["segments"] >= 5 * trial.least:
+        hopeless = evidence["gain"] < 0.5 * trial.margin
+        if verdict is None and hopeless and evidence["segments"] >= 5 * trial.least:
             number = state.other.version
-            reason = f"version {number} is undecided and superseded: {evidence['sentence']}"
+            reason = f"version {number} gains too little, superseded: {evidence['sentence']}"
             decision.say("rejected", "", reason, evidence)
             decision.state = decision.state._replace(other=EMPTY)
             decision.desk(phase=WATCH)
