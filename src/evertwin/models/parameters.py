@@ -7,7 +7,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -16,6 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from evertwin.errors import UsageError
+from evertwin.signals.channels import position
 from evertwin.signals.units import conversion
 from evertwin.types import ParameterVector
 
@@ -103,11 +103,7 @@ class Parameters:
         Raises:
             UsageError: there is no such parameter; names the nearest one.
         """
-        if name in self.names:
-            return self.names.index(name)
-        near = difflib.get_close_matches(name, self.names, n=1)
-        hint = f", did you mean {near[0]!r}?" if near else f": there are {', '.join(self.names)}"
-        raise UsageError(f"no parameter {name!r}{hint}")
+        return position(self.names, name, "parameter")
 
     def indices(self, names: Sequence[str]) -> np.ndarray:
         """Positions of ``names``, int64."""

@@ -20,7 +20,20 @@ from evertwin.errors import UsageError
 from evertwin.signals.units import conversion
 from evertwin.types import Outputs
 
-__all__ = ["Channel", "Layout", "wrap"]
+__all__ = ["Channel", "Layout", "position", "wrap"]
+
+
+def position(names: Sequence[str], name: str, what: str) -> int:
+    """Where ``name`` stands among ``names``.
+
+    Raises:
+        UsageError: nowhere; ``what`` was looked for, and the nearest name is given.
+    """
+    if name in names:
+        return names.index(name)
+    near = difflib.get_close_matches(name, names, n=1)
+    hint = f", did you mean {near[0]!r}?" if near else f": there are {', '.join(names)}"
+    raise UsageError(f"no {what} {name!r}{hint}")
 
 
 @dataclass(frozen=True)
@@ -105,11 +118,7 @@ class Layout:
         Raises:
             UsageError: there is no such channel; names the nearest one.
         """
-        if name in self.names:
-            return self.names.index(name)
-        near = difflib.get_close_matches(name, self.names, n=1)
-        hint = f", did you mean {near[0]!r}?" if near else f": there are {', '.join(self.names)}"
-        raise UsageError(f"no channel {name!r}{hint}")
+        return position(self.names, name, "channel")
 
     def __len__(self) -> int:
         return len(self.channels)
