@@ -162,6 +162,10 @@ def test_the_operators_hand_outlives_the_process(tmp_path: Path) -> None:
         assert second.parameters_of(best)["gain"].value == pytest.approx(0.9, abs=0.01)
         again = second.run(drive(seed=5))
         assert again.champion.number == 0 and not again.of_kind("promoted")
+        with pytest.raises(UsageError, match="version 0 is pinned and stays live"):
+            second.promote(best)
+        with pytest.raises(UsageError, match="pinned"):
+            second.rollback()
         second.pin(None)
         assert not second.pinned
         with pytest.raises(UsageError, match="there are versions 0 to"):

@@ -9,6 +9,7 @@ import numpy as np
 
 from evertwin.errors import DataError, ModelError, UsageError
 from evertwin.fold import Block
+from evertwin.models import Model
 from evertwin.models.configured import configured
 from evertwin.models.form import Version
 from evertwin.tuning import Fit, Problem, solve
@@ -45,9 +46,9 @@ def look_tuning(view: View, figures: dict[str, Any]) -> Iterator[Finding]:
     work = Work(view.setup, view.versions)
     windows = view.some(view.judged)
     u = np.concatenate([window.u for window in windows])
-    names = []
+    model, names = _live(view), []
     for name in work.editable(view.version):
-        reason = _disconnected(view, name, u)
+        reason = _disconnected(model, name, u)
         if reason:
             yield Finding(
                 "not_connected", name, reason, f"[tuning] editable, {name}",
@@ -70,9 +71,14 @@ def look_tuning(view: View, figures: dict[str, Any]) -> Iterator[Finding]:
     yield from _undetermined(view, fit, u)
 
 
-def _disconnected(view: View, name: str, u: np.ndarray) -> str:
+def _live(view: View) -> Model:
+    """The model at the version's own values: a term at its start values may do nothing."""
+    return configured(view.model, parameters=view.model.parameters.with_values(view.version.p))
+
+
+def _disconnected(model: Model, name: str, u: np.ndarray) -> str:
     try:
-        connected(view.model, (name,), u)
+        connected(model, (name,), u)
     except ModelError as error:
         return str(error)
     return ""
@@ -94,7 +100,7 @@ def _undetermined(view: View, fit: Fit, u: np.ndarray) -> Iterator[Finding]:
     for name, verdict, reason in zip(fit.names, fit.verdict, fit.reasons, strict=True):
         if verdict != "identifiable":
             groups.setdefault((verdict, reason), []).append(name)
-    model = configured(view.model, parameters=view.model.parameters.with_values(view.version.p))
+    model = _live(view)
     for (verdict, reason), names in groups.items():
         motion = advise(model, names, u)
         step = (

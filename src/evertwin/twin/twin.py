@@ -224,19 +224,32 @@ class Twin:
     # ------------------------------------------------------------------ the operator's hand
 
     def promote(self, number: int, reason: str = "by hand") -> Event:
-        """Makes a version live, whatever the gate says; an event tells so."""
+        """Makes a version live, whatever the gate says; an event tells so.
+
+        Raises:
+            UsageError: there is no such version, or another one is pinned.
+        """
+        self._refuse_pinned(number)
         return self._book.switch(self._versions[number].number, "promoted", reason)
 
     def rollback(self, reason: str = "by hand") -> Event:
         """Makes the champion before the present one live again.
 
         Raises:
-            UsageError: there was none before.
+            UsageError: there was none before, or the present one is pinned.
         """
         before = self._book.before
         if before is None:
             raise UsageError("roll back: no other version has been live before this one")
+        self._refuse_pinned(before)
         return self._book.switch(before, "rolled_back", reason)
+
+    def _refuse_pinned(self, number: int) -> None:
+        if self.pinned and number != self.champion.number:
+            raise UsageError(
+                f"version {self.champion.number} is pinned and stays live: unpin it first, or pin "
+                f"version {number}"
+            )
 
     def pin(self, number: int | None, reason: str = "by hand") -> Event:
         """Keeps a version live until it is unpinned (None): no promotion happens."""
