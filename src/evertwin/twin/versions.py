@@ -94,7 +94,10 @@ class Versions:
 
     def __getitem__(self, number: int) -> Version:
         if not 0 <= number < len(self._versions):
-            raise UsageError(f"version: there are 0 to {len(self._versions) - 1}, got {number}")
+            raise UsageError(
+                f"version: there are 0 to {len(self._versions) - 1}, got {number}: list them with "
+                "evertwin model list; versions outlive a run only with [store] path"
+            )
         return self._versions[number]
 
     def __iter__(self) -> Iterator[Version]:
