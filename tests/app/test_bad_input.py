@@ -165,9 +165,7 @@ ARM = """<robot name="a"><link name="base"/><link name="arm"><inertial>
 <limit lower="-3" upper="3" effort="9" velocity="2"/></joint></robot>"""
 
 
-@pytest.mark.parametrize(
-    ("mass", "ixx"), [("0", "0.1"), ("-1", "0.1"), ("1", "0"), ("1", "-0.1")]
-)
+@pytest.mark.parametrize(("mass", "ixx"), [("0", "0.1"), ("-1", "0.1"), ("1", "0"), ("1", "-0.1")])
 def test_impossible_inertia_is_refused(call: Command, folder: Path, mass: str, ixx: str) -> None:
     (folder / "arm.urdf").write_text(ARM.format(mass=mass, ixx=ixx, visual=""))
     (folder / "arm.toml").write_text(

@@ -102,7 +102,9 @@ def with_terms(setup: Setup, work: Work, version: Version, problem: Problem) -> 
         )  # fmt: skip
         tried.append(Formed(wider, work.tune(wider)[0], proposal.form, search))
     formed = min(tried, key=lambda one: one.fit.cost)
-    left = [{"output": o, "without": a, "with": b} for o, a, b in _rms(without.fit, formed.fit)]
+    left: list[Json] = [
+        {"output": o, "without": a, "with": b} for o, a, b in _rms(without.fit, formed.fit)
+    ]
     search |= {"tuned": left}
     ratios = [b / a for _, a, b in _rms(without.fit, formed.fit) if a > 0]
     if not formed.fit.converged or float(np.mean(ratios)) > 1.0 - GAIN:
