@@ -4,8 +4,9 @@ The experiment of Müller, Jazdi, Weyrich, "Self-improving Models for the Intell
 the twin integrates the commanded speed, the drive has a dead zone or a clamp, saturates, lags and
 is noisy. Each run is a recording that the robot's own process writes: 3 s standing, 100 s sweep
 over all speeds, 900 s of random commands; `Twin.run` follows it. Counted are position updates
-(2 cm) of the naive model and of the last champion over the last 100 samples. "oracle with lag" knows the true
-curve and time constant. A run without promotion counts the naive model's updates on both sides.
+(2 cm) of the naive model and of the last champion over the last 100 samples. "oracle with lag"
+knows the true curve and time constant. A run without promotion counts the naive model's updates on
+both sides.
 """
 
 from __future__ import annotations

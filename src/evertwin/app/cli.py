@@ -81,7 +81,7 @@ def demo(
 ) -> None:
     """Both embedded machines through the whole loop: a mobile robot and a 6-axis arm.
 
-    Example: evertwin demo --out /tmp/demo
+    Example: evertwin demo --out shown
     """
     from evertwin.app.demo import run_demo
 

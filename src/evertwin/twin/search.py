@@ -25,7 +25,7 @@ from evertwin.models.form import Form, Version
 from evertwin.tuning import Fit, Problem, solve
 from evertwin.twin.setup import Setup
 from evertwin.twin.work import Work
-from evertwin.types import ParameterVector
+from evertwin.types import Json, ParameterVector
 
 __all__ = ["Formed", "check_initials", "initials", "own_start", "with_terms"]
 
@@ -89,7 +89,11 @@ def with_terms(setup: Setup, work: Work, version: Version, problem: Problem) -> 
     settings = Selection(kinds=rule.terms, channels=rule.channels, quantum=rule.quantum)
     horizon = setup.horizon if rule.horizon is None else rule.horizon
     proposal = improve(setup.model, version.form, problem.windows, horizon, settings, version.p)
-    search = {"horizon": horizon, "describes": list(proposal.describes), **proposal.evidence()}
+    search: dict[str, Any] = {
+        "horizon": horizon,
+        "describes": list(proposal.describes),
+        **proposal.evidence(),
+    }
     if not proposal.found:
         return replace(without, search=search)
     model = build(setup.model, proposal.form)
