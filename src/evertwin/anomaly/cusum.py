@@ -133,6 +133,24 @@ class Cusum:
         """The state that starts from a calibration on other data."""
         return self.init()._replace(calibration=calibration)
 
+    def collect(self, state: CusumState, block: Residuals) -> CusumState:
+        """Takes calm rows without an attempt to calibrate; the oldest make room. Consumes
+        ``state``."""
+        have, n = state.collected, len(block.row)
+        if n > self.capacity:
+            block, n = block.take(n - self.capacity, n), self.capacity
+        drop = max(0, have + n - self.capacity)
+        for kept, new in zip(state.calm, block, strict=True):
+            if drop:
+                kept[: have - drop] = kept[drop:have].copy()
+            kept[have - drop : have - drop + n] = new
+        return state._replace(collected=have - drop + n)
+
+    def settle(self, state: CusumState) -> tuple[CusumState, str]:
+        """Calibrates on what was collected; if that does not suffice, the reason."""
+        found, reason = calibrate(state.calm.take(0, state.collected), self.calm, self.phases)
+        return (state, reason) if reason else (self.begin(found), "")
+
     def on(self, state: CusumState) -> tuple[str, ...]:
         """Names of the outputs that are in an excursion now."""
         return tuple(name for name, seen in zip(self.names, state.seen[:, 1]) if seen >= 0)

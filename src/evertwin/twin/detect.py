@@ -7,6 +7,7 @@ residuals: everything begins anew with it.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -36,7 +37,7 @@ class DetectState(NamedTuple):
     """States of the detectors, and what was not yet acted on.
 
     >>> DetectState._fields
-    ('cusum', 'drift', 'snr', 'told', 'pending')
+    ('cusum', 'drift', 'snr', 'told', 'pending', 'tried')
     """
 
     cusum: CusumState
@@ -46,6 +47,8 @@ class DetectState(NamedTuple):
     """Row of each output's newest drift, int64: one event tells of an excursion."""
     pending: str
     """Reason of the newest alarm since the last beat; empty: none."""
+    tried: int = 0
+    """Calm rows at the last attempt to calibrate on a span that the twin file sets."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +65,8 @@ class Detect:
     columns: tuple[int, ...]
     """Outputs that are watched."""
     use_snr: bool
+    calibration: float = 0.0
+    """Span of calm data that calibrates [s]; 0: as soon as it suffices; inf: the first task."""
 
     @classmethod
     def of(
@@ -74,7 +79,7 @@ class Detect:
         limit = SnrLimit(chosen, spec.snr or 6.0, phases=phases, orders=calm.orders)
         return cls(
             Cusum(chosen, calm, phases), Drift(chosen, phases=phases, orders=calm.orders), limit,
-            columns, spec.snr > 0,
+            columns, spec.snr > 0, spec.calibration,
         )  # fmt: skip
 
     def init(self) -> DetectState:
@@ -87,6 +92,8 @@ class Detect:
         every = len(self.columns) == rows.live.shape[1]
         live = rows.live if every else rows.live.take(self.columns, axis=1)
         seen = Residuals(rows.row, rows.t, live, rows.phase)
+        if self.calibration > 0 and not state.cusum.calibration.ready:
+            return state._replace(cusum=self.cusum.collect(state.cusum, seen)), ()
         cusum, a = self.cusum.step(state.cusum, seen)
         drift, b = self.drift.step(state.drift, seen)
         snr, found = state.snr, a.records + self._begins(state.told, b.records)
@@ -111,9 +118,26 @@ class Detect:
                 told[k] = record.row
         return tuple(kept)
 
-    def beat(self, state: DetectState) -> tuple[DetectState, str]:
-        """At a beat: the reason of an alarm since the last one, and calibrations handed on."""
+    def beat(
+        self, state: DetectState, task_end: bool = False
+    ) -> tuple[DetectState, str, tuple[str, int]]:
+        """At a beat: calibrations made and handed on, the reason of an alarm since the last one,
+        and why a calibration that was due failed (with its rows; empty: none did)."""
+        failed = ("", 0)
+        if self._due(state, task_end):
+            cusum, reason = self.cusum.settle(state.cusum)
+            rows = state.cusum.collected
+            state, failed = state._replace(cusum=cusum, tried=rows), (reason, rows)
         known = state.cusum.calibration
         if known.ready and not state.drift.calibration.ready:
             state = state._replace(drift=self.drift.begin(known), snr=self.snr.begin(known))
-        return state._replace(pending=""), state.pending
+        return state._replace(pending=""), state.pending, failed
+
+    def _due(self, state: DetectState, task_end: bool) -> bool:
+        """Has the span passed? After a failure: have as many rows again come?"""
+        rows, t = state.cusum.collected, state.cusum.calm.t
+        if self.calibration == 0 or state.cusum.calibration.ready or rows == 0:
+            return False
+        span = float(t[rows - 1] - t[0]) * 1e-9
+        enough = task_end if math.isinf(self.calibration) else span >= self.calibration
+        return enough and rows >= min(2 * state.tried, self.cusum.capacity)

@@ -19,11 +19,10 @@ from typing import TypeAlias
 import numpy as np
 
 from evertwin.errors import UsageError
-from evertwin.types import Stamps, Vector
 
 __all__ = ["Part", "Recorded"]
 
-Recorded: TypeAlias = Mapping[str, tuple[Stamps, Vector]]
+Recorded: TypeAlias = Mapping[str, tuple[np.ndarray, np.ndarray]]
 """Channel → (stamps [ns], values)."""
 
 
@@ -70,7 +69,7 @@ class Part:
         """Is it the whole recording?"""
         return math.isinf(self.start) and math.isinf(self.stop)
 
-    def of(self, series: Recorded, origin: int) -> dict[str, tuple[Stamps, Vector]]:
+    def of(self, series: Recorded, origin: int) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         """The part's rows of channels whose recording begins at stamp ``origin`` [ns]."""
         kept = {}
         for name, (t, values) in series.items():
