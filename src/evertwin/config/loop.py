@@ -22,6 +22,7 @@ __all__ = [
     "CorrectionSpec",
     "CutSpec",
     "PredictionSpec",
+    "SarsaSpec",
     "TrialSpec",
     "TuningSpec",
 ]
@@ -166,6 +167,40 @@ class TuningSpec(Section):
 
 
 @dataclass(frozen=True)
+class SarsaSpec(Section):
+    """``[correction.sarsa]``: what the agent that learns a table is rewarded for.
+
+    The defaults are table 1 of Müller, Jazdi, Weyrich.
+
+    >>> SarsaSpec().penalty
+    -5.0
+    """
+
+    near: Annotated[Spread, Limits(above=0.0)] = 0.01
+    """Deviation below which an action is rewarded."""
+    reward: float = 1.0
+    """Reward of such an action."""
+    penalty: float = -5.0
+    """Reward of any other."""
+    end: Annotated[Spread, Limits(above=0.0)] = 0.02
+    """Deviation beyond which an episode ends."""
+    end_angle: Annotated[float, Quantity("rad"), Limits(above=0.0)] = 0.01
+    """Rotational deviation beyond which an episode ends."""
+    alpha: Annotated[float, Limits(above=0.0, at_most=1.0)] | None = None
+    """Learning rate; absent: 1 / number of visits."""
+    gamma: Annotated[float, Limits(at_least=0.0, below=1.0)] = 0.0
+    """Discount."""
+    epsilon: Annotated[float, Limits(at_least=0.0, at_most=1.0)] = 0.1
+    """Share of actions tried at random (``replay`` and ``literal``)."""
+    first: float = 0.0
+    """Value of an action before it was tried."""
+    accumulate: bool = False
+    """Does the deviation add up over an episode?"""
+    passes: Annotated[int, Limits(at_least=1)] = 50
+    """Times that ``replay`` goes through the log."""
+
+
+@dataclass(frozen=True)
 class CorrectionSpec(Section):
     """``[correction]``: how the model's form may be corrected.
 
@@ -187,6 +222,8 @@ class CorrectionSpec(Section):
     """Inputs for which the table was learned; when they change a new training sequence starts."""
     window: Annotated[int, Limits(at_least=2)] = 6000
     """Newest rows that a correction is learned on."""
+    sarsa: SarsaSpec = SarsaSpec()
+    """Settings of the agent that learns a table."""
     in_fit: bool = False
     """``fit`` searches for terms as well, judged on held-out parts of its recordings."""
     horizon: Annotated[Seconds, Limits(above=0.0)] | None = None

@@ -7,6 +7,8 @@ over all kinds of term that the twin file allows, each of which has to pay on he
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import numpy as np
 
 from evertwin.correction.evidence import gather
@@ -54,6 +56,7 @@ def sarsa_settings(setup: Setup, channel: str, windows: Windows) -> SarsaSetting
         low, quantum, count = propose_actions(*seen)
     return SarsaSettings(
         channel, low, quantum, count, horizon=setup.horizon, mode=rule.learner, watch=rule.watch,
+        **{item.name: getattr(rule.sarsa, item.name) for item in fields(rule.sarsa)},
     )  # fmt: skip
 
 
