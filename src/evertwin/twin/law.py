@@ -44,7 +44,7 @@ class Laddered(Protocol):
 
 
 def climb_laws(setup: Setup, problem: Problem) -> tuple[Problem, Mapping[str, str]]:
-    """The problem with the terms that pay, and each output's law.
+    """The problem with the terms that pay, and the law of each joint (or output, without joints).
 
     A term that already has a value stays. Without ``[tuning] ladder`` every term of the model takes
     part, and so does a term that the ladder does not name. A single task is cut into parts, so that
@@ -74,9 +74,8 @@ def climb_laws(setup: Setup, problem: Problem) -> tuple[Problem, Mapping[str, st
         return problem, {}
     ascent = climb_terms(replace(problem, windows=_folds(apart(problem.windows))), tried)
     assert isinstance(model, Laddered)
-    laws = {
-        output: model.law_name(k, ascent.taken[k]) for k, output in enumerate(model.outputs.names)
-    }
+    joints = getattr(model, "joints", model.outputs.names)
+    laws = {joint: model.law_name(k, ascent.taken[k]) for k, joint in enumerate(joints)}
     return replace(problem, editable=ascent.names), laws
 
 

@@ -37,7 +37,7 @@ class Observer:
         self._angles = setup.model.outputs.angles
         self.trace = Trace()
         self.events: list[Event] = []
-        self.knowledge: dict[str, dict[str, Any]] = {}
+        self.knowledge: dict[tuple[str, float], dict[str, Any]] = {}
         self.rounds: list[dict[str, Any]] = []
         self._progress = progress
         self._told = 0
@@ -70,12 +70,18 @@ class Observer:
             content: Any = record.content
             fit: Mapping[str, Any] = content.get("fit") or {}
             for name, item in fit.get("parameters", {}).items():
-                self.knowledge[name] = {k: item[k] for k in ("interval95", "verdict", "value")}
+                known = {k: item[k] for k in ("interval95", "verdict", "value")}
+                self.knowledge[name, item["value"]] = known
             names = tuple(fit.get("parameters", {}))
             for item in content.get("rounds") or ():
                 kept = Round(*item)._asdict()
                 values = dict(zip(names, kept["values"], strict=True))
                 self.rounds.append({"version": record.version, **kept, "values": values})
+
+    def _known(self, parameters: Parameters) -> dict[str, dict[str, Any]]:
+        """What the fits that the champion's values come from said of them."""
+        found = {item.name: self.knowledge.get((item.name, item.value)) for item in parameters}
+        return {name: known for name, known in found.items() if known is not None}
 
     def result(self, driver: Driver, state: TwinState, seconds: float) -> RunResult:
         """The outcome."""
@@ -86,8 +92,10 @@ class Observer:
             name=self.setup.spec.name, samples=state.row, seconds=seconds,
             outputs=figures(self.setup, state), position_updates=updates(state),
             unseen_since=state.books.rows, events=tuple(self.events), champion=champion,
-            parameters=parameters, knowledge=self.knowledge, versions=tuple(driver.versions),
-            model=model, models={v.form: driver.versions.model(v.number) for v in driver.versions},
+            parameters=parameters, knowledge=self._known(parameters),
+            versions=tuple(driver.versions),
+            model=model,
+            models={v.form: driver.versions.model(v.number) for v in driver.versions},
             trace=self.trace.columns(), rounds=tuple(self.rounds),
         )  # fmt: skip
 

@@ -7,6 +7,7 @@ candidate, which then has to prove itself on data that this work has not seen.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -21,6 +22,7 @@ from evertwin.models import Model
 from evertwin.models.form import Form, Version
 from evertwin.trial import admit
 from evertwin.tuning import Fit, Iteration, Problem, Schedule, solve
+from evertwin.tuning.assemble import Outcome, assemble
 from evertwin.twin.law import climb_laws
 from evertwin.twin.learn import learn
 from evertwin.twin.recursion import Recursion
@@ -198,8 +200,30 @@ class Work:
         values = dict(zip(proposal.names, proposal.p.tolist(), strict=True))
         return {
             "events": [_event("corrected", "", reason, evidence)],
+            "fit": self.known(proposal, windows),
             "candidate": self._candidate(proposal.form, values, proposal.scale, reason, windows),
         }
+
+    def known(self, proposal: Proposal, windows: Windows) -> dict[str, Any] | None:
+        """Intervals and verdicts of the terms' numbers, as they are; None where they have none."""
+        model = self.versions.model_of(proposal.form)
+        base = self.setup.model.parameters.names
+        # the step of a threshold has no slope, and a surface's nodes are known by their prior
+        names = tuple(
+            name
+            for name in proposal.names
+            if name not in base and not name.startswith("surface.") and ".threshold" not in name
+        )
+        if not names:
+            return None
+        values = model.parameters.with_values(proposal.p)
+        problem = Problem(model, windows, names, self.setup.horizon, None, None, values)
+        outcome = Outcome(problem.start, 0, 1, True, "as the correction was learned")
+        j = problem.jacobian(problem.start)
+        if not np.isfinite(j[problem.rows.used]).all():
+            return None
+        fit = assemble(problem, outcome, problem.start, j, time.perf_counter())
+        return fit.to_dict(timing=False)
 
     def _instead(
         self, version: Version, windows: Windows, events: list[dict[str, Any]]

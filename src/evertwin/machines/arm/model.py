@@ -248,6 +248,11 @@ class Arm:
             parts.append(body_columns(self.chain.geometry, last, u) @ self._payload_map)
         return np.concatenate(parts, axis=2)
 
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints, from base to tip."""
+        return self.chain.joints
+
     def rungs(self) -> tuple[Rung, ...]:
         """Steps up the ladder of friction laws, joint by joint; each has to pay on unseen data."""
         return tuple(
