@@ -196,7 +196,9 @@ def test_rows_without_residuals_are_not_released() -> None:
 
 def test_detectors_begin_silent_and_tell_a_shift() -> None:
     rng, n = np.random.default_rng(4), 3000
-    stage = Detect.of(AnomalySpec(snr=6.0, calibration=1200.0), ("a", "b"), np.array([True, False]), 1)
+    stage = Detect.of(
+        AnomalySpec(snr=6.0, calibration=1200.0), ("a", "b"), np.array([True, False]), 1
+    )
     live = rng.normal(size=(n, 2))
     live[2000:, 0] += 6.0
     state, alarms, told = stage.init(), [], []
