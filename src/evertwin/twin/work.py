@@ -125,9 +125,16 @@ class Work:
         }  # fmt: skip
         if verdict.kind == "abnormal" and self._next():
             content["next"] = self._next()
-        elif verdict.kind == "normal":
+        elif verdict.kind == "normal" or self._helps(verdict, fit):
             content["candidate"] = self._tuned(version, problem, fit, windows, events)
         return content
+
+    def _helps(self, verdict: Verdict, fit: Fit) -> bool:
+        """The form is wrong, and none may be learned: is tuning the better half all the same?
+
+        Not where another cause has a name: tuning would hide a load in friction.
+        """
+        return not verdict.cause and not fit.at_bound and explained(fit, fit.noise) >= 0.5
 
     def _tuned(
         self, version: Version, problem: Problem, fit: Fit, windows: Windows,
