@@ -38,7 +38,13 @@ from evertwin.models.function import python_kernel
 from evertwin.models.kernel import Kernel
 from evertwin.models.parameters import Parameter, Parameters
 from evertwin.models.sizes import sized
-from evertwin.models.term_parameters import VARIANTS, check_term, memory, term_parameters
+from evertwin.models.term_parameters import (
+    CAPACITY,
+    VARIANTS,
+    check_term,
+    memory,
+    term_parameters,
+)
 from evertwin.models.variants import in_variant
 from evertwin.signals.channels import Channel, Layout
 from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
@@ -172,7 +178,7 @@ class Corrected:
     def _extra(self, term: Term) -> int:
         """A lag's capacity; the output that shows an extra state's partner."""
         if term.kind == "lag":
-            return int(term.levels[0]) if term.levels else 16
+            return int(term.levels[0]) if term.levels else CAPACITY
         names = self.model.outputs.names
         return names.index(term.channel) if term.kind == "state" and term.channel in names else -1
 
