@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evertwin.config import TwinSpec, files_of, read, reads
-from evertwin.config.lines import Lines
-from evertwin.config.quantity import number
 from evertwin.errors import ConfigError, DataError, UsageError
+from evertwin.settings.lines import Lines
+from evertwin.settings.quantity import number
 from evertwin.signals.units import from_si
 
 HEAD = 'schema = 1\nname = "axis"\nmodel = { kind = "drive" }\n'

@@ -10,9 +10,9 @@ import jsonschema
 import pytest
 
 from evertwin.config import read
-from evertwin.config.fields import field_docs, section_doc, settings
 from evertwin.config.page import page
 from evertwin.config.schema import schema, sections
+from evertwin.settings.fields import field_docs, section_doc, settings
 
 ROOT = Path(__file__).parent.parent.parent
 TWINS = sorted((ROOT / "twins").glob("*.toml"))

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Literal, TypeAlias
 
-from evertwin.config.fields import Key, Late, Limits, Quantity, Section, Shorthand
 from evertwin.errors import UsageError
+from evertwin.settings.fields import Key, Late, Limits, Quantity, Section, Shorthand
 from evertwin.signals.units import conversion
 
 __all__ = [

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
 from evertwin.config.data import Seconds, Spread
-from evertwin.config.fields import Inherit, Limits, Quantity, Section
-from evertwin.config.quantity import written
 from evertwin.errors import UsageError
+from evertwin.settings.fields import Inherit, Limits, Quantity, Section
+from evertwin.settings.quantity import written
 from evertwin.signals.units import compatible
 
 __all__ = [

@@ -13,20 +13,17 @@ from __future__ import annotations
 import dataclasses
 import fnmatch
 import glob
-import re
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 
-from evertwin.config.convert import Reader, expand
-from evertwin.config.lines import Lines
 from evertwin.config.spec import SCHEMA, TwinSpec
 from evertwin.errors import ConfigError, DataError, UsageError
+from evertwin.settings.convert import expand
+from evertwin.settings.text import Form
 
 __all__ = ["files_of", "read", "reads"]
 
-LARGEST = 1_000_000
-"""Characters of the largest twin file: a recording given by mistake is refused at once."""
+_FORM = Form(TwinSpec, SCHEMA, "twin file")
 
 
 def read(path: str | Path) -> TwinSpec:
@@ -36,18 +33,8 @@ def read(path: str | Path) -> TwinSpec:
         ConfigError: the file cannot be read, or does not say what it must; the message has one line
             for each problem, ``file:line: what was expected, what came``.
     """
-    file = Path(path)
-    try:
-        if file.stat().st_size > LARGEST:
-            raise ConfigError(
-                f"{file}: over {LARGEST} bytes: expected a twin file, not a recording"
-            )
-        text = file.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise ConfigError(f"{file}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise ConfigError(f"{file}: expected UTF-8 text, byte {error.start} is not") from error
-    return dataclasses.replace(reads(text, str(path)), folder=str(file.resolve().parent))
+    twin = _FORM.parse(_FORM.load(path), str(path))
+    return dataclasses.replace(twin, folder=str(Path(path).resolve().parent))
 
 
 def reads(text: str, name: str = "twin file") -> TwinSpec:
@@ -56,27 +43,7 @@ def reads(text: str, name: str = "twin file") -> TwinSpec:
     Raises:
         ConfigError: as `read`.
     """
-    try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        found = re.search(r"^(.*?) \(at (?:line (\d+), column \d+|end of document)\)$", str(error))
-        line = found[2] if found and found[2] else len(text.splitlines())
-        raise ConfigError(f"{name}:{line}: not TOML: {found[1] if found else error}") from error
-    version = table.get("schema")
-    if version is None:
-        raise ConfigError(f"{name}:1: needs 'schema = {SCHEMA}': the version of the file's form")
-    if isinstance(version, int) and version > SCHEMA:
-        raise ConfigError(
-            f"{name}: has schema {version}, this evertwin reads up to {SCHEMA}: upgrade evertwin"
-        )
-    reader = Reader(name, Lines(text))
-    twin = reader.section(TwinSpec, table, ())
-    if twin is None or reader.problems:
-        ordered = sorted(
-            set(reader.problems), key=lambda text: int(text[len(name) + 1 :].split(":")[0])
-        )
-        raise ConfigError("\n".join(ordered))
-    return twin
+    return _FORM.parse(text, name)
 
 
 def files_of(twin: TwinSpec, given: Sequence[str | Path] = ()) -> dict[int, tuple[Path, ...]]:

@@ -27,7 +27,6 @@ from evertwin.config.data import (
     Spread,
     TimeSpec,
 )
-from evertwin.config.fields import Free, Hidden, Limits, Quantity, Section, Shorthand
 from evertwin.config.loop import (
     AnomalySpec,
     ArbiterSpec,
@@ -37,6 +36,7 @@ from evertwin.config.loop import (
     TrialSpec,
     TuningSpec,
 )
+from evertwin.settings.fields import Free, Hidden, Limits, Quantity, Section, Shorthand
 from evertwin.types import Json
 
 __all__ = [

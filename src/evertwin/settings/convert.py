@@ -14,7 +14,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias, TypeVar, get_args, get_origin
 
-from evertwin.config.fields import (
+from evertwin.errors import UsageError
+from evertwin.settings.fields import (
     Free,
     Inherit,
     Late,
@@ -29,9 +30,8 @@ from evertwin.config.fields import (
     settings,
     split,
 )
-from evertwin.config.lines import Lines, Path
-from evertwin.config.quantity import as_number, number
-from evertwin.errors import UsageError
+from evertwin.settings.lines import Lines, Path
+from evertwin.settings.quantity import as_number, number
 
 __all__ = ["Reader", "expand"]
 
@@ -77,9 +77,11 @@ def dotted(path: Path) -> str:
 class Reader:
     """Builds sections and collects what is wrong.
 
-    >>> from evertwin.config.data import ClockSpec
+    >>> @dataclass(frozen=True)
+    ... class Clock(Section):
+    ...     rate: float = 1.0
     >>> reader = Reader("a.toml", Lines("rates = 5"))
-    >>> reader.section(ClockSpec, {"rates": 5}, ())
+    >>> reader.section(Clock, {"rates": 5}, ())
     >>> reader.problems
     ["a.toml:1: unknown key 'rates', did you mean 'rate'?"]
     """

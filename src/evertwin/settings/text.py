@@ -1,0 +1,98 @@
+"""From a file's text to its checked content, with every mistake and its line at once.
+
+>>> from dataclasses import dataclass
+>>> @dataclass(frozen=True)
+... class Pump(Section):
+...     name: str
+...     schema: int = 1
+...     speed: float = 1.0
+>>> Form(Pump, 1).parse('schema = 1\\nname = "P1"', "pump.toml").speed
+1.0
+>>> Form(Pump, 1).parse('schema = 1\\nname = "P1"\\nsped = 2', "pump.toml")
+Traceback (most recent call last):
+evertwin.errors.ConfigError: pump.toml:3: unknown key 'sped', did you mean 'speed'?
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Generic, TypeVar
+
+from evertwin.errors import ConfigError
+from evertwin.settings.convert import Reader
+from evertwin.settings.fields import Section
+from evertwin.settings.lines import Lines
+
+__all__ = ["Form"]
+
+S = TypeVar("S", bound=Section)
+_NOT_TOML = re.compile(r"^(.*?) \(at (?:line (\d+), column \d+|end of document)\)$")
+LARGEST = 1_000_000
+"""Bytes of the largest file: a recording given by mistake is refused at once."""
+
+
+@dataclass(frozen=True)
+class Form(Generic[S]):
+    """A kind of file. See the module for an example."""
+
+    root: type[S]
+    """Class of the whole file; it has a field ``schema``."""
+    version: int
+    """Version of the form that this evertwin reads; the file states its own as ``schema``."""
+    title: str = "file"
+    """What such a file is called in messages."""
+
+    def load(self, path: str | Path) -> str:
+        """The text of the file at ``path``.
+
+        Raises:
+            ConfigError: the file cannot be read.
+        """
+        file = Path(path)
+        try:
+            if file.stat().st_size > LARGEST:
+                raise ConfigError(
+                    f"{file}: over {LARGEST} bytes: expected a {self.title}, not a recording"
+                )
+            return file.read_text(encoding="utf-8-sig")
+        except OSError as error:
+            raise ConfigError(f"{file}: cannot be read: {error.strerror}") from error
+        except UnicodeDecodeError as error:
+            raise ConfigError(f"{file}: expected UTF-8 text, byte {error.start} is not") from error
+
+    def parse(self, text: str, name: str) -> S:
+        """The content of ``text``; ``name`` stands in messages.
+
+        Raises:
+            ConfigError: it does not say what it must; the message has one line for each problem,
+                ``name:line: what was expected, what came``.
+        """
+        try:
+            table = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            found = re.search(
+                r"^(.*?) \(at (?:line (\d+), column \d+|end of document)\)$", str(error)
+            )
+            line = found[2] if found and found[2] else len(text.splitlines())
+            raise ConfigError(f"{name}:{line}: not TOML: {found[1] if found else error}") from error
+        version = table.get("schema")
+        if version is None:
+            raise ConfigError(
+                f"{name}:1: needs 'schema = {self.version}': the version of the file's form"
+            )
+        if isinstance(version, int) and version > self.version:
+            raise ConfigError(
+                f"{name}: has schema {version}, this evertwin reads up to {self.version}: "
+                "upgrade evertwin"
+            )
+        reader = Reader(name, Lines(text))
+        content = reader.section(self.root, table, ())
+        if content is None or reader.problems:
+            ordered = sorted(
+                set(reader.problems), key=lambda text: int(text[len(name) + 1 :].split(":")[0])
+            )
+            raise ConfigError("\n".join(ordered))
+        return content
