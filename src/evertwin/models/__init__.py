@@ -2,7 +2,7 @@
 
 from evertwin.models.check import check_model
 from evertwin.models.compiled import Compiled
-from evertwin.models.contract import KernelModel, LinearModel, Model
+from evertwin.models.contract import BatchModel, KernelModel, LinearModel, Model
 from evertwin.models.function import FunctionModel, python_kernel
 from evertwin.models.kernel import OBSERVE, STEP, Kernel, Restart, roll
 from evertwin.models.parameters import Parameter, Parameters
@@ -10,6 +10,7 @@ from evertwin.models.parameters import Parameter, Parameters
 __all__ = [
     "OBSERVE",
     "STEP",
+    "BatchModel",
     "Compiled",
     "FunctionModel",
     "Kernel",

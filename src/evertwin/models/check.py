@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 
 from evertwin.errors import LawBroken
-from evertwin.models.contract import KernelModel, LinearModel, Model
-from evertwin.models.kernel import Restart, roll
+from evertwin.models.contract import BatchModel, KernelModel, LinearModel, Model
+from evertwin.models.function import python_kernel
+from evertwin.models.kernel import ADOPT, ANEW, CONTINUE, Restart, roll
 from evertwin.types import Inputs, Intervals, Outputs
 
 __all__ = ["check_model"]
@@ -27,7 +28,8 @@ def check_model(model: Model, u: Inputs | None = None, dt: Intervals | None = No
     Laws: *shapes*; *purity* (arguments stay as they are, same call gives the same bits);
     *partition* (rows in one call or one by one give the same bits); *observe* (adopting the model's
     own outputs of a state keeps outputs; all NaN changes nothing); *kernel* (agrees bit for bit
-    with ``simulate``); *linear* (``y0 + Phi·p`` agrees with ``simulate`` to 1e-9).
+    with ``simulate``); *batch* (so does each of its runs, restarts included); *linear* (``y0 +
+    Phi·p`` agrees with ``simulate`` to 1e-9).
 
     Raises:
         LawBroken: names the law and the figures.
@@ -56,6 +58,8 @@ def check_model(model: Model, u: Inputs | None = None, dt: Intervals | None = No
     _same("observe: NaN", (end,), (model.observe(end, np.full(y.shape[1], np.nan)),))
     if isinstance(model, KernelModel):
         _same("kernel", (end, y), roll(model.kernel(), x, u, dt, p, Restart.never(*y.shape)))
+    if isinstance(model, BatchModel):
+        _batch(model, u, dt, y)
     if isinstance(model, LinearModel):
         _linear(model, u, dt, y)
 
@@ -65,6 +69,21 @@ def _same(law: str, a: tuple[Any, ...], b: tuple[Any, ...]) -> None:
         if not np.array_equal(left, right, equal_nan=True):
             worst = np.nanmax(np.abs(left - right)) if left.shape == right.shape else np.inf
             raise LawBroken(f"{law}: results differ by {worst:.3g}, expected equal bits")
+
+
+def _batch(model: BatchModel, u: Inputs, dt: Intervals, y: Outputs) -> None:
+    p = model.parameters.values
+    x = model.initial(p)
+    kernel = model.kernel() if isinstance(model, KernelModel) else python_kernel(model)
+    code = np.zeros(len(u), dtype=np.uint8)
+    code[len(u) // 4 :: 3] = ADOPT
+    code[len(u) // 2 :: 5] = ANEW
+    code[0] = CONTINUE
+    restart = Restart(y, code, x)
+    _, again = roll(kernel, x, u, dt, p, restart)
+    both = np.stack([x, x]), np.stack([p, p])
+    _same("batch", (y, y), tuple(model.simulate_batch(both[0], u, dt, both[1])))
+    _same("batch", (again, again), tuple(model.simulate_batch(both[0], u, dt, both[1], restart)))
 
 
 def _linear(model: LinearModel, u: Inputs, dt: Intervals, y: Outputs) -> None:

@@ -6,7 +6,8 @@ where rows are cut cannot matter. ``observe`` adopts measured outputs that are n
 state (the position update). A static map has no state (nx = 0). A wrapper of a Model is a Model.
 
 Beyond it a model may offer `KernelModel.kernel` (C addresses, for the fused loop) and
-`LinearModel.regressor` (outputs linear in parameters: tuning solves instead of iterating).
+`LinearModel.regressor` (outputs linear in parameters: tuning solves instead of iterating) and
+`BatchModel.simulate_batch` (many parameter vectors over the same rows at once).
 """
 
 from __future__ import annotations
@@ -16,12 +17,12 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from evertwin.models.kernel import Kernel
+from evertwin.models.kernel import Kernel, Restart
 from evertwin.models.parameters import Parameters
 from evertwin.signals.channels import Layout
 from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
 
-__all__ = ["KernelModel", "LinearModel", "Model"]
+__all__ = ["BatchModel", "KernelModel", "LinearModel", "Model"]
 
 
 @runtime_checkable
@@ -103,4 +104,32 @@ class LinearModel(Model, Protocol):
         self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
     ) -> tuple[Outputs, Float64[np.ndarray, "n ny m"]]:
         """The part that does not depend on the columns, and the compact regressor."""
+        ...
+
+
+@runtime_checkable
+class BatchModel(Model, Protocol):
+    """A model that simulates many parameter vectors over the same rows at once, in threads.
+
+    Tuning takes its differences from it. Row by row a native engine pays for every call; here it
+    runs whole stretches between restarts.
+
+    >>> hasattr(BatchModel, "simulate_batch")
+    True
+    """
+
+    def simulate_batch(
+        self,
+        x: Float64[np.ndarray, "k nx"],
+        u: Inputs,
+        dt: Intervals,
+        p: Float64[np.ndarray, "k np"],
+        restart: Restart | None = None,
+    ) -> Float64[np.ndarray, "k n ny"]:
+        """Outputs under each parameter vector from its own state before the first row.
+
+        Run ``j`` has the bits of ``roll(kernel, x[j], u, dt, p[j], restart)`` with ``x[j]`` as the
+        state that `ANEW` starts from (`Restart.x0` is not read): an initial state may depend on
+        parameters. Without ``restart`` it is one free run. What diverges is NaN; it never raises.
+        """
         ...
