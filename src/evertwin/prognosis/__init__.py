@@ -1,0 +1,10 @@
+"""Prognosis: how long a component lasts, from the history of what tells its wear.
+
+`Indicator` is that history with its limit, `predict_life` answers with a `Life` (a distribution) or
+with `NotEnough` (and what would be enough).
+"""
+
+from evertwin.prognosis.indicator import Indicator, Limit, Maintenance
+from evertwin.prognosis.life import Life, NotEnough, Onset, first_of
+
+__all__ = ["Indicator", "Life", "Limit", "Maintenance", "NotEnough", "Onset", "first_of"]

@@ -1,0 +1,174 @@
+"""A health indicator: what tells how worn a component is, and the limit where its life ends.
+
+An indicator is a series of values over time, cycles or runs: a tuned parameter, a function of
+several, a statistic of the residual, a measured series, or a quality figure of the process. Each
+value may carry its standard deviation; the series may carry covariates (temperature, load, time
+since start), the usage so far, and the maintenance done.
+
+>>> friction = Indicator.of("friction", "Nm", Limit(3.0), [0, 1, 2, 3], [1.0, 1.1, 1.2, 1.3])
+>>> float(friction.distance()[-1])
+1.7
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float64
+
+from evertwin.errors import DataError, UsageError
+
+__all__ = ["Indicator", "Limit", "Maintenance"]
+
+Direction = Literal["above", "below"]
+
+
+@dataclass(frozen=True)
+class Limit:
+    """Where the component counts as worn out.
+
+    >>> Limit(1.4, "below", "data sheet").sign
+    -1.0
+    """
+
+    value: float
+    direction: Direction = "above"
+    """The harmful side: life ends when the indicator is above, or below, the value."""
+    source: str = "by hand"
+    """Where the limit comes from, in words."""
+
+    def __post_init__(self) -> None:
+        if not np.isfinite(self.value):
+            raise UsageError(f"limit: expected a finite number, got {self.value}")
+        if self.direction not in ("above", "below"):
+            raise UsageError(f"limit: expected 'above' or 'below', got {self.direction!r}")
+
+    @property
+    def sign(self) -> float:
+        """+1 where wear grows, −1 where it falls."""
+        return 1.0 if self.direction == "above" else -1.0
+
+
+@dataclass(frozen=True)
+class Maintenance:
+    """Something done to the component.
+
+    >>> Maintenance(120.0, "replaced", "gearbox replaced").kind
+    'replaced'
+    """
+
+    at: float
+    """When, on the indicator's own clock."""
+    kind: Literal["replaced", "adjusted"] = "replaced"
+    """``replaced``: a new life begins. ``adjusted``: the level may jump, wear goes on."""
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Indicator:
+    """A series of values that tells wear, with its limit. Values that are NaN are absent.
+
+    Raises `DataError` for arrays that do not fit together.
+
+    >>> Indicator.of("capacity", "Ah", Limit(1.4, "below"), [1, 2], [1.86, 1.85]).clock
+    'run'
+    """
+
+    name: str
+    unit: str
+    limit: Limit
+    at: Float64[np.ndarray, " n"]
+    """When, in ``clock``; must not fall."""
+    value: Float64[np.ndarray, " n"]
+    sigma: Float64[np.ndarray, " n"]
+    """Standard deviation of each value; NaN: not known."""
+    clock: str = "run"
+    """Unit of ``at`` and of the life that is predicted: s, h, cycle, run."""
+    covariates: Mapping[str, Float64[np.ndarray, " n"]] = field(default_factory=dict)
+    """Linear influences on the value, such as temperature or load, by name."""
+    usage: Float64[np.ndarray, " n"] | None = None
+    """Work done until ``at`` (cycles, load hours …), where wear goes with it; must not fall."""
+    maintenance: tuple[Maintenance, ...] = ()
+    origin: float | None = None
+    """Where on ``at`` the component was new; None: at the first value."""
+
+    @classmethod
+    def of(
+        cls, name: str, unit: str, limit: Limit, at: Sequence[float] | np.ndarray,
+        value: Sequence[float] | np.ndarray,
+    ) -> Indicator:  # fmt: skip
+        """From plain sequences; everything else through `with_`."""
+        values = np.asarray(value, dtype=np.float64)
+        times = np.asarray(at, dtype=np.float64)
+        return cls(name, unit, limit, times, values, np.full(values.shape, np.nan))
+
+    def with_(self, **changes: object) -> Indicator:
+        """A copy with other fields.
+
+        >>> Indicator.of("f", "Nm", Limit(3.0), [0], [1.0]).with_(clock="h").clock
+        'h'
+        """
+        return replace(self, **changes)  # type: ignore[arg-type]
+
+    def __post_init__(self) -> None:
+        n = self.at.shape
+        arrays: dict[str, np.ndarray] = {
+            "value": self.value,
+            "sigma": self.sigma,
+            **self.covariates,
+        }
+        if self.usage is not None:
+            arrays["usage"] = self.usage
+        for name, array in arrays.items():
+            if array.shape != n or array.ndim != 1:
+                raise DataError(
+                    f"indicator {self.name}: expected {name} of shape {n} like its times, "
+                    f"got {array.shape}"
+                )
+        for name, array in {"times": self.at, **arrays}.items():
+            clock = name in ("times", "usage")
+            if clock and not (np.all(np.isfinite(array)) and np.all(np.diff(array) >= 0.0)):
+                raise DataError(
+                    f"indicator {self.name}: expected finite {name} that do not fall; sort the "
+                    "series by them"
+                )
+
+    def distance(self) -> Float64[np.ndarray, " n"]:
+        """From each value to the limit; negative once the limit is passed."""
+        return self.limit.sign * (self.limit.value - self.value)
+
+    def until(self, moment: float) -> Indicator:
+        """What was known at ``moment``: no later value, no later maintenance."""
+        return self._take(self.at <= moment, [m for m in self.maintenance if m.at <= moment])
+
+    def since_replaced(self) -> Indicator:
+        """The current life alone: values after the last replacement."""
+        marks = [m.at for m in self.maintenance if m.kind == "replaced"]
+        if not marks:
+            return self
+        begin = max(marks)
+        later = [m for m in self.maintenance if m.at > begin]
+        return replace(self._take(self.at >= begin, later), origin=begin)
+
+    def lives(self) -> tuple[Indicator, ...]:
+        """One indicator per life: cut at each replacement, the current life last."""
+        marks = sorted({m.at for m in self.maintenance if m.kind == "replaced"})
+        edges = [-np.inf, *marks, np.inf]
+        parts = []
+        for start, stop in pairwise(edges):
+            inside = [m for m in self.maintenance if start < m.at < stop]
+            part = self._take((self.at >= start) & (self.at < stop), inside)
+            parts.append(replace(part, origin=start if np.isfinite(start) else self.origin))
+        return tuple(parts)
+
+    def _take(self, keep: np.ndarray, maintenance: Sequence[Maintenance]) -> Indicator:
+        return replace(
+            self, at=self.at[keep], value=self.value[keep], sigma=self.sigma[keep],
+            covariates={name: array[keep] for name, array in self.covariates.items()},
+            usage=None if self.usage is None else self.usage[keep],
+            maintenance=tuple(maintenance),
+        )  # fmt: skip
