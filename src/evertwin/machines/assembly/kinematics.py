@@ -1,0 +1,102 @@
+"""Where the tool of a serial arm is, and which joint angles bring it somewhere.
+
+Forward kinematics and the tool's Jacobian from the geometry that the dynamics use; the inverse by
+damped least squares, point after point along a path, each starting at the one before.
+
+Damped least squares: Wampler (1986), Nakamura and Hanafusa (1986).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float64
+
+from evertwin.errors import UsageError
+from evertwin.machines.arm.chain import Chain
+from evertwin.machines.arm.rnea import JOINT
+from evertwin.types import Vector
+
+__all__ = ["follow", "tool"]
+
+ROUNDS = 60
+"""Most corrections a point."""
+CLOSE = 1e-9
+"""Position error [m] and rotation error [rad] at which a point is reached."""
+
+
+def tool(
+    chain: Chain, q: Vector
+) -> tuple[Float64[np.ndarray, "4 4"], Float64[np.ndarray, "6 joints"]]:
+    """The tool's frame in the base, and its Jacobian (linear velocity first), at ``q`` [rad, m].
+
+    >>> from evertwin.machines.arm.chain import serial
+    >>> from evertwin.machines.arm.model import robot
+    >>> frame, jacobian = tool(serial(robot("ur5_like")), np.zeros(6))
+    >>> frame.shape, jacobian.shape
+    ((4, 4), (6, 6))
+    """
+    frame, axes, places = np.eye(4), [], []
+    for j in range(chain.n):
+        numbers = chain.geometry[3 + JOINT * j : 3 + JOINT * (j + 1)]
+        here = np.eye(4)
+        here[:3, :3], here[:3, 3] = numbers[:9].reshape(3, 3), numbers[9:12]
+        frame = frame @ here
+        axes.append(frame[:3, 2].copy())
+        move = np.eye(4)
+        if numbers[12] != 0.0:
+            move[2, 3] = q[j]
+        else:
+            c, s = np.cos(q[j]), np.sin(q[j])
+            move[:2, :2] = [[c, -s], [s, c]]
+        frame = frame @ move
+        places.append(frame[:3, 3].copy())
+    frame = frame @ chain.tool
+    jacobian = np.zeros((6, chain.n))
+    for j, (axis, place) in enumerate(zip(axes, places, strict=True)):
+        if chain.sliding[j]:
+            jacobian[:3, j] = axis
+        else:
+            jacobian[:3, j] = np.cross(axis, frame[:3, 3] - place)
+            jacobian[3:, j] = axis
+    return frame, jacobian
+
+
+def _rotation(matrix: Float64[np.ndarray, "3 3"]) -> Vector:
+    """Rotation vector of a rotation by less than half a turn [rad]."""
+    vector = 0.5 * np.array(
+        [matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]]
+    )
+    sine, cosine = float(np.linalg.norm(vector)), 0.5 * (float(np.trace(matrix)) - 1.0)
+    return vector if sine < 1e-12 else np.asarray(vector * np.arctan2(sine, cosine) / sine)
+
+
+def follow(
+    chain: Chain,
+    start: Vector,
+    places: Float64[np.ndarray, "n 3"],
+    turn: Float64[np.ndarray, "3 3"],
+) -> Float64[np.ndarray, "n joints"]:
+    """Joint positions that put the tool at ``places`` [m] with orientation ``turn``.
+
+    Args:
+        start: joint positions near the first place.
+
+    Raises:
+        UsageError: a place cannot be reached; it is named.
+    """
+    q, found = np.array(start, dtype=np.float64), np.empty((len(places), chain.n))
+    for i, place in enumerate(places):
+        for _ in range(ROUNDS):
+            frame, jacobian = tool(chain, q)
+            error = np.r_[place - frame[:3, 3], _rotation(turn @ frame[:3, :3].T)]
+            if np.linalg.norm(error) < CLOSE:
+                break
+            damped = jacobian @ jacobian.T + 1e-10 * np.eye(6)
+            q = q + jacobian.T @ np.linalg.solve(damped, error)
+        else:
+            raise UsageError(
+                f"path: the tool cannot reach {place.round(4).tolist()} m: it misses by "
+                f"{np.linalg.norm(error[:3]):.3g} m; keep the path inside the arm's reach"
+            )
+        found[i] = q
+    return found
