@@ -28,6 +28,7 @@ MACHINES: Mapping[str, tuple[str, str, str]] = {
     "differential": ("evertwin.machines.mobile", "Differential", ""),
     "drive": ("evertwin.machines.drive", "Drive", ""),
     "drive_force": ("evertwin.machines.drive", "DriveForce", ""),
+    "mujoco": ("evertwin.models.mujoco", "model_of_file", "mujoco"),
     "odometer": ("evertwin.machines.mobile", "Odometer", ""),
     "omni": ("evertwin.machines.mobile", "Omni", ""),
     "robot1d": ("evertwin.machines.mobile", "Robot1D", ""),

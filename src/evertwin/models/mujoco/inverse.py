@@ -1,0 +1,152 @@
+"""Inverse dynamics in MuJoCo: joint motion in, joint torques out; a static map.
+
+    τ = M(q)·q̈ + bias(q, q̇) − passive forces − constraint forces
+
+so friction losses, damping, springs and joint limits count; the torque is what drives have to add.
+
+>>> rod = InverseDynamics.from_text('''<mujoco><worldbody><body>
+...   <joint name="pivot" axis="0 1 0"/>
+...   <geom type="capsule" size="0.02" fromto="0 0 0 0.5 0 0" mass="1"/></body></worldbody></mujoco>
+...   ''')
+>>> rod.inputs.names, rod.outputs.names
+(('pivot.pos', 'pivot.vel', 'pivot.acc'), ('pivot.torque',))
+>>> p = rod.parameters.values
+>>> rod.simulate(np.zeros(0), np.zeros((1, 3)), np.zeros(1), p)[1].round(4).tolist()
+[[-2.4525]]
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from jaxtyping import Float64
+
+from evertwin.errors import ModelError, UsageError
+from evertwin.models.kernel import ANEW, Restart
+from evertwin.models.mujoco.channels import controls, states
+from evertwin.models.mujoco.engine import compiled
+from evertwin.models.mujoco.guard import Source, read_file, read_text
+from evertwin.models.mujoco.knobs import Knob, knobs_of, parameters_of
+from evertwin.models.mujoco.pool import EnginePool
+from evertwin.models.parameters import Parameters
+from evertwin.models.sizes import sized
+from evertwin.signals.channels import Channel, Layout
+from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
+
+__all__ = ["InverseDynamics"]
+
+_DEFAULT = ("joint.*.damping", "joint.*.frictionloss", "joint.*.armature")
+
+
+@dataclass(frozen=True, eq=False)
+class InverseDynamics:
+    """Inverse dynamics of an MJCF or URDF model whose joints turn or slide. See the module.
+
+    >>> InverseDynamics.__name__
+    'InverseDynamics'
+    """
+
+    source: Source
+    compiled: Any
+    knobs: tuple[Knob, ...]
+    inputs: Layout
+    outputs: Layout
+    parameters: Parameters
+    threads: int = 0
+    states: Layout = Layout()
+
+    @classmethod
+    def of(cls, file: str | Path, **options: Any) -> InverseDynamics:
+        """The model in a file; ``options``: ``parameters``, ``contact`` (false), ``threads``.
+
+        Raises:
+            ModelError: the file is refused, or a joint has more than one degree of freedom.
+            UsageError: an option does not fit the model.
+        """
+        return cls._from(read_file(file), **options)
+
+    @classmethod
+    def from_text(cls, text: str, **options: Any) -> InverseDynamics:
+        """The same from XML at hand."""
+        return cls._from(read_text(text), **options)
+
+    @classmethod
+    def _from(cls, source: Source, **options: Any) -> InverseDynamics:
+        known = {"parameters", "contact", "threads"}
+        if unknown := set(options) - known:
+            raise UsageError(f"mujoco: no options {sorted(unknown)}; there are {sorted(known)}")
+        patterns = tuple(options.get("parameters", _DEFAULT))
+        contact = bool(options.get("contact", False))
+        model = compiled(source, None, contact, shifts=any("com" in p for p in patterns))
+        if model.nq != model.nv or model.njnt != model.nv:
+            raise ModelError(f"{source.where}: inverse dynamics needs joints that turn or slide")
+        knobs, torques = knobs_of(model, patterns), controls(model).channels[model.nu :]
+        return cls(
+            source, model, knobs, _motion(model), Layout(torques),
+            parameters_of(model, knobs, source.where), int(options.get("threads", 0)),
+        )  # fmt: skip
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without the engines: they belong to this process."""
+        return {key: value for key, value in self.__dict__.items() if key != "_engines"}
+
+    @cached_property
+    def _engines(self) -> EnginePool:
+        return EnginePool(self.compiled, self.knobs, self.threads)
+
+    def initial(self, p: ParameterVector) -> StateVector:
+        """Empty."""
+        return np.zeros(0)
+
+    def observe(self, x: StateVector, y: Float64[np.ndarray, " ny"]) -> StateVector:
+        """There is nothing to adopt into."""
+        return np.array(x, dtype=np.float64)
+
+    def simulate(
+        self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
+    ) -> tuple[StateVector, Outputs]:
+        """Torques of every row; NaN where the motion is not finite."""
+        sized(x, self.states, p, self.parameters)
+        return np.zeros(0), self._torques(u, p)
+
+    def simulate_batch(
+        self,
+        x: Float64[np.ndarray, "k nx"],
+        u: Inputs,
+        dt: Intervals,
+        p: Float64[np.ndarray, "k np"],
+        restart: Restart | None = None,
+    ) -> Float64[np.ndarray, "k n ny"]:
+        """Torques under each row of ``p``, in threads; see `evertwin.models.BatchModel`."""
+        for values in p:
+            sized(np.zeros(0), self.states, values, self.parameters)
+        out = np.stack(self._engines.map(lambda j: self._torques(u, p[j]), len(p)))
+        if restart is not None:
+            out[:, restart.code == ANEW] = np.nan
+        return out
+
+    def _torques(self, u: Inputs, p: ParameterVector) -> Outputs:
+        out = np.full((len(u), len(self.outputs)), np.nan)
+        if not np.isfinite(p).all():
+            return out
+        with self._engines.engine(p) as engine:
+            model, data, n = engine.model, engine.data, self.compiled.nv
+            q, v, a, tau = data.qpos, data.qvel, data.qacc, data.qfrc_inverse
+            for i in np.flatnonzero(np.isfinite(u).all(axis=1)).tolist():
+                q[:], v[:], a[:] = u[i, :n], u[i, n : 2 * n], u[i, 2 * n :]
+                mujoco.mj_inverse(model, data)
+                out[i] = tau
+        return out
+
+
+def _motion(model: Any) -> Layout:
+    """Positions, velocities, accelerations, joint by joint."""
+    known = states(model).channels
+    speeds = known[model.nq : model.nq + model.nv]
+    faster = [Channel(c.name.removesuffix("vel") + "acc", f"{c.unit}^2") for c in speeds]
+    return Layout((*known[: model.nq], *speeds, *faster))

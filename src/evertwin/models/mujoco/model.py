@@ -1,0 +1,234 @@
+"""A MuJoCo model (MJCF or URDF) as a Model: roll-outs from its state under its actuators.
+
+>>> rod = MuJoCo.from_text('''<mujoco><option timestep="0.005"/><worldbody><body>
+...   <joint name="pivot" axis="0 1 0" damping="0.02"/>
+...   <geom type="capsule" size="0.02" fromto="0 0 0 0 0 -0.5" mass="1"/></body></worldbody>
+...   <actuator><motor name="motor" joint="pivot"/></actuator></mujoco>''')
+>>> rod.inputs.names, rod.outputs.names, rod.parameters.names[:2]
+(('motor',), ('pivot.pos', 'pivot.vel'), ('joint.pivot.damping', 'joint.pivot.frictionloss'))
+>>> p = rod.parameters.values
+>>> x, y = rod.simulate(rod.initial(p), np.ones((2, 1)), np.full(2, 0.01), p)
+>>> y.round(4).tolist()
+[[0.0009, 0.1164], [0.0029, 0.2322]]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from jaxtyping import Float64
+
+from evertwin.errors import UsageError
+from evertwin.models.kernel import ADOPT, ANEW, CONTINUE, Restart
+from evertwin.models.mujoco.channels import Output, adoptable, controls, outputs, states
+from evertwin.models.mujoco.engine import Engine, Steps, compiled, steps_of
+from evertwin.models.mujoco.guard import Source, read_file, read_text
+from evertwin.models.mujoco.knobs import DEFAULT, Knob, knobs_of, parameters_of
+from evertwin.models.mujoco.pool import EnginePool
+from evertwin.models.parameters import Parameters
+from evertwin.models.sizes import sized
+from evertwin.signals.channels import Layout
+from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
+
+__all__ = ["MuJoCo"]
+
+
+@dataclass(frozen=True, eq=False)
+class MuJoCo:
+    """Forward roll-outs. Built by `MuJoCo.of` or `MuJoCo.from_text`; see the module.
+
+    >>> MuJoCo.__name__
+    'MuJoCo'
+    """
+
+    source: Source
+    compiled: Any
+    """MuJoCo's compiled model, never changed."""
+    knobs: tuple[Knob, ...]
+    """What the parameters are in the compiled model."""
+    read: tuple[Output, ...]
+    """Where the outputs are found."""
+    driven: tuple[int, ...]
+    """Place of each input among all controls."""
+    inputs: Layout
+    outputs: Layout
+    states: Layout
+    parameters: Parameters
+    start: tuple[float, ...]
+    """State before the first row: the model's own, or a keyframe's."""
+    threads: int = 0
+    """Threads of `simulate_batch`; 0: one for each processor."""
+
+    @classmethod
+    def of(cls, file: str | Path, **options: Any) -> MuJoCo:
+        """The model in an MJCF or URDF file.
+
+        Args:
+            file: what it names (meshes, includes) must lie in its folder.
+            options: ``parameters`` (patterns of names, `evertwin.models.mujoco.knobs`), ``inputs``,
+                ``outputs`` (names, `evertwin.models.mujoco.channels`), ``keyframe`` (start state),
+                ``timestep`` [s], ``contact`` (true), ``threads``.
+
+        Raises:
+            ModelError: the file is refused, by us or by MuJoCo.
+            UsageError: an option does not fit the model.
+        """
+        return cls._from(read_file(file), **options)
+
+    @classmethod
+    def from_text(cls, text: str, **options: Any) -> MuJoCo:
+        """The same from XML at hand."""
+        return cls._from(read_text(text), **options)
+
+    @classmethod
+    def _from(cls, source: Source, **options: Any) -> MuJoCo:
+        known = {"parameters", "inputs", "outputs", "keyframe", "timestep", "contact", "threads"}
+        if unknown := set(options) - known:
+            raise UsageError(f"mujoco: no options {sorted(unknown)}; there are {sorted(known)}")
+        patterns = tuple(options.get("parameters", DEFAULT))
+        step, contact = options.get("timestep"), bool(options.get("contact", True))
+        moved = any(".com" in pattern or pattern.startswith("*") for pattern in patterns)
+        model = compiled(source, step, contact, shifts=moved)
+        knobs, found = knobs_of(model, patterns), outputs(model, options.get("outputs"))
+        driven, inputs = _driven(model, options.get("inputs"))
+        return cls(
+            source, model, knobs, found, driven, inputs,
+            Layout(tuple(output.channel for output in found)), states(model),
+            parameters_of(model, knobs, source.where), _start(model, options.get("keyframe")),
+            int(options.get("threads", 0)),
+        )  # fmt: skip
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without the engines: they belong to this process."""
+        return {key: value for key, value in self.__dict__.items() if key != "_engines"}
+
+    @cached_property
+    def _engines(self) -> EnginePool:
+        return EnginePool(self.compiled, self.knobs, self.threads)
+
+    @cached_property
+    def _adopted(self) -> np.ndarray:
+        return adoptable(self.read)
+
+    @cached_property
+    def _sensed(self) -> tuple[int, ...]:
+        """Outputs that only a sensor shows."""
+        return tuple(k for k, output in enumerate(self.read) if not output.kept)
+
+    def initial(self, p: ParameterVector) -> StateVector:
+        """The state before the first row, (nx,)."""
+        return np.array(self.start, dtype=np.float64)
+
+    def observe(self, x: StateVector, y: Float64[np.ndarray, " ny"]) -> StateVector:
+        """The state with measured positions and velocities written into it."""
+        state = np.array(x, dtype=np.float64)
+        for k, place in self._adopted.tolist():
+            if not np.isnan(y[k]):
+                state[place] = y[k]
+        return state
+
+    def simulate(
+        self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
+    ) -> tuple[StateVector, Outputs]:
+        """State after the last row and the outputs of every row; a row that diverges is NaN."""
+        sized(x, self.states, p, self.parameters)
+        return self._roll(np.array(x, dtype=np.float64), u, dt, p)
+
+    def simulate_batch(
+        self,
+        x: Float64[np.ndarray, "k nx"],
+        u: Inputs,
+        dt: Intervals,
+        p: Float64[np.ndarray, "k np"],
+        restart: Restart | None = None,
+    ) -> Float64[np.ndarray, "k n ny"]:
+        """Outputs under each row of ``p``, in threads; see `evertwin.models.BatchModel`."""
+        for state, values in zip(x, p, strict=True):
+            sized(state, self.states, values, self.parameters)
+
+        def one(j: int) -> Outputs:
+            if restart is None:
+                return self._roll(x[j], u, dt, p[j])[1]
+            return self._restarted(x[j], u, dt, p[j], restart)
+
+        return np.stack(self._engines.map(one, len(p)))
+
+    def _restarted(
+        self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector, restart: Restart
+    ) -> Outputs:
+        """Stretches from restart to restart."""
+        out = np.full((len(u), len(self.outputs)), np.nan)
+        marks = np.flatnonzero(restart.code != CONTINUE).tolist()
+        edges = sorted({0, *marks, *(k + 1 for k in marks if restart.code[k] == ANEW), len(u)})
+        state = np.array(x, dtype=np.float64)
+        for a, b in pairwise(edges):
+            if restart.code[a] == ANEW:
+                state = self.observe(x, restart.y[a])
+                continue
+            if restart.code[a] == ADOPT:
+                state = self.observe(state, restart.y[a - 1])
+            state, out[a:b] = self._roll(state, u[a:b], dt[a:b], p)
+        return out
+
+    def _roll(
+        self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
+    ) -> tuple[StateVector, Outputs]:
+        """Rows in stretches of equal duration."""
+        out = np.full((len(u), len(self.outputs)), np.nan)
+        control = np.zeros((len(u), self.compiled.nu + self.compiled.nv))
+        control[:, list(self.driven)] = u
+        able = np.isfinite(u).all(axis=1) & np.isfinite(dt)
+        if not (np.isfinite(p).all() and np.isfinite(x).all()):
+            return np.array(x), out
+        with self._engines.engine(p) as engine:
+            for a, b, steps in _stretches(dt, able, float(self.compiled.opt.timestep)):
+                rows = slice(a, b)
+                if steps.number == 0:
+                    states = np.broadcast_to(x, (b - a, len(x)))
+                else:
+                    x, states = engine.run(x, control[rows], steps)
+                out[rows] = self._outputs(engine, states, control[rows])
+        return x, out
+
+    def _outputs(self, engine: Engine, states: Any, control: Any) -> Outputs:
+        places = [output.place for output in self.read]
+        if not self._sensed:
+            return np.asarray(states[:, places])
+        sensed = engine.sensors(states, control)
+        columns = [(states if o.kept else sensed)[:, o.place] for o in self.read]
+        return np.stack(columns, axis=1)
+
+
+def _stretches(dt: Intervals, able: np.ndarray, step: float) -> list[tuple[int, int, Steps]]:
+    """[start, stop) of neighbouring rows that are cut alike; rows that cannot run are left out."""
+    cuts = np.flatnonzero((np.diff(dt) != 0) | (np.diff(able.astype(np.int8)) != 0)) + 1
+    edges = [0, *cuts.tolist(), len(dt)] if len(dt) else []
+    found = [(a, b, steps_of(float(dt[a]), step)) for a, b in pairwise(edges) if able[a]]
+    return [(a, b, steps) for a, b, steps in found if steps.number >= 0]
+
+
+def _driven(model: Any, names: Sequence[str] | None) -> tuple[tuple[int, ...], Layout]:
+    """Places of the inputs among all controls: the actuators, else the joints' torques."""
+    every = controls(model)
+    if names is None:
+        first, last = (0, model.nu) if model.nu else (0, model.nv)
+        return tuple(range(first, last)), Layout(every.channels[first:last])
+    return tuple(every.index(name) for name in names), every.select(names)
+
+
+def _start(model: Any, keyframe: str | None) -> tuple[float, ...]:
+    if keyframe is None:
+        return (*model.qpos0.tolist(), *np.zeros(model.nv + model.na).tolist())
+    names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_KEY, k) for k in range(model.nkey)]
+    if keyframe not in names:
+        raise UsageError(f"keyframe: no {keyframe!r} in the model; there are {names}")
+    k = names.index(keyframe)
+    parts = (model.key_qpos[k], model.key_qvel[k], model.key_act[k])
+    return tuple(float(value) for part in parts for value in part)
