@@ -1,0 +1,162 @@
+"""Forecast: what the machine will do, open loop, each output with its band.
+
+From the newest measured state the live version simulates the inputs to come. The band adds three
+sources, each from where it is known:
+
+* parameters: drawn from the intervals that their fits gave, simulated over the same inputs;
+* start, process and sensor: how far open-loop runs over the recordings were off after the same
+  lead time (`evertwin.twin.ahead.spread`);
+* how often: the shares that a band of so many σ held on the recordings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from evertwin.fold import plain
+from evertwin.signals import wrap
+from evertwin.twin.ahead.basis import Basis, draws, state_after, through
+from evertwin.twin.ahead.future import Future, Mode, coming
+from evertwin.twin.ahead.spread import spread
+from evertwin.twin.feed import Data
+from evertwin.types import Inputs, Json, Vector
+
+__all__ = ["Forecast", "ForecastOutput", "forecast"]
+
+DRAWS = 64
+"""Parameter vectors that the band's share of the parameters is taken from."""
+SHOWN = 10
+
+
+@dataclass(frozen=True)
+class ForecastOutput:
+    """One output to come.
+
+    >>> out = ForecastOutput("m", np.array([1.0]), np.array([0.1]), np.array([0.0]), (1.28, 1.96))
+    >>> [end.round(3).tolist() for end in out.band(0.95)]
+    [[0.804], [1.196]]
+    """
+
+    unit: str
+    value: Vector
+    """At each row, (n,)."""
+    sigma_residual: Vector
+    """Standard deviation by start, process, sensor and form, (n,)."""
+    sigma_parameters: Vector
+    """Standard deviation by the parameters' uncertainty, (n,)."""
+    factor: tuple[float, float] = (1.2816, 1.96)
+    """How many σ hold 80 % and 95 %."""
+
+    @property
+    def sigma(self) -> Vector:
+        """Both together, (n,)."""
+        return np.hypot(self.sigma_residual, self.sigma_parameters)
+
+    def band(self, level: float) -> tuple[Vector, Vector]:
+        """Lower and upper end that hold ``level`` (0.8 or 0.95) of what will be measured."""
+        half = self.factor[0 if level < 0.9 else 1] * self.sigma
+        return self.value - half, self.value + half
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """The outcome of `Twin.forecast`.
+
+    >>> Forecast("robot", 0, np.array([1.0]), {}, "hold", 9).horizon
+    1.0
+    """
+
+    name: str
+    version: int
+    t: Vector
+    """Time from now at each row [s]."""
+    outputs: Mapping[str, ForecastOutput]
+    mode: str
+    """``repeat``, ``hold`` or ``planned``: where the inputs come from."""
+    stretches: int
+    """Open-loop stretches of recorded data that the band rests on."""
+    inputs: Inputs = field(default_factory=lambda: np.zeros((0, 0)), repr=False)
+
+    @property
+    def horizon(self) -> float:
+        """[s]"""
+        return float(self.t[-1])
+
+    def to_dict(self) -> dict[str, Json]:
+        """Plain content, ``schema: "evertwin.forecast/1"``."""
+        outputs = {}
+        for name, out in self.outputs.items():
+            (low80, high80), (low95, high95) = out.band(0.8), out.band(0.95)
+            outputs[name] = {
+                "unit": out.unit, "value": out.value, "low80": low80, "high80": high80,
+                "low95": low95, "high95": high95, "sigma_residual": out.sigma_residual,
+                "sigma_parameters": out.sigma_parameters,
+            }  # fmt: skip
+        content: dict[str, Any] = {
+            "schema": "evertwin.forecast/1", "name": self.name, "version": self.version,
+            "horizon": self.horizon, "inputs": self.mode, "stretches": self.stretches,
+            "t": self.t, "outputs": outputs,
+        }  # fmt: skip
+        return plain(content)  # type: ignore[return-value]
+
+    def __str__(self) -> str:
+        """A few rows of each output."""
+        lines = [
+            f"{self.name}, version {self.version}: {self.horizon:g} s ahead, inputs: {self.mode}; "
+            f"band from {self.stretches} open-loop stretches"
+        ]
+        places = np.unique(np.linspace(0, len(self.t) - 1, min(SHOWN, len(self.t))).astype(int))
+        for name, out in self.outputs.items():
+            lines.append(f"{name} [{out.unit}]       value   80 %                     95 %")
+            (low80, high80), (low95, high95) = out.band(0.8), out.band(0.95)
+            lines += [
+                f"  {self.t[i]:8.3g} s {out.value[i]:11.5g}   {low80[i]:10.4g} … {high80[i]:<10.4g}"
+                f" {low95[i]:10.4g} … {high95[i]:.4g}"
+                for i in places.tolist()
+            ]
+        return "\n".join(lines)
+
+
+def forecast(
+    basis: Basis, horizon: float, data: Data = None, mode: Mode = "repeat",
+    inputs: Future | None = None,
+) -> Forecast:  # fmt: skip
+    """The live version's prediction from the end of recordings on.
+
+    Args:
+        basis: the twin's live version.
+        horizon: how far [s].
+        data: recordings up to now; None: the twin file's.
+        mode: what the machine is told, where ``inputs`` does not say.
+        inputs: planned inputs.
+
+    Raises:
+        UsageError: no horizon above zero.
+        DataError: no recordings, or too few to know how far predictions are off.
+    """
+    rows, model, p = basis.rows(data), basis.model, basis.p
+    future = coming(rows[-1], horizon, mode) if inputs is None else inputs
+    known = spread(model, p, rows, float(future.t[-1]))
+    drawn = np.concatenate([p[None], draws(model, p, basis.sigma, DRAWS, seed=1)])
+    starts = [state_after(model, one, rows[-1]) for one in drawn]
+    if not np.any(basis.sigma > 0.0):
+        drawn, starts = drawn[:1], starts[:1]
+    y = through(model, starts, drawn, future.u, future.dt)
+    apart = wrap((y - y[0]).reshape(-1, y.shape[2]), model.outputs.angles).reshape(y.shape)
+    by_p = np.sqrt(np.mean(apart[1:] ** 2, axis=0)) if len(y) > 1 else np.zeros_like(y[0])
+    sigma = known.sigma(future.t)
+    outputs = {
+        channel.name: ForecastOutput(
+            channel.unit, y[0][:, k], sigma[:, k], by_p[:, k],
+            (float(known.factor[k, 0]), float(known.factor[k, 1])),
+        )
+        for k, channel in enumerate(model.outputs)
+    }  # fmt: skip
+    found = Forecast(
+        basis.setup.spec.name, basis.champion, future.t, outputs, mode, known.stretches, future.u
+    )
+    return found if inputs is None else replace(found, mode="planned")
