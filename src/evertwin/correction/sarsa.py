@@ -34,6 +34,7 @@ from evertwin.correction.sarsa_settings import SarsaSettings
 from evertwin.correction.sarsa_table import Table, read_table
 from evertwin.fold import Block, Event, Out, copy
 from evertwin.models import Kernel, KernelModel, Model, python_kernel
+from evertwin.models.kernel import looped
 from evertwin.types import ParameterVector, StateVector
 
 __all__ = ["Samples", "Sarsa", "SarsaState", "learn_table"]
@@ -188,8 +189,8 @@ class Sarsa:
             np.zeros((k + 1, ny)),
         )  # fmt: skip
         rows = (block.dt, block.u, block.y, block.mark, block.task, block.gap)
-        count = kernels.explore(
-            kernel.step, kernel.observe, kernel.context, rows, self._where, self._size,
+        count = looped(
+            kernels.explore, kernel, rows, self._where, self._size,
             settings.actions, state.p, state.x0, state.x, state.elapsed, state.segment,
             state.watched, out, restarted, scratch,
         )  # fmt: skip

@@ -35,7 +35,7 @@ from evertwin.models.compiled import Compiled
 from evertwin.models.contract import KernelModel, Model
 from evertwin.models.form import Form, Term
 from evertwin.models.function import python_kernel
-from evertwin.models.kernel import Kernel
+from evertwin.models.kernel import Kernel, Restart, roll
 from evertwin.models.parameters import Parameter, Parameters
 from evertwin.models.sizes import sized
 from evertwin.models.term_parameters import (
@@ -184,13 +184,13 @@ class Corrected:
 
     def kernel(self) -> Kernel:
         """Addresses for the fused loop; the context points to the inner kernel."""
-        return self._compiled.kernel()._replace(keep=(self._compiled, self._inner))
+        return self._compiled.kernel().over(self._inner, kernels.__name__, (self._compiled,))
 
     def simulate(
         self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
     ) -> tuple[StateVector, Outputs]:
         sized(x, self.states, p, self.parameters)
-        return self._compiled.simulate(x, u, dt, p)
+        return roll(self.kernel(), x, u, dt, p, Restart.never(len(u), len(self.outputs)))
 
     def observe(self, x: StateVector, y: Float64[np.ndarray, " ny"]) -> StateVector:
         return self._compiled.observe(x, y)

@@ -12,12 +12,14 @@ the inner kernel there. A kernel must not raise: a return code other than 0, or 
 
 Written as ``@cfunc(STEP, cache=True)`` on plain functions, so that the same source runs in plain
 Python for the tests (see `pointer_twin`). A model in plain Python enters by the same signatures,
-at about a microsecond a row.
+at about a microsecond a row. A model that lives in another process (`Remote`) has the whole loop
+run there, with the kernels of its wrappers: see `looped`.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from llvmlite import ir
@@ -33,9 +35,12 @@ __all__ = [
     "OBSERVE",
     "STEP",
     "Kernel",
+    "Layer",
+    "Remote",
     "Restart",
     "call_observe",
     "call_step",
+    "looped",
     "roll",
 ]
 
@@ -69,6 +74,42 @@ class Restart(NamedTuple):
         return cls(np.empty((0, outputs)), np.zeros(rows, dtype=np.uint8), np.empty(0))
 
 
+class Layer(NamedTuple):
+    """A wrapper's kernel, by name: addresses mean nothing in another process.
+
+    >>> Layer("evertwin.models.term_kernels", np.zeros(4, dtype=np.int64)).plan.tolist()
+    [0, 0, 0, 0]
+    """
+
+    module: str
+    """Holds the compiled ``step`` and ``adopt``."""
+    plan: np.ndarray
+    """Its context, int64; entries 1 to 3 are the inner step, observe and context."""
+
+
+class Remote(Protocol):
+    """A process that runs loops over the model that it holds.
+
+    >>> hasattr(Remote, "run")
+    True
+    """
+
+    @property
+    def alive(self) -> bool:
+        """Can it run one? Where not, the loop runs here and every step fails."""
+        ...
+
+    def run(
+        self, loop: Callable[..., Any], layers: Sequence[Layer], arguments: Sequence[Any]
+    ) -> Any:
+        """What ``loop(step, observe, context, *arguments)`` gives; arrays are changed in place."""
+        ...
+
+    def news(self) -> tuple[str, ...]:
+        """What went wrong since the last call, one sentence each."""
+        ...
+
+
 class Kernel(NamedTuple):
     """Addresses of a model's compiled functions.
 
@@ -82,6 +123,25 @@ class Kernel(NamedTuple):
     """int64, (k,), at least one entry; stays alive as long as the kernel is used."""
     keep: tuple[Any, ...] = ()
     """Objects that must outlive the addresses (ctypes callbacks, inner contexts)."""
+    remote: Remote | None = None
+    """Where the innermost model lives, if not here; the addresses then are callbacks that ask it."""
+    layers: tuple[Layer, ...] = ()
+    """Kernels of the wrappers around a remote model, innermost first."""
+
+    def over(self, inner: Kernel, module: str, keep: tuple[Any, ...]) -> Kernel:
+        """This kernel, compiled in ``module``, as a wrapper around ``inner``."""
+        layers = (*inner.layers, Layer(module, self.context)) if inner.remote else ()
+        return self._replace(keep=(*keep, inner), remote=inner.remote, layers=layers)
+
+
+def looped(loop: Callable[..., Any], kernel: Kernel, *arguments: Any) -> Any:
+    """``loop(step, observe, context, *arguments)``, run where the model lives.
+
+    ``loop`` is a compiled function of a module; arguments are arrays and numbers, also in tuples.
+    """
+    if kernel.remote is not None and kernel.remote.alive:
+        return kernel.remote.run(loop, kernel.layers, arguments)
+    return loop(kernel.step, kernel.observe, kernel.context, *arguments)
 
 
 def _calling(context: Any, builder: Any, arguments: list[Any], kinds: list[ir.Type]) -> Any:
@@ -163,9 +223,9 @@ def roll(
     """
     state = np.array(x, dtype=np.float64)
     out = np.empty((len(u), restart.y.shape[1]))
-    _roll(
-        kernel.step, kernel.observe, kernel.context, state, np.ascontiguousarray(u),
-        np.ascontiguousarray(dt), np.ascontiguousarray(p), np.ascontiguousarray(restart.y),
-        restart.code, np.array(restart.x0, dtype=np.float64), out,
+    looped(
+        _roll, kernel, state, np.ascontiguousarray(u), np.ascontiguousarray(dt),
+        np.ascontiguousarray(p), np.ascontiguousarray(restart.y), restart.code,
+        np.array(restart.x0, dtype=np.float64), out,
     )  # fmt: skip
     return state, out

@@ -32,6 +32,7 @@ from jaxtyping import Int64
 from evertwin.errors import UsageError
 from evertwin.fold import Block, Mark, Out
 from evertwin.models import Kernel, KernelModel, Model, Restart, python_kernel
+from evertwin.models.kernel import looped
 from evertwin.signals import wrap
 from evertwin.sync.horizon_loop import NEVER, began, plan, run
 from evertwin.types import Bools, Outputs, ParameterVector, StateVector, Vector
@@ -238,10 +239,8 @@ class Horizon:
             y, np.empty((n, ny)), np.zeros(n, dtype=np.bool_), np.zeros((n, ny)),
             np.zeros((n, ny), dtype=np.int64),
         )  # fmt: skip
-        kernel = self._kernel
-        run(
-            kernel.step, kernel.observe, kernel.context, given, *contiguous(block)[1:],
-            *self._fixed, *state, *rows,
+        looped(
+            run, self._kernel, given, *contiguous(block)[1:], *self._fixed, *state, *rows
         )  # fmt: skip
         return state, Out(rows)
 

@@ -34,6 +34,7 @@ from jaxtyping import Float64, Int64, UInt8
 
 from evertwin.fold import Block, Event, Out
 from evertwin.models import Kernel, KernelModel, Model, python_kernel
+from evertwin.models.kernel import looped
 from evertwin.sync import places as at
 from evertwin.sync.arbiter import Arbiter, Rule, describe, members
 from evertwin.sync.horizon import contiguous
@@ -213,12 +214,15 @@ class Track:
         records: list[Event] = []
         columns = contiguous(block)[1:]
         while start < n:
-            start = run(
-                kernel.step, kernel.observe, kernel.context, block.row, start, *columns,
-                *self._settings, *state, *rows, found, detail, extent,
+            start = looped(
+                run, kernel, block.row, start, *columns, *self._settings, *state, *rows, found,
+                detail, extent,
             )  # fmt: skip
             if extent[0]:
                 notes = zip(found[: extent[0]], detail[: extent[0]], strict=True)
                 records += [describe(self.model.outputs, note, more) for note, more in notes]
                 extent[0] = 0
+        if kernel.remote is not None:
+            row, time = block.row + n - 1, int(block.t[-1])
+            records += [Event(row, time, "model_failed", "", text) for text in kernel.remote.news()]
         return state, Out(rows, tuple(records))
