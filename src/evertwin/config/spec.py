@@ -36,24 +36,35 @@ from evertwin.config.loop import (
     TrialSpec,
     TuningSpec,
 )
+from evertwin.config.prognosis import (
+    AccuracySpec,
+    CostSpec,
+    IndicatorSpec,
+    PrognosisSpec,
+    WorkSpec,
+)
 from evertwin.settings.fields import Free, Hidden, Limits, Quantity, Section, Shorthand
 from evertwin.types import Json
 
 __all__ = [
     "SCHEMA",
+    "AccuracySpec",
     "AnomalySpec",
     "ArbiterSpec",
     "ChannelSpec",
     "ClockSpec",
     "CorrectionSpec",
+    "CostSpec",
     "CropSpec",
     "CutSpec",
     "DeriveSpec",
     "FilterSpec",
+    "IndicatorSpec",
     "ModelSpec",
     "MovingSpec",
     "ParameterSpec",
     "PredictionSpec",
+    "PrognosisSpec",
     "Quantity",
     "SignalSpec",
     "SourceSpec",
@@ -62,6 +73,7 @@ __all__ = [
     "TrialSpec",
     "TuningSpec",
     "TwinSpec",
+    "WorkSpec",
 ]
 
 SCHEMA = 1
@@ -162,6 +174,12 @@ class TwinSpec(Section):
     """The gate to the live model."""
     store: StoreSpec = StoreSpec()
     """Where versions, events and checkpoints are kept."""
+    indicator: tuple[IndicatorSpec, ...] = ()
+    """What tells wear, one ``[[indicator]]`` each."""
+    prognosis: PrognosisSpec = PrognosisSpec()
+    """How lives are counted and maintenance is planned."""
+    work: tuple[WorkSpec, ...] = ()
+    """The work that lies ahead, one ``[[work]]`` each; absent: as it was."""
     beat: Annotated[int, Limits(at_least=1)] = 100
     """Rows from decision to decision."""
     folder: Annotated[str, Hidden()] = field(default=".", compare=False)

@@ -1,0 +1,160 @@
+"""What wears, where its life ends, what failing and mending cost, and what work lies ahead."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+from evertwin.config.data import Amount
+from evertwin.errors import UsageError
+from evertwin.settings.fields import Limits, Quantity, Section
+
+__all__ = ["AccuracySpec", "CostSpec", "IndicatorSpec", "PrognosisSpec", "WorkSpec"]
+
+Positive = Annotated[float, Limits(above=0.0)]
+Share = Annotated[float, Limits(above=0.0, below=1.0)]
+
+
+@dataclass(frozen=True)
+class AccuracySpec(Section):
+    """``accuracy``: a limit that follows from what the process demands.
+
+    The limit is the value of the parameter at which the simulated output leaves the tolerance.
+
+    >>> AccuracySpec(output="tau1", tolerance=5.0).relative
+    False
+    """
+
+    output: str
+    """Output that must stay true."""
+    tolerance: Amount
+    """Largest change of it (rms over a task), in its unit, or a share of its rms."""
+    relative: bool = False
+    """Is the tolerance a share of the output's rms?"""
+
+
+@dataclass(frozen=True)
+class IndicatorSpec(Section):
+    """``[[indicator]]``: a figure that tells how worn a component is.
+
+    >>> IndicatorSpec(name="friction", parameter="Fc1", limit=20.0).direction
+    'above'
+    """
+
+    name: str
+    """Name of the indicator, and its column in a history file."""
+    component: str = ""
+    """Component whose life it tells; absent: the indicator's own name."""
+    parameter: str | None = None
+    """A tuned parameter."""
+    formula: str | None = None
+    """A function of several, as in ``"Fc1 + 0.5 * Fv1"``: + − * / ** sqrt abs."""
+    output: str | None = None
+    """Residual of an output: its deviation before each tuning, as a share of the output's rms."""
+    file: str | None = None
+    """A measured series or a quality figure by run: CSV, relative to the twin file."""
+    column: str | None = None
+    """Column of the file; absent: the indicator's name."""
+    unit: str = ""
+    """Unit of value and limit; absent: the parameter's, else '1'."""
+    limit: Amount | None = None
+    """Where life ends; absent: the accuracy, else the breakdown's."""
+    direction: Literal["above", "below"] = "above"
+    """The harmful side of the limit."""
+    accuracy: AccuracySpec | None = None
+    """A limit that follows from what the process demands."""
+    covariates: tuple[str, ...] = ()
+    """Columns of the history that move the value without wear: temperature, load, warm-up."""
+    reference: Mapping[str, float] = field(default_factory=dict)
+    """Value of a covariate under which the limit holds; absent: its median."""
+    usage: str | None = None
+    """Column of the history that counts the work done, where wear goes with it."""
+    exponent: Annotated[float, Limits(above=0.0, at_most=20.0)] = 1.0
+    """How wear grows with friction work under other loads: 1 for sliding, 3 for ball bearings."""
+    laws: tuple[Literal["linear", "exponential", "power", "wiener", "gamma", "two-phase"], ...] = ()
+    """Laws that are weighed against each other; absent: all."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        given = [n for n in ("parameter", "formula", "output", "file") if getattr(self, n)]
+        if len(given) > 1:
+            raise UsageError(
+                f"indicator {self.name}: expected one of parameter, formula, output or file, got "
+                f"{' and '.join(given)}"
+            )
+        if self.accuracy is not None and self.parameter is None:
+            raise UsageError(
+                f"indicator {self.name}: an accuracy gives the limit of a parameter: name one"
+            )
+
+
+@dataclass(frozen=True)
+class CostSpec(Section):
+    """``[prognosis.components.NAME]``: what a component costs.
+
+    >>> CostSpec(failure=8000.0, maintenance=900.0).critical
+    True
+    """
+
+    failure: Annotated[float, Limits(at_least=0.0)] | None = None
+    """Cost of a failure in service; absent: no date is planned."""
+    maintenance: Annotated[float, Limits(above=0.0)] | None = None
+    """Cost of maintenance in time."""
+    critical: bool = True
+    """Does its failure stop the machine?"""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if (self.failure is None) != (self.maintenance is None):
+            raise UsageError("expected both failure and maintenance cost, or neither")
+
+
+@dataclass(frozen=True)
+class WorkSpec(Section):
+    """``[[work]]``: a piece of the work that lies ahead.
+
+    >>> WorkSpec(name="weld", cycles=400.0).speed
+    1.0
+    """
+
+    name: str
+    """Name in messages."""
+    cycles: Positive
+    """How often, per unit of the prognosis' clock."""
+    speed: Positive = 1.0
+    """Faster (above 1) or slower than recorded."""
+    load: Annotated[float, Quantity("kg"), Limits(at_least=0.0)] = 0.0
+    """Payload at the tip."""
+    path: str | None = None
+    """Motion of one cycle: CSV with the model's inputs; absent: the newest recorded task."""
+
+
+@dataclass(frozen=True)
+class PrognosisSpec(Section):
+    """``[prognosis]``: how lives are counted and maintenance is planned.
+
+    >>> PrognosisSpec().clock
+    'run'
+    """
+
+    clock: Literal["run", "cycle", "s", "h", "d"] = "run"
+    """What life is counted in: tasks (``run``, ``cycle``), or time by the recordings' stamps."""
+    past: Annotated[float, Limits(above=0.0)] | None = None
+    """Work of the past per unit of the clock, in cycles of the newest task; absent: one."""
+    breakdown: str | None = None
+    """Breakdown file of the machine, for limits; relative to the twin file."""
+    fleet: tuple[str, ...] = ()
+    """Histories of like machines until they failed (CSV), for the prior."""
+    components: Mapping[str, CostSpec] = field(default_factory=dict)
+    """Cost of failure and of maintenance by component."""
+    windows: Positive | None = None
+    """Time from one possible maintenance to the next; absent: any time."""
+    window: Annotated[float, Limits(at_least=0.0)] = 0.0
+    """Time from now to the first possible maintenance."""
+    ahead: Positive = 20.0
+    """An alarm is due when a failure within this time is likelier than ``risk``."""
+    risk: Share = 0.1
+    """Probability of failure that is not accepted."""
+    alarms: Positive = 1.0
+    """Budget: alarms per day."""

@@ -1,0 +1,195 @@
+"""What a scenario file says: what is different from today. Everything else stays.
+
+>>> text = 'schema = 1\\nname = "faster"\\n[speed]\\nfactor = 1.2'
+>>> SCENARIO.parse(text, "faster.toml").speed.factor
+1.2
+>>> SCENARIO.parse(text + "\\n[laod]", "faster.toml")
+Traceback (most recent call last):
+evertwin.errors.ConfigError: faster.toml:5: unknown key 'laod', did you mean 'load'?
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Literal
+
+from evertwin.config.data import Amount, Seconds
+from evertwin.errors import UsageError
+from evertwin.settings.fields import Free, Hidden, Limits, Quantity, Section, Shorthand
+from evertwin.settings.text import Form
+from evertwin.types import Json
+
+__all__ = ["SCENARIO", "ScenarioSpec", "read_scenario"]
+
+Metres = Annotated[float, Quantity("m")]
+Radians = Annotated[float, Quantity("rad")]
+
+
+@dataclass(frozen=True)
+class SpeedSpec(Section):
+    """``[speed]``: the same motion, faster or slower.
+
+    >>> SpeedSpec(1.2).factor
+    1.2
+    """
+
+    factor: Annotated[float, Limits(above=0.0, at_most=100.0)]
+    """Above 1: faster."""
+
+
+@dataclass(frozen=True)
+class LoadSpec(Section):
+    """``[load]``: what the tip carries.
+
+    >>> LoadSpec(2.0).centre
+    (0.0, 0.0, 0.0)
+    """
+
+    mass: Annotated[float, Quantity("kg"), Limits(at_least=0.0)]
+    """Mass at the tip."""
+    centre: tuple[Metres, ...] = (0.0, 0.0, 0.0)
+    """Its centre in the tip's frame."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.centre) != 3:
+            raise UsageError(f"centre: expected three lengths, got {len(self.centre)}")
+
+
+@dataclass(frozen=True)
+class PathSpec(Section):
+    """``[path]``: another path, before the machine runs it.
+
+    >>> PathSpec(file="new.csv").rate
+    100.0
+    """
+
+    shorthand = Shorthand("file")
+
+    file: str | None = None
+    """CSV: ``t``, the model's inputs, and outputs where they are planned; relative to this file."""
+    moves: Annotated[tuple[Mapping[str, Json], ...], Free()] = ()
+    """Moves of an arm: ``{ move = "joints" | "line" | "circle" | "pause", … }``."""
+    start: tuple[float, ...] = ()
+    """Joint positions at the start; absent: those of the newest recorded row."""
+    speed: tuple[float, ...] = ()
+    """Highest speed of each joint; absent: the description's."""
+    acceleration: tuple[float, ...] = ()
+    """Highest acceleration of each joint; absent: 2 rad/s²."""
+    rate: Annotated[float, Quantity("Hz"), Limits(above=0.0)] = 100.0
+    """Rows a second."""
+    profile: Literal["trapezoid", "quintic"] = "trapezoid"
+    """How each move speeds up and slows down."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if (self.file is None) == (not self.moves):
+            raise UsageError("path: expected either a file or moves")
+
+
+@dataclass(frozen=True)
+class ChangeSpec(Section):
+    """``[parameters]``: another value of a parameter.
+
+    >>> ChangeSpec(factor=1.2).value is None
+    True
+    """
+
+    shorthand = Shorthand("value")
+
+    value: Amount | None = None
+    """The new value."""
+    factor: float | None = None
+    """Times the value of today."""
+    add: float | None = None
+    """More than today, SI."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if sum(x is not None for x in (self.value, self.factor, self.add)) != 1:
+            raise UsageError("expected one of value, factor or add")
+
+
+@dataclass(frozen=True)
+class DockSpec(Section):
+    """``[docking]``: the mobile robot drives to a second machine and docks.
+
+    >>> DockSpec(machine="lift.toml").tolerance
+    0.02
+    """
+
+    machine: str
+    """Twin file of the second machine; relative to this file."""
+    output: str = ""
+    """Its output that moves the dock along the way; absent: the dock stands still."""
+    lift: float = 1.0
+    """Metres that the dock moves per unit of that output."""
+    dock: tuple[float, ...] = (2.0, 0.0, 0.0)
+    """Where the dock is when that output is zero: x, y [m], heading [rad]."""
+    speed: Annotated[float, Quantity("m/s"), Limits(above=0.0)] = 0.1
+    """Highest speed of the approach."""
+    turn: Annotated[float, Quantity("rad/s"), Limits(above=0.0)] = 0.5
+    """Highest turn rate of the approach."""
+    step: Annotated[Seconds, Limits(above=0.0)] = 0.1
+    """Time from one exchange of poses to the next."""
+    limit: Annotated[Seconds, Limits(above=0.0)] = 120.0
+    """Longest approach."""
+    tolerance: Annotated[float, Quantity("m"), Limits(above=0.0)] = 0.02
+    """Largest position error of a docking that holds."""
+    command: Mapping[str, float] = field(default_factory=dict)
+    """Inputs of the second machine while the robot is under way; absent: zero."""
+    arrived: Mapping[str, float] = field(default_factory=dict)
+    """Its inputs from when the robot is within ``near`` of the dock."""
+    near: Annotated[float, Quantity("m"), Limits(at_least=0.0)] = 0.0
+    """Distance at which the second machine is told that the robot comes."""
+
+
+@dataclass(frozen=True)
+class ScenarioSpec(Section):
+    """A whole scenario file.
+
+    >>> ScenarioSpec(name="as it is").horizon is None
+    True
+    """
+
+    name: str
+    """Name of the scenario."""
+    schema: int = 1
+    """Version of the file's form."""
+    horizon: Annotated[Seconds, Limits(above=0.0)] | None = None
+    """How long is simulated; absent: the newest recorded task."""
+    speed: SpeedSpec | None = None
+    """The same motion, faster or slower."""
+    load: LoadSpec | None = None
+    """What the tip carries."""
+    path: PathSpec | None = None
+    """Another path."""
+    parameters: Mapping[str, ChangeSpec] = field(default_factory=dict)
+    """Other values of parameters; ``*`` matches any text."""
+    components: Mapping[str, Mapping[str, Amount]] = field(default_factory=dict)
+    """Components that are replaced: values of the new one; absent: as the twin file says."""
+    wear: Amount | None = None
+    """Wear of all components this far ahead, on the clock of the prognosis."""
+    limits: Mapping[str, Amount] = field(default_factory=dict)
+    """Largest size of a channel (torque, speed, current) that the machine can give."""
+    docking: DockSpec | None = None
+    """Docking at a second machine."""
+    folder: Annotated[str, Hidden()] = field(default=".", compare=False)
+    """Folder of the scenario file; set when it is read."""
+
+
+SCENARIO = Form(ScenarioSpec, 1, "scenario")
+"""How scenario files are read."""
+
+
+def read_scenario(path: str | Path) -> ScenarioSpec:
+    """The scenario file at ``path``.
+
+    Raises:
+        ConfigError: one line for each problem, ``file:line: what was expected, what came``.
+    """
+    found = SCENARIO.parse(SCENARIO.load(path), str(path))
+    return dataclasses.replace(found, folder=str(Path(path).resolve().parent))
