@@ -6,5 +6,15 @@ with `NotEnough` (and what would be enough).
 
 from evertwin.prognosis.indicator import Indicator, Limit, Maintenance
 from evertwin.prognosis.life import Life, NotEnough, Onset, first_of
+from evertwin.prognosis.predict import predict_life
 
-__all__ = ["Indicator", "Life", "Limit", "Maintenance", "NotEnough", "Onset", "first_of"]
+__all__ = [
+    "Indicator",
+    "Life",
+    "Limit",
+    "Maintenance",
+    "NotEnough",
+    "Onset",
+    "first_of",
+    "predict_life",
+]

@@ -90,6 +90,8 @@ class Indicator:
     """Unit of ``at`` and of the life that is predicted: s, h, cycle, run."""
     covariates: Mapping[str, Float64[np.ndarray, " n"]] = field(default_factory=dict)
     """Linear influences on the value, such as temperature or load, by name."""
+    reference: Mapping[str, float] = field(default_factory=dict)
+    """Covariates at which the limit holds; absent: their median."""
     usage: Float64[np.ndarray, " n"] | None = None
     """Work done until ``at`` (cycles, load hours …), where wear goes with it; must not fall."""
     maintenance: tuple[Maintenance, ...] = ()

@@ -1,0 +1,65 @@
+"""Planted degradations: six laws with random lives, exponents, noises. One truth per series.
+
+A component lives about 1,000 cycles (log-normal, 30 %), is looked at 100 times in that life, starts
+at 0 and ends at the limit 1. Noise of a value: 1 to 4 % of the limit.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+LAWS = ("linear", "exponential", "power", "wiener", "gamma", "two-phase")
+VALUES = 100
+LIFE, SPREAD = 1000.0, 0.3
+
+
+class Planted(NamedTuple):
+    """One component from new to its end."""
+
+    at: np.ndarray
+    value: np.ndarray
+    life: float
+    onset: float
+
+
+def plant(law: str, rng: np.random.Generator) -> Planted:
+    """A series of ``law``; it ends where its level without noise passes 1."""
+    life = LIFE * np.exp(SPREAD * rng.standard_normal())
+    noise = rng.uniform(0.01, 0.04)
+    if law in ("wiener", "gamma"):
+        return _process(law, life, 0.25 * noise, rng)
+    at = np.arange(1, VALUES + 1) / VALUES * life
+    s, onset = at / life, 0.0
+    if law == "linear":
+        level = s
+    elif law == "power":
+        level = s ** np.exp(rng.uniform(np.log(0.5), np.log(3.0)))
+    elif law == "exponential":
+        c = rng.uniform(1.0, 5.0)
+        level = np.expm1(c * s) / np.expm1(c)
+    else:
+        onset = rng.uniform(0.1, 0.4)
+        u = np.maximum(s - onset, 0.0) / (1.0 - onset)
+        c = rng.uniform(1.0, 4.0)
+        level = u if rng.random() < 0.5 else np.expm1(c * u) / np.expm1(c)
+    return Planted(at, level + noise * rng.standard_normal(VALUES), life, onset * life)
+
+
+def _process(law: str, mean_life: float, noise: float, rng: np.random.Generator) -> Planted:
+    """Wiener or gamma increments on a grid of 1/5000 of the mean life; the first passage."""
+    spread = rng.uniform(0.1, 0.3)
+    fine, dt = 20000, mean_life / 5000
+    if law == "wiener":
+        step = dt / mean_life + spread * np.sqrt(dt / mean_life) * rng.standard_normal(fine)
+        sigma = noise
+    else:
+        shape = dt / mean_life / spread**2
+        step, sigma = rng.gamma(shape, spread**2, fine), 0.0
+    level = np.cumsum(step)
+    end = int(np.argmax(level >= 1.0))
+    life = (end + 1) * dt
+    rows = np.maximum((np.arange(1, VALUES + 1) / VALUES * (end + 1)).astype(int) - 1, 0)
+    value = level[rows] + sigma * rng.standard_normal(VALUES)
+    return Planted((rows + 1) * dt, value, life, 0.0)
