@@ -126,8 +126,9 @@ class Reader:
 
     def _value(self, setting: Setting, value: object, path: Path, bare: str) -> Any:
         at = (*path, setting.key)
-        if setting.has(Free):
-            return self._free(value, at)
+        free = last(Free, setting.notes)
+        if free is not None:
+            return value if free.raw else self._free(value, at)
         return self._as(setting.type, (*setting.notes, _Bare(bare)), value, at)
 
     def _as(self, hint: Any, notes: Notes, value: object, path: Path) -> Any:

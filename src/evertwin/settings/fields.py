@@ -121,6 +121,9 @@ class Free:
     True
     """
 
+    raw: bool = False
+    """Kept word by word: quantities and ``${NAME}`` too."""
+
 
 @dataclass(frozen=True)
 class Inherit:

@@ -1,0 +1,248 @@
+"""A machine broken down: systems, sub-systems, components; what is known of each, what wears it.
+
+The breakdown file (TOML) is written by who knows the machine. It says nothing about code: which
+model is made of it, how deeply and what is tuned is proposed from it; whatever the engineer wants
+otherwise is an ``override`` with its reason, in the same file.
+
+>>> found = reads('''
+... schema = 1
+... name = "pump"
+... [[system]]
+... name = "hydraulic"
+... [[system.component]]
+... name = "seal"
+... effect = 5
+... proneness = 4
+... ''')
+>>> [(place.system, place.component.name) for place in found.places]
+[('hydraulic', 'seal')]
+
+What holds of several components alike is said once, under ``[like.NAME]``; a component with
+``like = "NAME"`` says only what differs.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+from evertwin.engineering.parts import Component, ModelPart, Requirements, Sensor
+from evertwin.errors import UsageError
+from evertwin.settings.fields import Free, Hidden, Limits, Section
+from evertwin.settings.text import Form
+from evertwin.types import Json
+
+__all__ = ["SCHEMA", "Breakdown", "Place", "Subsystem", "System", "read_breakdown", "reads"]
+
+SCHEMA = 1
+"""Version of the breakdown file that this evertwin reads."""
+
+
+@dataclass(frozen=True)
+class Subsystem(Section):
+    """``[[system.subsystem]]``: a part of a system, such as one axis.
+
+    >>> Subsystem("axis 1").component
+    ()
+    """
+
+    name: str
+    """Name of the sub-system."""
+    component: tuple[Component, ...] = ()
+    """Its components."""
+
+
+@dataclass(frozen=True)
+class System(Section):
+    """``[[system]]``: a system of the machine, such as the mechanical one.
+
+    >>> System("mechanical").subsystem
+    ()
+    """
+
+    name: str
+    """Name of the system."""
+    about: str = ""
+    """What it does."""
+    subsystem: tuple[Subsystem, ...] = ()
+    """Its sub-systems."""
+    component: tuple[Component, ...] = ()
+    """Components that belong to no sub-system."""
+
+
+class Place(NamedTuple):
+    """A component and where it stands.
+
+    >>> Place._fields
+    ('system', 'subsystem', 'component')
+    """
+
+    system: str
+    subsystem: str
+    """Empty: of the system itself."""
+    component: Component
+
+
+@dataclass(frozen=True)
+class Breakdown(Section):
+    """A whole breakdown file.
+
+    >>> Breakdown("pump").components
+    ()
+    """
+
+    name: str
+    """Name of the machine; the twin is called the same."""
+    schema: int = SCHEMA
+    """Version of the file's form."""
+    about: str = ""
+    """What machine it is."""
+    study: tuple[str, ...] = ()
+    """Systems that the study looks at; components of others are left out. Absent: all."""
+    history: str | None = None
+    """Maintenance history (CSV: ``component``, ``downtime`` with its unit in brackets), relative to
+    this file; proneness to failure is computed from it where no grade is given."""
+    critical_from: Annotated[float, Limits(at_least=1.0, at_most=25.0)] = 10.0
+    """Effect × proneness from which a component is critical."""
+    model: ModelPart = ModelPart()
+    """How the components make up the model."""
+    requirements: Requirements = Requirements()
+    """What the twin has to reach."""
+    sensors: Mapping[str, Sensor] = field(default_factory=dict)
+    """Sensors by the name of their channel."""
+    like: Annotated[Mapping[str, Json], Free(raw=True)] = field(default_factory=dict)
+    """What holds of several components alike, by a name of your choice: settings of a component."""
+    system: tuple[System, ...] = ()
+    """The systems, one ``[[system]]`` each."""
+    twin: Annotated[Mapping[str, Json], Free(raw=True)] = field(default_factory=dict)
+    """Sections of the twin file that this file decides: ``[[twin.source]]``, ``[twin.clock]`` …"""
+    folder: Annotated[str, Hidden()] = field(default=".", compare=False)
+    """Folder of the file; set when it is read."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        names = [component.name for component in self.components]
+        for name in names:
+            if names.count(name) > 1:
+                raise UsageError(f"expected each component's name once, got {name!r} twice")
+        for system in self.study:
+            if system not in {s.name for s in self.system}:
+                raise UsageError(f"study: no system {system!r} in this file")
+        for component in self.components:
+            for sensor in component.sensors:
+                if sensor not in self.sensors:
+                    raise UsageError(f"component {component.name!r}: no [sensors.{sensor}]")
+
+    @classmethod
+    def prepare(cls, table: Mapping[str, Any]) -> Mapping[str, Any]:
+        """The table with every component completed by what it is ``like``."""
+        shared = table.get("like", {})
+        if not isinstance(shared, Mapping) or not isinstance(table.get("system"), list):
+            return table
+        return {**table, "system": [_completed(one, shared) for one in table["system"]]}
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """Every component with its system and sub-system, in the file's order."""
+        return tuple(self._places())
+
+    def _places(self) -> Iterator[Place]:
+        for system in self.system:
+            for component in system.component:
+                yield Place(system.name, "", component)
+            for part in system.subsystem:
+                for component in part.component:
+                    yield Place(system.name, part.name, component)
+
+    @property
+    def components(self) -> tuple[Component, ...]:
+        """Every component, in the file's order."""
+        return tuple(place.component for place in self.places)
+
+    @property
+    def studied(self) -> tuple[Place, ...]:
+        """The components that the study looks at."""
+        return tuple(p for p in self.places if not self.study or p.system in self.study)
+
+    def component(self, name: str) -> Component:
+        """One component.
+
+        Raises:
+            UsageError: there is none of this name.
+        """
+        for component in self.components:
+            if component.name == name:
+                return component
+        raise UsageError(f"{self.name}: no component {name!r}")
+
+    def parameter_name(self, component: Component, name: str) -> str:
+        """What the model calls a component's parameter.
+
+        >>> from evertwin.engineering.parts import ModelPart
+        >>> arm = Breakdown("arm", model=ModelPart("arm", names="{parameter}{axis}"))
+        >>> arm.parameter_name(Component("gearbox 1", axis=1), "Fc")
+        'Fc1'
+        """
+        return self.model.names.format(
+            component=component.name, parameter=name, axis=component.axis
+        )
+
+
+def _completed(table: Any, shared: Mapping[str, Any]) -> Any:
+    """A system, sub-system or component, with what its components are like."""
+    if not isinstance(table, Mapping):
+        return table
+    out = dict(table)
+    for key in ("subsystem", "component"):
+        if isinstance(out.get(key), list):
+            out[key] = [_completed(one, shared) for one in out[key]]
+    name = out.get("like")
+    if not isinstance(name, str):
+        return out
+    if name not in shared:
+        raise UsageError(f"like = {name!r}: there is no [like.{name}]")
+    return _merged(shared[name], out)
+
+
+def _merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
+    """``above`` laid over ``below``, table by table."""
+    out = dict(below)
+    for key, value in above.items():
+        old = out.get(key)
+        if isinstance(old, Mapping) and isinstance(value, Mapping):
+            out[key] = _merged(old, value)
+        else:
+            out[key] = _short(old, value)
+    return out
+
+
+def _short(old: Any, value: Any) -> Any:
+    """A bare number over a parameter's table is its value."""
+    number = isinstance(value, int | float | str) and not isinstance(value, bool)
+    return {**old, "value": value} if isinstance(old, Mapping) and number else value
+
+
+_FORM = Form(Breakdown, SCHEMA, "breakdown file")
+
+
+def read_breakdown(path: str | Path) -> Breakdown:
+    """The breakdown file at ``path``.
+
+    Raises:
+        ConfigError: the file cannot be read, or does not say what it must; the message has one line
+            for each problem, ``file:line: what was expected, what came``.
+    """
+    found = _FORM.parse(_FORM.load(path), str(path))
+    return dataclasses.replace(found, folder=str(Path(path).resolve().parent))
+
+
+def reads(text: str, name: str = "breakdown file") -> Breakdown:
+    """The breakdown written in ``text``; ``name`` stands in messages.
+
+    Raises:
+        ConfigError: as `read_breakdown`.
+    """
+    return _FORM.parse(text, name)
