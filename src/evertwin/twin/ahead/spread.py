@@ -62,9 +62,7 @@ class Spread:
         return np.sqrt(basis @ self.law.T)
 
 
-def spread(
-    model: Model, p: ParameterVector, windows: Sequence[Block], horizon: float
-) -> Spread:
+def spread(model: Model, p: ParameterVector, windows: Sequence[Block], horizon: float) -> Spread:
     """The residual's size by lead time up to ``horizon`` [s], from open-loop runs.
 
     Raises:
