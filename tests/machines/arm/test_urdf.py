@@ -117,3 +117,26 @@ def test_a_file_is_an_arm(tmp_path: Path) -> None:
     u = np.array([[np.pi / 2, 0.0, 0.0]])
     _, tau = arm.simulate(np.zeros(0), u, np.zeros(1), arm.parameters.values)
     assert tau[0, 0] == pytest.approx(-2.0 * 9.81 * 0.5)
+
+
+def test_a_message_names_the_line() -> None:
+    with pytest.raises(ModelError, match=r"^arm\.urdf:2: link 'rod' has mass -1 kg"):
+        parse(text(mass="-1"), "arm.urdf")
+    with pytest.raises(ModelError, match=r"^arm\.urdf:4: joint 'pivot' is 'planar'"):
+        parse(text(kind="planar"), "arm.urdf")
+    with pytest.raises(ModelError, match=r"^arm\.urdf:5: joint 'back' .*|.*form a loop: cut it"):
+        parse(text(joint="\n" + joint("back", "rod", "wall")), "arm.urdf")
+
+
+@pytest.mark.parametrize(
+    "name", ["package://a/../../etc/passwd", "/etc/passwd", "file:///etc/passwd", "..\\up.stl"]
+)
+def test_a_mesh_outside_its_package_is_told_and_never_opened(name: str) -> None:
+    mesh = f'<visual><geometry><mesh filename="{name}"/></geometry></visual>'
+    notes = parse(text(visual=mesh), "arm.urdf").notes
+    assert notes[1].startswith("arm.urdf:1: <mesh> names") and "not opened" in notes[1]
+
+
+def test_moments_that_no_body_has_are_told() -> None:
+    (note,) = parse(text(izz="0.5"), "arm.urdf").notes
+    assert note.startswith("arm.urdf:2: link 'rod' has principal moments 0.1, 0.1, 0.5 kg m²")

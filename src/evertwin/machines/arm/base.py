@@ -20,6 +20,7 @@ import scipy.linalg
 from jaxtyping import Float64
 from numba import njit
 
+from evertwin.machines.arm.coupling import Coupling
 from evertwin.machines.arm.rnea import BODY, joint_torques
 
 __all__ = ["base_parameters", "body_columns"]
@@ -48,25 +49,31 @@ def body_columns(
     return out
 
 
-def base_parameters(geometry: Float64[np.ndarray, " g"], rotor: bool) -> tuple[int, ...]:
+def base_parameters(
+    geometry: Float64[np.ndarray, " g"], rotor: bool, coupling: Coupling | None = None
+) -> tuple[int, ...]:
     """Positions of an independent set among the 10 n inertial numbers, in increasing order.
 
     Args:
         geometry: of a chain (`evertwin.machines.arm.rnea`).
-        rotor: whether every joint has a rotor inertia of its own in the model.
+        rotor: whether every motor has a rotor inertia of its own in the model.
+        coupling: of motors and joints; None: each motor drives its joint.
     """
-    return _base(geometry.tobytes(), rotor)
+    return _base(geometry.tobytes(), rotor, coupling)
 
 
 @cache
-def _base(packed: bytes, rotor: bool) -> tuple[int, ...]:
+def _base(packed: bytes, rotor: bool, coupling: Coupling | None) -> tuple[int, ...]:
     geometry = np.frombuffer(packed).copy()
     n = (len(geometry) - 3) // 13
     u = np.random.default_rng(0).uniform(-2.0, 2.0, (20 * n, 3 * n))
-    bodies = body_columns(geometry, tuple(range(BODY * n)), u).reshape(-1, BODY * n)
+    columns, motors = body_columns(geometry, tuple(range(BODY * n)), u), u
+    if coupling is not None:
+        columns, motors = coupling.felt(columns), coupling.of_joints(u)
+    bodies = columns.reshape(-1, BODY * n)
     whole = np.linalg.norm(bodies)
     if rotor:
-        first, _ = np.linalg.qr(_rotors(u, n))
+        first, _ = np.linalg.qr(_rotors(motors, n))
         bodies = bodies - first @ (first.T @ bodies)
     # Columns of unit length, so that pivoting compares directions and not units.
     bodies = bodies / np.maximum(np.linalg.norm(bodies, axis=0), 1e-9 * whole)

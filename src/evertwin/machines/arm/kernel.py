@@ -3,6 +3,9 @@
 Per joint, torque = rigid bodies + rotor inertia · q̈ + friction; divided by the motor constant where
 the output is a current. Integers in the context say where everything lies; three addresses in it
 lead to the real constants (geometry, inertias, the rest).
+
+Where motors and joints are coupled, q = C·θ and the motors feel Cᵀ times the joints' torques; rotor
+inertia and friction then belong to the motors and follow their motion θ.
 """
 
 from __future__ import annotations
@@ -16,15 +19,16 @@ from evertwin.machines.arm.rnea import BODY, joint_torques
 from evertwin.machines.friction import INERTIA, SLOTS, force
 from evertwin.models import OBSERVE, STEP
 
-__all__ = ["HEAD", "adopt", "bodies", "moved_motion", "step"]
+__all__ = ["HEAD", "adopt", "bodies", "felt", "moved_motion", "step", "turned"]
 
-N, GEOMETRY, INERTIAS, OTHERS, CHOSEN, PAYLOAD, DELAY, MOTOR, SHARED = range(9)
-HEAD = 9
+N, GEOMETRY, INERTIAS, OTHERS, CHOSEN, PAYLOAD, DELAY, MOTOR, SHARED, COUPLED = range(10)
+HEAD = 10
 """Places of single integers; then n tables of `SLOTS`, then ``CHOSEN`` pairs (number, index in p).
 
 ``PAYLOAD``, ``DELAY``, ``MOTOR``: index in ``p`` or −1. ``SHARED``: 1 when the friction's load is
-the same torque as the rigid bodies', so that it is computed once. ``OTHERS``: standstill of each
-joint, then the payload's map (100).
+the same torque as the rigid bodies', so that it is computed once. ``COUPLED``: 0, or 1 where the
+motion comes from the joints, 2 where it comes from the motors. ``OTHERS``: standstill of each
+joint, the payload's map (100), then C and its inverse (n²) where coupled.
 """
 
 
@@ -55,18 +59,51 @@ def bodies(context: Any, inertias: Any, others: Any, p: Any, out: Any) -> None:
             out[BODY * (n - 1) + i] += total
 
 
+@njit(cache=True)
+def turned(n: int, matrix: Any, at: int, u: Any, out: Any) -> None:
+    """Position, velocity and acceleration times the matrix at ``matrix[at:]``, row by row."""
+    for order in range(3):
+        for i in range(n):
+            total = 0.0
+            for j in range(n):
+                total += matrix[at + n * i + j] * u[order * n + j]
+            out[order * n + i] = total
+
+
+@njit(cache=True)
+def felt(n: int, matrix: Any, at: int, tau: Any, kept: Any) -> None:
+    """Joint torques become the motors': the transposed matrix times ``tau``, in place."""
+    for i in range(n):
+        kept[i] = tau[i]
+    for i in range(n):
+        total = 0.0
+        for j in range(n):
+            total += matrix[at + n * j + i] * kept[j]
+        tau[i] = total
+
+
 @cfunc(STEP, cache=True)
 def step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) -> int:
     """One row: u = q, q̇, q̈."""  # pragma: compiled
     n = context[N]
     geometry, inertias = reals(context[GEOMETRY]), reals(context[INERTIAS])
     others = reals(context[OTHERS])
-    motion, body, kept, load = scratch(), scratch(), scratch(), scratch()
+    motion, body, kept, load, joint = scratch(), scratch(), scratch(), scratch(), scratch()
+    at, coupled = n + BODY * BODY, context[COUPLED]
     moved_motion(n, p[context[DELAY]] if context[DELAY] >= 0 else 0.0, u, motion)
+    for k in range(3 * n):
+        joint[k] = motion[k]
+    if coupled == 2:
+        turned(n, others, at, motion, joint)
+    elif coupled == 1:
+        turned(n, others, at + n * n, joint, motion)
     bodies(context, inertias, others, p, body)
-    joint_torques(n, geometry, body, motion, y, kept)
+    joint_torques(n, geometry, body, joint, y, kept)
     if context[SHARED] == 0:
-        joint_torques(n, geometry, inertias, motion, load, kept)
+        joint_torques(n, geometry, inertias, joint, load, kept)
+    if coupled > 0:
+        felt(n, others, at, y, kept)
+        felt(n, others, at, load, kept)
     for j in range(n):
         table = HEAD + SLOTS * j
         carried = y[j] if context[SHARED] == 1 else load[j]

@@ -15,6 +15,7 @@ from jaxtyping import Float64, Int64
 
 from evertwin.machines.arm import inertia
 from evertwin.machines.arm.chain import Chain
+from evertwin.machines.arm.coupling import Coupling
 from evertwin.machines.arm.kernel import HEAD
 from evertwin.machines.arm.rnea import BODY
 from evertwin.machines.friction import INERTIA, SLOTS, Law
@@ -37,14 +38,16 @@ _SLACK = 1.05
 """How far a recording may pass the limits of the description before it cannot be true."""
 
 
-def inputs_of(chain: Chain) -> Layout:
-    """Positions q1…, velocities qd1…, accelerations qdd1…"""
+def inputs_of(chain: Chain, motors: bool = False) -> Layout:
+    """Positions q1…, velocities qd1…, accelerations qdd1…; limits where they are the joints'."""
     channels: list[Channel] = []
     for order, name in enumerate(("q", "qd", "qdd")):
         for j in range(chain.n):
             unit = ("m" if chain.sliding[j] else "rad") + ("", "/s", "/s**2")[order]
             low, high, speed = chain.limits[j]
-            if order == 0 and low < high:
+            if motors:
+                channels.append(Channel(f"{name}{j + 1}", unit))
+            elif order == 0 and low < high:
                 channels.append(Channel(f"q{j + 1}", unit, low=low * _SLACK, high=high * _SLACK))
             elif order == 1:
                 top = speed * _SLACK
@@ -118,6 +121,7 @@ def context_of(
     tables: Int64[np.ndarray, "ny slots"],
     parameters: Parameters,
     addresses: tuple[int, int, int],
+    coupling: Coupling | None,
 ) -> Int64[np.ndarray, " k"]:
     """The kernel's integers, as `evertwin.machines.arm.kernel` reads them."""
     names = parameters.names
@@ -125,7 +129,8 @@ def context_of(
     first = names.index(base_items(chain, base)[0].name) if base else 0
     pairs = [value for k, flat in enumerate(base) for value in (flat, first + k)]
     shared = int(not base and at[0] < 0)
-    head = [chain.n, *addresses, len(base), *at, shared]
+    coupled = 0 if coupling is None else 2 if coupling.motors else 1
+    head = [chain.n, *addresses, len(base), *at, shared, coupled]
     if len(head) != HEAD or tables.shape != (chain.n, SLOTS):
         raise AssertionError("arm: the context does not match its kernel")
     return np.array([*head, *tables.ravel().tolist(), *pairs], dtype=np.int64)

@@ -36,7 +36,11 @@ class Columns(NamedTuple):
 
 
 def columns_of(
-    tables: Int64[np.ndarray, "ny slots"], base: Sequence[int], first: int, payload: int
+    tables: Int64[np.ndarray, "ny slots"],
+    base: Sequence[int],
+    first: int,
+    payload: int,
+    carries: Sequence[int],
 ) -> Columns:
     """Columns of every joint.
 
@@ -44,11 +48,14 @@ def columns_of(
         tables: of the drives, index in ``p`` or −1.
         base: chosen inertial numbers; ``first``: index in ``p`` of the first.
         payload: index in ``p`` of the payload's first number, −1 without one.
+        carries: the first link that each output carries; its own, unless motors are coupled.
     """
     rows = []
     for j, table in enumerate(tables.tolist()):
         row = [(table[slot], slot) for slot in range(COLUMNS) if table[slot] >= 0]
-        row += [(first + k, BODIES + k) for k, flat in enumerate(base) if flat // BODY >= j]
+        row += [
+            (first + k, BODIES + k) for k, flat in enumerate(base) if flat // BODY >= carries[j]
+        ]
         if payload >= 0:
             row += [(payload + k, BODIES + len(base) + k) for k in range(BODY)]
         rows.append(row)

@@ -29,7 +29,7 @@ SCRATCH = 160
 """Reals in one piece of working memory: `JOINTS` joints with ten reals each."""
 JOINTS = 16
 """Joints that a compiled arm can have."""
-MOST = 512
+MOST = 1 << 22
 """Reals that lie behind one address at most; what is not there is never touched."""
 
 

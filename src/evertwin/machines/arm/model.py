@@ -21,7 +21,7 @@ True
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.resources import files
@@ -36,6 +36,8 @@ from evertwin.machines.arm import kernel as compiled
 from evertwin.machines.arm import layout, linear
 from evertwin.machines.arm.base import base_parameters, body_columns
 from evertwin.machines.arm.chain import Chain, serial
+from evertwin.machines.arm.coupling import Coupling
+from evertwin.machines.arm.dh import robot_of
 from evertwin.machines.arm.lanes import batch, switches
 from evertwin.machines.arm.rnea import BODY
 from evertwin.machines.arm.urdf import Robot, parse, read
@@ -63,6 +65,31 @@ def robot(description: str | Path) -> Robot:
     return read(description)
 
 
+_MORE = {
+    "tip", "gravity", "rotor", "delay", "width", "vs", "standstill", "coupling", "motion", "dh",
+    "convention", "before", "tool",
+}  # fmt: skip
+
+
+def _described(urdf: str | Path, more: Mapping[str, Any]) -> Robot:
+    """The robot of a URDF or of a Denavit-Hartenberg table."""
+    table = {key: more[key] for key in ("convention", "before", "tool") if key in more}
+    if ("dh" in more) == bool(urdf) or (table and urdf):
+        raise UsageError("arm: expected either 'urdf' or 'dh' with its convention, before and tool")
+    return robot(urdf) if urdf else robot_of(more["dh"], **table)
+
+
+def _coupling(more: Mapping[str, Any]) -> Coupling | None:
+    motion = more.get("motion", "joint")
+    if motion not in ("joint", "motor"):
+        raise UsageError(f"motion: expected 'joint' or 'motor', got {motion!r}")
+    if "coupling" in more:
+        return Coupling.of(more["coupling"], motion == "motor")
+    if motion == "motor":
+        raise UsageError("motion = 'motor' needs a 'coupling': q = C·θ")
+    return None
+
+
 @dataclass(frozen=True, eq=False)
 class Arm:
     """Inverse dynamics of a serial arm as a Model. Built by `Arm.of`; see the module.
@@ -86,18 +113,22 @@ class Arm:
     """Torque constants at the joints [Nm/A]: outputs are currents; empty: torques."""
     parameters: Parameters = Parameters()
     """Filled in when empty; replace it to start elsewhere."""
+    coupling: Coupling | None = None
+    """Of motors and joints; drives, friction and outputs are then the motors'."""
 
     def __post_init__(self) -> None:
         n = self.chain.n
         if len(self.laws) != n or len(self.motor) not in (0, n):
             raise UsageError(f"arm: expected {n} friction laws and 0 or {n} torque constants")
+        if self.coupling is not None and len(self.coupling.rows) != n:
+            raise UsageError(f"coupling: expected {n} rows of {n} numbers, one for each joint")
         if not len(self.parameters):
             object.__setattr__(self, "parameters", self._proposal())
 
     @classmethod
     def of(
         cls,
-        urdf: str | Path,
+        urdf: str | Path = "",
         law: str | Sequence[str] = "sign",
         base: bool = False,
         payload: bool = False,
@@ -107,29 +138,30 @@ class Arm:
         """An arm from its description.
 
         Args:
-            urdf: a built-in name or a file.
+            urdf: a built-in name or a file; in its place ``dh``, a Denavit-Hartenberg table with
+                ``convention``, ``before`` and ``tool`` (`evertwin.machines.arm.dh`).
             law: friction of all joints, or of each: ``sign``, ``tanh+stribeck+load``, …
             base: are the base inertial parameters to be tuned?
             payload: does the tip carry something to be tuned?
             motor: torque constants at the joints [Nm/A]; then outputs are currents.
             more: ``tip`` (link at the end), ``gravity`` [m/s²] in the base's frame, ``rotor``,
-                ``delay``, and ``width``, ``vs``, ``standstill`` of all laws.
+                ``delay``, ``width``, ``vs``, ``standstill`` of all laws, ``coupling`` (rows of C,
+                `evertwin.machines.arm.coupling`) and ``motion`` (``joint`` or ``motor``).
         """
-        known = {"tip", "gravity", "rotor", "delay", "width", "vs", "standstill"}
-        if unknown := set(more) - known:
-            raise UsageError(f"arm: no options {sorted(unknown)}; there are {sorted(known)}")
+        if unknown := set(more) - _MORE:
+            raise UsageError(f"arm: no options {sorted(unknown)}; there are {sorted(_MORE)}")
         where = {key: more[key] for key in ("tip", "gravity") if key in more}
-        chain = serial(robot(urdf), **where)
+        chain = serial(_described(urdf, more), **where)
         texts = [law] * chain.n if isinstance(law, str) else list(law)
         shape: dict[str, Any] = {
             key: float(more[key]) for key in ("width", "vs", "standstill") if key in more
         }
         laws = tuple(replace(Law.parse(text), **shape) for text in texts)
-        rotor = bool(more.get("rotor", True))
-        chosen = base_parameters(chain.geometry, rotor) if base else ()
+        rotor, coupling = bool(more.get("rotor", True)), _coupling(more)
+        chosen = base_parameters(chain.geometry, rotor, coupling) if base else ()
         return cls(
             chain, laws, chosen, rotor, payload, bool(more.get("delay", False)),
-            tuple(float(k) for k in motor),
+            tuple(float(k) for k in motor), Parameters(), coupling,
         )  # fmt: skip
 
     def _proposal(self) -> Parameters:
@@ -145,7 +177,7 @@ class Arm:
     @cached_property
     def inputs(self) -> Layout:
         """Positions q1…qn, velocities qd1…qdn, accelerations qdd1…qddn."""
-        return layout.inputs_of(self.chain)
+        return layout.inputs_of(self.chain, self.coupling is not None and self.coupling.motors)
 
     @cached_property
     def outputs(self) -> Layout:
@@ -179,10 +211,15 @@ class Arm:
 
     @cached_property
     def _kernel(self) -> Kernel:
-        others = np.concatenate([self._standstill, self._payload_map.ravel()])
+        parts = [self._standstill, self._payload_map.ravel()]
+        if self.coupling is not None:
+            parts += [self.coupling.matrix.ravel(), self.coupling.inverse.ravel()]
+        others = np.concatenate(parts)
         kept = (self.chain.geometry.copy(), self.chain.inertia.copy(), others)
         addresses = (kept[0].ctypes.data, kept[1].ctypes.data, kept[2].ctypes.data)
-        context = layout.context_of(self.chain, self.base, self._tables, self.parameters, addresses)
+        context = layout.context_of(
+            self.chain, self.base, self._tables, self.parameters, addresses, self.coupling
+        )
         return Kernel(compiled.step.address, compiled.adopt.address, context, kept)
 
     def kernel(self) -> Kernel:
@@ -204,7 +241,8 @@ class Arm:
         names = self.parameters.names
         first = names.index(layout.base_items(self.chain, self.base)[0].name) if self.base else 0
         carried = names.index("payload.m") if self.payload else -1
-        return linear.columns_of(self._tables, self.base, first, carried)
+        carries = range(self.chain.n) if self.coupling is None else self.coupling.first
+        return linear.columns_of(self._tables, self.base, first, carried, tuple(carries))
 
     @property
     def columns(self) -> Int64[np.ndarray, "ny m"]:
@@ -216,20 +254,29 @@ class Arm:
     ) -> tuple[Outputs, Float64[np.ndarray, "n ny m"]]:
         """Torques of what is not tuned, and the compact regressor."""
         n, p = self.chain.n, np.ascontiguousarray(p)
-        u = self._motion(np.ascontiguousarray(u), p)
+        motors = joints = self._motion(np.ascontiguousarray(u), p)
+        if self.coupling is not None and self.coupling.motors:
+            joints = self.coupling.of_motors(motors)
+        elif self.coupling is not None:
+            motors = self.coupling.of_joints(joints)
         rest = self.chain.inertia.copy()
         rest[list(self.base)] = 0.0
-        y0 = batch(self.chain.geometry, rest, u)
-        load = batch(self.chain.geometry, self.chain.inertia, u) if self.base else y0
+        y0 = self._felt(batch(self.chain.geometry, rest, joints))
+        whole = self.chain.inertia
+        load = self._felt(batch(self.chain.geometry, whole, joints)) if self.base else y0
         phi = np.empty((len(u), n, self.columns.shape[1]))
-        tables = self._tables
+        tables, code = self._tables, self._linear.code
         widths = np.where(tables[:, WIDTH] >= 0, p[tables[:, WIDTH]], 0.0)
-        s = switches(u, widths, self._standstill)
-        linear.fill(tables, self._linear.code, p, u, s, load, self._bodies(u), phi)
+        s = switches(motors, widths, self._standstill)
+        linear.fill(tables, code, p, motors, s, load, self._felt(self._bodies(joints)), phi)
         if self.motor:
             at = self.parameters.index("K1")
             y0, phi = y0 / p[at : at + n], phi / p[at : at + n, None]
         return y0, phi
+
+    def _felt(self, torques: Any) -> Any:
+        """Joint torques as the motors feel them."""
+        return torques if self.coupling is None else self.coupling.felt(torques)
 
     def _motion(self, u: Inputs, p: ParameterVector) -> Inputs:
         """The motion ``delay`` earlier; see `evertwin.machines.arm.kernel.moved_motion`."""
@@ -290,8 +337,11 @@ class Arm:
         """``moving(u) -> bool (n, ny)``: where a joint is faster than ``threshold`` [rad/s]."""
         n = self.chain.n
 
+        joints = self.coupling if self.coupling and not self.coupling.motors else None
+
         def faster(u: Inputs) -> Any:
-            return np.abs(u[:, n : 2 * n]) > threshold
+            own = u if joints is None else joints.of_joints(u)
+            return np.abs(own[:, n : 2 * n]) > threshold
 
         return faster
 

@@ -20,14 +20,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import ParseError
+from xml.etree.ElementTree import ParseError, TreeBuilder
 
 import numpy as np
-from defusedxml import ElementTree
 from defusedxml.common import DefusedXmlException
+from defusedxml.ElementTree import DefusedXMLParser
 
 from evertwin.errors import ModelError
 from evertwin.machines.arm.inertia import Matrix, Position
+from evertwin.machines.arm.physical import checked
 
 __all__ = ["Joint", "Link", "Robot", "parse", "read", "rotation"]
 
@@ -126,32 +127,74 @@ def read(path: Path | str) -> Robot:
 
 
 def parse(text: str, where: str = "urdf") -> Robot:
-    """The robot in a text; ``where`` opens every message."""
+    """The robot in a text; ``where`` and a line open every message."""
     if len(text) > LARGEST:
         raise ModelError(f"{where}: expected at most {LARGEST} characters, got {len(text)}")
-    try:
-        top = ElementTree.fromstring(text)
-    except (ParseError, DefusedXmlException, ValueError) as error:
-        raise ModelError(f"{where}: expected plain XML without entities, got {error}") from error
+    top = _tree(where, text)
     if top.tag != "robot":
         raise ModelError(f"{where}: expected a <robot> element on top, got <{top.tag}>")
-    links = _unique(where, "link", [_link(where, e) for e in top.findall("link")])
-    joints = _unique(where, "joint", [_joint(where, e) for e in top.findall("joint")])
-    root = _root(where, links, tuple(joints.values()))
-    meshes = sorted({m.get("filename", "") for m in top.iter("mesh")})
-    notes = (f"{len(meshes)} mesh files are named and not read: {', '.join(meshes[:3])} …",)
-    name = top.get("name", "robot")
-    return Robot(name, links, tuple(joints.values()), root, notes if meshes else ())
+    notes: list[str] = []
+    links = {e.get("name"): _link(where, e, notes) for e in _unique(where, top.findall("link"))}
+    joints = {e.get("name"): _joint(where, e) for e in _unique(where, top.findall("joint"))}
+    lines = {e.get("name"): _at(where, e) for e in top.findall("joint")}
+    root = _root(where, links, tuple(joints.values()), lines)
+    notes += _meshes(where, top)
+    return Robot(top.get("name", "robot"), links, tuple(joints.values()), root, tuple(notes))
 
 
-def _unique(where: str, kind: str, items: list[Any]) -> dict[str, Any]:
-    names = [item.name for item in items]
-    for name in names:
+_LINE = "line "
+"""Attribute that keeps an element's line; no attribute of a file can hold a blank."""
+
+
+class _Lined(TreeBuilder):
+    """Elements that know their line."""
+
+    parser: Any = None
+
+    def start(self, tag: Any, attrs: Any, /) -> Any:
+        return super().start(tag, {**attrs, _LINE: str(self.parser.CurrentLineNumber)})
+
+
+def _tree(where: str, text: str) -> Any:
+    builder = _Lined()
+    parser = DefusedXMLParser(target=builder)
+    builder.parser = parser.parser
+    try:
+        parser.feed(text)
+        return parser.close()
+    except (ParseError, DefusedXmlException, ValueError, RecursionError) as error:
+        raise ModelError(f"{where}: expected plain XML without entities, got {error}") from error
+
+
+def _at(where: str, element: Any) -> str:
+    return f"{where}:{element.get(_LINE)}"
+
+
+def _meshes(where: str, top: Any) -> list[str]:
+    """Mesh files are never opened, whatever their names point at; it is said."""
+    named = {m.get("filename", ""): _at(where, m) for m in top.iter("mesh")}
+    notes = []
+    if named:
+        some = ", ".join(sorted(named)[:3])
+        notes.append(f"{len(named)} mesh files are named and not read: {some} …")
+    notes += [
+        f"{line}: <mesh> names {name!r}, outside its package: it is not opened"
+        for name, line in named.items()
+        if ".." in name.replace("\\", "/").split("/") or name.startswith(("/", "file:", "http"))
+    ]
+    return notes
+
+
+def _unique(where: str, elements: list[Any]) -> list[Any]:
+    """The elements, each with a name of its own."""
+    names = [_name(where, element) for element in elements]
+    for element, name in zip(elements, names, strict=True):
         if names.count(name) > 1:
             raise ModelError(
-                f"{where}: {kind} '{name}' occurs {names.count(name)} times: rename it"
+                f"{_at(where, element)}: {element.tag} '{name}' occurs {names.count(name)} times: "
+                "rename it"
             )
-    return dict(zip(names, items, strict=True))
+    return elements
 
 
 def _numbers(at: str, element: Any, key: str, default: str | None, count: int = 1) -> list[float]:
@@ -170,19 +213,18 @@ def _numbers(at: str, element: Any, key: str, default: str | None, count: int = 
 def _name(where: str, element: Any) -> str:
     name = element.get("name")
     if not name:
-        raise ModelError(f"{where}: a <{element.tag}> has no name: give it one")
+        raise ModelError(f"{_at(where, element)}: a <{element.tag}> has no name: give it one")
     return str(name)
 
 
-def _link(where: str, element: Any) -> Link:
+def _link(where: str, element: Any, notes: list[str]) -> Link:
     name = _name(where, element)
     inertial = element.find("inertial")
     if inertial is None:
         return Link(name)
-    at = f"{where}: link '{name}'"
+    at = f"{_at(where, inertial)}: link '{name}'"
     (mass,) = _numbers(at, inertial.find("mass"), "value", None)
-    if not mass > 0.0:
-        raise ModelError(f"{at} has mass {mass:g} kg, expected > 0: a frame has no <inertial>")
+    checked(at, mass, None)
     tensor = inertial.find("inertia")
     if tensor is None:
         raise ModelError(f"{at}: expected <inertia> beside <mass>, got none: add it")
@@ -191,12 +233,7 @@ def _link(where: str, element: Any) -> Link:
         for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
     )
     own = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=np.float64)
-    principal = np.linalg.eigvalsh(own)
-    if not principal[0] > 0.0:
-        raise ModelError(
-            f"{at} has an inertia with principal values {', '.join(f'{v:.3g}' for v in principal)} "
-            "kg m², expected all > 0: check ixx … izz"
-        )
+    notes += checked(at, mass, own)
     origin = inertial.find("origin")
     turn = rotation(*_numbers(at, origin, "rpy", "0 0 0", 3))
     centre = np.array(_numbers(at, origin, "xyz", "0 0 0", 3))
@@ -205,7 +242,7 @@ def _link(where: str, element: Any) -> Link:
 
 def _joint(where: str, element: Any) -> Joint:
     name, kind = _name(where, element), element.get("type", "")
-    at = f"{where}: joint '{name}'"
+    at = f"{_at(where, element)}: joint '{name}'"
     if kind not in (*_MOVING, "fixed"):
         raise ModelError(f"{at} is '{kind}', expected one of {', '.join(_MOVING)} or fixed")
     if element.find("mimic") is not None:
@@ -234,19 +271,22 @@ def _joint(where: str, element: Any) -> Joint:
     )  # fmt: skip
 
 
-def _root(where: str, links: Mapping[str, Link], joints: tuple[Joint, ...]) -> str:
+def _root(
+    where: str, links: Mapping[str, Link], joints: tuple[Joint, ...], lines: Mapping[str, str]
+) -> str:
     """The one link that no joint carries; refuses two carriers, loops and loose parts."""
     above: dict[str, str] = {}
     for joint in joints:
         for link in (joint.parent, joint.child):
             if link not in links:
                 raise ModelError(
-                    f"{where}: joint '{joint.name}' names link '{link}', which is absent"
+                    f"{lines[joint.name]}: joint '{joint.name}' names link '{link}', which is "
+                    "absent"
                 )
         if joint.child in above:
             raise ModelError(
-                f"{where}: link '{joint.child}' is carried by two joints, one is '{joint.name}': "
-                "expected a tree"
+                f"{lines[joint.name]}: link '{joint.child}' is carried by two joints, one is "
+                f"'{joint.name}': expected a tree"
             )
         above[joint.child] = joint.parent
     for start in above:
@@ -255,7 +295,8 @@ def _root(where: str, links: Mapping[str, Link], joints: tuple[Joint, ...]) -> s
             seen.append(link)
             link = above[link]
         if link == start:
-            raise ModelError(f"{where}: links {' → '.join([*seen, start])} form a loop: cut it")
+            at = next(lines[joint.name] for joint in joints if joint.child == start)
+            raise ModelError(f"{at}: links {' → '.join([*seen, start])} form a loop: cut it")
     roots = [name for name in links if name not in above]
     if len(roots) != 1:
         raise ModelError(f"{where}: expected one root link, got {', '.join(roots) or 'none'}")
