@@ -45,6 +45,10 @@ class Estimate:
     """Upper end."""
     verdict: str = "identifiable"
     """identifiable, weak or not."""
+    task: int = 0
+    """Task of that row, counted from the start of its run."""
+    elapsed: int = 0
+    """Time within tasks up to that row, from the start of its run [ns]."""
 
 
 Kept: TypeAlias = Event | Request | Answer | Version | Estimate

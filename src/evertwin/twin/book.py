@@ -102,8 +102,11 @@ class Book:
         for name, item in fit["parameters"].items():
             low, high = item["interval95"]
             bounds = (-math.inf if low is None else low, math.inf if high is None else high)
-            time, verdict = int(content.get("time", 0)), item["verdict"]
-            found.append(Estimate(row, time, answer.version, name, item["value"], *bounds, verdict))
+            when = [int(content.get(key, 0)) for key in ("time", "task", "elapsed")]
+            value, verdict = item["value"], item["verdict"]
+            found.append(
+                Estimate(row, when[0], answer.version, name, value, *bounds, verdict, *when[1:])
+            )
         self._store.append(found)
 
     def switch(self, number: int, kind: str, reason: str) -> Event:

@@ -61,7 +61,9 @@ class Work:
         except (DataError, ModelError, UsageError) as error:
             reason = f"{request.kind}: {error}"
             content = {"events": [_event("rejected", "", reason, {})]}
-        return Answer(request.id, request.version, plain(content))  # type: ignore[arg-type]
+        # when it was found out: the parameter history is read by these
+        when = {"time": state.time, "elapsed": state.elapsed, "task": state.task}
+        return Answer(request.id, request.version, plain(content | when))  # type: ignore[arg-type]
 
     # ------------------------------------------------------------------ tuning
 
