@@ -134,6 +134,50 @@ def test_a_fault_is_named_once(use: Any, fault: str, cause: str) -> None:
     assert (out.rows.mark[ONSET + LENGTH :, 0] != Mark.ERROR).all()
 
 
+def near_zero(seed: int) -> tuple[Block, np.ndarray]:
+    """600 rows of a robot that goes to and fro about zero, noise 1 cm, and the true position."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(600)
+    v = 0.1 * np.sin(0.1 * t + rng.uniform(0, 6))
+    truth = np.concatenate([[0.0], np.cumsum(v[1:] * 0.1)])
+    y = truth + rng.normal(0, 0.01, 600)
+    return make_block(t=t * 10**8, u=v[:, None], y=y[:, None]), truth
+
+
+@pytest.mark.parametrize("factor", [1e6, 1000.0])
+@pytest.mark.parametrize("seed", range(8))
+def test_a_wrong_unit_near_zero_is_no_jump(factor: float, seed: int) -> None:
+    """No single value tells the factor there; the noise that it multiplies does."""
+    block, truth = near_zero(seed)
+    block.y[200:300] *= factor
+    x, records = followed(1.05, Rule(use="blend", sigma=0.01), block)
+    assert "overruled" not in kinds(records)
+    assert np.abs(x - truth).max() < 0.15
+    assert any(record.evidence.get("cause") == "factor" for record in records)
+
+
+@pytest.mark.parametrize("jump", [-3.0, -0.3, 0.3, 1.0, 10.0])
+def test_a_jump_away_from_zero_is_no_factor(jump: float) -> None:
+    for seed in range(5):
+        block, _ = near_zero(seed)
+        block.y[200:] += jump
+        _, records = followed(1.05, Rule(use="blend", sigma=0.01), block)
+        assert [r.row for r in records if r.kind == "overruled"] == [207]
+
+
+def test_a_factor_below_one_holds_while_the_robot_passes_zero() -> None:
+    block = drive_rows(4, speed=0.16)
+    truth = np.concatenate([[0.0], np.cumsum(block.u[1:, 0] * block.dt[1:])])
+    shift = truth[250]
+    block.y[:, 0] -= shift
+    block.y[200:300] *= 0.001
+    stage = Track(drive(1.05), Arbiter(Rule(use="blend", sigma=0.01)))
+    _, out = fold(stage, [block])
+    assert kinds(out.records) == ["measurement_error", "measurement_restored"]
+    assert out.records[1].evidence["end"] == 299
+    assert (out.rows.mark[200:300, 0] > Mark.HELD).all()
+
+
 def test_no_false_resets_in_24_hours_of_clean_data() -> None:
     for use in ("tolerance", "blend"):
         block = drive_rows(7, n=864_000)

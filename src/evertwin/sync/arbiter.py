@@ -15,13 +15,15 @@ gate cannot do that, so each sample of a signal group passes four steps:
    more than a tolerance), or a blend.
 4. Outside → *contested*: marked at once, predict on, and vote over the last k samples of the group.
    They agree with each other → the newest overrules the simulation. Back inside → they were
-   measurement errors.
+   measurement errors. Where a factor explains them as well, their scatter decides: it keeps the
+   sensor's noise after a jump and is multiplied by a change of units (`factor_loop`).
 
 Tolerance updates and overrulings are different events. The innovation is the change since the last
 trusted sample, beside the prediction: a slow drift of the model is no error of the sensor.
 
-What one sensor cannot tell: its own slow drift from the machine's, and a dithering sensor that
-stands still from a machine that does. The measurement is believed in both cases.
+What one sensor cannot tell: its own slow drift from the machine's, a dithering sensor that stands
+still from a machine that does, and a factor of about ten at zero from noise that has risen as much.
+The measurement is believed in these cases.
 
 >>> Rule(use="tolerance", tolerance=0.02).vote
 8

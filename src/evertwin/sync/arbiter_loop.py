@@ -12,6 +12,7 @@ from numba import njit
 
 from evertwin.sync import places as at
 from evertwin.sync.borrow import COLD, HOT
+from evertwin.sync.factor_loop import blamed, persists, scaled
 from evertwin.sync.horizon_loop import wrapped
 from evertwin.sync.plausible_loop import (
     doubted,
@@ -36,7 +37,7 @@ __all__ = ["forget", "judge"]
 
 OK, CONTESTED, OVERRULED, ERROR = 0, 4, 5, 6
 ADOPTED, BLENDED, RESET, FIRST = 1, 2, 3, 4
-SYNTAX, FROZEN, VOTE = 1, 4, 7
+SYNTAX, FROZEN, FACTOR, VOTE = 1, 4, 6, 7
 RECENT = 300
 """Samples that the mean square of measured − predicted remembers."""
 QUICKLY = 20
@@ -192,7 +193,17 @@ def contest(
     values, numbers, figures = memory
     room, rows, votes = sample[0], board[3], int(rules[g, at.VOTE])
     remember(rules, memory, board, room, g, size, now[0], now[1])
-    agreed = numbers[g, at.CONTEST] >= votes and agrees(settings, values, board, room, g, size)
+    full = numbers[g, at.CONTEST] >= votes
+    if full:
+        growth = grown(rules, numbers, figures, g, now[1])
+        factor = scaled(settings, memory, statistics[1], board, room, g, size, growth)
+        if factor != 0.0:
+            onset = numbers[g, at.BATCH_ROW]
+            for _ in range(blamed(memory, g, factor)):
+                fault(rules, memory, notes, g, FACTOR, onset, now)
+            return ERROR, 0
+        end_fault(memory, notes, g, now)
+    agreed = full and agrees(settings, values, board, room, g, size)
     # What left the vote without agreement was an error; told for all of them at once.
     late = numbers[g, at.BATCH] - votes
     if late > 0 and (agreed or late >= votes):
@@ -208,7 +219,7 @@ def contest(
         refresh(memory, notes, g, now)
         settle(limits, memory, sample, g, size, now[1], True, 1.0)
         return OVERRULED, RESET
-    if widen(rules, memory, statistics, room, g, size, phase):
+    if numbers[g, at.CAUSE] != FACTOR and widen(rules, memory, statistics, room, g, size, phase):
         note(notes, memory, now, FOUND_WIDER, g, 0, (now[0], now[0], 0))
     return CONTESTED, 0
 
@@ -245,7 +256,11 @@ def judge(
         ratio = measure(settings, memory, statistics, sample, g, size, now[1], phase)
     follow(settings, memory, sample, g, size, now)
     cause = implausible(settings, memory, sample, g, size, now[1])
-    if cause == 0 and ratio > 1.0:
+    held = started and numbers[g, at.CAUSE] == FACTOR
+    if held:
+        growth = grown(rules, numbers, figures, g, now[1])
+        held = persists(settings, memory, sample, g, size, growth)
+    if cause == 0 and (ratio > 1.0 or held):
         cause = doubted(settings, memory, sample, g, size)
     for k in range(size):
         j = room[k]
@@ -263,12 +278,11 @@ def judge(
         onset = numbers[g, at.RUN_ROW] if cause == FROZEN else now[0]
         fault(rules, memory, notes, g, cause, onset, now)
         return ERROR, 0
-    if numbers[g, at.CAUSE] > 0:
+    if numbers[g, at.CAUSE] != FACTOR or numbers[g, at.SOUND] >= rules[g, at.VOTE]:
         end_fault(memory, notes, g, now)
-    if cause == 0 and numbers[g, at.CONTEST] > 0 and started and ratio <= 1.0:
+    outside = held or ratio > 1.0
+    if not outside and numbers[g, at.CONTEST] > 0 and started:
         outside = sides(limits, values, board, rules, room, g, size)
-    else:
-        outside = ratio > 1.0
     if outside:
         verdict, done = contest(
             settings, memory, statistics, board, notes, sample, g, size, now, phase

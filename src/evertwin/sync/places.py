@@ -32,12 +32,12 @@ agreeing ones did; offset when the run began; mean square of measured − predic
 predicted for this sample, its mean product with the innovation and its mean square."""
 (
     STARTED, VALID, GOOD_AT, LAST_AT, RUN, RUN_ROW, RUN_AT, STILL, CAUSE, ONSET, UNTIL, FAULTS,
-    TOLD, CONTEST, BATCH, BATCH_ROW, LEFT, SAMPLES, UPDATES, RESETS, CONTESTED, ERRORS,
-) = range(22)  # fmt: skip
+    TOLD, CONTEST, BATCH, BATCH_ROW, LEFT, SAMPLES, UPDATES, RESETS, CONTESTED, ERRORS, SOUND,
+) = range(23)  # fmt: skip
 """Memory per group, integers: started? valid? stamps of the last trusted and the last sample; run
 of equal values: length, first row and stamp, runs that were a standstill; the open fault: cause,
 first and last row, samples, told?; the open contest: samples, those without verdict, the first of
-them, the last that left the vote; counters."""
+them, the last that left the vote; counters; sound values in a row since an error by a factor."""
 SPREAD, INTERVAL, OUTSIDE, FACTOR = range(4)
 """Memory per group, numbers: variance of the state over that of the measurement; mean interval of
 trusted samples [ns]; share of contested samples; suspected factor."""
@@ -49,6 +49,8 @@ LEARN = 16
 """Innovations from which the first variance is taken, robustly, where none is given."""
 FEW = 5
 """Innovations after which a provisional one is used."""
+KNOWN = 64
+"""Innovations after which the noise is known well enough to tell a factor by it."""
 PHASE = 30
 """Innovations of a phase before its own variance is used."""
 MEMORY = 10_000

@@ -2,7 +2,8 @@
 
 The loops pass their arrays on in tuples: ``settings`` (limits, rules, sentinels), ``memory``
 (values, numbers, figures), ``statistics`` (variance, counts, warm), ``board`` (the vote's ring,
-paths, times, rows), ``notes`` (found, detail, extent) and ``sample`` (room, y, predicted, take).
+paths, times, rows, expected), ``notes`` (found, detail, extent) and ``sample`` (room, y, predicted,
+take).
 ``room[:size]`` are the outputs of group ``g`` that were measured at this row.
 """
 

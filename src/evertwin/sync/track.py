@@ -61,7 +61,7 @@ class TrackState(NamedTuple):
     """State that a new start begins with."""
     values: Float64[np.ndarray, "ny 18"]
     """Memory per output, see `evertwin.sync.places`."""
-    numbers: Int64[np.ndarray, "ng 22"]
+    numbers: Int64[np.ndarray, "ng 23"]
     """Memory per group: flags, stamps, the open fault and contest, counters."""
     figures: Float64[np.ndarray, "ng 4"]
     """Memory per group: growth, interval, share of contested samples, suspected factor."""
@@ -76,6 +76,8 @@ class TrackState(NamedTuple):
     paths: Float64[np.ndarray, "vote ny"]
     times: Int64[np.ndarray, "vote ng"]
     rows: Int64[np.ndarray, "vote ng"]
+    expected: Float64[np.ndarray, "vote ny"]
+    """What was expected of the contested samples."""
     clock: Int64[np.ndarray, " two"]
     """Task of the last row, has a row come?"""
 
@@ -173,13 +175,13 @@ class Track:
         values = np.zeros((ny, 18))
         values[:, [at.AFTER, at.BASE]] = np.nan, np.inf
         values[:, at.SQUARE] = np.where(sigma > 0, sigma**2, np.inf)
-        numbers = np.zeros((ng, 22), dtype=np.int64)
+        numbers = np.zeros((ng, 23), dtype=np.int64)
         numbers[:, [at.GOOD_AT, at.LAST_AT]] = NEVER
         return TrackState(
             x0.copy(), p, x0, values, numbers, np.zeros((ng, 4)), variance, counts,
             np.zeros((at.LEARN, ny)), np.zeros((vote, ny)), np.zeros((vote, ny)),
             np.zeros((vote, ng), dtype=np.int64), np.zeros((vote, ng), dtype=np.int64),
-            np.zeros(2, dtype=np.int64),
+            np.zeros((vote, ny)), np.zeros(2, dtype=np.int64),
         )  # fmt: skip
 
     def renew(self, state: TrackState, p: ParameterVector) -> TrackState:

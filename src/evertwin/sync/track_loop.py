@@ -100,8 +100,8 @@ def run(
     mark: Any, task: Any, gap: Any, limits: Any, rules: Any, sentinels: Any, members: Any,
     column: int, edges: Any, x: Any, p: Any, x0: Any, values: Any, numbers: Any, figures: Any,
     variance: Any, counts: Any, warm: Any, ring: Any, paths: Any, times: Any, rows: Any,
-    clock: Any, out: Any, residual: Any, marks: Any, update: Any, sigma: Any, ages: Any,
-    found: Any, detail: Any, extent: Any,
+    expected: Any, clock: Any, out: Any, residual: Any, marks: Any, update: Any, sigma: Any,
+    ages: Any, found: Any, detail: Any, extent: Any,
 ) -> int:  # fmt: skip
     """Rows from ``start`` on, until the notes are full; gives the next row."""
     # longer than the budget: one row is one thought, and cutting it costs a third of the speed
@@ -112,7 +112,7 @@ def run(
     settings = borrowed(limits), borrowed(rules), borrowed(sentinels)
     memory = borrowed(values), borrowed(numbers), borrowed(figures)
     statistics = borrowed(variance), borrowed(counts), borrowed(warm)
-    board = borrowed(ring), borrowed(paths), borrowed(times), borrowed(rows)
+    board = borrowed(ring), borrowed(paths), borrowed(times), borrowed(rows), borrowed(expected)
     groups, seen, next_x = borrowed(members), borrowed(marked), borrowed(ahead)
     inputs, borders = borrowed(u), borrowed(edges)
     notes = borrowed(found), borrowed(detail), borrowed(extent)

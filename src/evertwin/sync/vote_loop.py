@@ -43,7 +43,7 @@ def remember(
 ) -> None:
     """A contested sample takes part in the vote; the oldest leaves it."""
     values, numbers, _ = memory
-    ring, paths, times, rows = board
+    ring, paths, times, rows, expected = board
     last = int(rules[g, at.VOTE]) - 1
     numbers[g, at.LEFT] = rows[0, g]
     for i in range(last):
@@ -51,10 +51,12 @@ def remember(
         for k in range(size):
             j = room[k]
             ring[i, j], paths[i, j] = ring[i + 1, j], paths[i + 1, j]
+            expected[i, j] = expected[i + 1, j]
     times[last, g], rows[last, g] = stamp, row
     for k in range(size):
         j = room[k]
         ring[last, j], paths[last, j] = values[j, at.NU], values[j, at.PATH]
+        expected[last, j] = values[j, at.LAST] - values[j, at.NU]
     numbers[g, at.CONTEST] += 1
     numbers[g, at.CONTESTED] += 1
     if numbers[g, at.BATCH] == 0:
@@ -70,7 +72,7 @@ def agrees(settings: Any, values: Any, board: Any, room: Any, g: int, size: int)
     line. The scatter about it must stay within the gate, and its slope must be credible.
     """
     limits, rules, _ = settings
-    ring, paths, times, _ = board
+    ring, paths, times, _, _ = board
     votes = int(rules[g, at.VOTE])
     newest = times[votes - 1, g]
     span = (newest - times[0, g]) * 1e-9
@@ -161,6 +163,7 @@ def fault(rules: Any, memory: Any, notes: Any, g: int, cause: int, onset: int, n
         end_fault(memory, notes, g, now)
         numbers[g, at.CAUSE], numbers[g, at.ONSET] = cause, onset
         numbers[g, at.FAULTS] = numbers[g, at.TOLD] = 0
+    numbers[g, at.SOUND] = 0
     numbers[g, at.FAULTS] += 1
     numbers[g, at.ERRORS] += 1
     numbers[g, at.UNTIL] = now[0]

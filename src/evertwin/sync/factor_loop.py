@@ -1,0 +1,154 @@
+"""Compiled: a change of units near zero, where its factor does not show in a single value.
+
+A sensor that reports millimetres for metres says 1000·(0 ± 0.01) = ± 10 when the machine is at
+zero: no single value tells this from a machine that was carried away. Several do, because the
+factor multiplies the noise as well. A machine that was moved keeps the sensor's noise; so the vote
+may overrule the simulation only where the scatter of its samples is nearer to the noise than to the
+factor times the noise. See `evertwin.sync.plausible_loop` for the tuples of arrays.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from evertwin.sync import places as at
+from evertwin.sync.borrow import COLD
+from evertwin.sync.horizon_loop import wrapped
+
+__all__ = ["blamed", "persists", "scaled"]
+
+FACTOR = 6
+
+
+@njit(**COLD)
+def allowed(rules: Any, values: Any, g: int, j: int, growth: float) -> float:
+    """How far a sound value may be off: the gate, and a tenth of what was predicted to move."""
+    gate = rules[g, at.GATE] * np.sqrt(values[j, at.BASE] * growth)
+    return float(gate + 0.1 * values[j, at.PATH])
+
+
+@njit(**COLD)
+def persists(settings: Any, memory: Any, sample: Any, g: int, size: int, growth: float) -> bool:
+    """Does the factor of the open fault still hold at this row?
+
+    It is over where every value is expected as it is, unless the same values divided by a factor
+    below 1 are expected too: of two explanations the one that says more holds. As many rows as vote
+    have to be like that. What is credible has grown meanwhile and is no measure of it.
+    """
+    limits, rules, _ = settings
+    values, numbers, figures = memory
+    room, y, f, same = sample[0], sample[1], figures[g, at.FACTOR], abs(figures[g, at.FACTOR]) < 1.0
+    for k in range(size):
+        j = room[k]
+        nu, room_for = values[j, at.NU], allowed(rules, values, g, j, growth)
+        if not abs(nu) <= room_for:
+            numbers[g, at.SOUND] = 0
+            return True
+        expected = y[j] - nu
+        off = wrapped(y[j] / f - expected, limits[j, at.ANGLE] > 0)
+        same = same and abs(off) <= room_for
+    numbers[g, at.SOUND] = 0 if same else numbers[g, at.SOUND] + 1
+    return bool(same)
+
+
+@njit(**COLD)
+def scatter(board: Any, votes: int, g: int, j: int, f: float, angle: bool) -> float:
+    """Sum of squares of measured/f − expected about its line."""
+    ring, times, expected = board[0], board[2], board[4]
+    last = votes - 1
+    y = expected[last, j] + ring[last, j]
+    end = wrapped(y / f - expected[last, j], angle)
+    s1, s2, r0, r1, r2 = 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(votes):
+        a = (times[i, g] - times[last, g]) * 1e-9
+        y = expected[i, j] + ring[i, j]
+        d = wrapped(wrapped(y / f - expected[i, j], angle) - end, angle)
+        s1, s2, r0, r1, r2 = s1 + a, s2 + a * a, r0 + d, r1 + a * d, r2 + d * d
+    slope = (votes * r1 - s1 * r0) / (votes * s2 - s1 * s1)
+    level = (r0 - slope * s1) / votes
+    return float(max(r2 - level * r0 - slope * r1, 0.0))
+
+
+@njit(**COLD)
+def explained(board: Any, votes: int, j: int, f: float, room_for: float, angle: bool) -> bool:
+    """Is every contested value, divided by ``f``, where it was expected?"""
+    ring, expected = board[0], board[4]
+    for i in range(votes):
+        y = expected[i, j] + ring[i, j]
+        if not abs(wrapped(y / f - expected[i, j], angle)) <= room_for:
+            return False
+    return True
+
+
+@njit(**COLD)
+def likelier(board: Any, votes: int, g: int, j: int, f: float, noise: float, angle: bool) -> bool:
+    """Are the contested values likelier f times sound ones than those of a machine that was moved?
+
+    Two normal likelihoods: measured − expected about a line with the sensor's ``noise`` (variance),
+    or measured/f − expected about a line with the same noise, which f has multiplied.
+    """
+    moved = scatter(board, votes, g, j, 1.0, angle)
+    factor = scatter(board, votes, g, j, f, angle)
+    return bool(moved - factor >= (votes - 2) * noise * 2.0 * np.log(abs(f)))
+
+
+@njit(**COLD)
+def fits(
+    settings: Any, memory: Any, board: Any, room: Any, g: int, size: int, growth: float, f: float
+) -> bool:
+    """Does the factor explain every output of the group that stands out of its gate?"""
+    limits, rules, _ = settings
+    values, votes, found = memory[0], int(rules[g, at.VOTE]), False
+    for k in range(size):
+        j = room[k]
+        angle, room_for = limits[j, at.ANGLE] > 0, allowed(rules, values, g, j, growth)
+        turn = f == at.FACTORS[at.TURN] or f == 1.0 / at.FACTORS[at.TURN]
+        sound = explained(board, votes, j, 1.0, room_for, angle)
+        if sound and abs(f) > 1.0:
+            continue
+        # An innovation is the difference of two measurements; only one of them is multiplied.
+        noise = 0.5 * values[j, at.BASE]
+        if (
+            (turn or not angle)
+            and explained(board, votes, j, f, room_for, angle)
+            and likelier(board, votes, g, j, f, noise, angle)
+        ):
+            found = True
+        elif not sound:
+            return False
+    return found
+
+
+@njit(**COLD)
+def scaled(
+    settings: Any, memory: Any, counts: Any, board: Any, room: Any, g: int, size: int,
+    growth: float,
+) -> float:  # fmt: skip
+    """The factor that explains the contested samples better than a machine that was moved; else 0.
+
+    Asked only where the noise is known from enough trusted samples: a factor shows in nothing else.
+    """
+    rules, pool = settings[1], counts.shape[0] - 1
+    if rules[g, at.VOTE] < 3:
+        return 0.0
+    for k in range(size):
+        if counts[pool, room[k]] < at.KNOWN:
+            return 0.0
+    for k in range(at.FACTORS.shape[0]):
+        for f in (at.FACTORS[k], 1.0 / at.FACTORS[k]):
+            if fits(settings, memory, board, room, g, size, growth, f):
+                return float(f)
+    return 0.0
+
+
+@njit(**COLD)
+def blamed(memory: Any, g: int, f: float) -> int:
+    """The contested samples become errors by a factor: how many there are, and no vote on them."""
+    numbers, figures = memory[1], memory[2]
+    figures[g, at.FACTOR] = f
+    number = numbers[g, at.BATCH]
+    numbers[g, at.BATCH] = 0
+    return int(number)
