@@ -22,6 +22,8 @@ class Planted(NamedTuple):
     value: np.ndarray
     life: float
     onset: float
+    level: np.ndarray
+    """Without noise."""
 
 
 def plant(law: str, rng: np.random.Generator) -> Planted:
@@ -29,7 +31,7 @@ def plant(law: str, rng: np.random.Generator) -> Planted:
     life = LIFE * np.exp(SPREAD * rng.standard_normal())
     noise = rng.uniform(0.01, 0.04)
     if law in ("wiener", "gamma"):
-        return _process(law, life, 0.25 * noise, rng)
+        return _process(law, life, rng.uniform(0.1, 0.3), 0.25 * noise, rng)
     at = np.arange(1, VALUES + 1) / VALUES * life
     s, onset = at / life, 0.0
     if law == "linear":
@@ -44,22 +46,28 @@ def plant(law: str, rng: np.random.Generator) -> Planted:
         u = np.maximum(s - onset, 0.0) / (1.0 - onset)
         c = rng.uniform(1.0, 4.0)
         level = u if rng.random() < 0.5 else np.expm1(c * u) / np.expm1(c)
-    return Planted(at, level + noise * rng.standard_normal(VALUES), life, onset * life)
+    value = level + noise * rng.standard_normal(VALUES)
+    return Planted(at, value, life, onset * life, level)
 
 
-def _process(law: str, mean_life: float, noise: float, rng: np.random.Generator) -> Planted:
+def wiener(rng: np.random.Generator) -> tuple[Planted, float, float]:
+    """(series, drift per cycle, variance per cycle) of a Wiener process; nearly no noise."""
+    life, spread = LIFE * np.exp(SPREAD * rng.standard_normal()), rng.uniform(0.1, 0.3)
+    series = _process("wiener", life, spread, 0.005, rng)
+    return series, 1.0 / life, spread**2 / life
+
+
+def _process(
+    law: str, mean_life: float, spread: float, noise: float, rng: np.random.Generator
+) -> Planted:
     """Wiener or gamma increments on a grid of 1/5000 of the mean life; the first passage."""
-    spread = rng.uniform(0.1, 0.3)
     fine, dt = 20000, mean_life / 5000
     if law == "wiener":
         step = dt / mean_life + spread * np.sqrt(dt / mean_life) * rng.standard_normal(fine)
-        sigma = noise
     else:
-        shape = dt / mean_life / spread**2
-        step, sigma = rng.gamma(shape, spread**2, fine), 0.0
-    level = np.cumsum(step)
-    end = int(np.argmax(level >= 1.0))
-    life = (end + 1) * dt
+        step = rng.gamma(dt / mean_life / spread**2, spread**2, fine)
+    path = np.cumsum(step)
+    end = int(np.argmax(path >= 1.0))
     rows = np.maximum((np.arange(1, VALUES + 1) / VALUES * (end + 1)).astype(int) - 1, 0)
-    value = level[rows] + sigma * rng.standard_normal(VALUES)
-    return Planted((rows + 1) * dt, value, life, 0.0)
+    value = path[rows] + (noise if law == "wiener" else 0.0) * rng.standard_normal(VALUES)
+    return Planted((rows + 1) * dt, value, (end + 1) * dt, 0.0, path[rows])

@@ -4,11 +4,14 @@
 with `NotEnough` (and what would be enough).
 """
 
+from evertwin.prognosis.fleet import Fleet
 from evertwin.prognosis.indicator import Indicator, Limit, Maintenance
+from evertwin.prognosis.learn import learn
 from evertwin.prognosis.life import Life, NotEnough, Onset, first_of
 from evertwin.prognosis.predict import predict_life
 
 __all__ = [
+    "Fleet",
     "Indicator",
     "Life",
     "Limit",
@@ -16,5 +19,6 @@ __all__ = [
     "NotEnough",
     "Onset",
     "first_of",
+    "learn",
     "predict_life",
 ]

@@ -35,7 +35,7 @@ EXPONENT = (0.5, 8.0)
 """Exponent of exponential laws over the whole life."""
 YOUNG = 0.05
 """Share of its life below which a component is not asked for its exponent."""
-RATIO = (1e-3, 1e7)
+RATIO = (0.3, 1e7)
 """Variance of the process over the observed span, in variances of the noise."""
 
 

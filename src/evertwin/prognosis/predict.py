@@ -33,6 +33,7 @@ from scipy.special import stdtr
 from evertwin.prognosis import jumps
 from evertwin.prognosis.bank import Posterior, evaluate, without_growth
 from evertwin.prognosis.clocks import Clocks
+from evertwin.prognosis.fleet import Fleet
 from evertwin.prognosis.indicator import Indicator
 from evertwin.prognosis.laws import LAWS, Family, families
 from evertwin.prognosis.life import Life, NotEnough, quantiles
@@ -54,6 +55,9 @@ SCALES = 18.0
 """Logarithm of the range over which the noise's variance is even before any data."""
 FAR = 20.0
 """A median beyond so many ages is no answer: growth is not told from none."""
+
+RARE = 1e-5
+"""Share of the probability below which a hypothesis is dropped after the first look."""
 
 Density = Callable[[np.ndarray], np.ndarray]
 
@@ -77,7 +81,11 @@ class Look(NamedTuple):
 class Mixture(NamedTuple):
     """The distribution on nodes, and each law's share."""
 
+    nodes: Float64[np.ndarray, " m"]
+    """Remaining life, in ages."""
     cdf: Float64[np.ndarray, " m"]
+    share: Float64[np.ndarray, " h"]
+    """Probability of each hypothesis."""
     laws: dict[str, float]
     unknown: float
     """Probability that wear has not begun."""
@@ -92,39 +100,75 @@ def uninformed(age: np.ndarray) -> np.ndarray:
 
 
 def predict_life(
-    indicator: Indicator, laws: Sequence[str] = LAWS, density: Density = uninformed
+    indicator: Indicator, laws: Sequence[str] = LAWS, fleet: Fleet | None = None
 ) -> Life | NotEnough:
     """The remaining life as a distribution, or what the data lack for one.
 
     Args:
         indicator: the history; only its current life counts.
         laws: laws that may hold, some of `LAWS`.
-        density: prior density of the whole life, in ages now, above 1.
+        fleet: what like machines tell.
     """
     problem = scaled(indicator)
     if isinstance(problem, str):
         return NotEnough(problem)
-    looks = every_look(problem, laws)
+    prior = fleet if fleet is not None else Fleet()
+    density = density_of(prior, problem.age)
+    looks = every_look(problem, laws, prior)
     rough = mixture(problem, looks, COARSE, density)
-    inside = np.flatnonzero((rough.cdf > TAIL) & (rough.cdf < rough.cdf[-1] * (1.0 - TAIL)))
-    low = COARSE[max(inside[0] - 1, 1)] if len(inside) else COARSE[1]
-    high = COARSE[min(inside[-1] + 1, len(COARSE) - 1)] if len(inside) else COARSE[-1]
-    nodes = np.concatenate([[0.0], np.geomspace(low, max(high, low * 1.001), FINE)])
-    found = mixture(problem, looks, nodes, density)
+    looks = pruned(looks, rough)
+    found = mixture(problem, looks, fine_nodes(rough.cdf), density)
     if found.passed > 0.5:
         return Life(indicator.clock, quantiles(np.zeros(1), np.ones(1)), problem.now, found.laws)
-    remaining = quantiles(nodes, found.cdf) * problem.age
-    life = Life(indicator.clock, remaining, problem.now, found.laws)
-    if life.median > FAR * problem.age:
+    half = float(np.interp(0.5, found.cdf, found.nodes)) if found.cdf[-1] > 0.5 else np.inf
+    if half > FAR:
         return NotEnough("growth that stands out", laws=found.laws)
-    return life
+    cdf = prior.calibrated(found.cdf, 1.0 / (1.0 + half))
+    remaining = quantiles(found.nodes, cdf) * problem.age
+    return Life(indicator.clock, remaining, problem.now, found.laws)
 
 
-def every_look(problem: Problem, laws: Sequence[str]) -> tuple[Look, ...]:
+def density_of(prior: Fleet, age: float) -> Density:
+    """Density of the life in ages now, given that it lasts until now."""
+    if not prior.knows_lives:
+        return uninformed
+    beyond = max(prior.beyond(age), 1e-12)
+    return lambda ages: prior.density(ages * age) * age / beyond
+
+
+def fine_nodes(cdf: Float64[np.ndarray, " m"]) -> Float64[np.ndarray, " m"]:
+    """Nodes over the part of `COARSE` that holds the probability."""
+    inside = np.flatnonzero((cdf > TAIL) & (cdf < cdf[-1] * (1.0 - TAIL)))
+    low = COARSE[max(inside[0] - 1, 1)] if len(inside) else COARSE[1]
+    high = COARSE[min(inside[-1] + 1, len(COARSE) - 1)] if len(inside) else COARSE[-1]
+    return np.concatenate([[0.0], np.geomspace(low, max(high, low * 1.001), FINE)])
+
+
+def every_look(problem: Problem, laws: Sequence[str], prior: Fleet) -> tuple[Look, ...]:
     """All families, closed in and pruned."""
-    looks = [look(problem, family) for family in families([x for x in laws if x != "gamma"])]
-    best = max(float(x.weight.max()) for x in looks)
+    wanted = [law for law in laws if law != "gamma"]
+    looks = [look(problem, family) for family in (families(wanted) if wanted else ())]
+    looks = [x._replace(weight=x.weight + log_share(prior, x.family.label)) for x in looks]
+    jump = jump_look(problem) if "gamma" in laws else None
+    if jump is not None:
+        looks.append(jump._replace(weight=jump.weight + log_share(prior, "gamma")))
+    best = max((float(x.weight.max()) for x in looks), default=0.0)
     return tuple(x.take(np.flatnonzero(x.weight > best - KEPT)) for x in looks)
+
+
+def log_share(prior: Fleet, law: str) -> float:
+    """Logarithm of the law's prior weight, relative to all laws alike."""
+    return float(np.log(len(prior.laws) * prior.laws[law])) if law in prior.laws else 0.0
+
+
+def pruned(looks: Sequence[Look], rough: Mixture) -> tuple[Look, ...]:
+    """Hypotheses that hold some of the probability."""
+    out, at = [], 0
+    for x in looks:
+        share = rough.share[at : at + len(x.weight)]
+        at += len(x.weight)
+        out.append(x.take(np.flatnonzero(share > RARE)))
+    return tuple(out)
 
 
 def look(problem: Problem, family: Family) -> Look:
@@ -144,48 +188,48 @@ def mixture(
     problem: Problem, looks: Sequence[Look], nodes: Float64[np.ndarray, " m"], density: Density
 ) -> Mixture:
     """The posterior distribution of the remaining life on ``nodes``."""
-    age = 1.0 + nodes
     middle = 1.0 + 0.5 * (nodes[1:] + nodes[:-1])
-    logs: list[np.ndarray] = []
-    masses: list[np.ndarray] = []
-    owners: list[str] = []
-    beyond: list[np.ndarray] = []
-    for x in looks:
-        if not len(x.q):
-            continue
-        clock = x.clocks.at(age)
-        distance = clock - clock[:, :1]
-        passed = (
-            process(x.posterior, x.q, problem.limit, distance)
-            if x.family.law == "wiener"
-            else path(x.posterior, problem.limit, distance)
-        )
-        mass = np.diff(passed, axis=1) * life_prior(problem, x, middle, density)
-        masses.append(mass)
-        logs.append(x.weight)
-        owners += [x.family.label] * len(x.q)
-        beyond.append(already(x.posterior, problem.limit))
-    weight, law, mass = np.concatenate(logs), np.array(owners), np.concatenate(masses)
-    ahead = np.concatenate(beyond)
-    gamma = jump_look(problem, nodes, middle, density)
-    if gamma is not None:
-        weight = np.concatenate([weight, gamma[0]])
-        mass = np.concatenate([mass, gamma[1]])
-        law = np.concatenate([law, np.full(len(gamma[0]), "gamma")])
-        ahead = np.concatenate([ahead, np.zeros(len(gamma[0]))])
     still = no_onset(problem)
-    top = max(float(weight.max()), still)
+    weight = np.concatenate([x.weight for x in looks])
+    top = max(float(weight.max(initial=-np.inf)), still)
+    mass = np.concatenate(
+        [
+            np.diff(first_passage(problem, x, nodes), axis=1)
+            * life_prior(problem, x, middle, density)
+            for x in looks
+        ]
+    )
     scale = np.exp(weight - top)
     part = scale[:, None] * mass
     none = float(np.exp(still - top))
     total = float(part.sum()) + none
-    cdf = np.concatenate([[0.0], np.cumsum(part.sum(axis=0))]) / total
-    share = part.sum(axis=1)
-    names = {name: float(share[law == name].sum()) / total for name in dict.fromkeys(owners)}
-    if gamma is not None:
-        names["gamma"] = float(share[law == "gamma"].sum()) / total
-    passed_now = float((scale * ahead).sum() / max(scale.sum(), 1e-300))
-    return Mixture(cdf, names, none / total, passed_now)
+    share = part.sum(axis=1) / total
+    labels = np.concatenate([np.full(len(x.weight), x.family.label) for x in looks])
+    laws = {str(law): float(share[labels == law].sum()) for law in dict.fromkeys(labels)}
+    ahead = np.concatenate([already(x.posterior, problem.limit) for x in looks])
+    return Mixture(
+        nodes,
+        np.concatenate([[0.0], np.cumsum(part.sum(axis=0))]) / total,
+        share,
+        laws,
+        none / total,
+        float((scale * ahead).sum() / max(float(scale.sum()), 1e-300)),
+    )
+
+
+def first_passage(
+    problem: Problem, x: Look, nodes: Float64[np.ndarray, " m"]
+) -> Float64[np.ndarray, "h m"]:
+    """P(passed within each node) per hypothesis."""
+    if x.family.law == "gamma":
+        grown, span = float(problem.y[-1] - problem.y[0]), float(problem.s[-1] - problem.s[0])
+        left = problem.limit - float(problem.y[-1])
+        return jumps.passed(x.q, grown, span, left, nodes)
+    clock = x.clocks.at(1.0 + nodes)
+    distance = clock - clock[:, :1]
+    if x.family.law == "wiener":
+        return process(x.posterior, x.q, problem.limit, distance)
+    return path(x.posterior, problem.limit, distance)
 
 
 def already(posterior: Posterior, limit: float) -> np.ndarray:
@@ -199,6 +243,8 @@ def life_prior(
     problem: Problem, x: Look, age: Float64[np.ndarray, " m"], density: Density
 ) -> Float64[np.ndarray, "h m"]:
     """p(T)·|dT/db| at each age, the factor of the module."""
+    if x.family.law == "gamma":  # its own prior is 1/T² already
+        return np.tile(density(age) * age * age, (len(x.q), 1))
     distance = np.maximum(problem.limit - x.posterior.level, 1e-3)[:, None]
     clock, slope = x.clocks.at(age), x.clocks.slope(age)
     factor = density(age) * clock * clock / (distance * np.maximum(slope, 1e-300))
@@ -213,18 +259,15 @@ def no_onset(problem: Problem) -> float:
     return without_growth(problem.y, problem.omega, problem.fixed) + float(np.log(0.5))
 
 
-def jump_look(
-    problem: Problem, nodes: Float64[np.ndarray, " m"], age: Float64[np.ndarray, " m"],
-    density: Density,
-) -> tuple[np.ndarray, np.ndarray] | None:  # fmt: skip
-    """(log weights, masses) of the gamma process; None where it cannot be."""
-    y, s = problem.y, problem.s
-    start = problem.limit - float(y[0])
-    weight = jumps.evidence(y, s, start)
-    best = float(weight.max())
-    if not np.isfinite(best):
+def jump_look(problem: Problem) -> Look | None:
+    """The gamma process, its shapes in the place of q; None where it cannot be."""
+    weight = jumps.evidence(problem.y, problem.s, problem.limit - float(problem.y[0]))
+    if not np.isfinite(weight.max()):
         return None
-    kept = np.flatnonzero(weight > best - KEPT)
-    grown, span = float(y[-1] - y[0]), float(s[-1] - s[0])
-    passed = jumps.passed(jumps.ALPHAS[kept], grown, span, problem.limit - float(y[-1]), nodes)
-    return weight[kept] + np.log(SCALES), np.diff(passed, axis=1) * density(age) * age * age
+    n = len(jumps.ALPHAS)
+    far = np.full(n, problem.limit - float(problem.y[-1]))
+    certain = Posterior(
+        weight, 0.0 * far, problem.limit - far, 0.0 * far, np.zeros((n, 3)), 0.0 * far, 1.0
+    )
+    family = Family("gamma", np.zeros(1), np.zeros(1))
+    return Look(family, Clocks.linear(n), jumps.ALPHAS, certain, weight + np.log(SCALES))
