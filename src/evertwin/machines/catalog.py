@@ -25,12 +25,15 @@ __all__ = ["MACHINES", "machine"]
 
 MACHINES: Mapping[str, tuple[str, str, str]] = {
     "arm": ("evertwin.machines.arm", "Arm.of", "arm"),
+    "assembly": ("evertwin.machines.assembly", "assembly", ""),
     "differential": ("evertwin.machines.mobile", "Differential", ""),
     "drive": ("evertwin.machines.drive", "Drive", ""),
     "drive_force": ("evertwin.machines.drive", "DriveForce", ""),
+    "modelica": ("evertwin.models.modelica", "Modelica", "modelica"),
     "mujoco": ("evertwin.models.mujoco", "model_of_file", "mujoco"),
     "odometer": ("evertwin.machines.mobile", "Odometer", ""),
     "omni": ("evertwin.machines.mobile", "Omni", ""),
+    "python": ("evertwin.machines.python_file", "model_from_file", ""),
     "robot1d": ("evertwin.machines.mobile", "Robot1D", ""),
     "thermal": ("evertwin.machines.thermal", "ThermalBox", ""),
 }
@@ -64,7 +67,7 @@ def _factory(kind: str) -> Callable[..., Model]:
     plugins = {point.name: point for point in entry_points(group="evertwin.models")}
     if kind in plugins:
         return plugins[kind].load()  # type: ignore[no-any-return]
-    names = [*MACHINES, *plugins, "python"]
+    names = [*MACHINES, *plugins]
     near = difflib.get_close_matches(kind, names, n=1)
     hint = f", did you mean {near[0]!r}?" if near else f": there are {', '.join(sorted(names))}"
     raise UsageError(f"no model {kind!r}{hint}")

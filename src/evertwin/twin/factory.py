@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from evertwin.config.spec import TwinSpec
-from evertwin.errors import ConfigError, UsageError
+from evertwin.errors import UsageError
 from evertwin.machines.catalog import machine
 from evertwin.models import Model, Parameter, Parameters
 from evertwin.models.configured import configured
@@ -36,8 +35,6 @@ def model_of(spec: TwinSpec, given: Model | None = None) -> Model:
 
 def _built(spec: TwinSpec) -> Model:
     options = {key: _located(spec, value) for key, value in spec.model.options.items()}
-    if spec.model.kind == "python":
-        return _from_file(spec, options)
     return machine(spec.model.kind, options)
 
 
@@ -45,21 +42,11 @@ def _located(spec: TwinSpec, value: Any) -> Any:
     """File names in options are relative to the twin file."""
     if isinstance(value, str) and value.endswith((".urdf", ".py", ".xml", ".mo", ".fmu")):
         return str(Path(spec.folder) / value)
+    if isinstance(value, list | tuple):
+        return type(value)(_located(spec, item) for item in value)
+    if isinstance(value, Mapping):
+        return {key: _located(spec, item) for key, item in value.items()}
     return value
-
-
-def _from_file(spec: TwinSpec, options: Mapping[str, Any]) -> Model:
-    """``options = { file = "tank.py", name = "tank" }``: a Model built in a Python file."""
-    file, name = Path(str(options.get("file", ""))), str(options.get("name", "model"))
-    module_spec = importlib.util.spec_from_file_location(file.stem, file)
-    if module_spec is None or module_spec.loader is None or not file.is_file():
-        raise ConfigError(f"[model] options: no Python file {file.name!r} beside the twin file")
-    module = importlib.util.module_from_spec(module_spec)
-    module_spec.loader.exec_module(module)
-    found = getattr(module, name, None)
-    if not isinstance(found, Model):
-        raise ConfigError(f"{file.name}: expected a model called {name!r}, got {found!r}")
-    return found
 
 
 def _parameters(spec: TwinSpec, model: Model) -> Parameters:

@@ -1,0 +1,10 @@
+"""Models written in Modelica: compiled to equations by rumoca, solved and stepped here.
+
+`Modelica` is the model. The way of a file: `compiler` (a process with limits) → `reader` (scalar
+equations over one `graph`) → `reduce` and `solve` (slopes of the states) → `tape` → `kernel`.
+"""
+
+from evertwin.models.modelica.compiler import Limits, equations
+from evertwin.models.modelica.model import LIBRARY, Modelica
+
+__all__ = ["LIBRARY", "Limits", "Modelica", "equations"]

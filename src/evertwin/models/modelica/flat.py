@@ -1,0 +1,123 @@
+"""The flat model: scalar variables, parameters and equations over one graph of expressions."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import NamedTuple
+
+from evertwin.models.modelica.graph import Graph
+
+__all__ = ["Equation", "Flat", "Given", "Variable", "label", "unit_of"]
+
+
+class Variable(NamedTuple):
+    """A scalar variable of the flat model.
+
+    >>> Variable("v", 3, "1").output
+    False
+    """
+
+    name: str
+    leaf: int
+    unit: str
+    low: float = -math.inf
+    high: float = math.inf
+    start: int | None = None
+    """Node of the start value; None where the model gives none."""
+    output: bool = False
+    """Declared as an output of the model."""
+    place: str = ""
+    """File and line of its declaration."""
+
+
+class Given(NamedTuple):
+    """A parameter that tuning may change.
+
+    >>> Given("J", 0, 0.2, "kg*m**2").value
+    0.2
+    """
+
+    name: str
+    leaf: int
+    value: float
+    unit: str
+    low: float = -math.inf
+    high: float = math.inf
+    text: str = ""
+    """Its description."""
+    place: str = ""
+    """File and line of its declaration."""
+
+
+class Equation(NamedTuple):
+    """An expression that is zero.
+
+    >>> Equation(0, "M.mo:3").place
+    'M.mo:3'
+    """
+
+    node: int
+    place: str
+
+
+class Flat(NamedTuple):
+    """All of a flat model.
+
+    >>> Flat("M", Graph()).equations
+    ()
+    """
+
+    name: str
+    graph: Graph
+    unknowns: tuple[Variable, ...] = ()
+    """States, algebraic variables and outputs."""
+    inputs: tuple[Variable, ...] = ()
+    parameters: tuple[Given, ...] = ()
+    equations: tuple[Equation, ...] = ()
+    initial: tuple[Equation, ...] = ()
+    """Hold at the start."""
+    notes: tuple[str, ...] = ()
+    """Where the equations switch: steps do not stop there."""
+
+
+def label(name: str, index: tuple[int, ...] = ()) -> str:
+    """A variable's name without brackets, since patterns of names give those a meaning.
+
+    >>> label("joint[2].q"), label("M", (2, 1))
+    ('joint2.q', 'M2_1')
+    """
+    plain = re.sub(r"\[([^\]]*)\]", lambda found: found[1].replace(",", "_"), name)
+    return plain.replace(" ", "") + "_".join(str(i) for i in index)
+
+
+_SHORT = {"N*m": "Nm", "N*m*s/rad": "Nms/rad", "kg*m**2": "kgm2", "N*m/A": "Nm/A"}
+_SYMBOLS = {"Ohm": "ohm", "Ω": "ohm", "°": "deg"}
+_FACTOR = re.compile(r"([A-Za-z%°Ωµ]+|1)(-?\d+)?$")
+
+
+def unit_of(text: str | None) -> str:
+    """A Modelica unit in the spelling of `evertwin.signals`; a missing one is a pure number.
+
+    >>> unit_of("N.m.s/rad"), unit_of("kg.m2"), unit_of("J/(kg.K)"), unit_of(None)
+    ('Nms/rad', 'kgm2', 'J/(kg*K)', '1')
+    """
+    if not text or text == "1":
+        return "1"
+    parts = text.replace(" ", "").split("/")
+    if len(parts) > 2:
+        return text
+    written = []
+    for part in parts:
+        factors = []
+        for factor in part.strip("()").split("."):
+            found = _FACTOR.match(factor)
+            if found is None:
+                return text
+            symbol = _SYMBOLS.get(found[1], found[1])
+            factors.append(symbol if found[2] is None else f"{symbol}**{found[2]}")
+        written.append("*".join(factors))
+    if "*" in written[-1] and len(written) == 2:
+        written[1] = f"({written[1]})"
+    whole = "/".join(written)
+    return _SHORT.get(whole, whole)

@@ -1,0 +1,238 @@
+"""From the compiler's JSON to scalar equations over one graph.
+
+The compiler keeps arrays, loops and functions; here each becomes what it stands for, element by
+element. Only what is listed in this module is understood: any other operation is refused with the
+line it stands on, so nothing is guessed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from evertwin.errors import ModelError
+from evertwin.models.modelica.arena import Arena, Scope
+from evertwin.models.modelica.flat import Equation, Flat, Given, Variable, label, unit_of
+from evertwin.models.modelica.graph import Graph
+
+__all__ = ["read_flat"]
+
+_EVENTS = {
+    "discrete_real_equations": "a variable that changes at events",
+    "discrete_value_owners": "a variable that changes at events",
+    "event_actions": "an action at an event",
+    "model_event_transactions": "an action at an event",
+    "time_events": "an event in time",
+    "clocks": "a clock",
+    "previous_values": "a value before an event",
+    "delays": "delay()",
+}
+
+
+def read_flat(found: Mapping[str, Any]) -> Flat:
+    """The flat model in what the compiler gave.
+
+    Raises:
+        ModelError: an event, a time dependence or an operation that is not understood, with its
+            line.
+    """
+    return _Reader(found).flat()
+
+
+class _Reader:
+    """Reads one model."""
+
+    def __init__(self, found: Mapping[str, Any]) -> None:
+        self.graph = Graph()
+        self.name = str(found["name"])
+        self.store = found["dae"]["storage"]
+        self.arena = Arena(self.graph, found["dae"], self._value)
+        self.variables: list[Mapping[str, Any]] = self.store["variables"]
+        self.known: dict[int, np.ndarray] = {}
+        self.parameters: list[Given] = []
+        self.open: list[int] = []
+
+    def flat(self) -> Flat:
+        self._no_events()
+        for i in range(len(self.variables)):
+            self._value("", i, "")
+        unknowns = tuple(self._scalars("state", "algebraic", "output"))
+        inputs = tuple(self._scalars("input"))
+        equations = tuple(self._equations(self.store["continuous_equation_operations"]))
+        initial = tuple(self._equations(self.store["initialization_equation_operations"]))
+        roots = [root["root"]["provenance"] for root in self.store["roots"] if "root" in root]
+        notes = tuple(dict.fromkeys(self.arena.place(at) for at in roots))
+        return Flat(
+            self.name, self.graph, unknowns, inputs, tuple(self.parameters), equations, initial,
+            notes,
+        )  # fmt: skip
+
+    def _no_events(self) -> None:
+        for v in self.variables:
+            if v["role"].startswith("discrete"):
+                self._refuse(v["declaration"], f"{v['name']} changes at events")
+        for key, what in _EVENTS.items():
+            for item in self.store.get(key) or ():
+                self._refuse(_provenance(item), what)
+
+    def _refuse(self, provenance: Any, what: str) -> None:
+        raise ModelError(
+            f"{self.arena.place(provenance)}: {what}: models with events are not stepped here; "
+            "write it smoothly (tanh in place of a sign), or take OpenModelica (via)"
+        )
+
+    def _shape(self, variable: Mapping[str, Any]) -> tuple[int, ...]:
+        kind = self.store["value_types"][variable["value_type"]]
+        if kind["record_name"]:
+            raise ModelError(
+                f"{self._declared(variable)}: records are not understood: take them apart"
+            )
+        return tuple(int(n) for n in kind["dimensions"])
+
+    def _declared(self, variable: Mapping[str, Any]) -> str:
+        return self.arena.place(variable["declaration"])
+
+    def _scalar(self, variable: Mapping[str, Any]) -> str:
+        return str(self.store["value_types"][variable["value_type"]]["scalar"])
+
+    def _value(self, kind: str, i: int, place: str) -> np.ndarray:
+        """Nodes of variable ``i``, in its shape; of its derivative for ``kind = derivative``."""
+        variable = self.variables[i]
+        if kind == "derivative":
+            return self._leaves(variable, 1)
+        if i not in self.known:
+            if i in self.open:
+                raise ModelError(f"{place}: {variable['name']} depends on itself")
+            self.open.append(i)
+            self.known[i] = self._made(variable)
+            self.open.pop()
+        return self.known[i]
+
+    def _made(self, variable: Mapping[str, Any]) -> np.ndarray:
+        if variable["role"] not in ("parameter", "constant"):
+            return self._leaves(variable, 0)
+        shape, attributes = self._shape(variable), variable["attributes"]
+        said = attributes["binding"] if attributes["binding"] is not None else attributes["start"]
+        if said is None or self.arena.defaulted(said):
+            raise ModelError(
+                f"{self._declared(variable)}: parameter {variable['name']} has no value: give one"
+            )
+        nodes = np.broadcast_to(self.arena.value(said, Scope()), shape)
+        free = variable["role"] == "parameter" and self._scalar(variable) == "real"
+        if not (free and attributes["is_tunable"]):
+            return nodes
+        if any(self.graph.value(int(node)) is None for node in nodes.ravel()):
+            return nodes  # follows from other parameters
+        return self._given(variable, nodes)
+
+    def _given(self, variable: Mapping[str, Any], nodes: np.ndarray) -> np.ndarray:
+        attributes = variable["attributes"]
+        out = np.empty(nodes.shape, dtype=np.int64)
+        low, high = self._bounds(variable)
+        for index in np.ndindex(nodes.shape):
+            name = label(variable["name"], tuple(i + 1 for i in index))
+            out[index] = self.graph.leaf(name)
+            self.parameters.append(
+                Given(
+                    name,
+                    int(out[index]),
+                    float(self.graph.value(int(nodes[index])) or 0.0),
+                    unit_of(attributes["unit"]),
+                    low,
+                    high,
+                    str(attributes["description"] or ""),
+                    self._declared(variable),
+                )
+            )
+        return out
+
+    def _bounds(self, variable: Mapping[str, Any]) -> tuple[float, float]:
+        """Smallest and largest value as declared; of an array, of any of its elements."""
+        ends = []
+        for key, rule, none in (("min", np.min, -np.inf), ("max", np.max, np.inf)):
+            at = variable["attributes"][key]
+            nodes = [] if at is None else np.asarray(self.arena.value(at, Scope())).ravel().tolist()
+            values = [self.graph.value(int(node)) for node in nodes]
+            known = [value for value in values if value is not None]
+            ends.append(float(rule(known)) if known else none)
+        return ends[0], ends[1]
+
+    def _leaves(self, variable: Mapping[str, Any], order: int) -> np.ndarray:
+        shape = self._shape(variable)
+        out = np.empty(shape, dtype=np.int64)
+        for index in np.ndindex(shape):
+            name = label(variable["name"], tuple(i + 1 for i in index))
+            out[index] = self.graph.leaf(name, order)
+        return out
+
+    def _scalars(self, *roles: str) -> Iterator[Variable]:
+        for i, variable in enumerate(self.variables):
+            if variable["role"] not in roles:
+                continue
+            attributes, nodes = variable["attributes"], self._value("", i, "")
+            low, high = self._bounds(variable)
+            start = self._start(variable)
+            for index in np.ndindex(nodes.shape):
+                node = int(nodes[index])
+                yield Variable(
+                    self.graph.nodes[node].name, node, unit_of(attributes["unit"]), low, high,
+                    None if start is None else int(start[index]),
+                    attributes["declared_causality"] == "output" and "." not in variable["name"],
+                    self._declared(variable),
+                )  # fmt: skip
+
+    def _start(self, variable: Mapping[str, Any]) -> np.ndarray | None:
+        at = variable["attributes"]["start"]
+        if at is None or self.arena.defaulted(at):
+            return None
+        return np.broadcast_to(self.arena.value(at, Scope()), self._shape(variable))
+
+    def _equations(self, operations: Any) -> Iterator[Equation]:
+        for operation in operations:
+            kind, content = next(iter(operation.items()))
+            place = self.arena.place(content["provenance"])
+            if kind == "residual":
+                yield from self._rows(content["residual"], Scope(), place)
+            elif kind == "structured":
+                yield from self._structured(content, place)
+            else:
+                raise ModelError(f"{place}: an equation of kind {kind} is not understood")
+
+    def _structured(self, content: Mapping[str, Any], place: str) -> Iterator[Equation]:
+        """Equations of a loop, or of whole arrays."""
+        bodies, view = content["bodies"], content["scalar_view"]
+        if view == "RowMajorProjection":
+            for body in bodies:
+                yield from self._rows(body, Scope(), place)
+            return
+        if view != "BinderSubstitution":
+            raise ModelError(f"{place}: a loop of kind {view} is not understood")
+        number = content["domain"]
+        for values in product(*self.arena.ranges(number)):
+            bound = {(number, k): float(value) for k, value in enumerate(values)}
+            for body in bodies:
+                yield from self._rows(body, Scope(binders=bound), place)
+
+    def _rows(self, at: int, scope: Scope, place: str) -> Iterator[Equation]:
+        for node in np.asarray(self.arena.value(at, scope)).ravel().tolist():
+            yield Equation(int(node), place)
+
+
+def _provenance(item: Any) -> Any:
+    """The first place that is named inside an item."""
+    if isinstance(item, Mapping):
+        if "span" in item:
+            return item
+        for value in item.values():
+            found = _provenance(value)
+            if found is not None:
+                return found
+    if isinstance(item, list):
+        for value in item:
+            found = _provenance(value)
+            if found is not None:
+                return found
+    return None
