@@ -47,6 +47,7 @@ from evertwin.machines.friction import (
     Rung,
     feature,
     force,
+    sliding,
     switch,
 )
 from evertwin.models import OBSERVE, STEP, Compiled, Parameter, Parameters
@@ -58,9 +59,6 @@ __all__ = ["Drive", "DriveForce", "edge_speed"]
 TWO_SIDED = SLOTS
 """Place in the context, after the law's table, of the extra Coulomb friction backwards."""
 PARTS = 1000
-_UNITS = {
-    "Nms/rad": "Ns/m", "Nm": "N", "rad/s": "m/s", "N*m*s**0.5": "N*s**0.5/m**0.5", "1": "1",
-}  # fmt: skip
 
 
 @njit(cache=True)
@@ -162,11 +160,6 @@ def _regressor(context: Any, slots: Any, u: Any, p: Any, phi: Any) -> None:
                 phi[i, 0, j] = feature(slots[j], u[i, 0], s, 0.0, vs)
 
 
-def _metric(item: Parameter) -> Parameter:
-    """A parameter of `Law` in units of force instead of torque."""
-    return replace(item, unit=_UNITS[item.unit])
-
-
 def _build(
     law: Law | str, two_sided: bool, standstill: float
 ) -> tuple[Law, Parameters, tuple[int, ...]]:
@@ -175,7 +168,7 @@ def _build(
     form = replace(form, standstill=standstill)
     if form.load:
         raise UsageError("drive: expected a law without 'load': a drive transmits no load torque")
-    items = [Parameter("mass", 1.0, "kg", 1e-6, 1e9), *map(_metric, form.parameters())]
+    items = [Parameter("mass", 1.0, "kg", 1e-6, 1e9), *map(sliding, form.parameters())]
     if two_sided:
         items.append(Parameter("Fc_minus", 0.0, "N"))
     parameters = Parameters(tuple(items))

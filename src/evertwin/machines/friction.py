@@ -19,6 +19,12 @@ Direction-dependent friction adds ``Fv_back·min(v, 0)``: viscous friction is ``
 ``Fv + Fv_back`` backwards, so a law without it is the same law with a zero. A Coulomb friction by
 direction needs no term of its own: while the drive moves it *is* ``Fc`` with ``offset`` (their sum
 forwards, their difference backwards), so both together can never be told apart.
+
+Where a temperature ``T`` is known, ``Fv`` and ``Fc`` may change with it: ``Fv + Fv_T·(T − T0)`` and
+``Fc + Fc_T·(T − T0)``, still linear. That is a second table of the same kind, multiplied with
+``T − T0`` (`warm_table`, `warm_force`). Straight lines hold over the tens of kelvin of a warm-up;
+over more, viscous friction falls like an exponential (Bittencourt and Axehill, "An extended
+friction model to capture load and temperature effects in robot joints", 2010).
 """
 
 from __future__ import annotations
@@ -34,7 +40,19 @@ from numba import njit
 from evertwin.errors import UsageError
 from evertwin.models import Parameter
 
-__all__ = ["COLUMNS", "SLOTS", "Law", "Rung", "feature", "force", "switch"]
+__all__ = [
+    "COLUMNS",
+    "SLOTS",
+    "Law",
+    "Rung",
+    "feature",
+    "force",
+    "sliding",
+    "switch",
+    "warm_force",
+    "warm_parameters",
+    "warm_table",
+]
 
 VISCOUS, BACKWARD, COULOMB, OFFSET, STRIBECK, ROOT, LOAD, INERTIA, VS, WIDTH = range(10)
 SLOTS = 10
@@ -46,6 +64,10 @@ _TERMS = ("direction", "stribeck", "root", "load")
 _LINEAR = {
     VISCOUS: ("Fv", "Nms/rad"), BACKWARD: ("Fv_back", "Nms/rad"), COULOMB: ("Fc", "Nm"),
     OFFSET: ("offset", "Nm"), STRIBECK: ("Fs", "Nm"), ROOT: ("Fr", "N*m*s**0.5"), LOAD: ("Fl", "1"),
+}  # fmt: skip
+_SLIDING = {
+    "Nms/rad": "Ns/m", "Nm": "N", "rad/s": "m/s", "N*m*s**0.5": "N*s**0.5/m**0.5",
+    "Nms/(rad*K)": "Ns/(m*K)", "Nm/K": "N/K",
 }  # fmt: skip
 
 
@@ -156,6 +178,43 @@ class Law:
         return replace(self, **dict.fromkeys(terms, False))  # type: ignore[arg-type]
 
 
+def sliding(item: Parameter) -> Parameter:
+    """A parameter of a law in units of force instead of torque, for what slides.
+
+    >>> sliding(Law().parameters()[1]).unit
+    'N'
+    """
+    return replace(item, unit=_SLIDING.get(item.unit, item.unit))
+
+
+def warm_parameters() -> tuple[Parameter, ...]:
+    """How viscous and Coulomb friction change with temperature, and the reference temperature.
+
+    >>> [item.name for item in warm_parameters()]
+    ['Fv_T', 'Fc_T', 'T0']
+    """
+    return (
+        Parameter("Fv_T", 0.0, "Nms/(rad*K)"),
+        Parameter("Fc_T", 0.0, "Nm/K"),
+        Parameter("T0", 293.15, "K", 1.0, 2000.0, editable=False),
+    )
+
+
+def warm_table(table: Sequence[int], viscous: int, coulomb: int) -> list[int]:
+    """The table of what is multiplied with ``T − T0``: shapes as in ``table``, two coefficients.
+
+    Args:
+        viscous, coulomb: where in ``p`` ``Fv_T`` and ``Fc_T`` lie.
+
+    >>> warm_table([0, -1, 1, 2, -1, -1, -1, -1, -1, 3], 4, 5)
+    [4, -1, 5, -1, -1, -1, -1, -1, -1, 3]
+    """
+    warm = [-1] * SLOTS
+    warm[VISCOUS], warm[COULOMB] = viscous, coulomb
+    warm[VS], warm[WIDTH] = table[VS], table[WIDTH]
+    return warm
+
+
 @njit(cache=True)
 def switch(v: float, width: float, standstill: float) -> float:
     """``tanh(v / width)`` for a width above zero, else the sign outside the standstill."""
@@ -198,6 +257,12 @@ def force(table: Any, at: int, p: Any, v: float, load: float, standstill: float)
         if index >= 0:
             total += p[index] * feature(slot, v, s, load, vs)
     return total
+
+
+@njit(cache=True)
+def warm_force(table: Any, at: int, p: Any, v: float, above: float, standstill: float) -> float:
+    """What a temperature ``above`` the reference [K] adds to `force`; ``at``: a warm table."""
+    return float(above * force(table, at, p, v, 0.0, standstill))
 
 
 def features(law: Law, v: np.ndarray, load: np.ndarray) -> np.ndarray:

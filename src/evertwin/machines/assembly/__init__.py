@@ -1,5 +1,10 @@
 """Machines put together from components: their ports, their joining, both causal readings."""
 
+from evertwin.machines.assembly.forward import Forward
+from evertwin.machines.assembly.inverse import Inverse, StaticInverse
+from evertwin.machines.assembly.join import Train, join
+from evertwin.machines.assembly.model import assembly
+from evertwin.machines.assembly.parts import KINDS, Component, read_component
 from evertwin.machines.assembly.path import (
     Circle,
     Joints,
@@ -11,5 +16,26 @@ from evertwin.machines.assembly.path import (
     moves_of,
     plan,
 )
+from evertwin.machines.assembly.sensors import sensors_of
 
-__all__ = ["Circle", "Joints", "Limits", "Line", "Motion", "Move", "Pause", "moves_of", "plan"]
+__all__ = [
+    "KINDS",
+    "Circle",
+    "Component",
+    "Forward",
+    "Inverse",
+    "Joints",
+    "Limits",
+    "Line",
+    "Motion",
+    "Move",
+    "Pause",
+    "StaticInverse",
+    "Train",
+    "assembly",
+    "join",
+    "moves_of",
+    "plan",
+    "read_component",
+    "sensors_of",
+]

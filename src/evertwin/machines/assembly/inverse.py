@@ -1,0 +1,330 @@
+"""The inverse reading of an assembly as a Model: motion imposed, effort, current or voltage out.
+
+Without states it is a static map, linear in inertias and friction, so that tuning solves at once
+(`StaticInverse`). Thermal states, a black box with states or a measured quantity that is not linear
+make it an `Inverse`, which is tuned by iteration.
+
+>>> from evertwin.machines.assembly.join import join
+>>> axis = join([{"name": "motor", "kind": "motor", "axis": 1, "k": 0.5},
+...              {"name": "screw", "kind": "ballscrew", "axis": 1, "lead": 0.01, "Fc": 20.0},
+...              {"name": "table", "kind": "mass", "axis": 1, "mass": 100.0}])
+>>> model = inverse(axis, "current")
+>>> model.inputs.names, model.outputs.names
+(('qd1', 'qdd1'), ('i1',))
+>>> _, y = model.simulate(np.zeros(0), np.array([[0.5, 1.0]]), np.ones(1), model.parameters.values)
+>>> round(float(y[0, 0]), 4)      # (100 kg · 1 m/s² + 20 N) · 10 mm / 2π / 0.5 Nm/A
+0.382
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from evertwin.errors import UsageError
+from evertwin.machines.arm import layout
+from evertwin.machines.assembly import backward, boxes, shared
+from evertwin.machines.assembly.columns import Column, axis_columns, features, scales
+from evertwin.machines.assembly.join import Box, Train
+from evertwin.machines.assembly.plan import Columns, Places, context_of
+from evertwin.machines.assembly.sensors import Sensor, sensors_of
+from evertwin.machines.assembly.shared import QUANTITIES
+from evertwin.machines.friction import Rung
+from evertwin.models import Kernel, KernelModel, Parameters, Restart, python_kernel, roll
+from evertwin.signals import Channel, Layout
+from evertwin.signals.channels import position
+from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
+
+__all__ = ["MEASURES", "Inverse", "StaticInverse", "box_plan", "inverse"]
+
+MEASURES = {
+    "effort": ("tau", shared.EFFORT, ""),
+    "torque": ("m", shared.MOTOR_TORQUE, "Nm"),
+    "current": ("i", shared.MOTOR_CURRENT, "A"),
+    "voltage": ("U", shared.MOTOR_VOLTAGE, "V"),
+}
+"""What is measured of each axis: name of the channel, quantity, unit."""
+_READS = {"position": shared.POSITION, "speed": shared.SPEED, "acceleration": shared.ACCELERATION}
+
+
+def inverse(
+    train: Train, measure: str | Sequence[str] = "effort", sensors: Sequence[str] = ()
+) -> Inverse:
+    """The inverse reading of joined components.
+
+    Args:
+        measure: output of every axis, or of each: effort (at the joint), torque (of the motor),
+            current or voltage.
+        sensors: quantities inside components that are outputs too, ``<component>.<quantity>``.
+
+    Raises:
+        UsageError: an axis without a motor cannot show its current; no such quantity.
+    """
+    said = [measure] * len(train.axes) if isinstance(measure, str) else list(measure)
+    if len(said) != len(train.axes) or not set(said) <= set(MEASURES):
+        raise UsageError(
+            f"assembly: expected measure = one of {', '.join(MEASURES)}, or one for each of "
+            f"{len(train.axes)} axes, got {measure!r}"
+        )
+    for axis, what in zip(train.axes, said, strict=True):
+        if what != "effort" and axis.motor is None:
+            raise UsageError(
+                f"assembly: axis {axis.number + 1} has no motor whose {what} is measured"
+            )
+    known = sensors_of(train)
+    for name in sensors:
+        position(tuple(known), name, "virtual sensor")
+        if known[name].forward:
+            raise UsageError(f"assembly: {name} exists only where commands are followed: forward")
+    chosen = tuple((name, known[name]) for name in sensors)
+    states = any(rub.temperature == "state" for rub in train.rubs) or any(
+        len(box.model.states) for box in train.boxes
+    )
+    linear = not states and all(sensor.linear for _, sensor in chosen)
+    return (StaticInverse if linear else Inverse)(train, tuple(said), chosen, train.parameters)
+
+
+@dataclass(frozen=True, eq=False)
+class Inverse:
+    """See the module. Built by `inverse`.
+
+    >>> hasattr(Inverse, "regressor")
+    False
+    """
+
+    train: Train
+    measures: tuple[str, ...]
+    sensors: tuple[tuple[str, Sensor], ...]
+    parameters: Parameters
+
+    @cached_property
+    def inputs(self) -> Layout:
+        """Motion of every axis, then temperatures and other channels that components read."""
+        train, own = self.train, []
+        if train.chain is not None:
+            own = list(layout.inputs_of(train.chain))
+        else:
+            reads = {box.axis for box in train.boxes if "position" in box.inputs}
+            for order, name in enumerate(("q", "qd", "qdd")):
+                for axis in train.axes:
+                    unit = ("m" if axis.slides else "rad") + ("", "/s", "/s**2")[order]
+                    if order > 0 or axis.number in reads:
+                        own.append(Channel(f"{name}{axis.number + 1}", unit))
+        return Layout((*own, *heat_channels(train), *box_channels(train)))
+
+    @cached_property
+    def outputs(self) -> Layout:
+        """What is measured of every axis, then the virtual sensors."""
+        own = []
+        for axis, what in zip(self.train.axes, self.measures, strict=True):
+            name, _, unit = MEASURES[what]
+            own.append(Channel(f"{name}{axis.number + 1}", unit or ("N" if axis.slides else "Nm")))
+        return Layout((*own, *(Channel(name, sensor.unit) for name, sensor in self.sensors)))
+
+    @cached_property
+    def states(self) -> Layout:
+        """Temperatures that follow from heat, and the states of black boxes."""
+        heated = [
+            Channel(f"{rub.name}.T", "K") for rub in self.train.rubs if rub.temperature == "state"
+        ]
+        return Layout((*heated, *box_states(self.train)))
+
+    def initial(self, p: ParameterVector) -> StateVector:
+        """Temperatures at ambient; black boxes as they start."""
+        names = self.parameters.names
+        ambient = [
+            p[names.index(f"{rub.name}.ambient")]
+            for rub in self.train.rubs
+            if rub.temperature == "state"
+        ]
+        return np.array([*ambient, *box_start(self.train, self.parameters, p)], dtype=np.float64)
+
+    def observe(self, x: StateVector, y: Float64[np.ndarray, " ny"]) -> StateVector:
+        """There is nothing to adopt into."""
+        return np.array(x, dtype=np.float64)
+
+    @cached_property
+    def _places(self) -> Places:
+        names = self.inputs.names
+        columns = tuple(
+            Columns(*(_index(names, f"{name}{j + 1}") for name in ("q", "qd", "qdd")))
+            for j in range(len(self.train.axes))
+        )
+        codes = [
+            QUANTITIES * axis.number + MEASURES[what][1]
+            for axis, what in zip(self.train.axes, self.measures, strict=True)
+        ]
+        return Places(
+            columns,
+            heat_inputs=tuple(_index(names, f"{rub.name}.T") for rub in self.train.rubs),
+            heat_states=tuple(_index(self.states.names, f"{r.name}.T") for r in self.train.rubs),
+            codes=(*codes, *(sensor.code for _, sensor in self.sensors)), nx=len(self.states),
+        )  # fmt: skip
+
+    @cached_property
+    def _kernel(self) -> Kernel:
+        context, kept = context_of(self.train, self._places)
+        first = sum(rub.temperature == "state" for rub in self.train.rubs)
+        more, inner = box_plan(self.train, self.parameters, self.inputs, first)
+        whole = np.concatenate([context, more])
+        return Kernel(backward.step.address, backward.adopt.address, whole, (*kept, *inner))
+
+    def kernel(self) -> Kernel:
+        """Addresses for the fused loop."""
+        return self._kernel
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what is computed: addresses mean nothing in another process."""
+        return {key: value for key, value in self.__dict__.items() if key != "_kernel"}
+
+    def simulate(
+        self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
+    ) -> tuple[StateVector, Outputs]:
+        """State after the last row and the outputs of every row."""
+        return roll(self._kernel, x, u, dt, p, Restart.never(len(u), len(self.outputs)))
+
+
+@dataclass(frozen=True, eq=False)
+class StaticInverse(Inverse):
+    """An inverse reading without states: linear in inertias and friction.
+
+    >>> hasattr(StaticInverse, "regressor")
+    True
+    """
+
+    @cached_property
+    def _columns(self) -> tuple[tuple[Column, ...], ...]:
+        """Of every output."""
+        axes = [axis_columns(self.train, axis) for axis in self.train.axes]
+        rows = [axes[j] for j in range(len(axes))]
+        for _, sensor in self.sensors:
+            rows.append(tuple(c for c in axes[sensor.axis] if c.acts_on(sensor.code, len(axes))))
+        return tuple(rows)
+
+    @cached_property
+    def columns(self) -> Int64[np.ndarray, "ny m"]:
+        """Index into ``p`` of each output's regressor columns, −1 where unused."""
+        width = max((len(row) for row in self._columns), default=0)
+        places = np.full((len(self._columns), max(width, 1)), -1, dtype=np.int64)
+        for k, row in enumerate(self._columns):
+            places[k, : len(row)] = [column.place for column in row]
+        return places
+
+    def regressor(
+        self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
+    ) -> tuple[Outputs, Float64[np.ndarray, "n ny m"]]:
+        """What is left without the linear parameters, and the compact regressor."""
+        u, p = np.ascontiguousarray(u), np.ascontiguousarray(p)
+        places = self.columns
+        phi = np.zeros((len(u), *places.shape))
+        found = features(self.train, self._places, u, p)
+        factors = scales(self.train, (*self._places.codes,), p)
+        for k, row in enumerate(self._columns):
+            for m, column in enumerate(row):
+                phi[:, k, m] = factors[k] * found[column.key]
+        rest = p.copy()
+        rest[np.unique(places[places >= 0])] = 0.0
+        return self.simulate(x, u, dt, rest)[1], phi
+
+    def rungs(self) -> tuple[Rung, ...]:
+        """Steps up the ladders of friction laws; each has to pay on unseen data."""
+        return tuple(
+            rung._replace(add=tuple(f"{rub.name}.{name}" for name in rung.add), output=rub.axis)
+            for rub in self._first_rubs
+            for rung in rub.law.rungs()
+        )
+
+    @cached_property
+    def _first_rubs(self) -> tuple[Any, ...]:
+        """One friction for each axis: the one that its ladder is climbed with."""
+        return tuple({rub.axis: rub for rub in reversed(self.train.rubs)}.values())
+
+    def law_name(self, output: int, terms: Sequence[str]) -> str:
+        """The law of an axis' friction that has these of its terms."""
+        rub = next(rub for rub in self._first_rubs if rub.axis == output)
+        return str(rub.law.only(terms))
+
+
+def _index(names: Sequence[str], name: str) -> int:
+    return names.index(name) if name in names else -1
+
+
+def heat_channels(train: Train) -> list[Channel]:
+    """Temperatures that are measured."""
+    return [Channel(f"{rub.name}.T", "K") for rub in train.rubs if rub.temperature == "input"]
+
+
+def box_channels(train: Train) -> list[Channel]:
+    """Channels that black boxes read from outside."""
+    return [
+        Channel(f"{box.name}.{channel.name}", channel.unit)
+        for box in train.boxes
+        for channel, source in zip(box.model.inputs, box.inputs, strict=True)
+        if source == "input"
+    ]
+
+
+def box_states(train: Train) -> list[Channel]:
+    """States of the black boxes."""
+    return [
+        Channel(f"{box.name}.{channel.name}", channel.unit)
+        for box in train.boxes
+        for channel in box.model.states
+    ]
+
+
+def box_start(train: Train, parameters: Parameters, p: ParameterVector) -> list[float]:
+    """States of the black boxes before the first row."""
+    start: list[float] = []
+    for box in train.boxes:
+        first = _first_parameter(box, parameters)
+        start += box.model.initial(p[first : first + len(box.model.parameters)]).tolist()
+    return start
+
+
+def _first_parameter(box: Box, parameters: Parameters) -> int:
+    if not len(box.model.parameters):
+        return 0
+    return parameters.names.index(f"{box.name}.{box.model.parameters.names[0]}")
+
+
+def box_plan(
+    train: Train, parameters: Parameters, inputs: Layout, first_state: int
+) -> tuple[Int64[np.ndarray, " k"], tuple[Kernel, ...]]:
+    """The black boxes' integers (`evertwin.machines.assembly.boxes`), and their kernels.
+
+    Raises:
+        UsageError: a box reads what its axis does not have.
+    """
+    rows: list[int] = []
+    sources: list[int] = []
+    kernels = []
+    for box in train.boxes:
+        model = box.model
+        kernel = model.kernel() if isinstance(model, KernelModel) else python_kernel(model)
+        kernels.append(kernel)
+        rows += [
+            kernel.step, int(kernel.context.ctypes.data), box.axis, first_state,
+            _first_parameter(box, parameters), len(model.inputs), len(model.outputs), box.output,
+            boxes.BOX * len(train.boxes) + len(sources),
+        ]  # fmt: skip
+        first_state += len(model.states)
+        for name, source in zip(model.inputs.names, box.inputs, strict=True):
+            sources.append(_source(box, name, source, inputs))
+    return np.array([*rows, *sources], dtype=np.int64), tuple(kernels)
+
+
+def _source(box: Box, name: str, source: str, inputs: Layout) -> int:
+    if source in _READS:
+        return QUANTITIES * box.axis + _READS[source]
+    if source == "input":
+        return -1 - inputs.index(f"{box.name}.{name}")
+    raise UsageError(
+        f"component {box.name!r}: its input {name!r} can read {', '.join(_READS)} or 'input' "
+        f"(a channel of its own), got {source!r}"
+    )

@@ -1,0 +1,264 @@
+"""The forward reading, compiled: one row in fixed sub-steps.
+
+How many parts a row is cut into follows from its interval and the parameters alone, so where rows
+are cut changes no bit: as many as the fastest rate of the assembly asks for (friction, spring,
+winding, controller), and none longer than the largest step allowed. Smooth assemblies go by
+Runge-Kutta of fourth order, those with a sign by Euler with an exact standstill.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import cfunc, njit
+
+from evertwin.machines.arm.memory import reals
+from evertwin.machines.assembly.boxes import address, run_boxes
+from evertwin.machines.assembly.plan import (
+    AGILITY,
+    ARM,
+    AXIS,
+    BOXED,
+    CARRIED,
+    CURRENT,
+    DAMP,
+    DRY,
+    FORCE,
+    HEAD,
+    INSIDE,
+    KI,
+    KP,
+    KV,
+    MASS,
+    MODE,
+    NB,
+    NF,
+    NX,
+    OVERRIDE,
+    OWN,
+    PATH_X,
+    REALS,
+    RUB,
+    STEP_MAX,
+    STIFF,
+    T_X,
+    VOLTAGE,
+    X_L,
+    X_Q,
+    X_QM,
+    X_V,
+    X_VM,
+    K,
+    L,
+    N,
+    R,
+)
+from evertwin.machines.assembly.shared import (
+    HEAT,
+    POSITION,
+    QUANTITIES,
+    RUBS,
+    SPEED,
+    bus_size,
+    cooled,
+    ratio,
+    reflected,
+    show,
+)
+from evertwin.machines.assembly.slopes import slopes
+from evertwin.machines.friction import BACKWARD, COULOMB, STRIBECK, VISCOUS, WIDTH
+from evertwin.models import OBSERVE, STEP
+
+__all__ = ["adopt", "parts_of", "step"]
+
+PARTS = 4000
+"""Most parts of one row; a row whose interval needs more is an error."""
+
+
+@njit(cache=True)
+def _steep(context: Any, j: int, inside: int, p: Any) -> float:
+    """Largest slope of the friction on one side of axis ``j``."""
+    total = 0.0
+    for f in range(context[NF]):
+        at = HEAD + AXIS * context[N] + RUB * f
+        if context[at + OWN] != j or context[at + INSIDE] != inside:
+            continue
+        own = abs(p[context[at + VISCOUS]])
+        if context[at + BACKWARD] >= 0:
+            own = max(own, abs(p[context[at + VISCOUS]] + p[context[at + BACKWARD]]))
+        if context[at + WIDTH] >= 0:
+            dry = abs(p[context[at + COULOMB]])
+            if context[at + STRIBECK] >= 0:
+                dry += abs(p[context[at + STRIBECK]])
+            own += dry / p[context[at + WIDTH]]
+        total += own
+    return float(total)
+
+
+@njit(cache=True)
+def _rate(context: Any, j: int, p: Any) -> float:
+    """The fastest rate of axis ``j`` [1/s]; negative: a spring without a rotor."""
+    at, rotor = HEAD + AXIS * j, reflected(context, HEAD + AXIS * j, p)
+    elastic = context[at + STIFF] >= 0
+    if context[ARM] == 1:
+        inertia = 1.0 / reals(context[REALS])[AGILITY + j]
+        body = inertia if elastic else max(inertia, rotor)
+    else:
+        body = p[context[at + MASS]] + (0.0 if elastic else rotor)
+        if context[at + CARRIED] >= 0:
+            body += p[context[at + CARRIED]]
+    rate = _steep(context, j, 0, p) / body
+    driven = body
+    if elastic:
+        if not rotor > 0.0:
+            return -1.0
+        driven = rotor
+        both = 1.0 / rotor + 1.0 / body
+        rate += _steep(context, j, 1, p) / rotor
+        rate += p[context[at + DAMP]] * both + math.sqrt(p[context[at + STIFF]] * both)
+    gain = 1.0
+    if context[at + MODE] != FORCE:
+        turns, k = ratio(context, at, p), p[context[at + K]]
+        gain = turns * k if context[at + MODE] == CURRENT else turns
+        if context[at + MODE] == VOLTAGE:
+            gain = turns * k / p[context[at + R]]
+            rate += gain * turns * k / driven
+            if context[at + X_L] >= 0:
+                rate += p[context[at + R]] / p[context[at + L]]
+    if context[at + KP] >= 0:
+        rate += gain * p[context[at + KV]] / driven + p[context[at + KP]]
+        rate += math.sqrt(gain * p[context[at + KI]] / driven)
+    return float(rate)
+
+
+@njit(cache=True)
+def parts_of(context: Any, dt: float, p: Any) -> int:
+    """Parts of a row; 0: too many, or something without a mass."""
+    fastest = 0.0
+    for j in range(context[N]):
+        rate = _rate(context, j, p)
+        if not rate >= 0.0:
+            return 0
+        fastest = max(fastest, rate)
+    # Euler: a tenth of the time constant; Runge-Kutta: half of it
+    parts = math.ceil((10.0 if context[DRY] == 1 else 2.0) * dt * fastest)
+    parts = max(parts, math.ceil(dt / reals(context[REALS])[STEP_MAX] - 1e-6))
+    if not 0.0 <= parts <= PARTS:
+        return 0
+    return max(1, int(parts))
+
+
+@njit(cache=True)
+def _euler(context: Any, x: Any, h: float, dx: Any, old: Any) -> None:
+    """Speeds by Euler with an exact standstill, positions by the trapezoid, the rest by Euler."""
+    for i in range(context[NX]):
+        old[i] = x[i]
+        x[i] += h * dx[i]
+    for j in range(context[N]):
+        at = HEAD + AXIS * j
+        for side in range(2):
+            place = context[at + (X_Q if side == 0 else X_QM)]
+            speed = context[at + (X_V if side == 0 else X_VM)]
+            if place < 0:
+                continue
+            # dx of the position is the speed before the step
+            before, after = dx[place], dx[place] + h * dx[speed]
+            if before * after < 0.0:
+                after = 0.0
+            x[place] = old[place] + h * 0.5 * (before + after)
+            x[speed] = after
+
+
+@njit(cache=True)
+def _runge_kutta(
+    context: Any, x: Any, u: Any, clock: Any, h: float, p: Any, work: Any, bus: Any
+) -> None:
+    """One step of fourth order; ``clock``: path time and its pace; ``work``: (3, nx)."""
+    nx = context[NX]
+    at, mean, dx = work[0], work[1], work[2]
+    for i in range(nx):
+        at[i], mean[i] = x[i], 0.0
+    for stage in range(4):
+        reach = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
+        slopes(context, at, u, clock[0] + reach * h * clock[1], p, dx, bus)
+        share = 1.0 / 6.0 if stage == 0 or stage == 3 else 1.0 / 3.0
+        ahead = 1.0 if stage == 2 else 0.5
+        for i in range(nx):
+            mean[i] += share * dx[i]
+            at[i] = x[i] + ahead * h * dx[i]
+    for i in range(nx):
+        x[i] += h * mean[i]
+
+
+@njit(cache=True)
+def _slow(context: Any, x: Any, h: float, pace: float, p: Any, bus: Any) -> None:
+    """Temperatures and the path's clock, after a part."""
+    n = context[N]
+    for f in range(context[NF]):
+        at = HEAD + AXIS * n + RUB * f
+        if context[at + T_X] >= 0:
+            heat = bus[QUANTITIES * n + RUBS * f + HEAT]
+            x[context[at + T_X]] = cooled(context, at, p, x[context[at + T_X]], heat, h)
+    if context[PATH_X] >= 0:
+        x[context[PATH_X]] += h * pace
+
+
+@cfunc(STEP, cache=True)
+def step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) -> int:
+    """One row."""  # pragma: compiled
+    parts, nx, n = parts_of(context, dt, p), context[NX], context[N]
+    if parts == 0:
+        return 1
+    h = dt / parts
+    now, boxed, work = np.empty(nx), np.empty(nx), np.zeros((3, nx))
+    bus, clock = np.zeros(bus_size(context)), np.zeros(2)
+    for i in range(nx):
+        now[i] = x[i]
+    if context[OVERRIDE] >= 0:
+        clock[1] = max(u[context[OVERRIDE]], 0.0)
+    for _ in range(parts):
+        clock[0] = now[context[PATH_X]] if context[PATH_X] >= 0 else 0.0
+        if context[NB] > 0:
+            for j in range(n):
+                bus[QUANTITIES * j + POSITION] = now[context[HEAD + AXIS * j + X_Q]]
+                bus[QUANTITIES * j + SPEED] = now[context[HEAD + AXIS * j + X_V]]
+            for i in range(nx):
+                boxed[i] = now[i]
+            given = address(p)
+            if run_boxes(context, now.ctypes.data, u, h, given, boxed.ctypes.data, bus) != 0:
+                return 1
+        if context[DRY] == 1:
+            slopes(context, now, u, clock[0], p, work[2], bus)
+            _euler(context, now, h, work[2], work[0])
+        else:
+            _runge_kutta(context, now, u, clock, h, p, work, bus)
+        _slow(context, now, h, clock[1], p, bus)
+        for i in range(context[BOXED], nx):
+            now[i] = boxed[i]
+    clock[0] = now[context[PATH_X]] if context[PATH_X] >= 0 else 0.0
+    slopes(context, now, u, clock[0], p, work[2], bus)
+    for i in range(nx):
+        ahead[i] = now[i]
+    show(context, bus, y)
+    return 0
+
+
+@cfunc(OBSERVE, cache=True)
+def adopt(context: Any, x: Any, y: Any) -> int:
+    """Positions and speeds adopt their measurements; a spring keeps its deflection."""
+    # pragma: compiled
+    n = context[N]
+    for j in range(n):
+        at = HEAD + AXIS * j
+        for order in range(2):
+            measured = y[order * n + j]
+            own = context[at + (X_Q if order == 0 else X_V)]
+            motor = context[at + (X_QM if order == 0 else X_VM)]
+            if math.isnan(measured):
+                continue
+            if motor >= 0:
+                x[motor] += measured - x[own]
+            x[own] = measured
+    return 0

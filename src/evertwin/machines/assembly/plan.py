@@ -1,0 +1,184 @@
+"""Where the kernels of an assembly find everything: integers in a context, reals behind addresses.
+
+>>> HEAD, AXIS, RUB
+(19, 28, 28)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Int64
+
+from evertwin.machines.arm import layout
+from evertwin.machines.arm.lanes import batch
+from evertwin.machines.assembly.join import Axis, Rub, Train
+from evertwin.machines.friction import SLOTS, WIDTH, warm_table
+
+__all__ = ["AXIS", "HEAD", "RUB", "Columns", "Places", "context_of", "friction_tables"]
+
+(N, ARM, GEOMETRY, INERTIAS, MAP, REALS, CHOSEN, PAYLOAD, NF, NB, NY, NX, SHARED, DRY,
+ PATH, PATH_ROWS, PATH_X, OVERRIDE, BOXED) = range(19)  # fmt: skip
+HEAD = 19
+"""Single integers; then n axes of `AXIS`, nf frictions of `RUB`, the chosen pairs, the codes."""
+(MASS, CARRIED, RATIO, SCREW, ROTOR, K, R, L, STIFF, DAMP, KP, KV, KI, FEED, TOP, LIMIT, JOINT,
+ MODE, U_Q, U_V, U_A, U_C, X_Q, X_V, X_QM, X_VM, X_I, X_L) = range(28)  # fmt: skip
+AXIS = 28
+"""Integers of an axis: places in ``p``, switches, columns of ``u``, places in ``x``."""
+FORCE, TORQUE, CURRENT, VOLTAGE = range(4)
+"""What a command is: effort at the joint, motor torque, motor current, motor voltage."""
+WARM = SLOTS
+OWN, INSIDE, T_U, T_X, T0, CAPACITY, CONDUCTANCE, AMBIENT = range(2 * SLOTS, 2 * SLOTS + 8)
+RUB = 2 * SLOTS + 8
+"""Integers of a friction: table, warm table, axis, side, temperature, heat balance."""
+STEP_MAX, PATH_RATE = range(2)
+AGILITY = 2
+"""Reals: largest step, rate of the path, agility of each axis, standstill of each friction."""
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Places of an axis' signals in ``u``; −1: none.
+
+    >>> Columns().command
+    -1
+    """
+
+    position: int = -1
+    speed: int = -1
+    acceleration: int = -1
+    command: int = -1
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where a reading keeps its signals: columns of ``u``, places in ``x``, what it shows.
+
+    >>> Places((Columns(),)).path
+    -1
+    """
+
+    columns: tuple[Columns, ...]
+    states: tuple[tuple[int, ...], ...] = ()
+    """Of every axis: q, v, motor's q, motor's v, integral, current; −1: none."""
+    heat_inputs: tuple[int, ...] = ()
+    """Column of each friction's temperature."""
+    heat_states: tuple[int, ...] = ()
+    codes: tuple[int, ...] = ()
+    """Which quantity each output is."""
+    nx: int = 0
+    path: int = -1
+    override: int = -1
+    boxed: int = 0
+    """First state of the black boxes."""
+    step: float = np.inf
+    motion: np.ndarray | None = field(default=None, compare=False)
+    """Rows of planned positions and speeds, (rows, 2 n), and their rate."""
+    rate: float = 1.0
+
+
+def friction_tables(train: Train, rub: Rub) -> tuple[list[int], list[int]]:
+    """Where in ``p`` a friction's slots lie, and those of its change with temperature."""
+    names = tuple(item.name for item in rub.law.parameters())
+    first = train.parameters.names.index(f"{rub.name}.{names[0]}")
+    table = [first + k if k >= 0 else -1 for k in rub.law.table(names)]
+    if not rub.temperature:
+        return table, [-1] * SLOTS
+    at = train.parameters.names.index(f"{rub.name}.Fv_T")
+    return table, warm_table(table, at, at + 1)
+
+
+def _mode(axis: Axis) -> int:
+    if axis.motor is None:
+        return FORCE
+    drive = str(axis.motor.option("drive") or "current")
+    return {"torque": TORQUE, "current": CURRENT, "voltage": VOLTAGE}[drive]
+
+
+def _axis(train: Train, axis: Axis, columns: Columns, states: Sequence[int]) -> list[int]:
+    at, gear, motor, control = train.at, axis.gearbox, axis.motor, axis.controller
+    screw = at(gear, "lead")
+    joint = control is not None and str(control.option("feedback")) == "joint"
+    return [
+        at(axis.structure, "mass" if axis.slides else "inertia"),
+        at(axis.payload, "mass" if axis.slides else "inertia"),
+        screw if screw >= 0 else at(gear, "ratio"), int(screw >= 0),
+        *(at(motor, name) for name in ("J", "k", "R", "L")),
+        *(at(gear, name) for name in ("stiffness", "damping")),
+        *(at(control, name) for name in ("kp", "kv", "ki", "feedforward", "speed_limit", "limit")),
+        int(joint), _mode(axis),
+        columns.position, columns.speed, columns.acceleration, columns.command, *states,
+    ]  # fmt: skip
+
+
+def _rub(train: Train, rub: Rub, column: int, state: int) -> list[int]:
+    table, warm = friction_tables(train, rub)
+    part = next(part for part in train.components if part.name == rub.name)
+    heat = [train.at(part, name) for name in ("T0", "capacity", "conductance", "ambient")]
+    return [*table, *warm, rub.axis, int(rub.inside), column, state, *heat]
+
+
+def _agility(train: Train) -> list[float]:
+    """The largest acceleration that a unit effort gives each axis of an arm, over its postures."""
+    if train.chain is None:
+        return [0.0] * len(train.axes)
+    n, rng = train.chain.n, np.random.default_rng(0)
+    still = train.chain.geometry.copy()
+    still[:3] = 0.0
+    most = np.zeros(n)
+    for _ in range(40):
+        rows = np.zeros((n, 3 * n))
+        rows[:, :n] = rng.uniform(-np.pi, np.pi, n)
+        rows[:, 2 * n :] = np.eye(n)
+        mass = batch(still, train.chain.inertia, rows)
+        most = np.maximum(most, np.diag(np.linalg.inv(mass)))
+    return [float(value) for value in most]
+
+
+def context_of(train: Train, places: Places) -> tuple[Int64[np.ndarray, " k"], tuple[object, ...]]:
+    """The kernels' integers, and the arrays that their addresses lead to."""
+    chain, n = train.chain, len(train.axes)
+    empty = np.zeros(1)
+    geometry = empty if chain is None else chain.geometry.copy()
+    inertias = empty if chain is None else chain.inertia.copy()
+    carried = empty if chain is None else np.ascontiguousarray(layout.payload_map(chain).ravel())
+    reals = np.array(
+        [places.step, places.rate, *_agility(train), *(rub.law.standstill for rub in train.rubs)]
+    )
+    motion = empty if places.motion is None else np.ascontiguousarray(places.motion)
+    payload = train.at(train.load, "m")
+    # the load that friction takes its share of is the described one: it must not depend on p
+    shared = int(not train.base and payload < 0)
+    dry = int(any(rub.law.table(_bare(rub))[WIDTH] < 0 for rub in train.rubs))
+    first = -1 if train.arm is None or not train.base else _first(train)
+    head = [
+        n, int(chain is not None), geometry.ctypes.data, inertias.ctypes.data,
+        carried.ctypes.data, reals.ctypes.data, len(train.base), payload, len(train.rubs),
+        len(train.boxes), len(places.codes), places.nx, shared, dry, motion.ctypes.data,
+        0 if places.motion is None else len(motion), places.path, places.override,
+        places.boxed,
+    ]  # fmt: skip
+    states = places.states or ((-1,) * 6,) * n
+    body: list[int] = []
+    for axis, columns, at in zip(train.axes, places.columns, states, strict=True):
+        body += _axis(train, axis, columns, at)
+    heat = (-1,) * len(train.rubs)
+    both = zip(places.heat_inputs or heat, places.heat_states or heat, strict=True)
+    for rub, (column, state) in zip(train.rubs, both, strict=True):
+        body += _rub(train, rub, column, state)
+    for k, flat in enumerate(train.base):
+        body += [flat, first + k]
+    numbers = np.array([*head, *body, *places.codes], dtype=np.int64)
+    return numbers, (geometry, inertias, carried, reals, motion)
+
+
+def _bare(rub: Rub) -> tuple[str, ...]:
+    return tuple(item.name for item in rub.law.parameters())
+
+
+def _first(train: Train) -> int:
+    assert train.arm is not None
+    prefix = f"{train.arm.name}."
+    return next(i for i, name in enumerate(train.parameters.names) if name.startswith(prefix))

@@ -1,0 +1,165 @@
+"""What both readings of an assembly compute alike, compiled: friction, bodies, the motor's side.
+
+Quantities of a row are collected on a *bus*, so that any of them can be an output (a virtual
+sensor): `QUANTITIES` for every axis, `RUBS` for every friction, one for every black box.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from numba import njit
+
+from evertwin.machines.arm.memory import reals
+from evertwin.machines.arm.rnea import BODY
+from evertwin.machines.assembly.plan import (
+    AMBIENT,
+    AXIS,
+    CAPACITY,
+    CHOSEN,
+    CONDUCTANCE,
+    HEAD,
+    INERTIAS,
+    MAP,
+    NB,
+    NF,
+    NY,
+    PAYLOAD,
+    RATIO,
+    ROTOR,
+    RUB,
+    SCREW,
+    T0,
+    T_U,
+    T_X,
+    WARM,
+    K,
+    N,
+    R,
+)
+from evertwin.machines.friction import force, warm_force
+
+__all__ = [
+    "QUANTITIES",
+    "RUBS",
+    "bodies",
+    "bus_size",
+    "cooled",
+    "motor_side",
+    "ratio",
+    "rub",
+    "show",
+]
+
+(POSITION, SPEED, ACCELERATION, LOAD, EFFORT, DEFLECTION, MOTOR_SPEED, MOTOR_TORQUE, MOTOR_CURRENT,
+ MOTOR_VOLTAGE, LOSS, POWER, COMMAND, ERROR) = range(14)  # fmt: skip
+QUANTITIES = 14
+"""Quantities of an axis on the bus."""
+RUB_FORCE, HEAT, TEMPERATURE = range(3)
+RUBS = 3
+"""Quantities of a friction on the bus."""
+
+
+@njit(cache=True)
+def bus_size(context: Any) -> int:
+    """Reals of a bus."""
+    return int(QUANTITIES * context[N] + RUBS * context[NF] + context[NB])
+
+
+@njit(cache=True)
+def ratio(context: Any, at: int, p: Any) -> float:
+    """Motor turns for each unit of joint motion; ``at``: the axis' integers."""
+    if context[at + RATIO] < 0:
+        return 1.0
+    value = p[context[at + RATIO]]
+    return float(2.0 * math.pi / value if context[at + SCREW] == 1 else value)
+
+
+@njit(cache=True)
+def reflected(context: Any, at: int, p: Any) -> float:
+    """The rotor's inertia as the joint feels it."""
+    if context[at + ROTOR] < 0:
+        return 0.0
+    turns = ratio(context, at, p)
+    return float(turns * turns * p[context[at + ROTOR]])
+
+
+@njit(cache=True)
+def rub(
+    context: Any, at: int, p: Any, v: float, load: float, standstill: float, warmth: float
+) -> float:
+    """Friction of one component at speed ``v``; ``at``: its integers, ``warmth``: temperature."""
+    total = force(context, at, p, v, load, standstill)
+    if context[at + T0] >= 0:
+        above = warmth - p[context[at + T0]]
+        total += warm_force(context, at + WARM, p, v, above, standstill)
+    return float(total)
+
+
+@njit(cache=True)
+def warmth(context: Any, at: int, u: Any, x: Any, p: Any) -> float:
+    """Temperature of a friction: measured, from its heat balance, or its reference [K]."""
+    if context[at + T_U] >= 0:
+        return float(u[context[at + T_U]])
+    if context[at + T_X] >= 0:
+        return float(x[context[at + T_X]])
+    return float(p[context[at + T0]]) if context[at + T0] >= 0 else 0.0
+
+
+@njit(cache=True)
+def cooled(context: Any, at: int, p: Any, now: float, heat: float, dt: float) -> float:
+    """Temperature after ``dt`` under ``heat`` [W]: exact while the heat is held."""
+    loss = p[context[at + CONDUCTANCE]]
+    if loss == 0.0:
+        return float(now + dt * heat / p[context[at + CAPACITY]])
+    end = p[context[at + AMBIENT]] + heat / loss
+    return float(end + (now - end) * math.exp(-dt * loss / p[context[at + CAPACITY]]))
+
+
+@njit(cache=True)
+def bodies(context: Any, p: Any, out: Any) -> None:
+    """An arm's inertias in force: given ones, then chosen ones from ``p``, then the payload's."""
+    n = context[N]
+    given, carried = reals(context[INERTIAS]), reals(context[MAP])
+    for k in range(BODY * n):
+        out[k] = given[k]
+    at = HEAD + AXIS * n + RUB * context[NF]
+    for k in range(context[CHOSEN]):
+        out[context[at + 2 * k]] = p[context[at + 2 * k + 1]]
+    first = context[PAYLOAD]
+    if first >= 0:
+        for i in range(BODY):
+            total = 0.0
+            for j in range(BODY):
+                total += carried[BODY * i + j] * p[first + j]
+            out[BODY * (n - 1) + i] += total
+
+
+@njit(cache=True)
+def motor_side(context: Any, at: int, p: Any, speed: float, q: Any) -> None:
+    """Current, voltage and losses from the motor's torque, into the axis' quantities ``q``."""
+    turns = ratio(context, at, p)
+    q[MOTOR_SPEED] = turns * speed
+    q[MOTOR_TORQUE] = q[EFFORT] / turns
+    if context[at + K] < 0:
+        return
+    q[MOTOR_CURRENT] = q[MOTOR_TORQUE] / p[context[at + K]]
+    back = p[context[at + K]] * q[MOTOR_SPEED]
+    q[MOTOR_VOLTAGE] = p[context[at + R]] * q[MOTOR_CURRENT] + back
+    losses(context, at, p, q)
+
+
+@njit(cache=True)
+def losses(context: Any, at: int, p: Any, q: Any) -> None:
+    """Heat of the winding and electrical power [W]."""
+    q[LOSS] = p[context[at + R]] * q[MOTOR_CURRENT] * q[MOTOR_CURRENT]
+    q[POWER] = q[MOTOR_VOLTAGE] * q[MOTOR_CURRENT]
+
+
+@njit(cache=True)
+def show(context: Any, bus: Any, y: Any) -> None:
+    """The outputs: quantities picked from the bus."""
+    at = HEAD + AXIS * context[N] + RUB * context[NF] + 2 * context[CHOSEN]
+    for k in range(context[NY]):
+        y[k] = bus[context[at + k]]
