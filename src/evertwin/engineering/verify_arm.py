@@ -1,0 +1,308 @@
+"""Verification of a serial arm: against MuJoCo, and by the laws of energy and momentum.
+
+* Against an independent engine: torques, mass matrix and gravity of the same chain. What is
+  compared is the model as it runs, kernel, payload, chosen base parameters, coupling and motor
+  constants included; only friction is zero, because it is a law of our own.
+* Power: along a motion, joint torques times speeds are the change of kinetic and potential energy.
+* Energy: a free motion without friction, integrated step by step, keeps it.
+* Momentum: without gravity the first joint's momentum changes by its torque alone, because the
+  kinetic energy does not depend on where the first joint stands.
+* Friction takes power out at every speed that the rows show.
+
+>>> from evertwin.machines.arm import Arm
+>>> checks = verify_arm(Arm.of("ur5_like"), np.zeros((1, 18)), Arm.of("ur5_like").parameters.values)
+>>> all(check.passed for check in checks)
+True
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float64
+from scipy.integrate import solve_ivp
+
+from evertwin.engineering.verification import Check
+from evertwin.errors import MissingExtra, ModelError
+from evertwin.machines.arm import Arm, layout
+from evertwin.machines.arm.chain import Chain
+from evertwin.machines.arm.lanes import batch
+from evertwin.machines.arm.mjcf import central, mjcf_of
+from evertwin.machines.arm.rnea import BODY, JOINT
+from evertwin.machines.catalog import machine
+from evertwin.types import Inputs, Outputs, ParameterVector, Vector
+
+__all__ = ["verify_arm"]
+
+TORQUE, EXACT, POWER, ENERGY = 1e-7, 1e-12, 1e-6, 1e-6
+"""Limits: torque [Nm], mass matrix and gravity, power and energy relative to what flows."""
+ROWS = 200
+"""Rows of the recording that are looked at, and random ones besides."""
+
+
+class Rigid(NamedTuple):
+    """The rigid bodies of an arm.
+
+    >>> Rigid._fields
+    ('chain', 'still')
+    """
+
+    chain: Chain
+    still: Float64[np.ndarray, " g"]
+    """Geometry without gravity."""
+
+    @classmethod
+    def of(cls, chain: Chain) -> Rigid:
+        """The bodies of a chain."""
+        still = chain.geometry.copy()
+        still[:3] = 0.0
+        return cls(chain, still)
+
+    def torques(self, u: Inputs, gravity: bool = True) -> Outputs:
+        """Inverse dynamics of q, q̇, q̈, (n, 3 k) to (n, k)."""
+        geometry = self.chain.geometry if gravity else self.still
+        return np.asarray(batch(geometry, self.chain.inertia, np.ascontiguousarray(u)))
+
+    def mass(self, q: Outputs) -> Float64[np.ndarray, "n k k"]:
+        """Mass matrices: torques of unit accelerations at rest, without gravity."""
+        n, k = q.shape
+        out = np.empty((n, k, k))
+        for j in range(k):
+            unit = np.zeros((n, 3 * k))
+            unit[:, :k], unit[:, 2 * k + j] = q, 1.0
+            out[:, :, j] = self.torques(unit, gravity=False)
+        return out
+
+    def energy(self, q: Outputs, v: Outputs) -> Float64[np.ndarray, "n 2"]:
+        """Kinetic and potential energy [J]."""
+        kinetic = 0.5 * np.einsum("ni,nij,nj->n", v, self.mass(q), v)
+        return np.stack([kinetic, [self._height(row) for row in q]], axis=1)
+
+    def _height(self, q: Vector) -> float:
+        """−Σ g·(m x + R h): the first moments in the base's frame."""
+        turn, place, total = np.eye(3), np.zeros(3), 0.0
+        pull = self.chain.geometry[:3]
+        for j in range(self.chain.n):
+            at = 3 + JOINT * j
+            place = place + turn @ self.chain.geometry[at + 9 : at + 12]
+            turn = turn @ self.chain.geometry[at : at + 9].reshape(3, 3)
+            if self.chain.sliding[j]:
+                place = place + turn[:, 2] * q[j]
+            else:
+                c, s = np.cos(q[j]), np.sin(q[j])
+                turn = turn @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+            m, h = self.chain.inertia[BODY * j], self.chain.inertia[BODY * j + 1 : BODY * j + 4]
+            total -= float(pull @ (m * place + turn @ h))
+        return total
+
+
+def verify_arm(arm: Arm, u: Inputs, p: ParameterVector) -> tuple[Check, ...]:
+    """All checks of an arm at the parameters ``p``, on rows ``u`` of joint (or motor) motion."""
+    p, said = _physical(arm, p)
+    seen = u[np.isfinite(u).all(axis=1)][:: max(1, len(u) // ROWS)][:ROWS]
+    rng = np.random.default_rng(0)
+    rows = np.concatenate([seen, rng.uniform(-2.0, 2.0, (ROWS, 3 * arm.chain.n))])
+    chain = _loaded(arm, p)
+    rigid = Rigid.of(chain)
+    joints = arm.coupling.of_motors(rows) if arm.coupling and arm.coupling.motors else rows
+    return (
+        *_against_engine(arm, p, rows, joints, (rigid, said)),
+        *_laws(rigid, joints, rng),
+        _friction(arm, p, seen if len(seen) else rows),
+    )
+
+
+def _numbers(arm: Arm, p: ParameterVector) -> Float64[np.ndarray, " b"]:
+    """The ten numbers of each link at ``p``, the payload's in the last."""
+    names, out = arm.parameters.names, arm.chain.inertia.copy()
+    places = [k for k, name in enumerate(names) if "." in name and not name.startswith("payload.")]
+    out[list(arm.base)] = p[places] if arm.base else 0.0
+    if arm.payload:
+        first = names.index("payload.m")
+        out[-BODY:] += layout.payload_map(arm.chain) @ p[first : first + BODY]
+    return out
+
+
+def _loaded(arm: Arm, p: ParameterVector) -> Chain:
+    return replace(arm.chain, inertia=_numbers(arm, p))
+
+
+def _physical(arm: Arm, p: ParameterVector) -> tuple[ParameterVector, str]:
+    """Parameters whose links could be bodies: tuned base parameters are sums that no body has."""
+    numbers = _numbers(arm, p)
+    try:
+        for j in range(arm.chain.n):
+            central(numbers[BODY * j : BODY * (j + 1)])
+    except ModelError:
+        start, out = arm.parameters, p.copy()
+        for k, name in enumerate(start.names):
+            if "." in name:
+                at = arm.base[k - _first(arm)] if not name.startswith("payload.") else -1
+                out[k] = arm.chain.inertia[at] if at >= 0 else 0.0
+        return out, "at the description's inertias: the tuned base parameters are those of no body"
+    return p, "at the present parameters"
+
+
+def _first(arm: Arm) -> int:
+    names = arm.parameters.names
+    return next(k for k, n in enumerate(names) if "." in n and not n.startswith("payload."))
+
+
+def _bare(arm: Arm, p: ParameterVector) -> ParameterVector:
+    """Without friction and delay."""
+    names, out = arm.parameters.names, p.copy()
+    for k, name in enumerate(names):
+        friction = name.startswith(("Fv", "Fc", "offset", "Fs", "Fr", "Fl")) or name == "delay"
+        out[k] = 0.0 if friction and "." not in name else out[k]
+    return out
+
+
+def _torques(arm: Arm, u: Inputs, p: ParameterVector) -> Outputs:
+    """The model's torques at its outputs, whatever it puts out (torques or currents)."""
+    _, y = arm.simulate(np.zeros(0), np.ascontiguousarray(u), np.zeros(len(u)), p)
+    first = arm.parameters.index("K1") if arm.motor else -1
+    return y * p[first : first + arm.chain.n] if arm.motor else y
+
+
+def _motors(arm: Arm, rows: Inputs) -> Inputs:
+    """The motion of the motors."""
+    if arm.coupling is None or arm.coupling.motors:
+        return rows
+    return arm.coupling.of_joints(rows)
+
+
+def _against_engine(
+    arm: Arm, p: ParameterVector, rows: Inputs, joints: Inputs, known: tuple[Rigid, str]
+) -> tuple[Check, ...]:
+    rigid, said = known
+    names = ("torques against MuJoCo", "mass matrix against MuJoCo", "gravity against MuJoCo")
+    try:
+        engine = _Engine.of(rigid.chain)
+    except (MissingExtra, ModelError) as error:
+        return tuple(Check.missing(name, "engine", str(error)) for name in names)
+    n, free = arm.chain.n, _bare(arm, p)
+    expected = engine.torques(joints)
+    if arm.coupling is not None:
+        expected = arm.coupling.felt(expected)
+    if arm.rotor:
+        inertia = p[arm.parameters.indices([f"Ia{j + 1}" for j in range(n)])]
+        expected = expected + inertia * _motors(arm, rows)[:, 2 * n :]
+    off = np.abs(_torques(arm, rows, free) - expected).max()
+    poses = joints[-50:, :n]
+    rest = np.concatenate([poses, np.zeros((len(poses), 2 * n))], axis=1)
+    mass = np.abs(rigid.mass(poses) - engine.mass(poses)).max()
+    weight = np.abs(rigid.torques(rest) - engine.torques(rest)).max()
+    # A unit in the last place of what is compared, where that is more than the limit.
+    size = [np.finfo(float).eps * float(np.abs(m).max()) * n for m in (rigid.mass(poses), expected)]
+    return (
+        Check(names[0], "engine", float(off), TORQUE, "Nm", f"{len(rows)} rows, {said}"),
+        Check(names[1], "engine", float(mass), max(EXACT, 4 * size[0]), "kgm2", "50 poses"),
+        Check(names[2], "engine", float(weight), max(EXACT, 4 * size[1]), "Nm", "50 poses"),
+    )
+
+
+class _Engine(NamedTuple):
+    """The chain in MuJoCo, with and without gravity."""
+
+    heavy: Any
+    still: Any
+
+    @classmethod
+    def of(cls, chain: Chain) -> _Engine:
+        options = [{"text": mjcf_of(chain, on), "inverse": True} for on in (True, False)]
+        return cls(*(machine("mujoco", o) for o in options))
+
+    def torques(self, u: Inputs, model: Any = None) -> Outputs:
+        model = model or self.heavy
+        y = model.simulate(np.zeros(0), u, np.zeros(len(u)), model.parameters.values)[1]
+        return np.asarray(y)
+
+    def mass(self, q: Outputs) -> Float64[np.ndarray, "n k k"]:
+        n, k = q.shape
+        out = np.empty((n, k, k))
+        for j in range(k):
+            unit = np.zeros((n, 3 * k))
+            unit[:, :k], unit[:, 2 * k + j] = q, 1.0
+            out[:, :, j] = self.torques(unit, self.still)
+        return out
+
+
+def _laws(rigid: Rigid, rows: Inputs, rng: np.random.Generator) -> tuple[Check, ...]:
+    n = rigid.chain.n
+    q, v, a = rows[:, :n], rows[:, n : 2 * n], rows[:, 2 * n :]
+    tau = rigid.torques(rows)
+    power, step = (tau * v).sum(axis=1), 1e-4
+    ahead, behind = (rigid.energy(*_moved((q, v, a), s)).sum(axis=1) for s in (step, -step))
+    flow = float(np.abs(tau * v).sum(axis=1).max()) or 1.0
+    balance = float(np.abs((ahead - behind) / (2 * step) - power).max()) / flow
+    still = rigid.torques(rows, gravity=False)[:, 0]
+    after, before = (_momentum(rigid, *_moved((q, v, a), s)) for s in (step, -step))
+    scale = float(np.abs(still).max()) or 1.0
+    moment = float(np.abs((after - before) / (2 * step) - still).max()) / scale
+    least = float(np.linalg.eigvalsh(rigid.mass(q)).min())
+    shown = f"{len(rows)} rows"
+    return (
+        Check("power balance", "law", balance, POWER, "1", f"{shown}; of {flow:.3g} W"),
+        Check("momentum of the first joint", "law", moment, POWER, "1", f"{shown}; no gravity"),
+        Check(
+            "mass matrix is positive definite",
+            "law",
+            max(0.0, -least),
+            0.0,
+            "kgm2",
+            f"{shown}; least eigenvalue {least:.3g}",
+        ),
+        _free_motion(rigid, rng),
+    )
+
+
+def _moved(motion: tuple[Outputs, Outputs, Outputs], s: float) -> tuple[Outputs, Outputs]:
+    """Position and speed ``s`` seconds on, by the motion's own acceleration."""
+    q, v, a = motion
+    return q + s * v + 0.5 * s * s * a, v + s * a
+
+
+def _momentum(rigid: Rigid, q: Outputs, v: Outputs) -> Vector:
+    return np.asarray(np.einsum("nj,nj->n", rigid.mass(q)[:, 0], v))
+
+
+def _free_motion(rigid: Rigid, rng: np.random.Generator) -> Check:
+    """A fall without friction for half a second."""
+    n = rigid.chain.n
+    start = np.concatenate([rng.uniform(-1.0, 1.0, n), rng.uniform(-0.5, 0.5, n)])
+
+    def slope(_: float, x: Vector) -> Vector:
+        q, v = x[None, :n], x[None, n:]
+        bias = rigid.torques(np.concatenate([q, v, np.zeros((1, n))], axis=1))[0]
+        return np.concatenate([x[n:], np.linalg.solve(rigid.mass(q)[0], -bias)])
+
+    found = solve_ivp(slope, (0.0, 0.5), start, rtol=1e-10, atol=1e-10)
+    x = found.y.T
+    parts = rigid.energy(x[:, :n], x[:, n:])
+    total, flow = parts.sum(axis=1), float(np.ptp(parts[:, 0])) or 1.0
+    drift = float(np.abs(total - total[0]).max()) / flow
+    said = f"0.5 s, {len(x)} steps; of {flow:.3g} J that moved"
+    return Check("energy of a free motion", "law", drift, ENERGY, "1", said)
+
+
+def _friction(arm: Arm, p: ParameterVector, rows: Inputs) -> Check:
+    """Power that friction gives out; an offset is no friction and left out."""
+    names, n = arm.parameters.names, arm.chain.n
+    rubbed = p.copy()
+    for k, name in enumerate(names):
+        if name == "delay" or (name.startswith("offset") and "." not in name):
+            rubbed[k] = 0.0
+    motors = rows
+    if arm.coupling is not None and not arm.coupling.motors:
+        motors = arm.coupling.of_joints(rows)
+    power = (_torques(arm, rows, rubbed) - _torques(arm, rows, _bare(arm, p))) * motors[
+        :, n : 2 * n
+    ]
+    worst, joint = float(-power.min()), int(np.argmin(power.min(axis=0)))
+    limit = 1e-9 * max(1.0, float(np.abs(power).max()))
+    said = f"{len(rows)} rows"
+    if worst > limit:
+        said += f"; joint {joint + 1} gives power out: a friction parameter has the wrong sign"
+    return Check("friction takes power out", "law", worst, limit, "W", said)
