@@ -31,7 +31,7 @@ from typing import Annotated, Any, NamedTuple
 
 from evertwin.engineering.parts import Component, ModelPart, Requirements, Sensor
 from evertwin.errors import UsageError
-from evertwin.settings.fields import Free, Hidden, Limits, Section
+from evertwin.settings.fields import Free, Hidden, Limits, Quantity, Section
 from evertwin.settings.text import Form
 from evertwin.types import Json
 
@@ -103,8 +103,10 @@ class Breakdown(Section):
     study: tuple[str, ...] = ()
     """Systems that the study looks at; components of others are left out. Absent: all."""
     history: str | None = None
-    """Maintenance history (CSV: ``component``, ``downtime`` with its unit in brackets), relative to
-    this file; proneness to failure is computed from it where no grade is given."""
+    """Maintenance history (CSV: ``date``, ``component``, ``downtime [h]``), relative to this file;
+    proneness to failure is computed from it where no grade is given."""
+    history_span: Annotated[float | None, Quantity("s"), Limits(above=0.0)] = None
+    """Time that the history covers; absent: from its first entry to its last."""
     critical_from: Annotated[float, Limits(at_least=1.0, at_most=25.0)] = 10.0
     """Effect × proneness from which a component is critical."""
     model: ModelPart = ModelPart()
