@@ -32,7 +32,7 @@ from evertwin.signals.delay import Lag, lag
 from evertwin.sync.horizon import trusted
 from evertwin.types import Outputs
 
-__all__ = ["SharedLag", "shared_lag"]
+__all__ = ["SharedLag", "agreement", "shared_lag"]
 
 SURE = 0.01
 """Chance of calling equal lags different."""
@@ -56,6 +56,11 @@ class SharedLag:
     lags: Mapping[str, Lag]
     """Of each output, with correlation and gain; a negative gain is a flipped sign."""
 
+    @property
+    def interval95(self) -> tuple[float, float]:
+        """95 % interval [s]; NaN where no lag is stated."""
+        return (self.seconds - 1.96 * self.sigma, self.seconds + 1.96 * self.sigma)
+
 
 def shared_lag(block: Block, y: Outputs, outputs: Layout, longest: float = 0.5) -> SharedLag:
     """The lag of what was measured after its prediction.
@@ -75,11 +80,21 @@ def shared_lag(block: Block, y: Outputs, outputs: Layout, longest: float = 0.5) 
             lags[channel.name] = lag(block.t, one, block.t, other, longest)
         except DataError as error:
             lags[channel.name] = Lag(math.nan, math.inf, math.nan, math.nan, "not", str(error))
+    return agreement(lags, float(np.median(block.dt[1:])) if len(block.dt) > 1 else 0.0)
+
+
+def agreement(lags: Mapping[str, Lag], step: float) -> SharedLag:
+    """What the outputs' lags have in common: their weighted mean, where they do not differ.
+
+    Args:
+        lags: of each output.
+        step: interval of the rows [s].
+    """
     sure = [found for found in lags.values() if found.verdict == "identified"]
     if not sure:
         return SharedLag(math.nan, math.inf, False, "no output shows a lag for certain", lags)
     # A standard error below a hundredth of the interval is better than the stamps are.
-    floor = 0.01 * float(np.median(block.dt[1:])) if len(block.dt) > 1 else 0.0
+    floor = 0.01 * step
     sigma = np.array([max(found.sigma, floor) for found in sure])
     seconds = np.array([found.seconds for found in sure])
     weight = sigma**-2

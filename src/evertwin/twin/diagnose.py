@@ -5,6 +5,7 @@ where, why, and the next step. Nothing is changed.
 
 * `look_data`: clocks, gaps, frozen and absurd channels, lost rows;
 * `look_units`: factors, signs and lags between what is predicted and what is measured;
+* `look_clocks`: offset, drift and shared lag between the clocks of two or more sources;
 * `look_tuning`: what the rows determine of the parameters, knobs and bounds;
 * `look_settings`: horizon, tolerance, requirement and action space against noise and range.
 """
@@ -13,6 +14,7 @@ from __future__ import annotations
 
 from evertwin.twin.feed import Data
 from evertwin.twin.finding import Diagnosis, Finding
+from evertwin.twin.look_clocks import look_clocks
 from evertwin.twin.look_data import look_data
 from evertwin.twin.look_settings import look_settings
 from evertwin.twin.look_tuning import look_bounds, look_tuning
@@ -42,6 +44,7 @@ def diagnose(setup: Setup, versions: Versions, number: int, data: Data) -> Diagn
     found += units
     if not units:
         found += look_lags(seen, figures)
+        found += look_clocks(seen, figures)
     found += look_bounds(setup, versions, version)
     found += look_tuning(seen, figures)
     found += look_settings(seen, figures)

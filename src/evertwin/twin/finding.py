@@ -51,7 +51,7 @@ class Diagnosis:
     rows: int
     findings: tuple[Finding, ...]
     figures: Mapping[str, Any]
-    """Per output: lag, noise, mismatch; per parameter: verdict."""
+    """Per output: lag, noise, mismatch; per source: its clock; per parameter: verdict."""
 
     def to_dict(self) -> dict[str, Json]:
         """Plain content, ``schema: "evertwin.doctor/1"``."""
@@ -72,7 +72,13 @@ class Diagnosis:
     def __str__(self) -> str:
         count = len(self.findings)
         head = f"{self.name}: {self.rows} rows, {count} finding{'s' * (count != 1)}"
-        return "\n".join([head, *(str(item) for item in self.findings)])
+        told = {item.subject for item in self.of_kind("clock")}
+        clocks = [
+            f"clock: {found['said']}"
+            for source, found in self.figures.get("clocks", {}).items()
+            if source not in told
+        ]
+        return "\n".join([head, *(str(item) for item in self.findings), *clocks])
 
     def _repr_html_(self) -> str:
         rows = "".join(

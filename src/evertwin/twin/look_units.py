@@ -22,6 +22,7 @@ from evertwin.models.function import python_kernel
 from evertwin.signals import Layout
 from evertwin.signals.delay import Lag, lag
 from evertwin.sync.horizon import restarts, trusted
+from evertwin.sync.lag import agreement
 from evertwin.twin.finding import Finding
 from evertwin.twin.view import View, changes
 from evertwin.types import Vector
@@ -214,6 +215,11 @@ def look_lags(view: View, figures: dict[str, Any]) -> Iterator[Finding]:
         if found is not None:
             lags[channel.name] = found
     figures["lag"] = dict(lags.items())
+    shared = agreement(lags, view.step)
+    figures["shared_lag"] = {
+        "seconds": shared.seconds, "interval95": shared.interval95, "agree": shared.agree,
+        "reason": shared.reason,
+    }  # fmt: skip
     late = {name: one for name, one in lags.items() if _matters(one, view.step)}
     if not late:
         return
