@@ -242,7 +242,8 @@ class StaticInverse(Inverse):
     @cached_property
     def _first_rubs(self) -> tuple[Any, ...]:
         """One friction for each axis: the one that its ladder is climbed with."""
-        return tuple({rub.axis: rub for rub in reversed(self.train.rubs)}.values())
+        first = {rub.axis: rub for rub in reversed(self.train.rubs)}
+        return tuple(first[j] for j in sorted(first))
 
     def law_name(self, output: int, terms: Sequence[str]) -> str:
         """The law of an axis' friction that has these of its terms."""
