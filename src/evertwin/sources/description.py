@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from evertwin.fold import plain
 from evertwin.types import Json
 
-__all__ = ["ColumnInfo", "Info", "TableInfo", "TimeInfo"]
+__all__ = ["ClockInfo", "ColumnInfo", "Info", "TableInfo", "TimeInfo"]
 
 
 @dataclass(frozen=True)
@@ -85,6 +85,27 @@ class ColumnInfo:
 
 
 @dataclass(frozen=True)
+class ClockInfo:
+    """A second clock of a table against the first; seconds.
+
+    >>> ClockInfo("logged", 0.2, 1e-5, 1e-7, 0.004, 1000).offset
+    0.2
+    """
+
+    column: str
+    offset: float
+    """Second clock minus first, in the middle of the rows."""
+    drift: float
+    """Growth of the offset, seconds per second."""
+    drift_sigma: float
+    """Its standard error, for rows whose scatter is independent."""
+    jitter: float
+    """Standard deviation about that line: what the transport adds."""
+    rows: int
+    """Rows that tell both."""
+
+
+@dataclass(frozen=True)
 class TableInfo:
     """One table of the recording.
 
@@ -100,6 +121,8 @@ class TableInfo:
     """Rows left out, by kind."""
     examples: tuple[str, ...] = ()
     """The first of each kind, with its line."""
+    clocks: tuple[ClockInfo, ...] = ()
+    """Further columns of time against the first."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "problems", dict(self.problems or {}))

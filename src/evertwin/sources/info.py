@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from evertwin.errors import DataError
+from evertwin.sources.clocks import other_clocks
 from evertwin.sources.description import ColumnInfo, Info, TableInfo, TimeInfo
 from evertwin.sources.findings import column_findings, table_findings
 from evertwin.sources.recording import open_recording
@@ -71,7 +72,8 @@ def _table(table: Table) -> TableInfo:
     listed = tuple(columns.get(c.name, ColumnInfo(c.name, c.kind, c.unit, count, 0, 0))
                    for c in table.columns)  # fmt: skip
     described = None if time is None or unit is None else _time(time, unit, clock, tally)
-    return TableInfo(table.name, count, described, listed, tally.counts, tally.lines())
+    clocks = () if time is None else other_clocks(table, time)
+    return TableInfo(table.name, count, described, listed, tally.counts, tally.lines(), clocks)
 
 
 def _add_stamps(rows: Rows, unit: TimeGuess, clock: ClockStatistics, tally: Tally) -> None:

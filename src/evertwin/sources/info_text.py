@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime
 import math
 
-from evertwin.sources.description import ColumnInfo, Info, TableInfo, TimeInfo
+from evertwin.sources.description import ClockInfo, ColumnInfo, Info, TableInfo, TimeInfo
 
 __all__ = ["render"]
 
@@ -30,6 +30,7 @@ def _table(table: TableInfo) -> list[str]:
     lines = ["", f"{table.name or 'table'}: {table.rows} rows, {len(table.columns)} columns"]
     if table.time is not None:
         lines += _time(table.time)
+        lines += [_clock(clock, table.time) for clock in table.clocks]
     width = max((len(c.name) for c in table.columns), default=6)
     head = f"  {'column':{width}}  {'type':8} {'unit':8} {'low':>12} {'high':>12} {'mean':>12}"
     lines.append(f"{head} {'std':>12} {'empty':>7}")
@@ -43,6 +44,14 @@ def _time(time: TimeInfo) -> list[str]:
         f"  rate {time.rate:.5g} Hz, step {time.period_low:.4g} to {time.period_high:.4g} s "
         f"(5 to 95 %), {time.gaps} gaps, {time.repeated} repeated, {time.backward} backward",
     ]
+
+
+def _clock(clock: ClockInfo, first: TimeInfo) -> str:
+    return (
+        f"  clock {clock.column} against {first.column}: {clock.offset:+.6g} s, growing by "
+        f"{1e6 * clock.drift:.3g} ± {1.96e6 * clock.drift_sigma:.2g} µs a second, scatter "
+        f"{1e3 * clock.jitter:.3g} ms"
+    )
 
 
 def stamp(t: int) -> str:

@@ -23,7 +23,7 @@ import numpy as np
 from evertwin.sources.stamps import NO_STAMP, to_ns
 from evertwin.sources.table import Column, Table
 
-__all__ = ["TimeGuess", "guess", "time_column"]
+__all__ = ["NAMES", "TimeGuess", "guess", "time_column"]
 
 _HINTS = {
     "ns": {"ns", "nsec", "nanos", "nanosec", "nanosecond", "nanoseconds"},
@@ -103,7 +103,8 @@ def _by_size(stamps: np.ndarray[Any, Any], whole: bool) -> TimeGuess:
     return TimeGuess("s", f"advances by {step:g} a row", True)
 
 
-_NAMES = ("t", "time", "timestamp", "stamp", "times", "datetime", "date", "zeit", "seconds", "secs")
+NAMES = ("t", "time", "timestamp", "stamp", "times", "datetime", "date", "zeit", "seconds", "secs")
+"""Usual first words of a column of time."""
 
 
 def time_column(table: Table) -> Column | None:
@@ -118,7 +119,7 @@ def time_column(table: Table) -> Column | None:
             return column
     for column in columns:
         words = [w for w in re.split(r"[^a-z]+", column.name.lower()) if w]
-        if words and words[0] in _NAMES and column.kind == "number":
+        if words and words[0] in NAMES and column.kind == "number":
             return column
     numeric = [c.name for c in columns if c.kind == "number"]
     if len(numeric) < 2 or columns[0].name != numeric[0]:
