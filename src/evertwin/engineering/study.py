@@ -1,0 +1,198 @@
+"""The whole method on one machine: from its breakdown and recordings to what is tuned, how often.
+
+Nothing is written and nothing runs live here: a `Study` is the record of every choice with its
+reason and figures. The order is that of Aivaliotis, Arkouli, Georgoulias, Makris (2023): critical
+components, depth of their models, signals to parameters, sensitivity, editable set, weights.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from evertwin.engineering.breakdown import Breakdown
+from evertwin.engineering.choice import Chosen, Question, choose, questions, spans_of
+from evertwin.engineering.criticality import Criticality, history_of, rank
+from evertwin.engineering.level import LevelChoice, level_of
+from evertwin.engineering.mapping import (
+    Link,
+    Virtual,
+    file_against_model,
+    links,
+    virtual_sensors,
+)
+from evertwin.engineering.sensitivity import Morris, morris
+from evertwin.engineering.weights import Measured, Weighed, measure, weigh
+from evertwin.errors import ConfigError
+from evertwin.fold import plain
+from evertwin.tuning import Problem
+from evertwin.types import Json
+
+__all__ = ["Study", "modelled", "study"]
+
+
+@dataclass(frozen=True)
+class Study:
+    """Every choice with its reason. Built by `study`.
+
+    >>> Study.__name__
+    'Study'
+    """
+
+    breakdown: Breakdown
+    ranks: tuple[Criticality, ...]
+    """Most critical first."""
+    levels: tuple[LevelChoice, ...]
+    """In the order of ``ranks``."""
+    links: tuple[Link, ...]
+    virtual: tuple[Virtual, ...]
+    notes: tuple[str, ...]
+    """Where the file and the model disagree about sensors, and what is modelled without need."""
+    questions: tuple[Question, ...]
+    morris: Morris
+    chosen: Chosen
+    weighed: Weighed | None
+    """None: nothing is tuned."""
+    measured: Measured | None
+    rows: int
+    """Rows of the recordings."""
+    seconds: float
+
+    @property
+    def run_time(self) -> float | None:
+        """Run time of one tuning of everything [s]; None: nothing is tuned."""
+        return self.measured and self.measured.seconds_all / self.measured.tunings
+
+    def to_dict(self) -> dict[str, Json]:
+        """Plain content, ``schema: "evertwin.engineer/1"``."""
+        needs, fit = self.breakdown.requirements, self.chosen.fit
+        reached: dict[str, Any] = {}
+        if fit is not None:
+            reached = dict(zip(fit.outputs, fit.moving_after, strict=True))
+        content: Any = {
+            "schema": "evertwin.engineer/1",
+            "name": self.breakdown.name,
+            "components": [
+                {**_fields(r), "level": _fields(v)}
+                for r, v in zip(self.ranks, self.levels, strict=True)
+            ],
+            "requirements": {
+                "accuracy": needs.accuracy, "run_time": needs.run_time,
+                "interval": needs.interval, "reached": reached, "run_time_reached": self.run_time,
+                "met": self.met,
+            },
+            "links": [
+                {"parameter": one.parameter, "signals": [s._asdict() for s in one.signals]}
+                for one in self.links
+            ],
+            "virtual_sensors": [one._asdict() for one in self.virtual],
+            "notes": list(self.notes),
+            "morris": _table(self.morris, ("mu", "spread")),
+            "sobol": self.chosen.sobol
+            and _table(self.chosen.sobol, ("share", "alone", "half", "effect")),
+            "parameters": [_fields(one) for one in self.chosen.choices],
+            "editable": list(self.chosen.editable),
+            "schedule": self.weighed and _fields(self.weighed),
+            "measured": self.measured
+            and {
+                **_fields(self.measured), "saved": self.measured.saved, "lost": self.measured.lost,
+            },
+            "rows": self.rows,
+            "seconds": self.seconds,
+        }  # fmt: skip
+        found = plain(content)
+        assert isinstance(found, dict)
+        return found
+
+    @property
+    def met(self) -> dict[str, bool]:
+        """Requirement → is it met on these rows?"""
+        needs, fit = self.breakdown.requirements, self.chosen.fit
+        found = {}
+        if fit is not None:
+            found["accuracy"] = max(fit.moving_after) <= needs.accuracy
+        if needs.run_time is not None and self.run_time is not None:
+            found["run_time"] = self.run_time <= needs.run_time
+        return found
+
+
+def modelled(breakdown: Breakdown, known: Sequence[str]) -> tuple[str, ...]:
+    """Names of the parameters of the study's components, as the model calls them.
+
+    Args:
+        known: the model's parameters.
+
+    Raises:
+        ConfigError: a component that is part of the model has a parameter that the model lacks, or
+            no component has one.
+    """
+    names = []
+    for place in breakdown.studied:
+        part = place.component
+        for local in part.parameters:
+            name = breakdown.parameter_name(part, local)
+            if name in known:
+                names.append(name)
+            elif part.kind:
+                raise ConfigError(
+                    f"component {part.name!r}: the model has no parameter {name!r}; it has "
+                    f"{', '.join(known)}"
+                )
+    if not names:
+        raise ConfigError(f"{breakdown.name}: no component has a parameter of the model")
+    return tuple(names)
+
+
+def study(breakdown: Breakdown, problem: Problem, seed: int = 1) -> Study:
+    """The method on the rows of ``problem``.
+
+    Args:
+        problem: on the parameters of `modelled`, with their initial values as prior.
+        seed: of the samples.
+
+    Raises:
+        ConfigError: a component lacks what the method needs to rank it.
+        ModelError: a simulation inside a parameter's range diverged.
+    """
+    began = time.perf_counter()
+    ranks = rank(breakdown, history_of(breakdown))
+    levels = tuple(level_of(breakdown.component(one.component), one.role) for one in ranks)
+    found = links(problem)
+    asked = questions(breakdown, {one.component: one for one in levels}, found)
+    parts = [place.component for place in breakdown.studied]
+    channels = (problem.model.inputs + problem.model.outputs).names
+    notes = [
+        note
+        for part in parts
+        if part.parameters
+        for note in file_against_model(breakdown, part, found, channels)
+    ]
+    chosen = choose(problem, asked, breakdown.requirements.negligible, seed)
+    weighed, measured = None, None
+    if chosen.fit is not None:
+        own = replace(problem, editable=chosen.fit.names)
+        weighed = weigh(own, chosen.fit, asked, breakdown.requirements)
+        measured = measure(own, chosen.fit, asked, weighed, breakdown.requirements.interval)
+    return Study(
+        breakdown, ranks, levels, found, tuple(virtual_sensors(problem, parts, breakdown)),
+        tuple(notes), asked, morris(problem, spans_of(problem, asked), seed), chosen, weighed,
+        measured, len(problem.rows.u), time.perf_counter() - began,
+    )  # fmt: skip
+
+
+def _fields(record: Any) -> dict[str, Any]:
+    return {name: getattr(record, name) for name in record.__dataclass_fields__}
+
+
+def _table(record: Any, keys: tuple[str, ...]) -> dict[str, Any]:
+    """Output → parameter → figures."""
+    table = {
+        output: {
+            name: {key: float(getattr(record, key)[o, k]) for key in keys}
+            for k, name in enumerate(record.names)
+        }
+        for o, output in enumerate(record.outputs)
+    }
+    return {"samples": record.samples, "seconds": record.seconds, "outputs": table}
