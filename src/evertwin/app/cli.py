@@ -14,6 +14,7 @@ from typing import Annotated
 
 import typer
 
+from evertwin.app.cli_prognosis import register as register_prognosis
 from evertwin.errors import EvertwinError
 
 __all__ = ["app", "main"]
@@ -254,6 +255,9 @@ def model_pin(
     from evertwin.app.commands import by_hand
 
     by_hand(twin, "pin", number, reason, as_json)
+
+
+register_prognosis(app)
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -28,7 +28,7 @@ from evertwin.twin.draw import (
 from evertwin.twin.setup import Setup
 from evertwin.types import Outputs, ParameterVector
 
-__all__ = ["write_report"]
+__all__ = ["encoded", "shown", "write_report"]
 
 MOST = 8
 """Outputs that are drawn."""
@@ -120,13 +120,13 @@ def _pictures(result: RunResult, setup: Setup, content: Any) -> Iterator[Picture
         yield from _rounds(result)
     figure = draw_intervals(content["parameters"])
     if figure is not None:
-        yield "Parameters", "Tuned values with their 95 % intervals.", _encoded(figure)
+        yield "Parameters", "Tuned values with their 95 % intervals.", encoded(figure)
     caption = (
         "Above: measured and predicted, position updates marked. Below: the residual with its 95 % "
         "band. Dashed: a change of the live version."
     )
     for name in names:
-        yield f"Run: {name}", caption, _encoded(draw_run(result, name))
+        yield f"Run: {name}", caption, encoded(draw_run(result, name))
 
 
 def _table(result: RunResult, event: Event) -> Iterator[Picture]:
@@ -137,7 +137,7 @@ def _table(result: RunResult, event: Event) -> Iterator[Picture]:
     inputs = result.model.inputs
     unit = inputs.units[inputs.index(table["channel"])]
     caption = f"Learned at row {event.row}, level by level. What was made of it: {event.reason}."
-    yield "Translation table", caption, _encoded(draw_table(table, unit))
+    yield "Translation table", caption, encoded(draw_table(table, unit))
 
 
 def _updates(result: RunResult, setup: Setup) -> Iterator[Picture]:
@@ -157,7 +157,7 @@ def _updates(result: RunResult, setup: Setup) -> Iterator[Picture]:
                 "position update happens when any output of the group exceeds its tolerance."
             )
             figure = draw_deviation(result, channel.name, before, limit)
-            yield title, caption, _encoded(figure)
+            yield title, caption, encoded(figure)
 
 
 def _rounds(result: RunResult) -> Iterator[Picture]:
@@ -173,7 +173,7 @@ def _rounds(result: RunResult) -> Iterator[Picture]:
     figure = draw_rounds(measured, _few(versions), names, t)
     caption = "The last task, measured and as the versions predict it."
     what = "Torque per axis" if "Nm" in result.model.outputs.units else "Each output"
-    yield f"{what} and version", caption, _encoded(figure)
+    yield f"{what} and version", caption, encoded(figure)
     if not result.rounds:
         return
     rounds = [
@@ -182,7 +182,7 @@ def _rounds(result: RunResult) -> Iterator[Picture]:
     ]
     figure = draw_rounds(measured, _few(rounds), names, t)
     caption = "The last task, measured and as each round of tuning predicts it."
-    yield f"{what} and round", caption, _encoded(figure)
+    yield f"{what} and round", caption, encoded(figure)
 
 
 def _few(items: Sequence[tuple[str, Outputs]]) -> list[tuple[str, Outputs]]:
@@ -201,7 +201,7 @@ def _predicted(model: Model, p: ParameterVector, u: np.ndarray) -> Outputs:
     return y
 
 
-def _encoded(figure: Figure) -> str:
+def encoded(figure: Figure) -> str:
     """The figure as a data address; small figures stay sharp, tall ones small."""
     buffer = io.BytesIO()
     tall = float(figure.get_figheight())

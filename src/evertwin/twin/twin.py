@@ -20,11 +20,22 @@ from typing import Any
 import numpy as np
 
 from evertwin.config import TwinSpec, read
+from evertwin.config.scenario import ScenarioSpec, read_scenario
 from evertwin.errors import StoreError, UsageError
 from evertwin.fold import Block, Event, Record, take
 from evertwin.models import Model, Parameters
 from evertwin.models.form import Version
+from evertwin.prognosis.planning import Plan
 from evertwin.store import SqliteStore, Store
+from evertwin.twin.ahead.basis import Basis
+from evertwin.twin.ahead.forecast import Forecast, forecast
+from evertwin.twin.ahead.future import Mode
+from evertwin.twin.ahead.lives import Lives, Prospect
+from evertwin.twin.ahead.paths import rows_of_file
+from evertwin.twin.ahead.scenario import run_scenario
+from evertwin.twin.ahead.table import read_table
+from evertwin.twin.ahead.upkeep import Verdict, alarmed, label, maintenance, plan
+from evertwin.twin.ahead.whatif import WhatIf
 from evertwin.twin.book import Book
 from evertwin.twin.compare import Comparison, compare
 from evertwin.twin.diagnose import Diagnosis, diagnose
@@ -220,6 +231,91 @@ class Twin:
     def compare(self, a: int, b: int, data: Data = None) -> Comparison:
         """Two versions over the same data."""
         return compare(self.setup, self._versions, (a, b), data)
+
+    # ------------------------------------------------------------------ looking ahead
+
+    def prospect(self, history: str | Path | None = None, data: Data = None) -> Prospect:
+        """What lives and scenarios are told from: the live version, its history, recordings."""
+        basis = Basis(self.setup, self._versions, self.store, self.champion.number)
+        return Prospect(basis, data, None if history is None else read_table(history))
+
+    @_RUNAWAY
+    def forecast(
+        self, horizon: float, data: Data = None, mode: Mode = "repeat",
+        inputs: str | Path | None = None,
+    ) -> Forecast:  # fmt: skip
+        """What the machine will do from the end of its recordings on, with bands.
+
+        Args:
+            horizon: how far [s]; with ``inputs``: at most their length.
+            data: recordings up to now; None: the twin file's.
+            mode: ``repeat`` the newest inputs, or ``hold`` the last ones.
+            inputs: CSV with ``t`` and the inputs to come.
+        """
+        basis = self.prospect().basis
+        told = None if inputs is None else rows_of_file(basis.model, Path(inputs))[0]
+        return forecast(basis, horizon, data, mode, told)
+
+    @_RUNAWAY
+    def life(
+        self, history: str | Path | None = None, data: Data = None, *, drawn: bool = False
+    ) -> Lives:
+        """The remaining life of each component; alarms that are due go into the log.
+
+        Args:
+            history: CSV in place of the store's parameter history; then nothing is logged.
+            data: recordings, where a limit or the work ahead is simulated.
+            drawn: also the course of each indicator, for pictures.
+        """
+        prospect = self.prospect(history, data)
+        lives = prospect.lives(drawn=drawn)
+        if history is not None:
+            return lives
+        lives, events = alarmed(self.store, lives, prospect.rule.alarms)
+        for event in events:
+            self._book.add(event, event.row)
+        return lives
+
+    @_RUNAWAY
+    def whatif(
+        self, scenario: str | Path | ScenarioSpec, data: Data = None,
+        history: str | Path | None = None,
+    ) -> WhatIf:  # fmt: skip
+        """A scenario (file) beside today, simulated with the live version."""
+        told = scenario if isinstance(scenario, ScenarioSpec) else read_scenario(scenario)
+        return run_scenario(self.prospect(history, data), told)
+
+    @_RUNAWAY
+    def plan(self, history: str | Path | None = None, data: Data = None) -> Plan:
+        """The cheapest date of maintenance for each component, with what the operator said."""
+        prospect = self.prospect(history, data)
+        return plan(prospect, prospect.lives())
+
+    @_RUNAWAY
+    def decide(
+        self, component: str, verdict: Verdict, reason: str, after: float | None = None,
+        history: str | Path | None = None,
+    ) -> Event:  # fmt: skip
+        """Keeps what the operator says to a planned date: confirmed, postponed or declined.
+
+        Args:
+            component: whose date.
+            verdict: what is said to it.
+            reason: why.
+            after: postponed until, or confirmed for, this time from now.
+            history: CSV that the plan is made from, in place of the store's history.
+        """
+        event = label(self.prospect(history), component, verdict, reason, after)
+        self._book.add(event, event.row)
+        return event
+
+    def maintained(
+        self, component: str, reason: str, kind: str = "replaced", at: float | None = None
+    ) -> Event:
+        """Keeps maintenance that was done: a new life begins (``adjusted``: a shifted level)."""
+        event = maintenance(self.prospect(), component, reason, kind, at)
+        self._book.add(event, event.row)
+        return event
 
     # ------------------------------------------------------------------ the operator's hand
 

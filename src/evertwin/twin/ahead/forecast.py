@@ -54,7 +54,7 @@ class ForecastOutput:
     @property
     def sigma(self) -> Vector:
         """Both together, (n,)."""
-        return np.hypot(self.sigma_residual, self.sigma_parameters)
+        return np.asarray(np.hypot(self.sigma_residual, self.sigma_parameters))
 
     def band(self, level: float) -> tuple[Vector, Vector]:
         """Lower and upper end that hold ``level`` (0.8 or 0.95) of what will be measured."""

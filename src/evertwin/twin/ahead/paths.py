@@ -60,9 +60,7 @@ def _input(table: Table, t: Vector, name: str) -> Vector:
     return np.asarray(spline(t, order))
 
 
-def motion_of_moves(
-    path: PathSpec, chain: Any, start: Sequence[float], inputs: Layout
-) -> Future:
+def motion_of_moves(path: PathSpec, chain: Any, start: Sequence[float], inputs: Layout) -> Future:
     """The motion through an arm's moves as inputs to come."""
     top = [speed if math.isfinite(speed) else SPEED for _, _, speed in chain.limits]
     limits = Limits(path.speed or tuple(top), path.acceleration or (ACCELERATION,) * chain.n)

@@ -241,7 +241,9 @@ def friction_work(case: Case) -> dict[str, float]:
     lost = model.simulate(x, u, dt, case.p)[1] - model.simulate(x, u, dt, bare)[1]
     return {
         name: float(
-            np.sum(np.abs(lost[:, model.outputs.index(name)] * u[:, model.inputs.index(speed)]) * dt)
+            np.sum(
+                np.abs(lost[:, model.outputs.index(name)] * u[:, model.inputs.index(speed)]) * dt
+            )
         )
         for name, speed in pairs.items()
     }

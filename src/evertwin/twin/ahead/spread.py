@@ -59,7 +59,7 @@ class Spread:
     def sigma(self, lead: Vector) -> Outputs:
         """Standard deviation at lead times [s], (n, ny)."""
         basis = np.stack([np.ones_like(lead), lead, lead**2], axis=1)
-        return np.sqrt(basis @ self.law.T)
+        return np.asarray(np.sqrt(basis @ self.law.T))
 
 
 def spread(model: Model, p: ParameterVector, windows: Sequence[Block], horizon: float) -> Spread:

@@ -1,0 +1,122 @@
+"""The commands that look ahead: forecast, life, whatif, plan."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+__all__ = ["register"]
+
+TwinFile = Annotated[Path, typer.Argument(help="Twin file (TOML).", metavar="TWIN.toml")]
+AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
+Check = Annotated[bool, typer.Option("--check", help="Exit with 1 when there are findings.")]
+Report = Annotated[Path | None, typer.Option(help="Write a self-contained HTML report.")]
+DataFiles = Annotated[
+    list[Path] | None,
+    typer.Option("--data", help="Recordings in place of the twin file's; list several."),
+]
+History = Annotated[
+    Path | None,
+    typer.Option(help="History (CSV) in place of the store's parameter history."),
+]
+
+
+def forecast(
+    twin: TwinFile,
+    horizon: Annotated[str, typer.Option(help="How far, as in '10 min'.")] = "60 s",
+    data: DataFiles = None,
+    mode: Annotated[
+        Literal["repeat", "hold"], typer.Option("--as", help="Newest inputs again, or the last.")
+    ] = "repeat",
+    inputs: Annotated[Path | None, typer.Option(help="CSV with t and the inputs to come.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """What the machine will do after its recordings: each output with its band.
+
+    Example: evertwin forecast robot.toml --data run.csv --horizon "30 s"
+    """
+    from evertwin.app.prognosis import show_forecast
+
+    show_forecast(twin, horizon, data, (mode, inputs), as_json)
+
+
+def life(
+    twin: TwinFile,
+    history: History = None,
+    data: DataFiles = None,
+    report: Report = None,
+    as_json: AsJson = False,
+    check: Check = False,
+) -> None:
+    """Remaining useful life of each component, from the parameter history or a file.
+
+    Example: evertwin life arm.toml --history friction.csv
+    """
+    from evertwin.app.prognosis import show_life
+
+    show_life(twin, (history, data), report, as_json, check)
+
+
+def whatif(
+    twin: TwinFile,
+    scenario: Annotated[
+        Path | None, typer.Option(help="Scenario file (TOML).", metavar="FILE")
+    ] = None,
+    data: DataFiles = None,
+    history: History = None,
+    schema: Annotated[bool, typer.Option("--schema", help="The scenario's JSON schema.")] = False,
+    as_json: AsJson = False,
+    check: Check = False,
+) -> None:
+    """A scenario beside today: other speed, load, path, parameter, component, wear at a date.
+
+    Example: evertwin whatif arm.toml --scenario faster.toml --data monday.csv
+    """
+    from evertwin.app.prognosis import show_whatif
+
+    show_whatif(twin, None if schema else scenario, (history, data), as_json, check)
+
+
+def plan(
+    twin: TwinFile,
+    history: History = None,
+    data: DataFiles = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="Write the plan as CSV.")] = None,
+    report: Report = None,
+    confirm: Annotated[str | None, typer.Option(help="Component whose date stands.")] = None,
+    postpone: Annotated[str | None, typer.Option(help="Component to be done later.")] = None,
+    reject: Annotated[str | None, typer.Option(help="Component that is not to be done.")] = None,
+    done: Annotated[str | None, typer.Option(help="Component that was replaced.")] = None,
+    adjusted: Annotated[str | None, typer.Option(help="Component that was adjusted.")] = None,
+    after: Annotated[
+        float | None, typer.Option(help="Time from now of --confirm or --postpone.")
+    ] = None,
+    at: Annotated[float | None, typer.Option(help="When --done was, on the plan's clock.")] = None,
+    reason: Annotated[str, typer.Option(help="Why; kept in the log.")] = "",
+    as_json: AsJson = False,
+) -> None:
+    """The cheapest date of maintenance of each component; decisions on it are kept.
+
+    Example: evertwin plan arm.toml -o plan.csv
+    Example: evertwin plan arm.toml --postpone gearbox1 --after 20 --reason "spare part late"
+    Example: evertwin plan arm.toml --done gearbox1 --reason "gearbox replaced"
+    """
+    from evertwin.app.prognosis import keep_decision, show_plan
+
+    words = {
+        "confirmed": confirm, "postponed": postpone, "declined": reject, "replaced": done,
+        "adjusted": adjusted,
+    }  # fmt: skip
+    said = [(verdict, name) for verdict, name in words.items() if name is not None]
+    if said:
+        keep_decision(twin, said, (reason, after, at), history, as_json)
+    else:
+        show_plan(twin, (history, data), out, report, as_json)
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the commands."""
+    for command in (forecast, life, whatif, plan):
+        app.command()(command)

@@ -1,0 +1,188 @@
+"""Indicators from what is known: the parameter history, a file, the residual, a quality figure.
+
+Every ``[[indicator]]`` of the twin file becomes an `Indicator`: its series on the clock of the
+prognosis, its limit with where that comes from, its covariates and the maintenance done.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from evertwin.config.prognosis import IndicatorSpec
+from evertwin.errors import ConfigError, DataError
+from evertwin.fold import Event
+from evertwin.models import Parameters
+from evertwin.prognosis import Indicator, Limit, Maintenance
+from evertwin.twin.ahead.formula import Formula
+from evertwin.twin.ahead.history import UNITS, History
+from evertwin.twin.ahead.table import Table, read_table
+from evertwin.types import Vector
+
+__all__ = ["Known", "component_of", "indicator_of", "of_table", "series_of"]
+
+CLOCKS = ("run", "cycle", "t", "time", "date", "datetime", "timestamp")
+"""Columns that a history may be counted by, in order."""
+
+
+class Known(NamedTuple):
+    """A series before its limit is known.
+
+    >>> Known._fields[:3]
+    ('at', 'value', 'sigma')
+    """
+
+    at: Vector
+    value: Vector
+    sigma: Vector
+    covariates: Mapping[str, Vector]
+    usage: Vector | None
+    maintenance: tuple[Maintenance, ...]
+
+
+def component_of(rule: IndicatorSpec) -> str:
+    """The component whose life an indicator tells."""
+    return rule.component or rule.name
+
+
+def series_of(rule: IndicatorSpec, found: History, table: Table | None, folder: Path) -> Known:
+    """The series of an indicator.
+
+    Args:
+        rule: which.
+        found: the store's parameter history.
+        table: a history file in its place.
+        folder: where file names of the twin file start from.
+
+    Raises:
+        DataError: a column is missing.
+        ConfigError: nothing says where its values come from.
+    """
+    if rule.file is not None:
+        return of_table(rule, read_table(folder / rule.file), found.clock, found.events)
+    if table is not None:
+        return of_table(rule, table, found.clock, found.events)
+    if rule.covariates or rule.usage:
+        raise ConfigError(
+            f"indicator {rule.name}: covariates and usage are columns of a history file: give one"
+        )
+    marks = _marks(component_of(rule), found.events, found.clock)
+    if rule.output is not None:
+        pairs = [(m.at, m.deviation[rule.output]) for m in found.moments
+                 if rule.output in m.deviation]  # fmt: skip
+        at, value = (np.array([p[k] for p in pairs], dtype=np.float64) for k in (0, 1))
+        return Known(at, value, np.full(len(at), np.nan), {}, None, marks)
+    if rule.parameter is None and rule.formula is None:
+        raise ConfigError(
+            f"indicator {rule.name}: expected a parameter, a formula, an output or a file"
+        )
+    formula = Formula.parse(rule.formula or "") if rule.formula else None
+    names: Sequence[str] = formula.names if formula else (str(rule.parameter),)
+    at, values, sigmas = found.series(names)
+    if formula is None:
+        return Known(at, values[names[0]], sigmas[names[0]], {}, None, marks)
+    value, sigma = _through(formula, values, sigmas, len(at))
+    return Known(at, value, sigma, {}, None, marks)
+
+
+def _through(
+    formula: Formula, values: Mapping[str, Vector], sigmas: Mapping[str, Vector], n: int
+) -> tuple[Vector, Vector]:
+    """The formula's value and standard deviation, row by row."""
+    value, sigma = np.full(n, np.nan), np.full(n, np.nan)
+    for i in range(n):
+        point = {name: float(values[name][i]) for name in formula.names}
+        value[i] = formula(point)
+        total = 0.0
+        for name in formula.names:
+            step = 1e-6 * max(abs(point[name]), 1e-9)
+            slope = (formula(point | {name: point[name] + step}) - value[i]) / step
+            total += (slope * float(sigmas[name][i])) ** 2
+        sigma[i] = np.sqrt(total)
+    return value, sigma
+
+
+def of_table(rule: IndicatorSpec, table: Table, clock: str, events: Sequence[Event] = ()) -> Known:
+    """The series in a history file.
+
+    Raises:
+        DataError: the value, a covariate or the clock is missing.
+    """
+    given = [n for n in (rule.column, rule.name, rule.parameter) if n in table.names]
+    if not given:
+        table.column(rule.column or rule.name)
+    name = str(given[0])
+    at = _at(table, clock)
+    order = np.argsort(at, kind="stable")
+    sigma = np.full(table.rows, np.nan)
+    for column in (f"{name}.sigma", "sigma"):
+        if column in table.names:
+            sigma = table.column(column)
+            break
+    marks = _written(table, component_of(rule), at) + _marks(component_of(rule), events, clock)
+    return Known(
+        at[order], table.column(name)[order], sigma[order],
+        {c: table.column(c)[order] for c in rule.covariates},
+        None if rule.usage is None else table.column(rule.usage)[order],
+        tuple(sorted(marks, key=lambda m: m.at)),
+    )  # fmt: skip
+
+
+def _at(table: Table, clock: str) -> Vector:
+    """The clock's column; time in its unit."""
+    if clock not in UNITS:
+        for name in (clock, "run", "cycle"):
+            if name in table.names:
+                return table.column(name)
+        return np.arange(1.0, table.rows + 1.0)
+    if clock in table.names:
+        return table.column(clock)
+    for name in CLOCKS[2:]:
+        if name in table.names:
+            return table.column(name) / UNITS[clock]
+    raise DataError(
+        f"{table.name}: expected a column {clock!r}, or one of {', '.join(CLOCKS[2:])}, to count "
+        "life by; got " + ", ".join(table.names)
+    )
+
+
+def _written(table: Table, component: str, at: Vector) -> tuple[Maintenance, ...]:
+    """Marks in a column ``maintenance``: ``gearbox1: replaced``, or plain text for all."""
+    marks = []
+    for moment, text in zip(at.tolist(), table.text.get("maintenance", ()), strict=False):
+        whom, _, said = text.rpartition(":")
+        if text and (not whom or whom.strip() == component):
+            kind: Any = "adjusted" if "adjusted" in said else "replaced"
+            marks.append(Maintenance(moment, kind, said.strip()))
+    return tuple(marks)
+
+
+def _marks(component: str, events: Sequence[Event], clock: str) -> tuple[Maintenance, ...]:
+    """Maintenance that the store has kept for a component, on this clock."""
+    marks = []
+    for event in events:
+        evidence: Any = event.evidence
+        if event.kind == "maintained" and event.signal == component and evidence["clock"] == clock:
+            marks.append(Maintenance(float(evidence["at"]), evidence["kind"], event.reason))
+    return tuple(marks)
+
+
+def indicator_of(
+    rule: IndicatorSpec, known: Known, limit: Limit, clock: str, parameters: Parameters
+) -> Indicator:
+    """The indicator: a series with its limit.
+
+    Raises:
+        DataError: the series has no value at all that is a number.
+    """
+    unit = rule.unit
+    if not unit and rule.parameter is not None and rule.parameter in parameters.names:
+        unit = parameters[rule.parameter].unit
+    found = Indicator.of(rule.name, unit or "1", limit, known.at, known.value)
+    return found.with_(
+        sigma=known.sigma, clock=clock, covariates=dict(known.covariates), usage=known.usage,
+        maintenance=known.maintenance, reference=dict(rule.reference),
+    )  # fmt: skip

@@ -1,0 +1,305 @@
+"""The lives of a machine's components, from the parameter history to dates and alarms.
+
+Each ``[[indicator]]`` gets its series, its limit and its life. Where several tell of one component
+the most urgent stands for it. The machine lasts as long as the first of its critical components.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from evertwin.config.prognosis import IndicatorSpec, PrognosisSpec
+from evertwin.errors import ConfigError
+from evertwin.fold import plain
+from evertwin.prognosis import (
+    Fleet,
+    Indicator,
+    Life,
+    Limit,
+    NotEnough,
+    first_of,
+    learn,
+    predict_life,
+)
+from evertwin.prognosis.alarms import Alarm, alarm_of
+from evertwin.prognosis.document import component, document
+from evertwin.prognosis.laws import LAWS
+from evertwin.twin.ahead.basis import Basis
+from evertwin.twin.ahead.course import Course, course
+from evertwin.twin.ahead.health import Known, component_of, indicator_of, of_table, series_of
+from evertwin.twin.ahead.history import History, history
+from evertwin.twin.ahead.limits import accuracy_limit, breakdown_limits, limit_of
+from evertwin.twin.ahead.table import Table, read_table
+from evertwin.twin.ahead.usage import plan_rate, under
+from evertwin.twin.ahead.whatif import Today, today
+from evertwin.twin.feed import Data
+from evertwin.types import Json
+
+__all__ = ["ComponentLife", "Lives", "Prospect"]
+
+
+@dataclass(frozen=True)
+class ComponentLife:
+    """One component: its indicator and its life.
+
+    >>> ComponentLife.__name__
+    'ComponentLife'
+    """
+
+    component: str
+    rule: IndicatorSpec
+    indicator: Indicator
+    life: Life | NotEnough
+    """Under the work ahead."""
+    rate: float = 1.0
+    """Wear under the work ahead, over that of the past."""
+    course: Course | None = None
+    by_law: Mapping[str, Course] = field(default_factory=dict)
+    """What the laws of some weight say alone; for pictures."""
+
+    @property
+    def age(self) -> float:
+        """Time in use since it was new or replaced, on the clock."""
+        now = self.indicator.since_replaced()
+        start = now.origin if now.origin is not None else (now.at[0] if len(now.at) else 0.0)
+        return float(now.at[-1] - start) if len(now.at) else 0.0
+
+    @property
+    def urgency(self) -> float:
+        """Median life; infinite where it is not known."""
+        return self.life.median if isinstance(self.life, Life) else float("inf")
+
+    @property
+    def sentence(self) -> str:
+        """What is known, in one sentence."""
+        if isinstance(self.life, NotEnough):
+            begun = "" if self.life.onset is None else (
+                f"; wear began at {self.life.onset.begin:.4g} {self.indicator.clock}"
+            )  # fmt: skip
+            return f"not enough data: needs {self.life.needs}{begun}"
+        low, high = self.life.interval80
+        ends = f"{high:.4g}" if high < float("inf") else "without end"
+        return (
+            f"{self.life.median:.4g} {self.life.unit} (80 %: {low:.4g} … {ends}), not before "
+            f"{self.life.not_before:.4g} (95 %), law {self.life.law or '-'}"
+        )
+
+
+@dataclass(frozen=True)
+class Lives:
+    """The outcome of `Twin.life`.
+
+    >>> Lives("arm", "run", {}, None).to_dict()["schema"]
+    'evertwin.life/1'
+    """
+
+    name: str
+    clock: str
+    components: Mapping[str, ComponentLife]
+    machine: Life | NotEnough | None
+    """First of its critical components; None: there is none."""
+    alarms: tuple[Alarm, ...] = ()
+    """What is due; those raised are in the store's log."""
+    held: tuple[Alarm, ...] = ()
+    """Alarms over the day's budget."""
+    alarms_today: int = 0
+    dates: tuple[float, ...] = ()
+    """Times from now at which probabilities of failure are given."""
+    indicators: tuple[ComponentLife, ...] = field(default=())
+    """Every indicator, also those that do not stand for their component."""
+
+    def to_dict(self) -> dict[str, Json]:
+        """Plain content, ``schema: "evertwin.life/1"``."""
+        parts = {}
+        for name, one in self.components.items():
+            entry = component(one.indicator, one.life, self.dates)
+            parts[name] = entry | {"rate": one.rate, "age": one.age}
+        content: dict[str, Any] = dict(document(parts)) | {
+            "name": self.name, "clock": self.clock,
+            "machine": None if self.machine is None else self.machine.document(),
+            "alarms": self.alarms, "alarms_held_back": self.held,
+            "alarms_today": self.alarms_today,
+        }  # fmt: skip
+        return plain(content)  # type: ignore[return-value]
+
+    def __str__(self) -> str:
+        """One line per component, then the machine and the alarms."""
+        lines = []
+        for name, one in self.components.items():
+            known = one.indicator.value
+            value = f"{known[-1]:.4g}" if len(known) else "no value"
+            lines.append(
+                f"{name}: {one.indicator.name} {value} {one.indicator.unit}, limit "
+                f"{one.indicator.limit.value:.4g} ({one.indicator.limit.source})\n"
+                f"  {one.sentence}"
+            )
+            if one.rate != 1.0:
+                lines.append(f"  wears {one.rate:.3g} times as fast under the work ahead")
+        if isinstance(self.machine, Life):
+            low, high = self.machine.interval80
+            lines.append(f"machine: {self.machine.median:.4g} {self.machine.unit} "
+                         f"(80 %: {low:.4g} … {high:.4g})")  # fmt: skip
+        lines += [f"! {alarm.reason}\n  {alarm.action}" for alarm in self.alarms]
+        if self.held:
+            lines.append(f"{len(self.held)} more alarms are over the budget of the day")
+        return "\n".join(lines) or "no [[indicator]] in the twin file"
+
+
+@dataclass(frozen=True)
+class Prospect:
+    """Everything that lives are told from.
+
+    >>> Prospect.__name__
+    'Prospect'
+    """
+
+    basis: Basis
+    data: Data = None
+    """Recordings, for what needs the newest task."""
+    table: Table | None = None
+    """A history file in place of the store's."""
+
+    @property
+    def rule(self) -> PrognosisSpec:
+        """The section ``[prognosis]``."""
+        return self.basis.setup.spec.prognosis
+
+    @property
+    def folder(self) -> Path:
+        """Where file names start from."""
+        return Path(self.basis.setup.spec.folder)
+
+    @cached_property
+    def history(self) -> History:
+        """The store's."""
+        return history(self.basis.store, self.rule.clock)
+
+    @cached_property
+    def today(self) -> Today:
+        """The newest recorded task."""
+        return today(self.basis, self.data)
+
+    @cached_property
+    def broken_down(self) -> dict[str, Limit]:
+        """Limits of the breakdown file."""
+        name = self.rule.breakdown
+        return {} if name is None else breakdown_limits(self.folder / name)
+
+    def indicator(self, rule: IndicatorSpec) -> Indicator:
+        """An indicator with its limit.
+
+        Raises:
+            ConfigError: nothing says where its life ends.
+            DataError: its history cannot be read.
+        """
+        known = series_of(rule, self.history, self.table, self.folder)
+        limit = limit_of(rule, self.broken_down, self._felt(rule, known))
+        parameters = self.basis.model.parameters
+        return indicator_of(rule, known, limit, self.rule.clock, parameters)
+
+    def _felt(self, rule: IndicatorSpec, known: Known) -> float | None:
+        if rule.accuracy is None or rule.limit is not None or rule.parameter is None:
+            return None
+        first = known.value[:1].tolist()
+        new = first[0] if first else self.basis.setup.model.parameters[rule.parameter].value
+        case = self.today.case
+        return accuracy_limit(case.model, case.p, case.future, rule, new)
+
+    def fleet(self, rule: IndicatorSpec, limit: Limit) -> Fleet | None:
+        """What like machines tell of an indicator; None without any."""
+        if not self.rule.fleet:
+            return None
+        parameters = self.basis.model.parameters
+        lived = [
+            indicator_of(
+                rule, of_table(rule, read_table(self.folder / name), self.rule.clock), limit,
+                self.rule.clock, parameters,
+            )
+            for name in self.rule.fleet
+        ]  # fmt: skip
+        return learn(lived, rule.laws or LAWS)
+
+    def life(self, rule: IndicatorSpec, *, drawn: bool = False) -> ComponentLife:
+        """The life that one indicator tells; ``drawn``: with its course."""
+        indicator = self.indicator(rule)
+        laws, fleet = rule.laws or LAWS, self.fleet(rule, indicator.limit)
+        life = predict_life(indicator, laws, fleet)
+        rate, works = 1.0, self.basis.setup.spec.work
+        way, alone = None, dict[str, Course]()
+        if drawn and isinstance(life, Life):
+            way = course(indicator, life, laws, fleet)
+            alone = self._alone(indicator, life)
+        if works and isinstance(life, Life):
+            past = self.rule.past or 1.0
+            rate = plan_rate(self.basis, self.today.case, works, past, rule)
+            life = under(life, rate)
+        return ComponentLife(component_of(rule), rule, indicator, life, rate, way, alone)
+
+    def _alone(self, indicator: Indicator, life: Life) -> dict[str, Course]:
+        """The courses of the laws of most weight, each taken for certain."""
+        first = sorted(life.laws, key=lambda law: -life.laws[law])[:3]
+        found = {}
+        for law in first:
+            own = predict_life(indicator, (law,))
+            way = course(indicator, own, (law,), None) if isinstance(own, Life) else None
+            if way is not None:
+                found[law] = way
+        return found
+
+    def lives(self, *, drawn: bool = False) -> Lives:
+        """All components.
+
+        Raises:
+            ConfigError: the twin file names no indicator.
+        """
+        spec = self.basis.setup.spec
+        if not spec.indicator:
+            raise ConfigError(
+                f"{spec.name}: expected an [[indicator]] in the twin file: it says what tells wear "
+                "and where life ends"
+            )
+        every = tuple(self.life(rule, drawn=drawn) for rule in spec.indicator)
+        components: dict[str, ComponentLife] = {}
+        for one in every:
+            old = components.get(one.component)
+            if old is None or one.urgency < old.urgency:
+                components[one.component] = one
+        due = (
+            alarm_of(name, one.indicator, one.life, self.rule.ahead, self.rule.risk)
+            for name, one in components.items()
+        )
+        return Lives(
+            spec.name, self.rule.clock, components, self._machine(components),
+            tuple(alarm for alarm in due if alarm is not None), dates=self.dates,
+            indicators=every,
+        )  # fmt: skip
+
+    @property
+    def dates(self) -> tuple[float, ...]:
+        """Times from now at which probabilities are told: windows, else the time ahead."""
+        rule = self.rule
+        if rule.windows is None:
+            return (rule.ahead,)
+        return tuple(rule.window + k * rule.windows for k in range(4))
+
+    def _machine(self, components: Mapping[str, ComponentLife]) -> Life | NotEnough | None:
+        costs = self.rule.components
+        unknown = set(costs) - {component_of(rule) for rule in self.basis.setup.spec.indicator}
+        if unknown:
+            raise ConfigError(
+                f"[prognosis.components]: no [[indicator]] tells of {', '.join(sorted(unknown))}"
+            )
+        critical = [
+            one.life
+            for name, one in components.items()
+            if name not in costs or costs[name].critical
+        ]
+        known = [life for life in critical if isinstance(life, Life)]
+        if critical and len(known) < len(critical):
+            lacking = len(critical) - len(known)
+            return NotEnough(f"lives of {lacking} more of {len(critical)} critical components")
+        return first_of(known) if known else None
