@@ -14,6 +14,7 @@ from typing import Annotated
 
 import typer
 
+from evertwin.app import cli_validate
 from evertwin.app.cli_prognosis import register as register_prognosis
 from evertwin.errors import EvertwinError
 
@@ -258,6 +259,9 @@ def model_pin(
 
 
 register_prognosis(app)
+
+
+cli_validate.register(app)
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -294,13 +294,9 @@ def _friction(arm: Arm, p: ParameterVector, rows: Inputs) -> Check:
     for k, name in enumerate(names):
         if name == "delay" or (name.startswith("offset") and "." not in name):
             rubbed[k] = 0.0
-    motors = rows
-    if arm.coupling is not None and not arm.coupling.motors:
-        motors = arm.coupling.of_joints(rows)
-    power = (_torques(arm, rows, rubbed) - _torques(arm, rows, _bare(arm, p))) * motors[
-        :, n : 2 * n
-    ]
-    worst, joint = float(-power.min()), int(np.argmin(power.min(axis=0)))
+    torque = _torques(arm, rows, rubbed) - _torques(arm, rows, _bare(arm, p))
+    power = torque * _motors(arm, rows)[:, n : 2 * n]
+    worst, joint = max(0.0, float(-power.min())), int(np.argmin(power.min(axis=0)))
     limit = 1e-9 * max(1.0, float(np.abs(power).max()))
     said = f"{len(rows)} rows"
     if worst > limit:

@@ -12,22 +12,22 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from evertwin.fold import Block, plain
-from evertwin.models import Parameters
-from evertwin.models.form import Form
+from evertwin.models import Model, Parameters
+from evertwin.models.form import Form, Version
 from evertwin.tuning import Fit, Problem
 from evertwin.twin.cut import cut, starts
 from evertwin.twin.evaluate import Deviation, Prediction, deviations, predict
 from evertwin.twin.feed import Data, Feed
 from evertwin.twin.law import climb_laws
 from evertwin.twin.recursion import Recursion
-from evertwin.twin.search import check_initials, initials, own_start, with_terms
+from evertwin.twin.search import Formed, check_initials, initials, own_start, with_terms
 from evertwin.twin.setup import Setup
 from evertwin.twin.sound import sound
 from evertwin.twin.versions import Versions
 from evertwin.twin.work import Work
 from evertwin.types import Json
 
-__all__ = ["FitResult", "fit"]
+__all__ = ["FitResult", "Tuned", "fit", "listed", "named", "tune"]
 
 
 class Judged(NamedTuple):
@@ -147,41 +147,71 @@ class FitResult:
         return f"{self.fit._repr_html_()}<pre>{html.escape(str(self))}</pre>"
 
 
-def fit(
-    setup: Setup, versions: Versions, number: int, train: Data, test: tuple[Any, ...]
-) -> FitResult:
-    """Tunes version ``number`` on ``train`` and judges it on each of ``test``."""
+@dataclass(frozen=True)
+class Tuned:
+    """A version that was tuned on recordings, ready to predict others.
+
+    >>> Tuned.__name__
+    'Tuned'
+    """
+
+    setup: Setup
+    base: Model
+    """The version's own model, which says what of a recording can be trusted."""
+    version: Version
+    formed: Formed
+    laws: Mapping[str, str]
+    tasks: tuple[Block, ...]
+    """What it was tuned on."""
+
+    @property
+    def model(self) -> Model:
+        """The model in the form that was found."""
+        return self.formed.problem.model
+
+    def rows(self, data: Data) -> tuple[Block, ...]:
+        """The tasks of recordings, without what cannot be a measurement."""
+        feed = Feed(self.setup.spec, self.setup.model)
+        return sound(self.setup, self.base, self.version.p, feed.blocks(data))
+
+    def judged(self, blocks: tuple[Block, ...], own: bool = True) -> Judged:
+        """Predictions of tasks; with ``own`` each starts from parameters of its own."""
+        setup, model, found = self.setup, self.model, self.formed.fit
+        names, blocks = model.parameters.names, starts(setup, blocks)
+        if own and setup.spec.tuning.method == "recursive":
+            recursion = Recursion.after(setup, self.formed.problem, found)
+            return Judged([recursion.predict(b) for b in blocks], [{} for _ in blocks])
+        used = [own_start(setup, model, found.p, b) if own else found.p for b in blocks]
+        seen = [predict(setup, model, p, b) for p, b in zip(used, blocks, strict=True)]
+        return Judged(seen, [dict(zip(names, p.tolist(), strict=True)) for p in used])
+
+
+def tune(setup: Setup, versions: Versions, number: int, train: Data) -> Tuned:
+    """Version ``number``, tuned on ``train``."""
     feed, work = Feed(setup.spec, setup.model), Work(setup, versions)
     version, base = versions[number], versions.model(number)
-
-    def rows(data: Data) -> tuple[Block, ...]:
-        return sound(setup, base, version.p, feed.blocks(data))
-
-    tasks = rows(train)
+    tasks = sound(setup, base, version.p, feed.blocks(train))
     check_initials(setup, base, tasks)
     windows = starts(setup, cut(tasks, setup.spec.tuning.cut))
     problem: Problem = work.problem(version, windows, work.editable(version))
     problem, laws = climb_laws(setup, problem)
     formed = with_terms(setup, work, version, problem)
-    model, found = formed.problem.model, formed.fit
-    names = model.parameters.names
+    return Tuned(setup, base, version, formed, laws, tasks)
 
-    def judged(blocks: tuple[Block, ...], own: bool = True) -> Judged:
-        blocks = starts(setup, blocks)
-        used = [own_start(setup, model, found.p, b) if own else found.p for b in blocks]
-        if own and setup.spec.tuning.method == "recursive":
-            recursion = Recursion.after(setup, formed.problem, found)
-            return Judged([recursion.predict(b) for b in blocks], [{} for _ in blocks])
-        seen = [predict(setup, model, p, b) for p, b in zip(used, blocks, strict=True)]
-        return Judged(seen, [dict(zip(names, p.tolist(), strict=True)) for p in used])
 
-    tests = [(_named(item), judged(rows(_listed(item)))) for item in test]
+def fit(
+    setup: Setup, versions: Versions, number: int, train: Data, test: tuple[Any, ...]
+) -> FitResult:
+    """Tunes version ``number`` on ``train`` and judges it on each of ``test``."""
+    done = tune(setup, versions, number, train)
+    formed, model, found = done.formed, done.model, done.formed.fit
+    tests = [(named(item), done.judged(done.rows(listed(item)))) for item in test]
     together = [prediction for _, one in tests for prediction in one.predictions]
     rule, free = setup.spec.filter, initials(model)
     return FitResult(
-        setup.spec.name, found, deviations(setup, judged(tasks, own=False).predictions),
+        setup.spec.name, found, deviations(setup, done.judged(done.tasks, own=False).predictions),
         deviations(setup, together) if tests else (),
-        tuple((name, deviations(setup, one.predictions)) for name, one in tests), laws,
+        tuple((name, deviations(setup, one.predictions)) for name, one in tests), done.laws,
         None if rule is None else {"kind": rule.kind, "order": rule.order, "cutoff": rule.cutoff},
         model.parameters.with_values(found.p), formed.form, formed.search,
         tuple(
@@ -191,11 +221,12 @@ def fit(
     )  # fmt: skip
 
 
-def _named(item: Any) -> str:
+def named(item: Any) -> str:
+    """What a recording is called."""
     return item if isinstance(item, str) else getattr(item, "name", "") or "rows"
 
 
-def _listed(item: Any) -> Any:
+def listed(item: Any) -> Any:
     """One file is a list of one; blocks and columns are taken as they are."""
     if isinstance(item, Block):
         return (item,)

@@ -47,6 +47,7 @@ from evertwin.twin.observer import Observer
 from evertwin.twin.result import RunResult
 from evertwin.twin.setup import Setup
 from evertwin.twin.state import TwinState
+from evertwin.twin.validation import Validation, validated
 from evertwin.twin.versions import Versions
 
 __all__ = ["Twin"]
@@ -226,6 +227,16 @@ class Twin:
     def doctor(self, data: Data = None) -> Diagnosis:
         """What is wrong, or will be: units, lag, excitation, what is not identifiable."""
         return diagnose(self.setup, self._versions, self.champion.number, data)
+
+    @_RUNAWAY
+    def validate(self, test: Sequence[Any] = (), train: Data = None) -> Validation:
+        """Verifies the champion (other engines, laws) and validates it on held-out recordings.
+
+        Args:
+            test: recordings that it was not tuned on; none: those that the twin file names.
+            train: recordings that it is tuned on first; None: it is taken as it is.
+        """
+        return validated(self.setup, self._versions, self.champion.number, tuple(test), train)
 
     @_RUNAWAY
     def compare(self, a: int, b: int, data: Data = None) -> Comparison:
