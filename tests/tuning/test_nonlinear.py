@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import signal
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from evertwin.engine import Pool
 from evertwin.errors import ModelError, UsageError
 from evertwin.fold import make_block
 from evertwin.models import Compiled, FunctionModel, Parameter, Parameters
+from evertwin.models.batch import Batch
 from evertwin.signals import Channel, Layout
-from evertwin.tuning import Problem, Settings, solve
+from evertwin.tuning import Far, Problem, Settings, solve
 from evertwin.tuning.nonlinear import least_squares
 
 P = np.array([3.0, 2.0, 0.02])
@@ -196,3 +199,88 @@ def test_nothing_excited_is_nothing_to_solve(wavy: Any) -> None:
     fit = solve(Problem(wavy, (still,)), settings=Settings(starts=3))
     assert fit.converged
     assert "nothing to solve" in fit.message
+
+
+def leaking() -> FunctionModel:
+    """A tank in plain Python, built the same in every process."""
+    level = Layout.of(h="m")
+    items = Parameters((Parameter("leak", 0.5, "1/s", 0.0, 5.0), Parameter("gain", 1.0, "1")))
+    return FunctionModel(_leak, Layout.of(q="m/s"), level, level, items)
+
+
+def _leak(x: Any, u: Any, dt: float, p: Any) -> Any:
+    level = x[0] + dt * (p[1] * u[0] - p[0] * x[0])
+    return [level], [level]
+
+
+def filled(seed: int = 0, rows: int = 200) -> Any:
+    rng, model = np.random.default_rng(seed), leaking()
+    u = np.repeat(rng.uniform(0, 1, (rows // 20, 1)), 20, axis=0)
+    _, h = model.simulate(np.zeros(1), u, np.full(rows, 0.1), np.array([0.8, 1.3]))
+    y = np.concatenate([[[0.0]], h[:-1]]) + rng.normal(0, 0.01, (rows, 1))
+    return make_block(t=np.arange(rows) * 10**8, u=u, y=y)
+
+
+def test_differences_in_other_processes_give_the_same_fit() -> None:
+    problem = Problem(leaking(), (filled(),))
+    here = solve(problem)
+    with Pool(workers=1) as pool:
+        there = solve(problem, settings=Settings(far=Far(pool.map, leaking, "leaking")))
+    assert np.array_equal(here.values, there.values)
+    assert np.array_equal(here.covariance, there.covariance)
+    assert here["leak"] == pytest.approx(0.8, abs=0.05)
+
+
+def test_all_columns_are_simulated_at_once(robot: Compiled, run: Any) -> None:
+    sizes: list[int] = []
+
+    @dataclass(frozen=True)
+    class Counting(Compiled):
+        def simulate_batch(self, x: Any, u: Any, dt: Any, p: Any, restart: Any = None) -> Any:
+            sizes.append(len(p))
+            return Batch(robot).run(u, dt, p, restart)
+
+    fields = {name: getattr(robot, name) for name in robot.__dataclass_fields__}
+    fit = solve(Problem(Counting(**fields), (run(robot, 1.2, 1),), horizon=1.0))
+    assert fit["gain"] == solve(Problem(robot, (run(robot, 1.2, 1),), horizon=1.0))["gain"]
+    assert set(sizes) == {1, 2}  # a residual; a column beside its centre, or the two ends of one
+
+
+def test_the_problem_may_say_how_hard_to_search(robot: Compiled, run: Any) -> None:
+    problem = Problem(robot, (run(robot, 1.5, 0),), horizon=1.0, settings=Settings(evaluations=1))
+    assert "allow more" in solve(problem).message
+    assert solve(problem, settings=Settings()).converged
+
+
+def test_ctrl_c_keeps_the_best_so_far(robot: Compiled, run: Any) -> None:
+    def watch(evaluations: int, cost: float) -> bool:
+        if evaluations > 3:
+            signal.raise_signal(signal.SIGINT)
+        return True
+
+    before = signal.getsignal(signal.SIGINT)
+    problem = Problem(robot, (run(robot, 1.5, 0),), horizon=1.0)
+    fit = solve(problem, settings=Settings(progress=watch, interrupt=True))
+    assert not fit.converged
+    assert "stopped" in fit.message
+    assert abs(fit["gain"] - 1.5) < abs(1.0 - 1.5)
+    assert signal.getsignal(signal.SIGINT) is before
+    with pytest.raises(KeyboardInterrupt):
+        solve(problem, settings=Settings(progress=watch))
+
+
+def test_a_stop_while_the_noise_is_estimated_anew_keeps_the_search_before(
+    robot: Compiled, run: Any
+) -> None:
+    block = run(robot, 1.5, 0)
+    whole = solve(Problem(robot, (block,), horizon=1.0, loss="soft_l1"))
+    for last in range(3, whole.evaluations, 4):
+
+        def watch(evaluations: int, cost: float, last: int = last) -> bool:
+            return evaluations < last
+
+        fit = solve(
+            Problem(robot, (block,), horizon=1.0, loss="soft_l1"), settings=Settings(progress=watch)
+        )
+        assert abs(fit["gain"] - 1.5) <= 0.5
+    assert fit["gain"] == pytest.approx(whole["gain"], abs=1e-3)

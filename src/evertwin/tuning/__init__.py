@@ -11,10 +11,10 @@ from evertwin.tuning.fit import Fit, Residual
 from evertwin.tuning.identifiability import Gate, connected, gate
 from evertwin.tuning.iteration import Iterated, Iteration, Round
 from evertwin.tuning.ladder import Climb, climb, held_out
-from evertwin.tuning.nonlinear import Settings
 from evertwin.tuning.problem import Problem
 from evertwin.tuning.recursive import Recursive, RecursiveRows, RecursiveState
 from evertwin.tuning.schedule import Schedule, weights_from_growth
+from evertwin.tuning.settings import Far, Settings
 from evertwin.tuning.solve import solve
 from evertwin.tuning.statistics import Dependence
 
@@ -22,6 +22,7 @@ __all__ = [
     "Climb",
     "ClosedForm",
     "Dependence",
+    "Far",
     "Fit",
     "Gate",
     "Iterated",

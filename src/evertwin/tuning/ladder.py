@@ -36,8 +36,8 @@ from jaxtyping import Float64
 from evertwin.errors import UsageError
 from evertwin.models import Model
 from evertwin.tuning.assemble import rms
-from evertwin.tuning.nonlinear import Settings
 from evertwin.tuning.problem import Problem
+from evertwin.tuning.settings import Settings
 from evertwin.tuning.solve import solve
 
 __all__ = ["Climb", "climb", "held_out"]

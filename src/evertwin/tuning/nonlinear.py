@@ -1,7 +1,8 @@
 """Nonlinear tuning: SciPy's trust-region least squares on predictions over one horizon.
 
 Parameters are scaled to their natural size, bounds are kept, the Jacobian takes one roll-out per
-parameter. Not converging is a value: the best parameters so far, and a sentence with the cure.
+parameter, all of them at once (`evertwin.models.batch`). Not converging is a value: the best
+parameters so far, and a sentence with the cure.
 
 >>> from evertwin.fold import make_block
 >>> from evertwin.models import FunctionModel, Parameters
@@ -18,46 +19,20 @@ parameter. Not converging is a value: the best parameters so far, and a sentence
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from scipy import optimize
 from scipy.stats import qmc
 
-from evertwin.errors import UsageError
 from evertwin.tuning.assemble import Outcome, noise_of, rms
+from evertwin.tuning.interrupt import Interrupt
 from evertwin.tuning.problem import PerOutput, Problem
+from evertwin.tuning.settings import Settings
 from evertwin.types import Vector
 
-__all__ = ["Settings", "least_squares"]
-
-
-@dataclass(frozen=True)
-class Settings:
-    """How hard to try.
-
-    >>> Settings().starts
-    1
-    """
-
-    evaluations: int = 200
-    """Most residual evaluations per start, differences not counted."""
-    starts: int = 1
-    """Starts: the given one, then a Latin hypercube over the bounds (or start ± size)."""
-    seed: int = 0
-    tolerance: float = 1e-10
-    """Relative change of cost or parameters that ends the search."""
-    progress: Callable[[int, float], bool] | None = None
-    """Called with (evaluations so far, cost); False stops and keeps the best so far."""
-
-    def __post_init__(self) -> None:
-        if self.evaluations < 1 or self.starts < 1:
-            raise UsageError(
-                f"tuning: expected at least 1 evaluation and 1 start, got {self.evaluations} and "
-                f"{self.starts}"
-            )
+__all__ = ["Objective", "Settings", "least_squares", "search"]
 
 
 class _Stop(ArithmeticError):
@@ -78,7 +53,8 @@ class Objective:
         self.base, self.sizes = base, problem.sizes[free]
         self.weight = np.ones(len(problem.model.outputs))
         self.evaluations = 0
-        self.best: tuple[float, Vector] = (np.inf, base)
+        self.best: tuple[float, Vector] = (np.inf, np.zeros(int(np.count_nonzero(free))))
+        self.interrupt = Interrupt(settings.interrupt)
 
     def values(self, z: Any) -> Vector:
         """All tuned parameters at scaled free ones."""
@@ -86,11 +62,16 @@ class Objective:
         out[self.free] = self.base[self.free] + z * self.sizes
         return out
 
-    def vector(self, z: Any) -> Vector:
-        """Weighted residuals of the rows that count, then the prior's pull; not counted."""
-        values = self.residual_values(z)
-        r = self.problem.residuals(values)
-        self.evaluations += 1
+    def vectors(self, points: Sequence[Any]) -> list[Any]:
+        """Weighted residuals of the rows that count, then the prior's pull, at several points."""
+        values = [self.residual_values(z) for z in points]
+        self.evaluations += len(points)
+        return [
+            self._weighted(one, r)
+            for one, r in zip(values, self.problem.residuals_of(values), strict=True)
+        ]
+
+    def _weighted(self, values: Vector, r: Any) -> Any:
         rows = (r * self.weight)[self.problem.rows.used]
         pull = (values - self.problem.start) * np.sqrt(self.problem.information)
         out = np.concatenate([rows, pull[self.free]])
@@ -100,9 +81,9 @@ class Objective:
         """The values that residuals are taken at; variable projection solves for some of them."""
         return self.values(z)
 
-    def __call__(self, z: Any) -> Vector:
-        """`vector`, with progress."""
-        r = self.vector(z)
+    def __call__(self, z: Any) -> Any:
+        """Weighted residuals at one point, with progress."""
+        (r,) = self.vectors([z])
         with np.errstate(over="ignore", invalid="ignore"):
             cost = 0.5 * float(r @ r)
         if cost < self.best[0]:
@@ -110,20 +91,25 @@ class Objective:
         progress = self.settings.progress
         if progress is not None and progress(self.evaluations, cost) is False:
             raise _Stop
+        if self.interrupt.asked:
+            raise _Stop
         return r
 
     def jacobian(self, z: Any) -> Any:
-        """Differences, one evaluation per parameter, inside the bounds."""
+        """Differences inside the bounds, one roll-out per parameter, all at once."""
         low, high = self.bounds
-        centre = self.vector(z)
-        out = np.empty((len(centre), len(z)))
+        points = [np.array(z, dtype=np.float64)]
         for j in range(len(z)):
             step = 1e-6 * max(1.0, abs(float(z[j])))
             other = np.array(z, dtype=np.float64)
             other[j] = z[j] + step if z[j] + step <= high[j] else max(z[j] - step, low[j])
-            change = other[j] - z[j]
+            points.append(other)
+        centre, *others = self.vectors(points)
+        out = np.empty((len(centre), len(z)))
+        for j, there in enumerate(others):
+            change = points[j + 1][j] - z[j]
             with np.errstate(invalid="ignore"):
-                out[:, j] = (self.vector(other) - centre) / change if change else 0.0
+                out[:, j] = (there - centre) / change if change else 0.0
         return np.where(np.isfinite(out), out, 0.0)
 
     @property
@@ -166,15 +152,12 @@ def search(objective: Objective, method: str) -> Outcome:
     objective.weight = 1.0 / _spread(problem, first)
     results: list[Any] = []
     try:
-        for z in _starts(objective):
-            results.append(_run(objective, z))
-            results.sort(key=lambda result: float(result.cost))
-        for _ in range(_rounds(problem)):
-            values = objective.residual_values(results[0].x)
-            r = problem.residuals(values)
-            paid = np.full(len(objective.weight), len(results[0].x) / len(objective.weight))
-            objective.weight = 1.0 / noise_of(problem, r, paid)
-            results = [_run(objective, results[0].x)]
+        with objective.interrupt:
+            for z in _starts(objective):
+                results.append(_run(objective, z))
+                results.sort(key=lambda result: float(result.cost))
+            for _ in range(_rounds(problem)):
+                results = [_again(objective, results[0])]
     except _Stop:
         z = objective.best[1]
         return Outcome(
@@ -183,6 +166,15 @@ def search(objective: Objective, method: str) -> Outcome:
             "far are kept", method=method,
         )  # fmt: skip
     return _outcome(objective, results[0], method)
+
+
+def _again(objective: Objective, best: Any) -> Any:
+    """The search repeated with the noise that the residual shows."""
+    problem, count = objective.problem, len(objective.weight)
+    r = problem.residuals(objective.residual_values(best.x))
+    objective.weight = 1.0 / noise_of(problem, r, np.full(count, len(best.x) / count))
+    objective.best = np.inf, best.x  # costs of other weights do not compare
+    return _run(objective, best.x)
 
 
 def _rounds(problem: Problem) -> int:

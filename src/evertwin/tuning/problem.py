@@ -20,7 +20,7 @@ measured, not trusted or not predicted is left out.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -32,17 +32,17 @@ from jaxtyping import Bool, Float64
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import Block, Mark
 from evertwin.models import (
-    Kernel,
     KernelModel,
     LinearModel,
     Model,
     Parameters,
     Restart,
-    python_kernel,
-    roll,
 )
+from evertwin.models.batch import Batch
 from evertwin.signals import wrap
 from evertwin.sync.horizon import openings, residuals, restarts
+from evertwin.tuning.far import far_runs
+from evertwin.tuning.settings import Settings
 from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, Vector
 
 __all__ = ["Filter", "Loss", "Moving", "PerOutput", "Problem", "Rows"]
@@ -102,6 +102,8 @@ class Problem:
     only_moving: bool = False
     """Only moving rows count; the filter still runs over all. At standstill friction is not
     determined, so it has nothing to say there."""
+    settings: Settings = Settings()
+    """Of the nonlinear search, unless `solve` is given others."""
 
     def __post_init__(self) -> None:
         ny = len(self.model.outputs)
@@ -162,10 +164,9 @@ class Problem:
         return known and bool(np.isin(self.places, model.columns).all())  # type: ignore[attr-defined]
 
     @cached_property
-    def kernel(self) -> Kernel:
-        """The model's kernel, or one made of its Python functions."""
-        model = self.model
-        return model.kernel() if isinstance(model, KernelModel) else python_kernel(model)
+    def batch(self) -> Batch:
+        """Roll-outs of the model."""
+        return Batch(self.model)
 
     @cached_property
     def rows(self) -> Rows:
@@ -231,41 +232,62 @@ class Problem:
 
     def predict(self, values: Vector) -> Outputs:
         """Filtered predictions of all rows, (n, ny); NaN where the model gave none."""
-        p, rows, model = self.full(values), self.rows, self.model
+        return self.predictions([values])[0]
+
+    def predictions(self, points: Sequence[Vector]) -> list[Outputs]:
+        """`predict` at several points at once."""
+        model = self.model
         rowwise = isinstance(model, LinearModel) and not isinstance(model, KernelModel)
         if self.linear or (rowwise and len(model.states) == 0):
-            y0, phi = self._parts if self.linear else self.regressor(values)
-            columns = model.columns  # type: ignore[attr-defined]
-            return np.asarray(y0 + (phi * np.where(columns < 0, 0.0, p[columns])).sum(axis=2))
-        x0 = self.model.initial(p)
-        restart = Restart(rows.adopts, rows.code, x0)
-        _, y = roll(self.kernel, x0, rows.u, rows.dt, p, restart)
-        return np.asarray(self.smooth(y, rows.segments))
+            return [self._linear_prediction(values) for values in points]
+        rows, p = self.rows, np.stack([self.full(values) for values in points])
+        restart = Restart(rows.adopts, rows.code, model.initial(p[0]))
+        far = self.settings.far
+        if far is not None and len(points) > 1:
+            runs = far_runs(far, rows.u, rows.dt, p, restart)
+        else:
+            runs = self.batch.run(rows.u, rows.dt, p, restart)
+        return [np.asarray(self.smooth(y, rows.segments)) for y in runs]
+
+    def _linear_prediction(self, values: Vector) -> Outputs:
+        p = self.full(values)
+        y0, phi = self._parts if self.linear else self.regressor(values)
+        columns = self.model.columns  # type: ignore[attr-defined]
+        return np.asarray(y0 + (phi * np.where(columns < 0, 0.0, p[columns])).sum(axis=2))
 
     def residuals(self, values: Vector) -> Outputs:
         """Measured − predicted, (n, ny), angles wrapped; NaN where a row does not count.
 
         A row that counts and is NaN all the same was not predicted: the simulation diverged.
         """
-        return wrap(self.rows.y - self.predict(values), self.model.outputs.angles)
+        return self.residuals_of([values])[0]
+
+    def residuals_of(self, points: Sequence[Vector]) -> list[Outputs]:
+        """`residuals` at several points at once."""
+        angles = self.model.outputs.angles
+        return [wrap(self.rows.y - y, angles) for y in self.predictions(points)]
 
     def jacobian(self, values: Vector) -> Float64[np.ndarray, "n ny k"]:
         """Sensitivity of the filtered predictions to the tuned parameters, (n, ny, k).
 
-        Exact for linear models, else by differences: two roll-outs per parameter.
+        Exact for linear models, else by differences: two roll-outs per parameter, all at once.
         """
         if self.linear:
             return self._linear_jacobian(len(values))
         out = np.empty((*self.rows.y.shape, len(values)))
         low, high = self.bounds
+        points = []
         for j, step in enumerate(self.steps(values).tolist()):
-            ends = np.clip([values[j] - step, values[j] + step], low[j], high[j])
-            left, right = values.copy(), values.copy()
-            left[j], right[j] = ends
+            for end in np.clip([values[j] - step, values[j] + step], low[j], high[j]):
+                points.append(values.copy())
+                points[-1][j] = end
+        runs = self.predictions(points)
+        for j in range(len(values)):
+            change = points[2 * j + 1][j] - points[2 * j][j]
             # A simulation that diverges gives NaN here, and the solver says so.
             with np.errstate(invalid="ignore"):
-                change = self.predict(right) - self.predict(left)
-            out[:, :, j] = wrap(change, self.model.outputs.angles) / (ends[1] - ends[0])
+                moved = runs[2 * j + 1] - runs[2 * j]
+            out[:, :, j] = wrap(moved, self.model.outputs.angles) / change
         return out
 
     def steps(self, values: Vector) -> Vector:

@@ -19,8 +19,9 @@ from evertwin.tuning.closed import ClosedForm
 from evertwin.tuning.fit import Fit
 from evertwin.tuning.identifiability import connected
 from evertwin.tuning.mixed import project, separable
-from evertwin.tuning.nonlinear import Settings, least_squares
+from evertwin.tuning.nonlinear import least_squares
 from evertwin.tuning.problem import PerOutput, Problem
+from evertwin.tuning.settings import Settings
 from evertwin.types import ParameterVector, Vector
 
 __all__ = ["solve"]
@@ -34,7 +35,7 @@ def solve(
     Args:
         problem: what to tune, on what.
         p0: full parameter vector to start from; default: the problem's own values.
-        settings: of the nonlinear search.
+        settings: of the nonlinear search; default: the problem's.
 
     Raises:
         ModelError: a tuned parameter changes no output (the knob is not connected).
@@ -46,7 +47,7 @@ def solve(
     with np.errstate(over="ignore", invalid="ignore"):
         if problem.linear and problem.loss == "linear":
             return _linear(problem, began)
-        return _search(problem, settings or Settings(), began)
+        return _search(problem, settings or problem.settings, began)
 
 
 def _started(parameters: Parameters, p0: ParameterVector) -> Parameters:

@@ -1,0 +1,111 @@
+"""Many parameter vectors over the same rows: what differences, multi-start and sweeps are made of.
+
+A model that can do it itself (`BatchModel`) does; a compiled kernel runs in threads, since it
+neither allocates nor shares memory; a Python function goes one after the other.
+
+>>> from evertwin.models.function import FunctionModel
+>>> from evertwin.models.kernel import Restart
+>>> from evertwin.models.parameters import Parameters
+>>> from evertwin.signals import Layout
+>>> gain = FunctionModel(lambda x, u, dt, p: ([], [p[0] * u[0]]), Layout.of(u="1"),
+...     Layout.of(y="1"), Layout(), Parameters.of(k=(1.0, "1")))
+>>> rows = np.ones((1, 1)), np.ones(1)
+>>> Batch(gain).run(*rows, np.array([[2.0], [3.0]]), Restart.never(1, 1)).ravel().tolist()
+[2.0, 3.0]
+"""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float64
+from numba import njit
+
+from evertwin.models.contract import BatchModel, KernelModel, Model
+from evertwin.models.function import python_kernel
+from evertwin.models.kernel import Kernel, Restart, _roll, roll
+from evertwin.types import Inputs, Intervals
+
+__all__ = ["WORTH", "Batch"]
+
+WORTH = 2000
+"""Rows, over all parameter vectors together, from which on threads pay."""
+
+
+@njit(cache=True, nogil=True)
+def _free(
+    step: int, observe: int, context: Any, x: Any, u: Any, dt: Any, p: Any, y: Any, code: Any,
+    x0: Any, out: Any,
+) -> None:  # fmt: skip
+    """The loop of a native kernel, while other threads run theirs."""
+    _roll(step, observe, context, x, u, dt, p, y, code, x0, out)
+
+
+def _native(kept: Any) -> bool:
+    """Does a kernel stay out of Python? Callbacks hold the interpreter's lock."""
+    if isinstance(kept, Kernel):
+        return kept.remote is None and _native(kept.keep)
+    if isinstance(kept, tuple):
+        return all(_native(one) for one in kept)
+    return not hasattr(kept, "argtypes")  # of a ctypes callback
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Roll-outs of one model. See the module for an example."""
+
+    model: Model
+    workers: int = 0
+    """Threads; 0: as many as there are processors."""
+
+    @cached_property
+    def kernel(self) -> Kernel:
+        """The model's kernel, or one made of its Python functions."""
+        model = self.model
+        return model.kernel() if isinstance(model, KernelModel) else python_kernel(model)
+
+    def run(
+        self,
+        u: Inputs,
+        dt: Intervals,
+        p: Float64[np.ndarray, "k np"],
+        restart: Restart,
+    ) -> Float64[np.ndarray, "k n ny"]:
+        """Outputs under each parameter vector, each from its own initial state; NaN: diverged."""
+        starts = np.stack([self.model.initial(one) for one in p])
+        if isinstance(self.model, BatchModel):
+            return np.asarray(self.model.simulate_batch(starts, u, dt, p, restart))
+        out = np.empty((len(p), len(u), restart.y.shape[1]))
+        threads = min(self.workers or os.cpu_count() or 1, len(p))
+        if threads > 1 and len(p) * len(u) >= WORTH and _native(self.kernel):
+            self._threads(starts, (u, dt, restart), p, (out, threads))
+        else:
+            for j, one in enumerate(p):
+                given = restart._replace(x0=starts[j])
+                out[j] = roll(self.kernel, starts[j], u, dt, one, given)[1]
+        return out
+
+    def _threads(
+        self,
+        starts: Any,
+        rows: tuple[Inputs, Intervals, Restart],
+        p: Float64[np.ndarray, "k np"],
+        into: tuple[Any, int],
+    ) -> None:
+        (u, dt, restart), (out, threads) = rows, into
+        u, dt, y = (np.ascontiguousarray(a) for a in (u, dt, restart.y))
+        kernel = self.kernel
+
+        def one(j: int) -> None:
+            _free(
+                kernel.step, kernel.observe, kernel.context, starts[j].copy(), u, dt,
+                np.ascontiguousarray(p[j]), y, restart.code, starts[j], out[j],
+            )  # fmt: skip
+
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(one, range(len(p))))
