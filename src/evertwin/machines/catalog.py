@@ -16,12 +16,13 @@ import difflib
 import importlib
 from collections.abc import Callable, Mapping
 from importlib.metadata import entry_points
+from pathlib import Path
 from typing import Any
 
 from evertwin.errors import MissingExtra, UsageError
 from evertwin.models import Model
 
-__all__ = ["MACHINES", "machine"]
+__all__ = ["MACHINES", "located", "machine"]
 
 MACHINES: Mapping[str, tuple[str, str, str]] = {
     "arm": ("evertwin.machines.arm", "Arm.of", "arm"),
@@ -31,6 +32,7 @@ MACHINES: Mapping[str, tuple[str, str, str]] = {
     "drive_force": ("evertwin.machines.drive", "DriveForce", ""),
     "modelica": ("evertwin.models.modelica", "Modelica", "modelica"),
     "mujoco": ("evertwin.models.mujoco", "model_of_file", "mujoco"),
+    "fmu": ("evertwin.models.fmu", "fmu", "fmi"),
     "odometer": ("evertwin.machines.mobile", "Odometer", ""),
     "omni": ("evertwin.machines.mobile", "Omni", ""),
     "python": ("evertwin.machines.python_file", "model_from_file", ""),
@@ -38,6 +40,9 @@ MACHINES: Mapping[str, tuple[str, str, str]] = {
     "thermal": ("evertwin.machines.thermal", "ThermalBox", ""),
 }
 """Name → module, factory, and the extra that it needs."""
+
+FILES = (".urdf", ".py", ".xml", ".mo", ".fmu")
+"""Endings of files that models are read from."""
 
 
 def machine(kind: str, options: Mapping[str, Any]) -> Model:
@@ -52,6 +57,21 @@ def machine(kind: str, options: Mapping[str, Any]) -> Model:
         return factory(**options)
     except TypeError as error:
         raise UsageError(f"[model] kind = {kind!r}: {error}: check the options") from error
+
+
+def located(folder: str | Path, value: Any) -> Any:
+    """Options in which the names of model files, relative to ``folder``, are paths.
+
+    >>> located("twins", {"components": [{"urdf": "own.urdf"}]})["components"][0]["urdf"]
+    'twins/own.urdf'
+    """
+    if isinstance(value, str) and value.endswith(FILES):
+        return str(Path(folder) / value)
+    if isinstance(value, list | tuple):
+        return type(value)(located(folder, item) for item in value)
+    if isinstance(value, Mapping):
+        return {key: located(folder, item) for key, item in value.items()}
+    return value
 
 
 def _factory(kind: str) -> Callable[..., Model]:

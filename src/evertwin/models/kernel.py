@@ -101,8 +101,11 @@ class Remote(Protocol):
 
     def run(
         self, loop: Callable[..., Any], layers: Sequence[Layer], arguments: Sequence[Any]
-    ) -> Any:
-        """What ``loop(step, observe, context, *arguments)`` gives; arrays are changed in place."""
+    ) -> tuple[bool, Any]:
+        """(True, what ``loop(step, observe, context, *arguments)`` gives); arrays change in place.
+
+        (False, None) where it could not be done: then no array has changed.
+        """
         ...
 
     def news(self) -> tuple[str, ...]:
@@ -124,7 +127,7 @@ class Kernel(NamedTuple):
     keep: tuple[Any, ...] = ()
     """Objects that must outlive the addresses (ctypes callbacks, inner contexts)."""
     remote: Remote | None = None
-    """Where the innermost model lives, if not here; the addresses then are callbacks that ask it."""
+    """Where the innermost model lives, if not here; the addresses are callbacks that ask it."""
     layers: tuple[Layer, ...] = ()
     """Kernels of the wrappers around a remote model, innermost first."""
 
@@ -140,7 +143,9 @@ def looped(loop: Callable[..., Any], kernel: Kernel, *arguments: Any) -> Any:
     ``loop`` is a compiled function of a module; arguments are arrays and numbers, also in tuples.
     """
     if kernel.remote is not None and kernel.remote.alive:
-        return kernel.remote.run(loop, kernel.layers, arguments)
+        done, result = kernel.remote.run(loop, kernel.layers, arguments)
+        if done:
+            return result
     return loop(kernel.step, kernel.observe, kernel.context, *arguments)
 
 

@@ -1,0 +1,371 @@
+"""From what an FMU says of itself to what a twin needs of it.
+
+A twin goes back and forth: it starts predictions anew from what was measured, runs a challenger
+beside the live model, tries parameters. `simulate` is therefore a pure function of the state that
+it is given, and an FMU has to offer a way to be put there:
+
+* model exchange: its continuous states are the state, and this side solves them;
+* co-simulation with **start values**: the state is a set of variables that take start values; the
+  FMU is initialised again wherever the state jumps, so position updates and fixed parameters reach
+  it. The variables must be all that it remembers;
+* co-simulation with **saved states** (get, set and serialise): the state is these bytes; named
+  states beside them are set where a position update asks for it;
+* co-simulation without memory: a static map, if the user says so.
+
+An FMU that offers none of these is refused, and told what it would need.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from evertwin.errors import ModelError, UsageError
+from evertwin.models.fmu import slots as at
+from evertwin.models.fmu.description import (
+    CO_SIMULATION,
+    MODEL_EXCHANGE,
+    Description,
+    Interface,
+    Variable,
+)
+from evertwin.models.fmu.options import Options
+from evertwin.models.fmu.units import si_of
+from evertwin.models.parameters import Parameter, Parameters
+from evertwin.signals.channels import Channel, Layout, position
+
+__all__ = ["Binding", "bind"]
+
+_MEMORY = {"none": at.STATIC, "start": at.START, "saved": at.SAVED}
+_SOLVERS = {"euler": at.EULER, "heun": at.HEUN, "rk4": at.RUNGE_KUTTA}
+_MILLISECOND = 1e-3
+_SETTABLE = ("exact", "approx")
+LARGEST = 1 << 16
+"""Bytes of a saved state."""
+
+
+@dataclass(frozen=True)
+class Signals:
+    """Variables as channels, with the way to their numbers.
+
+    >>> Signals((), Layout(), at.Group((), (), (), 0)).layout.names
+    ()
+    """
+
+    variables: tuple[Variable, ...]
+    layout: Layout
+    group: at.Group
+
+
+@dataclass(frozen=True)
+class Binding:
+    """An FMU bound to a twin's inputs, outputs, states and parameters. `bind` builds it.
+
+    >>> Binding.__name__
+    'Binding'
+    """
+
+    where: str
+    description: Description
+    options: Options
+    exchange: bool
+    interface: Interface
+    memory: int
+    inputs: Signals
+    outputs: Signals
+    states: Signals
+    """Named states, without clock and saved bytes."""
+    starts: tuple[int, ...]
+    """References that take the states' start values."""
+    parameters: Parameters
+    tuned: Signals
+
+    @property
+    def clock(self) -> bool:
+        """Is the FMU's time part of the state?"""
+        return self.options.clock or self.memory == at.SAVED
+
+    def plan(self, platform: str) -> dict[str, Any]:
+        """What the child process is told."""
+        start = [(self._variable(n), float(v)) for n, v in self.options.start.items()]
+        raw = [(v - b) / a for v, a, b in zip(
+            self.parameters.values.tolist(), self.tuned.group.factors, self.tuned.group.offsets
+        )]  # fmt: skip
+        return {
+            "version": self.description.version, "token": self.description.token,
+            "identifier": self.interface.identifier, "platform": platform,
+            "interface": MODEL_EXCHANGE if self.exchange else CO_SIMULATION,
+            "completes": self.interface.completes, "saves": self.memory == at.SAVED,
+            "start_references": [variable.reference for variable, _ in start],
+            "start_values": [value for _, value in start],
+            "parameters": list(self.tuned.group.references), "parameter_values": raw,
+            "states": list(self.states.group.references), "starts": list(self.starts),
+        }  # fmt: skip
+
+    def _variable(self, name: str) -> Variable:
+        return _named(self.description, name, self.where)
+
+    @property
+    def capacity(self) -> int:
+        """0, or the words that a saved state of a given size takes."""
+        return 0
+
+    def layout(self, saved: int) -> Layout:
+        """Channels of the state; ``saved`` bytes are packed into it, with room to grow."""
+        added = [Channel("fmu.time", "s")] if self.clock else []
+        if self.memory == at.SAVED:
+            added += [Channel("fmu.bytes", "1")]
+            added += [Channel(f"fmu.{k}", "1") for k in range(words_of(saved))]
+        return self.states.layout + Layout(tuple(added))
+
+    def page(self, saved: int) -> np.ndarray:
+        """The page that rows are run by."""
+        n, nx = len(self.states.layout), len(self.layout(saved))
+        groups = self.inputs.group, self.outputs.group, self.states.group, self.tuned.group
+        pairs = tuple(self.adopts)
+        sizes = at.Sizes(groups, pairs, nx, len(self.parameters), self.description.indicators)
+        page = at.layout(sizes)
+        page[at.MEMORY], page[at.SOLVER] = self.memory, _SOLVERS[self.options.solver]
+        page[at.CLOCK] = n if self.clock else -1
+        page[at.BYTES] = n + 1 if self.memory == at.SAVED else -1
+        page[at.CAPACITY] = words_of(saved) + 1 if self.memory == at.SAVED else 0
+        page[at.NZ] = self.description.indicators if self.exchange else 0
+        numbers, q = page.view(np.float64), int(page[at.REALS])
+        default = self.description.step
+        longest = self.options.step or ((default or _MILLISECOND) if self.exchange else 0.0)
+        numbers[q + at.STEP] = longest
+        numbers[q + at.HOLD] = self.options.step or default or _MILLISECOND
+        return page
+
+    @property
+    def adopts(self) -> list[tuple[int, int]]:
+        """(output, state) of one name or one value reference: what a position update reaches."""
+        found = []
+        references = self.states.group.references
+        for i, (channel, name) in enumerate(zip(self.outputs.layout, self.outputs.layout.names)):
+            for j, state in enumerate(self.states.layout.names):
+                one = len(references) == len(self.states.layout)
+                same = one and _alone(self.outputs) and (
+                    self.outputs.group.references[i] == references[j]
+                )  # fmt: skip
+                if name == state or (same and channel.unit == self.states.layout.units[j]):
+                    found.append((i, j))
+                    break
+        return found
+
+
+def _alone(signals: Signals) -> bool:
+    """Has every number a reference of its own?"""
+    return len(signals.group.references) == signals.group.values
+
+
+def words_of(saved: int) -> int:
+    """Words of 48 bits for a saved state, with a quarter to grow.
+
+    >>> words_of(60)
+    23
+    """
+    return -(-(saved + saved // 4 + 60) // 6)
+
+
+def bind(description: Description, options: Options, where: str) -> Binding:
+    """Chooses interface, memory, variables and units.
+
+    Raises:
+        ModelError: the FMU cannot serve a twin that way; says what it would need.
+        UsageError: an option names a variable that the FMU has not.
+    """
+    exchange, memory = _interface(description, options, where)
+    states, starts = _states(description, options, memory, where)
+    interface = description.interfaces[MODEL_EXCHANGE if exchange else CO_SIMULATION]
+    tuned = _chosen(description, options, "parameters", where)
+    if memory == at.SAVED:
+        tuned = _only_tunable(tuned, options, where)
+    signals, parameters = _parameters(description, options, tuned, where)
+    return Binding(
+        where, description, options, exchange, interface, memory,
+        _signals(description, options, _chosen(description, options, "inputs", where), where),
+        _signals(description, options, _chosen(description, options, "outputs", where), where),
+        states, starts, parameters, signals,
+    )  # fmt: skip
+
+
+def _interface(description: Description, options: Options, where: str) -> tuple[bool, int]:
+    """(model exchange?, memory)."""
+    there = description.interfaces
+    wanted = options.interface
+    if wanted and wanted not in there:
+        raise ModelError(f"{where}: expected {wanted}, the FMU offers {', '.join(there)} only")
+    if options.memory or (options.states is not None and not wanted):
+        wanted = wanted or (CO_SIMULATION if CO_SIMULATION in there else MODEL_EXCHANGE)
+    if wanted == MODEL_EXCHANGE or CO_SIMULATION not in there:
+        return True, at.CONTINUOUS
+    slave = there[CO_SIMULATION]
+    if options.memory:
+        if options.memory == "saved" and not (slave.saves and slave.serializes):
+            raise ModelError(
+                f"{where}: memory = 'saved' needs an FMU that gets, sets and serialises its state "
+                "(canGetAndSetFMUState, canSerializeFMUState): export it so, or name its states"
+            )
+        return False, _MEMORY[options.memory]
+    if options.states is not None:
+        return False, at.START if len(options.states) else at.STATIC
+    variables = description.variables
+    settable = all(variables[name].initial in _SETTABLE for name in description.states)
+    if description.states and settable:
+        return False, at.START
+    if slave.saves and slave.serializes:
+        return False, at.SAVED
+    if MODEL_EXCHANGE in there and not wanted:
+        return True, at.CONTINUOUS
+    raise ModelError(
+        f"{where}: a twin goes back to earlier states, and this FMU offers no way to: name the "
+        "variables that take start values and hold all of its memory (states = [...]), export it "
+        "with get, set and serialise of its state or for model exchange, or say that it has no "
+        "memory (memory = 'none')"
+    )
+
+
+def _states(
+    description: Description, options: Options, memory: int, where: str
+) -> tuple[Signals, tuple[int, ...]]:
+    """Named states, and the references that take their start values."""
+    if memory in (at.CONTINUOUS, at.STATIC):
+        if options.states:
+            raise UsageError(
+                f"{where}: states: expected none, "
+                + ("model exchange has its own" if memory == at.CONTINUOUS else "memory is 'none'")
+            )
+        names: Sequence[str] = description.states if memory == at.CONTINUOUS else ()
+        return _signals(description, options, _all(description, names, where), where), ()
+    given = options.states
+    if given is None:
+        names = description.states if memory == at.START else ()
+    else:
+        names = tuple(given)
+    if memory == at.START and not names:
+        raise UsageError(f"{where}: states: expected the variables that hold the memory, got none")
+    variables = _all(description, names, where)
+    if any(variable.size > 1 for variable in variables):
+        raise UsageError(f"{where}: states: expected variables with one number each")
+    signals = _signals(description, options, variables, where)
+    if memory != at.START:
+        return signals, ()
+    table = dict(given) if isinstance(given, dict) else {name: name for name in names}
+    return signals, tuple(v.reference for v in _all(description, list(table.values()), where))
+
+
+def _named(description: Description, name: str, where: str) -> Variable:
+    names = tuple(description.variables)
+    try:
+        return description.variables[names[position(names, name, "variable")]]
+    except UsageError as error:
+        raise UsageError(f"{where}: {error}") from error
+
+
+def _all(description: Description, names: Sequence[str], where: str) -> tuple[Variable, ...]:
+    return tuple(_named(description, name, where) for name in names)
+
+
+def _chosen(
+    description: Description, options: Options, what: str, where: str
+) -> tuple[Variable, ...]:
+    """Variables by name, or all of the causality."""
+    given = getattr(options, what)
+    if given is not None:
+        return _all(description, given, where)
+    causality = {"inputs": "input", "outputs": "output", "parameters": "parameter"}[what]
+    found = tuple(v for v in description.variables.values() if v.causality == causality)
+    if what == "parameters":
+        found = tuple(v for v in found if len(v.start) == v.size)
+    if what == "outputs" and not found:
+        raise ModelError(f"{where}: the FMU has no outputs: name variables (outputs = [...])")
+    return found
+
+
+def _only_tunable(
+    found: tuple[Variable, ...], options: Options, where: str
+) -> tuple[Variable, ...]:
+    """With saved states a parameter has to act while the FMU runs."""
+    fixed = [variable.name for variable in found if variable.variability != "tunable"]
+    if options.parameters is not None and fixed:
+        raise ModelError(
+            f"{where}: with saved states only tunable parameters can change, and "
+            f"{', '.join(fixed)} are fixed: name states that take start values instead"
+        )
+    return tuple(variable for variable in found if variable.variability == "tunable")
+
+
+def _signals(
+    description: Description, options: Options, variables: tuple[Variable, ...], where: str
+) -> Signals:
+    channels: list[Channel] = []
+    factors: list[float] = []
+    offsets: list[float] = []
+    for variable in variables:
+        unit, factor, offset = _unit(description, options, variable, where)
+        kind: Any = "angle" if variable.name in options.angles else "linear"
+        low, high = sorted((variable.low * factor + offset, variable.high * factor + offset))
+        if not low < high:
+            low, high = -math.inf, math.inf
+        for name in _names(variable):
+            channels.append(Channel(name, unit, kind, low=low, high=high))
+            factors.append(factor)
+            offsets.append(offset)
+    references = tuple(variable.reference for variable in variables)
+    group = at.Group(references, tuple(factors), tuple(offsets), len(channels))
+    try:
+        return Signals(variables, Layout(tuple(channels)), group)
+    except UsageError as error:
+        raise UsageError(f"{where}: {error}") from error
+
+
+def _names(variable: Variable) -> list[str]:
+    """Elements of an array count from 1, as Modelica's do."""
+    if variable.size == 1:
+        return [variable.name]
+    return [f"{variable.name}[{k + 1}]" for k in range(variable.size)]
+
+
+def _unit(
+    description: Description, options: Options, variable: Variable, where: str
+) -> tuple[str, float, float]:
+    said = options.units.get(variable.name, variable.unit)
+    defined = None if variable.name in options.units else description.units.get(said)
+    try:
+        return si_of(said, defined)
+    except UsageError as error:
+        raise ModelError(
+            f"{where}: variable {variable.name!r} has a unit that is not known, {said!r}: say it "
+            f'in options, units = {{ {variable.name!r} = "..." }}'
+        ) from error
+
+
+def _parameters(
+    description: Description, options: Options, variables: tuple[Variable, ...], where: str
+) -> tuple[Signals, Parameters]:
+    plain = tuple(replace(variable, low=-math.inf, high=math.inf) for variable in variables)
+    signals = _signals(description, options, plain, where)
+    found: list[Parameter] = []
+    for variable in variables:
+        unit, factor, offset = _unit(description, options, variable, where)
+        editable = variable.variability == "tunable" or options.parameters is not None
+        low, high = sorted((variable.low * factor + offset, variable.high * factor + offset))
+        start = variable.start or (0.0,) * variable.size
+        start = start if len(start) == variable.size else (start[0],) * variable.size
+        if variable.name in options.start:
+            start = (float(options.start[variable.name]),) * variable.size
+        for name, value in zip(_names(variable), start):
+            try:
+                parameter = Parameter(
+                    name, value * factor + offset, unit, low, high, editable=editable,
+                    source=where,
+                )  # fmt: skip
+            except UsageError as error:
+                raise ModelError(f"{where}: {error}") from error
+            found.append(parameter)
+    return signals, Parameters(tuple(found))
