@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from evertwin.config.spec import TwinSpec
 from evertwin.errors import UsageError
-from evertwin.machines.catalog import machine
+from evertwin.machines.catalog import located, machine
 from evertwin.models import Model, Parameter, Parameters
 from evertwin.models.configured import configured
 from evertwin.signals import Layout
@@ -34,19 +32,7 @@ def model_of(spec: TwinSpec, given: Model | None = None) -> Model:
 
 
 def _built(spec: TwinSpec) -> Model:
-    options = {key: _located(spec, value) for key, value in spec.model.options.items()}
-    return machine(spec.model.kind, options)
-
-
-def _located(spec: TwinSpec, value: Any) -> Any:
-    """File names in options are relative to the twin file."""
-    if isinstance(value, str) and value.endswith((".urdf", ".py", ".xml", ".mo", ".fmu")):
-        return str(Path(spec.folder) / value)
-    if isinstance(value, list | tuple):
-        return type(value)(_located(spec, item) for item in value)
-    if isinstance(value, Mapping):
-        return {key: _located(spec, item) for key, item in value.items()}
-    return value
+    return machine(spec.model.kind, located(spec.folder, spec.model.options))
 
 
 def _parameters(spec: TwinSpec, model: Model) -> Parameters:

@@ -68,7 +68,7 @@ def test_a_path_of_the_tool_is_slowed_down_to_the_joints_limits() -> None:
 
 
 def test_what_cannot_be_planned_is_said() -> None:
-    with pytest.raises(UsageError, match=r"cannot reach \[3.0"):
+    with pytest.raises(UsageError, match="cannot reach"):
         plan([Line((3.0, 0.0, 0.0))], HOME, LIMITS, chain=CHAIN)
     with pytest.raises(UsageError, match="needs an arm's geometry"):
         plan([Line((0.3, 0.0, 0.0))], HOME, LIMITS)
