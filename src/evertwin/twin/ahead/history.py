@@ -1,7 +1,7 @@
 """The parameter history as series on one clock: what the store has kept of every fit.
 
-A run of the twin counts its tasks and its time from zero, so runs are joined: where the count falls
-back a new run has begun, and goes on after the last. Stamps are taken as they are where they rise
+A run of the twin counts its tasks and its time from zero, so runs are joined: where the count does
+not rise a new run has begun, and goes on after the last. Stamps are taken as they are where they rise
 with the time in tasks; recordings that each begin at zero are counted by the time in tasks.
 """
 
@@ -149,7 +149,7 @@ def _clock(fits: Sequence[Estimate], clock: str) -> list[float]:
     begun, last = 0.0, 0.0
     before: Estimate | None = None
     for one in fits:
-        if before is not None and (one.elapsed, one.task) < (before.elapsed, before.task):
+        if before is not None and (one.elapsed, one.row) <= (before.elapsed, before.row):
             begun = last  # a new run counts from zero
         if clock not in UNITS:
             now = begun + one.task + 1.0
