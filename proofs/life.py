@@ -24,11 +24,11 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+from proofs._planted import LAWS, LIFE, SPREAD, Planted, plant, wiener
 from scipy.stats import invgauss
 
 from evertwin.prognosis import Fleet, Indicator, Life, Limit, NotEnough, learn, predict_life
 from evertwin.prognosis.metrics import covers, crps, dummy, horizon, relative_accuracy, within
-from proofs._planted import LAWS, LIFE, SPREAD, Planted, plant, wiener
 
 CUTS = (0.3, 0.5, 0.7, 0.9)
 FLEET = 24
@@ -58,14 +58,6 @@ def indicator(series: Planted, cut: float = 1.0) -> Indicator:
     return of.with_(origin=0.0, clock="cycle")
 
 
-def whole(series: Planted, rng: np.random.Generator) -> Indicator:
-    """A machine of the fleet: its history goes three values past the limit."""
-    step = series.life / 100
-    at = np.append(series.at, series.life + step * np.arange(1, 4))
-    value = np.append(series.value, 1.1 + 0.02 * rng.random(3))
-    return Indicator.of("wear", "1", Limit(1.0), at, value).with_(origin=0.0, clock="cycle")
-
-
 def said(life: Life | NotEnough, series: Planted, now: float) -> Said:
     """The prediction judged."""
     truth, age = series.life - now, now
@@ -87,7 +79,7 @@ def groups(law: str, count: int, seed: int) -> Iterator[tuple[Fleet, list[Plante
     """(fleet, series) until at least ``count`` series were given."""
     for k in range(-(-count // GROUP)):
         rng = np.random.default_rng([seed, LAWS.index(law), k])
-        machines = [whole(plant(law, rng), rng) for _ in range(FLEET)]
+        machines = [indicator(plant(law, rng), np.inf) for _ in range(FLEET)]
         yield learn(machines), [plant(law, rng) for _ in range(GROUP)]
 
 

@@ -8,7 +8,9 @@ from evertwin.prognosis.fleet import Fleet
 from evertwin.prognosis.indicator import Indicator, Limit, Maintenance
 from evertwin.prognosis.learn import learn
 from evertwin.prognosis.life import Life, NotEnough, Onset, first_of
+from evertwin.prognosis.onset import find_onset
 from evertwin.prognosis.predict import predict_life
+from evertwin.prognosis.workload import Workload
 
 __all__ = [
     "Fleet",
@@ -18,6 +20,8 @@ __all__ = [
     "Maintenance",
     "NotEnough",
     "Onset",
+    "Workload",
+    "find_onset",
     "first_of",
     "learn",
     "predict_life",

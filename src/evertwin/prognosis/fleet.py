@@ -31,7 +31,7 @@ from evertwin.errors import UsageError
 
 __all__ = ["Fleet"]
 
-EVEN = 20.0
+EVEN = 30.0
 """Predictions that the even share is worth."""
 NEAR = 0.2
 """Distance in the share of life that has passed at which a prediction counts less."""
@@ -57,6 +57,8 @@ class Fleet:
     """Probabilities that predictions gave to life ending no later than it did."""
     passed: Float64[np.ndarray, " n"] = field(default_factory=lambda: np.zeros(0))
     """Share of the predicted life that had passed, per prediction."""
+    trust: Float64[np.ndarray, " n"] = field(default_factory=lambda: np.zeros(0))
+    """Weight of each rank, 0 to 1."""
 
     @classmethod
     def of_lives(
@@ -112,7 +114,7 @@ class Fleet:
         """
         if not len(self.ranks):
             return cdf
-        weight = np.exp(-0.5 * ((self.passed - passed) / NEAR) ** 2)
+        weight = self.trust * np.exp(-0.5 * ((self.passed - passed) / NEAR) ** 2)
         order = np.argsort(self.ranks)
         below = np.concatenate([[0.0], np.cumsum(weight[order])])
         total = below[-1] + EVEN

@@ -92,6 +92,8 @@ class Indicator:
     """Linear influences on the value, such as temperature or load, by name."""
     reference: Mapping[str, float] = field(default_factory=dict)
     """Covariates at which the limit holds; absent: their median."""
+    since_start: Float64[np.ndarray, " n"] | None = None
+    """Time since the machine was switched on, where values change while it warms up."""
     usage: Float64[np.ndarray, " n"] | None = None
     """Work done until ``at`` (cycles, load hours …), where wear goes with it; must not fall."""
     maintenance: tuple[Maintenance, ...] = ()
@@ -123,8 +125,9 @@ class Indicator:
             "sigma": self.sigma,
             **self.covariates,
         }
-        if self.usage is not None:
-            arrays["usage"] = self.usage
+        for name in ("usage", "since_start"):
+            if getattr(self, name) is not None:
+                arrays[name] = getattr(self, name)
         for name, array in arrays.items():
             if array.shape != n or array.ndim != 1:
                 raise DataError(
@@ -167,10 +170,15 @@ class Indicator:
             parts.append(replace(part, origin=start if np.isfinite(start) else self.origin))
         return tuple(parts)
 
+    def rows(self, keep: np.ndarray) -> Indicator:
+        """Some of the values, by index or mask; all maintenance."""
+        return self._take(keep, self.maintenance)
+
     def _take(self, keep: np.ndarray, maintenance: Sequence[Maintenance]) -> Indicator:
         return replace(
             self, at=self.at[keep], value=self.value[keep], sigma=self.sigma[keep],
             covariates={name: array[keep] for name, array in self.covariates.items()},
             usage=None if self.usage is None else self.usage[keep],
+            since_start=None if self.since_start is None else self.since_start[keep],
             maintenance=tuple(maintenance),
         )  # fmt: skip

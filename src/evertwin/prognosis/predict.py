@@ -24,6 +24,7 @@ probability lies at infinity.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -37,8 +38,10 @@ from evertwin.prognosis.fleet import Fleet
 from evertwin.prognosis.indicator import Indicator
 from evertwin.prognosis.laws import LAWS, Family, families
 from evertwin.prognosis.life import Life, NotEnough, quantiles
+from evertwin.prognosis.onset import find_onset
 from evertwin.prognosis.passage import path, process
 from evertwin.prognosis.problem import Problem, scaled
+from evertwin.prognosis.workload import Workload
 
 __all__ = ["predict_life"]
 
@@ -100,21 +103,37 @@ def uninformed(age: np.ndarray) -> np.ndarray:
 
 
 def predict_life(
-    indicator: Indicator, laws: Sequence[str] = LAWS, fleet: Fleet | None = None
-) -> Life | NotEnough:
+    indicator: Indicator, laws: Sequence[str] = LAWS, fleet: Fleet | None = None,
+    ahead: Workload | None = None,
+) -> Life | NotEnough:  # fmt: skip
     """The remaining life as a distribution, or what the data lack for one.
 
     Args:
         indicator: the history; only its current life counts.
         laws: laws that may hold, some of `LAWS`.
         fleet: what like machines tell.
+        ahead: work planned from now on, for an indicator with usage; None: as before.
     """
     problem = scaled(indicator)
     if isinstance(problem, str):
         return NotEnough(problem)
+    found = from_problem(indicator, problem, laws, fleet)
+    found = replace(found, onset=find_onset(indicator))
+    if isinstance(found, NotEnough) or indicator.usage is None:
+        return found
+    plan = ahead if ahead is not None else Workload.as_before(indicator)
+    return found.through(plan, indicator.clock)
+
+
+def from_problem(
+    indicator: Indicator, problem: Problem, laws: Sequence[str], fleet: Fleet | None
+) -> Life | NotEnough:
+    """The life on the law's own clock."""
     prior = fleet if fleet is not None else Fleet()
     density = density_of(prior, problem.age)
     looks = every_look(problem, laws, prior)
+    if not looks:
+        return NotEnough(f"values that one of the laws {', '.join(laws)} allows")
     rough = mixture(problem, looks, COARSE, density)
     looks = pruned(looks, rough)
     found = mixture(problem, looks, fine_nodes(rough.cdf), density)

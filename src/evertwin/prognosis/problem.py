@@ -32,6 +32,10 @@ REACH = 3
 """Neighbours on each side with which a value is compared."""
 APART = 3.0
 """Robust standard deviations from which a value loses weight."""
+TAUS = 12
+"""Time constants of warm-up that are tried."""
+LEVEL = 15
+"""Values over which the level is taken that warm-up multiplies."""
 
 
 class Problem(NamedTuple):
@@ -59,13 +63,13 @@ class Problem(NamedTuple):
     """Indicator's units per distance."""
 
 
-def scaled(indicator: Indicator) -> Problem | str:
-    """The problem, or what is missing, in words."""
+def scaled(indicator: Indicator, most: int = MOST) -> Problem | str:
+    """The problem with at most ``most`` values (0: all), or what is missing, in words."""
     life = indicator.since_replaced()
     clock = life.at if life.usage is None else life.usage
     good = np.isfinite(life.value)
-    for array in life.covariates.values():
-        good &= np.isfinite(array)
+    for array in (*life.covariates.values(), life.since_start):
+        good &= True if array is None else np.isfinite(array)
     different = len(np.unique(clock[good]))
     if different < LEAST:
         return (
@@ -83,8 +87,10 @@ def scaled(indicator: Indicator) -> Problem | str:
     s = (clock[good] - origin) / age
     omega = noise(life.sigma[good]) * apart(y)
     fixed, base = columns(life, good)
-    return thinned(Problem(y, s, omega, fixed, base, (limit - middle) / scale, age,
-                           float(life.at[-1]), scale))  # fmt: skip
+    problem = Problem(
+        y, s, omega, fixed, base, (limit - middle) / scale, age, float(life.at[-1]), scale
+    )
+    return thinned(problem, most) if 0 < most < len(y) else problem
 
 
 def noise(sigma: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
@@ -144,15 +150,47 @@ def columns(life: Indicator, good: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         spread = float(np.std(x))
         fixed.append((x - centre) / spread if spread > 0.0 else np.zeros(len(x)))
         base.append(0.0)
+    if life.since_start is not None:
+        fixed.append(warm_up(life.value[good], life.since_start[good], np.stack(fixed, axis=1)))
+        base.append(0.0)
     return np.stack(fixed, axis=1), np.array(base)
 
 
-def thinned(problem: Problem) -> Problem:
-    """Averages over blocks, weighted, so that at most `MOST` values remain."""
+def warm_up(
+    value: Float64[np.ndarray, " n"], since: Float64[np.ndarray, " n"],
+    fixed: Float64[np.ndarray, "n k"],
+) -> Float64[np.ndarray, " n"]:  # fmt: skip
+    """The column level·e^(−t/τ): warm-up multiplies what is there, friction above all.
+
+    The level is a median over neighbours; τ is that of `TAUS` even steps (in the logarithm) between
+    the shortest and the longest time since start under which values deviate least from their level.
+    """
+    n = len(value)
+    half = LEVEL // 2
+    level = np.array([np.median(value[max(0, i - half) : i + half + 1]) for i in range(n)])
+    middle = float(np.median(level))
+    share = level / middle if middle != 0.0 and np.all(level * middle > 0.0) else np.ones(n)
+    some = since[since > 0.0]
+    if not len(some):
+        return np.zeros(n)
+    taus = np.geomspace(max(float(some.min()), 1e-3 * float(some.max())), float(some.max()), TAUS)
+    order = np.linspace(-1.0, 1.0, n)
+    best, column = np.inf, np.zeros(n)
+    for tau in taus:
+        tried = share * np.exp(-np.maximum(since, 0.0) / tau)
+        x = np.column_stack([fixed, order, order * order, tried])
+        rest = value - x @ np.linalg.lstsq(x, value, rcond=None)[0]
+        off = float(np.abs(rest).sum())
+        if off < best:
+            best, column = off, tried
+    spread = float(np.std(column))
+    return column / spread if spread > 0.0 else np.zeros(n)
+
+
+def thinned(problem: Problem, most: int) -> Problem:
+    """Averages over blocks, weighted, so that at most ``most`` values remain."""
     n = len(problem.y)
-    if n <= MOST:
-        return problem
-    edges = np.unique(np.linspace(0, n, MOST + 1).astype(np.int64))[:-1]
+    edges = np.unique(np.linspace(0, n, most + 1).astype(np.int64))[:-1]
     weight = 1.0 / problem.omega
     total = np.add.reduceat(weight, edges)
 
@@ -161,5 +199,6 @@ def thinned(problem: Problem) -> Problem:
         return out
 
     fixed = np.stack([mean(column) for column in problem.fixed.T], axis=1)
-    omega = len(problem.y) / MOST / total
-    return problem._replace(y=mean(problem.y), s=mean(problem.s), omega=omega, fixed=fixed)
+    return problem._replace(
+        y=mean(problem.y), s=mean(problem.s), omega=n / most / total, fixed=fixed
+    )

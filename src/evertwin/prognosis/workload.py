@@ -1,0 +1,67 @@
+"""Work ahead: life under a plan of loads.
+
+Where wear goes with the work done (cycles, load hours), an indicator carries its ``usage``, its law
+runs on that clock, and so does the life that is predicted. A workload says how much work is planned
+until when; through it the life becomes a time.
+
+>>> plan = Workload(np.array([0.0, 100.0]), np.array([0.0, 50.0]))
+>>> plan.time_of(np.array([25.0, 100.0]))
+array([ 50., 200.])
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64
+
+from evertwin.errors import UsageError
+from evertwin.prognosis.indicator import Indicator
+
+__all__ = ["Workload"]
+
+
+@dataclass(frozen=True)
+class Workload:
+    """Work done until each time from now; afterwards it goes on as in the last part.
+
+    Raises `UsageError` unless both start at 0, times rise and work does not fall.
+
+    >>> Workload.steady(2.0).time_of(np.array([10.0]))
+    array([5.])
+    """
+
+    time: Float64[np.ndarray, " m"]
+    work: Float64[np.ndarray, " m"]
+
+    def __post_init__(self) -> None:
+        fits = self.time.shape == self.work.shape and self.time.ndim == 1 and len(self.time) >= 2
+        if not fits or self.time[0] != 0.0 or self.work[0] != 0.0:
+            raise UsageError("workload: expected times and work of one length ≥ 2, both from 0")
+        if np.any(np.diff(self.time) <= 0.0) or np.any(np.diff(self.work) < 0.0):
+            raise UsageError("workload: expected rising times and work that does not fall")
+
+    @classmethod
+    def steady(cls, rate: float) -> Workload:
+        """The same work per time for ever; ``rate`` ≥ 0."""
+        return cls(np.array([0.0, 1.0]), np.array([0.0, rate]))
+
+    @classmethod
+    def as_before(cls, indicator: Indicator) -> Workload:
+        """The mean rate of the current life; without usage work is time."""
+        life = indicator.since_replaced()
+        if life.usage is None or len(life.at) < 2 or life.at[-1] <= life.at[0]:
+            return cls.steady(1.0)
+        return cls.steady(float((life.usage[-1] - life.usage[0]) / (life.at[-1] - life.at[0])))
+
+    def time_of(self, work: Float64[np.ndarray, " k"]) -> Float64[np.ndarray, " k"]:
+        """Time at which so much work is done; infinite where it never is."""
+        # Where the work rests, the time is that at which it goes on.
+        inner = np.interp(work, self.work, self.time)
+        last = (self.work[-1] - self.work[-2]) / (self.time[-1] - self.time[-2])
+        over = work - self.work[-1]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            beyond = np.where(over > 0.0, self.time[-1] + over / last, inner)
+        out: Float64[np.ndarray, " k"] = np.where(np.isfinite(work), beyond, np.inf)
+        return out
