@@ -44,17 +44,19 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Open]:
     """Opens an FMU built with some flags; each is built once, all are closed at the end."""
     folder = tmp_path_factory.mktemp("fmus")
     files: dict[str, Path] = {}
-    models: list[Fmu] = []
+    models: dict[str, Fmu] = {}
 
     def of(flags: dict[str, Any], **options: Any) -> Fmu:
-        key = "".join(f"{k}{v}" for k, v in sorted(flags.items())).replace("/", "")
+        key = str(sorted({"three": False, **flags}.items()))
         if key not in files:
             files[key] = build(folder / f"f{len(files)}", **flags)
-        models.append(fmu(files[key], **options))
-        return models[-1]
+        name = key + str(sorted(options.items()))
+        if name not in models:
+            models[name] = fmu(files[key], **options)
+        return models[name]
 
     yield of
-    for model in models:
+    for model in models.values():
         model.close()
 
 

@@ -375,7 +375,8 @@ class Worker:
     ) -> Any:  # fmt: skip
         self._ready()
         shared = self._memory
-        everything = [*(layer.plan for layer in layers), *arguments]
+        # copies: the child puts its own addresses in, which must not come back
+        everything = [*(layer.plan.copy() for layer in layers), *arguments]
         need = shared.base + shared.need(everything) + DATA
         if need > len(shared.view):
             shared.grow(2 * need)
