@@ -195,7 +195,11 @@ class ValidationReport:
 
     def _asked(self) -> str:
         rules = self.rules
-        value = f"{100 * rules.requirement:g} %" if rules.relative else f"{rules.requirement:g} SI"
+        units = {u for n, u in zip(rules.outputs, rules.units, strict=True) if n in rules.watched}
+        unit = units.pop() if len(units) == 1 else "SI"
+        value = f"{rules.requirement:g} {unit}"
+        if rules.relative:
+            value = f"{100 * rules.requirement:g} %"
         return f"{value}{', moving rows' if rules.moving else ''}"
 
 

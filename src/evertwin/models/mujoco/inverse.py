@@ -29,9 +29,8 @@ from jaxtyping import Float64
 from evertwin.errors import ModelError, UsageError
 from evertwin.models.kernel import ANEW, Restart
 from evertwin.models.mujoco.channels import controls, states
-from evertwin.models.mujoco.engine import compiled
 from evertwin.models.mujoco.guard import Source, read_file, read_text
-from evertwin.models.mujoco.knobs import Knob, knobs_of, parameters_of
+from evertwin.models.mujoco.knobs import Knob, parameters_of, tunable
 from evertwin.models.mujoco.pool import EnginePool
 from evertwin.models.parameters import Parameters
 from evertwin.models.sizes import sized
@@ -82,10 +81,10 @@ class InverseDynamics:
             raise UsageError(f"mujoco: no options {sorted(unknown)}; there are {sorted(known)}")
         patterns = tuple(options.get("parameters", _DEFAULT))
         contact = bool(options.get("contact", False))
-        model = compiled(source, None, contact, shifts=any("com" in p for p in patterns))
+        model, knobs = tunable(source, patterns, None, contact)
         if model.nq != model.nv or model.njnt != model.nv:
             raise ModelError(f"{source.where}: inverse dynamics needs joints that turn or slide")
-        knobs, torques = knobs_of(model, patterns), controls(model).channels[model.nu :]
+        torques = controls(model).channels[model.nu :]
         return cls(
             source, model, knobs, _motion(model), Layout(torques),
             parameters_of(model, knobs, source.where), int(options.get("threads", 0)),

@@ -27,9 +27,11 @@ from typing import Any, NamedTuple
 import mujoco
 
 from evertwin.errors import UsageError
+from evertwin.models.mujoco.engine import compiled
+from evertwin.models.mujoco.guard import Source
 from evertwin.models.parameters import Parameter, Parameters
 
-__all__ = ["DEFAULT", "Knob", "Place", "knobs_of", "name_of", "parameters_of"]
+__all__ = ["DEFAULT", "Knob", "Place", "knobs_of", "name_of", "parameters_of", "tunable"]
 
 DEFAULT = (
     "joint.*.damping", "joint.*.frictionloss", "joint.*.armature", "actuator.*.gain",
@@ -97,6 +99,17 @@ def knobs_of(model: Any, patterns: Sequence[str] = DEFAULT) -> tuple[Knob, ...]:
             some = ", ".join(k.name for k in every[:8])
             raise UsageError(f"parameters: no parameter matches {pattern!r}; there are {some} …")
     return tuple(k for k in every if any(fnmatchcase(k.name, p) for p in patterns))
+
+
+def tunable(
+    source: Source, patterns: Sequence[str], timestep: float | None = None, contact: bool = True
+) -> tuple[Any, tuple[Knob, ...]]:
+    """The compiled model of a source and its knobs; compiled for moving centres where one may."""
+    model = compiled(source, timestep, contact)
+    knobs = knobs_of(model, patterns)
+    if any(".com_" in knob.name for knob in knobs):
+        model = compiled(source, timestep, contact, shifts=True)
+    return model, knobs
 
 
 def parameters_of(model: Any, knobs: Sequence[Knob], source: str) -> Parameters:

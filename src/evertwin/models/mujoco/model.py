@@ -28,9 +28,9 @@ from jaxtyping import Float64
 from evertwin.errors import UsageError
 from evertwin.models.kernel import ADOPT, ANEW, CONTINUE, Restart
 from evertwin.models.mujoco.channels import Output, adoptable, controls, outputs, states
-from evertwin.models.mujoco.engine import Engine, Steps, compiled, steps_of
+from evertwin.models.mujoco.engine import Engine, Steps, steps_of
 from evertwin.models.mujoco.guard import Source, read_file, read_text
-from evertwin.models.mujoco.knobs import DEFAULT, Knob, knobs_of, parameters_of
+from evertwin.models.mujoco.knobs import DEFAULT, Knob, parameters_of, tunable
 from evertwin.models.mujoco.pool import EnginePool
 from evertwin.models.parameters import Parameters
 from evertwin.models.sizes import sized
@@ -94,9 +94,8 @@ class MuJoCo:
             raise UsageError(f"mujoco: no options {sorted(unknown)}; there are {sorted(known)}")
         patterns = tuple(options.get("parameters", DEFAULT))
         step, contact = options.get("timestep"), bool(options.get("contact", True))
-        moved = any(".com" in pattern or pattern.startswith("*") for pattern in patterns)
-        model = compiled(source, step, contact, shifts=moved)
-        knobs, found = knobs_of(model, patterns), outputs(model, options.get("outputs"))
+        model, knobs = tunable(source, patterns, step, contact)
+        found = outputs(model, options.get("outputs"))
         driven, inputs = _driven(model, options.get("inputs"))
         return cls(
             source, model, knobs, found, driven, inputs,
