@@ -184,7 +184,7 @@ def _why(part: Component, level: Level) -> str:
         return f"overridden: {part.override.reason}"
     return {
         "white": "critical, and the data is there",
-        "grey": f"completed by {part.physics or 'the model’s own start values'}",
+        "grey": f"completed by {part.physics}" if part.physics else "no detail is asked for",
         "black": "its inner working is unknown or of no interest",
     }[level]
 
