@@ -8,7 +8,7 @@ from pathlib import Path
 
 import typer
 
-from evertwin.app.console import Progress, show
+from evertwin.app.console import Progress, Search, show
 from evertwin.app.report import write_report
 from evertwin.config.schema import schema
 from evertwin.errors import DataError, UsageError
@@ -52,8 +52,10 @@ def fit_twin(
     twin: Path, train: Sequence[Path], test: Sequence[Path], as_json: bool, check: bool
 ) -> None:
     """``evertwin fit``."""
+    search = Search()
     with Twin.open(twin) as opened:
-        result = opened.fit(_files(train), [str(_file(path)) for path in test])
+        result = opened.fit(_files(train), [str(_file(path)) for path in test], search)
+        search.close()
         show(result.to_dict(), str(result), as_json)
     if check and (not result.fit.converged or "not" in result.fit.verdict):
         raise typer.Exit(1)

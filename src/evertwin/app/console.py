@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 import time
 from collections.abc import Mapping
@@ -12,7 +13,7 @@ import typer
 
 from evertwin.fold import plain
 
-__all__ = ["Progress", "show"]
+__all__ = ["Progress", "Search", "show"]
 
 
 def show(content: Mapping[str, Any], text: str, as_json: bool) -> None:
@@ -39,6 +40,53 @@ class Progress:
             rate = rows / max(time.perf_counter() - self._began, 1e-9)
             line = f"\r{rows:,} rows, {seconds:,.0f} s of data, {rate:,.0f} rows/s"
             typer.echo(line, err=True, nl=False)
+
+    def close(self) -> None:
+        """Ends the line."""
+        if self._live and self.shown:
+            typer.echo("", err=True)
+
+
+class Search:
+    """A search for parameters on stderr: a bar, evaluations, the cost; only on a terminal.
+
+    >>> watch = Search()
+    >>> watch(3, 1.5), watch.best
+    (True, 1.5)
+    """
+
+    WIDTH = 20
+    """Letters of the bar. It fills by orders of magnitude that the cost falls: the end is not
+    known before."""
+
+    def __init__(self) -> None:
+        self._live = sys.stderr.isatty()
+        self._first = 0.0
+        self._told = 0.0
+        self.best = math.inf
+        self.shown = 0
+
+    def __call__(self, evaluations: int, cost: float) -> bool:
+        """``evaluations`` so far, the present ``cost``; goes on."""
+        if evaluations <= 2 or not self._first:
+            self._first, self.best = max(cost, 1e-300), math.inf  # another search begins
+        self.best = min(self.best, cost)
+        now = time.perf_counter()
+        if self._live and (now - self._told > 0.1 or not self.shown):
+            self._told = now
+            self.shown += 1
+            typer.echo(f"\r{self.line(evaluations, cost)}", err=True, nl=False)
+        return True
+
+    def line(self, evaluations: int, cost: float) -> str:
+        """What is shown."""
+        fallen = math.log10(max(self._first, 1e-300) / max(self.best, 1e-300))
+        full = min(self.WIDTH, max(0, round(4 * fallen)))
+        bar = "#" * full + "-" * (self.WIDTH - full)
+        return (
+            f"[{bar}] {evaluations:5d} evaluations, cost {cost:.4g}, best {self.best:.4g} "
+            "(Ctrl-C keeps it)"
+        )
 
     def close(self) -> None:
         """Ends the line."""

@@ -142,8 +142,10 @@ class TuningSpec(Section):
     """Also tune on a schedule, not only when suspected."""
     window: Annotated[int, Limits(at_least=2)] = 6000
     """Newest rows that a fit looks at."""
-    loss: Literal["linear", "soft_l1", "huber"] = "linear"
+    loss: Literal["linear", "soft_l1", "huber", "cauchy", "arctan"] = "linear"
     """How large residuals are weighed."""
+    starts: Annotated[int, Limits(at_least=1)] = 1
+    """Starts of a nonlinear search: the given values, then points spread over the bounds."""
     weights: Mapping[str, Annotated[float, Limits(at_least=0.0)]] = field(default_factory=dict)
     """Parameter to how often it is tuned, relative to the others."""
     ladder: tuple[str, ...] = ()

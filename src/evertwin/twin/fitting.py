@@ -7,14 +7,15 @@ output, only while the error on held-out tasks falls.
 from __future__ import annotations
 
 import html
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple, TypeAlias
 
 from evertwin.fold import Block, plain
 from evertwin.models import Model, Parameters
 from evertwin.models.form import Form, Version
 from evertwin.tuning import Fit, Problem
+from evertwin.tuning.interrupt import Interrupt
 from evertwin.twin.cut import cut, starts
 from evertwin.twin.evaluate import Deviation, Prediction, deviations, predict
 from evertwin.twin.feed import Data, Feed
@@ -27,7 +28,10 @@ from evertwin.twin.versions import Versions
 from evertwin.twin.work import Work
 from evertwin.types import Json
 
-__all__ = ["FitResult", "Tuned", "fit", "listed", "named", "tune"]
+__all__ = ["FitResult", "Tuned", "Watch", "fit", "listed", "named", "tune"]
+
+Watch: TypeAlias = Callable[[int, float], bool]
+"""Called with (evaluations so far, cost) while a search runs; False ends it, best so far kept."""
 
 
 class Judged(NamedTuple):
@@ -186,7 +190,9 @@ class Tuned:
         return Judged(seen, [dict(zip(names, p.tolist(), strict=True)) for p in used])
 
 
-def tune(setup: Setup, versions: Versions, number: int, train: Data) -> Tuned:
+def tune(
+    setup: Setup, versions: Versions, number: int, train: Data, watch: Watch | None = None
+) -> Tuned:
     """Version ``number``, tuned on ``train``."""
     feed, work = Feed(setup.spec, setup.model), Work(setup, versions)
     version, base = versions[number], versions.model(number)
@@ -194,16 +200,33 @@ def tune(setup: Setup, versions: Versions, number: int, train: Data) -> Tuned:
     check_initials(setup, base, tasks)
     windows = starts(setup, cut(tasks, setup.spec.tuning.cut))
     problem: Problem = work.problem(version, windows, work.editable(version))
-    problem, laws = climb_laws(setup, problem)
-    formed = with_terms(setup, work, version, problem)
+    with Interrupt() as stop:
+        problem, laws = climb_laws(setup, _watched(problem, stop, watch))
+        formed = with_terms(setup, work, version, problem)
     return Tuned(setup, base, version, formed, laws, tasks)
 
 
+def _watched(problem: Problem, stop: Interrupt, watch: Watch | None) -> Problem:
+    """The problem, whose searches end when they are asked to: all of them."""
+
+    def progress(evaluations: int, cost: float) -> bool:
+        if not stop.asked and watch is not None and watch(evaluations, cost) is False:
+            stop.asked = True
+        return not stop.asked
+
+    return replace(problem, settings=replace(problem.settings, progress=progress))
+
+
 def fit(
-    setup: Setup, versions: Versions, number: int, train: Data, test: tuple[Any, ...]
-) -> FitResult:
-    """Tunes version ``number`` on ``train`` and judges it on each of ``test``."""
-    done = tune(setup, versions, number, train)
+    setup: Setup, versions: Versions, number: int, data: tuple[Data, tuple[Any, ...]],
+    watch: Watch | None = None,
+) -> FitResult:  # fmt: skip
+    """Tunes version ``number`` on ``data``'s first part, judges it on each of the second.
+
+    The first Ctrl-C ends a search with the best values so far, which are then judged.
+    """
+    train, test = data
+    done = tune(setup, versions, number, train, watch)
     formed, model, found = done.formed, done.model, done.formed.fit
     tests = [(named(item), done.judged(done.rows(listed(item)))) for item in test]
     together = [prediction for _, one in tests for prediction in one.predictions]

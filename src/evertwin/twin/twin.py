@@ -42,7 +42,7 @@ from evertwin.twin.diagnose import Diagnosis, diagnose
 from evertwin.twin.driver import Driver
 from evertwin.twin.factory import model_of
 from evertwin.twin.feed import Data, Feed
-from evertwin.twin.fitting import FitResult, fit
+from evertwin.twin.fitting import FitResult, Watch, fit
 from evertwin.twin.observer import Observer
 from evertwin.twin.result import RunResult
 from evertwin.twin.setup import Setup
@@ -213,15 +213,18 @@ class Twin:
 
     @_RUNAWAY
     def fit(
-        self, train: Data = None, test: Sequence[Any] = (), progress: Progress | None = None
+        self, train: Data = None, test: Sequence[Any] = (), watch: Watch | None = None
     ) -> FitResult:
         """Tunes the champion on ``train`` and judges it on each of ``test``; changes nothing live.
 
         Args:
             train: recordings to learn from.
             test: recordings that are not learned from, each judged alone and all together.
+            watch: called with evaluations and cost while a search runs; False ends it, as Ctrl-C
+                does, with the best values so far.
         """
-        return fit(self.setup, self._versions, self.champion.number, train, tuple(test))
+        data = train, tuple(test)
+        return fit(self.setup, self._versions, self.champion.number, data, watch)
 
     @_RUNAWAY
     def doctor(self, data: Data = None) -> Diagnosis:
