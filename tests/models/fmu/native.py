@@ -59,7 +59,8 @@ static int misbehave(Inst *i) {
 #elif BAD == 4
   abort();
 #elif BAD == 5
-  { size_t n = (size_t)64 << 30; char *p = malloc(n); memset(p, 1, n); i->x = p[7]; }
+  { size_t n = (size_t)64 << 30; volatile char *p = malloc(n);
+    for (size_t k = 0; k < n; k += 4096) p[k] = 1; }
 #elif BAD == 6
   return 2;
 #elif BAD == 7

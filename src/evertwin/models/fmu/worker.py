@@ -121,6 +121,7 @@ class Worker:
         self._folder: Path | None = None
         self._told = self._broken = 0
         self._end: Any = None
+        self._tidy: Any = None
         self._dead = False
         self._page: Any = None
         self._initials: dict[bytes, np.ndarray] = {}
@@ -167,9 +168,8 @@ class Worker:
         os.close(orders)
         os.close(answering)
         self._orders, self._replies = sending, replies
-        shared, folder = self._memory, self._folder
         self._end = weakref.finalize(
-            self, _end, os.getpid(), self._process, (sending, replies), (shared, folder)
+            self, _end, os.getpid(), self._process, (sending, replies), self._memory
         )
         self._page = None
         order = {"do": "load", "plan": {**self.plan, "folder": str(self._folder)},
@@ -190,7 +190,7 @@ class Worker:
             shutil.rmtree(folder, ignore_errors=True)
             raise
         (folder / "resources").mkdir(exist_ok=True)
-        self._folder = folder
+        self._folder, self._tidy = folder, weakref.finalize(self, _remove, os.getpid(), folder)
 
     def attach(self, page: np.ndarray) -> None:
         """Sets the page that rows are run by.
@@ -222,7 +222,7 @@ class Worker:
         with self._lock:
             self._stop()
             if self._folder is not None and self._owner == os.getpid():
-                shutil.rmtree(self._folder, ignore_errors=True)
+                self._tidy()
             self._folder = None
 
     def _stop(self) -> None:
@@ -233,7 +233,7 @@ class Worker:
             for file in (self._orders, self._replies):
                 os.close(file)
             self._memory.close()
-        self._process, self._page = None, None
+        self._process, self._page, self._shared = None, None, None
 
     def _ready(self) -> None:
         """A running child with its page.
@@ -461,15 +461,16 @@ def _kill(process: subprocess.Popen[bytes]) -> None:
 
 
 def _end(
-    owner: int, process: subprocess.Popen[bytes], files: tuple[int, int],
-    kept: tuple[Shared, Path | None],
-) -> None:  # fmt: skip
+    owner: int, process: subprocess.Popen[bytes], files: tuple[int, int], shared: Shared
+) -> None:
     """When the worker is collected or the interpreter ends; not in a process forked from it."""
-    if owner != os.getpid():
-        return
-    _kill(process)
-    for file in files:
-        os.close(file)
-    kept[0].close()
-    if kept[1] is not None:
-        shutil.rmtree(kept[1], ignore_errors=True)
+    if owner == os.getpid():
+        _kill(process)
+        for file in files:
+            os.close(file)
+        shared.close()
+
+
+def _remove(owner: int, folder: Path) -> None:
+    if owner == os.getpid():
+        shutil.rmtree(folder, ignore_errors=True)
