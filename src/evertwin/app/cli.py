@@ -15,6 +15,7 @@ from typing import Annotated
 import typer
 
 from evertwin.app import cli_validate
+from evertwin.app.cli_engineer import register as register_engineer
 from evertwin.app.cli_prognosis import register as register_prognosis
 from evertwin.errors import EvertwinError
 
@@ -188,14 +189,19 @@ def compare(
 
 
 @app.command()
-def schema(as_json: AsJson = False) -> None:
+def schema(
+    breakdown: Annotated[
+        bool, typer.Option("--breakdown", help="Of the breakdown file instead.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
     """The JSON schema of the twin file.
 
     Example: evertwin schema > evertwin.schema.json
     """
     from evertwin.app.commands import show_schema
 
-    show_schema(as_json)
+    show_schema(breakdown, as_json)
 
 
 @model_app.command("list")
@@ -262,6 +268,7 @@ register_prognosis(app)
 
 
 cli_validate.register(app)
+register_engineer(app)
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -11,6 +11,7 @@ import typer
 from evertwin.app.console import Progress, Search, show
 from evertwin.app.report import write_report
 from evertwin.config.schema import schema
+from evertwin.engineering.form import schema as breakdown_schema
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import plain
 from evertwin.models.form import Version
@@ -85,9 +86,10 @@ def compare_versions(twin: Path, pair: tuple[int, int], data: Files, as_json: bo
         show(found.to_dict(), str(found), as_json)
 
 
-def show_schema(as_json: bool) -> None:
+def show_schema(breakdown: bool, as_json: bool) -> None:
     """``evertwin schema``: with ``--json`` it names itself as every other document does."""
-    content = {"schema": "evertwin.schema/1", **schema()} if as_json else schema()
+    found = breakdown_schema() if breakdown else schema()
+    content = {"schema": "evertwin.schema/1", **found} if as_json else found
     typer.echo(json.dumps(content, indent=2))
 
 

@@ -107,16 +107,16 @@ class Chosen:
 def questions(
     breakdown: Breakdown, levels: Mapping[str, LevelChoice], found: Sequence[Link]
 ) -> tuple[Question, ...]:
-    """Every parameter of the study's components that the model has."""
+    """Every parameter of the study's components, also those inside black boxes."""
     seen = {link.parameter: link.signals for link in found}
     out = []
     for place in breakdown.studied:
         part = place.component
         for local, said in part.parameters.items():
             name = breakdown.parameter_name(part, local)
-            if name in seen:
-                level = levels[part.name].level
-                out.append(Question(name, part.name, part.drift(local), level, said, seen[name]))
+            level = levels[part.name].level
+            signals = seen.get(name, ())
+            out.append(Question(name, part.name, part.drift(local), level, said, signals))
     return tuple(out)
 
 

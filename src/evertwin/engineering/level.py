@@ -88,13 +88,16 @@ def _recommended(part: Component, role: Role, missing: list[Missing]) -> tuple[L
 
 
 def _missing(part: Component) -> tuple[Missing, ...]:
+    if not part.interest:
+        return ()
     had = {one.kind for one in part.data}
+    unsure = [n for n, said in part.parameters.items() if said.source not in ("manufacturer", None)]
     out = []
     for kind in part.needs:
         if kind in had:
             continue
         seen = f" seen by {', '.join(part.sensors)}" if part.sensors and kind == "dynamic" else ""
-        worn = f" of {', '.join(part.parameters)}" if part.parameters and kind == "dynamic" else ""
+        worn = f" of {', '.join(unsure)}" if unsure and kind == "dynamic" else ""
         out.append(Missing(kind, f"{kind} data{worn}", HOW[kind] + seen))
     out += [
         Missing("initial value", name, "its maker's data, literature on like parts, or a first fit")

@@ -28,17 +28,29 @@ spare []
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
 
 from evertwin.engineering.breakdown import Breakdown
+from evertwin.engineering.compile import ModelPlan
 from evertwin.engineering.parts import Component
 from evertwin.engineering.sensitivity import counted
+from evertwin.models import LinearModel
 from evertwin.tuning import Problem
 
-__all__ = ["Link", "Signal", "Virtual", "file_against_model", "links", "virtual_sensors"]
+__all__ = [
+    "Inside",
+    "Link",
+    "Signal",
+    "Virtual",
+    "file_against_model",
+    "inside",
+    "links",
+    "virtual_sensors",
+]
 
 NOTHING = 1e-9
 """Effect below which a signal does not see a parameter."""
@@ -67,6 +79,20 @@ class Link(NamedTuple):
     parameter: str
     signals: tuple[Signal, ...]
     """Strongest first; empty: it cannot be observed."""
+
+
+class Inside(NamedTuple):
+    """A virtual sensor: a quantity inside a component.
+
+    >>> Inside("gearbox 1", "friction", 7.0, "Nm").rms
+    7.0
+    """
+
+    component: str
+    quantity: str
+    rms: float
+    """Root mean square over the rows."""
+    unit: str
 
 
 class Virtual(NamedTuple):
@@ -107,17 +133,49 @@ def virtual_sensors(
     problem: Problem, parts: Sequence[Component], breakdown: Breakdown
 ) -> list[Virtual]:
     """The part of each output that each component's parameters make, as far as it is linear."""
+    model = problem.model
+    if not isinstance(model, LinearModel):
+        return []
+    linear = {model.parameters.names[c] for c in model.columns.ravel().tolist() if c >= 0}
     j = problem.jacobian(problem.start)
     on, rms = counted(problem), _rms(problem)
     out = []
     for part in parts:
         named = [breakdown.parameter_name(part, name) for name in part.parameters]
-        own = [k for k, name in enumerate(problem.names) if name in named]
+        own = [k for k, name in enumerate(problem.names) if name in named and name in linear]
         made: Float64[np.ndarray, "n ny"] = j[:, :, own] @ problem.start[own]
-        for o, channel in enumerate(problem.model.outputs):
+        for o, channel in enumerate(model.outputs):
             size = float(np.sqrt(np.mean(np.square(made[on[:, o], o])))) if on[:, o].any() else 0.0
             if size > NOTHING * rms[o]:
                 out.append(Virtual(part.name, channel.name, size, size / rms[o], channel.unit))
+    return out
+
+
+def inside(plan: ModelPlan, breakdown: Breakdown, problem: Problem) -> list[Inside]:
+    """The quantities inside components that the file names, over the rows of the problem."""
+    if plan.kind != "assembly":
+        return []
+    made = {built.component for built in plan.built}
+    asked = [
+        (place.component.name, name)
+        for place in breakdown.studied
+        for name in place.component.virtual
+        if place.component.name in made
+    ]
+    sensors = [f"{part}.{name}" for part, name in asked]
+    if not sensors:
+        return []
+    model = replace(plan, options={**plan.options, "sensors": tuple(sensors)}).model(breakdown.folder)
+    known = problem.parameters
+    p = model.parameters.with_values(dict(zip(known.names, known.values.tolist(), strict=True)))
+    found = np.concatenate(
+        [model.simulate(model.initial(p.values), w.u, w.dt, p.values)[1] for w in problem.windows]
+    )
+    out = []
+    for (part, name), sensor in zip(asked, sensors, strict=True):
+        k = model.outputs.index(sensor)
+        rms = float(np.sqrt(np.nanmean(np.square(found[:, k]))))
+        out.append(Inside(part, name, rms, model.outputs.units[k]))
     return out
 
 

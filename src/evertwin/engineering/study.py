@@ -14,12 +14,15 @@ from typing import Any
 
 from evertwin.engineering.breakdown import Breakdown
 from evertwin.engineering.choice import Chosen, Question, choose, questions, spans_of
+from evertwin.engineering.compile import ModelPlan, compile_model
 from evertwin.engineering.criticality import Criticality, history_of, rank
 from evertwin.engineering.level import LevelChoice, level_of
 from evertwin.engineering.mapping import (
+    Inside,
     Link,
     Virtual,
     file_against_model,
+    inside,
     links,
     virtual_sensors,
 )
@@ -48,6 +51,9 @@ class Study:
     """In the order of ``ranks``."""
     links: tuple[Link, ...]
     virtual: tuple[Virtual, ...]
+    """The part of each signal that a component makes."""
+    inside: tuple[Inside, ...]
+    """Quantities inside components that the file names."""
     notes: tuple[str, ...]
     """Where the file and the model disagree about sensors, and what is modelled without need."""
     questions: tuple[Question, ...]
@@ -63,7 +69,8 @@ class Study:
     @property
     def run_time(self) -> float | None:
         """Run time of one tuning of everything [s]; None: nothing is tuned."""
-        return self.measured and self.measured.seconds_all / self.measured.tunings
+        found = self.measured
+        return None if found is None else found.seconds_all / found.tunings
 
     def to_dict(self) -> dict[str, Json]:
         """Plain content, ``schema: "evertwin.engineer/1"``."""
@@ -88,6 +95,7 @@ class Study:
                 for one in self.links
             ],
             "virtual_sensors": [one._asdict() for one in self.virtual],
+            "inside": [one._asdict() for one in self.inside],
             "notes": list(self.notes),
             "morris": _table(self.morris, ("mu", "spread")),
             "sobol": self.chosen.sobol
@@ -122,33 +130,29 @@ def modelled(breakdown: Breakdown, known: Sequence[str]) -> tuple[str, ...]:
     """Names of the parameters of the study's components, as the model calls them.
 
     Args:
-        known: the model's parameters.
+        known: the model's parameters; what is inside a black box is not among them.
 
     Raises:
-        ConfigError: a component that is part of the model has a parameter that the model lacks, or
-            no component has one.
+        ConfigError: no component has a parameter of the model.
     """
-    names = []
-    for place in breakdown.studied:
-        part = place.component
-        for local in part.parameters:
-            name = breakdown.parameter_name(part, local)
-            if name in known:
-                names.append(name)
-            elif part.kind:
-                raise ConfigError(
-                    f"component {part.name!r}: the model has no parameter {name!r}; it has "
-                    f"{', '.join(known)}"
-                )
-    if not names:
-        raise ConfigError(f"{breakdown.name}: no component has a parameter of the model")
-    return tuple(names)
+    parts = [place.component for place in breakdown.studied]
+    names = [breakdown.parameter_name(part, local) for part in parts for local in part.parameters]
+    found = tuple(name for name in names if name in known)
+    if not found:
+        raise ConfigError(
+            f"{breakdown.name}: no component has a parameter of the model: name some under "
+            f"parameters; the model has {', '.join(known)}"
+        )
+    return found
 
 
-def study(breakdown: Breakdown, problem: Problem, seed: int = 1) -> Study:
+def study(
+    breakdown: Breakdown, problem: Problem, plan: ModelPlan | None = None, seed: int = 1
+) -> Study:
     """The method on the rows of ``problem``.
 
     Args:
+        plan: what the breakdown was compiled into; None: it is compiled here.
         problem: on the parameters of `modelled`, with their initial values as prior.
         seed: of the samples.
 
@@ -157,6 +161,7 @@ def study(breakdown: Breakdown, problem: Problem, seed: int = 1) -> Study:
         ModelError: a simulation inside a parameter's range diverged.
     """
     began = time.perf_counter()
+    plan = compile_model(breakdown) if plan is None else plan
     ranks = rank(breakdown, history_of(breakdown))
     levels = tuple(level_of(breakdown.component(one.component), one.role) for one in ranks)
     found = links(problem)
@@ -177,6 +182,7 @@ def study(breakdown: Breakdown, problem: Problem, seed: int = 1) -> Study:
         measured = measure(own, chosen.fit, asked, weighed, breakdown.requirements.interval)
     return Study(
         breakdown, ranks, levels, found, tuple(virtual_sensors(problem, parts, breakdown)),
+        tuple(inside(plan, breakdown, problem)),
         tuple(notes), asked, morris(problem, spans_of(problem, asked), seed), chosen, weighed,
         measured, len(problem.rows.u), time.perf_counter() - began,
     )  # fmt: skip
