@@ -37,11 +37,12 @@ MACHINES: Mapping[str, tuple[str, str, str]] = {
     "omni": ("evertwin.machines.mobile", "Omni", ""),
     "python": ("evertwin.machines.python_file", "model_from_file", ""),
     "robot1d": ("evertwin.machines.mobile", "Robot1D", ""),
+    "table": ("evertwin.machines.measured", "measured_table", ""),
     "thermal": ("evertwin.machines.thermal", "ThermalBox", ""),
 }
 """Name → module, factory, and the extra that it needs."""
 
-FILES = (".urdf", ".py", ".xml", ".mo", ".fmu")
+FILES = (".urdf", ".py", ".xml", ".mo", ".fmu", ".csv", ".mat", ".npz", ".parquet")
 """Endings of files that models are read from."""
 
 
