@@ -7,7 +7,6 @@ candidate, which then has to prove itself on data that this work has not seen.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -21,8 +20,8 @@ from evertwin.fold import Answer, Block, Request, plain
 from evertwin.models import Model
 from evertwin.models.form import Form, Version
 from evertwin.trial import admit
-from evertwin.tuning import Fit, Iteration, Problem, Schedule, solve
-from evertwin.tuning.assemble import Outcome, assemble
+from evertwin.tuning import Fit, Iteration, Problem, Schedule, Settings, solve
+from evertwin.twin.known import known
 from evertwin.twin.law import climb_laws
 from evertwin.twin.learn import learn
 from evertwin.twin.recursion import Recursion
@@ -75,6 +74,7 @@ class Work:
             model.parameters.with_values(version.p), self.setup.spec.tuning.loss,
             self.setup.moving if self.setup.spec.moving is not None else None,
             self.setup.spec.moving is not None and self.setup.spec.moving.tune,
+            Settings(starts=self.setup.spec.tuning.starts),
         )  # fmt: skip
 
     def editable(self, version: Version) -> tuple[str, ...]:
@@ -161,9 +161,9 @@ class Work:
     def verdict(self, version: Version, problem: Problem, fit: Fit, windows: Windows) -> Verdict:
         """Normal or abnormal, with the cause that explains most."""
         refits = {}
-        known = problem.model.parameters.names
+        there = problem.model.parameters.names
         for cause, names in self.setup.causes.items():
-            chosen = tuple(name for name in names if name in known)
+            chosen = tuple(name for name in names if name in there)
             if chosen:
                 refits[cause] = solve(self.problem(version, windows, chosen))
         found = branch(fit, problem, refits, frozenset(self.setup.editable))
@@ -187,8 +187,9 @@ class Work:
         given = self.setup.spec.prediction.scale
         residual = problem.residuals(values)
         names = problem.model.outputs.names
-        with np.errstate(invalid="ignore"):
-            rms = np.sqrt(np.nanmean(np.square(residual), axis=0))
+        # an output that nothing measures has no rows
+        rows = np.maximum(np.count_nonzero(~np.isnan(residual), axis=0), 1)
+        rms = np.sqrt(np.nansum(np.square(residual), axis=0) / rows)
         found = [given.get(n, float(rms[k])) for k, n in enumerate(names)]
         return np.array([size if np.isfinite(size) and size > 0 else 1.0 for size in found])
 
@@ -209,30 +210,9 @@ class Work:
         values = dict(zip(proposal.names, proposal.p.tolist(), strict=True))
         return {
             "events": [_event("corrected", "", reason, evidence)],
-            "fit": self.known(proposal, windows),
+            "fit": known(self.setup, self.versions.model_of(proposal.form), proposal, windows),
             "candidate": self._candidate(proposal.form, values, proposal.scale, reason, windows),
         }
-
-    def known(self, proposal: Proposal, windows: Windows) -> dict[str, Any] | None:
-        """Intervals and verdicts of the terms' numbers, as they are; None where they have none."""
-        model = self.versions.model_of(proposal.form)
-        base = self.setup.model.parameters.names
-        # the step of a threshold has no slope, and a surface's nodes are known by their prior
-        names = tuple(
-            name
-            for name in proposal.names
-            if name not in base and not name.startswith("surface.") and ".threshold" not in name
-        )
-        if not names:
-            return None
-        values = model.parameters.with_values(proposal.p)
-        problem = Problem(model, windows, names, self.setup.horizon, None, None, values)
-        outcome = Outcome(problem.start, 0, 1, True, "as the correction was learned")
-        j = problem.jacobian(problem.start)
-        if not np.isfinite(j[problem.rows.used]).all():
-            return None
-        fit = assemble(problem, outcome, problem.start, j, time.perf_counter())
-        return fit.to_dict(timing=False)
 
     def _instead(
         self, version: Version, windows: Windows, events: list[dict[str, Any]]
