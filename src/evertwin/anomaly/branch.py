@@ -149,8 +149,8 @@ def branch(
 
 def explained(fit: Fit, noise: np.ndarray) -> float:
     """Share of the sum of squares that a fit takes away, outputs weighted by their ``noise``."""
-    weight = 1.0 / np.where(noise > 0, noise, 1.0) ** 2
     rows = np.array([r.rows for r in fit.residuals], dtype=np.float64)
+    weight = 1.0 / np.where((noise > 0) & (rows > 0), noise, 1.0) ** 2
     before = np.array([r.rms_before for r in fit.residuals]) ** 2 * rows
     after = np.array([r.rms_after for r in fit.residuals]) ** 2 * rows
     total = float(np.nansum(weight * before))

@@ -171,6 +171,8 @@ class SignalSpec(Section):
     (false). Absent: held for a model with states, measured for a static map."""
     judge: bool = True
     """Outputs: false for one that a prediction of a fit starts from, but is not compared with."""
+    measured: bool = True
+    """Outputs: false for a virtual sensor, which the model computes and nothing records."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -23,7 +23,7 @@ from evertwin.sources.recorded import Cell, Clock, Recorded
 from evertwin.sources.tally import Tally
 from evertwin.twin.parts import Part
 from evertwin.twin.stream import Plan, stream
-from evertwin.twin.tasks import Table, is_held, recorded_as, rows_of_task
+from evertwin.twin.tasks import Table, is_held, is_measured, recorded_as, rows_of_task
 
 __all__ = ["Data", "Feed"]
 
@@ -93,6 +93,7 @@ class Feed:
         spec, clock = self.spec, self.spec.clock
         cropped = clock.crop is not None or clock.start > 0.0 or clock.stop < float("inf")
         whole = cropped or clock.rate is not None or spec.filter is not None or bool(spec.derive)
+        whole = whole or not all(is_measured(spec, name) for name in self.model.outputs.names)
         files = data is None or (isinstance(data, Sequence) and not _are_blocks(data))
         return whole or not files or not all(Part.parse(item).whole for item in data or ())
 

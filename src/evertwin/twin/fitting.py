@@ -7,6 +7,7 @@ output, only while the error on held-out tasks falls.
 from __future__ import annotations
 
 import html
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, TypeAlias
@@ -130,6 +131,8 @@ class FitResult:
                 f"  {d.name:<10} rms {d.rms:.4g} {d.unit} {100 * d.relative_rms:7.2f} %   moving "
                 f"{100 * d.relative_rms_moving:7.2f} % of {d.moving} rows"
                 for d in found
+                # a virtual sensor has no measurement to differ from
+                if not math.isnan(d.rms)
             ]
         if any(self._starts):
             names = ", ".join(self._starts[0][0])

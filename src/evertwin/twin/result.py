@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -174,6 +175,8 @@ class RunResult:
             (name, f.unit, f"{f.rms_before:.4g}", f"{f.rms_after:.4g}",
              f"{100 * f.relative_rms_before:.2f} %", f"{100 * f.relative_rms_after:.2f} %")
             for name, f in self.outputs.items()
+            # a virtual sensor has no measurement to differ from
+            if not (math.isnan(f.rms_before) and math.isnan(f.rms_after))
         ]  # fmt: skip
 
     def __str__(self) -> str:

@@ -21,6 +21,7 @@ from evertwin.trial import Probation, Trial
 from evertwin.twin.detect import Detect
 from evertwin.twin.judges import judges
 from evertwin.twin.smooth import Pass, Smooth, ZeroPhase
+from evertwin.twin.tasks import is_measured
 from evertwin.twin.window import Ring
 
 __all__ = ["Setup", "matching"]
@@ -111,17 +112,14 @@ class Setup:
         return smooth.smooth if isinstance(smooth, ZeroPhase) else None
 
     def moving(self, u: np.ndarray) -> np.ndarray:
-        """Which rows count as moving, per output, (n, ny); all where nothing is said."""
+        """Which rows count as moving, per output, (n, ny); all where nothing is said of one."""
         rule = self.spec.moving
         if rule is None:
             return np.ones((len(u), len(self.model.outputs)), dtype=np.bool_)
-        return np.asarray(np.abs(u.take(self._moving_columns, axis=1)) > rule.above)
-
-    @cached_property
-    def _moving_columns(self) -> np.ndarray:
-        rule, outputs = self.spec.moving, self.model.outputs.names
-        channels = {} if rule is None else rule.channels
-        return np.array([self.model.inputs.index(channels[name]) for name in outputs])
+        said = [rule.channels.get(name) for name in self.model.outputs.names]
+        columns = [0 if name is None else self.model.inputs.index(name) for name in said]
+        unsaid = np.array([name is None for name in said])
+        return np.asarray((np.abs(u.take(columns, axis=1)) > rule.above) | unsaid)
 
     @cached_property
     def regimes(self) -> tuple[np.ndarray, Regimes] | None:
@@ -152,7 +150,9 @@ class Setup:
     @cached_property
     def watched(self) -> np.ndarray:
         """Outputs that are held to it, (ny,)."""
-        names = self.spec.anomaly.outputs or self.model.outputs.names
+        names = self.spec.anomaly.outputs or tuple(
+            name for name in self.model.outputs.names if is_measured(self.spec, name)
+        )
         for name in names:
             self.model.outputs.index(name)
         return np.array([name in names for name in self.model.outputs.names])

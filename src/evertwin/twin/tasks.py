@@ -30,7 +30,7 @@ from evertwin.signals.resample import linear
 from evertwin.sync.horizon import nanoseconds
 from evertwin.types import Stamps, Vector
 
-__all__ = ["Series", "Table", "is_held", "recorded_as", "rows_of_task"]
+__all__ = ["Series", "Table", "is_held", "is_measured", "recorded_as", "rows_of_task"]
 
 Series: TypeAlias = Mapping[str, tuple[Stamps, Vector]]
 """Channel → (stamps [ns], values [SI])."""
@@ -205,11 +205,23 @@ def rows_of_task(series: Series, spec: TwinSpec, model: Model, row: int, task: i
     u = np.stack(
         [_input(table, spec, name, len(model.states) > 0) for name in model.inputs.names], axis=1
     )
-    y = np.stack([table.column(recorded_as(spec, n)) for n in model.outputs.names], axis=1)
+    y = np.stack([_output(table, spec, name) for name in model.outputs.names], axis=1)
     block = make_block(table.t, u, y, row=row, task=task)
     gap = block.gap | (block.dt > clock.gap)
     gap[0] = True
     return block._replace(gap=gap)
+
+
+def is_measured(spec: TwinSpec, name: str) -> bool:
+    """Is an output recorded? A virtual sensor is not."""
+    rule = spec.signals.get(name)
+    return rule is None or rule.measured
+
+
+def _output(table: Table, spec: TwinSpec, name: str) -> Vector:
+    if not is_measured(spec, name):
+        return np.full(len(table.t), np.nan)
+    return table.column(recorded_as(spec, name))
 
 
 def recorded_as(spec: TwinSpec, name: str) -> str:
