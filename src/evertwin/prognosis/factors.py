@@ -5,8 +5,8 @@ With w the influence (e^(−t/τ) since the start, a temperature difference, a l
     y(t) = g(t)·Π (1 + a_i·w_i)         g smooth in time, a_i constant
 
 and wear is in g alone. A quadratic g and the a_i are found by turns, each a linear least-squares
-problem; the product is then divided out, down to a reference of w. An influence that only adds is a
-covariate of the indicator instead.
+problem; the product is then divided out, down to a reference of w. What the shares leave open is
+kept as a covariate. An influence that only adds is a covariate alone.
 
 >>> t = np.arange(40.0)
 >>> warm = np.exp(-np.tile([0.0, 3.0], 20))
@@ -23,7 +23,9 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Float64
 
-__all__ = ["without_factors"]
+from evertwin.prognosis.indicator import Indicator
+
+__all__ = ["divided", "without_factors"]
 
 TURNS = 50
 LEAST = 8
@@ -69,3 +71,29 @@ def without_factors(
     out = np.full(len(value), np.nan)
     out[known] = y / np.maximum(np.prod(1.0 + moved * shares, axis=1), SMALLEST)
     return out, dict(zip(names, shares.tolist(), strict=True))
+
+
+def divided(
+    indicator: Indicator, factors: Mapping[str, Float64[np.ndarray, " n"]],
+    reference: Mapping[str, float],
+) -> Indicator:  # fmt: skip
+    """The indicator without influences that multiply it.
+
+    Args:
+        indicator: the history.
+        factors: influences by name, one value for each of the history.
+        reference: influence under which the limit holds; absent: its median.
+
+    >>> from evertwin.prognosis.indicator import Limit
+    >>> warm = np.tile([1.0, 0.0], 10)
+    >>> raw = Indicator.of("f", "Nm", Limit(20.0), np.arange(20), 10.0 * (1.0 + 0.2 * warm))
+    >>> divided(raw, {"warm": warm}, {"warm": 0.0}).value.round(6).tolist()[:3]
+    [10.0, 10.0, 10.0]
+    """
+    if not factors:
+        return indicator
+    value, _ = without_factors(indicator.at, indicator.value, factors, reference)
+    return indicator.with_(
+        value=value, covariates={**indicator.covariates, **factors},
+        reference={**indicator.reference, **reference},
+    )  # fmt: skip

@@ -83,18 +83,18 @@ class Indicator:
     limit: Limit
     at: Float64[np.ndarray, " n"]
     """When, in ``clock``; must not fall."""
-    value: Float64[np.ndarray, " n"]
-    sigma: Float64[np.ndarray, " n"]
+    value: Float64[np.ndarray, " values"]
+    sigma: Float64[np.ndarray, " sigmas"]
     """Standard deviation of each value; NaN: not known."""
     clock: str = "run"
     """Unit of ``at`` and of the life that is predicted: s, h, cycle, run."""
-    covariates: Mapping[str, Float64[np.ndarray, " n"]] = field(default_factory=dict)
+    covariates: Mapping[str, np.ndarray] = field(default_factory=dict)
     """Linear influences on the value, such as temperature or load, by name."""
     reference: Mapping[str, float] = field(default_factory=dict)
     """Covariates at which the limit holds; absent: their median."""
-    since_start: Float64[np.ndarray, " n"] | None = None
+    since_start: Float64[np.ndarray, " starts"] | None = None
     """Time since the machine was switched on, where values change while it warms up."""
-    usage: Float64[np.ndarray, " n"] | None = None
+    usage: Float64[np.ndarray, " works"] | None = None
     """Work done until ``at`` (cycles, load hours …), where wear goes with it; must not fall."""
     maintenance: tuple[Maintenance, ...] = ()
     origin: float | None = None
@@ -142,7 +142,7 @@ class Indicator:
                     "series by them"
                 )
 
-    def distance(self) -> Float64[np.ndarray, " n"]:
+    def distance(self) -> Float64[np.ndarray, " values"]:
         """From each value to the limit; negative once the limit is passed."""
         return self.limit.sign * (self.limit.value - self.value)
 

@@ -28,7 +28,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
 from scipy.special import stdtr
 
 from evertwin.prognosis import jumps
@@ -59,6 +59,8 @@ SCALES = 18.0
 FAR = 20.0
 """A median beyond so many ages is no answer: growth is not told from none."""
 
+SMALL = 1e-3
+"""Share of the probability below which a family is not looked at more sharply."""
 RARE = 1e-5
 """Share of the probability below which a hypothesis is dropped after the first look."""
 
@@ -74,11 +76,13 @@ class Look(NamedTuple):
     posterior: Posterior
     weight: Float64[np.ndarray, " h"]
     """Log of evidence and prior, apart from the life's own."""
+    node: Int64[np.ndarray, " h"]
+    """Which of the family's nodes."""
 
     def take(self, index: np.ndarray) -> Look:
         """Some of the hypotheses."""
         return Look(self.family, self.clocks.take(index), self.q[index],
-                    self.posterior.take(index), self.weight[index])  # fmt: skip
+                    self.posterior.take(index), self.weight[index], self.node[index])  # fmt: skip
 
 
 class Mixture(NamedTuple):
@@ -135,10 +139,10 @@ def from_problem(
     if not looks:
         return NotEnough(f"values that one of the laws {', '.join(laws)} allows")
     rough = mixture(problem, looks, COARSE, density)
-    looks = pruned(looks, rough)
+    if rough.passed > 0.5:
+        return Life(indicator.clock, quantiles(np.zeros(1), np.ones(1)), problem.now, rough.laws)
+    looks = sharpened(problem, looks, rough, prior)
     found = mixture(problem, looks, fine_nodes(rough.cdf), density)
-    if found.passed > 0.5:
-        return Life(indicator.clock, quantiles(np.zeros(1), np.ones(1)), problem.now, found.laws)
     half = float(np.interp(0.5, found.cdf, found.nodes)) if found.cdf[-1] > 0.5 else np.inf
     if half > FAR:
         return NotEnough("growth that stands out", laws=found.laws)
@@ -155,7 +159,7 @@ def density_of(prior: Fleet, age: float) -> Density:
     return lambda ages: prior.density(ages * age) * age / beyond
 
 
-def fine_nodes(cdf: Float64[np.ndarray, " m"]) -> Float64[np.ndarray, " m"]:
+def fine_nodes(cdf: Float64[np.ndarray, " m"]) -> Float64[np.ndarray, " fine"]:
     """Nodes over the part of `COARSE` that holds the probability."""
     inside = np.flatnonzero((cdf > TAIL) & (cdf < cdf[-1] * (1.0 - TAIL)))
     low = COARSE[max(inside[0] - 1, 1)] if len(inside) else COARSE[1]
@@ -167,12 +171,15 @@ def every_look(problem: Problem, laws: Sequence[str], prior: Fleet) -> tuple[Loo
     """All families, closed in and pruned."""
     wanted = [law for law in laws if law != "gamma"]
     looks = [look(problem, family) for family in (families(wanted) if wanted else ())]
-    looks = [x._replace(weight=x.weight + log_share(prior, x.family.label)) for x in looks]
     jump = jump_look(problem) if "gamma" in laws else None
-    if jump is not None:
-        looks.append(jump._replace(weight=jump.weight + log_share(prior, "gamma")))
-    best = max((float(x.weight.max()) for x in looks), default=0.0)
-    return tuple(x.take(np.flatnonzero(x.weight > best - KEPT)) for x in looks)
+    return kept([*looks, jump] if jump is not None else looks, prior)
+
+
+def kept(looks: Sequence[Look], prior: Fleet) -> tuple[Look, ...]:
+    """With the fleet's weights of the laws, and without hypotheses that the data rule out."""
+    known = [x._replace(weight=x.weight + log_share(prior, x.family.label)) for x in looks]
+    best = max((float(x.weight.max(initial=-np.inf)) for x in known), default=0.0)
+    return tuple(x.take(np.flatnonzero(x.weight > best - KEPT)) for x in known)
 
 
 def log_share(prior: Fleet, law: str) -> float:
@@ -180,27 +187,42 @@ def log_share(prior: Fleet, law: str) -> float:
     return float(np.log(len(prior.laws) * prior.laws[law])) if law in prior.laws else 0.0
 
 
-def pruned(looks: Sequence[Look], rough: Mixture) -> tuple[Look, ...]:
-    """Hypotheses that hold some of the probability."""
-    out, at = [], 0
+def sharpened(
+    problem: Problem, looks: Sequence[Look], rough: Mixture, prior: Fleet
+) -> tuple[Look, ...]:
+    """Families that matter, on nodes over the part that holds the probability."""
+    out, old, at = [], [], 0
     for x in looks:
         share = rough.share[at : at + len(x.weight)]
         at += len(x.weight)
-        out.append(x.take(np.flatnonzero(share > RARE)))
-    return tuple(out)
+        if x.family.law in ("gamma", "wiener", "linear") or share.sum() < SMALL:
+            old.append(x.take(np.flatnonzero(share > RARE)))
+            continue
+        whole = np.zeros(len(x.family.first) * len(x.family.onset))
+        whole[x.node] = share
+        out.append(at_nodes(problem, x.family.sharper(whole)))
+    return (*old, *kept(out, prior))
 
 
 def look(problem: Problem, family: Family) -> Look:
     """One family, its nodes closing in on the evidence."""
     for _ in range(PASSES):
-        clocks, q = family.hypotheses()
-        clock = clocks.at(problem.s)
-        posterior = evaluate(problem.y, problem.omega, problem.fixed, clock, q, problem.base)
-        closer = family.closer(posterior.evidence)
+        found = at_nodes(problem, family)
+        closer = family.closer(found.posterior.evidence)
         if closer is None:
             break
         family = closer
-    return Look(family, clocks, q, posterior, posterior.evidence + family.prior())
+    return found
+
+
+def at_nodes(problem: Problem, family: Family) -> Look:
+    """One family at its nodes."""
+    clocks, q = family.hypotheses()
+    clock = clocks.at(problem.s)
+    posterior = evaluate(problem.y, problem.omega, problem.fixed, clock, q, problem.base)
+    return Look(
+        family, clocks, q, posterior, posterior.evidence + family.prior(), np.arange(len(q))
+    )  # fmt: skip
 
 
 def mixture(
@@ -289,4 +311,6 @@ def jump_look(problem: Problem) -> Look | None:
         weight, 0.0 * far, problem.limit - far, 0.0 * far, np.zeros((n, 3)), 0.0 * far, 1.0
     )
     family = Family("gamma", np.zeros(1), np.zeros(1))
-    return Look(family, Clocks.linear(n), jumps.ALPHAS, certain, weight + np.log(SCALES))
+    return Look(
+        family, Clocks.linear(n), jumps.ALPHAS, certain, weight + np.log(SCALES), np.arange(n)
+    )

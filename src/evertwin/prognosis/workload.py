@@ -57,11 +57,11 @@ class Workload:
 
     def time_of(self, work: Float64[np.ndarray, " k"]) -> Float64[np.ndarray, " k"]:
         """Time at which so much work is done; infinite where it never is."""
-        # Where the work rests, the time is that at which it goes on.
-        inner = np.interp(work, self.work, self.time)
-        last = (self.work[-1] - self.work[-2]) / (self.time[-1] - self.time[-2])
-        over = work - self.work[-1]
+        # Where the work rests, the time is that at which the rest began.
+        right = np.clip(np.searchsorted(self.work, work, side="left"), 1, len(self.work) - 1)
+        done, time = self.work[right - 1], self.time[right - 1]
+        rate = (self.work[right] - done) / (self.time[right] - time)
         with np.errstate(divide="ignore", invalid="ignore"):
-            beyond = np.where(over > 0.0, self.time[-1] + over / last, inner)
-        out: Float64[np.ndarray, " k"] = np.where(np.isfinite(work), beyond, np.inf)
+            found = np.where(work > done, time + (work - done) / rate, time)
+        out: Float64[np.ndarray, " k"] = np.where(np.isfinite(work), found, np.inf)
         return out
