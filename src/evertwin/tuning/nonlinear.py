@@ -53,6 +53,8 @@ class Objective:
         self.base, self.sizes = base, problem.sizes[free]
         self.weight = np.ones(len(problem.model.outputs))
         self.evaluations = 0
+        self.seen: tuple[Any, Any, Any] = (None, None, None)
+        """The last point with its residuals, and the weights that they have."""
         self.best: tuple[float, Vector] = (np.inf, np.zeros(int(np.count_nonzero(free))))
         self.interrupt = Interrupt(settings.interrupt)
 
@@ -84,6 +86,7 @@ class Objective:
     def __call__(self, z: Any) -> Any:
         """Weighted residuals at one point, with progress."""
         (r,) = self.vectors([z])
+        self.seen = np.array(z, dtype=np.float64), r, self.weight
         with np.errstate(over="ignore", invalid="ignore"):
             cost = 0.5 * float(r @ r)
         if cost < self.best[0]:
@@ -98,16 +101,19 @@ class Objective:
     def jacobian(self, z: Any) -> Any:
         """Differences inside the bounds, one roll-out per parameter, all at once."""
         low, high = self.bounds
-        points = [np.array(z, dtype=np.float64)]
+        points = []
         for j in range(len(z)):
             step = 1e-6 * max(1.0, abs(float(z[j])))
             other = np.array(z, dtype=np.float64)
             other[j] = z[j] + step if z[j] + step <= high[j] else max(z[j] - step, low[j])
             points.append(other)
-        centre, *others = self.vectors(points)
+        at, centre, weight = self.seen
+        # SciPy has just asked for the residuals here: they are known.
+        if not (np.array_equal(at, z) and weight is self.weight):
+            (centre,) = self.vectors([z])
         out = np.empty((len(centre), len(z)))
-        for j, there in enumerate(others):
-            change = points[j + 1][j] - z[j]
+        for j, there in enumerate(self.vectors(points)):
+            change = points[j][j] - z[j]
             with np.errstate(invalid="ignore"):
                 out[:, j] = (there - centre) / change if change else 0.0
         return np.where(np.isfinite(out), out, 0.0)
