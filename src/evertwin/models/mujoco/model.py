@@ -96,6 +96,8 @@ class MuJoCo:
         step, contact = options.get("timestep"), bool(options.get("contact", True))
         model, knobs = tunable(source, patterns, step, contact)
         found = outputs(model, options.get("outputs"))
+        if all(output.kept for output in found):
+            model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
         driven, inputs = _driven(model, options.get("inputs"))
         return cls(
             source, model, knobs, found, driven, inputs,
