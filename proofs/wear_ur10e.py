@@ -31,14 +31,14 @@ from evertwin.config import read
 from evertwin.machines.arm import Arm
 from evertwin.prognosis import Fleet, Indicator, Life, Limit, learn, predict_life
 from evertwin.prognosis.alarms import alarm_of
-from evertwin.prognosis.factors import without_factors
+from evertwin.prognosis.factors import divided
 from evertwin.tuning import solve
 from evertwin.twin.factory import model_of
 
 RUNS = 60
 LIMIT = 1.5
-WARM = (30.0,)
-"""Time constants of the influences [min]: warm-up lies between."""
+WARM = 30.0
+"""Time constant of the influence [min]; warm-up has 20 to 40."""
 CUTS = (0.5, 0.7, 0.9)
 FLEET = 30
 STEP = 5
@@ -171,11 +171,11 @@ def path(known: list[Run], seed: int, count: int = RUNS) -> Path6:
 def indicator(one: Path6, joint: int, stop: int, *, warm: bool = True) -> Indicator:
     """A joint's friction over its value when new, up to run ``stop``."""
     at = np.arange(1.0, stop + 1.0)
-    value = one.scale[:stop, joint]
-    if warm:
-        heat = {f"warm{k}": np.exp(-one.since[:stop] / tau) for k, tau in enumerate(WARM)}
-        value, _ = without_factors(at, value, heat, dict.fromkeys(heat, 0.0))
-    return Indicator.of("friction", "1", Limit(LIMIT), at, value)
+    known = Indicator.of("friction", "1", Limit(LIMIT), at, one.scale[:stop, joint])
+    if not warm:
+        return known
+    heat = {"warm": np.exp(-one.since[:stop] / WARM)}
+    return divided(known, heat, {"warm": 0.0})
 
 
 def noticed(known: Indicator) -> tuple[bool, bool]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
-from evertwin.config.data import Amount
+from evertwin.config.data import Amount, Seconds
 from evertwin.errors import UsageError
 from evertwin.settings.fields import Limits, Quantity, Section
 
@@ -65,7 +65,13 @@ class IndicatorSpec(Section):
     accuracy: AccuracySpec | None = None
     """A limit that follows from what the process demands."""
     covariates: tuple[str, ...] = ()
-    """Columns of the history that move the value without wear: temperature, load, warm-up."""
+    """What adds to the value without wear (temperature, load): columns of the history, or tuned
+    parameters."""
+    factors: tuple[str, ...] = ()
+    """What multiplies the value without wear, named as covariates are."""
+    warm_up: Annotated[Seconds, Limits(above=0.0)] | None = None
+    """Time constant τ of warm-up: the value is divided by 1 + a·e^(−t/τ), a found from the history,
+    t the time since start: the time in the run, or the column ``since_start``."""
     reference: Mapping[str, float] = field(default_factory=dict)
     """Value of a covariate under which the limit holds; absent: its median."""
     usage: str | None = None

@@ -17,6 +17,7 @@ from evertwin.errors import ConfigError, DataError
 from evertwin.fold import Event
 from evertwin.models import Parameters
 from evertwin.prognosis import Indicator, Limit, Maintenance
+from evertwin.prognosis.factors import divided
 from evertwin.twin.ahead.formula import Formula
 from evertwin.twin.ahead.history import UNITS, History
 from evertwin.twin.ahead.table import Table, read_table
@@ -39,6 +40,7 @@ class Known(NamedTuple):
     value: Vector
     sigma: Vector
     covariates: Mapping[str, Vector]
+    factors: Mapping[str, Vector]
     usage: Vector | None
     maintenance: tuple[Maintenance, ...]
 
@@ -65,27 +67,34 @@ def series_of(rule: IndicatorSpec, found: History, table: Table | None, folder: 
         return of_table(rule, read_table(folder / rule.file), found.clock, found.events)
     if table is not None:
         return of_table(rule, table, found.clock, found.events)
-    if rule.covariates or rule.usage:
-        raise ConfigError(
-            f"indicator {rule.name}: covariates and usage are columns of a history file: give one"
-        )
+    if rule.usage:
+        raise ConfigError(f"indicator {rule.name}: usage is a column of a history file: give one")
     marks = _marks(component_of(rule), found.events, found.clock)
     if rule.output is not None:
         pairs = [(m.at, m.deviation[rule.output]) for m in found.moments
                  if rule.output in m.deviation]  # fmt: skip
         at, value = (np.array([p[k] for p in pairs], dtype=np.float64) for k in (0, 1))
-        return Known(at, value, np.full(len(at), np.nan), {}, None, marks)
-    if rule.parameter is None and rule.formula is None:
+        sigma = np.full(len(at), np.nan)
+    elif rule.formula is not None:
+        formula = Formula.parse(rule.formula)
+        at, values, sigmas = found.series(formula.names)
+        value, sigma = _through(formula, values, sigmas, len(at))
+    elif rule.parameter is not None:
+        at, values, sigmas = found.series((rule.parameter,))
+        value, sigma = values[rule.parameter], sigmas[rule.parameter]
+    else:
         raise ConfigError(
             f"indicator {rule.name}: expected a parameter, a formula, an output or a file"
         )
-    formula = Formula.parse(rule.formula or "") if rule.formula else None
-    names: Sequence[str] = formula.names if formula else (str(rule.parameter),)
-    at, values, sigmas = found.series(names)
-    if formula is None:
-        return Known(at, values[names[0]], sigmas[names[0]], {}, None, marks)
-    value, sigma = _through(formula, values, sigmas, len(at))
-    return Known(at, value, sigma, {}, None, marks)
+    adds = {name: found.beside(name, at) for name in rule.covariates}
+    multiplies = {name: found.beside(name, at) for name in rule.factors}
+    multiplies |= _warm(rule, found.since_start(at))
+    return Known(at, value, sigma, adds, multiplies, None, marks)
+
+
+def _warm(rule: IndicatorSpec, since_start: Vector) -> dict[str, Vector]:
+    """The influence of warm-up, by the time since start [s]."""
+    return {} if rule.warm_up is None else {"warm_up": np.exp(-since_start / rule.warm_up)}
 
 
 def _through(
@@ -117,6 +126,7 @@ def of_table(rule: IndicatorSpec, table: Table, clock: str, events: Sequence[Eve
     name = str(given[0])
     at = _at(table, clock)
     order = np.argsort(at, kind="stable")
+    warm = {} if rule.warm_up is None else _warm(rule, table.column("since_start")[order])
     sigma = np.full(table.rows, np.nan)
     for column in (f"{name}.sigma", "sigma"):
         if column in table.names:
@@ -126,6 +136,7 @@ def of_table(rule: IndicatorSpec, table: Table, clock: str, events: Sequence[Eve
     return Known(
         at[order], table.column(name)[order], sigma[order],
         {c: table.column(c)[order] for c in rule.covariates},
+        {c: table.column(c)[order] for c in rule.factors} | warm,
         None if rule.usage is None else table.column(rule.usage)[order],
         tuple(sorted(marks, key=lambda m: m.at)),
     )  # fmt: skip
@@ -181,8 +192,9 @@ def indicator_of(
     unit = rule.unit
     if not unit and rule.parameter is not None and rule.parameter in parameters.names:
         unit = parameters[rule.parameter].unit
-    found = Indicator.of(rule.name, unit or "1", limit, known.at, known.value)
-    return found.with_(
+    found = Indicator.of(rule.name, unit or "1", limit, known.at, known.value).with_(
         sigma=known.sigma, clock=clock, covariates=dict(known.covariates), usage=known.usage,
         maintenance=known.maintenance, reference=dict(rule.reference),
     )  # fmt: skip
+    warm = {"warm_up": 0.0} if "warm_up" in known.factors else {}
+    return divided(found, known.factors, warm | dict(rule.reference))

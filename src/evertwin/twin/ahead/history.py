@@ -1,8 +1,8 @@
 """The parameter history as series on one clock: what the store has kept of every fit.
 
 A run of the twin counts its tasks and its time from zero, so runs are joined: where the count does
-not rise a new run has begun, and goes on after the last. Stamps are taken as they are where they rise
-with the time in tasks; recordings that each begin at zero are counted by the time in tasks.
+not rise a new run has begun, and goes on after the last. Stamps are taken as they are where they
+rise with the time in tasks; recordings that each begin at zero are counted by the time in tasks.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from evertwin.errors import ConfigError
 from evertwin.fold import Answer, Event
 from evertwin.store import Estimate, Store
 from evertwin.types import Vector
@@ -44,6 +45,8 @@ class Moment:
     """Parameter → value and standard deviation (NaN: not known); only what could be told."""
     deviation: Mapping[str, float]
     """Output → rms(residual) / rms(measured) before the fit."""
+    since_start: float = 0.0
+    """Time in the run [s]."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +89,25 @@ class History:
             {n: s[:, k] for k, n in enumerate(names)},
         )  # fmt: skip
 
+    def beside(self, name: str, at: Vector) -> Vector:
+        """The newest value of another parameter at each of some moments; NaN before its first.
+
+        Raises:
+            ConfigError: it was never tuned.
+        """
+        times, values, _ = self.series((name,))
+        if not len(times):
+            raise ConfigError(
+                f"covariate {name!r}: expected a tuned parameter, or a column of a history file"
+            )
+        place = np.searchsorted(times, at, side="right") - 1
+        return np.where(place >= 0, values[name][np.maximum(place, 0)], np.nan)
+
+    def since_start(self, at: Vector) -> Vector:
+        """Time in the run at each of some moments [s]."""
+        known = {moment.at: moment.since_start for moment in self.moments}
+        return np.array([known[x] for x in at.tolist()], dtype=np.float64)
+
 
 def history(store: Store, clock: str) -> History:
     """What the store has kept, on ``clock`` (run, cycle, s, h or d)."""
@@ -94,7 +116,7 @@ def history(store: Store, clock: str) -> History:
     groups = _groups(fits)
     at = _clock([group[0] for group in groups], clock)
     moments = tuple(
-        Moment(moment, _found(group), deviations.get(_key(group[0]), {}))
+        Moment(moment, _found(group), deviations.get(_key(group[0]), {}), group[0].elapsed * 1e-9)
         for moment, group in zip(at, groups, strict=True)
     )
     kinds = ("maintained", "confirmed", "postponed", "declined")
