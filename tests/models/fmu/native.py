@@ -201,8 +201,14 @@ int fmi2DeSerializeFMUstate(Inst *i, char *b, size_t n, void **s) {
 #endif
 """
 
-UNITS = """<Unit name="N"><BaseUnit kg="1" m="1" s="-2"/></Unit>
-<Unit name="mm"><BaseUnit m="1" factor="0.001"/></Unit>"""
+UNITS = "".join(
+    f'<Unit name="{name}"><BaseUnit {powers}/></Unit>'
+    for name, powers in {
+        "N": 'kg="1" m="1" s="-2"', "mm": 'm="1" factor="0.001"', "m": 'm="1"',
+        "m/s": 'm="1" s="-1"', "m/s2": 'm="1" s="-2"', "W": 'kg="1" m="2" s="-3"',
+        "kg": 'kg="1"', "N.s/m": 'kg="1" s="-1"',
+    }.items()
+)  # fmt: skip
 
 
 def compiler() -> str:
@@ -249,7 +255,7 @@ def description(three: bool, interfaces: str, saves: bool, exact: bool, indicato
     flags = f'canGetAndSetFMU{state}="true" canSerializeFMU{state}="true"' if saves else ""
     tags = "".join(
         f'<{tag} modelIdentifier="mass" {flags}/>'
-        for key, tag in (("c", "CoSimulation"), ("m", "ModelExchange")) if key in interfaces
+        for key, tag in (("m", "ModelExchange"), ("c", "CoSimulation")) if key in interfaces
     )  # fmt: skip
     initial = "exact" if exact else "calculated"
     rows = [
@@ -264,15 +270,18 @@ def description(three: bool, interfaces: str, saves: bool, exact: bool, indicato
         ("fc", 6, 'causality="parameter" variability="tunable"', 'start="1.5" min="0" unit="N"'),
         ("fv", 7, 'causality="parameter" variability="tunable"',
          'start="0.5" min="0" unit="N.s/m"'),
-        ("x0", 8, 'causality="local" initial="exact" variability="fixed"', 'start="0" unit="m"'),
-        ("v0", 9, 'causality="local" initial="exact" variability="fixed"', 'start="0" unit="m/s"'),
+        ("x0", 8, 'causality="local" initial="exact" variability="continuous"',
+         'start="0" unit="m"'),
+        ("v0", 9, 'causality="local" initial="exact" variability="continuous"',
+         'start="0" unit="m/s"'),
         ("der(x)", 10, 'causality="local"', 'unit="m/s" derivative="2"'),
         ("der(v)", 11, 'causality="local"', 'unit="m/s2" derivative="3"'),
     ]  # fmt: skip
     if three:
-        variables = "".join(
-            f'<Float64 name="{n}" valueReference="{r}" {a} {b}/>' for n, r, a, b in rows
-        )
+        variables = (
+            '<Float64 name="time" valueReference="0" causality="independent" '
+            'variability="continuous"/>'
+        ) + "".join(f'<Float64 name="{n}" valueReference="{r}" {a} {b}/>' for n, r, a, b in rows)
         structure = (
             "".join(f'<Output valueReference="{r}"/>' for r in (2, 3, 4))
             + "".join(f'<ContinuousStateDerivative valueReference="{r}"/>' for r in (10, 11))

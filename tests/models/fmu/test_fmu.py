@@ -22,6 +22,7 @@ from evertwin.models.randomized import Randomized
 from evertwin.signals import Layout
 
 from .native import build
+from .python_fmu import build as build_python
 
 Open = Callable[..., Fmu]
 WAYS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
@@ -265,3 +266,19 @@ def test_solvers_and_steps(made: Open) -> None:
 def test_notes_say_what_no_update_reaches(made: Open) -> None:
     text = " ".join(made({}).notes)
     assert "start values of x, v" in text and "no position update reaches power" in text
+
+
+def test_an_fmu_in_python(tmp_path: Path) -> None:
+    """PythonFMU declares no states: named ones take start values. It gives no units."""
+    file = build_python(tmp_path)
+    with pytest.raises(ModelError, match="offers no way to"):
+        fmu(file)
+    model = fmu(file, states=["x", "v"], units={"x": "m", "v": "m/s", "force": "N"})
+    check_model(model, *drive(20))
+    u, dt = drive(200)
+    p = model.parameters.with_values({"fc": 0.7}).values
+    _, wanted = plain().simulate(np.zeros(2), u, dt, p)
+    _, got = model.simulate(model.initial(p), u, dt, p)
+    assert np.abs(got - wanted[:, :2]).max() < 1e-9
+    assert "no unit is given for mass, fc, fv" in " ".join(model.notes)
+    model.close()
