@@ -29,6 +29,10 @@ BROAD_EXCEPT = {
         "engine.py",
         "_attempt",
     ): "work is the user's code: its error is the answer",
+    (
+        "models/function.py",
+        "step",
+    ): "the step is the user's code: its error is a lost row",
 }
 """The edges where any exception is caught, by (file, function)."""
 

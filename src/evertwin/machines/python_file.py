@@ -6,9 +6,12 @@ The file runs with the rights of this process: it is code, not data.
 from __future__ import annotations
 
 import importlib.util
+import traceback
 from pathlib import Path
 
-from evertwin.errors import ConfigError
+import numpy as np
+
+from evertwin.errors import ConfigError, ModelError
 from evertwin.models import Model
 
 __all__ = ["model_from_file"]
@@ -18,7 +21,7 @@ def model_from_file(file: str = "", name: str = "model") -> Model:
     """The Model called ``name`` in a Python file.
 
     Raises:
-        ConfigError: there is no such file, or no such model in it.
+        ConfigError: there is no such file, no such model in it, or it cannot run one row.
     """
     path = Path(file)
     spec = importlib.util.spec_from_file_location(path.stem, path)
@@ -29,4 +32,18 @@ def model_from_file(file: str = "", name: str = "model") -> Model:
     found = getattr(module, name, None)
     if not isinstance(found, Model):
         raise ConfigError(f"{path.name}: expected a model called {name!r}, got {found!r}")
+    _tried(path.name, found)
     return found
+
+
+def _tried(file: str, model: Model) -> None:
+    """Runs one row of zeros: a mistake in the code is told now, not as a lost row later."""
+    p = model.parameters.values
+    try:
+        model.simulate(model.initial(p), np.zeros((1, len(model.inputs))), np.ones(1), p)
+    except (NameError, TypeError, AttributeError, LookupError, ModelError) as error:
+        lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if file in f.filename]
+        place = f"{file}:{lines[-1]}" if lines else file
+        raise ConfigError(f"{place}: {type(error).__name__}: {error}: correct the model") from error
+    except ArithmeticError:
+        return  # zeros may be no values that this machine can have

@@ -18,6 +18,8 @@ By default an output that is named like a state adopts into that state.
 from __future__ import annotations
 
 import ctypes
+import logging
+import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -33,6 +35,8 @@ from evertwin.signals.channels import Layout
 from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
 
 __all__ = ["FunctionModel", "python_kernel"]
+
+log = logging.getLogger("evertwin")
 
 Step: TypeAlias = Callable[[Any, Any, float, Any], tuple[Sequence[float], Sequence[float]]]
 _REAL = ctypes.POINTER(ctypes.c_double)
@@ -108,10 +112,11 @@ def python_kernel(model: Any) -> Kernel:
     """A kernel from any Model's ``simulate`` and ``observe``, called row by row.
 
     An exception in a callback cannot pass through compiled code: it becomes return code 1, and the
-    row an error (NaN). `check_model` shows the exception itself.
+    row an error (NaN). The first one is logged, with its line; `check_model` shows it whole.
     """
     nx, nu = len(model.states), len(model.inputs)
     ny, n_p = len(model.outputs), len(model.parameters)
+    told: list[str] = []
 
     def view(pointer: Any, size: int) -> Any:
         return np.ctypeslib.as_array(pointer, shape=(size,)) if size else np.zeros(0)
@@ -121,7 +126,10 @@ def python_kernel(model: Any) -> Kernel:
             new, out = model.simulate(
                 view(x, nx).copy(), view(u, nu)[None, :].copy(), np.array([dt]), view(p, n_p).copy()
             )
-        except (ArithmeticError, ValueError, TypeError, LookupError, ModelError):
+        except Exception as error:  # noqa: BLE001  it is the user's code
+            if not told:
+                told.append(_where(error))
+                log.warning("the model's step failed, its row is an error: %s", told[0])
             return 1
         view(ahead, nx)[:] = new
         view(y, ny)[:] = out[0]
@@ -134,3 +142,10 @@ def python_kernel(model: Any) -> Kernel:
     calls = (_STEP(step), _OBSERVE(observe))
     addresses = [ctypes.cast(call, ctypes.c_void_p).value or 0 for call in calls]
     return Kernel(addresses[0], addresses[1], np.zeros(1, dtype=np.int64), (calls, model))
+
+
+def _where(error: Exception) -> str:
+    """The error in one line, with the file and line that it comes from."""
+    frames = traceback.extract_tb(error.__traceback__)
+    place = f"{frames[-1].filename.rsplit('/', 1)[-1]}:{frames[-1].lineno}: " if frames else ""
+    return f"{place}{type(error).__name__}: {error}"

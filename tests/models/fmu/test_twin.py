@@ -66,7 +66,7 @@ def test_it_is_corrected_and_promoted(tmp_path: Path) -> None:
         model, tuning=spec.TuningSpec(editable=("mass",)),
         correction=spec.CorrectionSpec(channels=("force",), terms=("law",)),
     ) as twin:  # fmt: skip
-        twin.run(recording(4500, {"mass": 2.0}, gain=0.8))
+        twin.run(recording(6000, {"mass": 2.0}, gain=0.8))
         promoted = [event for event in twin.events if event.kind == "promoted"]
         champion = twin.parameters_of(twin.champion.number)
     assert promoted and model.faults == ()

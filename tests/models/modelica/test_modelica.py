@@ -241,7 +241,8 @@ equation
   der(x) = -c .* x + u * k;
   o = M * {x[1], grown(x[2], {c[1], twice})};
   s = sum(c[i] * x[i] for i in 1:n) + max(x) + (if noEvent(u[1] > 0) then x[1] else -x[1])
-    + cross({1.0, 0.0, 0.0}, {0.0, 1.0, 0.0}) * x + identity(2) * {x[1], x[2]} * {1.0, 1.0} + sum(x[2:3]);
+    + cross({1.0, 0.0, 0.0}, {0.0, 1.0, 0.0}) * x + identity(2) * {x[1], x[2]} * {1.0, 1.0}
+    + sum(x[2:3]);
 end Arrays;
 end P;
 """
