@@ -45,6 +45,12 @@ def run_twin(twin: Path, data: Files, report: Path | None, as_json: bool, check:
         if report is not None:
             write_report(result, opened.setup, report)
         show(result.to_dict(), str(result), as_json)
+        if not opened.decides:
+            typer.echo(
+                f"evertwin: {twin}: nothing is tuned or corrected without a requirement: set "
+                "[anomaly] requirement, such as '1 cm' or 0.05 of the rms",
+                err=True,
+            )
     if check and result.of_kind(*FINDINGS):
         raise typer.Exit(1)
 

@@ -48,7 +48,7 @@ from evertwin.models.form import Form, Term
 from evertwin.models.variants import in_variant
 from evertwin.types import Json, ParameterVector, Vector
 
-__all__ = ["KINDS", "Gain", "Proposal", "Selection", "improve", "prepare", "stack_of"]
+__all__ = ["KINDS", "Gain", "Proposal", "Selection", "TooFew", "improve", "prepare", "stack_of"]
 
 KINDS = ("lag", "coupling", "law", "table", "surface")
 TINY = 1e-12
@@ -59,6 +59,14 @@ _REPLACED = {
     (SHAPED, "coupling"): ("coupling",),
 }
 """Kinds on its channel whose place a term may take, by tier and kind."""
+
+
+class TooFew(DataError):
+    """Not enough segments yet to look for corrections.
+
+    >>> TooFew("correction: expected at least 30 segments").exit_code
+    4
+    """
 
 
 @dataclass(frozen=True)
@@ -178,13 +186,13 @@ def improve(
         p: parameters of the present form's model; default: its own.
 
     Raises:
-        DataError: too few segments.
+        TooFew: too few segments.
         UsageError: the model is a static map.
     """
     chosen = settings or Selection()
     stack, evidence = prepare(model, form, windows, horizon, p)
     if evidence.segments < chosen.least:
-        raise DataError(
+        raise TooFew(
             f"correction: expected at least {chosen.least} segments of {evidence.horizon:g} s, got "
             f"{evidence.segments}: give more data or a shorter horizon"
         )

@@ -147,7 +147,10 @@ class Law:
             name, value = ("width", self.width) if slot == WIDTH else ("vs", self.vs)
             return Parameter(name + suffix, value, "rad/s", 1e-6, 100.0, editable=False)
         name, unit = _LINEAR[slot]
-        return Parameter(name + suffix, 0.0, unit)
+        # A Stribeck peak or a root may take more than its share, which Fv and Fc then give back:
+        # there the sum resists, not each term.
+        alone = slot in (VISCOUS, COULOMB) and not (self.stribeck or self.root)
+        return Parameter(name + suffix, 0.0, unit, resists=alone)
 
     def parameters(self, suffix: str = "") -> tuple[Parameter, ...]:
         """The law's parameters, linear ones first; names end in ``suffix``. Torque units."""

@@ -42,6 +42,8 @@ class Parameter:
     """May tuning change it? The twin file decides; this is the model's proposal."""
     source: str = ""
     """Where the value comes from: data sheet, literature, experiment, tuned."""
+    resists: bool = False
+    """Physics knows it above zero alone, as a friction: a fit below is told to be doubtful."""
 
     def __post_init__(self) -> None:
         conversion(self.unit)

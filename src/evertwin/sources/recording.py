@@ -9,6 +9,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from importlib.metadata import entry_points
 from pathlib import Path
 
 from evertwin.errors import DataError
@@ -24,18 +26,53 @@ from evertwin.sources.text import TextTable
 __all__ = ["open_recording"]
 
 _OPEN = {"mat": open_mat, "parquet": open_parquet, "npy": open_npy, "npz": open_npz}
+_OWN = frozenset(
+    (
+        "",
+        "csv",
+        "txt",
+        "tsv",
+        "dat",
+        "log",
+        "mat",
+        "parquet",
+        "npy",
+        "npz",
+        "mcap",
+        "bag",
+        "db3",
+        "gz",
+    )
+)
+"""Endings that no other package reads."""
+
+
+def _opened(reader: Callable[[Path], Recording], path: Path) -> Recording:
+    found = reader(path)
+    if not isinstance(found, Recording):
+        raise DataError(
+            f"{path.name}: its reader {reader.__module__}.{reader.__qualname__} gave "
+            f"{type(found).__name__}, expected evertwin.sources.Recording"
+        )
+    return found
 
 
 def open_recording(path: Path | str, stated: Stated = FOUND) -> Recording:
     """The tables of a file, or of a folder that holds a ROS 2 bag.
 
-    What is ``stated`` holds for text tables; every other kind of file says it itself.
+    A file whose ending another package has registered (entry point group ``evertwin.sources``) is
+    opened by that package. What is ``stated`` holds for text tables; every other kind of file says
+    it itself.
 
     Raises:
         DataError: no such file, a damaged one, or a kind that is never read.
         MissingExtra: the library that reads it is not installed.
     """
     path = Path(path)
+    ending = path.suffix.lower().removeprefix(".")
+    if ending not in _OWN and path.is_file():
+        for point in entry_points(group="evertwin.sources", name=ending):
+            return _opened(point.load(), path)
     kind = sniff(path)
     if kind == "text":
         table = TextTable(path, stated=stated)

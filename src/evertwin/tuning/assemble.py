@@ -130,6 +130,7 @@ def assemble(
     covariance, quantile = _covariance(problem, j, r, sigma)
     half = quantile * np.sqrt(np.diag(covariance))
     verdicts, reasons = grade(refused, half / sizes_of(problem, j, sigma, outcome.values))
+    verdicts, reasons = _doubted(problem, outcome.values, verdicts, reasons)
     free = np.array([verdict != "not" for verdict in verdicts])
     values = np.where(free, outcome.values, start)
     wide = ~free & np.array([not reason for reason in refused])
@@ -172,6 +173,17 @@ def assemble(
         message=outcome.message,
         seconds=time.perf_counter() - began,
     )
+
+
+def _doubted(
+    problem: Problem, values: Vector, verdicts: tuple[str, ...], reasons: tuple[str, ...]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """What resists by its nature and was fitted below zero is not called identifiable."""
+    told = list(zip(verdicts, reasons, strict=True))
+    for k, name in enumerate(problem.names):
+        if problem.parameters[name].resists and values[k] < 0 and told[k][0] == "identifiable":
+            told[k] = ("weak", "negative, so it would drive: the rows or the form mislead it")
+    return tuple(verdict for verdict, _ in told), tuple(reason for _, reason in told)
 
 
 def _followed(

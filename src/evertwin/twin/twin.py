@@ -28,6 +28,7 @@ from evertwin.models.form import Version
 from evertwin.prognosis.planning import Plan
 from evertwin.store import SqliteStore, Store
 from evertwin.twin.ahead.basis import Basis
+from evertwin.twin.ahead.docking import dock
 from evertwin.twin.ahead.forecast import Forecast, forecast
 from evertwin.twin.ahead.future import Mode
 from evertwin.twin.ahead.lives import Lives, Prospect
@@ -129,6 +130,15 @@ class Twin:
     def pinned(self) -> bool:
         """Is the champion pinned?"""
         return self._book.pinned
+
+    @property
+    def decides(self) -> bool:
+        """Is anything tuned or corrected: is there a requirement, a schedule, or a stream?"""
+        rule = self.spec.tuning
+        return bool(
+            np.isfinite(self.setup.requirement) or np.isfinite(rule.every)
+            or rule.method == "recursive"
+        )  # fmt: skip
 
     @property
     def events(self) -> tuple[Event, ...]:
@@ -297,7 +307,13 @@ class Twin:
     ) -> WhatIf:  # fmt: skip
         """A scenario (file) beside today, simulated with the live version."""
         told = scenario if isinstance(scenario, ScenarioSpec) else read_scenario(scenario)
-        return run_scenario(self.prospect(history, data), told)
+        prospect = self.prospect(history, data)
+        found = run_scenario(prospect, told)
+        if told.docking is None:
+            return found
+        with Twin.open(Path(told.folder) / told.docking.machine) as second:
+            docked = dock(prospect.basis, second.prospect().basis, told.docking, data)
+        return replace(found, docking=docked.to_dict())
 
     @_RUNAWAY
     def plan(self, history: str | Path | None = None, data: Data = None) -> Plan:

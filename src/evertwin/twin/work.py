@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from evertwin.anomaly.branch import Verdict, branch, explained
-from evertwin.correction.improve import Proposal
+from evertwin.correction.improve import Proposal, TooFew
 from evertwin.errors import DataError, ModelError, UsageError
 from evertwin.fold import Answer, Block, Request, plain
 from evertwin.models import Model
@@ -57,6 +57,9 @@ class Work:
                 content = self.fit(version, windows, state.desk.tunings)
             else:
                 content = self.correct(version, windows)
+        except TooFew as error:
+            # not a verdict on anything: more rows come
+            content = {"events": [], "waits": str(error)}
         except (DataError, ModelError, UsageError) as error:
             reason = f"{request.kind}: {error}"
             content = {"events": [_event("rejected", "", reason, {})]}
