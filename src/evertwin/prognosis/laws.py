@@ -62,6 +62,11 @@ class Family(NamedTuple):
         """The law's name for the user."""
         return "two-phase" if self.law.startswith("two-phase") else self.law
 
+    @property
+    def random(self) -> bool:
+        """Whether the law is a Wiener process."""
+        return self.law.endswith("wiener")
+
     def hypotheses(self) -> tuple[Clocks, Float64[np.ndarray, " h"]]:
         """(clocks, q) of all nodes, the onset's axis running fastest."""
         x, o = (axis.ravel() for axis in np.meshgrid(self.first, self.onset, indexing="ij"))
@@ -72,6 +77,8 @@ class Family(NamedTuple):
             return Clocks.power(np.exp(x)), quiet
         if self.law == "exponential":
             return Clocks.exponential(np.exp(x)), quiet
+        if self.law == "two-phase wiener":
+            return Clocks.two_phase(quiet, o), np.exp(x)
         if self.law == "two-phase straight":
             return Clocks.two_phase(quiet, o), quiet
         if self.law == "two-phase bent":
@@ -80,9 +87,9 @@ class Family(NamedTuple):
 
     def prior(self) -> float:
         """Logarithm of a node's prior weight, apart from that of the life itself."""
-        wide = {
-            "wiener": RATIO, "power": POWER, "exponential": EXPONENT, "two-phase bent": EXPONENT
-        }  # fmt: skip
+        wide = {"power": POWER, "exponential": EXPONENT, "two-phase bent": EXPONENT}
+        if self.random:
+            wide[self.law] = RATIO
         weight = self.share
         if self.law in wide:
             low, high = wide[self.law]
@@ -120,7 +127,7 @@ class Family(NamedTuple):
         Each exponent alone foretells the life sharply; between coarse nodes probability would be
         missing. q hardly moves the life, its nodes stay.
         """
-        if self.law == "wiener":
+        if self.random:
             return self
         table = share.reshape(len(self.first), len(self.onset))
         many = SHARP if 1 in table.shape else SHARP // 2
@@ -140,14 +147,16 @@ def families(laws: Sequence[str] = LAWS) -> tuple[Family, ...]:
         raise UsageError(f"laws: expected some of {', '.join(LAWS)}, got {unknown or 'none'}")
     none, onsets = np.zeros(1), (np.arange(14) + 0.5) / 14.0
     bent = np.log([YOUNG * EXPONENT[0], EXPONENT[1]])
+    ratio = np.log(RATIO)
     known = {
         "linear": (Family("linear", none, none),),
         "exponential": (Family("exponential", np.linspace(bent[0], bent[1], 16), none),),
         "power": (Family("power", np.linspace(np.log(POWER[0]), np.log(POWER[1]), 14), none),),
-        "wiener": (Family("wiener", np.linspace(np.log(RATIO[0]), np.log(RATIO[1]), 14), none),),
+        "wiener": (Family("wiener", np.linspace(ratio[0], ratio[1], 14), none),),
         "two-phase": (
-            Family("two-phase straight", none, onsets, 0.5),
-            Family("two-phase bent", np.linspace(bent[0], bent[1], 6), onsets, 0.5),
+            Family("two-phase straight", none, onsets, 1 / 3),
+            Family("two-phase bent", np.linspace(bent[0], bent[1], 6), onsets, 1 / 3),
+            Family("two-phase wiener", np.linspace(ratio[0], ratio[1], 7), onsets, 1 / 3),
         ),
     }
     return tuple(family for law in LAWS if law in laws for family in known.get(law, ()))

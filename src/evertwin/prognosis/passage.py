@@ -31,8 +31,10 @@ from evertwin.prognosis.bank import Posterior
 
 __all__ = ["path", "process"]
 
-SCALES = 7
+SCALES = 5
 """Nodes over s²."""
+SHARP = 0.02
+"""Variance of the level now, in that of the process until the limit, that does not count."""
 NODES = np.sqrt(3.0) * np.array([-1.0, 0.0, 1.0])
 """Gauss-Hermite nodes over the level now, with their weights."""
 SHARES = np.array([1.0, 4.0, 1.0]) / 6.0
@@ -83,16 +85,20 @@ def drifting(
             spread = math.sqrt(max(s2 * cov[h, 0], 0.0))
             turn = -cov[h, 1] / max(cov[h, 0], 1e-300)
             v = max(s2 * (cov[h, 2] - cov[h, 1] * cov[h, 1] / max(cov[h, 0], 1e-300)), 0.0)
-            total = 0.0
-            for k in range(len(nodes)):
+            # Where the level's spread is small beside the process, its mean says it all.
+            drifts = max(b[h], 0.1 * d[h])
+            sharp = d[h] > 0.0 and spread * spread * drifts < SHARP * sigma2 * d[h]
+            total = 1.0 if sharp else 0.0
+            for k in range(0 if sharp else len(nodes)):
                 if d[h] + spread * nodes[k] > 0.0:
                     total += shares[k]
-            for k in range(len(nodes)):
-                distance = d[h] + spread * nodes[k]
+            for k in range(1 if sharp else len(nodes)):
+                away = 0.0 if sharp else spread * nodes[k]
+                distance = d[h] + away
                 if total > 0.0 and distance <= 0.0:
                     continue
-                share = shares[k] / total if total > 0.0 else shares[k]
-                m = b[h] + turn * spread * nodes[k]
+                share = 1.0 if sharp else shares[k] / (total if total > 0.0 else 1.0)
+                m = b[h] + turn * away
                 for j in range(r.shape[1]):
                     part = passed(distance, m, v, sigma2, r[h, j]) if total > 0.0 else 1.0
                     out[h, j] += share * part / len(inverse)

@@ -47,11 +47,11 @@ __all__ = ["predict_life"]
 
 PASSES = 5
 """Most rounds in which a family's nodes close in."""
-KEPT = 14.0
+KEPT = 11.0
 """Log evidence below the best at which a hypothesis is dropped."""
-COARSE: Float64[np.ndarray, " m"] = np.concatenate([[0.0], np.logspace(-5.0, 3.0, 65)])
+COARSE: Float64[np.ndarray, " m"] = np.concatenate([[0.0], np.logspace(-4.0, 3.0, 49)])
 """Remaining life, in ages, where the mixture is looked at first."""
-FINE = 160
+FINE = 140
 """Nodes over the part that holds the probability."""
 TAIL = 2e-4
 SCALES = 18.0
@@ -61,7 +61,7 @@ FAR = 20.0
 
 SMALL = 1e-3
 """Share of the probability below which a family is not looked at more sharply."""
-RARE = 1e-5
+RARE = 1e-4
 """Share of the probability below which a hypothesis is dropped after the first look."""
 
 Density = Callable[[np.ndarray], np.ndarray]
@@ -195,7 +195,7 @@ def sharpened(
     for x in looks:
         share = rough.share[at : at + len(x.weight)]
         at += len(x.weight)
-        if x.family.law in ("gamma", "wiener", "linear") or share.sum() < SMALL:
+        if x.family.random or x.family.law in ("gamma", "linear") or share.sum() < SMALL:
             old.append(x.take(np.flatnonzero(share > RARE)))
             continue
         whole = np.zeros(len(x.family.first) * len(x.family.onset))
@@ -243,7 +243,7 @@ def mixture(
     scale = np.exp(weight - top)
     part = scale[:, None] * mass
     none = float(np.exp(still - top))
-    total = float(part.sum()) + none
+    total = max(float(part.sum()) + none, 1e-300)
     share = part.sum(axis=1) / total
     labels = np.concatenate([np.full(len(x.weight), x.family.label) for x in looks])
     laws = {str(law): float(share[labels == law].sum()) for law in dict.fromkeys(labels)}
@@ -268,7 +268,7 @@ def first_passage(
         return jumps.passed(x.q, grown, span, left, nodes)
     clock = x.clocks.at(1.0 + nodes)
     distance = clock - clock[:, :1]
-    if x.family.law == "wiener":
+    if x.family.random:
         return process(x.posterior, x.q, problem.limit, distance)
     return path(x.posterior, problem.limit, distance)
 
