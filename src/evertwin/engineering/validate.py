@@ -31,6 +31,8 @@ __all__ = ["OutputReport", "Rules", "Run", "ValidationReport", "validate"]
 
 WHITE = 0.01
 """Probability below which a residual is not white, or depends on an input."""
+FEWEST = 30
+"""Rows that it takes to say anything about what is left."""
 SHARE = 0.1
 """Least share of the residual's variance that an input must explain to be named."""
 
@@ -255,11 +257,13 @@ def _left(runs: Sequence[Run], rules: Rules) -> dict[str, dict[str, Any]]:
     thin = slice(None, None, max(1, rules.every))
     r, u = run.residual[thin], run.u[thin]
     known = np.isfinite(u).all(axis=1)
+    if np.count_nonzero(known) < FEWEST:
+        return {}
     named = {d.output: d for d in dependences(r[known], u[known], rules.outputs, rules.inputs)}
     out = {}
     for k, name in enumerate(rules.outputs):
         seen = r[:, k]
-        if np.count_nonzero(~np.isnan(seen)) < 30:
+        if np.count_nonzero(~np.isnan(seen)) < FEWEST:
             continue
         p, rho = ljung_box(seen), autocorrelation(seen, 1)
         found = named.get(name)

@@ -54,12 +54,12 @@ class Check:
     @property
     def ran(self) -> bool:
         """Could it run?"""
-        return not math.isnan(self.limit)
+        return not math.isnan(float(self.limit))
 
     @property
     def passed(self) -> bool:
         """Did it run, and is the figure a number within the limit?"""
-        return self.ran and self.figure <= self.limit
+        return bool(self.ran and self.figure <= self.limit)
 
     def __str__(self) -> str:
         if not self.ran:
