@@ -18,7 +18,7 @@ import pint
 
 from evertwin.errors import UsageError
 
-__all__ = ["compatible", "conversion", "from_si", "si_unit", "to_si"]
+__all__ = ["compatible", "conversion", "from_si", "powers", "si_unit", "to_si"]
 
 _SPELLINGS = {
     "Nm": "N*m", "Nms": "N*m*s", "kgm2": "kg*m**2", "kgm^2": "kg*m**2", "Ns": "N*s",
@@ -101,3 +101,21 @@ def from_si(value: Any, unit: str) -> Any:
     """
     factor, offset = conversion(unit)
     return (value - offset) / factor
+
+
+_BASE = {
+    "kilogram": "kg", "meter": "m", "second": "s", "ampere": "A", "kelvin": "K", "mole": "mol",
+    "candela": "cd", "radian": "rad",
+}  # fmt: skip
+
+
+def powers(unit: str) -> dict[str, int]:
+    """Powers of base units, none where one is a fraction; a plain angle keeps its radian.
+
+    >>> powers("Nm"), powers("rad")
+    ({'kg': 1, 'm': 2, 's': -2}, {'rad': 1})
+    """
+    base = sorted(_registry().Quantity(1.0, _parse(unit)).to_base_units().unit_items())
+    if any(power != int(power) for _, power in base):
+        return {}
+    return {_BASE[name]: int(power) for name, power in base if name in _BASE}

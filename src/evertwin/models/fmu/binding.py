@@ -109,11 +109,6 @@ class Binding:
     def _variable(self, name: str) -> Variable:
         return _named(self.description, name, self.where)
 
-    @property
-    def capacity(self) -> int:
-        """0, or the words that a saved state of a given size takes."""
-        return 0
-
     def layout(self, saved: int) -> Layout:
         """Channels of the state; ``saved`` bytes are packed into it, with room to grow."""
         added = [Channel("fmu.time", "s")] if self.clock else []
@@ -143,16 +138,18 @@ class Binding:
 
     @property
     def adopts(self) -> list[tuple[int, int]]:
-        """(output, state) of one name or one value reference: what a position update reaches."""
+        """(output, state) that a position update connects: as said, of one name or reference."""
+        outputs, states = self.outputs, self.states
+        alone = _alone(outputs) and _alone(states)
         found = []
-        references = self.states.group.references
-        for i, (channel, name) in enumerate(zip(self.outputs.layout, self.outputs.layout.names)):
-            for j, state in enumerate(self.states.layout.names):
-                one = len(references) == len(self.states.layout)
-                same = one and _alone(self.outputs) and (
-                    self.outputs.group.references[i] == references[j]
-                )  # fmt: skip
-                if name == state or (same and channel.unit == self.states.layout.units[j]):
+        for i, channel in enumerate(outputs.layout):
+            wanted = self.options.adopts.get(channel.name)
+            if wanted is not None:
+                found.append((i, states.layout.index(wanted)))
+                continue
+            for j, state in enumerate(states.layout):
+                same = alone and outputs.group.references[i] == states.group.references[j]
+                if channel.name == state.name or (same and channel.unit == state.unit):
                     found.append((i, j))
                     break
         return found

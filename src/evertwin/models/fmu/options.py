@@ -44,6 +44,8 @@ class Options:
     states: Sequence[str] | Mapping[str, str] | None = None
     """Co-simulation: variables that hold the memory and take start values; as a table, state →
     the variable that takes its start value. Model exchange knows its own."""
+    adopts: Mapping[str, str] = field(default_factory=dict)
+    """Output → the state that it shows, where they differ in name and value reference."""
     interface: str = ""
     """``co-simulation`` or ``model-exchange``; default: co-simulation if its memory can be held."""
     memory: str = ""

@@ -45,7 +45,7 @@ def si_of(name: str, defined: Unit | None = None) -> tuple[str, float, float]:
 def _spelled(name: str) -> str:
     """``kg.m2/(s.K)`` as ``kg*m^2/(s*K)``."""
     text = re.sub(r"([A-Za-z])(-?\d+)", r"\1^\2", name)
-    return text.replace(".", "*")
+    return re.sub(r"\.(?=[A-Za-z(])", "*", text)
 
 
 def _powers(unit: Unit) -> str:

@@ -1,0 +1,91 @@
+"""A twin's version written as an FMU, and read back as one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evertwin import Twin
+from evertwin.errors import UsageError
+from evertwin.models import Restart, check_model, roll
+from evertwin.models.corrected import Term, build
+from evertwin.models.fmu import fmu
+from evertwin.models.form import Form
+from evertwin.models.kernel import ADOPT, ANEW
+from evertwin.twin.as_fmu import write_fmu
+
+ROBOT = '[model]\nkind = "robot1d"\n'
+TANK = """[model]
+kind = "python"
+options = { file = "tank.py", name = "model" }
+"""
+TANK_PY = """
+from evertwin import FunctionModel, Layout, Parameters
+def step(x, u, dt, p):
+    level = max(x[0] + dt * (u[0] - p[1] * max(x[0], 0.0) ** 0.5) / p[0], 0.0)
+    return [level], [level]
+model = FunctionModel(step, Layout.of(inflow="m^3/s"), Layout.of(level="m"), Layout.of(level="m"),
+    Parameters.of(area=(1.0, "m^2"), outflow=(0.01, "m^2.5/s")))
+"""
+
+
+def twin_in(folder: Path, model: str) -> Twin:
+    (folder / "tank.py").write_text(TANK_PY)
+    (folder / "twin.toml").write_text(f'schema = 1\nname = "my tank"\n{model}')
+    return Twin.open(folder / "twin.toml")
+
+
+def test_a_corrected_version_comes_back(tmp_path: Path) -> None:
+    """A law on the input and a lag with its memory: 1e-9, position updates included."""
+    form = Form((Term("law", "v", variant="dead zone"), Term("lag", "*", levels=(4.0,))))
+    values = {"law.v.threshold": 0.05, "law.v.gain": 0.9, "lag.delay": 0.02, "lag.tau": 0.03}
+    with twin_in(tmp_path, ROBOT) as twin:
+        twin._versions.add(form, values, parent=0, reason="planted")
+        written = write_fmu(twin, tmp_path / "robot.fmu", 1)
+        reference, p = build(twin.model, form), twin.version(1).p
+    options = {**written.options, "file": str(written.path)}
+    model = fmu(**options)
+    assert model.outputs.units == reference.outputs.units
+    q = model.parameters.values
+    assert dict(zip(model.parameters.names, q)) == dict(zip(reference.parameters.names, p))
+    rng = np.random.default_rng(0)
+    u, dt = rng.uniform(-0.2, 0.2, (60, 1)), np.full(60, 0.01)
+    code = np.zeros(60, dtype=np.uint8)
+    code[[0, 40]], code[20] = ANEW, ADOPT
+    y = rng.normal(0, 1, (60, 1))
+    x0 = reference.initial(p)
+    _, wanted = roll(reference.kernel(), x0, u, dt, p, Restart(y, code, x0))
+    _, got = roll(model.kernel(), x0, u, dt, q, Restart(y, code, model.initial(q)))
+    assert np.nanmax(np.abs(got - wanted)) < 1e-9
+    assert np.array_equal(np.isnan(got), np.isnan(wanted))
+    model.close()
+
+
+def test_a_model_in_a_python_file_travels_along(tmp_path: Path) -> None:
+    with twin_in(tmp_path, TANK) as twin:
+        written = write_fmu(twin, tmp_path / "tank.fmu")
+        reference = twin.model
+    model = fmu(**{**written.options, "file": str(written.path)})
+    assert model.parameters["outflow"].unit == "m^2.5/s"
+    u, dt = np.full((30, 1), 0.02), np.ones(30)
+    check_model(model, u[:5], dt[:5])
+    p = reference.parameters.values
+    _, wanted = reference.simulate(np.array([0.3]), u, dt, p)
+    _, got = model.simulate(np.array([0.3]), u, dt, p)
+    assert np.abs(got - wanted).max() < 1e-9
+    saved = fmu(written.path, memory="saved")
+    _, kept = saved.simulate(saved.initial(p), u, dt, p)
+    _, wanted = reference.simulate(reference.initial(p), u, dt, p)
+    assert np.abs(kept - wanted).max() < 1e-9
+    for made in (model, saved):
+        made.close()
+
+
+def test_what_cannot_be_written_is_said(tmp_path: Path) -> None:
+    with (
+        twin_in(tmp_path, ROBOT) as twin,
+        pytest.raises(UsageError, match=r"expected a name that ends with \.fmu"),
+    ):
+        write_fmu(twin, tmp_path / "robot.zip")
