@@ -1,8 +1,9 @@
 """The forward reading of an assembly as a Model: commands in, motion out.
 
 What the commands are follows from the components: with a path planner one input signal
-(``override``, the pace of the path, 0 … 1), with a controller position and speed set-points, with a
-motor alone its current, voltage or torque, without one the effort at the joint.
+(``override``, the pace of the path, 0 … 1), with a controller position and speed set-points (reached
+at the end of their row, at that speed), with a motor alone its current, voltage or torque, without
+one the effort at the joint.
 
 >>> from evertwin.machines.assembly.join import join
 >>> axis = join([{"name": "table", "kind": "mass", "axis": 1, "mass": 2.0},

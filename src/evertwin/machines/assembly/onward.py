@@ -175,7 +175,7 @@ def _euler(context: Any, x: Any, h: float, dx: Any, old: Any) -> None:
 def _runge_kutta(
     context: Any, x: Any, u: Any, clock: Any, h: float, p: Any, work: Any, bus: Any
 ) -> None:
-    """One step of fourth order; ``clock``: path time and its pace; ``work``: (3, nx)."""
+    """One step of fourth order; ``clock``: time of path or row, its pace; ``work``: (3, nx)."""
     nx = context[NX]
     at, mean, dx = work[0], work[1], work[2]
     for i in range(nx):
@@ -216,10 +216,9 @@ def step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) ->
     bus, clock = np.zeros(bus_size(context)), np.zeros(2)
     for i in range(nx):
         now[i] = x[i]
-    if context[OVERRIDE] >= 0:
-        clock[1] = max(u[context[OVERRIDE]], 0.0)
-    for _ in range(parts):
-        clock[0] = now[context[PATH_X]] if context[PATH_X] >= 0 else 0.0
+    clock[1] = max(u[context[OVERRIDE]], 0.0) if context[OVERRIDE] >= 0 else 1.0
+    for part in range(parts):
+        clock[0] = now[context[PATH_X]] if context[PATH_X] >= 0 else (part - parts) * h
         if context[NB] > 0:
             for j in range(n):
                 bus[QUANTITIES * j + POSITION] = now[context[HEAD + AXIS * j + X_Q]]
