@@ -1,4 +1,4 @@
-"""The commands ``evertwin engineer`` and ``evertwin schema-breakdown``."""
+"""The command ``evertwin engineer``."""
 
 from __future__ import annotations
 
@@ -22,7 +22,6 @@ def engineer(
         typer.Option("--data", help="Recordings that the choice rests on; list several." + PART),
     ] = None,
     report: Annotated[Path | None, typer.Option(help="Write a self-contained HTML report.")] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the sensitivity analysis.")] = 1,
     force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
@@ -32,7 +31,7 @@ def engineer(
     """
     from evertwin.app.engineering import engineer_twin
 
-    engineer_twin(breakdown, (out, report, force), data, seed, as_json)
+    engineer_twin(breakdown, (out, report, force), data, as_json)
 
 
 def register(app: typer.Typer) -> None:

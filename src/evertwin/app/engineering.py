@@ -31,7 +31,6 @@ def engineer_twin(
     breakdown: Path,
     out: tuple[Path, Path | None, bool],
     data: Sequence[Path] | None,
-    seed: int,
     as_json: bool,
 ) -> None:
     """``evertwin engineer``; ``out``: twin file, report, and whether files may be overwritten.
@@ -46,7 +45,7 @@ def engineer_twin(
     for path in data or ():
         if not Part.parse(path).path.exists():
             raise DataError(f"{Part.parse(path).path}: no such file")
-    done = engineer(breakdown, twin, None if not data else [str(path) for path in data], seed)
+    done = engineer(breakdown, twin, None if not data else [str(path) for path in data])
     if report is not None:
         write_engineering(done, report)
     content = done.study.to_dict() | {"file": str(done.path)}

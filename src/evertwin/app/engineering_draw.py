@@ -44,7 +44,8 @@ def draw_tree(study: Study) -> Figure:
         own = (place.system, place.subsystem) if place.subsystem else (place.system,)
         _edge(axes, len(own), float(np.mean(_span(places, own))), 3, y)
     _inner(axes, study.breakdown.name, rows)
-    axes.axvline(7.5 + study.breakdown.critical_from / 10, color=LINE, linewidth=0.8, linestyle=":")
+    border = 7.5 + study.breakdown.critical_from / 10
+    axes.plot([border, border], [0.6, 0.4 - len(places)], color=LINE, linewidth=0.8, linestyle=":")
     axes.text(7.5, 1.1, "effect × proneness", fontsize=8)
     axes.set_xlim(-0.7, 10.4)
     axes.set_ylim(-len(places) + 0.3, 2.6)
@@ -135,14 +136,14 @@ def draw_sensitivity(study: Study) -> Figure:
     share = np.array([np.nan if chosen[n].share is None else chosen[n].share for n in names])
     half = np.array([chosen[n].share_half for n in names])
     left.barh(y, np.nan_to_num(share), xerr=half, color=colours, error_kw={"lw": 0.8})
-    for k in np.flatnonzero(np.isnan(share)):
-        left.text(0.01, k, chosen[names[k]].verdict, va="center", fontsize=7, color="0.35")
     limit = study.breakdown.requirements.negligible
+    for k in np.flatnonzero(np.isnan(share)):
+        left.text(limit + 0.02, k, chosen[names[k]].verdict, va="center", fontsize=7, color="0.35")
     left.axvline(limit, color=LINE, linestyle="--", linewidth=1.0)
     left.set_xlabel(f"largest Sobol share of an output (dashed: negligible, {limit:g})", fontsize=8)
     left.set_yticks(y, names)
     left.set_xlim(0.0, 1.1)
-    left.invert_yaxis()
+    left.set_ylim(len(names) - 0.4, -0.6)
     right.barh(y, 100 * study.morris.mu.max(axis=0), color=colours,
                xerr=100 * study.morris.spread.max(axis=0), error_kw={"lw": 0.8})  # fmt: skip
     right.set_xlabel("Morris: change over the whole range, % of the output's rms", fontsize=8)

@@ -99,9 +99,15 @@ def _missing(part: Component) -> tuple[Missing, ...]:
         seen = f" seen by {', '.join(part.sensors)}" if part.sensors and kind == "dynamic" else ""
         worn = f" of {', '.join(unsure)}" if unsure and kind == "dynamic" else ""
         out.append(Missing(kind, f"{kind} data{worn}", HOW[kind] + seen))
-    out += [
-        Missing("initial value", name, "its maker's data, literature on like parts, or a first fit")
-        for name, said in part.parameters.items()
-        if said.value is None
-    ]
+    without = [name for name, said in part.parameters.items() if said.value is None]
+    tried = [name for name in without if part.parameters[name].source == "experiment"]
+    for names, how in (
+        (tried, "a first fit to recordings that move it"),
+        (
+            [name for name in without if name not in tried],
+            "its maker's data, literature on like parts, or a first fit (source = 'experiment')",
+        ),
+    ):
+        if names:
+            out.append(Missing("initial value", f"initial values of {', '.join(names)}", how))
     return tuple(out)

@@ -253,6 +253,9 @@ class Requirements(Section):
     """Time from one tuning to the next."""
     negligible: Annotated[float, Limits(above=0.0, below=1.0)] = 0.05
     """Sobol share below which a parameter's effect on every output is negligible."""
+    identify: tuple[str, ...] = ()
+    """Parameters, by the model's names, whose initial values a first fit finds; ``*`` matches any
+    text. Those with ``source = "experiment"`` and no value are among them."""
 
 
 @dataclass(frozen=True)

@@ -31,13 +31,14 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from jaxtyping import Float64
 
 from evertwin.errors import MissingExtra, ModelError
+from evertwin.fold import Block
 from evertwin.tuning import Problem
 from evertwin.types import Vector
 
@@ -63,6 +64,7 @@ KEPT = 1e-6
 """Principal components with less of the variance than this are left out."""
 TRAJECTORIES = 32
 RESAMPLES = 50
+ROWS = 3000
 PILOT = 64
 """Simulations that principal components are taken from."""
 
@@ -133,6 +135,7 @@ def sobol(problem: Problem, spans: Vector, seed: int) -> Sobol:
         ModelError: a simulation inside the ranges diverged.
     """
     began = time.perf_counter()
+    problem = _few(problem)
     form = _form(problem, spans)
     k, ny = len(problem.names), len(problem.model.outputs)
     base = _base_samples(problem)
@@ -165,9 +168,11 @@ def morris(problem: Problem, spans: Vector, seed: int) -> Morris:
         ModelError: a simulation inside the ranges diverged.
     """
     began = time.perf_counter()
+    problem = _few(problem)
     form = _form(problem, spans)
     k, ny = len(problem.names), len(problem.model.outputs)
-    x = morris_sample.sample(form, TRAJECTORIES, num_levels=4, seed=seed)
+    paths = TRAJECTORIES if problem.linear else min(TRAJECTORIES, max(8, _base_samples(problem)))
+    x = morris_sample.sample(form, paths, num_levels=4, seed=seed)
     mu, spread = np.zeros((ny, k)), np.zeros((ny, k))
     for o, (course, scores) in enumerate(_scores(problem, spans, x)):
         for score in scores.T:
@@ -188,6 +193,18 @@ def counted(problem: Problem) -> np.ndarray:
     """Rows that count, per output: measured and, where the problem says so, moving, (n, ny)."""
     rows = problem.rows
     return rows.used if problem.moving is None else rows.used & problem.moving(rows.u)
+
+
+def _few(problem: Problem) -> Problem:
+    """Where every sample is simulated: the first recordings, `ROWS` rows about."""
+    if problem.linear:
+        return problem
+    kept: list[Block] = []
+    for block in problem.windows:
+        if kept and sum(len(one.t) for one in kept) + len(block.t) > ROWS:
+            break
+        kept.append(block)
+    return replace(problem, windows=tuple(kept))
 
 
 def _form(problem: Problem, spans: Vector) -> dict[str, Any]:

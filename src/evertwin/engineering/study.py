@@ -16,6 +16,7 @@ from evertwin.engineering.breakdown import Breakdown
 from evertwin.engineering.choice import Chosen, Question, choose, questions, spans_of
 from evertwin.engineering.compile import ModelPlan, compile_model
 from evertwin.engineering.criticality import Criticality, history_of, rank
+from evertwin.engineering.identify import Identified, asked, identify
 from evertwin.engineering.level import LevelChoice, level_of
 from evertwin.engineering.mapping import (
     Inside,
@@ -54,6 +55,8 @@ class Study:
     """The part of each signal that a component makes."""
     inside: tuple[Inside, ...]
     """Quantities inside components that the file names."""
+    identified: Identified | None
+    """Initial values that a first fit found; None: none were asked for."""
     notes: tuple[str, ...]
     """Where the file and the model disagree about sensors, and what is modelled without need."""
     questions: tuple[Question, ...]
@@ -96,6 +99,12 @@ class Study:
             ],
             "virtual_sensors": [one._asdict() for one in self.virtual],
             "inside": [one._asdict() for one in self.inside],
+            "identified": self.identified
+            and {
+                "values": [_fields(one) for one in self.identified.found],
+                "deviation_before": self.identified.before,
+                "deviation_after": self.identified.after,
+            },
             "notes": list(self.notes),
             "morris": _table(self.morris, ("mu", "spread")),
             "sobol": self.chosen.sobol
@@ -105,7 +114,8 @@ class Study:
             "schedule": self.weighed and _fields(self.weighed),
             "measured": self.measured
             and {
-                **_fields(self.measured), "saved": self.measured.saved, "lost": self.measured.lost,
+                **_fields(self.measured), "saved": self.measured.saved,
+                "saved_simulations": self.measured.saved_simulations, "lost": self.measured.lost,
             },
             "rows": self.rows,
             "seconds": self.seconds,
@@ -164,8 +174,12 @@ def study(
     plan = compile_model(breakdown) if plan is None else plan
     ranks = rank(breakdown, history_of(breakdown))
     levels = tuple(level_of(breakdown.component(one.component), one.role) for one in ranks)
+    first = _first_fit(breakdown, problem)
+    if first is not None:
+        values = {one.name: one.value for one in first.found}
+        problem = replace(problem, prior=problem.parameters.with_values(values))
     found = links(problem)
-    asked = questions(breakdown, {one.component: one for one in levels}, found)
+    posed = questions(breakdown, {one.component: one for one in levels}, found)
     parts = [place.component for place in breakdown.studied]
     channels = (problem.model.inputs + problem.model.outputs).names
     notes = [
@@ -174,18 +188,33 @@ def study(
         if part.parameters
         for note in file_against_model(breakdown, part, found, channels)
     ]
-    chosen = choose(problem, asked, breakdown.requirements.negligible, seed)
+    chosen = choose(problem, posed, breakdown.requirements.negligible, seed)
     weighed, measured = None, None
     if chosen.fit is not None:
         own = replace(problem, editable=chosen.fit.names)
-        weighed = weigh(own, chosen.fit, asked, breakdown.requirements)
-        measured = measure(own, chosen.fit, asked, weighed, breakdown.requirements.interval)
+        weighed = weigh(own, chosen.fit, posed, breakdown.requirements)
+        measured = measure(own, chosen.fit, posed, weighed, breakdown.requirements)
     return Study(
         breakdown, ranks, levels, found, tuple(virtual_sensors(problem, parts, breakdown)),
-        tuple(inside(plan, breakdown, problem)),
-        tuple(notes), asked, morris(problem, spans_of(problem, asked), seed), chosen, weighed,
-        measured, len(problem.rows.u), time.perf_counter() - began,
+        tuple(inside(plan, breakdown, problem)), first, tuple(notes), posed,
+        morris(problem, spans_of(problem, posed), seed), chosen, weighed, measured,
+        len(problem.rows.u), time.perf_counter() - began,
     )  # fmt: skip
+
+
+def _first_fit(breakdown: Breakdown, problem: Problem) -> Identified | None:
+    """Initial values that the recordings are asked for."""
+    wanted = asked(breakdown, problem.parameters.names)
+    if not wanted:
+        return None
+    drifting = [
+        breakdown.parameter_name(place.component, name)
+        for place in breakdown.studied
+        for name in place.component.parameters
+        if place.component.drift(name) > 0.0
+    ]
+    known = [name for name in drifting if name in problem.names]
+    return identify(problem, wanted, known)
 
 
 def _fields(record: Any) -> dict[str, Any]:

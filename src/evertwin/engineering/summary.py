@@ -51,6 +51,11 @@ def _lines(study: Study) -> Iterator[str]:
     yield "2. signals to parameters"
     yield from _signals(study)
     yield ""
+    if study.identified is not None:
+        yield f"   {len(study.identified.found)} initial values by a first fit to these rows:"
+        for output, at in study.identified.before.items():
+            yield f"   {output}: {at:.1%} off before, {study.identified.after[output]:.1%} after"
+        yield ""
     yield "3. parameters: which are tuned"
     rows3 = [("parameter", "", "why")]
     for choice in study.chosen.choices:
@@ -85,13 +90,18 @@ def _schedule(study: Study) -> Iterator[str]:
         return
     for name, reason in study.weighed.reasons.items():
         weight = study.weighed.weights[name]
-        yield f"   {name}: every {_nth(weight)} tuning: {reason}"
+        yield f"   {name}: every {_nth(weight)} tuning; {reason}"
     found, needs = study.measured, study.breakdown.requirements
     yield (
         f"   {found.tunings} tunings: {found.count} instead of {found.count_all} parameters, run "
         f"time {1e3 * found.seconds:.1f} instead of {1e3 * found.seconds_all:.1f} ms "
         f"({found.saved:.0%} saved), largest loss of accuracy {found.lost:.2%}"
     )
+    if found.saved_simulations is not None:
+        yield (
+            f"   by rounds, output by output: {found.simulations} instead of "
+            f"{found.simulations_all} simulations ({found.saved_simulations:.0%} saved)"
+        )
     reached = study.chosen.fit
     if reached is not None:
         worst = max(reached.moving_after)
@@ -105,7 +115,9 @@ def _schedule(study: Study) -> Iterator[str]:
 
 
 def _nth(weight: float) -> str:
-    turns = 1.0 / weight
-    if turns < 1.01:
+    turns = round(1.0 / weight)
+    if turns == 1:
         return "single"
-    return f"{turns:.3g}th" if turns > 3.5 else f"{turns:.2g}nd" if turns < 2.5 else "3rd"
+    teen = 10 <= turns % 100 <= 20
+    ending = "th" if teen else {1: "st", 2: "nd", 3: "rd"}.get(turns % 10, "th")
+    return f"{turns}{ending}"

@@ -248,7 +248,8 @@ def _si(value: Any, notes: Notes) -> float:
     quantity = last(Quantity, notes)
     if quantity is None:
         return float(value)
-    bare = last(_Bare, notes) or _Bare("")
+    # the table's unit is that of what it is about, not of a share or a time beside it
+    bare = _Bare("") if quantity.unit else last(_Bare, notes) or _Bare("")
     return number(value, quantity.unit, bare=bare.unit, difference=quantity.difference)
 
 

@@ -8,6 +8,7 @@ start values, editable set, weights, requirement; the reasons stand beside them 
 from __future__ import annotations
 
 import os
+import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -68,7 +69,7 @@ def engineer(file: str | Path, out: str | Path, data: Data = None, seed: int = 1
     breakdown = read_breakdown(file)
     plan = compile_model(breakdown, file=file)
     settings = _settings(file, breakdown, path)
-    text = TwinText(breakdown, _moved(plan, breakdown.folder, path), settings)
+    text = TwinText(breakdown, _moved(plan, breakdown.folder, path, _variables(file)), settings)
     draft = replace(reads(text.draft(), f"{file} [twin]"), folder=str(path.resolve().parent))
     found = study(breakdown, _problem(draft, breakdown, data), plan, seed)
     done = text.whole(found)
@@ -117,19 +118,28 @@ def _settings(file: str | Path, breakdown: Breakdown, out: Path) -> dict[str, An
     return dict(table)
 
 
-def _moved(plan: ModelPlan, folder: str, out: Path) -> ModelPlan:
+def _variables(file: str | Path) -> dict[str, str]:
+    """``${NAME}`` of the breakdown file and what they stand for: the twin file keeps them."""
+    found = re.findall(r"\$\{([A-Za-z_]\w*)", Path(file).read_text(encoding="utf-8-sig"))
+    return {name: os.environ[name] for name in found if os.environ.get(name)}
+
+
+def _moved(plan: ModelPlan, folder: str, out: Path, variables: Mapping[str, str]) -> ModelPlan:
     """The plan with files seen from the twin file."""
-    return replace(plan, options={k: _deep(v, folder, out) for k, v in plan.options.items()})
 
+    def seen(value: Any) -> Any:
+        if isinstance(value, str) and value.endswith(PATHS):
+            for name, stands in variables.items():
+                if value.startswith(stands):
+                    return f"${{{name}}}{value.removeprefix(stands)}"
+            return _seen(folder, value, out)
+        if isinstance(value, Mapping):
+            return {key: seen(item) for key, item in value.items()}
+        if isinstance(value, list | tuple):
+            return [seen(item) for item in value]
+        return value
 
-def _deep(value: Any, folder: str, out: Path) -> Any:
-    if isinstance(value, str) and value.endswith(PATHS):
-        return _seen(folder, value, out)
-    if isinstance(value, Mapping):
-        return {key: _deep(item, folder, out) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_deep(item, folder, out) for item in value]
-    return value
+    return replace(plan, options={key: seen(value) for key, value in plan.options.items()})
 
 
 def _seen(folder: str, name: str, out: Path) -> str:

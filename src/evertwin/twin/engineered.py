@@ -45,10 +45,12 @@ class TwinText:
         if study.weighed is not None:
             tuning["weights"] = dict(study.weighed.weights)
         chosen = {"tuning": tuning, "indicator": self._indicators(editable)}
+        first = () if study.identified is None else study.identified.found
+        found = {one.name: {"value": one.value, "source": one.source} for one in first}
         return "".join(
             [
-                self._head(), self._why(study), self._model(said), sections(self._rest(chosen)),
-                self._schedule(study),
+                self._head(), self._why(study), self._model(said, found),
+                sections(self._rest(chosen)), self._schedule(study),
             ]
         )  # fmt: skip
 
@@ -73,7 +75,11 @@ class TwinText:
                 lines += textwrap.wrap(told, 96, subsequent_indent="      ")
         return _comment(lines)
 
-    def _model(self, said: Mapping[str, tuple[bool, str]]) -> str:
+    def _model(
+        self,
+        said: Mapping[str, tuple[bool, str]],
+        found: Mapping[str, Mapping[str, Any]] | None = None,
+    ) -> str:
         """``[model]``: components line by line, then start values, each with its reason."""
         plan = self.plan
         lines = ["", "[model]", f"kind = {inline(plan.kind)}", "", "[model.options]"]
@@ -84,7 +90,10 @@ class TwinText:
             else:
                 lines.append(f"{key(name)} = {inline(value)}")
         lines += ["", "[model.parameters]"]
-        for name, entry in plan.parameters.items():
+        every: dict[str, Mapping[str, Any]] = dict(plan.parameters)
+        for name, entry in (found or {}).items():
+            every[name] = {**every.get(name, {}), **entry}
+        for name, entry in every.items():
             editable, reason = said.get(name, (False, ""))
             if reason:
                 lines += [f"# {row}" for row in textwrap.wrap(f"{name}: {reason}", 96)]
@@ -128,8 +137,8 @@ class TwinText:
             lines += textwrap.wrap(f"  {name}: {reason}", 96, subsequent_indent="    ")
         lines += textwrap.wrap(
             f"Measured over {found.tunings} successive tunings: {found.count} instead of "
-            f"{found.count_all} parameters tuned, run time less by {found.saved:.0%}, largest "
-            f"loss of accuracy of an output {found.lost:.2%}.",
+            f"{found.count_all} parameters tuned, run time (solved at once) less by "
+            f"{found.saved:.0%}, largest loss of accuracy of an output {found.lost:.2%}.",
             96,
         )
         return _comment(lines)
