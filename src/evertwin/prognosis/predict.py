@@ -23,7 +23,7 @@ probability lies at infinity.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -40,7 +40,7 @@ from evertwin.prognosis.laws import LAWS, Family, families
 from evertwin.prognosis.life import Life, NotEnough, quantiles
 from evertwin.prognosis.onset import find_onset
 from evertwin.prognosis.passage import path, process
-from evertwin.prognosis.problem import Problem, scaled
+from evertwin.prognosis.problem import Problem, noise_of, scaled
 from evertwin.prognosis.workload import Workload
 
 __all__ = ["predict_life"]
@@ -63,6 +63,9 @@ SMALL = 1e-3
 """Share of the probability below which a family is not looked at more sharply."""
 RARE = 1e-4
 """Share of the probability below which a hypothesis is dropped after the first look."""
+
+SURE = 3.0
+"""Standard deviations at which growth stands out."""
 
 Density = Callable[[np.ndarray], np.ndarray]
 
@@ -123,6 +126,9 @@ def predict_life(
         return NotEnough(problem)
     found = from_problem(indicator, problem, laws, fleet)
     found = replace(found, onset=find_onset(indicator))
+    if isinstance(found, NotEnough) and found.onset is not None:
+        begun = f"; wear has begun at {found.onset.begin:g} {indicator.clock}"
+        return replace(found, reason=found.reason + begun)
     if isinstance(found, NotEnough) or indicator.usage is None:
         return found
     plan = ahead if ahead is not None else Workload.as_before(indicator)
@@ -145,10 +151,25 @@ def from_problem(
     found = mixture(problem, looks, fine_nodes(rough.cdf), density)
     half = float(np.interp(0.5, found.cdf, found.nodes)) if found.cdf[-1] > 0.5 else np.inf
     if half > FAR:
-        return NotEnough("growth that stands out", laws=found.laws)
+        return too_calm(indicator, problem, found.laws)
     cdf = prior.calibrated(found.cdf, 1.0 / (1.0 + half))
     remaining = quantiles(found.nodes, cdf) * problem.age
     return Life(indicator.clock, remaining, problem.now, found.laws)
+
+
+def too_calm(indicator: Indicator, problem: Problem, laws: Mapping[str, float]) -> NotEnough:
+    """The answer where growth is not told from none: how much of it would be.
+
+    A straight line through n values with noise s has a growth known to s·√(12/n).
+    """
+    noise = noise_of(problem.y) * problem.scale
+    enough = SURE * noise * np.sqrt(12.0 / len(problem.y))
+    return NotEnough(
+        f"growth that stands out: about {enough:.2g} {indicator.unit} towards the limit over as "
+        f"many values as there are ({len(problem.y)})",
+        f"no growth stands out of a scatter of {noise:.2g} {indicator.unit}",
+        laws=laws,
+    )
 
 
 def density_of(prior: Fleet, age: float) -> Density:

@@ -120,6 +120,14 @@ def apart(y: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
     return out
 
 
+def noise_of(y: Float64[np.ndarray, " n"]) -> float:
+    """Standard deviation of the values around their neighbours, outliers apart."""
+    rest = np.empty(len(y))
+    neighbours(y, REACH, rest)
+    # The median of six neighbours scatters as well, with about a quarter of one value's variance.
+    return float(1.4826 * np.median(np.abs(rest)) / np.sqrt(1.25))
+
+
 @njit(cache=True)
 def neighbours(y: Any, reach: int, rest: Any) -> None:
     """Each value less the median of its neighbours, moved along their median step."""
