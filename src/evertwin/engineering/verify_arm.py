@@ -194,12 +194,12 @@ def _against_engine(
     rest = np.concatenate([poses, np.zeros((len(poses), 2 * n))], axis=1)
     mass = np.abs(rigid.mass(poses) - engine.mass(poses)).max()
     weight = np.abs(rigid.torques(rest) - engine.torques(rest)).max()
-    # A unit in the last place of what is compared, where that is more than the limit.
-    size = [np.finfo(float).eps * float(np.abs(m).max()) * n for m in (rigid.mass(poses), expected)]
+    # Beyond a hundred Nm (kgm2) a unit in the last place is near the limit: it grows with them.
+    large = [max(1.0, float(np.abs(m).max()) / 100.0) for m in (rigid.mass(poses), expected)]
     return (
         Check(names[0], "engine", float(off), TORQUE, "Nm", f"{len(rows)} rows, {said}"),
-        Check(names[1], "engine", float(mass), max(EXACT, 4 * size[0]), "kgm2", "50 poses"),
-        Check(names[2], "engine", float(weight), max(EXACT, 4 * size[1]), "Nm", "50 poses"),
+        Check(names[1], "engine", float(mass), EXACT * large[0], "kgm2", "50 poses"),
+        Check(names[2], "engine", float(weight), EXACT * large[1], "Nm", "50 poses"),
     )
 
 

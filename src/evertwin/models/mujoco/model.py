@@ -209,6 +209,9 @@ class MuJoCo:
 
 def _stretches(dt: Intervals, able: np.ndarray, step: float) -> list[tuple[int, int, Steps]]:
     """[start, stop) of neighbouring rows that are cut alike; rows that cannot run are left out."""
+    if len(dt) == 1:
+        steps = steps_of(float(dt[0]), step)
+        return [(0, 1, steps)] if able[0] and steps.number >= 0 else []
     cuts = np.flatnonzero((np.diff(dt) != 0) | (np.diff(able.astype(np.int8)) != 0)) + 1
     edges = [0, *cuts.tolist(), len(dt)] if len(dt) else []
     found = [(a, b, steps_of(float(dt[a]), step)) for a, b in pairwise(edges) if able[a]]
