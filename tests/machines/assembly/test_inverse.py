@@ -187,6 +187,45 @@ def test_a_black_box_may_have_states_and_a_channel_of_its_own() -> None:
     check_model(model, u)
 
 
+DRAG = """
+import math
+from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
+
+
+class Drag(Fmi2Slave):
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.speed, self.drag, self.fc, self.fv = 0.0, 0.0, 12.0, 40.0
+        self.register_variable(Real("speed", causality=Fmi2Causality.input))
+        self.register_variable(Real("drag", causality=Fmi2Causality.output))
+        for name in ("fc", "fv"):
+            self.register_variable(Real(
+                name, causality=Fmi2Causality.parameter, variability=Fmi2Variability.tunable))
+
+    def do_step(self, current_time, step_size):
+        self.drag = self.fv * self.speed + self.fc * math.tanh(self.speed / 0.02)
+        return True
+"""
+
+
+def test_a_black_box_is_replaced_by_an_fmu(tmp_path: Any) -> None:
+    """The same one line with another kind: same force, and asked once for all rows."""
+    (tmp_path / "drag_slave.py").write_text(DRAG, encoding="utf-8")
+    builder = pytest.importorskip("pythonfmu.builder")
+    file = builder.FmuBuilder.build_FMU(tmp_path / "drag_slave.py", dest=tmp_path)
+    options = {"file": str(file), "memory": "none"}
+    box = {"name": "screw", "kind": "black_box", "axis": 1, "inputs": {"speed": "speed"},
+           "model": {"kind": "fmu", "options": options}, "fc": 14.0}  # fmt: skip
+    law = {"name": "screw", "kind": "guide", "axis": 1, "Fv": 40.0, "Fc": 14.0}
+    model, reference = assembly([box, AXIS[3]]), assembly([law, AXIS[3]])
+    u, dt = rows(model, 400)
+    _, y = model.simulate(np.zeros(0), u, dt, model.parameters.values)
+    _, expected = reference.simulate(np.zeros(0), u, dt, reference.parameters.values)
+    assert y == pytest.approx(expected, abs=1e-9)
+    check_model(model)
+    check_model(assembly([box, AXIS[3]], "forward"))
+
+
 def test_compiled_and_plain_step_agree_bit_for_bit() -> None:
     for model in (
         assembly(AXIS, measure="voltage", sensors=["motor.loss", "guide.heat"]),

@@ -10,18 +10,25 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import carray, njit
+from numba import carray, cfunc, njit
 
 from evertwin.machines.assembly.plan import AXIS, CHOSEN, HEAD, NB, NF, NY, RUB, N
 from evertwin.machines.assembly.shared import QUANTITIES, RUBS
-from evertwin.models.kernel import call_step
+from evertwin.models.kernel import STEP, call_step
 
-__all__ = ["BOX", "address", "box_axis", "run_boxes"]
+__all__ = ["BOX", "address", "box_axis", "pass_on", "run_boxes"]
 
 STEP_AT, CONTEXT_AT, BOX_AXIS, STATES, PARAMETERS, INPUTS, OUTPUTS, EFFORT, SOURCES = range(9)
 BOX = 9
 """Addresses of step and context, axis, first state, first parameter, numbers of inputs and
 outputs, the output that is the effort, where its sources begin."""
+
+
+@cfunc(STEP, cache=True)
+def pass_on(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) -> int:
+    """Stands for a box whose effort has been simulated already: its output is its input."""
+    y[0] = u[0]  # pragma: compiled
+    return 0
 
 
 @njit(cache=True)

@@ -63,8 +63,8 @@ def _clamp(value: float, limit: float) -> float:
 def set_points(context: Any, clock: float, u: Any, q: Any, v: Any, at: int, j: int) -> None:
     """Position and speed that axis ``j`` shall have, into ``q[j]`` and ``v[j]``.
 
-    From the inputs, which hold at the row's end (``clock`` 0) and are reached at their own speed; or
-    from the planned path at time ``clock``: cubic between its rows, which knows positions and
+    From the inputs, which hold at the row's end (``clock`` 0) and are reached at their own speed;
+    or from the planned path at time ``clock``: cubic between its rows, which knows positions and
     speeds. ``at``: the axis' integers.
     """
     if context[PATH_ROWS] == 0:

@@ -1,9 +1,9 @@
 """The forward reading of an assembly as a Model: commands in, motion out.
 
 What the commands are follows from the components: with a path planner one input signal
-(``override``, the pace of the path, 0 … 1), with a controller position and speed set-points (reached
-at the end of their row, at that speed), with a motor alone its current, voltage or torque, without
-one the effort at the joint.
+(``override``, the pace of the path, 0 … 1), with a controller position and speed set-points
+(reached at the end of their row, at that speed), with a motor alone its current, voltage or torque,
+without one the effort at the joint.
 
 >>> from evertwin.machines.assembly.join import join
 >>> axis = join([{"name": "table", "kind": "mass", "axis": 1, "mass": 2.0},
@@ -28,13 +28,8 @@ from jaxtyping import Float64
 
 from evertwin.errors import UsageError
 from evertwin.machines.assembly import onward, shared
-from evertwin.machines.assembly.inverse import (
-    box_channels,
-    box_plan,
-    box_start,
-    box_states,
-    heat_channels,
-)
+from evertwin.machines.assembly.boxed import box_channels, box_plan, box_start, box_states
+from evertwin.machines.assembly.inverse import heat_channels
 from evertwin.machines.assembly.join import Axis, Train
 from evertwin.machines.assembly.path import Limits, Motion, moves_of, plan
 from evertwin.machines.assembly.plan import Columns, Places, context_of

@@ -28,19 +28,27 @@ from jaxtyping import Float64, Int64
 
 from evertwin.errors import UsageError
 from evertwin.machines.arm import layout
-from evertwin.machines.assembly import backward, boxes, shared
+from evertwin.machines.assembly import backward, shared
+from evertwin.machines.assembly.boxed import (
+    box_channels,
+    box_plan,
+    box_start,
+    box_states,
+    given_plan,
+    run_over_rows,
+)
 from evertwin.machines.assembly.columns import Column, axis_columns, features, scales
-from evertwin.machines.assembly.join import Box, Train
+from evertwin.machines.assembly.join import Train
 from evertwin.machines.assembly.plan import Columns, Places, context_of
 from evertwin.machines.assembly.sensors import Sensor, sensors_of
 from evertwin.machines.assembly.shared import QUANTITIES
 from evertwin.machines.friction import Rung
-from evertwin.models import Kernel, KernelModel, Parameters, Restart, python_kernel, roll
+from evertwin.models import Kernel, Parameters, Restart, roll
 from evertwin.signals import Channel, Layout
 from evertwin.signals.channels import position
 from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
 
-__all__ = ["MEASURES", "Inverse", "StaticInverse", "box_plan", "inverse"]
+__all__ = ["MEASURES", "Inverse", "StaticInverse", "heat_channels", "inverse"]
 
 MEASURES = {
     "effort": ("tau", shared.EFFORT, ""),
@@ -49,7 +57,6 @@ MEASURES = {
     "voltage": ("U", shared.MOTOR_VOLTAGE, "V"),
 }
 """What is measured of each axis: name of the channel, quantity, unit."""
-_READS = {"position": shared.POSITION, "speed": shared.SPEED, "acceleration": shared.ACCELERATION}
 
 
 def inverse(
@@ -180,13 +187,31 @@ class Inverse:
 
     def __getstate__(self) -> dict[str, Any]:
         """Without what is computed: addresses mean nothing in another process."""
-        return {key: value for key, value in self.__dict__.items() if key != "_kernel"}
+        made = ("_kernel", "_given")
+        return {key: value for key, value in self.__dict__.items() if key not in made}
+
+    @cached_property
+    def _given(self) -> Kernel:
+        """The kernel that takes the efforts of the black boxes as further columns of ``u``."""
+        context, kept = context_of(self.train, self._places)
+        plan = given_plan(self.train, len(self.inputs))
+        whole = np.concatenate([context, plan])
+        return Kernel(backward.step.address, backward.adopt.address, whole, (*kept, plan))
 
     def simulate(
         self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
     ) -> tuple[StateVector, Outputs]:
-        """State after the last row and the outputs of every row."""
-        return roll(self._kernel, x, u, dt, p, Restart.never(len(u), len(self.outputs)))
+        """State after the last row and the outputs of every row.
+
+        A black box simulates all rows at once: one in a process of its own is asked once.
+        """
+        never = Restart.never(len(u), len(self.outputs))
+        if not self.train.boxes:
+            return roll(self._kernel, x, u, dt, p, never)
+        after, efforts = run_over_rows(self.train, self.inputs, (x, u, dt, p), self.parameters)
+        end, y = roll(self._given, x, np.concatenate([u, efforts], axis=1), dt, p, never)
+        end[len(end) - len(after) :] = after
+        return end, y
 
 
 @dataclass(frozen=True, eq=False)
@@ -258,74 +283,3 @@ def _index(names: Sequence[str], name: str) -> int:
 def heat_channels(train: Train) -> list[Channel]:
     """Temperatures that are measured."""
     return [Channel(f"{rub.name}.T", "K") for rub in train.rubs if rub.temperature == "input"]
-
-
-def box_channels(train: Train) -> list[Channel]:
-    """Channels that black boxes read from outside."""
-    return [
-        Channel(f"{box.name}.{channel.name}", channel.unit)
-        for box in train.boxes
-        for channel, source in zip(box.model.inputs, box.inputs, strict=True)
-        if source == "input"
-    ]
-
-
-def box_states(train: Train) -> list[Channel]:
-    """States of the black boxes."""
-    return [
-        Channel(f"{box.name}.{channel.name}", channel.unit)
-        for box in train.boxes
-        for channel in box.model.states
-    ]
-
-
-def box_start(train: Train, parameters: Parameters, p: ParameterVector) -> list[float]:
-    """States of the black boxes before the first row."""
-    start: list[float] = []
-    for box in train.boxes:
-        first = _first_parameter(box, parameters)
-        start += box.model.initial(p[first : first + len(box.model.parameters)]).tolist()
-    return start
-
-
-def _first_parameter(box: Box, parameters: Parameters) -> int:
-    if not len(box.model.parameters):
-        return 0
-    return parameters.names.index(f"{box.name}.{box.model.parameters.names[0]}")
-
-
-def box_plan(
-    train: Train, parameters: Parameters, inputs: Layout, first_state: int
-) -> tuple[Int64[np.ndarray, " k"], tuple[Kernel, ...]]:
-    """The black boxes' integers (`evertwin.machines.assembly.boxes`), and their kernels.
-
-    Raises:
-        UsageError: a box reads what its axis does not have.
-    """
-    rows: list[int] = []
-    sources: list[int] = []
-    kernels = []
-    for box in train.boxes:
-        model = box.model
-        kernel = model.kernel() if isinstance(model, KernelModel) else python_kernel(model)
-        kernels.append(kernel)
-        rows += [
-            kernel.step, int(kernel.context.ctypes.data), box.axis, first_state,
-            _first_parameter(box, parameters), len(model.inputs), len(model.outputs), box.output,
-            boxes.BOX * len(train.boxes) + len(sources),
-        ]  # fmt: skip
-        first_state += len(model.states)
-        for name, source in zip(model.inputs.names, box.inputs, strict=True):
-            sources.append(_source(box, name, source, inputs))
-    return np.array([*rows, *sources], dtype=np.int64), tuple(kernels)
-
-
-def _source(box: Box, name: str, source: str, inputs: Layout) -> int:
-    if source in _READS:
-        return QUANTITIES * box.axis + _READS[source]
-    if source == "input":
-        return -1 - inputs.index(f"{box.name}.{name}")
-    raise UsageError(
-        f"component {box.name!r}: its input {name!r} can read {', '.join(_READS)} or 'input' "
-        f"(a channel of its own), got {source!r}"
-    )

@@ -32,6 +32,8 @@ __all__ = ["Axis", "Box", "Build", "Rub", "Train", "join"]
 
 AXES = 8
 """Axes that an assembly can have."""
+READS = ("position", "speed", "acceleration", "input")
+"""What a black box's input may read: motion of its axis, or a channel of its own."""
 Build: TypeAlias = Callable[[str, Mapping[str, Any]], Model]
 """``build(kind, options)``: the model of a black box."""
 
@@ -299,6 +301,12 @@ def _box(part: Component, build: Build | None) -> Box:
             f"component {part.name!r}: say what its inputs read: inputs = "
             f'{{ {missing[0]} = "speed" }}; missing: {", ".join(missing)}'
         )
+    for name, source in reads.items():
+        if source not in READS:
+            raise UsageError(
+                f"component {part.name!r}: its input {name!r} can read {', '.join(READS[:-1])} or "
+                f"'input' (a channel of its own), got {source!r}"
+            )
     output = str(part.option("output")) or model.outputs.names[0]
     sources = tuple(str(reads[name]) for name in model.inputs.names)
     return Box(part.name, part.axis - 1, model, sources, model.outputs.index(output))
