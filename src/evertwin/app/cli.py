@@ -16,6 +16,7 @@ import typer
 
 from evertwin.app import cli_validate
 from evertwin.app.cli_engineer import register as register_engineer
+from evertwin.app.cli_export import register as register_export
 from evertwin.app.cli_prognosis import register as register_prognosis
 from evertwin.errors import EvertwinError
 
@@ -269,6 +270,7 @@ register_prognosis(app)
 
 cli_validate.register(app)
 register_engineer(app)
+register_export(app, model_app)
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -1,7 +1,7 @@
 """MATLAB files of version 5: numeric vectors and matrices, also inside plain structures.
 
-Objects, function handles and cells are not numbers and are left out by name. Version 7.3 is HDF5
-and is refused with the command that saves version 7.
+Objects, function handles and cells are not numbers and are left out by name. Version 7.3 is HDF5:
+`evertwin.sources.mat73`.
 """
 
 from __future__ import annotations

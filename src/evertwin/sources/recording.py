@@ -18,6 +18,7 @@ from evertwin.sources.arrays import open_npy, open_npz
 from evertwin.sources.bags import open_bag
 from evertwin.sources.dialect import FOUND, Stated
 from evertwin.sources.mat import open_mat
+from evertwin.sources.mat73 import open_mat73
 from evertwin.sources.parquet import open_parquet
 from evertwin.sources.sniff import sniff
 from evertwin.sources.table import Recording
@@ -25,7 +26,9 @@ from evertwin.sources.text import TextTable
 
 __all__ = ["open_recording"]
 
-_OPEN = {"mat": open_mat, "parquet": open_parquet, "npy": open_npy, "npz": open_npz}
+_OPEN = {
+    "mat": open_mat, "mat73": open_mat73, "parquet": open_parquet, "npy": open_npy, "npz": open_npz,
+}  # fmt: skip
 _OWN = frozenset(
     (
         "",

@@ -27,10 +27,10 @@ _MAGIC = {
     b"\x93NUMPY": "npy",
     b"PK\x03\x04": "npz",
     b"MATLAB 5.0": "mat",
+    b"MATLAB 7.3": "mat73",
     b"\x1f\x8b": "gzip",
 }
 _REFUSED = {
-    b"MATLAB 7.3": "a MATLAB 7.3 file: save it with -v7 (save('run.mat', '-v7')) or as Parquet",
     b"\x89HDF\r\n\x1a\n": "an HDF5 file: save the columns as Parquet or CSV, or as MAT with -v7",
     b"PARE": "an encrypted Parquet file: decrypt it first",
     b"#ROSBAG V1": "a ROS bag of version 1: convert it with `rosbag fix` to version 2",
@@ -50,7 +50,7 @@ HEAD = 4096
 
 
 def sniff(path: Path) -> str:
-    """The kind of ``path``: text, mat, parquet, npy, npz, mcap, ros1, db3, or directory.
+    """The kind of ``path``: text, mat, mat73, parquet, npy, npz, mcap, ros1, db3, or directory.
 
     Raises:
         DataError: no such file, an empty one, or one that is never read (the reason is given).
@@ -93,8 +93,8 @@ def kind_of(head: bytes, name: str) -> str:
         raise DataError("expected a recording, got a web page or XML: the download went wrong")
     if b"\0" in head:
         raise DataError(
-            "unknown binary file; known are CSV and other text, MAT 5, Parquet, npy, npz, MCAP, "
-            "ROS 1 and ROS 2 bags"
+            "unknown binary file; known are CSV and other text, MAT 5 and 7.3, Parquet, npy, npz, "
+            "MCAP, ROS 1 and ROS 2 bags"
         )
     return "text"
 

@@ -41,6 +41,8 @@ from evertwin.twin.book import Book
 from evertwin.twin.compare import Comparison, compare
 from evertwin.twin.diagnose import Diagnosis, diagnose
 from evertwin.twin.driver import Driver
+from evertwin.twin.export import Written, values_in, write
+from evertwin.twin.export.content import exported
 from evertwin.twin.factory import model_of
 from evertwin.twin.feed import Data, Feed
 from evertwin.twin.fitting import FitResult, Watch, fit
@@ -346,6 +348,41 @@ class Twin:
         event = maintenance(self.prospect(), component, reason, kind, at)
         self._book.add(event, event.row)
         return event
+
+    @_RUNAWAY
+    def export(
+        self, path: str | Path, form: str, number: int | None = None, data: Data = None
+    ) -> Written:
+        """Writes a version to a file.
+
+        Args:
+            path: file to write.
+            form: ``json``, ``mat``, ``urdf``, or another of `evertwin.twin.export.FORMATS`.
+            number: version; None: the champion.
+            data: recordings that go along with what the version predicts of them; None: none.
+        """
+        chosen = self.champion.number if number is None else number
+        windows = () if data is None else self.blocks(data)
+        out = exported(self.setup, self._versions, self.store, chosen, windows)
+        return write(out, form, Path(path))
+
+    def load(self, path: str | Path, reason: str = "") -> Version:
+        """A new version with the parameter values of a JSON or MAT file; nothing goes live.
+
+        The form is the champion's; what the file does not name stays as the champion has it.
+
+        Raises:
+            DataError: the file holds no parameters, or one that the model has not.
+            UsageError: a value lies outside its bounds.
+        """
+        file, live = Path(path), self.champion
+        values = values_in(file, live.names)
+        self.parameters_of(live.number).with_values(values)
+        version = self._versions.add(
+            live.form, values, parent=live.number, reason=reason or f"loaded from {file.name}"
+        )
+        self._book.keep_versions()
+        return version
 
     # ------------------------------------------------------------------ the operator's hand
 

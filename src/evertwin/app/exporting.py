@@ -1,0 +1,51 @@
+"""What the commands ``evertwin export`` and ``evertwin model load`` do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from evertwin.app.console import show
+from evertwin.errors import DataError, UsageError
+from evertwin.twin import Twin
+from evertwin.twin.parts import Part
+
+__all__ = ["export_twin", "load_parameters"]
+
+
+def export_twin(
+    twin: Path,
+    chosen: tuple[str, Path, int | None],
+    data: Sequence[Path] | None,
+    as_json: bool,
+) -> None:
+    """``evertwin export``: format, file and version are ``chosen``."""
+    form, out, version = chosen
+    for path in data or ():
+        if not Part.parse(path).path.exists():
+            raise DataError(f"{path}: no such file")
+    with Twin.open(twin) as opened:
+        found = opened.export(out, form, version, [str(p) for p in data] if data else None)
+    content = {
+        "schema": "evertwin.export/1", "file": str(found.path), "format": found.format,
+        "version": found.version, "parameters": found.parameters, "rows": found.rows,
+    }  # fmt: skip
+    rows = f", {found.rows} rows" if found.rows else ""
+    said = f"{out}: version {found.version}, {found.parameters} parameters{rows}"
+    show(content, said, as_json)
+
+
+def load_parameters(twin: Path, file: Path, reason: str, as_json: bool) -> None:
+    """``evertwin model load``."""
+    with Twin.open(twin) as opened:
+        if opened.spec.store.path is None:
+            raise UsageError(
+                f"{twin}: keeps nothing: say [store] path = 'twin.db' to keep versions"
+            )
+        version = opened.load(file, reason)
+    content = {
+        "schema": "evertwin.load/1", "version": version.number, "hash": version.hash,
+        "parent": version.parent, "reason": version.reason,
+    }  # fmt: skip
+    next_ = f"evertwin model promote {twin} {version.number} makes it live"
+    show(content, f"version {version.number}: {version.reason}; {next_}", as_json)

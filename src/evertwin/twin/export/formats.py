@@ -1,0 +1,77 @@
+"""The formats that a model is exported in. A further one is one more entry of `FORMATS`.
+
+A writer gets what is exported and the path, writes the file, and says in a line what it holds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from evertwin.errors import UsageError
+from evertwin.twin.export.content import Exported
+from evertwin.twin.export.matlab import mat_bytes
+from evertwin.twin.export.robot import urdf_bytes
+from evertwin.twin.export.text import json_text
+
+__all__ = ["FORMATS", "Writer", "Written", "put", "write"]
+
+Writer = Callable[[Exported, Path], None]
+"""Writes a file, or raises an error of `evertwin.errors` and writes nothing."""
+
+
+@dataclass(frozen=True)
+class Written:
+    """A file that was written.
+
+    >>> Written("json", Path("arm.json"), 1, 12).format
+    'json'
+    """
+
+    format: str
+    path: Path
+    version: int
+    parameters: int
+    rows: int = 0
+
+
+def put(path: Path, content: bytes) -> None:
+    """Writes a file whole or not at all.
+
+    Raises:
+        UsageError: it cannot be written.
+    """
+    part = path.with_name(path.name + ".part")
+    try:
+        part.write_bytes(content)
+        part.replace(path)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise UsageError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def _of(made: Callable[[Exported], bytes]) -> Writer:
+    def written(out: Exported, path: Path) -> None:
+        put(path, made(out))
+
+    return written
+
+
+FORMATS: dict[str, Writer] = {
+    "json": _of(json_text), "mat": _of(mat_bytes), "urdf": _of(urdf_bytes),
+}  # fmt: skip
+"""Format → writer."""
+
+
+def write(out: Exported, form: str, path: Path) -> Written:
+    """Writes ``out`` in a format.
+
+    Raises:
+        UsageError: there is no such format, or the model cannot be said in it.
+    """
+    if form not in FORMATS:
+        raise UsageError(f"no format {form!r}: there are {', '.join(sorted(FORMATS))}")
+    FORMATS[form](out, path)
+    rows = 0 if out.trajectories is None else len(out.trajectories.t)
+    return Written(form, path, out.version.number, len(out.version.names), rows)
