@@ -71,7 +71,11 @@ Density = Callable[[np.ndarray], np.ndarray]
 
 
 class Look(NamedTuple):
-    """One family after its nodes closed in."""
+    """One family after its nodes closed in.
+
+    >>> Look._fields[0]
+    'family'
+    """
 
     family: Family
     clocks: Clocks
@@ -89,7 +93,11 @@ class Look(NamedTuple):
 
 
 class Mixture(NamedTuple):
-    """The distribution on nodes, and each law's share."""
+    """The distribution on nodes, and each law's share.
+
+    >>> Mixture._fields[:2]
+    ('nodes', 'cdf')
+    """
 
     nodes: Float64[np.ndarray, " m"]
     """Remaining life, in ages."""
