@@ -95,7 +95,8 @@ def _bars(found: Validation) -> str:
         axes.axhline(100 * rules.requirement, color="0.2", linestyle="--", label="requirement")
     axes.set_xticks(places, [o.name for o in outputs])
     axes.set_ylabel("rms, % of measured")
-    axes.legend(frameon=False, fontsize=8)
+    axes.set_ylim(top=1.35 * axes.get_ylim()[1])
+    axes.legend(frameon=False, fontsize=8, ncols=3, loc="upper right")
     return _image(figure)
 
 

@@ -184,7 +184,8 @@ class ValidationReport:
         if not self.together:
             return f"{self.name}: validation: no run was given: name recordings that are held out"
         verdict = {True: "within", False: "beyond", None: "without"}[self.passed]
-        head = f"{self.name}: validation on {len(self.runs)} held-out runs: {verdict} a requirement"
+        many = f"{len(self.runs)} held-out run{'s' * (len(self.runs) != 1)}"
+        head = f"{self.name}: validation on {many}: {verdict} a requirement"
         lines = [head if self.passed is None else f"{head} of {self._asked()}"]
         filtered = self.rules.filter
         if filtered:
