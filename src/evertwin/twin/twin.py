@@ -10,8 +10,6 @@ your own as second argument.
 
 from __future__ import annotations
 
-import logging
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -22,7 +20,7 @@ import numpy as np
 from evertwin.config import TwinSpec, read
 from evertwin.config.scenario import ScenarioSpec, read_scenario
 from evertwin.errors import StoreError, UsageError
-from evertwin.fold import Block, Event, Record, take
+from evertwin.fold import Block, Event
 from evertwin.models import Model, Parameters
 from evertwin.models.form import Version
 from evertwin.prognosis.planning import Plan
@@ -40,22 +38,20 @@ from evertwin.twin.ahead.whatif import WhatIf
 from evertwin.twin.book import Book
 from evertwin.twin.compare import Comparison, compare
 from evertwin.twin.diagnose import Diagnosis, diagnose
-from evertwin.twin.driver import Driver
 from evertwin.twin.export import Written, values_in, write
 from evertwin.twin.export.content import exported
 from evertwin.twin.factory import model_of
 from evertwin.twin.feed import Data, Feed
 from evertwin.twin.fitting import FitResult, Watch, fit
 from evertwin.twin.observer import Observer
+from evertwin.twin.play import Play
 from evertwin.twin.result import RunResult
 from evertwin.twin.setup import Setup
-from evertwin.twin.state import TwinState
 from evertwin.twin.validation import Validation, validated
 from evertwin.twin.versions import Versions
 
 __all__ = ["Twin"]
 
-log = logging.getLogger("evertwin")
 _RUNAWAY = np.errstate(over="ignore", invalid="ignore")
 """A simulation that runs away is infinite: fits and marks say so, no warning is needed."""
 Progress = Callable[[int, float], None]
@@ -163,7 +159,7 @@ class Twin:
         Raises:
             DataError: a recording cannot be read.
         """
-        return self._run(data, Observer(self.setup, progress), every, again=False)
+        return self._play.run(data, Observer(self.setup, progress), every, again=False)
 
     @_RUNAWAY
     def resume(
@@ -182,46 +178,11 @@ class Twin:
         Raises:
             UsageError: the store holds no checkpoint.
         """
-        return self._run(data, Observer(self.setup, progress), every, again=True)
+        return self._play.run(data, Observer(self.setup, progress), every, again=True)
 
-    def _run(self, data: Data, observer: Observer, every: int, *, again: bool) -> RunResult:
-        began = time.perf_counter()
-        feed = Feed(self.spec, self.model)
-        driver = Driver(
-            self.setup, self._versions, self._keep(observer), observer.watch,
-            self._book.champion, self._book.pinned,
-        )  # fmt: skip
-        state = self._restored(driver) if again else driver.init()
-        kept = state.row
-        for block in feed.stream(data):
-            part = block if block.row >= state.row else _rest(block, state.row)
-            state = driver.step(state, part) if len(part.t) else state
-            if every and state.row - kept >= every:
-                kept = state.row
-                self.store.checkpoint(state, kept)
-        state = driver.finish(state)
-        self._book.keep_versions()
-        self.store.checkpoint(state, state.row)
-        seconds = time.perf_counter() - began
-        result = observer.result(driver, state, seconds)
-        log.info("%s: %d rows in %.2f s", self.spec.name, state.row, seconds)
-        return replace(result, problems=dict(feed.tally.counts))
-
-    def _restored(self, driver: Driver) -> TwinState:
-        state = driver.restored(self.store)
-        if state is None:
-            raise UsageError("resume: the store holds no checkpoint: start with run")
-        self._book.switch(state.live.version, "resumed", f"from the checkpoint at row {state.row}")
-        return state
-
-    def _keep(self, observer: Observer) -> Callable[[int, Record], None]:
-        def keep(row: int, record: Record) -> None:
-            self._book.add(record, row)
-            observer.record(record)
-            if isinstance(record, Event):
-                log.info("row %d: %s %s: %s", row, record.kind, record.signal, record.reason)
-
-        return keep
+    @property
+    def _play(self) -> Play:
+        return Play(self.setup, self._versions, self._book, self.store)
 
     @_RUNAWAY
     def fit(
@@ -417,9 +378,3 @@ class Twin:
     def pin(self, number: int | None, reason: str = "by hand") -> Event:
         """Keeps a version live until it is unpinned (None): no promotion happens."""
         return self._book.pin(number, reason)
-
-
-def _rest(block: Block, row: int) -> Block:
-    """The rows of a block from number ``row`` on; none where it ends before."""
-    n = len(block.t)
-    return take(block, min(row - block.row, n), n)
