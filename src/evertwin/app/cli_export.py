@@ -16,7 +16,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdou
 
 def export(
     twin: TwinFile,
-    form: Annotated[str, typer.Option("--format", help="json, mat, urdf, …")],
+    form: Annotated[str, typer.Option("--format", help="fmu, json, mat, urdf, …")],
     out: Annotated[Path, typer.Option("-o", "--out", help="File to write.")],
     version: Annotated[
         int | None, typer.Option(help="Number of a version; without it the live one.")

@@ -29,9 +29,11 @@ def export_twin(
     content = {
         "schema": "evertwin.export/1", "file": str(found.path), "format": found.format,
         "version": found.version, "parameters": found.parameters, "rows": found.rows,
+        "note": found.note,
     }  # fmt: skip
     rows = f", {found.rows} rows" if found.rows else ""
     said = f"{out}: version {found.version}, {found.parameters} parameters{rows}"
+    said += f"; {found.note}" if found.note else ""
     show(content, said, as_json)
 
 

@@ -12,7 +12,9 @@ model's states are ``state.NAME`` with start values, parameters that tuning may 
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar
@@ -22,7 +24,7 @@ import numpy as np
 from pythonfmu import Fmi2Causality, Fmi2Initial, Fmi2Slave, Fmi2Variability, Real
 
 from evertwin.machines.catalog import located, machine
-from evertwin.models import Model
+from evertwin.models import Model, Parameters
 from evertwin.models.configured import configured
 from evertwin.models.corrected import build
 from evertwin.models.form import Form
@@ -43,8 +45,15 @@ def described_model(folder: Path) -> Model:
     content = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))
     base = machine(content["kind"], located(folder, content["options"]))
     model = build(base, Form.from_json(content["form"]))
-    values = dict(zip(content["names"], content["values"], strict=True))
-    return configured(model, parameters=model.parameters.with_values(values))
+    rows = zip(*(content[key] for key in ("names", "values", "low", "high", "editable")))
+    items = [
+        replace(
+            model.parameters[name], value=value, low=-math.inf if low is None else low,
+            high=math.inf if high is None else high, editable=editable,
+        )
+        for name, value, low, high, editable in rows
+    ]  # fmt: skip
+    return configured(model, parameters=Parameters(tuple(items)))
 
 
 class TwinSlave(Fmi2Slave):  # type: ignore[misc]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,8 @@ from evertwin.models.corrected import Term, build
 from evertwin.models.fmu import fmu
 from evertwin.models.form import Form
 from evertwin.models.kernel import ADOPT, ANEW
-from evertwin.twin.as_fmu import write_fmu
+from evertwin.twin.export.content import Exported, exported
+from evertwin.twin.export.fmu import need_of, reading_options, write_fmu
 
 ROBOT = '[model]\nkind = "robot1d"\n'
 TANK = """[model]
@@ -37,16 +39,20 @@ def twin_in(folder: Path, model: str) -> Twin:
     return Twin.open(folder / "twin.toml")
 
 
+def out_of(twin: Twin, number: int) -> Exported:
+    return exported(twin.setup, twin._versions, twin.store, number, ())
+
+
 def test_a_corrected_version_comes_back(tmp_path: Path) -> None:
     """A law on the input and a lag with its memory: 1e-9, position updates included."""
     form = Form((Term("law", "v", variant="dead zone"), Term("lag", "*", levels=(4.0,))))
     values = {"law.v.threshold": 0.05, "law.v.gain": 0.9, "lag.delay": 0.02, "lag.tau": 0.03}
     with twin_in(tmp_path, ROBOT) as twin:
         twin._versions.add(form, values, parent=0, reason="planted")
-        written = write_fmu(twin, tmp_path / "robot.fmu", 1)
+        out, path = out_of(twin, 1), tmp_path / "robot.fmu"
+        write_fmu(out, path)
         reference, p = build(twin.model, form), twin.version(1).p
-    options = {**written.options, "file": str(written.path)}
-    model = fmu(**options)
+    model = fmu(**{**reading_options(out, path), "file": str(path)})
     assert model.outputs.units == reference.outputs.units
     q = model.parameters.values
     assert dict(zip(model.parameters.names, q)) == dict(zip(reference.parameters.names, p))
@@ -61,13 +67,17 @@ def test_a_corrected_version_comes_back(tmp_path: Path) -> None:
     assert np.nanmax(np.abs(got - wanted)) < 1e-9
     assert np.array_equal(np.isnan(got), np.isnan(wanted))
     model.close()
+    with zipfile.ZipFile(path) as archive:
+        assert need_of() in archive.read("modelDescription.xml").decode()
 
 
 def test_a_model_in_a_python_file_travels_along(tmp_path: Path) -> None:
     with twin_in(tmp_path, TANK) as twin:
-        written = write_fmu(twin, tmp_path / "tank.fmu")
+        out, path = out_of(twin, 0), tmp_path / "tank.fmu"
+        written = twin.export(path, "fmu")
         reference = twin.model
-    model = fmu(**{**written.options, "file": str(written.path)})
+    model = fmu(**{**reading_options(out, path), "file": str(path)})
+    assert 'options = { file = "tank.fmu", states = ["state.level"]' in written.note
     assert model.parameters["outflow"].unit == "m^2.5/s"
     u, dt = np.full((30, 1), 0.02), np.ones(30)
     check_model(model, u[:5], dt[:5])
@@ -75,7 +85,7 @@ def test_a_model_in_a_python_file_travels_along(tmp_path: Path) -> None:
     _, wanted = reference.simulate(np.array([0.3]), u, dt, p)
     _, got = model.simulate(np.array([0.3]), u, dt, p)
     assert np.abs(got - wanted).max() < 1e-9
-    saved = fmu(written.path, memory="saved")
+    saved = fmu(path, memory="saved")
     _, kept = saved.simulate(saved.initial(p), u, dt, p)
     _, wanted = reference.simulate(reference.initial(p), u, dt, p)
     assert np.abs(kept - wanted).max() < 1e-9
@@ -88,4 +98,4 @@ def test_what_cannot_be_written_is_said(tmp_path: Path) -> None:
         twin_in(tmp_path, ROBOT) as twin,
         pytest.raises(UsageError, match=r"expected a name that ends with \.fmu"),
     ):
-        write_fmu(twin, tmp_path / "robot.zip")
+        write_fmu(out_of(twin, 0), tmp_path / "robot.zip")

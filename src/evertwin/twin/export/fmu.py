@@ -46,8 +46,8 @@ def need_of() -> str:
     return f"needs Python {python} with evertwin {version_of('evertwin')} installed"
 
 
-def write_fmu(out: Exported, path: Path) -> None:
-    """Writes the version as an FMU, whole or not at all.
+def write_fmu(out: Exported, path: Path) -> str:
+    """Writes the version as an FMU, whole or not at all; what a tool needs to load it.
 
     Raises:
         UsageError: the model is an object or an FMU itself, or the name does not end with .fmu.
@@ -81,6 +81,16 @@ def write_fmu(out: Exported, path: Path) -> None:
             raise UsageError(f"{path}: cannot be written: {error.strerror}") from error
         finally:
             sys.path[:] = before
+    options = ", ".join(f"{k} = {_toml(v)}" for k, v in reading_options(out, path).items())
+    return f'{need_of()}; a twin file reads it by kind = "fmu", options = {{ {options} }}'
+
+
+def _toml(value: Any) -> str:
+    """A text, a list or a table of texts as TOML."""
+    if isinstance(value, dict):
+        inside = ", ".join(f"{json.dumps(k)} = {json.dumps(v)}" for k, v in value.items())
+        return f"{{ {inside} }}"
+    return json.dumps(value)
 
 
 def _check(out: Exported, path: Path) -> None:

@@ -11,14 +11,16 @@ from pathlib import Path
 
 from evertwin.errors import UsageError
 from evertwin.twin.export.content import Exported
+from evertwin.twin.export.fmu import write_fmu
 from evertwin.twin.export.matlab import mat_bytes
 from evertwin.twin.export.robot import urdf_bytes
 from evertwin.twin.export.text import json_text
 
 __all__ = ["FORMATS", "Writer", "Written", "put", "write"]
 
-Writer = Callable[[Exported, Path], None]
-"""Writes a file, or raises an error of `evertwin.errors` and writes nothing."""
+Writer = Callable[[Exported, Path], str | None]
+"""Writes a file, or raises an error of `evertwin.errors` and writes nothing. What a reader of the
+file has to know may come back as one sentence."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,8 @@ class Written:
     version: int
     parameters: int
     rows: int = 0
+    note: str = ""
+    """What a reader of the file has to know."""
 
 
 def put(path: Path, content: bytes) -> None:
@@ -59,7 +63,7 @@ def _of(made: Callable[[Exported], bytes]) -> Writer:
 
 
 FORMATS: dict[str, Writer] = {
-    "json": _of(json_text), "mat": _of(mat_bytes), "urdf": _of(urdf_bytes),
+    "fmu": write_fmu, "json": _of(json_text), "mat": _of(mat_bytes), "urdf": _of(urdf_bytes),
 }  # fmt: skip
 """Format → writer."""
 
@@ -72,6 +76,6 @@ def write(out: Exported, form: str, path: Path) -> Written:
     """
     if form not in FORMATS:
         raise UsageError(f"no format {form!r}: there are {', '.join(sorted(FORMATS))}")
-    FORMATS[form](out, path)
+    note = FORMATS[form](out, path) or ""
     rows = 0 if out.trajectories is None else len(out.trajectories.t)
-    return Written(form, path, out.version.number, len(out.version.names), rows)
+    return Written(form, path, out.version.number, len(out.version.names), rows, note)
