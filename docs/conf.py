@@ -9,6 +9,7 @@ from pathlib import Path
 
 import evertwin
 from evertwin.config.page import page
+from evertwin.machines.assembly import page as components
 
 project = "evertwin"
 author = "the evertwin authors"
@@ -105,8 +106,9 @@ def write_api(app: object) -> None:
 
 
 def write_twin_file(app: object) -> None:
-    """The page of the twin file's settings."""
+    """The pages of the twin file's settings and of the kinds of components."""
     (API.parent / "twin-file.md").write_text(page(), encoding="utf-8")
+    (API.parent / "components.md").write_text(components.page(), encoding="utf-8")
 
 
 def setup(app: object) -> None:

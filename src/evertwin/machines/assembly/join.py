@@ -21,8 +21,8 @@ from typing import Any, TypeAlias
 from evertwin.errors import UsageError
 from evertwin.machines.arm import layout
 from evertwin.machines.arm.base import base_parameters
-from evertwin.machines.arm.chain import Chain, serial
-from evertwin.machines.arm.model import robot
+from evertwin.machines.arm.chain import Chain
+from evertwin.machines.arm.model import Arm
 from evertwin.machines.assembly.parts import Component, read_component
 from evertwin.machines.assembly.quantities import demand_unit, law_of, parameters_of
 from evertwin.machines.friction import Law
@@ -167,15 +167,13 @@ def _single(parts: Sequence[Component], role: str) -> Component | None:
 
 
 def _chain(arm: Component) -> Chain:
-    if not arm.option("urdf"):
-        raise UsageError(f"component {arm.name!r}: expected urdf, a built-in name or a file")
-    more: dict[str, Any] = {}
-    if arm.option("tip"):
-        more["tip"] = str(arm.option("tip"))
-    if len(arm.option("gravity")):
-        x, y, z = (float(value) for value in arm.option("gravity"))
-        more["gravity"] = (x, y, z)
-    return serial(robot(str(arm.option("urdf"))), **more)
+    """The arm's chain, from its URDF or its Denavit-Hartenberg table, as `Arm` reads them."""
+    if not arm.option("urdf") and not arm.option("dh"):
+        raise UsageError(
+            f"component {arm.name!r}: expected urdf (a built-in name or a file) or a dh table"
+        )
+    more = {key: value for key, value in arm.options.items() if key not in ("urdf", "base")}
+    return Arm.of(str(arm.option("urdf")), **more).chain
 
 
 def _axes(parts: Sequence[Component], chain: Chain | None) -> tuple[Axis, ...]:

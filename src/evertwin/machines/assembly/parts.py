@@ -71,7 +71,9 @@ KINDS: Mapping[str, Kind] = {
     "mass": Kind("structure", "translation", "", {}, "a mass on one axis"),
     "inertia": Kind("structure", "rotation", "", {}, "a moment of inertia on one axis"),
     "arm": Kind(
-        "arm", "any", "", {"urdf": "", "tip": "", "gravity": (), "base": False},
+        "arm", "any", "",
+        {"urdf": "", "dh": (), "convention": "", "before": {}, "tool": {}, "tip": "", "gravity": (),
+         "base": False},
         "a serial arm: rigid bodies, joined by their joints",
     ),
     "payload": Kind("payload", "any", "", {}, "what the tip or the table carries"),
