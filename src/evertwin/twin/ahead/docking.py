@@ -27,7 +27,7 @@ from evertwin.signals.units import compatible
 from evertwin.twin.ahead.basis import Basis, draws, state_after
 from evertwin.twin.ahead.spread import spread
 from evertwin.twin.feed import Data
-from evertwin.types import Inputs, Json, Outputs, ParameterVector, StateVector, Vector
+from evertwin.types import Inputs, Json, ParameterVector, StateVector
 
 __all__ = ["Docking", "Partner", "approach", "cosimulate", "dock"]
 
@@ -51,13 +51,13 @@ class Partner(NamedTuple):
     """State before the first step."""
 
 
-Tell = Callable[[int, Vector, Vector], tuple[Vector, Vector]]
+Tell = Callable[[int, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 """``tell(step, outputs of the first, of the second) -> inputs of the first, of the second``."""
 
 
 def cosimulate(
     first: Partner, second: Partner, tell: Tell, dt: float, steps: int
-) -> tuple[Outputs, Outputs]:
+) -> tuple[np.ndarray, np.ndarray]:
     """Two models side by side: outputs of each after every step, (steps, ny).
 
     What each is told follows from both outputs of the step before (NaN before the first).
@@ -86,13 +86,13 @@ class Docking:
     seconds: float
     commands: Inputs
     """What the robot is told, step by step, (n, nu)."""
-    robot: Outputs
+    robot: np.ndarray
     """Its simulated course, (n, ny)."""
-    target: Outputs
+    target: np.ndarray
     """The dock's course: x, y, heading, (n, 3)."""
     simulated: float
     """Position error at the end of the simulation [m]."""
-    errors: Vector
+    errors: np.ndarray
     """Position errors that the machine may end with, sorted [m]."""
     tolerance: float
 
@@ -172,7 +172,7 @@ class _Plan:
     rule: DockSpec
     axes: _Axes
 
-    def target(self, w: Outputs) -> Outputs:
+    def target(self, w: np.ndarray) -> np.ndarray:
         """The dock's pose for outputs of the second machine, (n, 3)."""
         place = np.tile(np.array((*self.rule.dock, 0.0, 0.0, 0.0)[:3]), (len(w), 1))
         if self.rule.output:
@@ -182,12 +182,14 @@ class _Plan:
             place[:, 1] += way * np.sin(place[:, 2])
         return place
 
-    def pose(self, y: Outputs) -> Outputs:
+    def pose(self, y: np.ndarray) -> np.ndarray:
         """x, y, heading of the robot; 0 for what it has not, (n, 3)."""
         columns = [y[:, k] if k >= 0 else np.zeros(len(y)) for k in self.axes[2:]]
         return np.stack(columns, axis=1)
 
-    def run(self, commands: Inputs, p: ParameterVector | None = None) -> tuple[Outputs, Outputs]:
+    def run(
+        self, commands: Inputs, p: ParameterVector | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Both machines under the robot's commands."""
         robot = self.robot if p is None else self.robot._replace(p=p)
         names = self.second.model.inputs.names
@@ -197,7 +199,7 @@ class _Plan:
         )
         near = [False]
 
-        def tell(step: int, y: Vector, w: Vector) -> tuple[Vector, Vector]:
+        def tell(step: int, y: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             if step and not near[0]:
                 apart = self.pose(y[None])[0] - self.target(w[None])[0]
                 near[0] = bool(np.hypot(apart[0], apart[1]) <= self.rule.near)
@@ -215,7 +217,7 @@ def approach(plan: _Plan) -> Inputs:
     nu, rule, axes = len(plan.robot.model.inputs), plan.rule, plan.axes
     commands = np.zeros((0, nu))
 
-    def ends(tail: Inputs) -> tuple[Vector, Vector]:
+    def ends(tail: Inputs) -> tuple[np.ndarray, np.ndarray]:
         y, w = plan.run(np.concatenate([commands, tail]))
         return plan.pose(y)[-1], plan.target(w)[-1]
 
@@ -325,7 +327,7 @@ def dock(basis: Basis, second: Basis, rule: DockSpec, data: Data = None) -> Dock
     )  # fmt: skip
 
 
-def _plane(plan: _Plan, apart: Outputs) -> Outputs:
+def _plane(plan: _Plan, apart: np.ndarray) -> np.ndarray:
     """Differences in the plane; along the line alone where the robot knows no other."""
     found = apart[:, :2].copy()
     if plan.axes.y < 0:

@@ -109,7 +109,7 @@ def _density(axis: Any, life: Life, now: float, clock: str) -> None:
     axis.set_xlabel(f"[{clock}]")
 
 
-def _smooth(remaining: Vector) -> tuple[Vector, Vector]:
+def _smooth(remaining: Vector) -> tuple[np.ndarray, np.ndarray]:
     """Density from quantiles, on a grid."""
     levels = LEVELS[: len(remaining)]
     t = np.linspace(float(remaining[0]), float(remaining[-1]), 121)

@@ -78,7 +78,7 @@ def _check(text: str, node: Any, names: list[str]) -> None:
         )
 
 
-def _value(node: Any, values: Mapping[str, float]) -> float:
+def _value(node: Any, values: Mapping[str, float]) -> Any:
     if isinstance(node, ast.BinOp):
         return _BINARY[type(node.op)](_value(node.left, values), _value(node.right, values))
     if isinstance(node, ast.UnaryOp):

@@ -136,7 +136,7 @@ def simulated(
 
 
 def _size(
-    unit: str, y: Float64[np.ndarray, "k n"], sigma: Vector, limit: float | None
+    unit: str, y: Float64[np.ndarray, "k n"], sigma: Float64[np.ndarray, " n"], limit: float | None
 ) -> OutputSize:
     rms = np.sqrt(np.mean(y**2, axis=1))
     low, high = (np.quantile(rms, q) for q in (0.025, 0.975))
@@ -210,7 +210,9 @@ def _pair(outputs: Layout, planned: Sequence[str]) -> tuple[str, str] | None:
     return (lengths[0], lengths[1]) if len(lengths) == 2 else None
 
 
-def _error(unit: str, apart: Float64[np.ndarray, "k n"], sigma: Vector) -> PathError:
+def _error(
+    unit: str, apart: Float64[np.ndarray, "k n"], sigma: Float64[np.ndarray, " n"]
+) -> PathError:
     known = np.isfinite(apart[0])
     size = np.abs(apart[:, known])
     end = size[:, -1]

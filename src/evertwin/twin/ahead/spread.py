@@ -36,6 +36,8 @@ LEVELS = (0.8, 0.95)
 BINS = 12
 LEAST = 4
 """Fewest stretches of recorded data that a band may rest on."""
+FEWEST = 8
+"""Fewest rows with a residual."""
 ENOUGH = 40
 """Stretches from which on the counted quantile stands alone."""
 
@@ -71,11 +73,11 @@ def spread(model: Model, p: ParameterVector, windows: Sequence[Block], horizon: 
     span = sum(float(w.t[-1] - w.t[0]) * 1e-9 for w in windows)
     length = min(horizon, span / (2 * LEAST))
     leads, found, stretches = _pairs(model, p, windows, length)
-    known = np.isfinite(found).any(axis=1)
-    if stretches < LEAST or not known.any():
+    known = int(np.isfinite(found).any(axis=1).sum())
+    if stretches < LEAST or known < FEWEST:
         raise DataError(
             f"forecast: expected at least {LEAST} stretches of {length:.3g} s with measurements to "
-            f"learn the band from, got {stretches}: give longer recordings"
+            f"learn the band from, got {stretches} with {known} rows: give longer recordings"
         )
     static = len(model.states) == 0
     rows = [_law(leads[:, k], found[:, k], static) for k in range(found.shape[1])]
@@ -121,7 +123,7 @@ def _lead(part: Block, plan: Restart) -> Outputs:
     return np.where(np.isfinite(before), t[:, None] - before, 0.0)
 
 
-def _law(lead: Vector, residual: Vector, static: bool) -> Vector:
+def _law(lead: Vector, residual: Vector, static: bool) -> np.ndarray:
     """a, b, c from robust sizes in bins of the lead time."""
     known = np.isfinite(residual)
     h, r = lead[known], np.abs(residual[known])
@@ -134,7 +136,9 @@ def _law(lead: Vector, residual: Vector, static: bool) -> Vector:
     size = [(float(h[places == b].mean()), _size(r[places == b]), int((places == b).sum()))
             for b in np.unique(places)]  # fmt: skip
     at, sigma, count = (np.array(column) for column in zip(*size, strict=True))
-    floor = max(float(np.max(sigma)), 1e-300) * 1e-3
+    if not sigma.max() > 0.0:
+        return np.zeros(3)  # the simulation repeats the recording
+    floor = float(sigma.max()) * 1e-3
     # the variance of a squared size grows with its square: weigh relative errors
     weight = np.sqrt(count) / np.maximum(sigma, floor) ** 2
     basis = np.stack([np.ones_like(at), at, at**2], axis=1)

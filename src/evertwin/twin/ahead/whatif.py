@@ -15,7 +15,7 @@ import numpy as np
 
 from evertwin.config.scenario import ScenarioSpec
 from evertwin.errors import DataError
-from evertwin.fold import Block, plain, take
+from evertwin.fold import plain, take
 from evertwin.twin.ahead.basis import Basis, state_after
 from evertwin.twin.ahead.changes import Case, changed
 from evertwin.twin.ahead.future import coming
@@ -38,6 +38,8 @@ class Today:
     case: Case
     x: StateVector
     """State before its first row."""
+    newest: StateVector
+    """State after the newest row: where a new path begins."""
     spread: Spread
 
 
@@ -161,11 +163,8 @@ def today(basis: Basis, data: Data = None, horizon: float | None = None) -> Toda
         first = take(last, 0, max(start, 1))
         future = coming(last, horizon, "repeat")
     known = spread(model, p, rows, float(future.t[-1]))
-    return Today(Case(model, p, basis.sigma, future), _start(basis, first), known)
-
-
-def _start(basis: Basis, rows: Block) -> StateVector:
-    return state_after(basis.model, basis.p, rows)
+    ends = (state_after(model, p, part) for part in (first, last))
+    return Today(Case(model, p, basis.sigma, future), *ends, known)
 
 
 def whatif(basis: Basis, scenario: ScenarioSpec, data: Data = None) -> WhatIf:
@@ -182,11 +181,13 @@ def whatif(basis: Basis, scenario: ScenarioSpec, data: Data = None) -> WhatIf:
 def beside(basis: Basis, now: Today, scenario: ScenarioSpec, after: Case) -> WhatIf:
     """Both cases simulated."""
 
-    def run(case: Case) -> Simulated:
-        x = now.x if len(now.x) == len(case.model.states) else None
+    def run(case: Case, x: StateVector) -> Simulated:
+        known = x if len(x) == len(case.model.states) else None
         sigma = now.spread.sigma(case.future.t)
-        return simulated(case, x, sigma, scenario.limits)
+        return simulated(case, known, sigma, scenario.limits)
 
+    start = now.x if scenario.path is None else now.newest
     return WhatIf(
-        basis.setup.spec.name, scenario.name, basis.champion, run(now.case), run(after)
+        basis.setup.spec.name, scenario.name, basis.champion, run(now.case, now.x),
+        run(after, start),
     )  # fmt: skip
