@@ -133,6 +133,16 @@ def test_friction_warms_itself_up() -> None:
     check_model(model)
 
 
+def test_an_arm_may_come_from_its_dh_table() -> None:
+    rows = [{"a": 0.4, "mass": 3.0, "com": [-0.2, 0.0, 0.0], "inertia": [0.1] * 3},
+            {"a": 0.3, "mass": 2.0, "com": [-0.1, 0.0, 0.0], "inertia": [0.1] * 3}]  # fmt: skip
+    arm = {"name": "arm", "kind": "arm", "dh": rows, "gravity": [0.0, -9.81, 0.0]}
+    model = assembly([arm])
+    assert model.outputs.names == ("tau1", "tau2")
+    _, tau = model.simulate(np.zeros(0), np.zeros((1, 6)), np.ones(1), np.zeros(0))
+    assert tau[0] == pytest.approx([9.81 * (3 * 0.2 + 2 * 0.6), 9.81 * 2 * 0.2])
+
+
 def test_one_line_replaces_a_gearbox() -> None:
     for kind, new in (
         ("stribeck_gearbox", {"gearbox3.Fs", "gearbox3.vs"}),

@@ -6,7 +6,8 @@ True
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 from evertwin.machines.assembly.join import join
 from evertwin.machines.assembly.parts import KINDS, Component
@@ -37,7 +38,7 @@ file decides.
 | parameter | unit | start | bounds | tuned |
 |---|---|---|---|---|
 """
-_EXAMPLES = (
+_EXAMPLES: tuple[tuple[str, str, Mapping[str, Any], bool], ...] = (
     ("gearbox1", "elastic_gearbox", {"friction": "tanh+stribeck", "temperature": "state"}, False),
     ("screw1", "elastic_ballscrew", {"friction": "none"}, True),
     ("motor1", "motor", {}, False),
