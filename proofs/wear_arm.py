@@ -5,7 +5,8 @@ value when new a cycle. The twin runs over each recording, tunes, and keeps its 
 its store; `Twin.life` is asked after some of them. The limit of axis 1 is 30 % more friction, which
 it passes after cycle 31. Axis 2's limit is where its torque differs by 4 Nm (rms) from that of a
 new arm, computed with the twin. After 28 cycles the gearboxes are replaced: the same wear begins
-again. The dummy knows only the mean life of arms that wear by 0.5 to 1.5 % a cycle.
+again. The dummy knows only the mean life of arms that wear by 0.5 to 1.5 % a cycle. A life is
+counted in whole cycles: the interval reaches to the next whole number.
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ def said(one: ComponentLife, cycles: int, true: float) -> tuple[bool, float, flo
         return True, np.inf, abs(dummy - left)
     low, high = one.life.interval80
     wide = one.life.interval95
-    inside = wide[0] <= left <= wide[1]
+    inside = np.floor(wide[0]) <= left <= np.ceil(wide[1])  # a life is whole cycles
     print(
         f"  {cycles:3d} cycles  {one.component}: {one.life.median:5.1f} left (80 % {low:.1f} … "
         f"{high:.1f}; 95 % {wide[0]:.1f} … {wide[1]:.1f}), true {left:.1f}, dummy {dummy:.1f}"

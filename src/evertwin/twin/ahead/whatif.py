@@ -159,12 +159,12 @@ def today(basis: Basis, data: Data = None, horizon: float | None = None) -> Toda
         future = coming(last, length if horizon is None else horizon, "repeat")
         first = take(last, 0, 1)
     else:
-        start = int(np.searchsorted(last.t, last.t[-1] - horizon * 1e9, side="right"))
-        first = take(last, 0, max(start, 1))
+        begin = int(np.searchsorted(last.t, last.t[-1] - horizon * 1e9, side="right"))
+        first = take(last, 0, max(begin, 1))
         future = coming(last, horizon, "repeat")
     known = spread(model, p, rows, float(future.t[-1]))
-    ends = (state_after(model, p, part) for part in (first, last))
-    return Today(Case(model, p, basis.sigma, future), *ends, known)
+    start, newest = (state_after(model, p, part) for part in (first, last))
+    return Today(Case(model, p, basis.sigma, future), start, newest, known)
 
 
 def whatif(basis: Basis, scenario: ScenarioSpec, data: Data = None) -> WhatIf:
