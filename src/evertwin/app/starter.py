@@ -99,8 +99,9 @@ def _first_two(table: TableInfo) -> Proposal:
     Raises:
         DataError: there are fewer than two.
     """
-    time = None if table.time is None else table.time.column
-    columns = [c for c in table.columns if c.kind == "number" and c.name != time]
+    clocks = {clock.column for clock in table.clocks}
+    clocks |= set() if table.time is None else {table.time.column}
+    columns = [c for c in table.columns if c.kind == "number" and c.name not in clocks]
     if len(columns) < 2:
         raise DataError("expected two columns of numbers beside the time: an input and an output")
     reason = "stands first", "stands second"

@@ -1,0 +1,45 @@
+"""The first run of a proposed twin file says what it needs; a second clock drives nothing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evertwin.app.cli import main
+from evertwin.config import read
+
+
+def ended(arguments: list[str]) -> int:
+    with pytest.raises(SystemExit) as left:
+        main(arguments)
+    return int(left.value.code or 0)
+
+
+def proposed(folder: Path) -> Path:
+    t = 0.1 * np.arange(300)
+    columns = np.c_[t, t + 0.3, np.sin(t), np.cos(t)]
+    np.savetxt(
+        folder / "run.csv", columns, "%.6f", ",", comments="",
+        header="t [s],device_time [s],u,y",
+    )  # fmt: skip
+    assert ended(["init", str(folder / "run.csv"), "-o", str(folder / "t.toml")]) == 0
+    return folder / "t.toml"
+
+
+def test_a_run_without_a_requirement_says_what_to_set(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    twin = proposed(tmp_path)
+    assert ended(["run", str(twin)]) == 0
+    assert "set [anomaly] requirement" in capsys.readouterr().err
+    text = twin.read_text().replace('# requirement = "1 cm"', "requirement = 1e9")
+    twin.write_text(text)
+    assert ended(["run", str(twin)]) == 0
+    assert "requirement" not in capsys.readouterr().err
+
+
+def test_a_second_clock_is_no_input(tmp_path: Path) -> None:
+    channels = read(proposed(tmp_path)).source[0].channels
+    assert {name: c.column for name, c in channels.items()} == {"u": "u", "y": "y"}
