@@ -1,7 +1,7 @@
 """FMUs from elsewhere (FMI 2.0 and 3.0), in a process of their own."""
 
+from evertwin.models.fmu.faults import Fault
 from evertwin.models.fmu.model import Fmu, fmu
 from evertwin.models.fmu.options import Options
-from evertwin.models.fmu.worker import Fault
 
 __all__ = ["Fault", "Fmu", "Options", "fmu"]

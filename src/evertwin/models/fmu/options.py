@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from evertwin.errors import UsageError
+from evertwin.models.fmu.faults import Limits
 from evertwin.models.fmu.guard import Unpacking
-from evertwin.models.fmu.worker import Limits
 
 __all__ = ["Options"]
 
