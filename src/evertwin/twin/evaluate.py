@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from evertwin.fold import Block
-from evertwin.models import Model, roll
-from evertwin.models.function import python_kernel
+from evertwin.models import Model
+from evertwin.models.batch import Batch
 from evertwin.sync.horizon import residuals, restarts
 from evertwin.twin.setup import Setup
 from evertwin.types import Json, Outputs, ParameterVector, Vector
@@ -40,10 +40,8 @@ class Prediction:
 
 def predict(setup: Setup, model: Model, p: ParameterVector, window: Block) -> Prediction:
     """A version's predictions of one window over the twin's horizon."""
-    kernel = model.kernel() if hasattr(model, "kernel") else python_kernel(model)
-    x0 = model.initial(p)
-    plan = restarts(window, setup.horizon, x0)
-    _, y = roll(kernel, x0, window.u, window.dt, p, plan)
+    plan = restarts(window, setup.horizon, model.initial(p))
+    y = Batch(model).run(window.u, window.dt, p[None], plan)[0]
     residual = residuals(model, window, y)
     measured = np.where(np.isnan(residual), np.nan, window.y)
     smooth = setup.smooth_window
