@@ -9,6 +9,7 @@ from pathlib import Path
 
 import evertwin
 from evertwin.config.page import page
+from evertwin.engineering.form import page as breakdown_page
 from evertwin.machines.assembly import page as components
 
 project = "evertwin"
@@ -106,8 +107,9 @@ def write_api(app: object) -> None:
 
 
 def write_twin_file(app: object) -> None:
-    """The pages of the twin file's settings and of the kinds of components."""
+    """The pages of both files' settings and of the kinds of components."""
     (API.parent / "twin-file.md").write_text(page(), encoding="utf-8")
+    (API.parent / "breakdown-file.md").write_text(breakdown_page(), encoding="utf-8")
     (API.parent / "components.md").write_text(components.page(), encoding="utf-8")
 
 

@@ -50,7 +50,7 @@ try:
 except ModuleNotFoundError as error:
     raise MissingExtra.of(str(error.name), "engineering") from error
 
-__all__ = ["Morris", "Sobol", "counted", "morris", "sobol"]
+__all__ = ["Morris", "Sobol", "counted", "few", "morris", "sobol"]
 
 Samples: TypeAlias = Float64[np.ndarray, "s k"]
 PerOutputParameter: TypeAlias = Float64[np.ndarray, "ny k"]
@@ -135,7 +135,7 @@ def sobol(problem: Problem, spans: Vector, seed: int) -> Sobol:
         ModelError: a simulation inside the ranges diverged.
     """
     began = time.perf_counter()
-    problem = _few(problem)
+    problem = problem if problem.linear else few(problem)
     form = _form(problem, spans)
     k, ny = len(problem.names), len(problem.model.outputs)
     base = _base_samples(problem)
@@ -168,10 +168,10 @@ def morris(problem: Problem, spans: Vector, seed: int) -> Morris:
         ModelError: a simulation inside the ranges diverged.
     """
     began = time.perf_counter()
-    problem = _few(problem)
+    problem = problem if problem.linear else few(problem)
     form = _form(problem, spans)
     k, ny = len(problem.names), len(problem.model.outputs)
-    paths = TRAJECTORIES if problem.linear else min(TRAJECTORIES, max(8, _base_samples(problem)))
+    paths = TRAJECTORIES if problem.linear else min(TRAJECTORIES, _base_samples(problem) // 4)
     x = morris_sample.sample(form, paths, num_levels=4, seed=seed)
     mu, spread = np.zeros((ny, k)), np.zeros((ny, k))
     for o, (course, scores) in enumerate(_scores(problem, spans, x)):
@@ -195,10 +195,8 @@ def counted(problem: Problem) -> np.ndarray:
     return rows.used if problem.moving is None else rows.used & problem.moving(rows.u)
 
 
-def _few(problem: Problem) -> Problem:
-    """Where every sample is simulated: the first recordings, `ROWS` rows about."""
-    if problem.linear:
-        return problem
+def few(problem: Problem) -> Problem:
+    """The first recordings, `ROWS` rows about: where every parameter is simulated several times."""
     kept: list[Block] = []
     for block in problem.windows:
         if kept and sum(len(one.t) for one in kept) + len(block.t) > ROWS:

@@ -27,7 +27,7 @@ from evertwin.engineering.mapping import (
     links,
     virtual_sensors,
 )
-from evertwin.engineering.sensitivity import Morris, morris
+from evertwin.engineering.sensitivity import Morris, few, morris
 from evertwin.engineering.weights import Measured, Weighed, measure, weigh
 from evertwin.errors import ConfigError
 from evertwin.fold import plain
@@ -133,6 +133,10 @@ class Study:
             found["accuracy"] = max(fit.moving_after) <= needs.accuracy
         if needs.run_time is not None and self.run_time is not None:
             found["run_time"] = self.run_time <= needs.run_time
+        if self.measured is not None:
+            found["accuracy by the schedule"] = (
+                max(self.measured.deviation.values()) <= needs.accuracy
+            )
         return found
 
 
@@ -174,11 +178,14 @@ def study(
     plan = compile_model(breakdown) if plan is None else plan
     ranks = rank(breakdown, history_of(breakdown))
     levels = tuple(level_of(breakdown.component(one.component), one.role) for one in ranks)
-    first = _first_fit(breakdown, problem)
+    short = few(problem)
+    found = links(short)
+    first = _first_fit(breakdown, problem, found)
     if first is not None:
         values = {one.name: one.value for one in first.found}
         problem = replace(problem, prior=problem.parameters.with_values(values))
-    found = links(problem)
+        short = few(problem)
+        found = links(short)
     posed = questions(breakdown, {one.component: one for one in levels}, found)
     parts = [place.component for place in breakdown.studied]
     channels = (problem.model.inputs + problem.model.outputs).names
@@ -195,14 +202,14 @@ def study(
         weighed = weigh(own, chosen.fit, posed, breakdown.requirements)
         measured = measure(own, chosen.fit, posed, weighed, breakdown.requirements)
     return Study(
-        breakdown, ranks, levels, found, tuple(virtual_sensors(problem, parts, breakdown)),
+        breakdown, ranks, levels, found, tuple(virtual_sensors(short, parts, breakdown)),
         tuple(inside(plan, breakdown, problem)), first, tuple(notes), posed,
         morris(problem, spans_of(problem, posed), seed), chosen, weighed, measured,
         len(problem.rows.u), time.perf_counter() - began,
     )  # fmt: skip
 
 
-def _first_fit(breakdown: Breakdown, problem: Problem) -> Identified | None:
+def _first_fit(breakdown: Breakdown, problem: Problem, found: Sequence[Link]) -> Identified | None:
     """Initial values that the recordings are asked for."""
     wanted = asked(breakdown, problem.parameters.names)
     if not wanted:
@@ -213,8 +220,8 @@ def _first_fit(breakdown: Breakdown, problem: Problem) -> Identified | None:
         for name in place.component.parameters
         if place.component.drift(name) > 0.0
     ]
-    known = [name for name in drifting if name in problem.names]
-    return identify(problem, wanted, known)
+    seen = {link.parameter for link in found if link.signals}
+    return identify(problem, wanted, [name for name in drifting if name in seen])
 
 
 def _fields(record: Any) -> dict[str, Any]:

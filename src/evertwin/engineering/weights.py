@@ -32,7 +32,7 @@ __all__ = ["Measured", "Weighed", "measure", "weigh"]
 
 FEWEST, MOST = 24, 120
 """Tunings that the schedule is measured over: twice its longest period."""
-SECONDS = 20.0
+SECONDS = 10.0
 """Time that the tunings of everything may take, about; the count is then lower."""
 REPEATS, QUICK = 3, 0.03
 """A tuning that is quicker [s] is timed so often: other work disturbs a clock upwards."""
