@@ -8,11 +8,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.linalg import expm
 
 from evertwin.engineering.verification import Check
-from evertwin.machines.drive import Drive, DriveForce
+from evertwin.machines.drive import TWO_SIDED, Drive, DriveForce
 from evertwin.machines.mobile import Differential, Odometer, Omni, Robot1D
 from evertwin.machines.thermal import ThermalBox
 from evertwin.models import Model
@@ -26,9 +28,9 @@ def closed_forms(model: Model, p: ParameterVector) -> tuple[Check, ...]:
     if isinstance(model, ThermalBox):
         return _exponential(model, p), _second_law(model, p)
     if isinstance(model, Drive):
-        return (_slowing(model, p),)
+        return _slowing(model, p), _both_ways(model, p)
     if isinstance(model, DriveForce):
-        return (_rubbing(model, p),)
+        return _rubbing(model, p), _both_ways(model, p)
     if isinstance(model, Differential | Omni):
         return (_circle(model, p),)
     if isinstance(model, Robot1D | Odometer):
@@ -99,6 +101,27 @@ def _rubbing(drive: DriveForce, p: ParameterVector) -> Check:
     limit = 1e-9 * max(1.0, float(np.abs(power).max()))
     worst = max(0.0, float(-power.min()))
     return Check("friction takes power out", "law", worst, limit, "W", "speeds up to 1 m/s")
+
+
+def _both_ways(drive: Drive | DriveForce, p: ParameterVector) -> Check:
+    """The force that a motion needs, put into the drive, makes that motion: forwards, backwards."""
+    two_sided = drive.context[TWO_SIDED] >= 0
+    law = replace(drive.law, standstill=0.0)
+    forward, inverse = Drive(law, two_sided), DriveForce(law, two_sided)
+    rows, dt, rate = 2000, 1e-3, np.pi
+    t = dt * (np.arange(rows) + 0.5)
+    worst = 0.0
+    for sign in (1.0, -1.0):
+        # The speed never crosses zero, where dry friction is undetermined.
+        speed = sign * (0.3 - 0.25 * np.cos(rate * t))
+        u = np.stack([speed, sign * 0.25 * rate * np.sin(rate * t)], axis=1)
+        _, force = inverse.simulate(np.zeros(0), u, np.full(rows, dt), p)
+        start = np.array([0.0, sign * 0.05])
+        _, y = forward.simulate(start, force, np.full(rows, dt), p)
+        expected = sign * (0.3 - 0.25 * np.cos(rate * (t + 0.5 * dt)))
+        worst = max(worst, float(np.abs(y[:, 1] - expected).max()) / 0.5)
+    said = "2 s each way; of the range of speed"
+    return Check("forward and inverse agree", "law", worst, 0.01, "1", said)
 
 
 def _circle(base: Differential | Omni, p: ParameterVector) -> Check:

@@ -120,6 +120,7 @@ def _report(
     inner, values = _inner(model, p)
     if inner is not model:
         notes.append("verified without its learned terms: they have no law but the data")
+    notes += getattr(inner, "notes", ())
     u, dt = _rows(inner, [prediction for _, one in runs for prediction in one])
     blocks = [prediction.window for _, one in runs for prediction in one]
     x = inner.initial(values)

@@ -300,6 +300,11 @@ class Arm:
         """Names of the joints, from base to tip."""
         return self.chain.joints
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the description leaves out, or cannot mean."""
+        return self.chain.notes
+
     def rungs(self) -> tuple[Rung, ...]:
         """Steps up the ladder of friction laws, joint by joint; each has to pay on unseen data."""
         return tuple(

@@ -90,6 +90,11 @@ class InverseDynamics:
             parameters_of(model, knobs, source.where), int(options.get("threads", 0)),
         )  # fmt: skip
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was left out of the file."""
+        return self.source.notes
+
     def __getstate__(self) -> dict[str, Any]:
         """Without the engines: they belong to this process."""
         return {key: value for key, value in self.__dict__.items() if key != "_engines"}
