@@ -197,6 +197,32 @@ def test_a_black_box_may_have_states_and_a_channel_of_its_own() -> None:
     check_model(model, u)
 
 
+def test_a_black_box_with_a_ratio_takes_a_whole_gearbox_s_place(tmp_path: Any) -> None:
+    code = """
+from evertwin import FunctionModel, Layout, Parameters
+import math
+model = FunctionModel(
+    lambda x, u, dt, p: ([], [p[0] * u[0] + p[1] * math.tanh(u[0] / 0.02)]), Layout.of(v="rad/s"),
+    Layout.of(drag="Nm"), parameters=Parameters.of(Fv=(4.0, "Nms/rad"), Fc=(7.0, "Nm")))
+"""
+    (tmp_path / "gear.py").write_text(code, encoding="utf-8")
+    box = {"name": "gearbox2", "kind": "black_box", "axis": 2, "inputs": {"v": "speed"},
+           "model": {"kind": "python", "options": {"file": str(tmp_path / "gear.py")}},
+           "ratio": 100.0}  # fmt: skip
+    lines = [box if line["name"] == "gearbox2" else line for line in arm()]
+    model, reference = assembly(lines, measure="current"), assembly(arm(), measure="current")
+    assert "gearbox2.ratio" in model.parameters.names
+    u, dt = rows(model)
+    _, y = model.simulate(np.zeros(0), u, dt, model.parameters.values)
+    _, expected = reference.simulate(np.zeros(0), u, dt, reference.parameters.values)
+    assert y == pytest.approx(expected, abs=1e-12)
+    check_model(model)
+    screw = [{**box, "axis": 1, "ratio": 0.0, "lead": 0.01}, AXIS[0], AXIS[3]]
+    assert assembly(screw, measure="torque").outputs.names == ("m1",)
+    with pytest.raises(UsageError, match="axis 2 has a gearbox already"):
+        assembly([*arm(), {**box, "name": "second"}])
+
+
 DRAG = """
 import math
 from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real

@@ -24,7 +24,7 @@ from evertwin.machines.arm.base import base_parameters
 from evertwin.machines.arm.chain import Chain
 from evertwin.machines.arm.model import Arm
 from evertwin.machines.assembly.parts import Component, read_component
-from evertwin.machines.assembly.quantities import demand_unit, law_of, parameters_of
+from evertwin.machines.assembly.quantities import demand_unit, law_of, parameters_of, transmission
 from evertwin.machines.friction import Law
 from evertwin.models import Model, Parameter, Parameters
 
@@ -173,6 +173,8 @@ def _chain(arm: Component) -> Chain:
             f"component {arm.name!r}: expected urdf (a built-in name or a file) or a dh table"
         )
     more = {key: value for key, value in arm.options.items() if key not in ("urdf", "base")}
+    if "gravity" in more:
+        more["gravity"] = tuple(float(value) for value in more["gravity"])
     return Arm.of(str(arm.option("urdf")), **more).chain
 
 
@@ -198,14 +200,14 @@ def _axes(parts: Sequence[Component], chain: Chain | None) -> tuple[Axis, ...]:
 def _axis(j: int, parts: Sequence[Component], chain: Chain | None) -> Axis:
     found: dict[str, Component] = {}
     for part in parts:
-        if part.axis != j + 1 or part.role in ("friction", "box"):
+        role = "gearbox" if part.transmits else part.role
+        if part.axis != j + 1 or role in ("friction", "box"):
             continue
-        if part.role in found:
+        if role in found:
             raise UsageError(
-                f"component {part.name!r}: axis {j + 1} has a {part.role} already, "
-                f"{found[part.role].name!r}"
+                f"component {part.name!r}: axis {j + 1} has a {role} already, {found[role].name!r}"
             )
-        found[part.role] = part
+        found[role] = part
     if chain is None and "structure" not in found:
         raise UsageError(f"axis {j + 1}: expected a mass or an inertia on it, got none")
     if chain is not None:
@@ -268,7 +270,7 @@ def _items(
         return parameters_of(part, False, known)
     if part.role == "box":
         box = next(box for box in boxes if box.name == part.name)
-        return parameters_of(part, slides, list(box.model.parameters))
+        return parameters_of(part, slides, [*box.model.parameters, *transmission(part)])
     return parameters_of(part, slides)
 
 

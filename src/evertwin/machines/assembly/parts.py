@@ -78,7 +78,7 @@ KINDS: Mapping[str, Kind] = {
     ),
     "payload": Kind("payload", "any", "", {}, "what the tip or the table carries"),
     "black_box": Kind(
-        "box", "any", "same", {"model": {}, "inputs": {}, "output": ""},
+        "box", "any", "same", {"model": {}, "inputs": {}, "output": "", "ratio": 0.0, "lead": 0.0},
         "another model, whose output is an effort against the motion",
     ),
 }  # fmt: skip
@@ -122,6 +122,12 @@ class Component:
         return KINDS[self.kind].role
 
     @property
+    def transmits(self) -> bool:
+        """Does it stand between motor and joint? So does a black box with a ratio or a lead."""
+        said = self.options.get("ratio", 0.0) or self.options.get("lead", 0.0)
+        return self.role == "gearbox" or (self.role == "box" and bool(said))
+
+    @property
     def takes(self) -> str:
         """What comes in at its port."""
         return KINDS[self.kind].takes
@@ -129,7 +135,8 @@ class Component:
     @property
     def gives(self) -> str:
         """What goes out at its port."""
-        return KINDS[self.kind].gives
+        turned = self.role == "box" and bool(self.options.get("lead", 0.0))
+        return "translation" if turned else KINDS[self.kind].gives
 
     def option(self, key: str) -> Any:
         """What the line says, or the kind's default."""

@@ -20,7 +20,7 @@ from evertwin.machines.friction import Law, sliding, warm_parameters
 from evertwin.models import Parameter
 from evertwin.signals.channels import position
 
-__all__ = ["demand_unit", "law_of", "parameters_of"]
+__all__ = ["demand_unit", "law_of", "parameters_of", "transmission"]
 
 HUGE = 1e9
 _NONE = ("", "none")
@@ -78,6 +78,16 @@ def _gearbox(component: Component, slides: bool) -> list[Parameter]:
         items.append(_fixed("stiffness", 1e5, unit, 1e-6, 1e15))
         items.append(_fixed("damping", 10.0, "Ns/m" if slides else "Nms/rad", 0.0))
     return items + _rub(component, slides)
+
+
+def transmission(box: Component) -> list[Parameter]:
+    """Ratio or lead of a black box that stands between motor and joint."""
+    said = {"ratio": "1", "lead": "m"}
+    return [
+        _fixed(name, float(box.option(name)), unit, 1e-6)
+        for name, unit in said.items()
+        if box.option(name)
+    ]
 
 
 def _motor(component: Component, slides: bool) -> list[Parameter]:
