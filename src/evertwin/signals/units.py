@@ -115,7 +115,8 @@ def powers(unit: str) -> dict[str, int]:
     >>> powers("Nm"), powers("rad")
     ({'kg': 1, 'm': 2, 's': -2}, {'rad': 1})
     """
-    base = sorted(_registry().Quantity(1.0, _parse(unit)).to_base_units().unit_items())
-    if any(power != int(power) for _, power in base):
+    items = _registry().Quantity(1.0, _parse(unit)).to_base_units().unit_items()
+    base = {name: float(power.real) for name, power in sorted(items)}
+    if not all(power.is_integer() for power in base.values()):
         return {}
-    return {_BASE[name]: int(power) for name, power in base if name in _BASE}
+    return {_BASE[name]: int(power) for name, power in base.items() if name in _BASE}
