@@ -32,7 +32,7 @@ __all__ = ["Process"]
 _POLL = 0.02
 _ROOM = 1 << 20
 _REPLY = 24
-_GRACE = 0.5
+_GRACE = 5.0
 """Seconds that a healthy child has to end by itself."""
 _KEPT = (
     "PATH", "HOME", "LANG", "LC_ALL", "LD_LIBRARY_PATH", "NUMBA_CACHE_DIR",
