@@ -30,7 +30,7 @@ MACHINES: Mapping[str, tuple[str, str, str]] = {
     "differential": ("evertwin.machines.mobile", "Differential", ""),
     "drive": ("evertwin.machines.drive", "Drive", ""),
     "drive_force": ("evertwin.machines.drive", "DriveForce", ""),
-    "modelica": ("evertwin.models.modelica", "Modelica", "modelica"),
+    "modelica": ("evertwin.models.modelica.openmodelica", "modelica", "modelica"),
     "mujoco": ("evertwin.models.mujoco", "model_of_file", "mujoco"),
     "fmu": ("evertwin.models.fmu", "fmu", "fmi"),
     "odometer": ("evertwin.machines.mobile", "Odometer", ""),
