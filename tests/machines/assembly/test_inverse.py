@@ -9,12 +9,15 @@ import numpy as np
 import pytest
 
 from evertwin.errors import UsageError
+from evertwin.fold import make_block
 from evertwin.machines.arm import Arm
 from evertwin.machines.assembly import Inverse, StaticInverse, assembly, backward, sensors_of
 from evertwin.machines.catalog import machine
 from evertwin.machines.drive import DriveForce
 from evertwin.models import LinearModel, check_model
 from evertwin.models.configured import configured
+from evertwin.tuning import Problem
+from evertwin.tuning.ladder import held_out
 
 AXIS: list[dict[str, Any]] = [
     {"name": "motor", "kind": "motor", "axis": 1, "k": 0.5, "R": 2.0, "J": 1e-4},
@@ -293,6 +296,28 @@ def test_the_ladder_of_friction_laws_is_climbed_by_component() -> None:
     assert isinstance(model, StaticInverse)
     assert model.rungs()[1].add == ("gearbox2.Fs",) and model.rungs()[1].output == 1
     assert model.law_name(1, ()) == "tanh"
+
+
+def test_temperature_is_a_step_of_the_ladder_that_has_to_pay() -> None:
+    """Planted with and without: the step is taken only where friction changes with warmth."""
+    guide = {"name": "guide", "kind": "guide", "axis": 1, "temperature": "input", "Fc": 20.0}
+    model = assembly([guide, AXIS[3]])
+    assert isinstance(model, StaticInverse)
+    assert model.rungs()[-1].add == ("guide.Fv_T", "guide.Fc_T")
+    rng = np.random.default_rng(2)
+    t = np.arange(4000) * 0.05
+    v = 0.3 * np.sin(t) + 0.1 * np.sin(3.1 * t)
+    u = np.column_stack([v, np.gradient(v, t), 293.15 + 20 * (1 - np.exp(-t / 60))])
+    for change, taken in ((-0.2, True), (0.0, False)):
+        p = model.parameters.with_values({"guide.Fc_T": change, "guide.Fv": 50.0}).values
+        y = model.simulate(np.zeros(0), u, np.full(4000, 0.05), p)[1]
+        y += rng.normal(0, 0.5, y.shape)
+        stamps = np.arange(1000) * 200_000_000
+        blocks = tuple(make_block(stamps, u[k::4], y[k::4]) for k in range(4))
+        names = ("guide.Fv", "guide.Fc", "guide.offset")
+        without_it = held_out(Problem(model, blocks, names))[0]
+        with_it = held_out(Problem(model, blocks, (*names, *model.rungs()[-1].add)))[0]
+        assert bool(with_it < 0.95 * without_it) is taken
 
 
 def without(name: str) -> list[dict[str, Any]]:

@@ -258,11 +258,14 @@ class StaticInverse(Inverse):
 
     def rungs(self) -> tuple[Rung, ...]:
         """Steps up the ladders of friction laws; each has to pay on unseen data."""
-        return tuple(
-            rung._replace(add=tuple(f"{rub.name}.{name}" for name in rung.add), output=rub.axis)
-            for rub in self._first_rubs
-            for rung in rub.law.rungs()
-        )
+        found: list[Rung] = []
+        for rub in self._first_rubs:
+            steps = list(rub.law.rungs())
+            steps += [Rung("temperature", ("Fv_T", "Fc_T"))] if rub.temperature else []
+            for step in steps:
+                names = tuple(f"{rub.name}.{name}" for name in step.add)
+                found.append(Rung(step.name, names, rub.axis))
+        return tuple(found)
 
     @cached_property
     def _first_rubs(self) -> tuple[Any, ...]:
@@ -273,7 +276,8 @@ class StaticInverse(Inverse):
     def law_name(self, output: int, terms: Sequence[str]) -> str:
         """The law of an axis' friction that has these of its terms."""
         rub = next(rub for rub in self._first_rubs if rub.axis == output)
-        return str(rub.law.only(terms))
+        warm = "+temperature" if "temperature" in terms else ""
+        return f"{rub.law.only(terms)}{warm}"
 
 
 def _index(names: Sequence[str], name: str) -> int:
