@@ -81,13 +81,14 @@ def test_plan_is_written_and_decisions_are_kept(worn: Path, call: Command) -> No
     assert (worn / "plan.csv").read_text().startswith("component,after,unit,window")
     page = (worn / "r.html").read_text()
     assert page.count("data:image/png") == 2 and "Timeline" in page and "http" not in page
-    late = call("plan", "robot.toml", *known, "--postpone", "gearbox", "--after", "15",
+    late = call("decide", "robot.toml", "gearbox", "postpone", *known, "--when", "15",
                 "--reason", "spare part late")  # fmt: skip
     assert late.code == 0, late.err
-    assert call("plan", "robot.toml", "--reject", "gearbox").code == 2
-    both = call("plan", "robot.toml", "--reject", "gearbox", "--confirm", "gearbox")
-    assert both.code == 2 and "expected one of" in both.err
-    assert call("plan", "robot.toml", "--done", "gearbox", "--reason", "replaced").code == 0
+    assert call("decide", "robot.toml", "gearbox", "reject").code == 2
+    unknown = call("decide", "robot.toml", "gearbox", "later")
+    assert unknown.code == 2 and "expected one of confirm" in unknown.err
+    done = call("decide", "robot.toml", "gearbox", "replaced", "--reason", "new gearbox", "--json")
+    assert done.json["event"]["reason"] == "new gearbox"
     store = SqliteStore(worn / "robot.db", read_only=True)
     kinds = [event.kind for event in store.read("event")]  # type: ignore[union-attr]
     store.close()
@@ -97,7 +98,7 @@ def test_plan_is_written_and_decisions_are_kept(worn: Path, call: Command) -> No
 def test_a_decision_needs_a_store(worn: Path, call: Command) -> None:
     memory = (TWIN + MORE).replace('[store]\npath = "robot.db"\n', "")
     (worn / "robot.toml").write_text(memory)
-    done = call("plan", "robot.toml", "--done", "gearbox")
+    done = call("decide", "robot.toml", "gearbox", "replaced")
     assert done.code == 2 and "[store] path" in done.err
 
 
@@ -110,7 +111,7 @@ def test_whatif_gives_its_document_and_its_schema(worn: Path, call: Command) -> 
     content = done.json
     assert content["schema"] == "evertwin.whatif/1" and done.code == 1
     assert content["change"]["x"]["rms"] < 0.0 and content["findings"]
-    assert call("whatif", "robot.toml", "--schema").json["title"] == "evertwin scenario"
+    assert call("schema", "--scenario").json["title"] == "evertwin scenario"
     (worn / "s.toml").write_text('schema = 1\nname = "slow"\n[paramters]\n')
     wrong = call("whatif", "robot.toml", *given)
     assert wrong.code == 2 and "s.toml:3" in wrong.err and "parameters" in wrong.err

@@ -191,18 +191,22 @@ def compare(
 
 @app.command()
 def schema(
+    breakdown: Annotated[bool, typer.Option("--breakdown", help="Of a breakdown file.")] = False,
     breakdown: Annotated[
         bool, typer.Option("--breakdown", help="Of the breakdown file instead.")
     ] = False,
+    scenario: Annotated[
+        bool, typer.Option("--scenario", help="Of a scenario file instead.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """The JSON schema of the twin file.
+    """The JSON schema of the twin file, of a breakdown file, or of a scenario file.
 
     Example: evertwin schema > evertwin.schema.json
     """
     from evertwin.app.commands import show_schema
 
-    show_schema(breakdown, as_json)
+    show_schema("breakdown" if breakdown else "scenario" if scenario else "twin", as_json)
 
 
 @model_app.command("list")

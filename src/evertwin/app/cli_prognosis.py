@@ -1,4 +1,4 @@
-"""The commands that look ahead: forecast, life, whatif, plan."""
+"""The commands that look ahead: forecast, life, whatif, plan, decide."""
 
 from __future__ import annotations
 
@@ -61,12 +61,9 @@ def life(
 
 def whatif(
     twin: TwinFile,
-    scenario: Annotated[
-        Path | None, typer.Option(help="Scenario file (TOML).", metavar="FILE")
-    ] = None,
+    scenario: Annotated[Path, typer.Option(help="Scenario file (TOML).", metavar="FILE")],
     data: DataFiles = None,
     history: History = None,
-    schema: Annotated[bool, typer.Option("--schema", help="The scenario's JSON schema.")] = False,
     as_json: AsJson = False,
     check: Check = False,
 ) -> None:
@@ -76,7 +73,7 @@ def whatif(
     """
     from evertwin.app.prognosis import show_whatif
 
-    show_whatif(twin, None if schema else scenario, (history, data), as_json, check)
+    show_whatif(twin, scenario, (history, data), as_json, check)
 
 
 def plan(
@@ -85,38 +82,45 @@ def plan(
     data: DataFiles = None,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="Write the plan as CSV.")] = None,
     report: Report = None,
-    confirm: Annotated[str | None, typer.Option(help="Component whose date stands.")] = None,
-    postpone: Annotated[str | None, typer.Option(help="Component to be done later.")] = None,
-    reject: Annotated[str | None, typer.Option(help="Component that is not to be done.")] = None,
-    done: Annotated[str | None, typer.Option(help="Component that was replaced.")] = None,
-    adjusted: Annotated[str | None, typer.Option(help="Component that was adjusted.")] = None,
-    after: Annotated[
-        float | None, typer.Option(help="Time from now of --confirm or --postpone.")
-    ] = None,
-    at: Annotated[float | None, typer.Option(help="When --done was, on the plan's clock.")] = None,
-    reason: Annotated[str, typer.Option(help="Why; kept in the log.")] = "",
     as_json: AsJson = False,
 ) -> None:
-    """The cheapest date of maintenance of each component; decisions on it are kept.
+    """The cheapest date of maintenance of each component.
 
     Example: evertwin plan arm.toml -o plan.csv
-    Example: evertwin plan arm.toml --postpone gearbox1 --after 20 --reason "spare part late"
-    Example: evertwin plan arm.toml --done gearbox1 --reason "gearbox replaced"
     """
-    from evertwin.app.prognosis import keep_decision, show_plan
+    from evertwin.app.prognosis import show_plan
 
-    words = {
-        "confirmed": confirm, "postponed": postpone, "declined": reject, "replaced": done,
-        "adjusted": adjusted,
-    }  # fmt: skip
-    said = [(verdict, name) for verdict, name in words.items() if name is not None]
-    if said:
-        keep_decision(twin, said, (reason, after, at), history, as_json)
-    else:
-        show_plan(twin, (history, data), out, report, as_json)
+    show_plan(twin, (history, data), out, report, as_json)
+
+
+def decide(
+    twin: TwinFile,
+    said: Annotated[
+        tuple[str, str],
+        typer.Argument(
+            help="Component; then confirm, postpone, reject, replaced or adjusted.",
+            metavar="COMPONENT VERDICT",
+        ),
+    ],
+    when: Annotated[
+        float | None,
+        typer.Option(help="Confirm, postpone: time from now. Done: when, on the plan's clock."),
+    ] = None,
+    reason: Annotated[str, typer.Option(help="Why; kept in the log.")] = "",
+    history: History = None,
+    as_json: AsJson = False,
+) -> None:
+    """Say what becomes of a planned date, or what was maintained; kept in the store.
+
+    Example: evertwin decide arm.toml gearbox1 postpone --when 20 --reason "spare part late"
+    Example: evertwin decide arm.toml gearbox1 replaced --reason "gearbox replaced"
+    """
+    from evertwin.app.prognosis import keep_decision
+
+    keep_decision(twin, said, (reason, when), history, as_json)
 
 
 def register(app: typer.Typer) -> None:
     """Adds the commands."""
-    for command in (forecast, life, whatif, plan):
+    for command in (forecast, life, whatif, plan, decide):
         app.command()(command)

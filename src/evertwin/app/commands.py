@@ -8,8 +8,10 @@ from pathlib import Path
 
 import typer
 
+import evertwin.settings.schema as forms
 from evertwin.app.console import Progress, Search, show
 from evertwin.app.report import write_report
+from evertwin.config.scenario import ScenarioSpec
 from evertwin.config.schema import schema
 from evertwin.engineering.form import schema as breakdown_schema
 from evertwin.errors import DataError, UsageError
@@ -92,9 +94,13 @@ def compare_versions(twin: Path, pair: tuple[int, int], data: Files, as_json: bo
         show(found.to_dict(), str(found), as_json)
 
 
-def show_schema(breakdown: bool, as_json: bool) -> None:
-    """``evertwin schema``: with ``--json`` it names itself as every other document does."""
-    found = breakdown_schema() if breakdown else schema()
+def show_schema(form: str, as_json: bool) -> None:
+    """``evertwin schema``: of a twin, breakdown or scenario; with ``--json`` it names itself as
+    every other document does."""
+    if form == "scenario":
+        found = forms.schema(ScenarioSpec, 1, "evertwin scenario")
+    else:
+        found = breakdown_schema() if form == "breakdown" else schema()
     content = {"schema": "evertwin.schema/1", **found} if as_json else found
     typer.echo(json.dumps(content, indent=2))
 

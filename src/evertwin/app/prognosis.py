@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
@@ -11,12 +10,10 @@ import typer
 
 from evertwin.app.console import show
 from evertwin.app.report_prognosis import write_prognosis
-from evertwin.config.scenario import ScenarioSpec
 from evertwin.errors import UsageError
 from evertwin.fold import plain
 from evertwin.prognosis.planning import Plan
 from evertwin.settings.quantity import number
-from evertwin.settings.schema import schema
 from evertwin.twin import Twin
 from evertwin.twin.feed import Data
 from evertwin.types import Json
@@ -26,6 +23,11 @@ __all__ = ["keep_decision", "show_forecast", "show_life", "show_plan", "show_wha
 Files: TypeAlias = "Sequence[Path] | None"
 Known: TypeAlias = "tuple[Path | None, Files]"
 """History file and recordings."""
+VERDICTS = {
+    "confirm": "confirmed", "postpone": "postponed", "reject": "declined", "replaced": "replaced",
+    "adjusted": "adjusted",
+}  # fmt: skip
+"""What is said on the command line → what is kept."""
 
 
 def show_forecast(
@@ -50,13 +52,8 @@ def show_life(twin: Path, known: Known, report: Path | None, as_json: bool, chec
         raise typer.Exit(1)
 
 
-def show_whatif(
-    twin: Path, scenario: Path | None, known: Known, as_json: bool, check: bool
-) -> None:
-    """``evertwin whatif``; without a scenario the schema of its file."""
-    if scenario is None:
-        typer.echo(json.dumps(schema(ScenarioSpec, 1, "evertwin scenario"), indent=2))
-        return
+def show_whatif(twin: Path, scenario: Path, known: Known, as_json: bool, check: bool) -> None:
+    """``evertwin whatif``."""
     history, data = known
     with Twin.open(twin) as opened:
         found = opened.whatif(scenario, _files(data), history)
@@ -84,27 +81,25 @@ def show_plan(
 
 
 def keep_decision(
-    twin: Path, said: Sequence[tuple[str, str]], about: tuple[str, float | None, float | None],
-    history: Path | None, as_json: bool,
+    twin: Path, said: tuple[str, str], about: tuple[str, float | None], history: Path | None,
+    as_json: bool,
 ) -> None:  # fmt: skip
-    """``evertwin plan`` with a decision, or with maintenance done.
+    """``evertwin decide``.
 
     Raises:
-        UsageError: several at once, or a store in memory.
+        UsageError: another verdict, or a store in memory.
     """
-    if len(said) > 1:
-        raise UsageError(
-            "plan: expected one of --confirm, --postpone, --reject, --done or --adjusted"
-        )
-    (verdict, component), (reason, after, at) = said[0], about
+    (component, word), (reason, when) = said, about
+    verdict: Any = VERDICTS.get(word)
+    if verdict is None:
+        raise UsageError(f"decide: expected one of {', '.join(VERDICTS)}, got {word!r}")
     with Twin.open(twin) as opened:
         if opened.spec.store.path is None:
             raise UsageError(f"{twin}: a decision is kept in a store: set [store] path")
         if verdict in ("replaced", "adjusted"):
-            event = opened.maintained(component, reason, verdict, at)
+            event = opened.maintained(component, reason, verdict, when)
         else:
-            kept: Any = verdict
-            event = opened.decide(component, kept, reason, after, history)
+            event = opened.decide(component, verdict, reason, when, history)
     text = f"{component}: {verdict}: {event.reason}"
     show({"schema": "evertwin.event/1", "event": plain(event)}, text, as_json)
 
