@@ -244,6 +244,12 @@ def compare(seconds: int, repeats: int) -> bool:
     gap = np.nanmax(np.abs(own.reshape(seconds, case.n + 1, -1)[:, 1:] - loop))
     say(f"-- {seconds} s of data, {seconds * case.n} steps, 10 parameters; roll-outs differ by "
         f"{gap:.1e}")  # fmt: skip
+    steps = seconds * case.n
+    half = 0.5 * TRUTH
+    _, mine = timed(lambda: single.problem.predict(half[np.argsort(single.order)]), 5)
+    _, theirs = timed(lambda: case.by_steps(half), 5)
+    say(f"one roll-out, processor time: {1e6 * mine.processor / steps:.2f} us a step, a loop over "
+        f"mj_step {1e6 * theirs.processor / steps:.2f} us")  # fmt: skip
     best, ours = timed(threaded.search, repeats)
     say(f"{'':<36}    wall  processor   as multiples of ours")
     say(f"{'evertwin, search':<36}{ours.against(ours)}   largest error "
