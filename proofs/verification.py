@@ -25,7 +25,6 @@ from evertwin.machines.arm.inertia import of_body
 from evertwin.machines.arm.lanes import batch
 from evertwin.machines.catalog import machine
 
-
 ASKED = {"mass matrix against MuJoCo": 1e-12, "gravity against MuJoCo": 1e-12}
 """However large the torques are."""
 
