@@ -191,13 +191,7 @@ def compare(
 
 @app.command()
 def schema(
-    breakdown: Annotated[bool, typer.Option("--breakdown", help="Of a breakdown file.")] = False,
-    breakdown: Annotated[
-        bool, typer.Option("--breakdown", help="Of the breakdown file instead.")
-    ] = False,
-    scenario: Annotated[
-        bool, typer.Option("--scenario", help="Of a scenario file instead.")
-    ] = False,
+    scenario: Annotated[bool, typer.Option("--scenario", help="Of a scenario file.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """The JSON schema of the twin file, of a breakdown file, or of a scenario file.
