@@ -191,6 +191,7 @@ def compare(
 
 @app.command()
 def schema(
+    breakdown: Annotated[bool, typer.Option("--breakdown", help="Of a breakdown file.")] = False,
     scenario: Annotated[bool, typer.Option("--scenario", help="Of a scenario file.")] = False,
     as_json: AsJson = False,
 ) -> None:
