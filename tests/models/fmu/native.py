@@ -46,6 +46,9 @@ static void setup(Inst *i) {
 }
 static void slope(Inst *i, double v, double *dx, double *dv) {
   *dx = v; *dv = (i->force - i->fc * tanh(v / 0.01) - i->fv * v) / i->mass;
+#if TIMED
+  *dv += 2.0 * cos(3.0 * i->time);
+#endif
 }
 static int deep(volatile int *p) { volatile int a[4096]; a[0] = *p; return deep(a) + 1; }
 static int misbehave(Inst *i) {
@@ -168,7 +171,7 @@ int fmi2EnterInitializationMode(Inst *i) { return 0; }
 int fmi2ExitInitializationMode(Inst *i) { begin(i); return 0; }
 int fmi2GetReal(void *i, const uint32_t *r, size_t n, double *v) { return get(i, r, n, v); }
 int fmi2SetReal(void *i, const uint32_t *r, size_t n, const double *v) { return set(i, r, n, v); }
-int fmi2DoStep(Inst *i, double t, double h, int p) { return do_step(i, h); }
+int fmi2DoStep(Inst *i, double t, double h, int p) { i->time = t; return do_step(i, h); }
 int fmi2EnterEventMode(void *i) { return 0; }
 int fmi2EnterContinuousTimeMode(void *i) { return 0; }
 int fmi2NewDiscreteStates(Inst *i, Info *e) {
@@ -240,7 +243,15 @@ def library(folder: Path, three: bool, bad: str, **flags: int) -> Path:
     source = folder / "mass.c"
     source.write_text(text)
     target = folder / "mass.so"
-    defines = {"THREE": int(three), "BAD": BAD[bad], "STARTS": 0, "HIDDEN": 0, "EVENTS": 0, **flags}
+    defines = {
+        "THREE": int(three),
+        "BAD": BAD[bad],
+        "STARTS": 0,
+        "HIDDEN": 0,
+        "EVENTS": 0,
+        "TIMED": 0,
+        **flags,
+    }
     subprocess.run(
         [compiler(), "-O1", "-w", "-shared", "-fPIC", "-ffp-contract=off", "-o", str(target),
          str(source), "-lm", *(f"-D{k}={v}" for k, v in defines.items())],

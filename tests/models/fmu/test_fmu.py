@@ -209,6 +209,19 @@ def test_events_of_model_exchange(made: Open) -> None:
     assert y[40, 1] == pytest.approx(-1.0)
 
 
+@pytest.mark.parametrize("interface", ["co-simulation", "model-exchange"])
+def test_an_fmu_of_time_needs_the_clock(made: Open, interface: str) -> None:
+    with pytest.raises(ModelError, match="or depends on time"):
+        made({"TIMED": 1}, interface=interface)
+    model = made({"TIMED": 1}, interface=interface, clock=True)
+    assert model.states.names == ("x", "v", "fmu.time")
+    check_model(model, *drive(20))
+    u, dt = drive(50)
+    p = model.parameters.values
+    end, _ = model.simulate(model.initial(p), u, dt, p)
+    assert end[2] == pytest.approx(0.5)
+
+
 REFUSED = {
     "no memory offered": ({"interfaces": "c", "exact": False}, {}, "a twin goes back to earlier"),
     "no such interface": ({"interfaces": "c"}, {"interface": "model-exchange"}, "offers co-sim"),

@@ -212,8 +212,6 @@ class Fmu:
                 f"{where}: does not take start values for {states}: name the variables that do, "
                 'states = { state = "start variable" }'
             )
-        if self.binding.memory not in (at.START, at.STATIC):
-            return
         step = self.binding.options.step or self.binding.description.step or 1e-2
         # cut where no short period of something hidden would agree by chance
         dt = np.full(12, step)
@@ -225,8 +223,9 @@ class Fmu:
         size = _RATIO * (np.nanmax(np.abs(whole), axis=0, initial=0.0) + 1e-9)
         if not (np.abs(whole[5:] - rest) <= size)[np.isfinite(whole[5:])].all():
             raise ModelError(
-                f"{where}: remembers more than {states or 'nothing'}: from a state in the middle "
-                "it goes on differently; name all states, or use saved states or model exchange"
+                f"{where}: remembers more than {states or 'nothing'}, or depends on time: from a "
+                "state in the middle it goes on differently; name all states, use saved states or "
+                "model exchange, or say clock = true"
             )
 
     def _usual_inputs(self, rows: int) -> np.ndarray:
