@@ -13,9 +13,11 @@ from evertwin.errors import ConfigError
 
 from .axis import AXIS, TRUTH, posed
 
+pytestmark = pytest.mark.usefixtures("quick")
+
 
 @pytest.fixture(scope="module")
-def found() -> Study:
+def found(quick: None) -> Study:
     breakdown, plan, problem = posed()
     return study(breakdown, problem, plan)
 

@@ -72,6 +72,15 @@ window = 600
 """
 
 
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fewer samples and tunings."""
+    monkeypatch.setattr("evertwin.engineering.sensitivity.BUDGET", 100_000)
+    monkeypatch.setattr("evertwin.engineering.weights.FEWEST", 6)
+    monkeypatch.setattr("evertwin.engineering.weights.MOST", 6)
+    monkeypatch.setattr("evertwin.engineering.weights.REPEATS", 1)
+
+
 @pytest.fixture
 def machine(tmp_path: Path) -> Path:
     folder = tmp_path / "machine"

@@ -165,7 +165,9 @@ def inside(plan: ModelPlan, breakdown: Breakdown, problem: Problem) -> list[Insi
     sensors = [f"{part}.{name}" for part, name in asked]
     if not sensors:
         return []
-    model = replace(plan, options={**plan.options, "sensors": tuple(sensors)}).model(breakdown.folder)
+    model = replace(plan, options={**plan.options, "sensors": tuple(sensors)}).model(
+        breakdown.folder
+    )
     known = problem.parameters
     p = model.parameters.with_values(dict(zip(known.names, known.values.tolist(), strict=True)))
     found = np.concatenate(

@@ -32,8 +32,8 @@ __all__ = ["Measured", "Weighed", "measure", "weigh"]
 
 FEWEST, MOST = 24, 120
 """Tunings that the schedule is measured over: twice its longest period."""
-SECONDS = 10.0
-"""Time that the tunings of everything may take, about; the count is then lower."""
+BUDGET = 100_000
+"""Rows that all these tunings may see, about; with long recordings the count is lower."""
 REPEATS, QUICK = 3, 0.03
 """A tuning that is quicker [s] is timed so often: other work disturbs a clock upwards."""
 
@@ -141,8 +141,8 @@ def measure(
     schedule = Schedule(weighed.weights)
     everything = Schedule(dict.fromkeys(weighed.weights, 1.0))
     longest = 1.0 / min(weighed.weights.values())
-    _, one = _timed(problem)
-    most = int(np.clip(SECONDS / one, FEWEST, MOST))
+    rows = np.mean([len(window.t) for window in problem.windows])
+    most = int(np.clip(BUDGET / rows, FEWEST, MOST))
     turns = int(np.clip(round(2 * longest), FEWEST, most))
     drift = np.array([{q.name: q.drift for q in asked}[n] for n in fit.names])
     drift *= needs.interval / YEAR
