@@ -39,6 +39,7 @@ from evertwin.machines.assembly.boxed import (
 )
 from evertwin.machines.assembly.columns import Column, axis_columns, features, scales
 from evertwin.machines.assembly.join import Train
+from evertwin.machines.assembly.ladder import joints_of, law_of_axis, rungs_of
 from evertwin.machines.assembly.plan import Columns, Places, context_of
 from evertwin.machines.assembly.sensors import Sensor, sensors_of
 from evertwin.machines.assembly.shared import QUANTITIES
@@ -258,26 +259,16 @@ class StaticInverse(Inverse):
 
     def rungs(self) -> tuple[Rung, ...]:
         """Steps up the ladders of friction laws; each has to pay on unseen data."""
-        found: list[Rung] = []
-        for rub in self._first_rubs:
-            steps = list(rub.law.rungs())
-            steps += [Rung("temperature", ("Fv_T", "Fc_T"))] if rub.temperature else []
-            for step in steps:
-                names = tuple(f"{rub.name}.{name}" for name in step.add)
-                found.append(Rung(step.name, names, rub.axis))
-        return tuple(found)
-
-    @cached_property
-    def _first_rubs(self) -> tuple[Any, ...]:
-        """One friction for each axis: the one that its ladder is climbed with."""
-        first = {rub.axis: rub for rub in reversed(self.train.rubs)}
-        return tuple(first[j] for j in sorted(first))
+        return rungs_of(self.train)
 
     def law_name(self, output: int, terms: Sequence[str]) -> str:
         """The law of an axis' friction that has these of its terms."""
-        rub = next(rub for rub in self._first_rubs if rub.axis == output)
-        warm = "+temperature" if "temperature" in terms else ""
-        return f"{rub.law.only(terms)}{warm}"
+        return law_of_axis(self.train, output, terms)
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the axes."""
+        return joints_of(self.train)
 
 
 def _index(names: Sequence[str], name: str) -> int:
