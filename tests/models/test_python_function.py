@@ -53,12 +53,12 @@ def test_ten_lines_run_are_tuned_and_promoted(tmp_path: Path) -> None:
     (tmp_path / "tank.py").write_text(TEN)
     (tmp_path / "tank.toml").write_text(TWIN)
     rng = np.random.default_rng(0)
-    inflow = np.repeat(rng.uniform(0.0, 0.2, 40), 30)
-    level = np.zeros(1200)
-    for k in range(1199):
+    inflow = np.repeat(rng.uniform(0.0, 0.2, 60), 40)
+    level = np.zeros(2400)
+    for k in range(2399):
         level[k + 1] = level[k] + 0.1 * (inflow[k] - 0.16 * level[k])
-    level += rng.normal(0, 0.002, 1200)
-    rows = np.column_stack([0.1 * np.arange(1200), inflow, level])
+    level += rng.normal(0, 0.002, 2400)
+    rows = np.column_stack([0.1 * np.arange(2400), inflow, level])
     np.savetxt(tmp_path / "tank.csv", rows, delimiter=",", header="t,inflow,level", comments="")
     with Twin.open(tmp_path / "tank.toml") as twin:
         result = twin.run()
