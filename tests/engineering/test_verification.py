@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from evertwin.engineering import verify_arm as arm_checks
+from evertwin.engineering import verify_machines as machine_checks
 from evertwin.engineering.verification import Check, VerificationReport
 from evertwin.engineering.verify import verify
 from evertwin.engineering.verify_arm import verify_arm
@@ -144,6 +145,18 @@ def test_sound_machines_pass_and_the_missing_engine_is_named(case: str) -> None:
     assert report.passed, str(report)
     assert "independent engine" in [check.name for check in report.not_run]
     assert json.loads(json.dumps(report.to_dict(), allow_nan=False))["passed"] is True
+
+
+def test_a_drive_whose_two_readings_differ_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Stronger(machine_checks.DriveForce):
+        def simulate(self, *rows: Any) -> Any:
+            x, force = super().simulate(*rows)
+            return x, 1.1 * force
+
+    monkeypatch.setattr(machine_checks, "DriveForce", Stronger)
+    axis = machine("drive", {})
+    found = named(verify(axis, np.zeros((20, 1)), np.full(20, 0.01)).checks)
+    assert not found["forward and inverse agree"].passed
 
 
 def test_heat_that_comes_from_nowhere_is_found() -> None:

@@ -46,7 +46,7 @@ _KEYS = (
 
 
 def robot_of(
-    rows: Sequence[Mapping[str, Any]],
+    rows: Sequence[Any],
     convention: str = "standard",
     before: Mapping[str, Any] | None = None,
     tool: Mapping[str, Any] | None = None,
@@ -54,7 +54,7 @@ def robot_of(
     """The robot of a table.
 
     Args:
-        rows: per joint ``a`` [m], ``alpha`` [rad], ``d`` [m], ``theta`` [rad] (0 where left out),
+        rows: a table per joint: ``a`` [m], ``alpha`` [rad], ``d`` [m], ``theta`` [rad] (0 where left out),
             ``mass`` [kg], ``com`` (3) [m], ``inertia`` [kg m²] as ``[xx, yy, zz, xy, xz, yz]`` or
             ``[xx, yy, zz]``; ``kind`` ``revolute`` or ``prismatic``; ``name``; ``low``, ``high``,
             ``speed``. Numbers may be text with a unit, ``"90 deg"``.
@@ -204,7 +204,7 @@ def _joint(
     )  # fmt: skip
 
 
-def _notes(rows: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
+def _notes(rows: Sequence[Any]) -> tuple[str, ...]:
     points = [str(i + 1) for i, row in enumerate(rows) if "inertia" not in row]
     if not points:
         return ()
