@@ -54,8 +54,8 @@ def robot_of(
     """The robot of a table.
 
     Args:
-        rows: a table per joint: ``a`` [m], ``alpha`` [rad], ``d`` [m], ``theta`` [rad] (0 where left out),
-            ``mass`` [kg], ``com`` (3) [m], ``inertia`` [kg m²] as ``[xx, yy, zz, xy, xz, yz]`` or
+        rows: a table per joint: ``a`` [m], ``alpha`` [rad], ``d`` [m], ``theta`` [rad] (0 where
+            left out), ``mass`` [kg], ``com`` (3) [m], ``inertia`` [kg m²] as ``[xx, yy, zz, xy, xz, yz]`` or
             ``[xx, yy, zz]``; ``kind`` ``revolute`` or ``prismatic``; ``name``; ``low``, ``high``,
             ``speed``. Numbers may be text with a unit, ``"90 deg"``.
         convention: ``standard`` or ``modified``.
