@@ -55,9 +55,10 @@ def robot_of(
 
     Args:
         rows: a table per joint: ``a`` [m], ``alpha`` [rad], ``d`` [m], ``theta`` [rad] (0 where
-            left out), ``mass`` [kg], ``com`` (3) [m], ``inertia`` [kg m²] as ``[xx, yy, zz, xy, xz, yz]`` or
-            ``[xx, yy, zz]``; ``kind`` ``revolute`` or ``prismatic``; ``name``; ``low``, ``high``,
-            ``speed``. Numbers may be text with a unit, ``"90 deg"``.
+            left out), ``mass`` [kg], ``com`` (3) [m], ``inertia`` [kg m²] as
+            ``[xx, yy, zz, xy, xz, yz]`` or ``[xx, yy, zz]``; ``kind`` ``revolute`` or
+            ``prismatic``; ``name``; ``low``, ``high``, ``speed``. Numbers may be text with a unit,
+            ``"90 deg"``.
         convention: ``standard`` or ``modified``.
         before: ``xyz`` [m] and ``rpy`` [rad] of the table's first frame in the base.
         tool: the same of the tip in the last frame.
