@@ -65,3 +65,26 @@ def test_virtual_sensors_run_beside_what_is_measured() -> None:
 def test_a_sensor_that_should_be_recorded_and_is_not_is_an_error() -> None:
     with twin_of(measured=True) as twin, pytest.raises(ConfigError, match="neither recorded"):
         twin.run(recorded())
+
+
+def test_the_twin_climbs_to_the_temperature_only_where_it_pays() -> None:
+    guide = {"name": "guide", "kind": "guide", "axis": 1, "temperature": "input", "Fc": 20.0}
+    lines = (guide, {"name": "table", "kind": "mass", "axis": 1, "mass": 50.0})
+    model, rng = assembly(lines), np.random.default_rng(2)
+    t = np.arange(4000) * 0.05
+    v = 0.3 * np.sin(t) + 0.1 * np.sin(3.1 * t)
+    a, warm = np.gradient(v, t), 303.15 - 10 * np.cos(2 * np.pi * t / 40)
+    spec = config.TwinSpec(
+        "axis",
+        config.ModelSpec("assembly", {"components": lines}),
+        tuning=config.TuningSpec(
+            editable=("guide.Fv*", "guide.Fc*"), ladder=("temperature",), window=4000
+        ),
+    )
+    for change, law in ((-0.2, "tanh+temperature"), (0.0, "tanh")):
+        p = model.parameters.with_values({"guide.Fc_T": change, "guide.Fv": 50.0}).values
+        u = np.column_stack([v, a, warm])
+        y = model.simulate(np.zeros(0), u, np.full(4000, 0.05), p)[1][:, 0]
+        data = {"t": t, "qd1": v, "qdd1": a, "guide.T": warm, "tau1": y + rng.normal(0, 0.5, 4000)}
+        with Twin(spec) as twin:
+            assert twin.fit(data).laws == {"table": law}
