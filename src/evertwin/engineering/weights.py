@@ -32,7 +32,7 @@ __all__ = ["Measured", "Weighed", "measure", "weigh"]
 
 FEWEST, MOST = 24, 120
 """Tunings that the schedule is measured over: twice its longest period."""
-BUDGET = 100_000
+BUDGET = 50_000
 """Rows that all these tunings may see, about; with long recordings the count is lower."""
 REPEATS, QUICK = 3, 0.03
 """A tuning that is quicker [s] is timed so often: other work disturbs a clock upwards."""
