@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from evertwin.twin import Twin
-from evertwin.twin.diagnose import Diagnosis
+from evertwin.twin.doctor import Diagnosis
 
 ROOT = Path(__file__).parents[2]
 TWIN = """

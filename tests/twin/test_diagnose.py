@@ -21,7 +21,7 @@ from evertwin.config.spec import (
 from evertwin.models import FunctionModel, Parameter, Parameters
 from evertwin.signals import Layout
 from evertwin.twin import Twin
-from evertwin.twin.diagnose import Diagnosis
+from evertwin.twin.doctor import Diagnosis
 
 SPEC = TwinSpec(
     "robot", ModelSpec("robot1d"), prediction=PredictionSpec(horizon=1.0),

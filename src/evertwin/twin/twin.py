@@ -37,7 +37,7 @@ from evertwin.twin.ahead.upkeep import Verdict, alarmed, label, maintenance, pla
 from evertwin.twin.ahead.whatif import WhatIf
 from evertwin.twin.book import Book
 from evertwin.twin.compare import Comparison, compare
-from evertwin.twin.diagnose import Diagnosis, diagnose
+from evertwin.twin.doctor import Diagnosis, diagnose
 from evertwin.twin.export import Written, values_in, write
 from evertwin.twin.export.content import exported
 from evertwin.twin.factory import model_of

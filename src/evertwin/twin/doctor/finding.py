@@ -1,0 +1,91 @@
+"""One finding of the doctor: what, where, why, and the next step."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from evertwin.fold import plain
+from evertwin.types import Json
+
+__all__ = ["Diagnosis", "Finding"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something that is wrong, or will be.
+
+    >>> print(Finding("unit", "x", "x moves 100 times too far", "robot.csv", "unit = 'cm'"))
+    unit: x moves 100 times too far (robot.csv)
+      next: unit = 'cm'
+    """
+
+    kind: str
+    """unit, sign, lag, clock, gap, frozen, absurd, missing, lost, not_identifiable, weak,
+    not_connected, at_bound, range, horizon, tolerance, requirement, not_possible."""
+    subject: str
+    """Channel, parameter or setting."""
+    reason: str
+    """What was found, with its figure."""
+    where: str
+    """File and line, section of the twin file, or rows."""
+    step: str
+    """What to do next."""
+    evidence: Mapping[str, Any] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        return f"{self.kind}: {self.reason} ({self.where})\n  next: {self.step}"
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What the doctor found, and the figures that it looked at.
+
+    >>> Diagnosis("robot", 0, (), {}).findings
+    ()
+    """
+
+    name: str
+    rows: int
+    findings: tuple[Finding, ...]
+    figures: Mapping[str, Any]
+    """Per output: lag, noise, mismatch; per source: its clock; per parameter: verdict."""
+
+    def to_dict(self) -> dict[str, Json]:
+        """Plain content, ``schema: "evertwin.doctor/1"``."""
+        return plain(  # type: ignore[return-value]
+            {
+                "schema": "evertwin.doctor/1",
+                "name": self.name,
+                "rows": self.rows,
+                "findings": self.findings,
+                "figures": self.figures,
+            }
+        )
+
+    def of_kind(self, *kinds: str) -> tuple[Finding, ...]:
+        """The findings of some kinds."""
+        return tuple(item for item in self.findings if item.kind in kinds)
+
+    def __str__(self) -> str:
+        count = len(self.findings)
+        head = f"{self.name}: {self.rows} rows, {count} finding{'s' * (count != 1)}"
+        told = {item.subject for item in self.of_kind("clock")}
+        clocks = [
+            f"clock: {found['said']}"
+            for source, found in self.figures.get("clocks", {}).items()
+            if source not in told
+        ]
+        return "\n".join([head, *(str(item) for item in self.findings), *clocks])
+
+    def _repr_html_(self) -> str:
+        rows = "".join(
+            "<tr>"
+            + "".join(f"<td>{html.escape(c)}" for c in (f.kind, f.reason, f.where, f.step))
+            + "</tr>"
+            for f in self.findings
+        )
+        title = html.escape(f"{self.name}: {len(self.findings)} findings in {self.rows} rows")
+        return f"<p>{title}</p><table><tr><th>kind<th>why<th>where<th>next</tr>{rows}</table>"
