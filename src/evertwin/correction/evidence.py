@@ -25,7 +25,8 @@ from jaxtyping import Float64, Int64
 
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import Block
-from evertwin.models import KernelModel, Model, Restart, python_kernel, roll
+from evertwin.models import Model, Restart
+from evertwin.models.batch import Batch
 from evertwin.models.kernel import ANEW
 from evertwin.signals import wrap
 from evertwin.sync import residuals, restarts
@@ -38,6 +39,8 @@ SAMPLES = 4
 RUN = 5
 """Neighbouring segments that go into one fold together."""
 FOLDS = 10
+TOGETHER = 16
+"""Parameter vectors that are simulated at once: all rows of each are held."""
 FAILED = 1e3
 """Scaled residual of a row that could not be predicted."""
 
@@ -84,13 +87,20 @@ class Evidence:
 
     def residual(self, model: Model, p: ParameterVector) -> Float64[np.ndarray, "m ny"]:
         """Scaled residuals of the rows looked at, (m, ny); 0 where nothing is known."""
-        kernel = model.kernel() if isinstance(model, KernelModel) else python_kernel(model)
-        x0 = model.initial(p)
-        restart = Restart(self.adopts, self.code, x0)
-        _, y = roll(kernel, x0, self.u, self.dt, p, restart)
-        scaled = wrap(self.measured - y[self.rows], model.outputs.angles) / self.scale
-        scaled = np.where(np.isfinite(scaled), np.clip(scaled, -FAILED, FAILED), FAILED)
-        return np.where(self.known > 0.0, scaled, 0.0)
+        (found,) = self.residuals(model, p[None])
+        return found
+
+    def residuals(
+        self, model: Model, p: Float64[np.ndarray, "k np"]
+    ) -> list[Float64[np.ndarray, "m ny"]]:
+        """`residual` of several parameter vectors at once."""
+        restart, batch = Restart(self.adopts, self.code, model.initial(p[0])), Batch(model)
+        scaled: list[Float64[np.ndarray, "m ny"]] = []
+        for part in np.array_split(p, -(-len(p) // TOGETHER)):
+            runs = batch.run(self.u, self.dt, part, restart)[:, self.rows]
+            scaled += [wrap(self.measured - y, model.outputs.angles) / self.scale for y in runs]
+        bounded = [np.where(np.isfinite(r), np.clip(r, -FAILED, FAILED), FAILED) for r in scaled]
+        return [np.where(self.known > 0.0, r, 0.0) for r in bounded]
 
     def deviations(self, residual: Float64[np.ndarray, "m ny"]) -> Vector:
         """Rms of each segment's scaled residuals, (segments,)."""

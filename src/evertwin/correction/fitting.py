@@ -132,16 +132,16 @@ def _jacobian(
     stack: Stack, free: Free, evidence: Evidence, at: Vector
 ) -> Float64[np.ndarray, "r k"]:
     """∂e/∂p by differences of a hundredth of a considerable change, inside the bounds."""
-    p, model = stack.p, stack.model
-    p[free.places] = at
-    base = evidence.residual(model, p).ravel()
-    columns = np.empty((len(base), len(free.places)))
+    p = np.tile(stack.p, (1 + len(free.places), 1))
+    p[:, free.places] = at
+    h = 0.01 * free.typical
+    h = np.where(at + h <= free.high, h, -h)
     for k, place in enumerate(free.places):
-        h = 0.01 * free.typical[k]
-        h = h if at[k] + h <= free.high[k] else -h
-        p[place] = at[k] + h
-        columns[:, k] = (evidence.residual(model, p).ravel() - base) / h
-        p[place] = at[k]
+        p[1 + k, place] = at[k] + h[k]
+    base, *others = (r.ravel() for r in evidence.residuals(stack.model, p))
+    columns = np.empty((len(base), len(others)))
+    for k, r in enumerate(others):
+        columns[:, k] = (r - base) / h[k]
     return columns
 
 

@@ -17,6 +17,7 @@ neither allocates nor shares memory; a Python function goes one after the other.
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
@@ -31,7 +32,7 @@ from evertwin.models.function import python_kernel
 from evertwin.models.kernel import Kernel, Restart, _roll, roll
 from evertwin.types import Inputs, Intervals
 
-__all__ = ["WORTH", "Batch"]
+__all__ = ["WORTH", "Batch", "grouped", "rolled"]
 
 WORTH = 2000
 """Rows, over all parameter vectors together, from which on threads pay."""
@@ -80,32 +81,63 @@ class Batch:
         starts = np.stack([self.model.initial(one) for one in p])
         if isinstance(self.model, BatchModel):
             return np.asarray(self.model.simulate_batch(starts, u, dt, p, restart))
-        out = np.empty((len(p), len(u), restart.y.shape[1]))
-        threads = min(self.workers or os.cpu_count() or 1, len(p))
-        if threads > 1 and len(p) * len(u) >= WORTH and _native(self.kernel):
-            self._threads(starts, (u, dt, restart), p, (out, threads))
-        else:
-            for j, one in enumerate(p):
-                given = restart._replace(x0=starts[j])
-                out[j] = roll(self.kernel, starts[j], u, dt, one, given)[1]
-        return out
+        return rolled(self.kernel, starts, (u, dt, restart), p, self.workers)
 
-    def _threads(
-        self,
-        starts: Any,
-        rows: tuple[Inputs, Intervals, Restart],
-        p: Float64[np.ndarray, "k np"],
-        into: tuple[Any, int],
-    ) -> None:
-        (u, dt, restart), (out, threads) = rows, into
-        u, dt, y = (np.ascontiguousarray(a) for a in (u, dt, restart.y))
-        kernel = self.kernel
 
-        def one(j: int) -> None:
-            _free(
-                kernel.step, kernel.observe, kernel.context, starts[j].copy(), u, dt,
-                np.ascontiguousarray(p[j]), y, restart.code, starts[j], out[j],
-            )  # fmt: skip
+def rolled(
+    kernel: Kernel, starts: Any, rows: tuple[Inputs, Intervals, Restart],
+    p: Float64[np.ndarray, "k np"], workers: int = 0,
+) -> Float64[np.ndarray, "k n ny"]:  # fmt: skip
+    """Roll-outs of a kernel, each from its own state: in threads where that pays."""
+    u, dt, restart = rows
+    out = np.empty((len(p), len(u), restart.y.shape[1]))
+    threads = min(workers or os.cpu_count() or 1, len(p))
+    if threads > 1 and len(p) * len(u) >= WORTH and _native(kernel):
+        _threads(kernel, starts, rows, p, (out, threads))
+    else:
+        for j, one in enumerate(p):
+            out[j] = roll(kernel, starts[j], u, dt, one, restart._replace(x0=starts[j]))[1]
+    return out
 
-        with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(one, range(len(p))))
+
+def _threads(
+    kernel: Kernel, starts: Any, rows: tuple[Inputs, Intervals, Restart],
+    p: Float64[np.ndarray, "k np"], into: tuple[Any, int],
+) -> None:  # fmt: skip
+    (u, dt, restart), (out, threads) = rows, into
+    u, dt, y = (np.ascontiguousarray(a) for a in (u, dt, restart.y))
+
+    def one(j: int) -> None:
+        _free(
+            kernel.step, kernel.observe, kernel.context, starts[j].copy(), u, dt,
+            np.ascontiguousarray(p[j]), y, restart.code, starts[j], out[j],
+        )  # fmt: skip
+
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(one, range(len(p))))
+
+
+def grouped(
+    own: Float64[np.ndarray, "k m"], work: Callable[[list[int]], Float64[np.ndarray, "j n ny"]]
+) -> Float64[np.ndarray, "k n ny"]:
+    """Runs of a wrapper around a `BatchModel`: those with the same inputs go in one batch.
+
+    Args:
+        own: what the inputs of each run depend on, (k, m).
+        work: outputs of the runs with the given numbers, whose rows of ``own`` have the same bits.
+
+    >>> grouped(np.array([[1.0], [2.0], [1.0]]), lambda of: np.full((len(of), 1, 1), of[0])).ravel()
+    array([0., 1., 0.])
+    """
+    groups: dict[bytes, list[int]] = {}
+    for j, one in enumerate(own):
+        groups.setdefault(one.tobytes(), []).append(j)
+    members = list(groups.values())
+    if len(members) == 1:
+        return work(members[0])
+    with ThreadPoolExecutor(min(os.cpu_count() or 1, len(members))) as pool:
+        found = list(pool.map(work, members))
+    out = np.empty((len(own), *found[0].shape[1:]))
+    for numbers, runs in zip(members, found, strict=True):
+        out[numbers] = runs
+    return out

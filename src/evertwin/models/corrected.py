@@ -25,14 +25,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float64
 
 from evertwin.errors import UsageError
 from evertwin.models import term_kernels as kernels
+from evertwin.models.batch import grouped, rolled
 from evertwin.models.compiled import Compiled
-from evertwin.models.contract import KernelModel, Model
+from evertwin.models.contract import BatchModel, KernelModel, Model
 from evertwin.models.form import Form, Term
 from evertwin.models.function import python_kernel
 from evertwin.models.kernel import Kernel, Restart, roll
@@ -191,6 +193,34 @@ class Corrected:
     ) -> tuple[StateVector, Outputs]:
         sized(x, self.states, p, self.parameters)
         return roll(self.kernel(), x, u, dt, p, Restart.never(len(u), len(self.outputs)))
+
+    def simulate_batch(
+        self,
+        x: Float64[np.ndarray, "k nx"],
+        u: Inputs,
+        dt: Intervals,
+        p: Float64[np.ndarray, "k np"],
+        restart: Restart | None = None,
+    ) -> Float64[np.ndarray, "k n ny"]:
+        """Outputs under each row of ``p``; see `evertwin.models.BatchModel`.
+
+        The inner model's own batch runs whole stretches under the effective inputs, where it has
+        one. (An extra state needs the inner model's state in every row: it goes row by row.)
+        """
+        restart = restart or Restart.never(len(u), len(self.outputs))
+        model = self.model
+        if not isinstance(model, BatchModel) or any(t.kind == "state" for t in self.terms):
+            return rolled(self.kernel(), x, (u, dt, restart), p)
+        nx, n_p = len(model.states), len(model.parameters)
+        plan = np.array(self._plan, dtype=np.int64)
+        u = np.ascontiguousarray(u)
+
+        def work(of: list[int]) -> Any:
+            first = np.ascontiguousarray(x[of[0]]), np.ascontiguousarray(p[of[0]])
+            given = kernels.effective_run(plan, first[0], u, dt, first[1], restart.code)
+            return model.simulate_batch(x[of, :nx], given, dt, p[of, :n_p], restart)
+
+        return grouped(np.concatenate([x[:, nx:], p[:, n_p:]], axis=1), work)
 
     def observe(self, x: StateVector, y: Float64[np.ndarray, " ny"]) -> StateVector:
         return self._compiled.observe(x, y)

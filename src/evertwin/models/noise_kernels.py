@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numba import carray, cfunc, njit
 
-from evertwin.models.kernel import OBSERVE, STEP, call_observe, call_step
+from evertwin.models.kernel import ANEW, OBSERVE, STEP, call_observe, call_step
 
-__all__ = ["HEADER", "adopt", "disturbed", "normal", "step"]
+__all__ = ["HEADER", "adopt", "disturbed", "disturbed_run", "normal", "step"]
 
 # Header: length, inner step, inner observe, inner context, nu, nx inner, np, ny, seed; then the
 # factors (np), the inputs' noise (nu) and the outputs' noise (ny) as bits of floats.
@@ -46,6 +46,20 @@ def disturbed(values: Any, sigma: Any, seed: Any, row: Any, first: Any) -> None:
     for k in range(values.shape[0]):
         if sigma[k] > 0.0:
             values[k] += sigma[k] * normal(seed, row, first + k)
+
+
+@njit(cache=True, nogil=True)
+def disturbed_run(
+    values: Any, sigma: Any, seed: Any, begin: Any, first: Any, code: Any
+) -> None:  # fmt: skip
+    """`disturbed` over a whole roll-out, (n, channels), whose count of rows starts at ``begin``."""
+    row = begin
+    for i in range(values.shape[0]):
+        if code[i] == ANEW:
+            row = begin
+        else:
+            disturbed(values[i], sigma, seed, row, first)
+            row += 1
 
 
 @cfunc(STEP, cache=True)

@@ -23,14 +23,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float64
 
 from evertwin.errors import UsageError
 from evertwin.models import noise_kernels as kernels
+from evertwin.models.batch import grouped, rolled
 from evertwin.models.compiled import Compiled
-from evertwin.models.contract import KernelModel, Model
+from evertwin.models.contract import BatchModel, KernelModel, Model
 from evertwin.models.function import python_kernel
 from evertwin.models.kernel import Kernel, Restart, roll
 from evertwin.models.parameters import Parameters
@@ -130,6 +132,32 @@ class Randomized:
     ) -> tuple[StateVector, Outputs]:
         sized(x, self.states, p, self.parameters)
         return roll(self.kernel(), x, u, dt, p, Restart.never(len(u), len(self.outputs)))
+
+    def simulate_batch(
+        self,
+        x: Float64[np.ndarray, "k nx"],
+        u: Inputs,
+        dt: Intervals,
+        p: Float64[np.ndarray, "k np"],
+        restart: Restart | None = None,
+    ) -> Float64[np.ndarray, "k n ny"]:
+        """Outputs under each row of ``p``; see `evertwin.models.BatchModel`."""
+        restart = restart or Restart.never(len(u), len(self.outputs))
+        model, nx, seed, code = self.model, len(self.model.states), self.seed % 2**31, restart.code
+        if not isinstance(model, BatchModel):
+            return rolled(self.kernel(), x, (u, dt, restart), p)
+        noise = np.array(self.input_noise or np.zeros(len(self.inputs)), dtype=np.float64)
+        seen = np.array(self.output_noise or np.zeros(len(self.outputs)), dtype=np.float64)
+
+        def work(of: list[int]) -> Any:
+            given, begin = np.array(u, dtype=np.float64, order="C"), int(x[of[0], nx])
+            kernels.disturbed_run(given, noise, seed, begin, 0, code)
+            runs = model.simulate_batch(x[of, :nx], given, dt, p[of] * self.factors, restart)
+            for run in runs:
+                kernels.disturbed_run(run, seen, seed, begin, len(noise), code)
+            return runs
+
+        return grouped(x[:, nx:], work)
 
     def observe(self, x: StateVector, y: Float64[np.ndarray, " ny"]) -> StateVector:
         return self._compiled.observe(x, y)

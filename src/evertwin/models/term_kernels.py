@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numba import carray, cfunc, njit
 
-from evertwin.models.kernel import OBSERVE, STEP, call_observe, call_step
+from evertwin.models.kernel import ANEW, OBSERVE, STEP, call_observe, call_step
 
 __all__ = [
     "COUPLING",
@@ -30,6 +30,7 @@ __all__ = [
     "adopt",
     "effective",
     "effective_rows",
+    "effective_run",
     "exchange",
     "shift",
     "step",
@@ -213,6 +214,23 @@ def effective_rows(plan: Any, u: Any, p: Any) -> None:
     none = np.zeros(1)
     for i in range(u.shape[0]):
         effective(plan, u[i], 0.0, p, none, none)
+
+
+@njit(cache=True, nogil=True)
+def effective_run(plan: Any, x: Any, u: Any, dt: Any, p: Any, code: Any) -> Any:
+    """What the terms make of the inputs of a whole roll-out from ``x``, (n, nu).
+
+    NaN where `step` would fail; ``code`` is that of `evertwin.models.kernel.Restart`.
+    """
+    out, now, ahead = u.copy(), x.copy(), x.copy()
+    for i in range(u.shape[0]):
+        if code[i] == ANEW:
+            now[:] = x
+        elif effective(plan, out[i], dt[i], p, now, ahead) != 0:
+            out[i, :] = np.nan
+        else:
+            now[:] = ahead
+    return out
 
 
 @njit(cache=True)
