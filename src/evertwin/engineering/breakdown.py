@@ -24,14 +24,16 @@ What holds of several components alike is said once, under ``[like.NAME]``; a co
 from __future__ import annotations
 
 import dataclasses
+import difflib
+import pathlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 from evertwin.engineering.parts import Component, ModelPart, Requirements, Sensor
 from evertwin.errors import UsageError
-from evertwin.settings.fields import Free, Hidden, Limits, Quantity, Section
+from evertwin.settings.fields import Free, Hidden, Limits, PlacedError, Quantity, Section
+from evertwin.settings.lines import Path
 from evertwin.settings.text import Form
 from evertwin.types import Json
 
@@ -126,17 +128,20 @@ class Breakdown(Section):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        names = [component.name for component in self.components]
-        for name in names:
-            if names.count(name) > 1:
-                raise UsageError(f"expected each component's name once, got {name!r} twice")
-        for system in self.study:
+        for k, system in enumerate(self.study):
             if system not in {s.name for s in self.system}:
-                raise UsageError(f"study: no system {system!r} in this file")
-        for component in self.components:
-            for sensor in component.sensors:
+                raise PlacedError(f"study: no system {system!r} in this file", ("study", k))
+        names: set[str] = set()
+        for path, place in self._placed():
+            component = place.component
+            if component.name in names:
+                said = f"expected each component's name once, got {component.name!r} twice"
+                raise PlacedError(said, (*path, "name"))
+            names.add(component.name)
+            for k, sensor in enumerate(component.sensors):
                 if sensor not in self.sensors:
-                    raise UsageError(f"component {component.name!r}: no [sensors.{sensor}]")
+                    said = f"component {component.name!r}: no [sensors.{sensor}] in this file"
+                    raise PlacedError(said, (*path, "sensors", k))
 
     @classmethod
     def prepare(cls, table: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -144,20 +149,45 @@ class Breakdown(Section):
         shared = table.get("like", {})
         if not isinstance(shared, Mapping) or not isinstance(table.get("system"), list):
             return table
-        return {**table, "system": [_completed(one, shared) for one in table["system"]]}
+        for name, below in shared.items():
+            if isinstance(below, Mapping) and "like" in below:
+                said = f"[like.{name}] is like nothing else: write its settings out here"
+                raise PlacedError(said, ("like", name, "like"))
+        systems = [_completed(s, shared, ("system", k)) for k, s in enumerate(table["system"])]
+        return {**table, "system": systems}
+
+    @classmethod
+    def written(cls, table: Mapping[str, Any], path: Path) -> Path:
+        """At the component, or at what it is ``like``: where more of ``path`` is found."""
+        shared: Any = table.get("like")
+        if not isinstance(shared, Mapping):
+            return path
+        node: Any = table
+        for depth, step in enumerate(path):
+            name = node.get("like") if isinstance(node, Mapping) else None
+            if isinstance(name, str) and isinstance(shared.get(name), Mapping):
+                rest = path[depth:]
+                if _reached(shared[name], rest) > _reached(node, rest):
+                    return ("like", name, *rest)
+            if not _has(node, step):
+                break
+            node = node[step]
+        return path
 
     @property
     def places(self) -> tuple[Place, ...]:
         """Every component with its system and sub-system, in the file's order."""
-        return tuple(self._places())
+        return tuple(place for _, place in self._placed())
 
-    def _places(self) -> Iterator[Place]:
-        for system in self.system:
-            for component in system.component:
-                yield Place(system.name, "", component)
-            for part in system.subsystem:
-                for component in part.component:
-                    yield Place(system.name, part.name, component)
+    def _placed(self) -> Iterator[tuple[Path, Place]]:
+        """Every component, with the path of its table in the file."""
+        for s, system in enumerate(self.system):
+            for c, component in enumerate(system.component):
+                yield ("system", s, "component", c), Place(system.name, "", component)
+            for u, part in enumerate(system.subsystem):
+                for c, component in enumerate(part.component):
+                    at = ("system", s, "subsystem", u, "component", c)
+                    yield at, Place(system.name, part.name, component)
 
     @property
     def components(self) -> tuple[Component, ...]:
@@ -193,20 +223,38 @@ class Breakdown(Section):
         )
 
 
-def _completed(table: Any, shared: Mapping[str, Any]) -> Any:
+def _completed(table: Any, shared: Mapping[str, Any], path: Path) -> Any:
     """A system, sub-system or component, with what its components are like."""
     if not isinstance(table, Mapping):
         return table
     out = dict(table)
     for key in ("subsystem", "component"):
         if isinstance(out.get(key), list):
-            out[key] = [_completed(one, shared) for one in out[key]]
+            out[key] = [_completed(one, shared, (*path, key, k)) for k, one in enumerate(out[key])]
     name = out.get("like")
     if not isinstance(name, str):
         return out
-    if name not in shared:
-        raise UsageError(f"like = {name!r}: there is no [like.{name}]")
+    if not isinstance(shared.get(name), Mapping):
+        near = difflib.get_close_matches(name, list(shared), n=1)
+        hint = f", did you mean {near[0]!r}?" if near else ""
+        raise PlacedError(f"like = {name!r}: there is no [like.{name}]{hint}", (*path, "like"))
     return _merged(shared[name], out)
+
+
+def _has(node: Any, step: str | int) -> bool:
+    """Is there something at ``step`` of a table or array?"""
+    if isinstance(node, list):
+        return isinstance(step, int) and step < len(node)
+    return isinstance(node, Mapping) and step in node
+
+
+def _reached(node: Any, path: Path) -> int:
+    """How many steps of ``path`` lead somewhere."""
+    for depth, step in enumerate(path):
+        if not _has(node, step):
+            return depth
+        node = node[step]
+    return len(path)
 
 
 def _merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
@@ -230,7 +278,7 @@ def _short(old: Any, value: Any) -> Any:
 _FORM = Form(Breakdown, SCHEMA, "breakdown file")
 
 
-def read_breakdown(path: str | Path) -> Breakdown:
+def read_breakdown(path: str | pathlib.Path) -> Breakdown:
     """The breakdown file at ``path``.
 
     Raises:
@@ -238,7 +286,7 @@ def read_breakdown(path: str | Path) -> Breakdown:
             for each problem, ``file:line: what was expected, what came``.
     """
     found = _FORM.parse(_FORM.load(path), str(path))
-    return dataclasses.replace(found, folder=str(Path(path).resolve().parent))
+    return dataclasses.replace(found, folder=str(pathlib.Path(path).resolve().parent))
 
 
 def reads(text: str, name: str = "breakdown file") -> Breakdown:

@@ -20,6 +20,7 @@ from evertwin.settings.fields import (
     Inherit,
     Late,
     Limits,
+    PlacedError,
     Quantity,
     Section,
     Setting,
@@ -89,6 +90,8 @@ class Reader:
     file: str
     lines: Lines
     problems: list[str] = field(default_factory=list)
+    written: Callable[[Path], Path] = tuple
+    """Where a setting stands that the root section completed from elsewhere."""
 
     def section(self, kind: type[S], given: object, path: Path) -> S | None:
         """The section from its table; None if it cannot be built (see ``problems``)."""
@@ -108,7 +111,7 @@ class Reader:
         for setting in known.values():
             if setting.required and setting.key not in table:
                 doc = field_docs(kind).get(setting.name, "").split("\n")[0]
-                self._problem(path, f"{_in(path)}needs '{setting.key}': {doc}")
+                self._problem(path, f"{_in(self.written(path))}needs '{setting.key}': {doc}")
         if len(self.problems) > before:
             return None
         built: S | None = self._guarded(lambda: kind(**values), path)
@@ -218,23 +221,27 @@ class Reader:
         try:
             return make()
         except UsageError as error:
-            self._problem(path, f"{dotted(path)}: {error}" if path else str(error))
+            at = (*path, *error.path) if isinstance(error, PlacedError) else path
+            where = dotted(self.written(path))
+            self._problem(at, f"{where}: {error}" if path else str(error))
             return None
 
     def _unknown(self, keys: Sequence[str], names: Sequence[str], path: Path) -> None:
         for key in keys:
             near = difflib.get_close_matches(key, names, n=1)
             hint = f"did you mean '{near[0]}'?" if near else f"there are {', '.join(names)}"
-            self._problem((*path, key), f"{_in(path)}unknown key '{key}', {hint}")
+            self._problem(
+                (*path, key), f"{_in(self.written((*path, key))[:-1])}unknown key '{key}', {hint}"
+            )
 
     def _wrong(self, path: Path, expected: str, value: object, hint: str = "") -> Any:
         shown = str(value).lower() if isinstance(value, bool) else repr(value)
         kept = shown if len(shown) <= 60 else f"{shown[:57]}..."
-        self._problem(path, f"{dotted(path)}: expected {expected}, got {kept}{hint}")
+        self._problem(path, f"{dotted(self.written(path))}: expected {expected}, got {kept}{hint}")
         return None
 
     def _problem(self, path: Path, message: str) -> None:
-        self.problems.append(f"{self.file}:{self.lines.of(path)}: {message}")
+        self.problems.append(f"{self.file}:{self.lines.of(self.written(path))}: {message}")
 
 
 @dataclass(frozen=True)

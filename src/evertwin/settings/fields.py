@@ -28,6 +28,7 @@ from functools import cache
 from typing import Annotated, Any, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from evertwin.errors import UsageError
+from evertwin.settings.lines import Path
 
 __all__ = [
     "Free",
@@ -36,6 +37,7 @@ __all__ = [
     "Key",
     "Late",
     "Limits",
+    "PlacedError",
     "Quantity",
     "Section",
     "Setting",
@@ -174,6 +176,26 @@ class Section:
     def prepare(cls, table: Mapping[str, Any]) -> Mapping[str, Any]:
         """The table of the file; a section may fill in what follows from its other keys."""
         return table
+
+    @classmethod
+    def written(
+        cls, table: Mapping[str, Any], path: tuple[str | int, ...]
+    ) -> tuple[str | int, ...]:
+        """Where in the file's ``table`` the setting at ``path`` stands, if `prepare` moved it."""
+        return path
+
+
+class PlacedError(UsageError):
+    """A mistake somewhere below the section that found it.
+
+    >>> PlacedError("no such sensor", ("sensors", 0)).path
+    ('sensors', 0)
+    """
+
+    def __init__(self, message: str, path: Path) -> None:
+        super().__init__(message)
+        self.path = path
+        """Where, from the section on."""
 
 
 @dataclass(frozen=True)

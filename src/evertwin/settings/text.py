@@ -18,6 +18,7 @@ from __future__ import annotations
 import re
 import tomllib
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Generic, TypeVar
 
@@ -88,7 +89,7 @@ class Form(Generic[S]):
                 f"{name}: has schema {version}, this evertwin reads up to {self.version}: "
                 "upgrade evertwin"
             )
-        reader = Reader(name, Lines(text))
+        reader = Reader(name, Lines(text), written=partial(self.root.written, table))
         content = reader.section(self.root, table, ())
         if content is None or reader.problems:
             ordered = sorted(

@@ -1,0 +1,56 @@
+"""A mistake in a breakdown file is told with the line on which it stands."""
+
+from pathlib import Path
+
+import pytest
+
+from evertwin.engineering.breakdown import read_breakdown, reads
+from evertwin.errors import ConfigError
+
+ARM = Path(__file__).parents[2] / "twins" / "breakdowns" / "arm.toml"
+SENSED = 'sensors = ["tau3"]\nparameters = { Fc = { value = 5'
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "said"),
+    [
+        ("effect_reason = \"friction and play", "efect_reason = \"friction and play",
+         "[like.gearbox] unknown key 'efect_reason', did you mean 'effect_reason'?"),
+        ("effect = 4\neffect_reason", "effect = 9\neffect_reason",
+         "like.gearbox.effect: expected a number at least 1 and at most 5, got 9"),
+        ('like = "gearbox"\naxis = 3', 'like = "gearbx"\naxis = 3', "did you mean 'gearbox'?"),
+        ('name = "gearbox3"', 'name = "gearbox2"', "once, got 'gearbox2' twice"),
+        (SENSED, SENSED.replace("tau3", "tau33"), "no [sensors.tau33]"),
+        (SENSED, SENSED.replace("sensors", "sensr"), "did you mean 'sensors'?"),
+        ("{ value = 5,", "{ valu = 5,", "unknown key 'valu', did you mean 'value'?"),
+        ('study = ["control"', 'study = ["contrl"', "no system 'contrl'"),
+    ],
+)  # fmt: skip
+def test_line_of_a_mistake(right: str, wrong: str, said: str) -> None:
+    text = ARM.read_text(encoding="utf-8")
+    assert text.count(right) >= 1
+    line = text[: text.index(right)].count("\n") + 1
+    with pytest.raises(ConfigError) as caught:
+        reads(text.replace(right, wrong, 1), "arm.toml")
+    (only,) = str(caught.value).splitlines()
+    assert only.startswith(f"arm.toml:{line}: ")
+    assert said in only
+
+
+def test_nested_like_is_refused() -> None:
+    text = ARM.read_text(encoding="utf-8").replace("[like.gearbox]", '[like.gearbox]\nlike = "x"')
+    with pytest.raises(ConfigError, match=r"arm.toml:54: \[like.gearbox\] is like nothing else"):
+        reads(text, "arm.toml")
+
+
+def test_like_that_is_no_table() -> None:
+    text = 'schema = 1\nname = "a"\nlike = 3\n[[system]]\nname = "s"\nlike = "x"\n'
+    with pytest.raises(ConfigError, match=r":6: .*unknown key 'like'"):
+        reads(text, "a.toml")
+
+
+def test_every_coulomb_torque_has_a_limit_of_health() -> None:
+    arm = read_breakdown(ARM)
+    limits = [arm.component(f"gearbox{k}").parameters["Fc"] for k in range(1, 7)]
+    assert all(one.limit is not None and one.limit_reason for one in limits)
+    assert all(one.limit > one.value for one in limits)
