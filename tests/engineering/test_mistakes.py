@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from evertwin.engineering.breakdown import read_breakdown, reads
-from evertwin.errors import ConfigError
+from evertwin.engineering.criticality import history_of
+from evertwin.errors import ConfigError, DataError
 
 ARM = Path(__file__).parents[2] / "twins" / "breakdowns" / "arm.toml"
 SENSED = 'sensors = ["tau3"]\nparameters = { Fc = { value = 5'
@@ -47,6 +48,14 @@ def test_like_that_is_no_table() -> None:
     text = 'schema = 1\nname = "a"\nlike = 3\n[[system]]\nname = "s"\nlike = "x"\n'
     with pytest.raises(ConfigError, match=r":6: .*unknown key 'like'"):
         reads(text, "a.toml")
+
+
+def test_history_of_an_unknown_component(tmp_path: Path) -> None:
+    text = ARM.with_name("arm_history.csv").read_text(encoding="utf-8")
+    (tmp_path / "arm_history.csv").write_text(text.replace("gearbox3", "gearbx3"))
+    (tmp_path / "arm.toml").write_text(ARM.read_text(encoding="utf-8"))
+    with pytest.raises(DataError, match="no component 'gearbx3' in arm, did you mean 'gearbox3'"):
+        history_of(read_breakdown(tmp_path / "arm.toml"))
 
 
 def test_every_coulomb_torque_has_a_limit_of_health() -> None:

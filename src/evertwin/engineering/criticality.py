@@ -18,13 +18,14 @@
 
 from __future__ import annotations
 
+import difflib
 from dataclasses import dataclass
 from pathlib import Path
 
 from evertwin.engineering.breakdown import Breakdown, Place
 from evertwin.engineering.history import History, read_history
 from evertwin.engineering.parts import Component, Role
-from evertwin.errors import ConfigError
+from evertwin.errors import ConfigError, DataError
 
 __all__ = ["Criticality", "history_of", "rank"]
 
@@ -57,11 +58,19 @@ def history_of(breakdown: Breakdown) -> History | None:
     """The maintenance history that the file names; None without one.
 
     Raises:
-        DataError: it cannot be read.
+        DataError: it cannot be read, or names a component that the breakdown does not have.
     """
     if breakdown.history is None:
         return None
-    return read_history(Path(breakdown.folder) / breakdown.history, breakdown.history_span)
+    path = Path(breakdown.folder) / breakdown.history
+    history = read_history(path, breakdown.history_span)
+    names = [component.name for component in breakdown.components]
+    for name in history.found:
+        if name not in names:
+            near = difflib.get_close_matches(name, names, n=1)
+            hint = f", did you mean {near[0]!r}?" if near else ": add it to the breakdown file"
+            raise DataError(f"{path}: no component {name!r} in {breakdown.name}{hint}")
+    return history
 
 
 def rank(breakdown: Breakdown, history: History | None = None) -> tuple[Criticality, ...]:

@@ -66,7 +66,8 @@ class Signal(NamedTuple):
     signal: str
     how: Literal["direct", "indirect"]
     effect: float
-    """rms change of the signal for a change by the parameter's natural size, over its own rms."""
+    """rms change of the signal for a change by the parameter's natural size, over its own rms; at
+    most 1 for a parameter whose value is 0: nothing but its bounds says how large it may be."""
 
 
 class Link(NamedTuple):
@@ -117,6 +118,7 @@ def links(problem: Problem) -> tuple[Link, ...]:
     on, rms = counted(problem), _rms(problem)
     acts = np.sqrt(np.mean(np.where(on[:, :, None], np.square(j), 0.0), axis=0))
     effect = acts * problem.sizes / rms[:, None]
+    effect = np.where(problem.start == 0.0, np.minimum(effect, 1.0), effect)
     lone = (effect > NOTHING).sum(axis=1) == 1
     out = []
     for k, name in enumerate(problem.names):

@@ -120,6 +120,8 @@ class ParameterPart(Section):
     """Relative range around the value for the sensitivity analysis."""
     limit: Amount | None = None
     """Limit of health: at this value the component is worn out."""
+    limit_reason: str = ""
+    """Where the limit comes from."""
     override: ParameterOverride | None = None
     """What the engineer decides otherwise."""
 

@@ -68,7 +68,8 @@ def breakdown_limits(path: Path) -> dict[str, Limit]:
             if part.limit is None:
                 continue
             falls = part.value is not None and part.limit < part.value
-            source = f"breakdown {path.name}: {component.name}"
+            why = f" ({part.limit_reason})" if part.limit_reason else ""
+            source = f"breakdown {path.name}: {component.name}{why}"
             side: Literal["above", "below"] = "below" if falls else "above"
             found[machine.parameter_name(component, name)] = Limit(part.limit, side, source)
     return found
