@@ -71,7 +71,7 @@ class PathSpec(Section):
 
     file: str | None = None
     """CSV: ``t``, the model's inputs, and outputs where they are planned; relative to this file."""
-    moves: Annotated[tuple[Mapping[str, Json], ...], Free()] = ()
+    moves: Annotated[Json, Free()] = ()
     """Moves of an arm: ``{ move = "joints" | "line" | "circle" | "pause", … }``."""
     start: tuple[float, ...] = ()
     """Joint positions at the start; absent: those of the newest recorded row."""
@@ -83,11 +83,17 @@ class PathSpec(Section):
     """Rows a second."""
     profile: Literal["trapezoid", "quintic"] = "trapezoid"
     """How each move speeds up and slows down."""
+    components: Annotated[Json, Free()] = ()
+    """What the model lacks for following the path: a line for each controller (and motor)."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        for key, lines in (("moves", self.moves), ("components", self.components)):
+            rows = lines if isinstance(lines, list | tuple) else [None]
+            if not all(isinstance(one, Mapping) for one in rows):
+                raise UsageError(f"{key}: expected a list of tables, [{{ … }}, …], got {lines!r}")
         if (self.file is None) == (not self.moves):
-            raise UsageError("path: expected either a file or moves")
+            raise UsageError("expected either a file or moves")
 
 
 @dataclass(frozen=True)
@@ -171,9 +177,9 @@ class ScenarioSpec(Section):
     """Other values of parameters; ``*`` matches any text."""
     components: Mapping[str, Mapping[str, Amount]] = field(default_factory=dict)
     """Components that are replaced: values of the new one; absent: as the twin file says."""
-    wear: Amount | None = None
+    wear: Annotated[Amount, Limits(above=0.0)] | None = None
     """Wear of all components this far ahead, on the clock of the prognosis."""
-    limits: Mapping[str, Amount] = field(default_factory=dict)
+    limits: Mapping[str, Annotated[Amount, Limits(above=0.0)]] = field(default_factory=dict)
     """Largest size of a channel (torque, speed, current) that the machine can give."""
     docking: DockSpec | None = None
     """Docking at a second machine."""

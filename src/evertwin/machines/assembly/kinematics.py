@@ -16,7 +16,7 @@ from evertwin.machines.arm.chain import Chain
 from evertwin.machines.arm.rnea import JOINT
 from evertwin.types import Vector
 
-__all__ = ["follow", "tool"]
+__all__ = ["follow", "tips", "tool"]
 
 ROUNDS = 60
 """Most corrections a point."""
@@ -59,6 +59,30 @@ def tool(
             jacobian[:3, j] = np.cross(axis, frame[:3, 3] - place)
             jacobian[3:, j] = axis
     return frame, jacobian
+
+
+def tips(chain: Chain, q: Float64[np.ndarray, "n joints"]) -> Float64[np.ndarray, "n 3"]:
+    """Where the tool is [m] at each of many joint positions [rad, m].
+
+    >>> from evertwin.machines.arm.chain import serial
+    >>> from evertwin.machines.arm.model import robot
+    >>> chain, q = serial(robot("ur5_like")), np.linspace(0.0, 1.0, 12).reshape(2, 6)
+    >>> bool(np.allclose(tips(chain, q)[1], tool(chain, q[1])[0][:3, 3]))
+    True
+    """
+    frame = np.broadcast_to(np.eye(4), (len(q), 4, 4))
+    for j in range(chain.n):
+        numbers = chain.geometry[3 + JOINT * j : 3 + JOINT * (j + 1)]
+        here, move = np.eye(4), np.broadcast_to(np.eye(4), (len(q), 4, 4)).copy()
+        here[:3, :3], here[:3, 3] = numbers[:9].reshape(3, 3), numbers[9:12]
+        if numbers[12] != 0.0:
+            move[:, 2, 3] = q[:, j]
+        else:
+            c, s = np.cos(q[:, j]), np.sin(q[:, j])
+            move[:, 0, 0], move[:, 0, 1], move[:, 1, 0], move[:, 1, 1] = c, -s, s, c
+        frame = frame @ here @ move
+    found: Float64[np.ndarray, "n 3"] = (frame @ chain.tool)[:, :3, 3]
+    return found
 
 
 def _rotation(matrix: Float64[np.ndarray, "3 3"]) -> Vector:

@@ -10,7 +10,6 @@ import fnmatch
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -22,7 +21,7 @@ from evertwin.models.corrected import build
 from evertwin.signals.units import compatible
 from evertwin.twin.ahead.basis import Basis
 from evertwin.twin.ahead.future import Future
-from evertwin.twin.ahead.paths import motion_of_moves, rows_of_file
+from evertwin.twin.ahead.paths import chain_of, motion_of_moves, rows_of_file
 from evertwin.twin.factory import model_of
 from evertwin.types import Outputs, ParameterVector
 
@@ -163,7 +162,7 @@ def _path(basis: Basis, case: Case, path: PathSpec, folder: Path) -> Case:
     if path.file is not None:
         future, planned = rows_of_file(case.model, folder / path.file)
         return replace(case, future=future, planned=planned)
-    chain: Any = getattr(basis.setup.model, "chain", None)
+    chain = chain_of(basis.setup.model)
     if chain is None:
         raise UsageError("path: moves are those of an arm; for another machine give a file")
     n = chain.n

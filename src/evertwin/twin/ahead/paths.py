@@ -15,7 +15,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from evertwin.config.scenario import PathSpec
-from evertwin.errors import DataError
+from evertwin.errors import DataError, UsageError
+from evertwin.machines.arm.chain import Chain
 from evertwin.machines.assembly.path import Limits, moves_of, plan
 from evertwin.models import Model
 from evertwin.signals import Layout
@@ -23,12 +24,18 @@ from evertwin.twin.ahead.future import Future
 from evertwin.twin.ahead.table import Table, read_table
 from evertwin.types import Vector
 
-__all__ = ["motion_of_moves", "rows_of_file"]
+__all__ = ["chain_of", "motion_of_moves", "rows_of_file"]
 
 ACCELERATION = 2.0
 """Highest acceleration of a joint where nothing is said [rad/s²]."""
 SPEED = 3.0
 """Highest speed of a joint that the description does not limit [rad/s]."""
+
+
+def chain_of(model: Model) -> Chain | None:
+    """The geometry of an arm, or of an assembly around one; None for other machines."""
+    found = getattr(model, "chain", None) or getattr(getattr(model, "train", None), "chain", None)
+    return found if isinstance(found, Chain) else None
 
 
 def rows_of_file(model: Model, path: Path) -> tuple[Future, Mapping[str, Vector]]:
@@ -67,6 +74,12 @@ def motion_of_moves(path: PathSpec, chain: Any, start: Sequence[float], inputs: 
     program: Any = path.moves
     motion = plan(moves_of(program), start, limits, path.rate, path.profile, chain)
     u = np.concatenate([motion.q, motion.qd, motion.qdd], axis=1)
+    names = [name.removesuffix("_set") for name in inputs.names]
+    if not all(name.lstrip("qd").isdigit() for name in names):
+        raise UsageError(
+            f"path: moves tell the motion of joints, and this model also takes "
+            f"{', '.join(n for n in names if not n.lstrip('qd').isdigit())}: give a file"
+        )
     columns = [("q", "qd", "qdd").index(name.rstrip("0123456789")) * chain.n
-               + int(name.lstrip("qd")) - 1 for name in inputs.names]  # fmt: skip
+               + int(name.lstrip("qd")) - 1 for name in names]  # fmt: skip
     return Future(np.ascontiguousarray(u[:, columns]), np.full(len(u), 1.0 / path.rate))

@@ -21,6 +21,7 @@ from evertwin.signals import Layout, wrap
 from evertwin.signals.units import compatible
 from evertwin.twin.ahead.basis import draws, through
 from evertwin.twin.ahead.changes import Case
+from evertwin.twin.ahead.paths import chain_of
 from evertwin.types import Outputs, StateVector, Vector
 
 __all__ = ["Exceeded", "OutputSize", "PathError", "Simulated", "friction_work", "simulated"]
@@ -79,6 +80,11 @@ class PathError:
     end: float
     """At the end of the path."""
     end95: tuple[float, float]
+    largest95: tuple[float, float] | None = None
+    at: float | None = None
+    """When it is largest, from the start of the path [s]."""
+    where: tuple[float, ...] = ()
+    """Where it is largest: the planned place of the tool [m]."""
 
 
 @dataclass(frozen=True)
@@ -160,11 +166,11 @@ def _ends(model: Model, channel: Any, limits: Mapping[str, float]) -> tuple[floa
     """Lowest and highest value of an input: the scenario's, else the description's."""
     if channel.name in limits:
         return -limits[channel.name], limits[channel.name]
-    chain: Any = getattr(model, "chain", None)
-    joint = channel.name.lstrip("qd")
+    chain = chain_of(model)
+    joint = channel.name.removesuffix("_set").lstrip("qd")
     if chain is not None and joint.isdigit() and int(joint) <= chain.n:
         low, high, speed = chain.limits[int(joint) - 1]
-        order = channel.name.count("d")
+        order = channel.name.removesuffix("_set").count("d")
         if order == 0 and low < high:
             return low, high
         if order == 1:

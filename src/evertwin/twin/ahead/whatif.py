@@ -8,7 +8,7 @@ their difference is the scenario's doing.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -18,8 +18,9 @@ from evertwin.errors import DataError
 from evertwin.fold import plain, take
 from evertwin.twin.ahead.basis import Basis, state_after
 from evertwin.twin.ahead.changes import Case, changed
+from evertwin.twin.ahead.follow import followed
 from evertwin.twin.ahead.future import coming
-from evertwin.twin.ahead.simulated import Simulated, simulated
+from evertwin.twin.ahead.simulated import PathError, Simulated, simulated
 from evertwin.twin.ahead.spread import Spread, spread
 from evertwin.twin.feed import Data
 from evertwin.types import Json, StateVector
@@ -63,6 +64,8 @@ class WhatIf:
     lives: Mapping[str, Mapping[str, Json]] = field(default_factory=dict)
     """Life of each component as it is and under the scenario's work."""
     docking: Mapping[str, Json] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    """What could not be told, and what it needs."""
 
     @property
     def findings(self) -> tuple[str, ...]:
@@ -90,6 +93,7 @@ class WhatIf:
             "version": self.version, "baseline": _content(self.before),
             "with_scenario": _content(self.after), "change": self._change(), "worn": self.worn,
             "lives": self.lives, "docking": self.docking or None, "findings": self.findings,
+            "notes": self.notes,
         }  # fmt: skip
         return plain(content)  # type: ignore[return-value]
 
@@ -117,7 +121,7 @@ class WhatIf:
             )
         lines += [
             f"  path error of {name}: rms {e.rms:.4g}, largest {e.largest:.4g}, at the end "
-            f"{e.end:.4g} ({e.end95[0]:.4g} … {e.end95[1]:.4g}) {e.unit}"
+            f"{e.end:.4g} ({e.end95[0]:.4g} … {e.end95[1]:.4g}) {e.unit}{_where(e)}"
             for name, e in self.after.path_error.items()
         ]
         lines += [
@@ -128,12 +132,21 @@ class WhatIf:
         lines += [f"  life of {name}: {one['sentence']}" for name, one in self.lives.items()]
         if self.docking:
             lines.append(f"  docking: {self.docking['sentence']}")
+        lines += [f"  {note}" for note in self.notes]
         lines += [f"  ! {said}" for said in self.findings] or ["  no limit is passed"]
         return "\n".join(lines)
 
 
 def _ratio(new: float, old: float) -> float | None:
     return new / old - 1.0 if old > 0.0 else None
+
+
+def _where(error: PathError) -> str:
+    """Where and when it is largest, of a tool."""
+    if error.at is None:
+        return ""
+    place = ", ".join(f"{x:.3f}" for x in error.where)
+    return f"; largest at {error.at:.3g} s, at ({place}) m"
 
 
 def _content(one: Simulated) -> dict[str, Any]:
@@ -187,7 +200,11 @@ def beside(basis: Basis, now: Today, scenario: ScenarioSpec, after: Case) -> Wha
         return simulated(case, known, sigma, scenario.limits)
 
     start = now.x if scenario.path is None else now.newest
+    outcome, notes = run(after, start), tuple[str, ...]()
+    if scenario.path is not None:
+        errors, notes = followed(basis, after, scenario.path)
+        outcome = replace(outcome, path_error={**outcome.path_error, **errors})
     return WhatIf(
-        basis.setup.spec.name, scenario.name, basis.champion, run(now.case, now.x),
-        run(after, start),
+        basis.setup.spec.name, scenario.name, basis.champion, run(now.case, now.x), outcome,
+        notes=notes,
     )  # fmt: skip
