@@ -120,11 +120,15 @@ def of_table(rule: IndicatorSpec, table: Table, clock: str, events: Sequence[Eve
     Raises:
         DataError: the value, a covariate or the clock is missing.
     """
-    given = [n for n in (rule.column, rule.name, rule.parameter) if n in table.names]
-    if not given:
-        table.column(rule.column or rule.name)
+    wanted = [n for n in (rule.column, rule.name, rule.parameter) if n]
+    given = [n for n in wanted if n in table.names]
+    if not given:  # says which cell is no number, or which columns there are
+        table.column(next((n for n in wanted if n in table.text), rule.column or rule.name))
     name = str(given[0])
     at = _at(table, clock)
+    if not np.isfinite(at).all():
+        line = table.lines[int(np.argmin(np.isfinite(at)))] if table.lines else 0
+        raise DataError(f"{table.name}:{line}: expected when the value was known, got no {clock}")
     order = np.argsort(at, kind="stable")
     warm = {} if rule.warm_up is None else _warm(rule, table.column("since_start")[order])
     sigma = np.full(table.rows, np.nan)

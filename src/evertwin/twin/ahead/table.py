@@ -46,6 +46,8 @@ class Table:
     """SI unit of each column whose heading gives one."""
     dates: frozenset[str] = frozenset()
     """Columns that were dates."""
+    lines: tuple[int, ...] = ()
+    """Line of each row in the file."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -61,8 +63,18 @@ class Table:
         """A column of numbers.
 
         Raises:
-            DataError: there is none of this name; the nearest one is given.
+            DataError: there is none of this name; the nearest one is given. A cell is no number;
+                its line is given.
         """
+        for line, cell in zip(self.lines, self.text.get(name, ()), strict=False):
+            if cell and _numbers([cell]) is None and _dates([cell]) is None:
+                raise DataError(
+                    f"{self.name}:{line}: {name}: expected a number or a date, got {cell!r}"
+                )
+        if name in self.text:
+            raise DataError(
+                f"{self.name}:{self.lines[0]}: {name}: expected numbers or dates alone, got both"
+            )
         try:
             position(self.names, name, "column of numbers")
         except UsageError as error:
@@ -99,6 +111,8 @@ def parse(lines: Iterable[str], name: str) -> Table:
     rows = [(number, row) for number, row in enumerate(csv.reader(lines), start=1) if any(row)]
     if len(rows) < 2:
         raise DataError(f"{name}: expected a line of headings and rows below it")
+    if len(rows[0][1]) == 1 and ";" in rows[0][1][0]:
+        raise DataError(f"{name}:{rows[0][0]}: expected commas between cells, got semicolons")
     parts = [_HEAD.match(cell) for cell in rows[0][1]]
     heads = [(m[1], m[2] or "") if m else ("", "") for m in parts]
     names = [head for head, _ in heads]
@@ -113,6 +127,9 @@ def parse(lines: Iterable[str], name: str) -> Table:
     for k, (head, unit) in enumerate(heads):
         cells = [row[k].strip() for _, row in rows[1:]]
         values = _numbers(cells)
+        if values is not None and np.isinf(values).any():
+            line = rows[1 + int(np.argmax(np.isinf(values)))][0]
+            raise DataError(f"{name}:{line}: {head}: expected a finite number, or an empty cell")
         if values is None:
             values = _dates(cells)
             dates |= set() if values is None else {head}
@@ -121,7 +138,8 @@ def parse(lines: Iterable[str], name: str) -> Table:
         else:
             numbers[head] = _si(values, unit, f"{name}:{rows[0][0]}: {head}")
     units = {head: si_unit(unit) for head, unit in heads if unit and head in numbers}
-    return Table(name, numbers, text, units, frozenset(dates))
+    places = tuple(number for number, _ in rows[1:])
+    return Table(name, numbers, text, units, frozenset(dates), places)
 
 
 def _si(values: Vector, unit: str, where: str) -> Vector:
