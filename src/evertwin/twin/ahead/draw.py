@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,8 @@ __all__ = ["draw_indicator", "draw_plan"]
 VALUE, COURSE, LIMIT, BAND, MARK = "#000000", "#0072B2", "#D55E00", "#56B4E9", "#009E73"
 LAWS = ("#CC79A7", "#E69F00", "#009E73")
 DASHES = ("--", ":", "-.")
+WIDTH = 28
+"""Letters of a component's name on one line."""
 LEAST = 0.05
 """Weight below which a law is not drawn."""
 
@@ -48,7 +51,7 @@ def draw_indicator(one: ComponentLife) -> Figure:
     else:
         above.set_xlabel(f"[{indicator.clock}]")
     above.axvline(now, color=VALUE, lw=0.6, ls=":")
-    above.set_ylabel(f"{indicator.name} [{indicator.unit}]")
+    above.set_ylabel(fill(f"{indicator.name} [{indicator.unit}]", WIDTH))
     above.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), fontsize=8, ncols=4, frameon=False,
                  borderaxespad=0.2)  # fmt: skip
     return figure
@@ -143,9 +146,10 @@ def draw_plan(plan: Plan, lives: Lives) -> Figure:
     windows = sorted({item.after for item in rows if item.window is not None})
     for k, date in enumerate(windows):
         axis.axvline(date, color=MARK, lw=1, ls="--", label="window in use" if k == 0 else None)
-    axis.set_yticks(range(len(rows)), [item.component for item in rows])
+    axis.set_yticks(range(len(rows)), [fill(item.component, WIDTH) for item in rows])
     axis.set_ylim(-0.6, len(rows) - 0.4)
-    axis.set_xlim(left=0.0, right=far * 1.05 if far > 0.0 else 1.0)
+    far = far if far > 0.0 else 1.0
+    axis.set_xlim(left=-0.02 * far, right=far * 1.05)
     axis.set_xlabel(f"from now [{plan.unit}]")
     axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), fontsize=8, ncols=6, frameon=False,
                 borderaxespad=0.2)  # fmt: skip
@@ -157,5 +161,7 @@ def _date(axis: Any, item: Any, place: int, *, first: bool) -> None:
     axis.plot([item.after], [place], "x" if declined else "D", ms=8, color=LIMIT,
               label="planned" if first else None, zorder=4)  # fmt: skip
     said = "" if item.decision.verdict == "open" else f", {item.decision.verdict}"
-    axis.annotate(f"{item.after:.3g}{said}", (item.after, place), xytext=(0, 9),
-                  textcoords="offset points", ha="center", fontsize=8)  # fmt: skip
+    # beside the dashed line of the window, on white where another line passes
+    axis.annotate(f"{item.after:.3g}{said}", (item.after, place), xytext=(7, 9),
+                  textcoords="offset points", ha="left", fontsize=8, zorder=5,
+                  bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5})  # fmt: skip
