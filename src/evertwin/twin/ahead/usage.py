@@ -9,14 +9,13 @@ clock is divided by it. Machines without torques wear with their way, or with th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from evertwin.config.prognosis import IndicatorSpec, WorkSpec
 from evertwin.config.scenario import LoadSpec, PathSpec, ScenarioSpec, SpeedSpec
-from evertwin.prognosis import Life
+from evertwin.prognosis import Life, Workload
 from evertwin.signals.units import compatible
 from evertwin.twin.ahead.basis import Basis
 from evertwin.twin.ahead.changes import Case, changed
@@ -81,5 +80,5 @@ def plan_rate(
 
 
 def under(life: Life, rate: float) -> Life:
-    """The life when wear goes ``rate`` times as fast."""
-    return replace(life, remaining=life.remaining / rate) if rate > 0.0 else life
+    """The life when wear goes ``rate`` times as fast: the work left, done at that rate."""
+    return life.through(Workload.steady(rate), life.unit)
