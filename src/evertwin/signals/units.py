@@ -12,6 +12,7 @@ is done by `pint`; angles count as dimensionless radians.
 from __future__ import annotations
 
 from functools import cache
+from tokenize import TokenError
 from typing import Any
 
 import pint
@@ -20,6 +21,11 @@ from evertwin.errors import UsageError
 
 __all__ = ["compatible", "conversion", "from_si", "powers", "si_unit", "to_si"]
 
+_REFUSED = (
+    pint.errors.PintError, ValueError, TypeError, AttributeError, AssertionError, SyntaxError,
+    IndexError, KeyError, TokenError,
+)  # fmt: skip
+"""What pint raises for a text that is no unit."""
 _SPELLINGS = {
     "Nm": "N*m", "Nms": "N*m*s", "kgm2": "kg*m**2", "kgm^2": "kg*m**2", "Ns": "N*s",
     "1": "dimensionless", "%": "percent", "°C": "degC", "°": "degree", "deg": "degree",
@@ -44,7 +50,7 @@ def _parse(unit: str) -> Any:
     text = "/".join(_SPELLINGS.get(part.strip(), part.strip()) for part in parts)
     try:
         return _registry().Unit(text)
-    except (pint.errors.PintError, ValueError, TypeError, AttributeError) as error:
+    except _REFUSED as error:
         raise UsageError(
             f"unit: {unit!r} is not known; write it as in 'm/s', 'rad', 'Nm', 'degC', '1'"
         ) from error

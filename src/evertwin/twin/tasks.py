@@ -27,10 +27,19 @@ from evertwin.fold import Block, make_block
 from evertwin.models import Model
 from evertwin.signals.filters import Butterworth, by_segment
 from evertwin.signals.resample import linear
+from evertwin.signals.units import compatible
 from evertwin.sync.horizon import nanoseconds
 from evertwin.types import Stamps, Vector
 
-__all__ = ["Series", "Table", "is_held", "is_measured", "recorded_as", "rows_of_task"]
+__all__ = [
+    "Series",
+    "Table",
+    "check_units",
+    "is_held",
+    "is_measured",
+    "recorded_as",
+    "rows_of_task",
+]
 
 Series: TypeAlias = Mapping[str, tuple[Stamps, Vector]]
 """Channel → (stamps [ns], values [SI])."""
@@ -228,6 +237,29 @@ def recorded_as(spec: TwinSpec, name: str) -> str:
     """The recorded or derived channel that is a channel of the model."""
     rule = spec.signals.get(name)
     return name if rule is None or rule.source is None else rule.source
+
+
+def check_units(spec: TwinSpec, model: Model) -> None:
+    """Does each channel measure what the model takes or gives? A pure number may be anything.
+
+    Raises:
+        ConfigError: names the channel and both units.
+    """
+    derived = {one.name for one in spec.derive}
+    for channel in (*model.inputs, *model.outputs):
+        name = recorded_as(spec, channel.name)
+        for source in spec.source:
+            told = source.channels.get(name)
+            # A scale may turn one quantity into another: a current into a torque.
+            if told is None or name in derived or told.scale != 1.0:
+                continue
+            if compatible(told.unit, channel.unit) or "1" in (told.unit, channel.unit):
+                continue
+            raise ConfigError(
+                f"source {source.name!r}: channel {name!r} is in '{told.unit}', and the model's "
+                f"{channel.name!r} in '{channel.unit}': correct the unit in [source.channels], or "
+                f"say [signals.{channel.name}] source = …"
+            )
 
 
 def is_held(spec: TwinSpec, name: str, dynamic: bool) -> bool:
