@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import difflib
 import importlib
+import inspect
 from collections.abc import Callable, Mapping
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -44,6 +45,8 @@ MACHINES: Mapping[str, tuple[str, str, str]] = {
 
 FILES = (".urdf", ".py", ".xml", ".mo", ".fmu", ".csv", ".mat", ".npz", ".parquet")
 """Endings of files that models are read from."""
+FOLDERS = ("libraries",)
+"""Options whose entries may be folders."""
 
 
 def machine(kind: str, options: Mapping[str, Any]) -> Model:
@@ -57,7 +60,21 @@ def machine(kind: str, options: Mapping[str, Any]) -> Model:
     try:
         return factory(**options)
     except TypeError as error:
+        known = _options(factory)
+        for key in options:
+            if known and key not in known:
+                near = difflib.get_close_matches(key, known, n=1)
+                hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(known)}"
+                raise UsageError(f"[model] kind = {kind!r}: no option {key!r}, {hint}") from error
         raise UsageError(f"[model] kind = {kind!r}: {error}: check the options") from error
+
+
+def _options(factory: Callable[..., Model]) -> tuple[str, ...]:
+    """The options that a factory names; none where it takes any."""
+    there = inspect.signature(factory).parameters.values()
+    if any(item.kind is item.VAR_KEYWORD for item in there):
+        return ()
+    return tuple(item.name for item in there)
 
 
 def located(folder: str | Path, value: Any) -> Any:
@@ -71,8 +88,14 @@ def located(folder: str | Path, value: Any) -> Any:
     if isinstance(value, list | tuple):
         return type(value)(located(folder, item) for item in value)
     if isinstance(value, Mapping):
-        return {key: located(folder, item) for key, item in value.items()}
+        return {key: _inside(folder, key, item) for key, item in value.items()}
     return value
+
+
+def _inside(folder: str | Path, key: str, value: Any) -> Any:
+    if key in FOLDERS and isinstance(value, list | tuple):
+        return type(value)(str(Path(folder) / item) for item in value)
+    return located(folder, value)
 
 
 def _factory(kind: str) -> Callable[..., Model]:

@@ -176,6 +176,10 @@ def bind(description: Description, options: Options, where: str) -> Binding:
         ModelError: the FMU cannot serve a twin that way; says what it would need.
         UsageError: an option names a variable that the FMU has not.
     """
+    for name in (*options.units, *options.start, *options.adopts, *options.angles):
+        _named(
+            description, name.split("[")[0] if name not in description.variables else name, where
+        )
     exchange, memory = _interface(description, options, where)
     states, starts = _states(description, options, memory, where)
     interface = description.interfaces[MODEL_EXCHANGE if exchange else CO_SIMULATION]

@@ -40,7 +40,7 @@ from evertwin.models.function import python_kernel
 from evertwin.models.kernel import Kernel, Restart, roll
 from evertwin.models.parameters import Parameters
 from evertwin.models.sizes import sized
-from evertwin.signals.channels import Layout
+from evertwin.signals.channels import Layout, position
 from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
 
 __all__ = ["Fmu", "fmu"]
@@ -63,6 +63,8 @@ def fmu(file: str | Path, **options: Any) -> Fmu:
         UsageError: an option that cannot be meant.
         MissingExtra: FMPy is not installed.
     """
+    for name in options:
+        position(Options.__match_args__, name, "option")
     return Fmu.of(file, Options(**options))
 
 
