@@ -42,6 +42,9 @@ def central(body: Body) -> tuple[float, Position, Matrix]:
     spread = np.dot(centre, centre) * np.eye(3) - np.outer(centre, centre)
     own = matrix(body) - mass * spread
     a, b, c = np.linalg.eigvalsh(own).tolist()
+    # Beside what rounding leaves of zero.
+    if max(abs(a), abs(c)) <= 1e-14 * mass * max(1.0, float(np.dot(centre, centre))):
+        raise ModelError("a mass in one point is no body for other engines: give its inertia")
     if not (a > 0.0 and c <= (a + b) * (1.0 + 1e-9)):
         raise ModelError(f"principal moments {a:.3g}, {b:.3g}, {c:.3g} kg m² are those of no body")
     return mass, centre, own
