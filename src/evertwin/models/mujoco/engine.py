@@ -183,8 +183,11 @@ class Engine:
 
     def _good(self, states: Any, steps: Steps) -> int:
         """Steps before the first bad one. After a warning MuJoCo repeats the last state."""
-        sound = (np.abs(states[:, 1:]) < LARGEST_VALUE).all(axis=1)
-        good = len(sound) if sound.all() else int(np.argmin(sound))
+        good = len(states)
+        # A NaN fails both comparisons.
+        if not (states.min() > -LARGEST_VALUE and states.max() < LARGEST_VALUE):
+            sound = (np.abs(states) < LARGEST_VALUE).all(axis=1)
+            good = good if sound.all() else int(np.argmin(sound))
         if np.any(self.data.warning.number):
             still = np.flatnonzero(np.diff(states[:, 0]) <= 0.5 * steps.size)
             good = min(good, int(still[0]) if len(still) else len(states) - 1)
