@@ -1,4 +1,4 @@
-"""One tuner, four kinds of model from elsewhere: `python -m proofs.elsewhere [SEEDS]`.
+"""One tuner, four kinds of model from elsewhere: `python -m proofs.elsewhere [SEEDS] [KIND ...]`.
 
 A mass under a force with viscous and dry friction, as an FMU (C, co-simulation, in its child
 process), as a Modelica file, as a MuJoCo model and as a Python function. Per seed the three
@@ -6,10 +6,15 @@ parameters are planted within ± 30 % of where the search begins, 5 s of motion 
 simulated from rest with new noise (1 mm, 2 mm/s), and the tuner has to find them. Counted is how
 often a parameter lies inside its 95 % interval, with the 95 % interval of that share over seeds.
 Each model is tuned on data of its own kind: what is tested is the tuner, not the physics.
+
+120 seeds leave a share of 95 % uncertain by ± 3.5 %. Whether the intervals are a little too short
+takes more: the Python function compiled (the same numbers to rounding, a tenth of the time) runs
+over ten times as many seeds.
 """
 
 from __future__ import annotations
 
+import math
 import sys
 import tempfile
 import time
@@ -18,10 +23,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numba import cfunc
 
 from evertwin.fold import make_block
 from evertwin.models import FunctionModel, Model, Parameter, Parameters
+from evertwin.models.compiled import Compiled
 from evertwin.models.fmu import fmu
+from evertwin.models.kernel import OBSERVE, STEP
 from evertwin.models.modelica import Modelica
 from evertwin.models.mujoco import MuJoCo
 from evertwin.signals import Layout
@@ -67,6 +75,38 @@ def function() -> Model:
     return FunctionModel(step, Layout.of(force="N"), motion, motion, parameters)
 
 
+@cfunc(STEP, cache=True)
+def compiled_step(context: Any, x: Any, u: Any, dt: Any, p: Any, x_next: Any, y: Any) -> Any:
+    """The same mass, compiled."""
+    position, v = x[0], x[1]
+    for _ in range(4):
+        steep = p[1] / 0.01 / math.cosh(min(abs(v) / 0.01, 300.0)) ** 2 + p[2]
+        force = u[0] - p[1] * math.tanh(v / 0.01) - p[2] * v
+        v += dt / 4 * force / (p[0] + dt / 4 * steep)
+        position += dt / 4 * v
+    x_next[0] = y[0] = position
+    x_next[1] = y[1] = v
+    return 0
+
+
+@cfunc(OBSERVE, cache=True)
+def compiled_observe(context: Any, x: Any, y: Any) -> Any:
+    """Both outputs are states."""
+    for k in range(2):
+        if not math.isnan(y[k]):
+            x[k] = y[k]
+    return 0
+
+
+def compiled() -> Model:
+    """The Python function, compiled."""
+    plain = function()
+    return Compiled(
+        plain.inputs, plain.outputs, plain.states, plain.parameters, compiled_step.address,
+        compiled_observe.address,
+    )  # fmt: skip
+
+
 def models(folder: Path) -> dict[str, Callable[[], Model]]:
     """How each is built."""
     # the C sources of small FMUs live with their tests
@@ -81,6 +121,7 @@ def models(folder: Path) -> dict[str, Callable[[], Model]]:
         "Modelica": lambda: Modelica(file=str(file), step=2.5e-3),
         "MuJoCo": lambda: MuJoCo.from_text(CART, parameters=KNOBS),
         "Python": function,
+        "compiled": compiled,
     }
 
 
@@ -124,12 +165,14 @@ def proven(name: str, model: Model, seeds: range) -> bool:
 
 def main() -> int:
     """Prints the shares; exit code 1 where one misses 95 % beyond its own interval."""
-    seeds = int(sys.argv[1]) if len(sys.argv) > 1 else 120
-    good = True
+    numbers, names = ([a for a in sys.argv[1:] if a.isdigit() is is_it] for is_it in (True, False))
+    seeds, good = int(numbers[0]) if numbers else 120, True
     with tempfile.TemporaryDirectory() as folder:
         for k, (name, build) in enumerate(models(Path(folder)).items()):
-            model = build()
-            good &= proven(name, model, range(1000 * k, 1000 * k + seeds))
+            if names and name not in names:
+                continue
+            model, count = build(), 10 * seeds if name == "compiled" else seeds
+            good &= proven(name, model, range(1000 * k, 1000 * k + count))
             if hasattr(model, "close"):
                 model.close()
     return 0 if good else 1

@@ -68,7 +68,8 @@ def test_it_is_corrected_and_promoted(tmp_path: Path) -> None:
     ) as twin:  # fmt: skip
         twin.run(recording(6000, {"mass": 2.0}, gain=0.8))
         promoted = [event for event in twin.events if event.kind == "promoted"]
-        champion = twin.parameters_of(twin.champion.number)
+        live, champion = twin.champion, twin.parameters_of(twin.champion.number)
     assert promoted and model.faults == ()
+    assert [(term.kind, term.channel) for term in live.form.terms] == [("law", "force")]
     assert champion["law.force.gain"].value == pytest.approx(0.8, abs=0.02)
     model.close()
