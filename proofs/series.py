@@ -4,10 +4,12 @@ Every answer uses what was known at its moment, nothing later.
 
 1. `battery`: capacity per cycle of two lithium-ion cells, limit 1.4 Ah, at 50, 70 and 90 % of the
    record's part before the end (B0005 falls below after cycle 124, B0007 never within 168 cycles).
+   On all its cycles B0005 must be said to have passed its limit at cycle 125.
    The dummy knows only the other cell's life (B0007's is taken as its record).
 2. `bearing_ims2`: mean |acceleration| of bearing 1 every ten minutes until its outer race failed.
    Asked every hour: is it "not enough data" before the onset, when does the warning come, and what
-   is said of the life after it. The limit is three times the median of the first day. The dummy
+   is said of the life after it: its 80 % intervals must hold the truth in 75 % of the answers, its
+   95 % intervals in 92 %. The limit is three times the median of the first day. The dummy
    warns when the mean life is half over; with one machine the mean life is the life itself.
 """
 
@@ -24,6 +26,8 @@ from evertwin.prognosis import Indicator, Life, Limit, predict_life
 
 CUTS = (0.5, 0.7, 0.9)
 END = {"B0005": 124, "B0007": 168}
+LEAST = (0.75, 0.92)
+"""Share of the answers whose 80 % and 95 % intervals must hold the truth."""
 DAY = 144
 """Rows of a day at one in ten minutes."""
 
@@ -77,7 +81,12 @@ def battery() -> bool:
     failed = sum(isinstance(a, Life) and a.median <= 0.0 for a in answers)
     dummy = sum(m > END["B0005"] for m in moments)
     print(f"B0007 called failed in {failed} of {len(answers)} answers (dummy: {dummy})")
-    return good and failed == 0
+    last = predict_life(cells()["B0005"])
+    passed = isinstance(last, Life) and last.passed
+    print(
+        f"B0005 on all its cycles: limit passed at cycle {passed or '-'}, true {END['B0005'] + 1}"
+    )
+    return good and failed == 0 and passed == END["B0005"] + 1
 
 
 def bearing() -> bool:
@@ -118,7 +127,11 @@ def bearing() -> bool:
         f"bearing: {before} lives told before the warning; {lives} after it, true inside 80 % in "
         f"{inside[0]}, inside 95 % in {inside[1]}; dummy warns {stopped / 2:.0f} h before the end"
     )
-    return warned is not None and stopped - warned >= 24.0 and before == 0 and lives > 0
+    if warned is None or stopped - warned < 24.0 or before > 0 or lives == 0:
+        return False
+    # Neighbouring answers share nearly all their values, so their count has no binomial spread:
+    # the intervals may hold more than they say, not less.
+    return inside[0] >= LEAST[0] * lives and inside[1] >= LEAST[1] * lives
 
 
 def main() -> int:

@@ -27,7 +27,7 @@ from evertwin.prognosis.indicator import Indicator
 
 __all__ = ["divided", "without_factors"]
 
-TURNS = 50
+TURNS = 200
 LEAST = 8
 """Values that the shares of influences are found from; with fewer nothing is divided out."""
 SMALLEST = 0.05

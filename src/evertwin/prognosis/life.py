@@ -87,6 +87,8 @@ class Life:
     laws: Mapping[str, float] = field(default_factory=dict)
     """Weight of each law."""
     onset: Onset | None = None
+    passed: float | None = None
+    """When the limit was passed, on the indicator's clock; None: not yet."""
 
     @classmethod
     def of(
@@ -181,6 +183,7 @@ class Life:
             "interval95": [_finite(x) for x in self.interval95],
             "not_before": _finite(self.not_before),
             "unit": self.unit,
+            "passed_at": self.passed,
         }
 
 

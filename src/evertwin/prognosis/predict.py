@@ -41,6 +41,7 @@ from evertwin.prognosis.life import Life, NotEnough, quantiles
 from evertwin.prognosis.onset import find_onset
 from evertwin.prognosis.passage import path, process
 from evertwin.prognosis.problem import Problem, noise_of, scaled
+from evertwin.prognosis.unforeseen import ending, errors, probability
 from evertwin.prognosis.workload import Workload
 
 __all__ = ["predict_life"]
@@ -64,6 +65,8 @@ SMALL = 1e-3
 RARE = 1e-4
 """Share of the probability below which a hypothesis is dropped after the first look."""
 
+LASTING = 3
+"""Values beyond the limit that end a life; a single one does not."""
 SURE = 3.0
 """Standard deviations at which growth stands out."""
 
@@ -127,26 +130,28 @@ def predict_life(
         indicator: the history; only its current life counts.
         laws: laws that may hold, some of `LAWS`.
         fleet: what like machines tell.
-        ahead: work planned from now on, for an indicator with usage; None: as before.
+        ahead: work planned from now on; None: as before. Without usage in the indicator its
+            unit is the work of one unit of the clock so far.
     """
     problem = scaled(indicator)
     if isinstance(problem, str):
         return NotEnough(problem)
-    found = from_problem(indicator, problem, laws, fleet)
-    found = replace(found, onset=find_onset(indicator))
+    onset = find_onset(indicator)
+    worn = problem.age if onset is None else since(indicator, onset.begin)
+    found = replace(from_problem(indicator, problem, laws, fleet, worn), onset=onset)
     if isinstance(found, NotEnough) and found.onset is not None:
         begun = f"; wear has begun at {found.onset.begin:g} {indicator.clock}"
         return replace(found, reason=found.reason + begun)
-    if isinstance(found, NotEnough) or indicator.usage is None:
+    if isinstance(found, NotEnough) or (indicator.usage is None and ahead is None):
         return found
     plan = ahead if ahead is not None else Workload.as_before(indicator)
     return found.through(plan, indicator.clock)
 
 
 def from_problem(
-    indicator: Indicator, problem: Problem, laws: Sequence[str], fleet: Fleet | None
+    indicator: Indicator, problem: Problem, laws: Sequence[str], fleet: Fleet | None, worn: float
 ) -> Life | NotEnough:
-    """The life on the law's own clock."""
+    """The life on the law's own clock; ``worn`` is the time since wear began."""
     prior = fleet if fleet is not None else Fleet()
     density = density_of(prior, problem.age)
     looks = every_look(problem, laws, prior)
@@ -154,15 +159,61 @@ def from_problem(
         return NotEnough(f"values that one of the laws {', '.join(laws)} allows")
     rough = mixture(problem, looks, COARSE, density)
     if rough.passed > 0.5:
-        return Life(indicator.clock, quantiles(np.zeros(1), np.ones(1)), problem.now, rough.laws)
+        return over(indicator, problem)
     looks = sharpened(problem, looks, rough, prior)
     found = mixture(problem, looks, fine_nodes(rough.cdf), density)
     half = float(np.interp(0.5, found.cdf, found.nodes)) if found.cdf[-1] > 0.5 else np.inf
     if half > FAR:
-        return too_calm(indicator, problem, found.laws)
-    cdf = prior.calibrated(found.cdf, 1.0 / (1.0 + half))
-    remaining = quantiles(found.nodes, cdf) * problem.age
+        beyond = float(np.median(problem.y[-LASTING:])) > problem.limit
+        return over(indicator, problem) if beyond else too_calm(indicator, problem, found.laws)
+    nodes = np.union1d(found.nodes, COARSE)
+    cdf = ending(
+        np.interp(nodes, found.nodes, found.cdf),
+        sooner(prior, nodes * problem.age, problem.age, worn), unforeseen(problem, looks),
+    )  # fmt: skip
+    remaining = quantiles(nodes, prior.calibrated(cdf, 1.0 / (1.0 + half))) * problem.age
     return Life(indicator.clock, remaining, problem.now, found.laws)
+
+
+def over(indicator: Indicator, problem: Problem) -> Life:
+    """The answer where the limit is passed, with when: the first value that stayed beyond."""
+    life = indicator.since_replaced()
+    good = np.flatnonzero(np.isfinite(life.value))
+    beyond = life.distance()[good] <= 0.0
+    follows = np.append(beyond, np.ones(LASTING, dtype=np.bool_))
+    stayed = np.all([follows[k : k + len(beyond)] for k in range(LASTING)], axis=0)
+    at = float(life.at[good[int(np.argmax(stayed))]]) if stayed.any() else problem.now
+    none = quantiles(np.zeros(1), np.ones(1))
+    return Life(indicator.clock, none, problem.now, passed=at)
+
+
+def since(indicator: Indicator, begin: float) -> float:
+    """How long ago ``begin`` was on the law's own clock; above 0."""
+    life = indicator.since_replaced()
+    clock = life.at if life.usage is None else life.usage
+    ago = float(clock[-1] - np.interp(begin, life.at, clock))
+    return max(ago, float(clock[-1] - clock[0]) / len(clock))
+
+
+def unforeseen(problem: Problem, looks: Sequence[Look]) -> float:
+    """Probability that wear follows none of the laws; 0 where it grows in jumps, gamma's own."""
+    best = max((x for x in looks if len(x.weight)), key=lambda x: float(x.weight.max()))
+    if best.family.law == "gamma":
+        return 0.0
+    k = int(np.argmax(best.weight))
+    clock = best.clocks.take(np.array([k])).at(problem.s)[0]
+    return probability(errors(problem, clock, float(best.q[k])), problem.fixed.shape[1] + 1)
+
+
+def sooner(
+    prior: Fleet, r: Float64[np.ndarray, " m"], age: float, worn: float
+) -> Float64[np.ndarray, " m"]:
+    """P(life ends within ``r``) from nothing but the time that wear has lasted, or the fleet."""
+    if not prior.knows_lives:
+        out: Float64[np.ndarray, " m"] = r / (r + worn)
+        return out
+    beyond = max(prior.beyond(age), 1e-12)
+    return np.array([1.0 - min(prior.beyond(age + x) / beyond, 1.0) for x in r])
 
 
 def too_calm(indicator: Indicator, problem: Problem, laws: Mapping[str, float]) -> NotEnough:

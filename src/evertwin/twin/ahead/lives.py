@@ -81,6 +81,8 @@ class ComponentLife:
                 f"; wear began at {self.life.onset.begin:.4g} {self.indicator.clock}"
             )  # fmt: skip
             return f"not enough data: needs {self.life.needs}{begun}"
+        if self.life.passed is not None:
+            return f"life is over: the limit was passed at {self.life.passed:.4g} {self.life.unit}"
         low, high = self.life.interval80
         ends = f"{high:.4g}" if high < float("inf") else "without end"
         return (
