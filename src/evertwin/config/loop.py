@@ -146,6 +146,8 @@ class TuningSpec(Section):
     """How large residuals are weighed."""
     starts: Annotated[int, Limits(at_least=1)] = 1
     """Starts of a nonlinear search: the given values, then points spread over the bounds."""
+    workers: Annotated[int, Limits(at_least=1)] = 1
+    """``fit``: processes that differences are simulated in, for models in slow Python."""
     weights: Mapping[str, Annotated[float, Limits(at_least=0.0)]] = field(default_factory=dict)
     """Parameter to how often it is tuned, relative to the others."""
     ladder: tuple[str, ...] = ()

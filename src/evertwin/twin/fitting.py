@@ -18,6 +18,7 @@ from evertwin.models.form import Form, Version
 from evertwin.tuning import Fit, Problem
 from evertwin.tuning.interrupt import Interrupt
 from evertwin.twin.cut import cut, starts
+from evertwin.twin.elsewhere import processes
 from evertwin.twin.evaluate import Deviation, Prediction, deviations, predict
 from evertwin.twin.feed import Data, Feed
 from evertwin.twin.law import climb_laws
@@ -194,16 +195,18 @@ class Tuned:
 
 
 def tune(
-    setup: Setup, versions: Versions, number: int, train: Data, watch: Watch | None = None
-) -> Tuned:
-    """Version ``number``, tuned on ``train``."""
+    setup: Setup, versions: Versions, number: int, train: Data, watch: Watch | None = None,
+    workers: int = 1,
+) -> Tuned:  # fmt: skip
+    """Version ``number``, tuned on ``train``; differences in as many processes as ``workers``."""
     feed, work = Feed(setup.spec, setup.model), Work(setup, versions)
     version, base = versions[number], versions.model(number)
     tasks = sound(setup, base, version.p, feed.blocks(train))
     check_initials(setup, base, tasks)
     windows = starts(setup, cut(tasks, setup.spec.tuning.cut))
     problem: Problem = work.problem(version, windows, work.editable(version))
-    with Interrupt() as stop:
+    with Interrupt() as stop, processes(setup.spec, version.form, workers) as far:
+        problem = replace(problem, settings=replace(problem.settings, far=far))
         problem, laws = climb_laws(setup, _watched(problem, stop, watch))
         formed = with_terms(setup, work, version, problem)
     return Tuned(setup, base, version, formed, laws, tasks)
@@ -222,14 +225,14 @@ def _watched(problem: Problem, stop: Interrupt, watch: Watch | None) -> Problem:
 
 def fit(
     setup: Setup, versions: Versions, number: int, data: tuple[Data, tuple[Any, ...]],
-    watch: Watch | None = None,
+    watch: Watch | None = None, workers: int = 1,
 ) -> FitResult:  # fmt: skip
     """Tunes version ``number`` on ``data``'s first part, judges it on each of the second.
 
     The first Ctrl-C ends a search with the best values so far, which are then judged.
     """
     train, test = data
-    done = tune(setup, versions, number, train, watch)
+    done = tune(setup, versions, number, train, watch, workers)
     formed, model, found = done.formed, done.model, done.formed.fit
     tests = [(named(item), done.judged(done.rows(listed(item)))) for item in test]
     together = [prediction for _, one in tests for prediction in one.predictions]

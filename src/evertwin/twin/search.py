@@ -23,6 +23,7 @@ from evertwin.models import Model
 from evertwin.models.corrected import Corrected, build
 from evertwin.models.form import Form, Version
 from evertwin.tuning import Fit, Problem, solve
+from evertwin.twin.elsewhere import formed as formed_far
 from evertwin.twin.setup import Setup
 from evertwin.twin.work import Work
 from evertwin.types import Json, ParameterVector
@@ -103,6 +104,9 @@ def with_terms(setup: Setup, work: Work, version: Version, problem: Problem) -> 
         wider = replace(
             problem, model=model, editable=work.tunable(model),
             prior=model.parameters.with_values(start | known),
+            settings=replace(
+                problem.settings, far=formed_far(problem.settings.far, setup.spec, proposal.form)
+            ),
         )  # fmt: skip
         tried.append(Formed(wider, work.tune(wider)[0], proposal.form, search))
     formed = min(tried, key=lambda one: one.fit.cost)
