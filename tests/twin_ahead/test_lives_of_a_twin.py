@@ -177,6 +177,16 @@ def test_runs_are_joined_on_every_clock() -> None:
     assert np.diff([m.at for m in history(stamped, "d").moments]) == pytest.approx([1.0, 1.0])
 
 
+def test_runs_in_which_nothing_is_tuned_are_counted() -> None:
+    twin, table = cart(), recording(0.9, 1)
+    twin.run(table)
+    twin.run({name: column[:60] for name, column in table.items()})  # 6 s: not due yet
+    twin.run(table)
+    assert [m.at for m in history(twin.store, "run").moments] == [1.0, 3.0]
+    seconds = [m.at for m in history(twin.store, "s").moments]
+    assert seconds[1] - seconds[0] == pytest.approx(19.9 + 5.9)
+
+
 def test_work_ahead_drives_wear(tmp_path: Path) -> None:
     """Twice the cycles: half the life. A slower path of the same way costs the same a cycle."""
     works = (spec.WorkSpec("weld", cycles=2.0),)

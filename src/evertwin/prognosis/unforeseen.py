@@ -38,7 +38,7 @@ from evertwin.prognosis.problem import Problem
 
 __all__ = ["BEFOREHAND", "ending", "errors", "probability"]
 
-BEFOREHAND = 0.2
+BEFOREHAND = 0.05
 """Probability, before any value, that wear follows none of the laws."""
 KEEPS = (0.8, 0.9, 0.95, 1.0)
 """Share of what is known of the spread that is kept from one value to the next."""

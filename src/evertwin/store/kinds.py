@@ -49,6 +49,10 @@ class Estimate:
     """Task of that row, counted from the start of its run."""
     elapsed: int = 0
     """Time within tasks up to that row, from the start of its run [ns]."""
+    tasks_before: int = 0
+    """Tasks of the runs before its own, also of those in which nothing was tuned."""
+    elapsed_before: int = 0
+    """Time within these tasks [ns]."""
 
 
 Kept: TypeAlias = Event | Request | Answer | Version | Estimate

@@ -6,6 +6,7 @@ Who is live follows from the log alone (promotions, roll-backs, pins): log and t
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -34,6 +35,8 @@ class Book:
         self.lives: list[int] = []
         """Versions that have been live, in order; the last one is."""
         self.pinned = False
+        self._runs: list[Event] = []
+        self._before = (0, 0)
         self._open()
 
     def _open(self) -> None:
@@ -75,6 +78,20 @@ class Book:
         if isinstance(record, Answer):
             self._estimates(record, row)
 
+    def begin(self, row: int, time: int) -> None:
+        """A run begins, or goes on where one ended at ``row``: counts what was before it."""
+        goes_on = bool(
+            row and self._runs and (self._runs[-1].row, self._runs[-1].time) == (row, time)
+        )
+        before = [event.evidence for event in (self._runs[:-1] if goes_on else self._runs)]
+        self._before = _total(before, "tasks"), _total(before, "elapsed")
+
+    def end(self, row: int, time: int, tasks: int, elapsed: int) -> None:
+        """A run ends; the next one counts its tasks from here, whether or not it was tuned in."""
+        before = {"tasks_before": self._before[0], "elapsed_before": self._before[1]}
+        evidence = {"tasks": tasks, "elapsed": elapsed, **before}
+        self.add(Event(row, time, "ran", "", f"{tasks} tasks", evidence), row)
+
     def keep_versions(self) -> None:
         """Keeps versions that are new."""
         new = [self._versions[n] for n in range(self._kept, len(self._versions))]
@@ -87,6 +104,9 @@ class Book:
             if not isinstance(number, int) or number >= len(self._versions):
                 raise StoreError(f"log: event {event.kind!r} names no known version: {number}")
             self.lives.append(number)
+        if event.kind == "ran":
+            started = event.evidence["tasks_before"]
+            self._runs = [e for e in self._runs if e.evidence["tasks_before"] != started] + [event]
         if event.kind == "pinned":
             self.pinned = bool(event.evidence["pinned"])
             if isinstance(number, int) and number != self.champion:
@@ -104,8 +124,9 @@ class Book:
             bounds = (-math.inf if low is None else low, math.inf if high is None else high)
             when = [int(content.get(key, 0)) for key in ("time", "task", "elapsed")]
             value, verdict = item["value"], item["verdict"]
+            counts = (*when[1:], *self._before)
             found.append(
-                Estimate(row, when[0], answer.version, name, value, *bounds, verdict, *when[1:])
+                Estimate(row, when[0], answer.version, name, value, *bounds, verdict, *counts)
             )
         self._store.append(found)
 
@@ -129,3 +150,7 @@ class Book:
         event = Event(0, 0, "pinned", "", said, evidence)
         self.add(event, 0)
         return event
+
+
+def _total(runs: Sequence[Mapping[str, Any]], key: str) -> int:
+    return sum(int(run[key]) for run in runs)

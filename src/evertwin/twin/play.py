@@ -52,6 +52,7 @@ class Play:
         )  # fmt: skip
         state = self._restored(driver) if again else driver.init()
         kept = state.row
+        self.book.begin(state.row, state.time)
         for block in feed.stream(data):
             part = block if block.row >= state.row else _rest(block, state.row)
             state = driver.step(state, part) if len(part.t) else state
@@ -60,6 +61,7 @@ class Play:
                 self.store.checkpoint(state, kept)
         state = driver.finish(state)
         self.book.keep_versions()
+        self.book.end(state.row, state.time, state.task + 1, state.elapsed)
         self.store.checkpoint(state, state.row)
         seconds = time.perf_counter() - began
         result = observer.result(driver, state, seconds)

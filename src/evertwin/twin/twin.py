@@ -75,6 +75,7 @@ class Twin:
         self, spec: TwinSpec, model: Model | None = None, store: Store | None = None
     ) -> None:
         self.spec = spec
+        self._given = model is not None
         self.model = model_of(spec, model)
         check_units(spec, self.model)
         self.setup = Setup(spec, self.model)
@@ -188,8 +189,9 @@ class Twin:
 
     @_RUNAWAY
     def fit(
-        self, train: Data = None, test: Sequence[Any] = (), watch: Watch | None = None
-    ) -> FitResult:
+        self, train: Data = None, test: Sequence[Any] = (), watch: Watch | None = None,
+        workers: int | None = None,
+    ) -> FitResult:  # fmt: skip
         """Tunes the champion on ``train`` and judges it on each of ``test``; changes nothing live.
 
         Args:
@@ -197,9 +199,19 @@ class Twin:
             test: recordings that are not learned from, each judged alone and all together.
             watch: called with evaluations and cost while a search runs; False ends it, as Ctrl-C
                 does, with the best values so far.
+            workers: processes that differences are simulated in, for a model whose rows are slow
+                Python; by default those of ``[tuning] workers``.
+
+        Raises:
+            UsageError: more than one worker for a model that was given as an object.
         """
-        data = train, tuple(test)
-        return fit(self.setup, self._versions, self.champion.number, data, watch)
+        data, count = (train, tuple(test)), workers or self.spec.tuning.workers
+        if count > 1 and self._given:
+            raise UsageError(
+                "workers: expected a model that the twin file names, since each process builds it "
+                'anew, got an object: put it into a Python file (kind = "python")'
+            )
+        return fit(self.setup, self._versions, self.champion.number, data, watch, count)
 
     @_RUNAWAY
     def doctor(self, data: Data = None) -> Diagnosis:

@@ -174,11 +174,12 @@ def _clock(fits: Sequence[Estimate], clock: str) -> list[float]:
         if before is not None and (one.elapsed, one.row) <= (before.elapsed, before.row):
             begun = last  # a new run counts from zero
         if clock not in UNITS:
-            now = begun + one.task + 1.0
+            now = max(begun, float(one.tasks_before)) + one.task + 1.0
         elif stamped:
             now = one.time * 1e-9 / UNITS[clock]
         else:
-            now = begun + one.elapsed * 1e-9 / UNITS[clock]
+            passed = one.elapsed_before * 1e-9 / UNITS[clock]
+            now = max(begun, passed) + one.elapsed * 1e-9 / UNITS[clock]
         last = max(now, last)
         at.append(last)
         before = one
@@ -188,7 +189,7 @@ def _clock(fits: Sequence[Estimate], clock: str) -> list[float]:
 def _stamps_rise(fits: Sequence[Estimate]) -> bool:
     """Do stamps rise at least as fast as the time in tasks? Else they begin anew with each."""
     for a, b in itertools.pairwise(fits):
-        needed = max(b.elapsed - a.elapsed, 0)
+        needed = max(b.elapsed_before + b.elapsed - a.elapsed_before - a.elapsed, 0)
         if b.time - a.time < 0.99 * needed or b.time < a.time:
             return False
     return bool(fits) and all(one.time > 0 for one in fits)
