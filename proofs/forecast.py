@@ -1,0 +1,80 @@
+"""Whether the bands of a forecast hold what they say: `python -m proofs.forecast [SEEDS]`.
+
+A cart drives 8 % faster than its model, with noise of process and sensor. The twin sees 340 rows,
+tunes its gain, and foretells the next 60 under the commands that follow. Rows of one run share
+their noise, so each run counts once: the share of its rows inside, with the spread over runs.
+Beside it a dummy: the last position and the spread of past moves over the same time.
+"""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+
+from evertwin import Twin, TwinSpec
+from evertwin.config import spec
+from evertwin.twin.ahead.forecast import forecast
+from evertwin.twin.ahead.future import Future
+
+KNOWN, AHEAD = 340, 60
+LEVELS = (0.8, 0.95)
+DUMMY = (1.2816, 1.96)
+
+
+def cart() -> Twin:
+    """A twin that has seen nothing."""
+    rule = spec.AnomalySpec(requirement=0.01, relative=False, window=100)
+    near = spec.PredictionSpec(horizon=5.0)
+    return Twin(TwinSpec("cart", spec.ModelSpec("robot1d"), beat=20, prediction=near, anomaly=rule))
+
+
+def world(seed: int) -> dict[str, np.ndarray]:
+    """Time, command and position of one run."""
+    rng, rows = np.random.default_rng([11, seed]), KNOWN + AHEAD
+    v = np.repeat(rng.uniform(0.0, 0.2, rows // 5), 5)
+    driven = 1.08 * v + rng.normal(0.0, 0.005, rows)
+    x = np.r_[0.0, np.cumsum(driven[1:])] + rng.normal(0.0, 0.003, rows)
+    return {"t": np.arange(float(rows)), "v": np.r_[v[1:], v[-1:]], "x": x}
+
+
+def one_run(seed: int) -> np.ndarray:
+    """(inside, half width in m, dummy inside, dummy half width) by level, (2, 4)."""
+    table = world(seed)
+    known = {name: column[:KNOWN] for name, column in table.items()}
+    twin = cart()
+    twin.run(known)
+    future = Future(np.ascontiguousarray(table["v"][KNOWN - 1 : -1, None]), np.ones(AHEAD))
+    out = forecast(twin.prospect().basis, float(AHEAD), known, inputs=future).outputs["x"]
+    truth, past, steps = table["x"][KNOWN:], known["x"], np.arange(1, AHEAD + 1)
+    moves = [past[k:] - past[:-k] for k in steps]
+    center = past[-1] + np.array([move.mean() for move in moves])
+    spread = np.array([move.std() for move in moves])
+    rows = []
+    for level, width in zip(LEVELS, DUMMY, strict=True):
+        low, high = out.band(level)
+        inside = np.mean((truth > low) & (truth < high))
+        beside = np.mean(np.abs(truth - center) < width * spread)
+        rows.append((inside, np.mean(high - low) / 2, beside, width * spread.mean()))
+    return np.array(rows)
+
+
+def main() -> int:
+    """Prints the shares; exit code 1 where a band holds less or much more than it says."""
+    seeds = int(sys.argv[1]) if len(sys.argv) > 1 else 200
+    found = np.array([one_run(seed) for seed in range(seeds)])
+    mean, error = found.mean(axis=0), found.std(axis=0) / np.sqrt(seeds)
+    good = True
+    for k, level in enumerate(LEVELS):
+        inside, half, dummy, wide = mean[k]
+        print(
+            f"band of {level:.0%}: holds {inside:.1%} ± {1.96 * error[k, 0]:.1%} of the rows, "
+            f"half width {100 * half:.1f} cm (dummy: {dummy:.1%}, {100 * wide:.1f} cm); "
+            f"{seeds} runs of {AHEAD} rows ahead"
+        )
+        good &= bool(abs(inside - level) < 0.05 + 1.96 * error[k, 0])
+    return 0 if good else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
