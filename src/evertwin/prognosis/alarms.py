@@ -80,7 +80,7 @@ def alarm_of(
         "indicator": indicator.name, "value": value, "unit": indicator.unit,
         "limit": indicator.limit.value, "limit_source": indicator.limit.source,
     }  # fmt: skip
-    shown = f"{indicator.name} is {value:.4g} {indicator.unit}, limit {indicator.limit.value:.4g}"
+    shown = f"{indicator.name} is {indicator.shown(value)}, limit {indicator.limit.value:.4g}"
     if isinstance(life, NotEnough):
         if life.onset is None:
             return None

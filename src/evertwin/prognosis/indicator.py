@@ -110,6 +110,10 @@ class Indicator:
         times = np.asarray(at, dtype=np.float64)
         return cls(name, unit, limit, times, values, np.full(values.shape, np.nan))
 
+    def shown(self, value: float) -> str:
+        """A value with its unit, as it is told; a plain number stands alone."""
+        return f"{value:.4g}" if self.unit == "1" else f"{value:.4g} {self.unit}"
+
     def with_(self, **changes: object) -> Indicator:
         """A copy with other fields.
 

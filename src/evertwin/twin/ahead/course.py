@@ -19,6 +19,8 @@ from evertwin.types import Vector
 __all__ = ["Course", "course"]
 
 LEVELS = 8
+RECENT = 7
+"""Values that today's level is taken from."""
 
 
 @dataclass(frozen=True)
@@ -55,12 +57,12 @@ def course(
     indicator: Indicator, life: Life, laws: Sequence[str], fleet: Fleet | None
 ) -> Course | None:
     """The course from today's value to the limit, and as far again; None if it cannot be told."""
-    recent = indicator.since_replaced().value
-    recent = recent[np.isfinite(recent)]
-    if len(recent) == 0 or not np.isfinite(life.median) or life.median <= 0.0:
+    own = indicator.since_replaced()
+    known = np.isfinite(own.value)
+    if not known.any() or not np.isfinite(life.median) or life.median <= 0.0:
         return None
     sign, limit = indicator.limit.sign, indicator.limit.value
-    start = float(np.median(recent[-3:]))
+    start = _today(own.at[known][-RECENT:], own.value[known][-RECENT:])
     way = limit - start
     if not sign * way > 0.0:
         return None
@@ -72,6 +74,15 @@ def course(
             levels.append(level)
             lives.append(found)
     return Course(np.array(levels), tuple(lives), sign)
+
+
+def _today(at: Vector, value: Vector) -> float:
+    """The level at the newest value, by a line that no single value decides (Theil, Sen)."""
+    first, second = np.triu_indices(len(at), 1)
+    apart = at[second] - at[first]
+    slopes = (value[second] - value[first])[apart > 0.0] / apart[apart > 0.0]
+    slope = float(np.median(slopes)) if len(slopes) else 0.0
+    return float(np.median(value + slope * (at[-1] - at)))
 
 
 def _with_limit(indicator: Indicator, level: float) -> Indicator:

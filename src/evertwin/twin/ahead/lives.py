@@ -133,9 +133,9 @@ class Lives:
         lines = []
         for name, one in self.components.items():
             known = one.indicator.value
-            value = f"{known[-1]:.4g}" if len(known) else "no value"
+            value = one.indicator.shown(known[-1]) if len(known) else "no value"
             lines.append(
-                f"{name}: {one.indicator.name} {value} {one.indicator.unit}, limit "
+                f"{name}: {one.indicator.name} {value}, limit "
                 f"{one.indicator.limit.value:.4g} ({one.indicator.limit.source})\n"
                 f"  {one.sentence}"
             )
