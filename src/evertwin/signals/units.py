@@ -11,6 +11,7 @@ is done by `pint`; angles count as dimensionless radians.
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from tokenize import TokenError
 from typing import Any
@@ -27,7 +28,7 @@ _REFUSED = (
 )  # fmt: skip
 """What pint raises for a text that is no unit."""
 _SPELLINGS = {
-    "Nm": "N*m", "Nms": "N*m*s", "kgm2": "kg*m**2", "kgm^2": "kg*m**2", "Ns": "N*s",
+    "kgm2": "kg*m**2", "kgm^2": "kg*m**2",
     "1": "dimensionless", "%": "percent", "°C": "degC", "°": "degree", "deg": "degree",
 }  # fmt: skip
 _SI = {
@@ -40,6 +41,19 @@ def _registry() -> pint.UnitRegistry[Any]:
     return pint.UnitRegistry(autoconvert_offset_to_baseunit=True, cache_folder=None)
 
 
+_NEWTONS = re.compile(r"([Mkcmµu]?N)(mm|ms|m|s)")
+_ARMS = {"mm": "mm", "ms": "m*s", "m": "m", "s": "s"}
+"""Written without a sign between, which pint takes for others: ``kNm`` for a yarn's fineness."""
+
+
+def _spelt(part: str) -> str:
+    """One factor as pint spells it."""
+    found = _NEWTONS.fullmatch(part)
+    if found is not None:
+        return f"{found[1]}*{_ARMS[found[2]]}"
+    return _SPELLINGS.get(part, part)
+
+
 @cache
 def _parse(unit: str) -> Any:
     if not unit:
@@ -47,7 +61,7 @@ def _parse(unit: str) -> Any:
             "unit: expected a unit such as 'm/s', got none: write '1' for a pure number"
         )
     parts = unit.replace("·", "*").split("/")
-    text = "/".join(_SPELLINGS.get(part.strip(), part.strip()) for part in parts)
+    text = "/".join(_spelt(part.strip()) for part in parts)
     try:
         return _registry().Unit(text)
     except _REFUSED as error:
@@ -102,8 +116,8 @@ def to_si(value: Any, unit: str) -> Any:
 def from_si(value: Any, unit: str) -> Any:
     """An SI ``value`` in ``unit``.
 
-    >>> round(from_si(0.05, "cm/s"), 12)
-    5.0
+    >>> round(from_si(0.05, "cm/s"), 12), from_si(20.0, "kNm"), from_si(0.5, "Nmm")
+    (5.0, 0.02, 500.0)
     """
     factor, offset = conversion(unit)
     return (value - offset) / factor
