@@ -58,7 +58,7 @@ def test_the_page_holds_everything_in_one_file(call: Command, folder: Path) -> N
 def test_a_recording_that_is_absent_is_told(call: Command) -> None:
     done = call("validate", "robot.toml", "--test", "gone.csv")
     assert done.code == 4 and "gone.csv: there is no such file" in done.err
-    unwritable = call("validate", "robot.toml", "--report", "no/such/folder.html")
+    unwritable = call("validate", "robot.toml", "--report", "robot.toml/page.html")
     assert unwritable.code == 2 and "cannot be written" in unwritable.err
 
 

@@ -2,14 +2,8 @@
 
 from __future__ import annotations
 
-import base64
-import io
-import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-
-from jinja2 import Environment, PackageLoader, select_autoescape
-from matplotlib.figure import Figure
 
 from evertwin.app.console import show
 from evertwin.app.engineering_draw import (
@@ -19,6 +13,7 @@ from evertwin.app.engineering_draw import (
     draw_sensitivity,
     draw_tree,
 )
+from evertwin.app.page import encoded, write_page
 from evertwin.engineering.summary import summary
 from evertwin.errors import DataError, UsageError
 from evertwin.twin.engineer import Engineered, engineer
@@ -59,36 +54,20 @@ def write_engineering(done: Engineered, path: Path) -> None:
     Raises:
         UsageError: the file cannot be written.
     """
-    environment = Environment(
-        loader=PackageLoader("evertwin.app", "templates"), autoescape=select_autoescape()
-    )
-    page = environment.get_template("engineer.html").render(
-        done=done, study=done.study, pictures=dict(_pictures(done)),
-        levels={one.component: one for one in done.study.levels},
-        built={one.component: one for one in done.plan.built},
-    )  # fmt: skip
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(page, encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be written: {error.strerror}") from error
+    write_page("engineer.html", path, {
+        "done": done, "study": done.study, "pictures": dict(_pictures(done)),
+        "levels": {one.component: one for one in done.study.levels},
+        "built": {one.component: one for one in done.plan.built},
+    })  # fmt: skip
 
 
 def _pictures(done: Engineered) -> Iterator[tuple[str, str]]:
     """(name, image) of what there is to draw."""
     study = done.study
-    yield "tree", _encoded(draw_tree(study))
-    yield "map", _encoded(draw_map(study))
-    yield "sensitivity", _encoded(draw_sensitivity(study))
+    yield "tree", encoded(draw_tree(study))
+    yield "map", encoded(draw_map(study))
+    yield "sensitivity", encoded(draw_sensitivity(study))
     if study.weighed is not None and study.measured is not None:
-        yield "schedule", _encoded(draw_schedule(study.weighed, study.measured))
+        yield "schedule", encoded(draw_schedule(study.weighed, study.measured))
         limit = study.breakdown.requirements.accuracy
-        yield "deviation", _encoded(draw_deviation(study.measured, limit))
-
-
-def _encoded(figure: Figure) -> str:
-    """The figure as a data address; small figures stay sharp, tall ones small."""
-    buffer = io.BytesIO()
-    tall = float(figure.get_figheight())
-    figure.savefig(buffer, format="png", dpi=min(130.0, 130.0 * math.sqrt(9.0 / max(tall, 9.0))))
-    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
+        yield "deviation", encoded(draw_deviation(study.measured, limit))

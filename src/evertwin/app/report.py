@@ -1,19 +1,14 @@
-"""The report: one self-contained HTML file. Pictures are inside, nothing is loaded."""
+"""The report of a run: decisions, evidence, parameters, pictures."""
 
 from __future__ import annotations
 
-import base64
-import io
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, select_autoescape
-from matplotlib.figure import Figure
 
-from evertwin.errors import UsageError
+from evertwin.app.page import encoded, write_page
 from evertwin.fold import Event, plain
 from evertwin.models import Model
 from evertwin.models.form import Version
@@ -28,7 +23,7 @@ from evertwin.twin.draw import (
 from evertwin.twin.setup import Setup
 from evertwin.types import Outputs, ParameterVector
 
-__all__ = ["encoded", "shown", "write_report"]
+__all__ = ["write_report"]
 
 MOST = 8
 """Outputs that are drawn."""
@@ -59,44 +54,18 @@ def write_report(result: RunResult, setup: Setup, path: Path) -> None:
     Raises:
         UsageError: the file cannot be written.
     """
-    environment = Environment(
-        loader=PackageLoader("evertwin.app", "templates"), autoescape=select_autoescape()
-    )
-    environment.filters["shown"] = shown
     content: Any = result.to_dict()
-    page = environment.get_template("report.html").render(
-        run=content,
-        name=result.name,
-        relative=setup.relative,
-        updating=_updating(result, setup),
-        pictures=list(_pictures(result, setup, content)),
-        trials=[_trial(e) for e in result.of_kind("promoted", "rolled_back", "rejected")],
-        tuned={k: v for k, v in content["parameters"].items() if v["verdict"] != "not tuned"},
-        kept={k: v for k, v in content["parameters"].items() if v["verdict"] == "not tuned"},
-        outputs=result.model.outputs.names,
-    )
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(page, encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be written: {error.strerror}") from error
-
-
-def shown(value: Any) -> str:
-    """A figure as a person reads it.
-
-    >>> shown(0.12345678), shown(1.9e7), shown([]), shown(None), shown("x"), shown(30)
-    ('0.1235', '1.9e+07', 'none', '-', 'x', '30')
-    """
-    if value is None:
-        return "-"
-    if isinstance(value, bool | str | int):
-        return str(value)
-    if isinstance(value, float):
-        return f"{value:.4g}"
-    if isinstance(value, Mapping):
-        return ", ".join(f"{key} {shown(item)}" for key, item in value.items()) or "none"
-    return ", ".join(shown(item) for item in value) or "none"
+    write_page("report.html", path, {
+        "run": content,
+        "name": result.name,
+        "relative": setup.relative,
+        "updating": _updating(result, setup),
+        "pictures": list(_pictures(result, setup, content)),
+        "trials": [_trial(e) for e in result.of_kind("promoted", "rolled_back", "rejected")],
+        "tuned": {k: v for k, v in content["parameters"].items() if v["verdict"] != "not tuned"},
+        "kept": {k: v for k, v in content["parameters"].items() if v["verdict"] == "not tuned"},
+        "outputs": result.model.outputs.names,
+    })  # fmt: skip
 
 
 def _trial(event: Event) -> dict[str, Any]:
@@ -199,11 +168,3 @@ def _of_round(result: RunResult, item: Mapping[str, Any]) -> tuple[Model, Parame
 def _predicted(model: Model, p: ParameterVector, u: np.ndarray) -> Outputs:
     _, y = model.simulate(model.initial(p), u, np.zeros(len(u)), p)
     return y
-
-
-def encoded(figure: Figure) -> str:
-    """The figure as a data address; small figures stay sharp, tall ones small."""
-    buffer = io.BytesIO()
-    tall = float(figure.get_figheight())
-    figure.savefig(buffer, format="png", dpi=min(110.0, 110.0 * math.sqrt(8.0 / max(tall, 8.0))))
-    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")

@@ -1,14 +1,11 @@
-"""The report of lives and plan: one self-contained HTML file, pictures inside."""
+"""The report of lives and plan."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, select_autoescape
-
-from evertwin.app.report import encoded, shown
-from evertwin.errors import UsageError
+from evertwin.app.page import encoded, write_page
 from evertwin.prognosis.planning import Plan
 from evertwin.twin.ahead.draw import draw_indicator, draw_plan
 from evertwin.twin.ahead.lives import Lives
@@ -22,21 +19,13 @@ def write_prognosis(lives: Lives, plan: Plan | None, path: Path) -> None:
     Raises:
         UsageError: the file cannot be written.
     """
-    environment = Environment(
-        loader=PackageLoader("evertwin.app", "templates"), autoescape=select_autoescape()
-    )
-    environment.filters["shown"] = shown
     content: Any = lives.to_dict()
     pictures = [
         (f"{one.component}: {one.indicator.name}", one.sentence, encoded(draw_indicator(one)))
         for one in lives.indicators
     ]
     timeline = None if plan is None or not plan.items else encoded(draw_plan(plan, lives))
-    page = environment.get_template("prognosis.html").render(
-        name=lives.name, life=content, lives=lives, pictures=pictures, plan=plan, timeline=timeline
-    )
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(page, encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be written: {error.strerror}") from error
+    write_page("prognosis.html", path, {
+        "name": lives.name, "life": content, "lives": lives, "pictures": pictures, "plan": plan,
+        "timeline": timeline,
+    })  # fmt: skip

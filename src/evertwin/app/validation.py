@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import base64
-import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import typer
-from jinja2 import Environment, PackageLoader, select_autoescape
 from matplotlib.figure import Figure
 
 from evertwin.app.console import show
-from evertwin.errors import DataError, UsageError
+from evertwin.app.page import encoded, write_page
+from evertwin.errors import DataError
 from evertwin.tuning.statistics import autocorrelation
 from evertwin.twin import Twin
 from evertwin.twin.parts import Part
@@ -58,16 +56,7 @@ def write_validation(found: Validation, path: Path) -> None:
     Raises:
         UsageError: the file cannot be written.
     """
-    environment = Environment(
-        loader=PackageLoader("evertwin.app", "templates"), autoescape=select_autoescape()
-    )
-    page = environment.get_template("validation.html").render(
-        found=found, pictures=_pictures(found)
-    )
-    try:
-        path.write_text(page, encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be written: {error.strerror}") from error
+    write_page("validation.html", path, {"found": found, "pictures": _pictures(found)})
 
 
 def _pictures(found: Validation) -> list[tuple[str, str]]:
@@ -97,7 +86,7 @@ def _bars(found: Validation) -> str:
     axes.set_ylabel("rms, % of measured")
     axes.set_ylim(top=1.35 * axes.get_ylim()[1])
     axes.legend(frameon=False, fontsize=8, ncols=3, loc="upper right")
-    return _image(figure)
+    return encoded(figure)
 
 
 def _left(found: Validation) -> str:
@@ -114,10 +103,4 @@ def _left(found: Validation) -> str:
         right.set_ylim(-1.05, 1.05)
     grid[-1][0].set_xlabel(f"row of {run.name}", fontsize=8)
     grid[-1][1].set_xlabel("lag" if rules.every == 1 else f"lag, {rules.every} rows", fontsize=8)
-    return _image(figure)
-
-
-def _image(figure: Figure) -> str:
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=110)
-    return base64.b64encode(buffer.getvalue()).decode("ascii")
+    return encoded(figure)
