@@ -19,7 +19,7 @@ import sys
 from typing import Any
 
 import numpy as np
-from proofs.emps import SPLITS, TWINS, record
+from proofs.emps import SPLITS, TWINS, as_published, record
 from scipy.io import loadmat
 
 from evertwin.fold import make_block
@@ -42,11 +42,7 @@ def feed_axis() -> bool:
     print("1. a feed axis from its components, on the real axis")
     with Twin.open(TWINS / "emps_axis.toml") as twin:
         result = twin.fit([record()])
-    good = True
-    for name, value in PUBLISHED.items():
-        off = result.fit[name] / value - 1.0
-        good &= abs(off) <= 0.02
-        print(f"   {name:13} {result.fit[name]:9.3f}  published {value:8.2f}  {100 * off:+.2f} %")
+    good = as_published(result, PUBLISHED)
     for (said, train, test), limit in zip(SPLITS, LIMITS, strict=True):
         rms = []
         for name in ("emps_axis_free", "emps_linear"):

@@ -17,6 +17,7 @@ True
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -40,6 +41,17 @@ TORQUE, EXACT, POWER, ENERGY = 1e-7, 1e-12, 1e-6, 1e-6
 """Limits: torque [Nm], mass matrix and gravity, power and energy relative to what flows."""
 ROWS = 200
 """Rows of the recording that are looked at, and random ones besides."""
+
+
+def mass_matrices(torques: Callable[[Inputs], Outputs], q: Outputs) -> Float64[np.ndarray, "n k k"]:
+    """Torques of unit accelerations at rest; ``torques`` without gravity, of q, q̇, q̈."""
+    n, k = q.shape
+    out = np.empty((n, k, k))
+    for j in range(k):
+        unit = np.zeros((n, 3 * k))
+        unit[:, :k], unit[:, 2 * k + j] = q, 1.0
+        out[:, :, j] = torques(unit)
+    return out
 
 
 class Rigid(NamedTuple):
@@ -66,14 +78,8 @@ class Rigid(NamedTuple):
         return np.asarray(batch(geometry, self.chain.inertia, np.ascontiguousarray(u)))
 
     def mass(self, q: Outputs) -> Float64[np.ndarray, "n k k"]:
-        """Mass matrices: torques of unit accelerations at rest, without gravity."""
-        n, k = q.shape
-        out = np.empty((n, k, k))
-        for j in range(k):
-            unit = np.zeros((n, 3 * k))
-            unit[:, :k], unit[:, 2 * k + j] = q, 1.0
-            out[:, :, j] = self.torques(unit, gravity=False)
-        return out
+        """Mass matrices."""
+        return mass_matrices(lambda u: self.torques(u, gravity=False), q)
 
     def energy(self, q: Outputs, v: Outputs) -> Float64[np.ndarray, "n 2"]:
         """Kinetic and potential energy [J]."""
@@ -220,13 +226,7 @@ class _Engine(NamedTuple):
         return np.asarray(y)
 
     def mass(self, q: Outputs) -> Float64[np.ndarray, "n k k"]:
-        n, k = q.shape
-        out = np.empty((n, k, k))
-        for j in range(k):
-            unit = np.zeros((n, 3 * k))
-            unit[:, :k], unit[:, 2 * k + j] = q, 1.0
-            out[:, :, j] = self.torques(unit, self.still)
-        return out
+        return mass_matrices(lambda u: self.torques(u, self.still), q)
 
 
 def _laws(rigid: Rigid, rows: Inputs, rng: np.random.Generator) -> tuple[Check, ...]:
