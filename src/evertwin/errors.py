@@ -16,6 +16,9 @@ is a value of the result (see `evertwin.tuning.Fit`).
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable
+
 __all__ = [
     "ConfigError",
     "DataError",
@@ -26,6 +29,7 @@ __all__ = [
     "StoreError",
     "StoreLocked",
     "UsageError",
+    "nearest",
 ]
 
 
@@ -116,3 +120,14 @@ class LawBroken(EvertwinError):
     >>> str(LawBroken("partition: state differs after cut at row 3"))
     'partition: state differs after cut at row 3'
     """
+
+
+def nearest(name: object, known: Iterable[str]) -> str:
+    """What a message about an unknown name ends with.
+
+    >>> nearest("gravty", ["tip", "gravity"]), nearest("x", ["tip", "gravity"])
+    ("did you mean 'gravity'?", 'there are tip, gravity')
+    """
+    names = list(known)
+    near = difflib.get_close_matches(str(name), names, n=1)
+    return f"did you mean {near[0]!r}?" if near else f"there are {', '.join(names)}"

@@ -8,11 +8,25 @@ from evertwin.errors import UsageError
 from evertwin.signals import si_unit
 from evertwin.signals.units import compatible, to_si
 
+NONE = ["Ns/mm/", "m/(s", "m**", "*m", "m)", "1/", "m**s", "'", "#", "€", "(m//s)/K"]
+PASSED_OVER = ["m//s", "m;", "m%", "m,s", "m!", "m&s", "m..s", "Nm/√s", "m\u200bs", "m+", "m'"]
+"""Signs that pint leaves out: ``m,s`` would be milliseconds."""
+SPELLINGS = [
+    ("m/s", 1.0), ("m·s", 1.0), ("m.s", 1.0), ("m s", 1.0), ("m*s", 1.0), ("m s⁻¹", 1.0),
+    ("m²", 1.0), ("m ** 2", 1.0), ("kgm2", 1.0), ("J/(kg*K)", 1.0), ("N/(m/s)", 1.0), ("m**(1/2)", 1.0),
+    ("% / s", 0.01), ("°/s", 0.017453292519943295), ("Δ°C", 1.0), ("inH2O", 249.08891),
+]  # fmt: skip
 
-@pytest.mark.parametrize("text", ["Ns/mm/", "m/(s", "m**", "*m", "m)", "1/", "m**s", "'", "#", "€"])
+
+@pytest.mark.parametrize("text", [*NONE, *PASSED_OVER])
 def test_no_unit_is_refused_by_name(text: str) -> None:
     with pytest.raises(UsageError, match="is not known"):
         si_unit(text)
+
+
+@pytest.mark.parametrize(("unit", "factor"), SPELLINGS)
+def test_a_unit_may_be_spelt_in_many_ways(unit: str, factor: float) -> None:
+    assert to_si(1.0, unit) == pytest.approx(factor)
 
 
 @pytest.mark.parametrize(

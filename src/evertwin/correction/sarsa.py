@@ -33,7 +33,7 @@ from evertwin.correction import sarsa_kernels as kernels
 from evertwin.correction.sarsa_settings import SarsaSettings
 from evertwin.correction.sarsa_table import Table, read_table
 from evertwin.fold import Block, Event, Out, copy
-from evertwin.models import Kernel, KernelModel, Model, python_kernel
+from evertwin.models import Kernel, Model, kernel_of
 from evertwin.models.kernel import looped
 from evertwin.types import ParameterVector, StateVector
 
@@ -114,8 +114,7 @@ class Sarsa:
 
     @cached_property
     def _kernel(self) -> Kernel:
-        model = self.model
-        return model.kernel() if isinstance(model, KernelModel) else python_kernel(model)
+        return kernel_of(self.model)
 
     @cached_property
     def _where(self) -> tuple[int, np.ndarray, np.ndarray]:

@@ -12,7 +12,6 @@ evertwin.errors.UsageError: no model 'robot', did you mean 'robot1d'?
 
 from __future__ import annotations
 
-import difflib
 import importlib
 import inspect
 from collections.abc import Callable, Mapping
@@ -20,7 +19,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
-from evertwin.errors import MissingExtra, UsageError
+from evertwin.errors import MissingExtra, UsageError, nearest
 from evertwin.models import Model
 
 __all__ = ["MACHINES", "located", "machine"]
@@ -63,8 +62,7 @@ def machine(kind: str, options: Mapping[str, Any]) -> Model:
         known = _options(factory)
         for key in options:
             if known and key not in known:
-                near = difflib.get_close_matches(key, known, n=1)
-                hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(known)}"
+                hint = nearest(key, known)
                 raise UsageError(f"[model] kind = {kind!r}: no option {key!r}, {hint}") from error
         raise UsageError(f"[model] kind = {kind!r}: {error}: check the options") from error
 
@@ -111,7 +109,4 @@ def _factory(kind: str) -> Callable[..., Model]:
     plugins = {point.name: point for point in entry_points(group="evertwin.models")}
     if kind in plugins:
         return plugins[kind].load()  # type: ignore[no-any-return]
-    names = [*MACHINES, *plugins]
-    near = difflib.get_close_matches(kind, names, n=1)
-    hint = f", did you mean {near[0]!r}?" if near else f": there are {', '.join(sorted(names))}"
-    raise UsageError(f"no model {kind!r}{hint}")
+    raise UsageError(f"no model {kind!r}, {nearest(kind, sorted([*MACHINES, *plugins]))}")

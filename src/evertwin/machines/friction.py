@@ -30,7 +30,8 @@ friction model to capture load and temperature effects in robot joints", 2010).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -39,6 +40,7 @@ from numba import njit
 
 from evertwin.errors import UsageError
 from evertwin.models import Parameter
+from evertwin.settings.quantity import number
 
 __all__ = [
     "COLUMNS",
@@ -47,6 +49,7 @@ __all__ = [
     "Rung",
     "feature",
     "force",
+    "shape_of",
     "sliding",
     "switch",
     "warm_force",
@@ -179,6 +182,25 @@ class Law:
     def without(self, *terms: str) -> Law:
         """The law without some of its terms."""
         return replace(self, **dict.fromkeys(terms, False))  # type: ignore[arg-type]
+
+
+def shape_of(given: Mapping[str, float | str]) -> dict[str, Any]:
+    """Width, ``vs`` and standstill of a law [rad/s or m/s] from numbers or texts with a unit.
+
+    Raises:
+        UsageError: one of them is no speed.
+
+    >>> shape_of({"width": 0.01, "vs": "5 cm/s"})
+    {'width': 0.01, 'vs': 0.05}
+    """
+    return {key: _speed(key, value) for key, value in given.items()}
+
+
+def _speed(key: str, value: float | str) -> float:
+    for unit in ("rad/s", "m/s"):
+        with suppress(UsageError):
+            return number(value, unit)
+    raise UsageError(f"friction: {key}: expected a speed in rad/s or m/s, got {value!r}")
 
 
 def sliding(item: Parameter) -> Parameter:

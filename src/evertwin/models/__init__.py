@@ -3,7 +3,7 @@
 from evertwin.models.check import check_model
 from evertwin.models.compiled import Compiled
 from evertwin.models.contract import BatchModel, KernelModel, LinearModel, Model
-from evertwin.models.function import FunctionModel, python_kernel
+from evertwin.models.function import FunctionModel, kernel_of, python_kernel
 from evertwin.models.kernel import OBSERVE, STEP, Kernel, Restart, roll
 from evertwin.models.parameters import Parameter, Parameters
 
@@ -21,6 +21,7 @@ __all__ = [
     "Parameters",
     "Restart",
     "check_model",
+    "kernel_of",
     "python_kernel",
     "roll",
 ]

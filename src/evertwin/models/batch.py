@@ -27,8 +27,8 @@ import numpy as np
 from jaxtyping import Float64
 from numba import njit
 
-from evertwin.models.contract import BatchModel, KernelModel, Model
-from evertwin.models.function import python_kernel
+from evertwin.models.contract import BatchModel, Model
+from evertwin.models.function import kernel_of
 from evertwin.models.kernel import Kernel, Restart, _roll, roll
 from evertwin.types import Inputs, Intervals
 
@@ -67,8 +67,7 @@ class Batch:
     @cached_property
     def kernel(self) -> Kernel:
         """The model's kernel, or one made of its Python functions."""
-        model = self.model
-        return model.kernel() if isinstance(model, KernelModel) else python_kernel(model)
+        return kernel_of(self.model)
 
     def run(
         self,

@@ -15,7 +15,7 @@ import numpy as np
 
 from evertwin.errors import LawBroken
 from evertwin.models.contract import BatchModel, KernelModel, LinearModel, Model
-from evertwin.models.function import python_kernel
+from evertwin.models.function import kernel_of
 from evertwin.models.kernel import ADOPT, ANEW, CONTINUE, Restart, roll
 from evertwin.types import Inputs, Intervals, Outputs
 
@@ -74,7 +74,7 @@ def _same(law: str, a: tuple[Any, ...], b: tuple[Any, ...]) -> None:
 def _batch(model: BatchModel, u: Inputs, dt: Intervals, y: Outputs) -> None:
     p = model.parameters.values
     x = model.initial(p)
-    kernel = model.kernel() if isinstance(model, KernelModel) else python_kernel(model)
+    kernel = kernel_of(model)
     code = np.zeros(len(u), dtype=np.uint8)
     code[len(u) // 4 :: 3] = ADOPT
     code[len(u) // 2 :: 5] = ANEW

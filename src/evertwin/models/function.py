@@ -29,12 +29,13 @@ import numpy as np
 from jaxtyping import Float64
 
 from evertwin.errors import ModelError
+from evertwin.models.contract import KernelModel, Model
 from evertwin.models.kernel import Kernel
 from evertwin.models.parameters import Parameters
 from evertwin.signals.channels import Layout
 from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
 
-__all__ = ["FunctionModel", "python_kernel"]
+__all__ = ["FunctionModel", "kernel_of", "python_kernel"]
 
 log = logging.getLogger("evertwin")
 
@@ -106,6 +107,16 @@ class FunctionModel:
     @cached_property
     def _kernel(self) -> Kernel:
         return python_kernel(self)
+
+
+def kernel_of(model: Model) -> Kernel:
+    """The kernel of any Model: its own, or one made of its Python functions.
+
+    >>> still = FunctionModel(lambda x, u, dt, p: (x, x), Layout(), Layout())
+    >>> kernel_of(still) is still.kernel()
+    True
+    """
+    return model.kernel() if isinstance(model, KernelModel) else python_kernel(model)
 
 
 def python_kernel(model: Any) -> Kernel:

@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias, TypeVar, get_args, get_origin
 
-from evertwin.errors import UsageError
+from evertwin.errors import UsageError, nearest
 from evertwin.settings.fields import (
     Free,
     Inherit,
@@ -228,11 +228,9 @@ class Reader:
 
     def _unknown(self, keys: Sequence[str], names: Sequence[str], path: Path) -> None:
         for key in keys:
-            near = difflib.get_close_matches(key, names, n=1)
-            hint = f"did you mean '{near[0]}'?" if near else f"there are {', '.join(names)}"
-            self._problem(
-                (*path, key), f"{_in(self.written((*path, key))[:-1])}unknown key '{key}', {hint}"
-            )
+            at = (*path, key)
+            where = _in(self.written(at)[:-1])
+            self._problem(at, f"{where}unknown key '{key}', {nearest(key, names)}")
 
     def _wrong(self, path: Path, expected: str, value: object, hint: str = "") -> Any:
         shown = str(value).lower() if isinstance(value, bool) else repr(value)

@@ -17,9 +17,29 @@ import re
 from evertwin.errors import UsageError
 from evertwin.signals.units import compatible, conversion, si_unit
 
-__all__ = ["number", "written"]
+__all__ = ["Measured", "as_number", "number", "written"]
 
 _TEXT = re.compile(r"\s*([+-]?(?:\d[\d_]*\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf)\s*(.*?)\s*$")
+
+
+class Measured(float):
+    """A number in SI that was written with a unit, and remembers how.
+
+    It counts as any other number; whoever knows what it should measure asks `number`.
+
+    >>> Measured(0.02, "2 cm"), Measured(0.02, "2 cm").written
+    (0.02, '2 cm')
+    """
+
+    written: str
+
+    def __new__(cls, size: float, written: str) -> Measured:
+        made = super().__new__(cls, size)
+        made.written = written
+        return made
+
+    def __getnewargs__(self) -> tuple[float, str]:  # type: ignore[override]
+        return float(self), self.written
 
 
 def written(text: str) -> tuple[float, str]:
@@ -43,7 +63,7 @@ def number(
     """``value`` in SI.
 
     Args:
-        value: a number, or a number with its unit as text.
+        value: a number, or a number with its unit as text (or read from one: `Measured`).
         unit: what is expected, any compatible unit will do; empty: any unit.
         bare: unit of a number without one; empty: SI.
         difference: a span or spread: an offset between scales (°C, K) does not count.
@@ -51,7 +71,8 @@ def number(
     Raises:
         UsageError: no number in front, an unknown unit, or one that measures something else.
     """
-    size, given = written(value) if isinstance(value, str) else (float(value), "")
+    text = value.written if isinstance(value, Measured) else value
+    size, given = written(text) if isinstance(text, str) else (float(text), "")
     used = given or bare
     if not used:
         return size
@@ -71,7 +92,7 @@ def _written_digits(size: float, factor: float, offset: float) -> float:
 
 
 def as_number(text: str) -> float | str:
-    """SI if ``text`` is a number with a known unit, else the text itself.
+    """SI (`Measured`) if ``text`` is a number with a known unit, else the text itself.
 
     >>> as_number("30 cm"), as_number("6 axes"), as_number("ur5"), as_number("5")
     (0.3, '6 axes', 'ur5', '5')
@@ -83,4 +104,4 @@ def as_number(text: str) -> float | str:
         si_unit(found[2])
     except UsageError:
         return text
-    return number(text)
+    return Measured(number(text), text)

@@ -7,7 +7,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -16,7 +15,7 @@ from typing import Literal
 
 import numpy as np
 
-from evertwin.errors import UsageError
+from evertwin.errors import UsageError, nearest
 from evertwin.signals.units import conversion
 from evertwin.types import Outputs
 
@@ -31,9 +30,7 @@ def position(names: Sequence[str], name: str, what: str) -> int:
     """
     if name in names:
         return names.index(name)
-    near = difflib.get_close_matches(name, names, n=1)
-    hint = f", did you mean {near[0]!r}?" if near else f": there are {', '.join(names)}"
-    raise UsageError(f"no {what} {name!r}{hint}")
+    raise UsageError(f"no {what} {name!r}, {nearest(name, names)}")
 
 
 @dataclass(frozen=True)

@@ -41,6 +41,23 @@ def _registry() -> pint.UnitRegistry[Any]:
     return pint.UnitRegistry(autoconvert_offset_to_baseunit=True, cache_folder=None)
 
 
+_POWER = r"(?:\s*(?:\*\*|\^)\s*[+-]?\d+(?:\.\d+)?|⁻?[⁰¹²³⁴⁵⁶⁷⁸⁹]+)?"
+_FACTOR = rf"(?:[°Δ]*[^\W\d]\w*|°|%|\d+(?:\.\d+)?){_POWER}"
+_PRODUCT = re.compile(rf"\s*{_FACTOR}(?:(?:\s*[*/·.]\s*|\s+){_FACTOR})*\s*")
+_BRACKETS = re.compile(r"\(([^()]*)\)")
+
+
+def _written(text: str) -> bool:
+    """Factors with powers, one sign or space between two of them: pint passes over other signs."""
+    inside = _BRACKETS.search(text)
+    while inside is not None:
+        if not _PRODUCT.fullmatch(inside[1]):
+            return False
+        text = f"{text[: inside.start()]} 1{text[inside.end() :]}"
+        inside = _BRACKETS.search(text)
+    return bool(_PRODUCT.fullmatch(text))
+
+
 _NEWTONS = re.compile(r"([Mkcmµu]?N)(mm|ms|m|s)")
 _ARMS = {"mm": "mm", "ms": "m*s", "m": "m", "s": "s"}
 """Written without a sign between, which pint takes for others: ``kNm`` for a yarn's fineness."""
@@ -63,6 +80,8 @@ def _parse(unit: str) -> Any:
     parts = unit.replace("·", "*").split("/")
     text = "/".join(_spelt(part.strip()) for part in parts)
     try:
+        if not _written(text):
+            raise ValueError(text)
         return _registry().Unit(text)
     except _REFUSED as error:
         raise UsageError(

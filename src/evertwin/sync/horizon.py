@@ -31,7 +31,7 @@ from jaxtyping import Int64
 
 from evertwin.errors import UsageError
 from evertwin.fold import Block, Mark, Out
-from evertwin.models import Kernel, KernelModel, Model, Restart, python_kernel
+from evertwin.models import Kernel, Model, Restart, kernel_of
 from evertwin.models.kernel import looped
 from evertwin.signals import wrap
 from evertwin.sync.horizon_loop import NEVER, began, plan, run
@@ -193,8 +193,7 @@ class Horizon:
 
     @cached_property
     def _kernel(self) -> Kernel:
-        model = self.model
-        return model.kernel() if isinstance(model, KernelModel) else python_kernel(model)
+        return kernel_of(self.model)
 
     @cached_property
     def _fixed(self) -> tuple[Bools, int]:

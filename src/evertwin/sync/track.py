@@ -33,7 +33,7 @@ import numpy as np
 from jaxtyping import Float64, Int64, UInt8
 
 from evertwin.fold import Block, Event, Out
-from evertwin.models import Kernel, KernelModel, Model, python_kernel
+from evertwin.models import Kernel, Model, kernel_of
 from evertwin.models.kernel import looped
 from evertwin.sync import places as at
 from evertwin.sync.arbiter import Arbiter, Rule, describe, members
@@ -136,8 +136,7 @@ class Track:
 
     @cached_property
     def _kernel(self) -> Kernel:
-        model = self.model
-        return model.kernel() if isinstance(model, KernelModel) else python_kernel(model)
+        return kernel_of(self.model)
 
     @cached_property
     def adopts(self) -> Bools:

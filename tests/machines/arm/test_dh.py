@@ -129,9 +129,9 @@ GOOD = {"a": 0.5, "mass": 2.0, "com": [0, 0, 0], "inertia": [1, 1, 1]}
     ("row", "message"),
     [
         (GOOD | {"alfa": 1}, "row 2: unknown key 'alfa', did you mean 'alpha'"),
-        (GOOD | {"mass": 0}, "row 2 has mass 0 kg"),
-        (GOOD | {"mass": -1}, "row 2 has mass -1 kg"),
-        (GOOD | {"inertia": [1, 1, -1]}, "row 2 has an inertia with principal values -1, 1, 1"),
+        (GOOD | {"mass": 0}, "row 2 .link .link2.. has mass 0 kg"),
+        (GOOD | {"mass": -1}, "row 2 .link .link2.. has mass -1 kg"),
+        (GOOD | {"inertia": [1, 1, -1]}, "row 2 .* has an inertia with principal values -1, 1, 1"),
         (GOOD | {"inertia": [1, 1]}, "row 2: inertia: expected 3 or 6 numbers"),
         (GOOD | {"com": 3}, "row 2: com: expected 3 numbers"),
         (GOOD | {"a": "2 s"}, "row 2: a: expected a number in m"),
@@ -156,3 +156,12 @@ def test_options_that_do_not_go_together_are_refused() -> None:
         Arm.of("ur5_like", dh=[GOOD])
     with pytest.raises(UsageError, match="either 'urdf' or 'dh'"):
         Arm.of()
+
+
+def test_moments_that_no_body_has_are_told_with_their_link() -> None:
+    """Published tables have some (the third link of Armstrong's Puma 560): a remark, no refusal."""
+    robot = robot_of([GOOD, GOOD | {"inertia": [0.066, 0.086, 0.0125]}])
+    assert robot.notes == (
+        "dh: row 2 (link 'link2') has principal moments 0.0125, 0.066, 0.086 kg m²: no body has "
+        "one above the sum of the others",
+    )

@@ -241,7 +241,7 @@ def test_a_keyframe_is_the_start() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"colour": 1}, "no options"),
+        ({"timestp": 1}, "mujoco: no option 'timestp', did you mean 'timestep'"),
         ({"parameters": ["joint.knee.*"]}, "no parameter matches 'joint.knee.*'"),
         ({"outputs": ["elbow.poz"]}, "did you mean 'elbow.pos'"),
         ({"inputs": ["moter"]}, "did you mean 'motor'"),

@@ -22,7 +22,6 @@ evertwin.errors.ModelError: dh: row 1: unknown key 'alfa', did you mean 'alpha'?
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -30,13 +29,13 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
-from evertwin.errors import ModelError, UsageError
+from evertwin.errors import ModelError, UsageError, nearest
 from evertwin.machines.arm.inertia import Matrix, Position
 from evertwin.machines.arm.physical import checked
 from evertwin.machines.arm.urdf import Joint, Link, Robot, rotation
-from evertwin.settings.quantity import number
+from evertwin.settings.quantity import Measured, number
 
-__all__ = ["CONVENTIONS", "TIP", "robot_of"]
+__all__ = ["CONVENTIONS", "TIP", "robot_of", "vector"]
 
 CONVENTIONS = ("standard", "modified")
 BASE, TIP = "base", "tool"
@@ -73,18 +72,18 @@ def robot_of(
     frame = _placed("before", before)
     links: dict[str, Link] = {BASE: Link(BASE)}
     joints: list[Joint] = []
-    parent, names = BASE, _named(rows)
+    parent, names, notes = BASE, _named(rows), _notes(rows)
     for i, (row, name) in enumerate(zip(rows, names, strict=True)):
         at = f"dh: row {i + 1}"
         to_joint, to_frame = _frames(at, row, convention)
         child = f"link{i + 1}"
-        links[child] = _link(at, child, row, to_frame)
+        links[child] = _link(at, child, row, to_frame, notes)
         joints.append(_joint(at, name, (parent, child), row, frame @ to_joint))
         parent, frame = child, to_frame
     last = frame @ _placed("tool", tool)
     links[TIP] = Link(TIP)
     joints.append(Joint("flange", "fixed", parent, TIP, last[:3, :3].copy(), last[:3, 3].copy()))
-    return Robot("dh", links, tuple(joints), BASE, _notes(rows))
+    return Robot("dh", links, tuple(joints), BASE, tuple(notes))
 
 
 def _named(rows: Sequence[Any]) -> list[str]:
@@ -93,9 +92,7 @@ def _named(rows: Sequence[Any]) -> list[str]:
             raise ModelError(f"dh: row {i + 1}: expected a table such as {{a = 0.4}}, got {row!r}")
         for key in row:
             if key not in _KEYS:
-                near = difflib.get_close_matches(str(key), _KEYS, n=1)
-                hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(_KEYS)}"
-                raise ModelError(f"dh: row {i + 1}: unknown key {key!r}, {hint}")
+                raise ModelError(f"dh: row {i + 1}: unknown key {key!r}, {nearest(key, _KEYS)}")
     names = [str(row.get("name", f"joint{i + 1}")) for i, row in enumerate(rows)]
     for name in names:
         if names.count(name) > 1:
@@ -118,14 +115,27 @@ def _number(what: str, value: Any, unit: str) -> float:
     try:
         size = number(value, unit)
     except (UsageError, TypeError, ValueError) as error:
-        raise ModelError(f"{what}: expected a number in {unit}, got {value!r}") from error
+        raise ModelError(f"{what}: expected a number in {unit}, got {_shown(value)}") from error
     if math.isnan(size):
         raise ModelError(f"{what}: expected a number in {unit}, got {value!r}")
     return size
 
 
-def _vector(what: str, value: Any, sizes: tuple[int, ...], unit: str) -> list[float]:
-    if isinstance(value, str) or not isinstance(value, Sequence) or len(value) not in sizes:
+def _shown(value: Any) -> str:
+    return repr(value.written if isinstance(value, Measured) else value)
+
+
+def vector(what: str, value: Any, sizes: tuple[int, ...], unit: str) -> list[float]:
+    """Numbers in SI from numbers or texts with a unit.
+
+    Raises:
+        ModelError: another count than one of ``sizes``, or not in ``unit`` or alike.
+
+    >>> vector("xyz", [0, "20 cm", 1.0], (3,), "m")
+    [0.0, 0.2, 1.0]
+    """
+    many = isinstance(value, Sequence | np.ndarray) and not isinstance(value, str)
+    if not many or len(value) not in sizes:
         raise ModelError(f"{what}: expected {' or '.join(map(str, sizes))} numbers, got {value!r}")
     return [_number(what, v, unit) for v in value]
 
@@ -157,24 +167,26 @@ def _placed(what: str, place: Mapping[str, Any] | None) -> Float64[np.ndarray, "
         if key not in ("xyz", "rpy"):
             raise ModelError(f"{what}: unknown key {key!r}: there are xyz and rpy")
     if place:
-        frame[:3, :3] = rotation(*_vector(f"{what}.rpy", place.get("rpy", (0, 0, 0)), (3,), "rad"))
-        frame[:3, 3] = _vector(f"{what}.xyz", place.get("xyz", (0, 0, 0)), (3,), "m")
+        frame[:3, :3] = rotation(*vector(f"{what}.rpy", place.get("rpy", (0, 0, 0)), (3,), "rad"))
+        frame[:3, 3] = vector(f"{what}.xyz", place.get("xyz", (0, 0, 0)), (3,), "m")
     return frame
 
 
-def _link(at: str, name: str, row: Mapping[str, Any], frame: Float64[np.ndarray, "4 4"]) -> Link:
-    """The body, from the row's frame into the joint's."""
+def _link(
+    at: str, name: str, row: Mapping[str, Any], frame: Float64[np.ndarray, "4 4"], notes: list[str]
+) -> Link:
+    """The body, from the row's frame into the joint's; remarks about it go to ``notes``."""
     for key in ("mass", "com"):
         if key not in row:
             raise ModelError(
                 f"{at}: expected '{key}' (from the data sheet, CAD, or an experiment), got none"
             )
     mass = _value(at, row, "mass", "kg")
-    centre: Position = np.array(_vector(f"{at}: com", row["com"], (3,), "m"), dtype=np.float64)
+    centre: Position = np.array(vector(f"{at}: com", row["com"], (3,), "m"), dtype=np.float64)
     own = np.zeros((3, 3))
     if "inertia" in row:
-        own = _tensor(_vector(f"{at}: inertia", row["inertia"], (3, 6), "kgm2"))
-    checked(at, mass, own if "inertia" in row else None)
+        own = _tensor(vector(f"{at}: inertia", row["inertia"], (3, 6), "kgm2"))
+    notes += checked(f"{at} (link '{name}')", mass, own if "inertia" in row else None)
     turn, place = frame[:3, :3], frame[:3, 3]
     return Link(name, mass, turn @ centre + place, turn @ own @ turn.T)
 
@@ -205,8 +217,8 @@ def _joint(
     )  # fmt: skip
 
 
-def _notes(rows: Sequence[Any]) -> tuple[str, ...]:
+def _notes(rows: Sequence[Any]) -> list[str]:
     points = [str(i + 1) for i, row in enumerate(rows) if "inertia" not in row]
     if not points:
-        return ()
-    return (f"rows {', '.join(points)} have no inertia: taken as masses in one point",)
+        return []
+    return [f"rows {', '.join(points)} have no inertia: taken as masses in one point"]

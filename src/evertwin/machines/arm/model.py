@@ -37,12 +37,13 @@ from evertwin.machines.arm import layout, linear
 from evertwin.machines.arm.base import base_parameters, body_columns
 from evertwin.machines.arm.chain import Chain, serial
 from evertwin.machines.arm.coupling import Coupling
-from evertwin.machines.arm.dh import robot_of
+from evertwin.machines.arm.dh import robot_of, vector
 from evertwin.machines.arm.lanes import batch, switches
 from evertwin.machines.arm.rnea import BODY
 from evertwin.machines.arm.urdf import Robot, parse, read
-from evertwin.machines.friction import WIDTH, Law, Rung
+from evertwin.machines.friction import WIDTH, Law, Rung, shape_of
 from evertwin.models import Kernel, Parameter, Parameters, Restart, roll
+from evertwin.models.given import check_options
 from evertwin.signals import Layout
 from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
 
@@ -69,6 +70,7 @@ _MORE = {
     "tip", "gravity", "rotor", "delay", "width", "vs", "standstill", "coupling", "motion", "dh",
     "convention", "before", "tool",
 }  # fmt: skip
+_NAMED = ("urdf", "law", "base", "payload", "motor")
 
 
 def _described(urdf: str | Path, more: Mapping[str, Any]) -> Robot:
@@ -148,20 +150,19 @@ class Arm:
                 ``delay``, ``width``, ``vs``, ``standstill`` of all laws, ``coupling`` (rows of C,
                 `evertwin.machines.arm.coupling`) and ``motion`` (``joint`` or ``motor``).
         """
-        if unknown := set(more) - _MORE:
-            raise UsageError(f"arm: no options {sorted(unknown)}; there are {sorted(_MORE)}")
-        where = {key: more[key] for key in ("tip", "gravity") if key in more}
+        check_options("arm", more, (*_NAMED, *_MORE))
+        where = {"tip": more["tip"]} if "tip" in more else {}
+        if "gravity" in more:
+            where["gravity"] = tuple(vector("gravity", more["gravity"], (3,), "m/s**2"))
         chain = serial(_described(urdf, more), **where)
         texts = [law] * chain.n if isinstance(law, str) else list(law)
-        shape: dict[str, Any] = {
-            key: float(more[key]) for key in ("width", "vs", "standstill") if key in more
-        }
+        shape = shape_of({key: more[key] for key in ("width", "vs", "standstill") if key in more})
         laws = tuple(replace(Law.parse(text), **shape) for text in texts)
         rotor, coupling = bool(more.get("rotor", True)), _coupling(more)
         chosen = base_parameters(chain.geometry, rotor, coupling) if base else ()
         return cls(
             chain, laws, chosen, rotor, payload, bool(more.get("delay", False)),
-            tuple(float(k) for k in motor), Parameters(), coupling,
+            tuple(motor), Parameters(), coupling,
         )  # fmt: skip
 
     def _proposal(self) -> Parameters:
@@ -331,12 +332,6 @@ class Arm:
         old = {item.name: item for item in self.parameters}
         kept = Parameters(tuple(old.get(item.name, item) for item in bare.parameters))
         return replace(bare, parameters=kept)
-
-    def with_law(self, joint: int, law: Law | str) -> Arm:
-        """The same arm with another friction law at one joint (counted from 0)."""
-        laws: list[Law | str] = list(self.laws)
-        laws[joint] = law
-        return self.with_laws(laws)
 
     def moving(self, threshold: float = 0.05) -> Any:
         """``moving(u) -> bool (n, ny)``: where a joint is faster than ``threshold`` [rad/s]."""

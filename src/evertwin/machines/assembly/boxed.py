@@ -17,7 +17,7 @@ from jaxtyping import Float64, Int64
 from evertwin.machines.assembly import boxes, shared
 from evertwin.machines.assembly.join import Box, Train
 from evertwin.machines.assembly.shared import QUANTITIES
-from evertwin.models import Kernel, KernelModel, Parameters, python_kernel
+from evertwin.models import Kernel, Parameters, kernel_of
 from evertwin.signals import Channel, Layout
 from evertwin.types import Inputs, Intervals, ParameterVector, StateVector
 
@@ -77,7 +77,7 @@ def box_plan(
     kernels = []
     for box in train.boxes:
         model = box.model
-        kernel = model.kernel() if isinstance(model, KernelModel) else python_kernel(model)
+        kernel = kernel_of(model)
         kernels.append(kernel)
         rows += [
             kernel.step, int(kernel.context.ctypes.data), box.axis, first_state,

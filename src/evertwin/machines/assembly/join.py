@@ -131,10 +131,11 @@ class Train:
         return self.parameters.names.index(f"{component.name}.{name}")
 
 
-def join(lines: Iterable[Mapping[str, Any] | Component], build: Build | None = None) -> Train:
+def join(lines: Iterable[Any], build: Build | None = None) -> Train:
     """Components created one by one, then joined.
 
     Args:
+        lines: of a file (`evertwin.machines.assembly.parts`), or components read from them.
         build: makes the model of a black box; `evertwin.machines.catalog.machine` in a twin.
 
     Raises:
@@ -173,8 +174,6 @@ def _chain(arm: Component) -> Chain:
             f"component {arm.name!r}: expected urdf (a built-in name or a file) or a dh table"
         )
     more = {key: value for key, value in arm.options.items() if key not in ("urdf", "base")}
-    if "gravity" in more:
-        more["gravity"] = tuple(float(value) for value in more["gravity"])
     return Arm.of(str(arm.option("urdf")), **more).chain
 
 

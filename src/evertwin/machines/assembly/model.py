@@ -7,7 +7,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from evertwin.errors import UsageError
@@ -20,7 +20,7 @@ __all__ = ["assembly"]
 
 
 def assembly(
-    components: Sequence[Mapping[str, Any]],
+    components: Any,
     reading: str = "inverse",
     measure: str | Sequence[str] = "effort",
     sensors: Sequence[str] = (),
@@ -29,7 +29,7 @@ def assembly(
     """Components, joined, in one of their two readings.
 
     Args:
-        components: one line each (`evertwin.machines.assembly.parts`).
+        components: a list with one line each (`evertwin.machines.assembly.parts`).
         reading: ``inverse`` (motion in, effort out) or ``forward`` (commands in, motion out).
         measure: of the inverse reading: effort, torque, current or voltage, of all axes or of each.
         sensors: quantities inside components that are outputs too.
@@ -38,6 +38,8 @@ def assembly(
     Raises:
         UsageError: the components cannot be joined, or have no such reading.
     """
+    if not isinstance(components, list | tuple):
+        raise UsageError(f"components: expected a list of lines, got {components!r}")
     train = join(components, machine)
     if reading == "inverse":
         if step is not None:

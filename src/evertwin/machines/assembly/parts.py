@@ -14,12 +14,12 @@ at its ports decides what it can be joined with (`evertwin.machines.assembly.joi
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from evertwin.errors import UsageError
+from evertwin.errors import UsageError, nearest
+from evertwin.settings.quantity import Measured
 
 __all__ = ["KINDS", "Component", "Given", "Kind", "read_component"]
 
@@ -143,20 +143,22 @@ class Component:
         return self.options.get(key, KINDS[self.kind].options[key])
 
 
-def read_component(line: Mapping[str, Any]) -> Component:
+def read_component(line: Any) -> Component:
     """A component from one line of a file.
 
     Raises:
-        UsageError: no name, an unknown kind, a value that is no number.
+        UsageError: no table, no name, an unknown kind, a value that is no number.
     """
+    if not isinstance(line, Mapping):
+        raise UsageError(
+            f"components: expected lines such as {{ name = …, kind = … }}, got {line!r}"
+        )
     entries = dict(line)
     name, kind = str(entries.pop("name", "")), str(entries.pop("kind", ""))
     if not name:
         raise UsageError(f"components: expected a name in every line, got none in {dict(line)}")
     if kind not in KINDS:
-        near = difflib.get_close_matches(kind, KINDS, n=1)
-        hint = f", did you mean {near[0]!r}?" if near else f"; there are {', '.join(KINDS)}"
-        raise UsageError(f"component {name!r}: no kind {kind!r}{hint}")
+        raise UsageError(f"component {name!r}: no kind {kind!r}, {nearest(kind, KINDS)}")
     axis = entries.pop("axis", 0)
     if not isinstance(axis, int) or isinstance(axis, bool) or axis < 0:
         raise UsageError(f"component {name!r}: expected axis = 1, 2, …, got {axis!r}")
@@ -172,7 +174,7 @@ def _given(name: str, key: str, value: Any) -> Given:
             return Given(**value)
         if isinstance(value, bool):
             raise TypeError(value)
-        return Given(float(value))
+        return Given(value if isinstance(value, Measured) else float(value))
     except (TypeError, ValueError) as error:
         raise UsageError(
             f"component {name!r}: {key} is no option of its kind, and as a parameter it needs a "

@@ -16,8 +16,9 @@ from typing import Any
 
 from evertwin.errors import UsageError
 from evertwin.machines.assembly.parts import Component
-from evertwin.machines.friction import Law, sliding, warm_parameters
+from evertwin.machines.friction import Law, shape_of, sliding, warm_parameters
 from evertwin.models import Parameter
+from evertwin.settings.quantity import number
 from evertwin.signals.channels import position
 
 __all__ = ["demand_unit", "law_of", "parameters_of", "transmission"]
@@ -31,9 +32,9 @@ def law_of(component: Component) -> Law | None:
     text = str(component.option("friction"))
     if text in _NONE:
         return None
-    shape = {key: float(component.option(key)) for key in ("width", "vs", "standstill")}
     try:
-        return replace(Law.parse(text), **shape)  # type: ignore[arg-type]
+        shape = shape_of({key: component.option(key) for key in ("width", "vs", "standstill")})
+        return replace(Law.parse(text), **shape)
     except UsageError as error:
         raise UsageError(f"component {component.name!r}: {error}") from error
 
@@ -84,7 +85,7 @@ def transmission(box: Component) -> list[Parameter]:
     """Ratio or lead of a black box that stands between motor and joint."""
     said = {"ratio": "1", "lead": "m"}
     return [
-        _fixed(name, float(box.option(name)), unit, 1e-6)
+        _fixed(name, number(box.option(name), unit), unit, 1e-6)
         for name, unit in said.items()
         if box.option(name)
     ]

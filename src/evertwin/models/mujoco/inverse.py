@@ -26,7 +26,8 @@ import mujoco
 import numpy as np
 from jaxtyping import Float64
 
-from evertwin.errors import ModelError, UsageError
+from evertwin.errors import ModelError
+from evertwin.models.given import check_options
 from evertwin.models.kernel import ANEW, Restart
 from evertwin.models.mujoco.channels import controls, states
 from evertwin.models.mujoco.guard import Source, read_file, read_text
@@ -77,8 +78,7 @@ class InverseDynamics:
     @classmethod
     def _from(cls, source: Source, **options: Any) -> InverseDynamics:
         known = {"parameters", "contact", "threads"}
-        if unknown := set(options) - known:
-            raise UsageError(f"mujoco: no options {sorted(unknown)}; there are {sorted(known)}")
+        check_options("mujoco", options, known)
         patterns = tuple(options.get("parameters", _DEFAULT))
         contact = bool(options.get("contact", False))
         model, knobs = tunable(source, patterns, None, contact)

@@ -26,6 +26,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from evertwin.errors import UsageError
+from evertwin.models.given import check_options
 from evertwin.models.kernel import ADOPT, ANEW, CONTINUE, Restart
 from evertwin.models.mujoco.channels import Output, adoptable, controls, outputs, states
 from evertwin.models.mujoco.engine import Engine, Steps, steps_of
@@ -90,8 +91,7 @@ class MuJoCo:
     @classmethod
     def _from(cls, source: Source, **options: Any) -> MuJoCo:
         known = {"parameters", "inputs", "outputs", "keyframe", "timestep", "contact", "threads"}
-        if unknown := set(options) - known:
-            raise UsageError(f"mujoco: no options {sorted(unknown)}; there are {sorted(known)}")
+        check_options("mujoco", options, known)
         patterns = tuple(options.get("parameters", DEFAULT))
         step, contact = options.get("timestep"), bool(options.get("contact", True))
         model, knobs = tunable(source, patterns, step, contact)
