@@ -99,11 +99,6 @@ def test_quantiles_of_any_distribution_are_sound(share: list[float], nodes: list
     sound(Life("h", quantiles(np.sort(nodes[:k]), np.sort(share[:k]))))
 
 
-@given(st.lists(st.floats(0.0, 1e6) | st.just(np.inf), min_size=1, max_size=40))
-def test_a_life_of_samples_is_sound(samples: list[float]) -> None:
-    sound(Life.of_samples("h", np.array(samples)))
-
-
 @given(st.lists(st.floats(1.0, 1e3), min_size=1, max_size=4))
 def test_the_first_component_ends_no_later_than_any(medians: list[float]) -> None:
     lives = [Life.of("h", LEVELS, 2.0 * m * LEVELS) for m in medians]

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 from evertwin.config.data import Amount, Seconds
+from evertwin.config.scenario import ChangeSpec
 from evertwin.errors import UsageError
 from evertwin.settings.fields import Limits, Quantity, Section
 
@@ -75,9 +76,14 @@ class IndicatorSpec(Section):
     reference: Mapping[str, float] = field(default_factory=dict)
     """Value of a covariate under which the limit holds; absent: its median."""
     usage: str | None = None
-    """Column of the history that counts the work done, where wear goes with it."""
+    """Column of the history that counts the work done, where wear goes with it. Beside ``[[work]]``
+    it counts cycles of the newest task, unless ``[prognosis] past`` says how many were done."""
+    wear: str | None = None
+    """Wear per second of a simulated cycle, as in ``"abs(tau1) ** 3 * abs(qd1)"``: inputs, outputs,
+    states (``state.x`` where another has its name), parameters, and ``x.rate`` for the change of x
+    per second. Absent: effort times speed at a joint, else the way, else time."""
     exponent: Annotated[float, Limits(above=0.0, at_most=20.0)] = 1.0
-    """How wear grows with friction work under other loads: 1 for sliding, 3 for ball bearings."""
+    """How the wear of a joint grows with its load: 1 for sliding, 3 for ball bearings."""
     laws: tuple[Literal["linear", "exponential", "power", "wiener", "gamma", "two-phase"], ...] = ()
     """Laws that are weighed against each other; absent: all."""
 
@@ -88,6 +94,11 @@ class IndicatorSpec(Section):
             raise UsageError(
                 f"indicator {self.name}: expected one of parameter, formula, output or file, got "
                 f"{' and '.join(given)}"
+            )
+        if self.wear is not None and self.exponent != 1.0:
+            raise UsageError(
+                f"indicator {self.name}: expected wear or exponent, got both: write the exponent "
+                "into the formula"
             )
         if self.accuracy is not None and self.parameter is None:
             raise UsageError(
@@ -118,7 +129,8 @@ class CostSpec(Section):
 
 @dataclass(frozen=True)
 class WorkSpec(Section):
-    """``[[work]]``: a piece of the work that lies ahead.
+    """``[[work]]``: a piece of the work that lies ahead. Works at one time add; where none is
+    planned the machine rests; after the last ``until`` it goes on as before.
 
     >>> WorkSpec(name="weld", cycles=400.0).speed
     1.0
@@ -126,14 +138,27 @@ class WorkSpec(Section):
 
     name: str
     """Name in messages."""
-    cycles: Positive
-    """How often, per unit of the prognosis' clock."""
+    cycles: Annotated[float, Limits(at_least=0.0)]
+    """How often, per unit of the prognosis' clock; 0: rest."""
+    begin: Annotated[float, Limits(at_least=0.0)] = 0.0
+    """From when on, in units of the prognosis' clock from now."""
+    until: Positive | None = None
+    """Until when; absent: for ever."""
     speed: Positive = 1.0
     """Faster (above 1) or slower than recorded."""
     load: Annotated[float, Quantity("kg"), Limits(at_least=0.0)] = 0.0
     """Payload at the tip."""
     path: str | None = None
     """Motion of one cycle: CSV with the model's inputs; absent: the newest recorded task."""
+    parameters: Mapping[str, ChangeSpec] = field(default_factory=dict)
+    """Other values of parameters, as in a scenario: the mass of a table, a friction."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.until is not None and self.until <= self.begin:
+            raise UsageError(
+                f"work {self.name}: expected until after begin ({self.begin:g}), got {self.until:g}"
+            )
 
 
 @dataclass(frozen=True)
@@ -147,7 +172,8 @@ class PrognosisSpec(Section):
     clock: Literal["run", "cycle", "s", "h", "d"] = "run"
     """What life is counted in: tasks (``run``, ``cycle``), or time by the recordings' stamps."""
     past: Annotated[float, Limits(above=0.0)] | None = None
-    """Work of the past per unit of the clock, in cycles of the newest task; absent: one."""
+    """Work of the past per unit of the clock, in cycles of the newest task; absent: one a run or
+    cycle, else as many as the indicator's ``usage`` counts."""
     breakdown: str | None = None
     """Breakdown file of the machine, for limits; relative to the twin file."""
     fleet: tuple[str, ...] = ()

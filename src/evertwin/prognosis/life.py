@@ -103,24 +103,6 @@ class Life:
             raise UsageError("life: expected rising levels and quantiles that do not fall")
         return cls(unit, interpolated(LEVELS, p, r), now)
 
-    @classmethod
-    def of_samples(cls, unit: str, samples: np.ndarray, now: float = 0.0) -> Life:
-        """From simulated lives; infinite ones never end.
-
-        >>> Life.of_samples("h", np.arange(101.0)).median
-        50.0
-        """
-        if len(samples) == 0 or np.any(np.isnan(samples)) or np.any(samples < 0.0):
-            raise UsageError("life: expected at least one sample, all ≥ 0 and numbers")
-        order = np.sort(np.asarray(samples, dtype=np.float64))
-        low = np.floor(LEVELS * (len(order) - 1)).astype(np.int64)
-        high = np.minimum(low + 1, len(order) - 1)
-        part = LEVELS * (len(order) - 1) - low
-        step = np.where(part > 0.0, order[high], order[low])
-        ends = np.isfinite(step)
-        inner = order[low] + part * (np.where(ends, step, 0.0) - np.where(ends, order[low], 0.0))
-        return cls(unit, np.where(ends, inner, np.inf), now)
-
     def through(self, workload: Workload, unit: str) -> Life:
         """The life as a time, where ``remaining`` is work and this much of it is planned."""
         return replace(self, unit=unit, remaining=workload.time_of(self.remaining))

@@ -11,6 +11,7 @@ array([ 50., 200.])
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,6 +47,37 @@ class Workload:
     def steady(cls, rate: float) -> Workload:
         """The same work per time for ever; ``rate`` ≥ 0."""
         return cls(np.array([0.0, 1.0]), np.array([0.0, rate]))
+
+    @classmethod
+    def phases(cls, begins: Sequence[float], rates: Sequence[float]) -> Workload:
+        """Work per time from each of some moments on, the first of them now (0).
+
+        >>> Workload.phases((0.0, 10.0, 15.0), (1.0, 0.0, 2.0)).work.tolist()
+        [0.0, 10.0, 10.0, 12.0]
+        """
+        time = np.array([*begins, begins[-1] + 1.0], dtype=np.float64)
+        done = np.array(rates, dtype=np.float64) * np.diff(time)
+        return cls(time, np.concatenate([[0.0], np.cumsum(done)]))
+
+    @property
+    def rates(self) -> Float64[np.ndarray, " parts"]:
+        """Work per time in each part; the last goes on for ever."""
+        out: Float64[np.ndarray, " parts"] = np.diff(self.work) / np.diff(self.time)
+        return out
+
+    def mean_rate(self, until: float) -> float:
+        """Work per time from now until then; of the last part where that is never.
+
+        >>> Workload.phases((0.0, 10.0), (1.0, 3.0)).mean_rate(20.0)
+        2.0
+        """
+        rates = self.rates
+        if not np.isfinite(until):
+            return float(rates[-1])
+        if until <= 0.0:
+            return float(rates[0])
+        beyond = max(until - float(self.time[-1]), 0.0) * float(rates[-1])
+        return (float(np.interp(until, self.time, self.work)) + beyond) / until
 
     @classmethod
     def as_before(cls, indicator: Indicator) -> Workload:

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from evertwin.config.scenario import LoadSpec, PathSpec, ScenarioSpec
-from evertwin.errors import ConfigError, DataError, UsageError
+from evertwin.errors import ConfigError, UsageError
 from evertwin.machines.arm.inertia import NAMES, point
 from evertwin.models import Model
 from evertwin.models.corrected import build
@@ -23,7 +23,7 @@ from evertwin.twin.ahead.basis import Basis
 from evertwin.twin.ahead.future import Future
 from evertwin.twin.ahead.paths import chain_of, motion_of_moves, rows_of_file
 from evertwin.twin.factory import model_of
-from evertwin.types import Outputs, ParameterVector
+from evertwin.types import ParameterVector
 
 __all__ = ["Case", "changed", "faster", "loaded", "replaced"]
 
@@ -98,10 +98,10 @@ def faster(case: Case, factor: float) -> Case:
     for channel in case.model.inputs:
         units = enumerate((("rad", "m"), ("rad/s", "m/s"), ("rad/s**2", "m/s**2")))
         found = [k for k, pair in units if any(compatible(channel.unit, unit) for unit in pair)]
-        if not found:
+        if not found or channel.unit == "1":  # a share is no angle
             raise UsageError(
                 f"speed: the input {channel.name} [{channel.unit}] is no motion, so it is not known"
-                " how it follows the speed: give a [path] with its course instead"
+                " how it follows the speed: give a path with its course instead"
             )
         powers.append(found[0])
     u = case.future.u * factor ** np.array(powers, dtype=np.float64)
@@ -130,7 +130,7 @@ def _with_payload(basis: Basis, case: Case) -> Case:
     except (UsageError, ConfigError) as error:
         raise UsageError(
             f"load: a model of kind {spec.model.kind!r} carries no payload: name its mass under "
-            f"[parameters] ({error})"
+            f"parameters ({error})"
         ) from error
     model: Model = build(base, basis.version.form)
     old = dict(zip(case.model.parameters.names, case.p.tolist(), strict=True))
@@ -169,11 +169,3 @@ def _path(basis: Basis, case: Case, path: PathSpec, folder: Path) -> Case:
     start = path.start or tuple(case.future.u[-1, :n].tolist())
     future = motion_of_moves(path, chain, start, case.model.inputs)
     return replace(case, future=future, planned={})
-
-
-def known_planned(planned: Mapping[str, np.ndarray], outputs: tuple[str, ...]) -> Outputs:
-    """Planned outputs as columns, NaN where a path says nothing, (n, ny)."""
-    n = len(next(iter(planned.values())))
-    if any(len(column) != n for column in planned.values()):
-        raise DataError("path: planned columns differ in length")
-    return np.stack([planned.get(name, np.full(n, np.nan)) for name in outputs], axis=1)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float64
 
-from evertwin.prognosis import Fleet, Indicator, Life, Limit, predict_life
+from evertwin.prognosis import Fleet, Indicator, Life, Limit, Workload, predict_life
 from evertwin.types import Vector
 
 __all__ = ["Course", "course"]
@@ -42,6 +42,10 @@ class Course:
         rows = [[life.quantile(p) for p in probabilities] for life in self.lives]
         found: Float64[np.ndarray, "m q"] = np.maximum.accumulate(np.array(rows), axis=0)
         return found
+
+    def through(self, work: Workload) -> Course:
+        """The course in time, where so much work is planned."""
+        return replace(self, lives=tuple(life.through(work, life.unit) for life in self.lives))
 
     def value(self, after: float, probability: float) -> float:
         """The value that is not passed at time ``after`` with ``probability``, towards wear."""

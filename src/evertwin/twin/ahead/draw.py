@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 from evertwin.prognosis import Life
 from evertwin.prognosis.life import LEVELS
 from evertwin.prognosis.planning import Plan
-from evertwin.twin.ahead.lives import ComponentLife, Lives
+from evertwin.twin.ahead.component import ComponentLife
+from evertwin.twin.ahead.lives import Lives
 from evertwin.types import Vector
 
 __all__ = ["draw_indicator", "draw_plan"]
@@ -61,7 +62,7 @@ def _course(axis: Any, one: ComponentLife, now: float) -> None:
     """Band, median and the single laws, from the newest value on."""
     if one.course is None:
         return
-    times = now + one.course.times((0.1, 0.5, 0.9)) / one.rate
+    times = now + one.course.times((0.1, 0.5, 0.9))
     reach = now + _reach(one)
     ends = np.where(np.isfinite(times), times, reach * 2.0)
     levels = one.course.levels
@@ -72,7 +73,7 @@ def _course(axis: Any, one: ComponentLife, now: float) -> None:
     for k, (law, weight) in enumerate(weights[: len(LAWS)]):
         if law in one.by_law and weight >= LEAST:
             alone = one.by_law[law]
-            axis.plot(now + alone.times((0.5,))[:, 0] / one.rate, alone.levels, DASHES[k], lw=1.0,
+            axis.plot(now + alone.times((0.5,))[:, 0], alone.levels, DASHES[k], lw=1.0,
                       color=LAWS[k], label=f"{law}, weight {weight:.2f}")  # fmt: skip
     low, high = axis.get_ylim()
     limit = one.indicator.limit.value

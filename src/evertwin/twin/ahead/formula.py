@@ -1,30 +1,33 @@
-"""A function of several parameters, written as text: ``"Fc1 + 0.5 * Fv1"``.
+"""A function of several values, written as text: ``"Fc1 + 0.5 * Fv1"``.
 
-Numbers, names, + − * / **, parentheses, ``sqrt`` and ``abs``: nothing else is run.
+Numbers, names, + − * / **, parentheses, ``sqrt`` and ``abs``: nothing else is run. A name stands
+for a number or for a whole column: both are worked out alike.
 
 >>> friction = Formula.parse("Fc1 + 0.5 * Fv1")
->>> friction.names, friction({"Fc1": 12.0, "Fv1": 10.0})
+>>> friction.names, float(friction({"Fc1": 12.0, "Fv1": 10.0}))
 (('Fc1', 'Fv1'), 17.0)
+>>> friction({"Fc1": np.array([12.0, 14.0]), "Fv1": 10.0}).tolist()
+[17.0, 19.0]
 """
 
 from __future__ import annotations
 
 import ast
-import math
-import operator
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
+
+import numpy as np
 
 from evertwin.errors import UsageError
 
 __all__ = ["Formula"]
 
-_BINARY: Mapping[type, Callable[[float, float], float]] = {
-    ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul,
-    ast.Div: operator.truediv, ast.Pow: operator.pow,
+_BINARY: Mapping[type, Callable[[Any, Any], Any]] = {
+    ast.Add: np.add, ast.Sub: np.subtract, ast.Mult: np.multiply, ast.Div: np.divide,
+    ast.Pow: np.power,
 }  # fmt: skip
-_CALLS: Mapping[str, Callable[[float], float]] = {"sqrt": math.sqrt, "abs": abs}
+_CALLS: Mapping[str, Callable[[Any], Any]] = {"sqrt": np.sqrt, "abs": np.abs}
 LONGEST = 500
 
 
@@ -51,13 +54,14 @@ class Formula:
         _check(text, tree, names)
         return cls(text, tree, tuple(dict.fromkeys(names)))
 
-    def __call__(self, values: Mapping[str, float]) -> float:
-        """The value; NaN where it is not defined (a division by zero, a root of less)."""
-        try:
-            found: Any = _value(self.tree, values)  # a power may be complex
-        except (ZeroDivisionError, OverflowError, ValueError):
-            return math.nan
-        return math.nan if isinstance(found, complex) else float(found)
+    def __call__(self, values: Mapping[str, float | np.ndarray]) -> np.ndarray:
+        """The value, of the shape that numbers and columns have together.
+
+        NaN where it is not defined: a division by zero, a root of less, a number too large.
+        """
+        with np.errstate(all="ignore"):
+            found = np.asarray(_value(self.tree, values), dtype=np.float64)
+        return np.where(np.isfinite(found), found, np.nan)
 
 
 def _check(text: str, node: Any, names: list[str]) -> None:
@@ -70,15 +74,13 @@ def _check(text: str, node: Any, names: list[str]) -> None:
         if node.func.id not in _CALLS or len(node.args) != 1 or node.keywords:
             raise UsageError(f"formula: {text!r}: expected sqrt(…) or abs(…)")
         _check(text, node.args[0], names)
-    elif isinstance(node, ast.Name | ast.Attribute):
+    elif isinstance(node, ast.Name | ast.Attribute | ast.Subscript):
         names.append(ast.unparse(node))
     elif not (isinstance(node, ast.Constant) and type(node.value) in (int, float)):
-        raise UsageError(
-            f"formula: {text!r}: expected numbers, parameters, + - * / **, sqrt and abs"
-        )
+        raise UsageError(f"formula: {text!r}: expected numbers, names, + - * / **, sqrt and abs")
 
 
-def _value(node: Any, values: Mapping[str, float]) -> Any:
+def _value(node: Any, values: Mapping[str, float | np.ndarray]) -> Any:
     if isinstance(node, ast.BinOp):
         return _BINARY[type(node.op)](_value(node.left, values), _value(node.right, values))
     if isinstance(node, ast.UnaryOp):

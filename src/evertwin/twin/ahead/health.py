@@ -101,17 +101,13 @@ def _through(
     formula: Formula, values: Mapping[str, Vector], sigmas: Mapping[str, Vector], n: int
 ) -> tuple[Vector, Vector]:
     """The formula's value and standard deviation, row by row."""
-    value, sigma = np.full(n, np.nan), np.full(n, np.nan)
-    for i in range(n):
-        point = {name: float(values[name][i]) for name in formula.names}
-        value[i] = formula(point)
-        total = 0.0
-        for name in formula.names:
-            step = 1e-6 * max(abs(point[name]), 1e-9)
-            slope = (formula(point | {name: point[name] + step}) - value[i]) / step
-            total += (slope * float(sigmas[name][i])) ** 2
-        sigma[i] = np.sqrt(total)
-    return value, sigma
+    value = np.full(n, formula(values))
+    square = np.zeros(n)
+    for name in formula.names:
+        step = 1e-6 * np.maximum(np.abs(values[name]), 1e-9)
+        slope = (formula({**values, name: values[name] + step}) - value) / step
+        square += (slope * sigmas[name]) ** 2
+    return value, np.sqrt(square)
 
 
 def of_table(rule: IndicatorSpec, table: Table, clock: str, events: Sequence[Event] = ()) -> Known:

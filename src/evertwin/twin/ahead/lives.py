@@ -29,66 +29,19 @@ from evertwin.prognosis.alarms import Alarm, alarm_of
 from evertwin.prognosis.document import component, document
 from evertwin.prognosis.laws import LAWS
 from evertwin.twin.ahead.basis import Basis
+from evertwin.twin.ahead.component import ComponentLife
 from evertwin.twin.ahead.course import Course, course
 from evertwin.twin.ahead.health import Known, component_of, indicator_of, of_table, series_of
 from evertwin.twin.ahead.history import History, history
 from evertwin.twin.ahead.limits import accuracy_limit, breakdown_limits, limit_of
 from evertwin.twin.ahead.table import Table, read_table
-from evertwin.twin.ahead.usage import plan_rate, under
+from evertwin.twin.ahead.wear import wears
 from evertwin.twin.ahead.whatif import Today, today
+from evertwin.twin.ahead.workplan import Plan, past_cycles, plan_of, workload
 from evertwin.twin.feed import Data
 from evertwin.types import Json
 
-__all__ = ["ComponentLife", "Lives", "Prospect"]
-
-
-@dataclass(frozen=True)
-class ComponentLife:
-    """One component: its indicator and its life.
-
-    >>> ComponentLife.__name__
-    'ComponentLife'
-    """
-
-    component: str
-    rule: IndicatorSpec
-    indicator: Indicator
-    life: Life | NotEnough
-    """Under the work ahead."""
-    rate: float = 1.0
-    """Wear under the work ahead, over that of the past."""
-    course: Course | None = None
-    by_law: Mapping[str, Course] = field(default_factory=dict)
-    """What the laws of some weight say alone; for pictures."""
-
-    @property
-    def age(self) -> float:
-        """Time in use since it was new or replaced, on the clock."""
-        now = self.indicator.since_replaced()
-        start = now.origin if now.origin is not None else (now.at[0] if len(now.at) else 0.0)
-        return float(now.at[-1] - start) if len(now.at) else 0.0
-
-    @property
-    def urgency(self) -> float:
-        """Median life; infinite where it is not known."""
-        return self.life.median if isinstance(self.life, Life) else float("inf")
-
-    @property
-    def sentence(self) -> str:
-        """What is known, in one sentence."""
-        if isinstance(self.life, NotEnough):
-            begun = "" if self.life.onset is None else (
-                f"; wear began at {self.life.onset.begin:.4g} {self.indicator.clock}"
-            )  # fmt: skip
-            return f"not enough data: needs {self.life.needs}{begun}"
-        if self.life.passed is not None:
-            return f"life is over: the limit was passed at {self.life.passed:.4g} {self.life.unit}"
-        low, high = self.life.interval80
-        ends = f"{high:.4g}" if high < float("inf") else "without end"
-        return (
-            f"{self.life.median:.4g} {self.life.unit} (80 %: {low:.4g} … {ends}), not before "
-            f"{self.life.not_before:.4g} (95 %), law {self.life.law or '-'}"
-        )
+__all__ = ["Lives", "Prospect"]
 
 
 @dataclass(frozen=True)
@@ -119,7 +72,9 @@ class Lives:
         parts = {}
         for name, one in self.components.items():
             entry = component(one.indicator, one.life, self.dates)
-            parts[name] = entry | {"rate": one.rate, "age": one.age}
+            parts[name] = entry | {
+                "rate": one.rate, "age": one.age, "wear": one.wears.text, "phases": one.phases
+            }  # fmt: skip
         content: dict[str, Any] = dict(document(parts)) | {
             "name": self.name, "clock": self.clock,
             "machine": None if self.machine is None else self.machine.document(),
@@ -139,8 +94,7 @@ class Lives:
                 f"{one.indicator.limit.value:.4g} ({one.indicator.limit.source})\n"
                 f"  {one.sentence}"
             )
-            if one.rate != 1.0:
-                lines.append(f"  wears {one.rate:.3g} times as fast under the work ahead")
+            lines += [f"  {one.ahead}"] if one.ahead else []
         if isinstance(self.machine, Life):
             low, high = self.machine.interval80
             lines.append(f"machine: {self.machine.median:.4g} {self.machine.unit} "
@@ -186,6 +140,11 @@ class Prospect:
         return today(self.basis, self.data)
 
     @cached_property
+    def planned(self) -> Plan:
+        """The work ahead, ready to be simulated."""
+        return plan_of(self.basis, self.today, self.basis.setup.spec.work)
+
+    @cached_property
     def broken_down(self) -> dict[str, Limit]:
         """Limits of the breakdown file."""
         name = self.rule.breakdown
@@ -229,17 +188,20 @@ class Prospect:
         """The life that one indicator tells; ``drawn``: with its course."""
         indicator = self.indicator(rule)
         laws, fleet = rule.laws or LAWS, self.fleet(rule, indicator.limit)
-        life = predict_life(indicator, laws, fleet)
-        rate, works = 1.0, self.basis.setup.spec.work
-        way, alone = None, dict[str, Course]()
+        before = life = predict_life(indicator, laws, fleet)
+        formula = wears(rule, self.basis.model)
+        way, alone, work = None, dict[str, Course](), None
         if drawn and isinstance(life, Life):
             way = course(indicator, life, laws, fleet)
             alone = self._alone(indicator, life)
-        if works and isinstance(life, Life):
-            past = self.rule.past or 1.0
-            rate = plan_rate(self.basis, self.today.case, works, past, rule)
-            life = under(life, rate)
-        return ComponentLife(component_of(rule), rule, indicator, life, rate, way, alone)
+        if self.basis.setup.spec.work and isinstance(life, Life):
+            work = workload(formula, self.planned, past_cycles(self.rule, indicator))
+            life = life.through(work, life.unit)
+            way = None if way is None else way.through(work)
+            alone = {law: one.through(work) for law, one in alone.items()}
+        return ComponentLife(
+            component_of(rule), rule, indicator, life, before, formula, work, way, alone
+        )
 
     def _alone(self, indicator: Indicator, life: Life) -> dict[str, Course]:
         """The courses of the laws of most weight, each taken for certain."""

@@ -8,11 +8,13 @@ from typing import Any
 
 from evertwin.config.scenario import ChangeSpec, ScenarioSpec
 from evertwin.errors import UsageError
-from evertwin.prognosis import Life, NotEnough
+from evertwin.prognosis import Life, Workload
 from evertwin.twin.ahead.changes import Case, changed
-from evertwin.twin.ahead.lives import ComponentLife, Prospect
-from evertwin.twin.ahead.usage import under, wear
+from evertwin.twin.ahead.component import ComponentLife
+from evertwin.twin.ahead.history import UNITS
+from evertwin.twin.ahead.lives import Prospect
 from evertwin.twin.ahead.whatif import WhatIf, beside, today
+from evertwin.twin.ahead.workplan import Plan, past_cycles, plan_of, workload
 from evertwin.types import Json
 
 __all__ = ["run_scenario"]
@@ -26,7 +28,8 @@ def run_scenario(prospect: Prospect, scenario: ScenarioSpec) -> WhatIf:
         DataError: a path or recording that cannot be used.
     """
     basis = prospect.basis
-    now = today(basis, prospect.data, scenario.horizon)
+    whole = scenario.horizon is None
+    now = prospect.today if whole else today(basis, prospect.data, scenario.horizon)
     lives = tuple(
         prospect.life(rule, drawn=scenario.wear is not None) for rule in basis.setup.spec.indicator
     )
@@ -42,9 +45,8 @@ def run_scenario(prospect: Prospect, scenario: ScenarioSpec) -> WhatIf:
                 sigma[at] = (one["high95"] - one["low95"]) / (2 * 1.96)
         after = replace(after, sigma=sigma)
     found = beside(basis, now, scenario, after)
-    return replace(
-        found, worn=worn, lives=_lives(lives, now.case, after, prospect.rule.clock)
-    )  # fmt: skip
+    told, notes = _lives(prospect, lives, scenario)
+    return replace(found, worn=worn, lives=told, notes=(*found.notes, *notes))
 
 
 def _worn(
@@ -76,23 +78,36 @@ def _worn(
 
 
 def _lives(
-    lives: tuple[ComponentLife, ...], before: Case, after: Case, clock: str
-) -> Mapping[str, Mapping[str, Json]]:
-    """Life of each component as it is, and under the scenario's work from now on."""
+    prospect: Prospect, lives: tuple[ComponentLife, ...], scenario: ScenarioSpec
+) -> tuple[Mapping[str, Mapping[str, Json]], tuple[str, ...]]:
+    """Life of each component as it is, and with the scenario in all work from now on; notes."""
     found: dict[str, Mapping[str, Json]] = {}
+    notes = []
+    works = prospect.basis.setup.spec.work
+    # without a plan a machine that is counted in time works all the time
+    continuous = not works and prospect.rule.clock in UNITS
+    plan: Plan | None = None
     for one in lives:
-        if isinstance(one.life, NotEnough):
-            found[one.component] = {**one.life.document(), "sentence": one.sentence}  # type: ignore[dict-item]
+        if not isinstance(one.before, Life):
+            found[one.component] = {**one.before.document(), "sentence": one.sentence}  # type: ignore[dict-item]
             continue
-        rate = wear(one.rule, after) / max(wear(one.rule, before), 1e-300)
-        if clock not in ("run", "cycle"):
-            # the machine works all the time: shorter cycles are more cycles
-            rate *= float(before.future.dt.sum()) / float(after.future.dt.sum())
-        found[one.component] = _beside(one.life, under(one.life, rate), rate)
-    return found
+        plan = plan or plan_of(
+            prospect.basis, prospect.today, works, scenario, continuous=continuous
+        )
+        past = past_cycles(prospect.rule, one.indicator) if works else 1.0
+        try:
+            work = workload(one.wears, plan, past)
+        except UsageError as error:  # the simulation is worth telling without it
+            notes.append(f"life of {one.component} is not told: {error}")
+            continue
+        found[one.component] = _beside(one, one.before.through(work, one.before.unit), work)
+    return found, tuple(notes)
 
 
-def _beside(old: Life, new: Life, rate: float) -> Mapping[str, Any]:
+def _beside(one: ComponentLife, new: Life, work: Workload) -> Mapping[str, Any]:
+    old = one.life
+    assert isinstance(old, Life)
+    rate = work.mean_rate(new.median) / one.rate if one.rate > 0.0 else 1.0
     return {
         "rate": rate, "baseline": old.document(), "with_scenario": new.document(),
         "sentence": (

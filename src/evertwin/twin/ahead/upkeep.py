@@ -44,7 +44,7 @@ def plan(prospect: Prospect, lives: Lives) -> Plan:
             without[name] = one.sentence
         else:
             # an age in the past's clock, in time of the work ahead
-            age = one.age / one.rate
+            age = one.age / one.rate if one.rate > 0.0 else one.age
             known[name] = (one.life, age, Cost(cost.failure, cost.maintenance))
     if not known and not any("cost" not in reason for reason in without.values()):
         raise UsageError(
