@@ -57,7 +57,8 @@ def test_noise_and_random_walk_are_told_apart() -> None:
     walk = np.cumsum(np.r_[0.0, rng.normal(0.0, 0.02, n - 1)])
     rows = make_block(t=np.arange(n) * 10**9, u=np.zeros((n, 1)), y=walk[:, None])
     known = spread(twin.model, np.ones(1), (rows,), 50.0)
-    assert known.sigma(np.array([25.0]))[0, 0] == pytest.approx(0.02 * 5.0, rel=0.25)
+    lead = np.array([4.0, 25.0, 49.0])
+    assert known.sigma(lead)[:, 0] == pytest.approx(0.02 * np.sqrt(lead), rel=0.25)
     noise = make_block(
         t=np.arange(n) * 10**9, u=np.zeros((n, 1)), y=rng.normal(0.0, 0.1, (n, 1))
     )  # fmt: skip
@@ -65,6 +66,21 @@ def test_noise_and_random_walk_are_told_apart() -> None:
     both = flat.sigma(np.array([1.0, 50.0]))[:, 0]
     # the start is a measurement too: sqrt(2) of its noise, at any lead
     assert both == pytest.approx(0.1 * np.sqrt(2.0), rel=0.2)
+    assert known.factor[0] == pytest.approx([1.28, 1.96], rel=0.15)
+
+
+def test_few_stretches_widen_the_band_and_heavy_tails_are_counted() -> None:
+    rng, twin = np.random.default_rng(5), cart()
+
+    def learnt(y: np.ndarray) -> np.ndarray:
+        t, u = np.arange(len(y)) * 10**9, np.zeros((len(y), 1))
+        return spread(twin.model, np.ones(1), (make_block(t=t, u=u, y=y[:, None]),), 20.0).factor[0]
+
+    walks = [np.cumsum(rng.normal(0.0, 0.02, 80)) for _ in range(20)]
+    short = np.mean([learnt(walk) for walk in walks], axis=0)
+    assert 1.3 < short[0] < 1.45 and 2.0 < short[1] < 2.5
+    tails = learnt(np.repeat(rng.standard_t(2.0, 300), 20) * 0.1)
+    assert tails[1] / tails[0] > 1.7
 
 
 def test_parameters_that_are_not_known_widen_the_band() -> None:

@@ -6,9 +6,13 @@ and what the form does not know. Its size over the lead time h follows
 
     σ²(h) = a + b·h + c·h²        a noise, b random walk, c a rate that is off;  a, b, c ≥ 0
 
-per output, fitted to robust sizes in bins of h. How many σ hold 80 or 95 % is counted on the same
-residuals, so that heavy tails widen a band that the bell curve would make too narrow. What is
-counted in-sample is some stretches short, hence Student's t where there are few.
+per output, fitted to mean squares in bins of h, each weighed by what the law says there. Weights
+from the bins themselves would believe most in those that came out small by chance.
+
+How many σ hold 80 or 95 % is counted on the same residuals, so that heavy tails widen a band that
+the bell curve would make too narrow. Rows of one stretch share their noise; where stretches are few
+Student's t stands in for what cannot be counted yet, with as many degrees of freedom as the scatter
+from stretch to stretch says (Satterthwaite, Biometrics Bulletin 2(6), 1946).
 """
 
 from __future__ import annotations
@@ -16,9 +20,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
 from scipy.optimize import nnls
 from scipy.stats import t as student
 
@@ -40,6 +45,10 @@ FEWEST = 8
 """Fewest rows with a residual."""
 ENOUGH = 40
 """Stretches from which on the counted quantile stands alone."""
+ROUNDS = 20
+"""Rounds in which the law's weights follow the law."""
+FAR = 4.0
+"""Size in σ from which on a residual adds no more to the law; the counted shares know it."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +66,8 @@ class Spread:
     """How many σ hold the share of each of `LEVELS`."""
     stretches: int
     """Open-loop stretches that it rests on."""
+    length: float = math.inf
+    """How long they are [s]; beyond it the law is extrapolated."""
 
     def sigma(self, lead: Vector) -> Outputs:
         """Standard deviation at lead times [s], (n, ny)."""
@@ -72,29 +83,41 @@ def spread(model: Model, p: ParameterVector, windows: Sequence[Block], horizon: 
     """
     span = sum(float(w.t[-1] - w.t[0]) * 1e-9 for w in windows)
     length = min(horizon, span / (2 * LEAST))
-    leads, found, stretches = _pairs(model, p, windows, length)
-    known = int(np.isfinite(found).any(axis=1).sum())
-    if stretches < LEAST or known < FEWEST:
+    known = _pairs(model, p, windows, length)
+    measured = int(np.isfinite(known.residual).any(axis=1).sum())
+    if known.stretches < LEAST or measured < FEWEST:
         raise DataError(
             f"forecast: expected at least {LEAST} stretches of {length:.3g} s with measurements to "
-            f"learn the band from, got {stretches} with {known} rows: give longer recordings"
+            f"learn the band from, got {known.stretches} with {measured} rows: give longer "
+            "recordings"
         )
     static = len(model.states) == 0
-    rows = [_law(leads[:, k], found[:, k], static) for k in range(found.shape[1])]
-    law = np.array(rows)
-    basis = np.stack([np.ones_like(leads), leads, leads**2], axis=2)
-    scaled = np.abs(found) / np.sqrt(np.maximum(np.einsum("nkb,kb->nk", basis, law), 1e-300))
-    factor = np.array([_factors(scaled[:, k], stretches) for k in range(found.shape[1])])
-    return Spread(law, factor, stretches)
+    columns = range(known.residual.shape[1])
+    law = np.array([_law(known.lead[:, k], known.residual[:, k], static) for k in columns])
+    basis = np.stack([np.ones_like(known.lead), known.lead, known.lead**2], axis=2)
+    square = np.maximum(np.einsum("nkb,kb->nk", basis, law), 1e-300)
+    scaled = np.abs(known.residual) / np.sqrt(square)
+    factor = [_factors(scaled[:, k], known.piece, known.stretches) for k in columns]
+    return Spread(law, np.array(factor), known.stretches, length)
 
 
-def _pairs(
-    model: Model, p: ParameterVector, windows: Sequence[Block], length: float
-) -> tuple[np.ndarray, np.ndarray, int]:
-    """Lead times and residuals, both (n, ny), and the number of stretches."""
+class _Pairs(NamedTuple):
+    """Residuals of open-loop stretches, one after the other."""
+
+    lead: Outputs
+    """Lead times [s], (n, ny)."""
+    residual: Outputs
+    piece: Int64[np.ndarray, " n"]
+    """Which stretch a row is of."""
+    stretches: int
+    """Stretches that share no row."""
+
+
+def _pairs(model: Model, p: ParameterVector, windows: Sequence[Block], length: float) -> _Pairs:
     kernel = model.kernel() if hasattr(model, "kernel") else python_kernel(model)
-    x0 = model.initial(p)
-    leads, found, stretches = [], [], 0.0
+    x0, ny = model.initial(p), len(model.outputs)
+    nothing = np.zeros((0, ny)), np.zeros((0, ny)), np.zeros(0, dtype=np.int64)
+    found, stretches, pieces = [nothing], 0.0, 0
     for window in windows:
         for share in (0.0, 0.5) if len(x0) else (0.0,):
             start = int(np.searchsorted(window.t, window.t[0] + share * length * 1e9))
@@ -103,68 +126,76 @@ def _pairs(
             part = take(window, start, len(window.t))
             plan = restarts(part, length, x0)
             _, y = roll(kernel, x0, part.u, part.dt, p, plan)
-            found.append(residuals(model, part, y))
-            leads.append(_lead(part, plan))
+            passed = (part.t - part.t[0]) * 1e-9
+            piece = (passed / length).astype(np.int64) + pieces
+            pieces = int(piece[-1]) + 1
+            found.append((_lead(passed, plan), residuals(model, part, y), piece))
             if share == 0.0:
-                stretches += float(part.t[-1] - part.t[0]) * 1e-9 / length
-    if not found:
-        return np.zeros((0, len(model.outputs))), np.zeros((0, len(model.outputs))), 0
-    return np.concatenate(leads), np.concatenate(found), int(stretches)
+                stretches += float(passed[-1]) / length
+    lead, residual, piece = (np.concatenate(column) for column in zip(*found, strict=True))
+    return _Pairs(lead, residual, piece, int(stretches))
 
 
-def _lead(part: Block, plan: Restart) -> Outputs:
-    """Time since each output was last adopted [s], (n, ny)."""
-    t = (part.t - part.t[0]) * 1e-9
-    adopted = np.isfinite(plan.y) & (plan.code > 0)[:, None]
-    adopted[plan.code == 2] = True
-    since = np.where(adopted, t[:, None], -np.inf)
+def _lead(passed: Vector, plan: Restart) -> Outputs:
+    """Time since each output was last adopted [s], (n, ny). A row's measurement is adopted after it
+    was predicted, so it counts from the next row on."""
+    since = np.where(np.isfinite(plan.y), passed[:, None], -np.inf)
     before = np.maximum.accumulate(since, axis=0)
     before = np.concatenate([before[:1], before[:-1]])
-    return np.where(np.isfinite(before), t[:, None] - before, 0.0)
+    return np.where(np.isfinite(before), passed[:, None] - before, 0.0)
 
 
 def _law(lead: Vector, residual: Vector, static: bool) -> np.ndarray:
-    """a, b, c from robust sizes in bins of the lead time."""
+    """a, b, c from mean squares in bins of the lead time."""
     known = np.isfinite(residual)
     h, r = lead[known], np.abs(residual[known])
     if len(r) == 0:
         return np.zeros(3)
     if static or float(h.max()) <= 0.0:
-        return np.array([_size(r) ** 2, 0.0, 0.0])
+        return np.array([_square(r), 0.0, 0.0])
     edges = np.unique(np.quantile(h, np.linspace(0.0, 1.0, BINS + 1)))
     places = np.clip(np.searchsorted(edges, h, side="right") - 1, 0, max(len(edges) - 2, 0))
-    size = [(float(h[places == b].mean()), _size(r[places == b]), int((places == b).sum()))
+    size = [(float(h[places == b].mean()), _square(r[places == b]), int((places == b).sum()))
             for b in np.unique(places)]  # fmt: skip
-    at, sigma, count = (np.array(column) for column in zip(*size, strict=True))
-    if not sigma.max() > 0.0:
+    at, square, count = (np.array(column) for column in zip(*size, strict=True))
+    if not square.max() > 0.0:
         return np.zeros(3)  # the simulation repeats the recording
-    floor = float(sigma.max()) * 1e-3
-    # the variance of a squared size grows with its square: weigh relative errors
-    weight = np.sqrt(count) / np.maximum(sigma, floor) ** 2
-    basis = np.stack([np.ones_like(at), at, at**2], axis=1)
     unit = np.array([1.0, 1.0 / at.max(), 1.0 / at.max() ** 2])
-    found, _ = nnls(weight[:, None] * basis * unit, weight * sigma**2)
-    return np.asarray(found * unit)
+    basis = np.stack([np.ones_like(at), at, at**2], axis=1) * unit
+    fitted, law = np.full(len(at), square.mean()), np.zeros(3)
+    for _ in range(ROUNDS):
+        # the variance of a mean square grows with its square: weigh relative errors
+        weight = np.sqrt(count) / np.maximum(fitted, fitted.max() * 1e-6)
+        law, _ = nnls(weight[:, None] * basis, weight * square)
+        fitted = basis @ law
+    return np.asarray(law * unit)
 
 
-def _size(r: Vector) -> float:
-    """Standard deviation that outliers do not move; the plain one where half of it is zero."""
+def _square(r: Vector) -> float:
+    """Mean square in which what is far outside counts as just outside."""
     robust = float(np.median(r)) / 0.6745
-    return robust if robust > 0.0 else float(np.sqrt(np.mean(r**2)))
+    return float(np.mean(np.minimum(r, FAR * robust if robust > 0.0 else np.inf) ** 2))
 
 
-def _factors(scaled: Vector, stretches: int) -> tuple[float, float]:
+def _factors(scaled: Vector, piece: Int64[np.ndarray, " n"], stretches: int) -> tuple[float, float]:
     """How many σ hold 80 and 95 %."""
-    known = scaled[np.isfinite(scaled)]
-    found = []
-    for level in LEVELS:
-        bell = float(student.ppf(0.5 + level / 2.0, max(stretches - 1, 1)))
-        if len(known) < 10:
-            found.append(bell)
-            continue
-        rank = min(level * (1.0 + 1.0 / stretches), 1.0)
-        counted = float(np.quantile(known, rank))
-        share = min(stretches / ENOUGH, 1.0)
-        found.append(max(counted, share * counted + (1.0 - share) * bell))
-    low, high = found
+    known = np.isfinite(scaled)
+    scaled, piece = scaled[known], piece[known]
+    freedom = _freedom(scaled, piece, stretches)
+    share = min(stretches / ENOUGH, 1.0) if len(scaled) >= 10 else 0.0
+    low, high = (
+        share * (float(np.quantile(scaled, level)) if share > 0.0 else 0.0)
+        + (1.0 - share) * float(student.ppf(0.5 + level / 2.0, freedom))
+        for level in LEVELS
+    )
     return low, max(high, low, math.ulp(0.0))
+
+
+def _freedom(scaled: Vector, piece: Int64[np.ndarray, " n"], stretches: int) -> float:
+    """Degrees of freedom of the mean square, from its scatter between stretches."""
+    _, place, rows = np.unique(piece, return_inverse=True, return_counts=True)
+    means = np.bincount(place, scaled**2) / rows
+    if len(means) < 2 or not means.var() > 0.0:
+        return float(stretches)
+    found = 2.0 * stretches * float(means.mean()) ** 2 / float(means.var(ddof=1))
+    return min(max(found, stretches / 2.0), 4.0 * stretches)
