@@ -83,8 +83,11 @@ class PathSpec(Section):
     """Rows a second."""
     profile: Literal["trapezoid", "quintic"] = "trapezoid"
     """How each move speeds up and slows down."""
+    controller: Annotated[Json, Free()] = ()
+    """Controllers that follow an arm's path: kp, kv, ki, feedforward, limit …: one number, or one
+    for each axis."""
     components: Annotated[Json, Free()] = ()
-    """What the model lacks for following the path: a line for each controller (and motor)."""
+    """What else the model lacks for following the path: a line for each controller, motor, …"""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -92,6 +95,8 @@ class PathSpec(Section):
             rows = lines if isinstance(lines, list | tuple) else [None]
             if not all(isinstance(one, Mapping) for one in rows):
                 raise UsageError(f"{key}: expected a list of tables, [{{ … }}, …], got {lines!r}")
+        if self.controller != () and not isinstance(self.controller, Mapping):
+            raise UsageError(f"controller: expected a table, {{ kp = … }}, got {self.controller!r}")
         if (self.file is None) == (not self.moves):
             raise UsageError("expected either a file or moves")
 

@@ -96,9 +96,10 @@ def test_the_laws_of_a_model_hold_for_an_arm() -> None:
     check_model(model, rng.uniform(-0.1, 0.1, (12, len(model.inputs))), np.full(12, 0.01))
 
 
-def test_forward_and_inverse_are_one_machine() -> None:
+@pytest.mark.parametrize("more", [{}, {"friction": "tanh+stribeck+root+load", "Fl": 0.3}])
+def test_forward_and_inverse_are_one_machine(more: dict[str, Any]) -> None:
     """The torque that the inverse reading asks for moves the arm the same way."""
-    bare = [line for line in arm(width=0.5) if not line["name"].startswith("control")]
+    bare = [line for line in arm(width=0.5, **more) if not line["name"].startswith("control")]
     forward, inverse = assembly(bare, "forward", step=1e-3), assembly(bare, measure="current")
     limits = Limits((0.6,) * 6, (1.5,) * 6)
     start, end = (0.0, -1.2, 1.5, -1.8, -1.57, 0.0), (0.5, -0.9, 1.1, -1.5, -1.2, 0.4)

@@ -83,8 +83,9 @@ def forward(train: Train, sensors: Sequence[str] = (), step: float | None = None
             parameters asks for otherwise.
 
     Raises:
-        UsageError: something has no forward reading: a sign law in an arm, friction that takes a
-            share of the load, a black box that reads an acceleration, a spring without a rotor.
+        UsageError: something has no forward reading: a sign law in an arm, friction outside an arm
+            that takes a share of the load, a black box that reads an acceleration, a spring without
+            a rotor.
     """
     _check(train)
     known = sensors_of(train)
@@ -104,9 +105,10 @@ def _check(train: Train) -> None:
                 f"component {rub.name!r}: expected a smooth law in an arm that moves forward, "
                 f"'tanh' instead of 'sign', got {str(rub.law)!r}"
             )
-        if rub.law.load:
+        if rub.law.load and (train.chain is None or rub.inside):
             raise UsageError(
-                f"component {rub.name!r}: a share of the load exists in the inverse reading only"
+                f"component {rub.name!r}: forward, friction takes a share of the load only at the "
+                "joints of an arm without springs; take 'load' out of its law"
             )
     for box in train.boxes:
         if "acceleration" in box.inputs:

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from evertwin.machines.arm.mass import KEPT, mass_matrix
 from evertwin.machines.arm.memory import reals
 from evertwin.machines.arm.rnea import BODY, joint_torques
 from evertwin.machines.assembly.boxes import box_axis
@@ -30,6 +31,7 @@ from evertwin.machines.assembly.plan import (
     DRY,
     GEOMETRY,
     HEAD,
+    INERTIAS,
     INSIDE,
     JOINT,
     KP,
@@ -62,10 +64,13 @@ from evertwin.machines.assembly.shared import (
     rub,
     warmth,
 )
+from evertwin.machines.friction import LOAD as SHARE
 
 __all__ = ["slopes"]
 
 _TINY = 1e-300
+ROUNDS, SETTLED = 20, 1e-9
+"""Most turns between load and friction, and the change [Nm] at which they end."""
 
 
 @njit(cache=True)
@@ -92,14 +97,19 @@ def _net(context: Any, j: int, inside: int, x: Any, u: Any, p: Any, v: float, pu
 
 
 @njit(cache=True)
-def _solve(n: int, a: Any, b: Any) -> None:
-    """``a x = b`` for a symmetric positive ``a`` (n, n) by Cholesky, in place; ``b`` becomes x."""
+def _factor(n: int, a: Any) -> None:
+    """The Cholesky factor of a symmetric positive ``a`` (n, n), into its lower triangle."""
     for i in range(n):
         for j in range(i + 1):
             total = a[i, j]
             for k in range(j):
                 total -= a[i, k] * a[j, k]
             a[i, j] = math.sqrt(total) if i == j else total / a[j, j]
+
+
+@njit(cache=True)
+def _solve(n: int, a: Any, b: Any) -> None:
+    """``a x = b`` by the factor of ``a``, in place: ``b`` becomes x."""
     for i in range(n):
         for k in range(i):
             b[i] -= a[i, k] * b[k]
@@ -112,33 +122,77 @@ def _solve(n: int, a: Any, b: Any) -> None:
 
 
 @njit(cache=True)
-def _arm(context: Any, x: Any, p: Any, net: Any, bus: Any) -> None:
-    """Accelerations of an arm's joints from the net efforts, into ``net``; loads onto the bus."""
+def _arm(context: Any, x: Any, u: Any, p: Any, net: Any, bus: Any, carried: Any) -> None:
+    """Accelerations of an arm's joints from the net efforts, into ``net``; loads onto the bus.
+
+    ``carried``: the loads that friction takes its share of, filled where a friction has one.
+    """
     n = context[N]
     geometry = reals(context[GEOMETRY])
-    motion, body, kept = np.zeros(3 * n), np.empty(BODY * n), np.empty(8 * n)
-    bias, tau, mass = np.empty(n), np.empty(n), np.empty((n, n))
+    motion, body, kept = np.zeros(3 * n), np.empty(BODY * n), np.empty(KEPT * n)
+    bias, mass = np.empty(n), np.empty((n, n))
     bodies(context, p, body)
     for j in range(n):
         at = HEAD + AXIS * j
         motion[j], motion[n + j] = x[context[at + X_Q]], x[context[at + X_V]]
     joint_torques(n, geometry, body, motion, bias, kept)
+    mass_matrix(n, geometry, body, motion, mass, kept)
     for j in range(n):
         at = HEAD + AXIS * j
-        motion[2 * n + j] = 1.0
-        joint_torques(n, geometry, body, motion, tau, kept)
-        motion[2 * n + j] = 0.0
-        for i in range(n):
-            mass[i, j] = tau[i] - bias[i]
         if context[at + STIFF] < 0:
             mass[j, j] += reflected(context, at, p)
         net[j] -= bias[j]
     before = net.copy()
+    _factor(n, mass)
     _solve(n, mass, net)
+    if _shares(context):
+        _share(context, x, u, p, (mass, before, motion, kept), net, carried)
     for j in range(n):
         at = HEAD + AXIS * j
         rotor = reflected(context, at, p) if context[at + STIFF] < 0 else 0.0
         bus[QUANTITIES * j + LOAD] = before[j] + bias[j] - rotor * net[j]
+
+
+@njit(cache=True)
+def _shares(context: Any) -> bool:
+    """Does a friction take a share of the load?"""
+    found = False
+    for f in range(context[NF]):
+        found |= context[HEAD + AXIS * context[N] + RUB * f + SHARE] >= 0
+    return found
+
+
+@njit(cache=True)
+def _share(context: Any, x: Any, u: Any, p: Any, known: Any, net: Any, carried: Any) -> None:
+    """Friction by the share of the load, which depends on the accelerations that it changes.
+
+    ``known``: factor of the mass matrix, net efforts without the share (then with it), motion,
+    working memory. The share is small, so that taking turns closes in fast.
+    """
+    mass, before, motion, kept = known
+    n = context[N]
+    taken, now = np.zeros(n), np.empty(n)
+    for _ in range(ROUNDS):
+        for j in range(n):
+            motion[2 * n + j] = net[j]
+            now[j] = 0.0
+        given = reals(context[INERTIAS])
+        joint_torques(n, reals(context[GEOMETRY]), given, motion, carried, kept)
+        for f in range(context[NF]):
+            at = HEAD + AXIS * n + RUB * f
+            j = context[at + OWN]
+            if context[at + SHARE] >= 0:
+                v, warm = motion[n + j], warmth(context, at, u, x, p)
+                whole = rub(context, at, p, v, carried[j], 0.0, warm)
+                now[j] += whole - rub(context, at, p, v, 0.0, 0.0, warm)
+        moved = 0.0
+        for j in range(n):
+            moved = max(moved, abs(now[j] - taken[j]))
+            before[j] -= now[j] - taken[j]
+            taken[j], net[j] = now[j], before[j]
+        _solve(n, mass, net)
+        if moved < SETTLED:
+            return
 
 
 @njit(cache=True)
@@ -159,7 +213,7 @@ def slopes(context: Any, x: Any, u: Any, clock: float, p: Any, dx: Any, bus: Any
     # longer than the budget: one pass over the axes, in the order in which cause leads to effect.
     n, nf = context[N], context[NF]
     net, seen, wanted = np.empty(n), np.empty(3), np.zeros(2)
-    place, speed = np.zeros(n), np.zeros(n)
+    place, speed, carried = np.zeros(n), np.zeros(n), np.zeros(n)
     for j in range(n):
         at, first = HEAD + AXIS * j, QUANTITIES * j
         q = bus[first : first + QUANTITIES]
@@ -191,7 +245,7 @@ def slopes(context: Any, x: Any, u: Any, clock: float, p: Any, dx: Any, bus: Any
         net[j] = _net(context, j, 0, x, u, p, q[SPEED], pull)
         dx[context[at + X_Q]] = q[SPEED]
     if context[ARM] == 1:
-        _arm(context, x, p, net, bus)
+        _arm(context, x, u, p, net, bus, carried)
     for j in range(n):
         at, first = HEAD + AXIS * j, QUANTITIES * j
         if context[ARM] == 0:
@@ -206,5 +260,5 @@ def slopes(context: Any, x: Any, u: Any, clock: float, p: Any, dx: Any, bus: Any
         own = HEAD + AXIS * context[at + OWN]
         v = x[context[own + X_VM]] if context[at + INSIDE] == 1 else x[context[own + X_V]]
         t = warmth(context, at, u, x, p)
-        drag = rub(context, at, p, v, 0.0, 0.0, t)
+        drag = rub(context, at, p, v, carried[context[at + OWN]], 0.0, t)
         bus[b + RUB_FORCE], bus[b + HEAT], bus[b + TEMPERATURE] = drag, drag * v, t

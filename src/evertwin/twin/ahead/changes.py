@@ -10,6 +10,7 @@ import fnmatch
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -124,7 +125,12 @@ def loaded(basis: Basis, case: Case, load: LoadSpec) -> Case:
 
 def _with_payload(basis: Basis, case: Case) -> Case:
     spec = basis.setup.spec
-    options = {**spec.model.options, "payload": True}
+    options: dict[str, Any] = dict(spec.model.options)
+    if spec.model.kind == "assembly" and chain_of(basis.setup.model) is not None:
+        lines: Any = options.get("components", ())
+        options["components"] = [*lines, {"name": "payload", "kind": "payload"}]
+    else:
+        options["payload"] = True
     try:
         base = model_of(replace(spec, model=replace(spec.model, options=options)))
     except (UsageError, ConfigError) as error:

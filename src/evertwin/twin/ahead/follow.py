@@ -8,9 +8,8 @@ from the path itself (``tool, off the path``), which leaves out what is only lat
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
@@ -20,17 +19,19 @@ from evertwin.errors import UsageError
 from evertwin.machines.arm.chain import Chain
 from evertwin.machines.assembly.kinematics import tips
 from evertwin.models import Model
-from evertwin.models.corrected import build
 from evertwin.twin.ahead.basis import Basis, draws
 from evertwin.twin.ahead.changes import Case
+from evertwin.twin.ahead.controlled import controlled
 from evertwin.twin.ahead.paths import chain_of
 from evertwin.twin.ahead.simulated import PathError
-from evertwin.twin.factory import model_of
-from evertwin.types import Inputs, Intervals, Vector
+from evertwin.types import Inputs, Intervals, ParameterVector, Vector
 
 __all__ = ["apart", "followed"]
 
 DRAWS = 16
+"""Runs beside the one with the values as they are, at most."""
+TAIL, TAIL_OF_DRAWS = 1.96, 2.12
+"""95 % of a normal distribution; of Student's with `DRAWS` degrees of freedom."""
 SETTLE = 1.0
 """How long the arm stands at the start before it moves [s]."""
 
@@ -44,9 +45,12 @@ class _Run(NamedTuple):
 
 
 def followed(
-    basis: Basis, case: Case, path: PathSpec
+    basis: Basis, case: Case, path: PathSpec, limits: Mapping[str, float]
 ) -> tuple[Mapping[str, PathError], tuple[str, ...]]:
     """Errors of the tool on a case's path; else what is missing, in a sentence.
+
+    Args:
+        limits: largest size by channel; torques and currents are no larger than theirs.
 
     Raises:
         UsageError: components that cannot be joined or have no forward reading.
@@ -54,71 +58,42 @@ def followed(
     chain = chain_of(case.model)
     if chain is None:
         return {}, ()
-    lacks = _lacking(basis, path, chain)
-    if lacks:
-        return {}, (lacks,)
-    model = _forward(basis, path)
-    old = dict(zip(case.model.parameters.names, case.p.tolist(), strict=True))
-    spread = dict(zip(case.model.parameters.names, case.sigma.tolist(), strict=True))
-    known = {name: value for name, value in old.items() if name in model.parameters.names}
-    p = model.parameters.with_values(known).values
-    sigma = np.array([spread.get(name, 0.0) for name in model.parameters.names])
-    ps = p[None] if not sigma.any() else np.concatenate([p[None], draws(model, p, sigma, DRAWS, 3)])
-    run = _set_points(case, model, chain.n)
+    forward = controlled(basis, case, path, limits)
+    if isinstance(forward, str):
+        return {}, (forward,)
+    run = _set_points(case, forward.model, chain.n)
     planned = tips(chain, run.u[-run.rows :, : chain.n])
-    gone = np.stack([_tool(model, chain, run, one) for one in ps])
+    ps, reach = _around(case)
+    gone = np.stack([_tool(forward.model, chain, run, forward.of(p)) for p in ps])
     if not np.isfinite(gone[0]).all():
         return {}, ("path error: the controllers do not hold the arm: change their gains",)
-    gone = gone[np.isfinite(gone).all(axis=(1, 2))]
     t = np.cumsum(run.dt[-run.rows :])
     late = np.linalg.norm(gone - planned, axis=2)
     off = np.stack([apart(one, planned) for one in gone])
-    notes = ("path error: without the terms that a correction has added",)
-    return (
-        {"tool": _told(late, planned, t), "tool, off the path": _told(off, planned, t)},
-        notes if basis.version.form.terms else (),
-    )
+    notes = forward.notes
+    if basis.version.form.terms:
+        notes = (*notes, "path error: without the terms that a correction has added")
+    return {
+        "tool": _told(late, planned, t, reach), "tool, off the path": _told(off, planned, t, reach)
+    }, notes  # fmt: skip
 
 
-def _lacking(basis: Basis, path: PathSpec, chain: Chain) -> str:
-    """What keeps the path error from being told; empty: nothing."""
-    said = basis.setup.spec.model
-    if said.kind != "assembly":
-        return (
-            f"path error: not told, a model of kind {said.kind!r} has no controllers: describe the "
-            "arm by components (kind = 'assembly'; `evertwin engineer` does it from a breakdown)"
-        )
-    lines = _lines(basis, path)
-    held = {line.get("axis") for line in lines if line.get("kind") == "controller"}
-    missing = [str(j) for j in range(1, chain.n + 1) if j not in held]
-    if missing:
-        return (
-            f"path error: not told, no controller on axis {', '.join(missing)}: add components = "
-            '[{ name = "control1", kind = "controller", axis = 1, kp = …, kv = … }, …] to [path]'
-        )
-    return ""
+def _around(case: Case) -> tuple[Float64[np.ndarray, "k np"], float]:
+    """The values as they are, then others as credible; what their spread is multiplied with.
 
-
-def _lines(basis: Basis, path: PathSpec) -> list[Mapping[str, Any]]:
-    """The twin's components and what the scenario adds; a planner gives way to the new path."""
-    options: Mapping[str, Any] = basis.setup.spec.model.options
-    own: Sequence[Mapping[str, Any]] = options.get("components", ())
-    added: Any = path.components
-    names = {line.get("name") for line in added}
-    kept = [one for one in own if one.get("kind") != "path" and one.get("name") not in names]
-    return [*kept, *added]
-
-
-def _forward(basis: Basis, path: PathSpec) -> Model:
-    spec = basis.setup.spec
-    options: dict[str, Any] = {"reading": "forward", "components": _lines(basis, path)}
-    if "step" in spec.model.options:
-        options["step"] = spec.model.options["step"]
-    try:
-        base = model_of(replace(spec, signals={}, model=replace(spec.model, options=options)))
-        return build(base, replace(basis.version.form, terms=()))
-    except UsageError as error:
-        raise UsageError(f"path error: {error}") from error
+    Few uncertain values are moved one by one by their standard deviation, and the changes add up
+    as squares do; many are drawn together.
+    """
+    p, sigma = case.p, case.sigma
+    open_ = np.flatnonzero(sigma)
+    if len(open_) > DRAWS:
+        others = draws(case.model, p, sigma, DRAWS, seed=3)
+        return np.concatenate([p[None], others]), TAIL_OF_DRAWS / np.sqrt(DRAWS)
+    high = case.model.parameters.high
+    others = np.tile(p, (len(open_), 1))
+    for row, k in zip(others, open_.tolist(), strict=True):
+        row[k] += sigma[k] if row[k] + sigma[k] <= high[k] else -sigma[k]
+    return np.concatenate([p[None], others]), TAIL
 
 
 def _set_points(case: Case, model: Model, n: int) -> _Run:
@@ -140,7 +115,7 @@ def _set_points(case: Case, model: Model, n: int) -> _Run:
     )  # fmt: skip
 
 
-def _tool(model: Model, chain: Chain, run: _Run, p: Vector) -> Float64[np.ndarray, "n 3"]:
+def _tool(model: Model, chain: Chain, run: _Run, p: ParameterVector) -> Float64[np.ndarray, "n 3"]:
     """Where the tool is in each row of the path [m]."""
     y0 = np.full(len(model.outputs), np.nan)
     y0[: chain.n], y0[chain.n : 2 * chain.n] = run.start, 0.0
@@ -173,17 +148,20 @@ def _told(
     size: Float64[np.ndarray, "k n"],
     planned: Float64[np.ndarray, "n 3"],
     t: Float64[np.ndarray, " n"],
+    reach: float,
 ) -> PathError:
     """The error in mm; the first run holds the values as they are."""
     size = size * 1e3
     worst = int(np.argmax(size[0]))
-    ends, tops = size[:, -1], size.max(axis=1)
 
-    def middle95(values: Vector) -> tuple[float, float]:
-        low, high = (float(np.quantile(values, q)) for q in (0.025, 0.975))
-        return min(low, float(values[0])), max(high, float(values[0]))
+    def within(values: Vector) -> tuple[float, float]:
+        value = float(values[0])
+        # a run that the controllers do not hold leaves the error open
+        half = reach * float(np.linalg.norm(np.nan_to_num(values[1:] - value, nan=np.inf)))
+        return max(value - half, 0.0), value + half
 
+    rms, top, end = np.sqrt(np.mean(size**2, axis=1)), size.max(axis=1), size[:, -1]
     return PathError(
-        "mm", float(np.sqrt(np.mean(size[0] ** 2))), float(tops[0]), float(ends[0]),
-        middle95(ends), middle95(tops), float(t[worst]), tuple(planned[worst].tolist()),
+        "mm", float(rms[0]), float(top[0]), float(end[0]), within(end), within(top), within(rms),
+        float(t[worst]), tuple(planned[worst].tolist()), t, size[0],
     )  # fmt: skip

@@ -19,12 +19,13 @@ from evertwin.errors import DataError, UsageError
 from evertwin.machines.arm.chain import Chain
 from evertwin.machines.assembly.path import Limits, moves_of, plan
 from evertwin.models import Model
+from evertwin.models.corrected import Corrected
 from evertwin.signals import Layout
 from evertwin.twin.ahead.future import Future
 from evertwin.twin.ahead.table import Table, read_table
 from evertwin.types import Vector
 
-__all__ = ["chain_of", "motion_of_moves", "rows_of_file"]
+__all__ = ["chain_of", "inner", "motion_of_moves", "rows_of_file"]
 
 ACCELERATION = 2.0
 """Highest acceleration of a joint where nothing is said [rad/s²]."""
@@ -32,8 +33,17 @@ SPEED = 3.0
 """Highest speed of a joint that the description does not limit [rad/s]."""
 
 
+def inner(model: Model) -> Any:
+    """The machine's own model, without the correction terms around it."""
+    found: Any = model
+    while isinstance(found, Corrected):
+        found = found.model
+    return found
+
+
 def chain_of(model: Model) -> Chain | None:
     """The geometry of an arm, or of an assembly around one; None for other machines."""
+    model = inner(model)
     found = getattr(model, "chain", None) or getattr(getattr(model, "train", None), "chain", None)
     return found if isinstance(found, Chain) else None
 

@@ -81,10 +81,14 @@ class PathError:
     """At the end of the path."""
     end95: tuple[float, float]
     largest95: tuple[float, float] | None = None
+    rms95: tuple[float, float] | None = None
     at: float | None = None
     """When it is largest, from the start of the path [s]."""
     where: tuple[float, ...] = ()
     """Where it is largest: the planned place of the tool [m]."""
+    t: Vector = field(default_factory=lambda: np.zeros(0), repr=False)
+    """Times of the path [s], where its course is known, and the size of the error then."""
+    size: Vector = field(default_factory=lambda: np.zeros(0), repr=False)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ their difference is the scenario's doing.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -120,8 +120,9 @@ class WhatIf:
                 f"{old.peak:9.4g} -> {new.peak:9.4g} ({low:.4g} … {high:.4g})"
             )
         lines += [
-            f"  path error of {name}: rms {e.rms:.4g}, largest {e.largest:.4g}, at the end "
-            f"{e.end:.4g} ({e.end95[0]:.4g} … {e.end95[1]:.4g}) {e.unit}{_where(e)}"
+            f"  path error of {name}: rms {_within(e.rms, e.rms95)}, largest "
+            f"{_within(e.largest, e.largest95)}, at the end {_within(e.end, e.end95)} "
+            f"{e.unit}{_where(e)}"
             for name, e in self.after.path_error.items()
         ]
         lines += [
@@ -141,6 +142,13 @@ def _ratio(new: float, old: float) -> float | None:
     return new / old - 1.0 if old > 0.0 else None
 
 
+def _within(value: float, interval: tuple[float, float] | None) -> str:
+    """A value with its interval, where it has one."""
+    if interval is None or interval[0] == interval[1]:
+        return f"{value:.4g}"
+    return f"{value:.4g} ({interval[0]:.4g} … {interval[1]:.4g})"
+
+
 def _where(error: PathError) -> str:
     """Where and when it is largest, of a tool."""
     if error.at is None:
@@ -149,10 +157,16 @@ def _where(error: PathError) -> str:
     return f"; largest at {error.at:.3g} s, at ({place}) m"
 
 
+def _error(error: PathError) -> dict[str, Any]:
+    """Without its course, which belongs into a picture."""
+    return {k.name: getattr(error, k.name) for k in fields(error) if k.name not in ("t", "size")}
+
+
 def _content(one: Simulated) -> dict[str, Any]:
     return {
         "seconds": one.seconds, "outputs": one.outputs, "exceeded": one.exceeded,
-        "path_error": one.path_error, "friction_work": one.work,
+        "path_error": {name: _error(e) for name, e in one.path_error.items()},
+        "friction_work": one.work,
     }  # fmt: skip
 
 
@@ -202,7 +216,7 @@ def beside(basis: Basis, now: Today, scenario: ScenarioSpec, after: Case) -> Wha
     start = now.x if scenario.path is None else now.newest
     outcome, notes = run(after, start), tuple[str, ...]()
     if scenario.path is not None:
-        errors, notes = followed(basis, after, scenario.path)
+        errors, notes = followed(basis, after, scenario.path, scenario.limits)
         outcome = replace(outcome, path_error={**outcome.path_error, **errors})
     return WhatIf(
         basis.setup.spec.name, scenario.name, basis.champion, run(now.case, now.x), outcome,
