@@ -239,3 +239,13 @@ def test_one_outlier_ends_no_life() -> None:
     end = lived(history.with_(value=value))
     assert end is not None and end.age == pytest.approx(100.0, abs=2.5)
     assert lived(history.until(90.0)) is None
+
+
+@pytest.mark.parametrize("n", [1000, 5000])
+def test_a_long_history_is_not_told_more_coarsely_than_it_says(n: int) -> None:
+    at = np.arange(n)
+    wear = 1.0 + 5.0 * at / n + np.random.default_rng(2).normal(0.0, 0.05, n)
+    life = predict_life(Indicator.of("wear", "1", Limit(9.0), at, wear))
+    assert isinstance(life, Life)
+    assert life.median == pytest.approx(0.6 * n, rel=5e-3)
+    assert 0.98 * 0.6 * n < life.interval95[0] < life.interval95[1] < 1.02 * 0.6 * n

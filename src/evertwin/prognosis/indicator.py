@@ -99,6 +99,8 @@ class Indicator:
     maintenance: tuple[Maintenance, ...] = ()
     origin: float | None = None
     """Where on ``at`` the component was new; None: at the first value."""
+    notes: tuple[str, ...] = ()
+    """What may surprise in how the series was read."""
 
     @classmethod
     def of(

@@ -222,6 +222,8 @@ def too_calm(indicator: Indicator, problem: Problem, laws: Mapping[str, float]) 
     A straight line through n values with noise s has a growth known to s·√(12/n).
     """
     noise = noise_of(problem.y) * problem.scale
+    if not np.ptp(problem.y) > 0.0:
+        return NotEnough(f"values that change: all {len(problem.y)} are alike so far", laws=laws)
     enough = SURE * noise * np.sqrt(12.0 / len(problem.y))
     return NotEnough(
         f"growth that stands out: about {enough:.2g} {indicator.unit} towards the limit over as "
@@ -241,9 +243,11 @@ def density_of(prior: Fleet, age: float) -> Density:
 
 def fine_nodes(cdf: Float64[np.ndarray, " m"]) -> Float64[np.ndarray, " fine"]:
     """Nodes over the part of `COARSE` that holds the probability."""
-    inside = np.flatnonzero((cdf > TAIL) & (cdf < cdf[-1] * (1.0 - TAIL)))
-    low = COARSE[max(inside[0] - 1, 1)] if len(inside) else COARSE[1]
-    high = COARSE[min(inside[-1] + 1, len(COARSE) - 1)] if len(inside) else COARSE[-1]
+    before = int(np.flatnonzero(cdf <= TAIL)[-1])
+    after = int(np.flatnonzero(cdf >= cdf[-1] * (1.0 - TAIL))[0])
+    if after <= before:  # nearly all of it at infinity: anywhere may matter
+        before, after = 1, len(COARSE) - 1
+    low, high = COARSE[max(before, 1)], COARSE[after]
     return np.concatenate([[0.0], np.geomspace(low, max(high, low * 1.001), FINE)])
 
 

@@ -12,6 +12,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from evertwin.config.prognosis import IndicatorSpec, PrognosisSpec
 from evertwin.errors import ConfigError
 from evertwin.fold import plain
@@ -31,8 +33,10 @@ from evertwin.prognosis.laws import LAWS
 from evertwin.twin.ahead.basis import Basis
 from evertwin.twin.ahead.component import ComponentLife
 from evertwin.twin.ahead.course import Course, course
-from evertwin.twin.ahead.health import Known, component_of, indicator_of, of_table, series_of
+from evertwin.twin.ahead.filed import of_table
+from evertwin.twin.ahead.health import indicator_of, series_of
 from evertwin.twin.ahead.history import History, history
+from evertwin.twin.ahead.known import Known, component_of
 from evertwin.twin.ahead.limits import accuracy_limit, breakdown_limits, limit_of
 from evertwin.twin.ahead.table import Table, read_table
 from evertwin.twin.ahead.wear import wears
@@ -67,6 +71,12 @@ class Lives:
     indicators: tuple[ComponentLife, ...] = field(default=())
     """Every indicator, also those that do not stand for their component."""
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What may surprise in how the history was read."""
+        told = (note for one in self.indicators for note in one.indicator.notes)
+        return tuple(dict.fromkeys(told))
+
     def to_dict(self) -> dict[str, Json]:
         """Plain content, ``schema: "evertwin.life/1"``."""
         parts = {}
@@ -79,7 +89,7 @@ class Lives:
             "name": self.name, "clock": self.clock,
             "machine": None if self.machine is None else self.machine.document(),
             "alarms": self.alarms, "alarms_held_back": self.held,
-            "alarms_today": self.alarms_today,
+            "alarms_today": self.alarms_today, "notes": self.notes,
         }  # fmt: skip
         return plain(content)  # type: ignore[return-value]
 
@@ -88,6 +98,7 @@ class Lives:
         lines = []
         for name, one in self.components.items():
             known = one.indicator.value
+            known = known[np.isfinite(known)]
             value = one.indicator.shown(known[-1]) if len(known) else "no value"
             lines.append(
                 f"{name}: {one.indicator.name} {value}, limit "
@@ -102,6 +113,7 @@ class Lives:
         lines += [f"! {alarm.reason}\n  {alarm.action}" for alarm in self.alarms]
         if self.held:
             lines.append(f"{len(self.held)} more alarms are over the budget of the day")
+        lines += [f"note: {note}" for note in self.notes]
         return "\n".join(lines) or "no [[indicator]] in the twin file"
 
 
@@ -134,6 +146,11 @@ class Prospect:
         """The store's."""
         return history(self.basis.store, self.rule.clock)
 
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Every component that an indicator tells of."""
+        return tuple(component_of(rule) for rule in self.basis.setup.spec.indicator)
+
     @cached_property
     def today(self) -> Today:
         """The newest recorded task."""
@@ -157,7 +174,7 @@ class Prospect:
             ConfigError: nothing says where its life ends.
             DataError: its history cannot be read.
         """
-        known = series_of(rule, self.history, self.table, self.folder)
+        known = series_of(rule, self.history, self.table, self.folder, self.parts)
         limit = limit_of(rule, self.broken_down, self._felt(rule, known))
         parameters = self.basis.model.parameters
         return indicator_of(rule, known, limit, self.rule.clock, parameters)
@@ -177,8 +194,9 @@ class Prospect:
         parameters = self.basis.model.parameters
         lived = [
             indicator_of(
-                rule, of_table(rule, read_table(self.folder / name), self.rule.clock), limit,
-                self.rule.clock, parameters,
+                rule,
+                of_table(rule, read_table(self.folder / name), self.rule.clock, (), self.parts),
+                limit, self.rule.clock, parameters,
             )
             for name in self.rule.fleet
         ]  # fmt: skip

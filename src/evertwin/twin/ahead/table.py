@@ -1,7 +1,9 @@
 """Small tables that people write or export: a path, a history. CSV with one line of headings.
 
-A heading may carry a unit (``q1 [deg]``); numbers are then turned into SI. Empty cells are absent.
-Columns of dates (ISO 8601) become seconds since 1970; columns of text stay text.
+They are read as recordings are: commas, semicolons or tabs between cells, decimal commas where no
+comma stands between cells, comments, a byte-order mark. A heading may carry a unit (``q1 [deg]``);
+numbers are then turned into SI. Empty cells, ``nan`` and ``n/a`` are absent. Columns of dates
+(ISO 8601) become seconds since 1970; columns of text stay text.
 
 >>> table = parse(["t,q1 [deg],note", "0,90,", "1,,gearbox replaced"], "path.csv")
 >>> table.column("q1").round(3).tolist(), table.text["note"]
@@ -10,6 +12,7 @@ Columns of dates (ISO 8601) become seconds since 1970; columns of text stay text
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import re
 from collections.abc import Iterable, Mapping
@@ -22,11 +25,18 @@ import numpy as np
 from evertwin.errors import DataError, UsageError
 from evertwin.signals.channels import position
 from evertwin.signals.units import si_unit, to_si
+from evertwin.sources.dialect import COMMENTS, MISSING, detect
 from evertwin.types import Vector
 
-__all__ = ["Table", "parse", "read_table"]
+__all__ = ["ABSENT", "Table", "parse", "read_table"]
 
+ABSENT = frozenset(word.decode() for word in MISSING)
+"""What an empty cell may say, in lower case."""
 _HEAD = re.compile(r"^\s*(.*?)\s*(?:\[(.*)\])?\s*$")
+_COMMENTS = tuple(sign.decode() for sign in COMMENTS)
+_COMMA = re.compile(r"[+-]?\d*,\d+")
+_TOP = 60
+"""Lines that tell how a table is written."""
 LARGEST = 200_000_000
 """Bytes of the largest table."""
 
@@ -66,20 +76,35 @@ class Table:
             DataError: there is none of this name; the nearest one is given. A cell is no number;
                 its line is given.
         """
-        for line, cell in zip(self.lines, self.text.get(name, ()), strict=False):
-            if cell and _numbers([cell]) is None and _dates([cell]) is None:
-                raise DataError(
-                    f"{self.name}:{line}: {name}: expected a number or a date, got {cell!r}"
-                )
         if name in self.text:
-            raise DataError(
-                f"{self.name}:{self.lines[0]}: {name}: expected numbers or dates alone, got both"
-            )
+            raise DataError(f"{self.name}:{self._misfit(name)}")
         try:
             position(self.names, name, "column of numbers")
         except UsageError as error:
             raise DataError(f"{self.name}: {error}") from error
         return self.numbers[name]
+
+    def _misfit(self, name: str) -> str:
+        """The first cell by which a column is neither numbers nor dates."""
+        cells = list(zip(self.lines, self.text[name], strict=True))
+        kept = [(line, cell) for line, cell in cells if cell.lower() not in ABSENT]
+        for line, cell in kept:
+            if _numbers([cell]) is None and _dates([cell]) is None:
+                hint = f": write {cell.replace(',', '.')}" if _COMMA.fullmatch(cell) else ""
+                return (
+                    f"{line}: {name}: expected a number or a date as in 2027-03-01, got {cell!r}"
+                    + (hint or "; leave the cell empty where there is none")
+                )
+        numbers = [(line, cell) for line, cell in kept if _numbers([cell]) is not None]
+        if numbers:
+            line, cell = numbers[0]
+            return f"{line}: {name}: expected numbers or dates alone, got both ({cell!r})"
+        bare = [(line, cell) for line, cell in kept if datetime.fromisoformat(cell).tzinfo is None]
+        line, cell = bare[0]
+        return (
+            f"{line}: {name}: expected a zone with each date or with none, got {cell!r} among "
+            "dates with a zone: write 2027-03-01T08:00:00+01:00"
+        )
 
 
 def read_table(path: str | Path) -> Table:
@@ -97,7 +122,9 @@ def read_table(path: str | Path) -> Table:
     except OSError as error:
         raise DataError(f"{file}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
-        raise DataError(f"{file}: expected UTF-8 text, byte {error.start} is not") from error
+        raise DataError(
+            f"{file}: expected UTF-8 text, byte {error.start} is not: save it as CSV in UTF-8"
+        ) from error
     except csv.Error as error:
         raise DataError(f"{file}: not CSV: {error}") from error
 
@@ -108,28 +135,37 @@ def parse(lines: Iterable[str], name: str) -> Table:
     Raises:
         DataError: no heading, a heading twice, a row of another length.
     """
-    rows = [(number, row) for number, row in enumerate(csv.reader(lines), start=1) if any(row)]
+    rows, comma = _rows(list(lines))
     if len(rows) < 2:
-        raise DataError(f"{name}: expected a line of headings and rows below it")
-    if len(rows[0][1]) == 1 and ";" in rows[0][1][0]:
-        raise DataError(f"{name}:{rows[0][0]}: expected commas between cells, got semicolons")
+        got = f"only {','.join(rows[0][1])!r}" if rows else "an empty file"
+        raise DataError(f"{name}: expected a line of headings and rows below it, got {got}")
     parts = [_HEAD.match(cell) for cell in rows[0][1]]
     heads = [(m[1], m[2] or "") if m else ("", "") for m in parts]
     names = [head for head, _ in heads]
     if "" in names or len(set(names)) < len(names):
-        raise DataError(f"{name}:{rows[0][0]}: expected a heading for each column, each once")
+        wrong = next(n for k, n in enumerate(names) if not n or n in names[:k])
+        got = f"{wrong!r} twice" if wrong else f"none for column {names.index('') + 1}"
+        raise DataError(f"{name}:{rows[0][0]}: expected a heading for each column, got {got}")
     for number, row in rows[1:]:
         if len(row) != len(names):
-            raise DataError(f"{name}:{number}: expected {len(names)} cells, got {len(row)}")
+            raise DataError(
+                f"{name}:{number}: expected {len(names)} cells, got {len(row)}: one for each "
+                "heading; quote a text that holds a comma"
+            )
     numbers: dict[str, Vector] = {}
     text: dict[str, tuple[str, ...]] = {}
     dates: set[str] = set()
     for k, (head, unit) in enumerate(heads):
         cells = [row[k].strip() for _, row in rows[1:]]
+        if comma:
+            cells = [c.replace(",", ".") if _COMMA.fullmatch(c) else c for c in cells]
         values = _numbers(cells)
         if values is not None and np.isinf(values).any():
             line = rows[1 + int(np.argmax(np.isinf(values)))][0]
-            raise DataError(f"{name}:{line}: {head}: expected a finite number, or an empty cell")
+            raise DataError(
+                f"{name}:{line}: {head}: expected a finite number, or an empty cell where there is "
+                "none, got infinity"
+            )
         if values is None:
             values = _dates(cells)
             dates |= set() if values is None else {head}
@@ -142,6 +178,20 @@ def parse(lines: Iterable[str], name: str) -> Table:
     return Table(name, numbers, text, units, frozenset(dates), places)
 
 
+def _rows(lines: list[str]) -> tuple[list[tuple[int, list[str]]], bool]:
+    """Rows with their lines, and whether decimals are marked by commas."""
+    kept = ["" if line.lstrip().startswith(_COMMENTS) else line for line in lines]
+    top = [line.rstrip("\r\n").encode() for line in kept if line.strip()][:_TOP]
+    delimiter, comma = ",", False
+    if len(top) > 1:
+        with contextlib.suppress(DataError):  # the rows below say what is wrong, with their line
+            found = detect(top)
+            delimiter = (found.delimiter or b",").decode("latin-1")
+            comma = found.decimal_comma and delimiter != ","
+    reader = csv.reader(kept, delimiter=delimiter)
+    return [(reader.line_num, row) for row in reader if any(row)], comma
+
+
 def _si(values: Vector, unit: str, where: str) -> Vector:
     try:
         return np.asarray(to_si(values, unit)) if unit else values
@@ -151,15 +201,20 @@ def _si(values: Vector, unit: str, where: str) -> Vector:
 
 def _numbers(cells: list[str]) -> Vector | None:
     try:
-        return np.array([float(cell) if cell else np.nan for cell in cells], dtype=np.float64)
+        return np.array(
+            [np.nan if c.lower() in ABSENT else float(c) for c in cells], dtype=np.float64
+        )
     except ValueError:
         return None
 
 
 def _dates(cells: list[str]) -> Vector | None:
+    """Seconds since 1970; None where a cell is no date, or only some have a zone."""
     try:
-        moments = [datetime.fromisoformat(cell) for cell in cells]
+        moments = [None if c.lower() in ABSENT else datetime.fromisoformat(c) for c in cells]
     except ValueError:
         return None
-    aware = [m if m.tzinfo else m.replace(tzinfo=UTC) for m in moments]
-    return np.array([m.timestamp() for m in aware], dtype=np.float64)
+    if len({m.tzinfo is None for m in moments if m is not None}) > 1:
+        return None
+    known = [m if m is None or m.tzinfo else m.replace(tzinfo=UTC) for m in moments]
+    return np.array([np.nan if m is None else m.timestamp() for m in known], dtype=np.float64)
