@@ -140,6 +140,32 @@ def test_a_forged_version_is_refused(tmp_path: Path) -> None:
     store.close()
 
 
+def test_no_damage_goes_unnoticed(tmp_path: Path) -> None:
+    """Bytes anywhere in the file, its index and its schema included."""
+    whole = filled(tmp_path / "whole.db", 60)
+    store = SqliteStore(whole)
+    events, raw = store.read("event"), whole.read_bytes()
+    store.close()
+    told = 0
+    for seed in range(120):
+        rng = np.random.default_rng(seed)
+        size = int(rng.choice([1, 8, 300, 3000]))
+        at = int(rng.integers(0, len(raw) - size))
+        path = tmp_path / f"{seed}.db"
+        path.write_bytes(raw[:at] + rng.bytes(size) + raw[at + size :])
+        try:
+            store = SqliteStore(path)
+            store.verify()
+            kept = store.restore((np.zeros(4),))
+            assert kept is not None and np.array_equal(kept.state[0], np.arange(4.0))
+            assert store.read("event") == events
+        except StoreError:
+            told += 1
+        finally:
+            store.close()
+    assert told > 60
+
+
 @pytest.mark.parametrize("flip", range(0, 300, 37))
 def test_a_damaged_checkpoint_is_refused(tmp_path: Path, flip: int) -> None:
     path = filled(tmp_path / "a.db")

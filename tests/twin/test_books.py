@@ -274,6 +274,14 @@ def test_a_changed_twin_file_opens_another_version(tmp_path: Path) -> None:
     store.close()
 
 
+def test_a_store_belongs_to_one_twin() -> None:
+    store = SqliteStore(":memory:")
+    Book(store, Versions(model()), "cart")
+    Book(store, Versions(model()), "cart")
+    with pytest.raises(StoreError, match="that of the twin 'cart', and this is 'lift'"):
+        Book(store, Versions(model()), "lift")
+
+
 def test_a_book_refuses_what_names_no_version() -> None:
     book = Book(SqliteStore(":memory:"), Versions(model()))
     with pytest.raises(UsageError, match="versions 0 to 0"):

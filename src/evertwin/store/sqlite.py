@@ -33,6 +33,8 @@ S = TypeVar("S")
 MEMORY = ":memory:"
 SCHEMA = 1
 APPLICATION = 0x45565457  # "EVTW", in the file's header
+DAMAGE = (sqlite3.DatabaseError, UnicodeDecodeError)
+"""What SQLite raises where a file is damaged: a schema that is no text is not its own error."""
 KEPT = 3
 """Checkpoints that stay; older ones only as entries of the log."""
 
@@ -146,8 +148,8 @@ class SqliteStore:
         self._db.execute("UPDATE head SET length = ?, hash = ?", (number, entry.hash))
 
     def _head(self) -> Head:
-        found = self._db.execute("SELECT length, hash FROM head").fetchone()
-        return Head(*found) if found else Head()
+        found = self._query("SELECT length, hash FROM head", ())
+        return Head(*found[0]) if found else Head()
 
     def read(self, kind: str, start: int = 0, stop: int | None = None) -> tuple[Kept, ...]:
         """Records of one kind whose row is in [start, stop), in the order of the log."""
@@ -198,6 +200,10 @@ class SqliteStore:
 
     def verify(self) -> int:
         """Number of entries, all of which match the chain; names the first that does not."""
+        # The chain holds the table; what is read through the index must be all of it.
+        ((said, *_), *_) = self._query("PRAGMA integrity_check(1)", ())
+        if said != "ok":
+            raise StoreError(f"{self.path}: damaged: {said}: restore a backup")
         rows = self._query("SELECT number, kind, row, content, hash FROM log ORDER BY number", ())
         return verify((Entry(*row) for row in rows), self._head())
 
@@ -226,7 +232,7 @@ class SqliteStore:
         try:
             with self._transaction():
                 yield
-        except sqlite3.DatabaseError as error:
+        except DAMAGE as error:
             raise self._translated(error) from error
 
     @contextmanager
@@ -242,10 +248,10 @@ class SqliteStore:
     def _guarded(self, make: Callable[[], Any]) -> Any:
         try:
             return make()
-        except sqlite3.DatabaseError as error:
+        except DAMAGE as error:
             raise self._translated(error) from error
 
-    def _translated(self, error: sqlite3.DatabaseError) -> StoreError:
+    def _translated(self, error: Exception) -> StoreError:
         return StoreError(f"{self.path}: {error}: check the disk, or restore a backup")
 
 

@@ -28,9 +28,20 @@ class Book:
     'Book'
     """
 
-    def __init__(self, store: Store, versions: Versions) -> None:
+    def __init__(self, store: Store, versions: Versions, name: str = "") -> None:
+        """Opens the store.
+
+        Args:
+            store: that of this twin alone.
+            versions: with the model as configured.
+            name: of the twin.
+
+        Raises:
+            StoreError: the log was changed, or is that of another twin.
+        """
         self._store = store
         self._versions = versions
+        self._name = name
         self._kept = 0
         self.lives: list[int] = []
         """Versions that have been live, in order; the last one is."""
@@ -48,6 +59,7 @@ class Book:
             self._kept = len(kept)
         for event in self._store.read("event"):
             if isinstance(event, Event):
+                self._own(event)
                 self._follow(event)
         newest = [v for v in self._versions if v.parent is None][-1]
         if not kept or newest.hash != configured.hash:
@@ -98,6 +110,15 @@ class Book:
         self._store.append(new)
         self._kept += len(new)
 
+    def _own(self, event: Event) -> None:
+        """Refuses the log of another twin: its history would be taken for this one's."""
+        other = event.evidence.get("twin", self._name) if event.kind == "configured" else self._name
+        if other != self._name:
+            raise StoreError(
+                f"the store is that of the twin {other!r}, and this is {self._name!r}: give it a "
+                "[store] path of its own (a twin keeps its store only under its name)"
+            )
+
     def _follow(self, event: Event) -> None:
         number: Any = event.evidence.get("version")
         if event.kind in SWITCHES:
@@ -133,9 +154,11 @@ class Book:
     def switch(self, number: int, kind: str, reason: str) -> Event:
         """Makes a version live by an event."""
         version = self._versions[number]
+        evidence: dict[str, Any] = {"version": number, "hash": version.hash}
+        if kind == "configured":
+            evidence["twin"] = self._name
         event = Event(
-            version.row, 0, kind, "", f"version {number}: {reason}",
-            {"version": number, "hash": version.hash},
+            version.row, 0, kind, "", f"version {number}: {reason}", evidence
         )  # fmt: skip
         self.add(event, version.row)
         return event

@@ -84,7 +84,7 @@ class Twin:
         self.store: Store = store or SqliteStore(where)
         self._versions = Versions(self.model)
         try:
-            self._book = Book(self.store, self._versions)
+            self._book = Book(self.store, self._versions, spec.name)
         except StoreError:
             self.store.close()
             raise

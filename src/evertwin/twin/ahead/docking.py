@@ -241,11 +241,14 @@ def approach(plan: _Plan) -> Inputs:
     for column, top, left in parts:
         commands = np.concatenate([commands, _part(plan, (column, top), left)])
     if len(commands) * rule.step > rule.limit:
-        raise UsageError(
-            f"docking: takes {len(commands) * rule.step:g} s, more than {rule.limit:g} s: raise "
-            "its limit or its speed"
-        )
+        raise _too_long(len(commands) * rule.step, rule)
     return commands
+
+
+def _too_long(seconds: float, rule: DockSpec) -> UsageError:
+    return UsageError(
+        f"docking: takes {seconds:g} s, more than {rule.limit:g} s: raise its limit or its speed"
+    )
 
 
 def _turned(angle: float) -> float:
@@ -261,6 +264,8 @@ def _part(plan: _Plan, told: tuple[int, float], left: Callable[[Inputs], float])
         return rest[:0]
     sign = math.copysign(1.0, way)
     steps = max(1, math.ceil(abs(way) / (top * plan.rule.step)))
+    if steps * plan.rule.step > plan.rule.limit:
+        raise _too_long(steps * plan.rule.step, plan.rule)
 
     def of(size: float, count: int) -> Inputs:
         tail = np.zeros((count + REST, rest.shape[1]))
