@@ -62,6 +62,8 @@ def test_a_formula_works_on_columns() -> None:
          "abs(tau1) * abs(qd1)"),
         (machine("arm", urdf="ur5_like"), {"file": "x.csv"},
          " + ".join(f"abs(qd{k})" for k in range(1, 7))),
+        (machine("arm", urdf="ur5_like"), {"file": "x.csv", "column": "backlash3"},
+         "abs(tau3) * abs(qd3)"),
         (machine("drive"), {"parameter": "Fc"}, "abs(force) * abs(speed)"),
         (machine("robot1d"), {"parameter": "gain"}, "abs(x.rate)"),
         (machine("differential"), {"parameter": "gain"}, "sqrt(x.rate ** 2 + y.rate ** 2)"),
@@ -92,8 +94,10 @@ def test_wear_of_a_cycle_is_an_integral_over_its_simulation() -> None:
     cart_case = replace(cart_case, p=np.array([0.5]))
     x = np.zeros(1)
     assert wear(Formula.parse("abs(v)"), cart_case, x) == pytest.approx(0.2 * 10.1)
-    # the first row has no place before it
-    assert wear(Formula.parse("abs(x.rate)"), cart_case, x) == pytest.approx(0.5 * 0.2 * 10.0)
+    # the first row has no place before it: it goes as the second does
+    assert wear(Formula.parse("abs(x.rate)"), cart_case, x) == pytest.approx(0.5 * 0.2 * 10.1)
+    alone = replace(cart_case, future=Future(np.full((1, 1), -0.2), np.full(1, 0.1)))
+    assert wear(Formula.parse("abs(x.rate)"), alone, x) == 0.0
     assert wear(Formula.parse("3 * gain"), cart_case, x) == pytest.approx(3 * 0.5 * 10.1)
     with pytest.raises(UsageError, match="expected 0 or more"):
         wear(Formula.parse("v"), cart_case, x)
@@ -113,7 +117,7 @@ def test_states_and_turns_count() -> None:
     assert found == pytest.approx(5.0 * np.sum((np.array(temperature) - 273.15) ** 2))
     robot = machine("differential")
     turning = case(robot, np.tile([0.0, 1.0], (201, 1)))  # more than three turns
-    assert wear(Formula.parse("abs(heading.rate)"), turning, np.zeros(3)) == pytest.approx(20.0)
+    assert wear(Formula.parse("abs(heading.rate)"), turning, np.zeros(3)) == pytest.approx(20.1)
 
 
 # -- lives -----------------------------------------------------------------------------------------

@@ -118,10 +118,10 @@ def _states(
 
 
 def _rate(column: Outputs, dt: Intervals, angle: np.ndarray) -> Vector:
-    """Change per second; 0 in the first row, before which nothing is known."""
-    step = wrap(np.diff(column, axis=0, prepend=column[:1]), angle)[:, 0]
-    out: Vector = np.divide(step, dt, out=np.zeros(len(dt)), where=dt > 0.0)
-    return out
+    """Change per second; in the first row, before which nothing is known, that of the second."""
+    step = wrap(np.diff(column, axis=0), angle)[:, 0]
+    found = np.divide(step, dt[1:], out=np.zeros(len(step)), where=dt[1:] > 0.0)
+    return np.concatenate([found[:1] if len(found) else np.zeros(1), found])
 
 
 def _joints(rule: IndicatorSpec, model: Model) -> str:
@@ -145,7 +145,8 @@ def _told(rule: IndicatorSpec) -> Sequence[str]:
     """Names of what an indicator is made of."""
     if rule.formula is not None:
         return Formula.parse(rule.formula).names
-    return [name for name in (rule.parameter, rule.output) if name is not None]
+    column = None if rule.file is None else rule.column or rule.name
+    return [name for name in (rule.parameter, rule.output, column) if name is not None]
 
 
 def _way(model: Model) -> str:
