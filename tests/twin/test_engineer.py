@@ -12,6 +12,7 @@ import pytest
 
 from evertwin.app.cli import main
 from evertwin.errors import ConfigError, DataError
+from evertwin.prognosis import Life, NotEnough
 from evertwin.twin import Twin
 from evertwin.twin.engineer import engineer
 
@@ -86,16 +87,22 @@ def machine(tmp_path: Path) -> Path:
     folder = tmp_path / "machine"
     (folder / "data").mkdir(parents=True)
     (folder / "axis.toml").write_text(BREAKDOWN)
+    record(folder / "data" / "a.csv", 20.0, 1)
+    return folder
+
+
+def record(path: Path, friction: float, seed: int) -> Path:
+    """12 s of the axis with this Coulomb friction [N]."""
     t = np.arange(600) * 0.02
     v = 0.2 * np.sin(2 * t) + 0.1 * np.sin(5 * t)
     a = np.gradient(v, t)
-    noise = 0.2 * np.random.default_rng(1).standard_normal(len(t))
-    force = 20.0 * np.tanh(v / 0.01) + 0.1 * v + 12.0 * a + noise
-    with (folder / "data" / "a.csv").open("w", newline="") as file:
+    noise = 0.2 * np.random.default_rng(seed).standard_normal(len(t))
+    force = friction * np.tanh(v / 0.01) + 0.1 * v + 12.0 * a + noise
+    with path.open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(["t", "v", "a", "f"])
         writer.writerows(np.stack([t, v, a, force], axis=1).tolist())
-    return folder
+    return path
 
 
 def test_the_written_twin_runs_and_finds_the_truth(machine: Path, tmp_path: Path) -> None:
@@ -117,6 +124,44 @@ def test_the_written_twin_runs_and_finds_the_truth(machine: Path, tmp_path: Path
         {"name": "guide.Fc", "component": "guide", "parameter": "guide.Fc"}
     ]
     assert "# guide.Fv: negligible" in done.text
+
+
+def test_lives_and_plan_of_an_engineered_twin(machine: Path, tmp_path: Path) -> None:
+    """Friction grows by 1 N a run from 20 N; the breakdown says it is worn out at 40 N."""
+    text = BREAKDOWN.replace('interval = "1 week"', 'interval = "10 s"')
+    text = text.replace(
+        "effect = 4\n", "effect = 4\ncost = { failure = 9000, maintenance = 900 }\n"
+    )
+    (machine / "axis.toml").write_text(text)
+    done = engineer(machine / "axis.toml", tmp_path / "axis.toml")
+    assert '# path = "axis.db"' in done.text
+    content = tomllib.loads(done.text)
+    assert content["prognosis"]["components"] == {"guide": {"failure": 9000, "maintenance": 900}}
+    with Twin.open(done.path) as twin:
+        lives = twin.life()
+        assert "the twin file names no store" in lives.notes[0] and "note:" in str(lives)
+    kept = done.text.replace("# [store]\n# path", "[store]\npath")
+    done.path.write_text(kept)
+    for k in range(12):
+        with Twin.open(done.path) as twin:
+            twin.run([str(record(tmp_path / f"{k}.csv", 20.0 + k, k))])
+    with Twin.open(done.path) as twin:
+        lives = twin.life()
+        guide = lives.components["guide"]
+        assert (
+            guide.indicator.limit.value == 40.0
+            and "axis.toml: guide" in guide.indicator.limit.source
+        )
+        assert isinstance(guide.life, Life) and not lives.notes
+        # 31 N in run 12: 9 more
+        assert guide.life.interval95[0] <= 9.0 <= guide.life.interval95[1]
+        assert guide.life.median == pytest.approx(9.0, abs=0.5)
+        (item,) = twin.plan().items
+        assert item.component == "guide" and 0.0 < item.after < 9.0
+        twin.maintained("guide", "guide replaced")
+    with Twin.open(done.path) as twin:
+        assert isinstance(twin.life().components["guide"].life, NotEnough)
+        assert "guide" in twin.plan().without
 
 
 def test_what_the_breakdown_decides_is_not_said_twice(machine: Path, tmp_path: Path) -> None:

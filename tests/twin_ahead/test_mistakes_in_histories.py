@@ -156,7 +156,9 @@ def test_values_that_never_change_are_told_as_such() -> None:
     rows = "\n".join(f"{k},5" for k in range(12))
     known = told("run,wear\n" + rows)
     life = predict_life(indicator_of(WEAR, known, Limit(9.0), "run", Parameters(())))
-    assert isinstance(life, NotEnough) and life.needs == "values that change: all 12 are alike so far"
+    assert (
+        isinstance(life, NotEnough) and life.needs == "values that change: all 12 are alike so far"
+    )
 
 
 @pytest.mark.parametrize(

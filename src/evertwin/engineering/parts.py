@@ -17,6 +17,7 @@ from evertwin.types import Json
 
 __all__ = [
     "Component",
+    "CostPart",
     "DataKind",
     "DataPart",
     "Level",
@@ -148,6 +149,20 @@ class Override(Section):
 
 
 @dataclass(frozen=True)
+class CostPart(Section):
+    """``cost``: what its failure and its maintenance cost, in one currency for the machine.
+
+    >>> CostPart(failure=8000.0, maintenance=900.0).failure
+    8000.0
+    """
+
+    failure: Annotated[float, Limits(at_least=0.0)]
+    """Cost of a failure in service."""
+    maintenance: Annotated[float, Limits(above=0.0)]
+    """Cost of maintenance in time."""
+
+
+@dataclass(frozen=True)
 class Component(Section):
     """``[[system.component]]`` or ``[[system.subsystem.component]]``: a component.
 
@@ -177,6 +192,8 @@ class Component(Section):
     """Proneness to failure, 1 (never) to 5 (often); absent: from the maintenance history."""
     proneness_reason: str = ""
     """Why."""
+    cost: CostPart | None = None
+    """What its failure and its maintenance cost: its date is then planned."""
     needs: tuple[DataKind, ...] = ("kinematic", "dynamic")
     """Modelling data that a detailed model needs."""
     data: tuple[DataPart, ...] = ()

@@ -10,7 +10,7 @@ schema = 1 name = "pump"
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -44,13 +44,14 @@ class TwinText:
         tuning["every"] = f"{self.breakdown.requirements.interval:g} s"
         if study.weighed is not None:
             tuning["weights"] = dict(study.weighed.weights)
-        chosen = {"tuning": tuning, "indicator": self._indicators(editable)}
+        rules = self._indicators(editable)
+        chosen = {"tuning": tuning, "indicator": rules, "prognosis": self._prognosis(rules, study)}
         first = () if study.identified is None else study.identified.found
         found = {one.name: {"value": one.value, "source": one.source} for one in first}
         return "".join(
             [
                 self._head(), self._why(study), self._model(said, found),
-                sections(self._rest(chosen)), self._schedule(study),
+                sections(self._rest(chosen)), self._store(rules), self._schedule(study),
             ]
         )  # fmt: skip
 
@@ -126,6 +127,27 @@ class TwinText:
                 if said.limit is not None and name in editable:
                     out.append({"name": name, "component": part.name, "parameter": name})
         return out
+
+    def _prognosis(self, rules: Sequence[Mapping[str, Any]], study: Study) -> dict[str, Any]:
+        """Costs of components whose life is told, and which do not stop the machine."""
+        roles = {one.component: one.role for one in study.ranks}
+        parts = {}
+        for name in dict.fromkeys(rule["component"] for rule in rules):
+            cost = self.breakdown.component(name).cost
+            part: dict[str, Any] = {}
+            if cost is not None:
+                part |= {"failure": cost.failure, "maintenance": cost.maintenance}
+            if roles.get(name) == "supporting":
+                part["critical"] = False
+            parts |= {name: part} if part else {}
+        return {"components": parts} if parts else {}
+
+    def _store(self, rules: Sequence[Mapping[str, Any]]) -> str:
+        """Where the history of what wears may be kept, as a comment."""
+        if not rules or "store" in self.settings:
+            return ""
+        said = "With these two lines every run keeps what it tuned: life and plan are told by it."
+        return _comment([said, "[store]", f'path = "{self.breakdown.name}.db"'])
 
     def _schedule(self, study: Study) -> str:
         """The figures of the schedule, as a comment."""

@@ -47,6 +47,11 @@ from evertwin.types import Json
 
 __all__ = ["Lives", "Prospect"]
 
+UNKEPT = (
+    "the twin file names no store, so that no run is remembered: set [store] path, run the twin, "
+    "and ask again; or give --history"
+)
+
 
 @dataclass(frozen=True)
 class Lives:
@@ -177,7 +182,11 @@ class Prospect:
         known = series_of(rule, self.history, self.table, self.folder, self.parts)
         limit = limit_of(rule, self.broken_down, self._felt(rule, known))
         parameters = self.basis.model.parameters
-        return indicator_of(rule, known, limit, self.rule.clock, parameters)
+        found = indicator_of(rule, known, limit, self.rule.clock, parameters)
+        kept = self.table is not None or rule.file or self.history.moments
+        if kept or self.basis.setup.spec.store.path is not None:
+            return found
+        return found.with_(notes=(*found.notes, UNKEPT))
 
     def _felt(self, rule: IndicatorSpec, known: Known) -> float | None:
         if rule.accuracy is None or rule.limit is not None or rule.parameter is None:

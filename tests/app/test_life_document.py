@@ -1,0 +1,129 @@
+"""``life --json`` and ``plan --json`` word by word: fields, types, and no NaN or Infinity."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import numpy as np
+import pytest
+
+from .conftest import TWIN, Command
+
+AMOUNT = {"type": "number", "minimum": 0.0}
+OPEN = {"type": ["number", "null"], "minimum": 0.0}
+"""null: without end."""
+INTERVAL = {"type": "array", "prefixItems": [OPEN, OPEN], "minItems": 2, "maxItems": 2}
+LIFE = {
+    "type": "object",
+    "required": ["median", "interval80", "interval95", "not_before", "unit", "passed_at"],
+    "properties": {
+        "median": OPEN, "interval80": INTERVAL, "interval95": INTERVAL, "not_before": OPEN,
+        "unit": {"enum": ["run", "cycle", "s", "h", "d"]},
+        "passed_at": {"type": ["number", "null"]},
+    },
+    "additionalProperties": False,
+}  # fmt: skip
+LACKS = {
+    "type": "object", "required": ["verdict", "needs"], "additionalProperties": False,
+    "properties": {
+        "verdict": {"const": "not enough data"}, "needs": {"type": "string", "minLength": 1},
+    },
+}  # fmt: skip
+COMPONENT = {
+    "type": "object",
+    "required": ["indicator", "unit", "value", "limit", "law", "life", "probability_before"],
+    "properties": {
+        "indicator": {"type": "string"}, "unit": {"type": "string"},
+        "value": {"type": ["number", "null"]}, "limit": {"type": "number"},
+        "direction": {"enum": ["above", "below"]}, "limit_source": {"type": "string"},
+        "law": {"type": ["string", "null"]},
+        "laws": {"type": "object", "additionalProperties": AMOUNT},
+        "life": {"oneOf": [LIFE, LACKS]},
+        "probability_before": {
+            "type": ["object", "null"],
+            "additionalProperties": {"type": "number", "minimum": 0.0, "maximum": 1.0},
+        },
+    },
+}  # fmt: skip
+SCHEMA = {
+    "type": "object",
+    "required": ["schema", "components", "machine", "alarms", "notes"],
+    "properties": {
+        "schema": {"const": "evertwin.life/1"},
+        "components": {"type": "object", "minProperties": 1, "additionalProperties": COMPONENT},
+        "machine": {"oneOf": [LIFE, LACKS, {"type": "null"}]},
+        "alarms": {
+            "type": "array",
+            "items": {
+                "type": "object",
+                "required": ["component", "kind", "reason", "interval", "evidence", "action"],
+            },
+        },
+        "notes": {"type": "array", "items": {"type": "string"}},
+    },
+}  # fmt: skip
+INDICATOR = """
+[[indicator]]
+name = "friction"
+component = "gearbox"
+unit = "Nm"
+limit = 18
+[prognosis]
+ahead = 30
+[prognosis.components.gearbox]
+failure = FAILURE
+maintenance = 900
+"""
+
+
+def strict(text: str) -> Any:
+    """The document, as a parser reads it that knows no NaN and no Infinity."""
+
+    def refuse(word: str) -> None:
+        raise AssertionError(f"{word} in a JSON document")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def grown(seed: int, growth: float, noise: float) -> list[float]:
+    rng = np.random.default_rng(seed)
+    return [12.0 + growth * k + noise * rng.normal() for k in range(40)]
+
+
+SERIES = {
+    "growth": grown(1, 0.1, 0.1),
+    "open end": grown(6, 0.006, 0.15),
+    "too little": [12.0, 12.1],
+    "constant": [12.0] * 20,
+    "over at once": [20.0 + 0.01 * k for k in range(10)],
+    "empty cells": [float("nan")] * 8,
+}
+
+
+@pytest.mark.parametrize("kind", SERIES)
+def test_the_documents_keep_their_schema(kind: str, folder: Path, call: Command) -> None:
+    (folder / "robot.toml").write_text(TWIN + INDICATOR.replace("FAILURE", "1000"))
+    rows = [f"{k + 1},{'' if np.isnan(x) else round(x, 4)}" for k, x in enumerate(SERIES[kind])]
+    (folder / "h.csv").write_text("run,friction\n" + "\n".join(rows) + "\n")
+    content = strict(call("life", "robot.toml", "--history", "h.csv", "--json").out)
+    jsonschema.validate(content, SCHEMA)
+    one = content["components"]["gearbox"]
+    told = "median" in one["life"]
+    assert told == (kind in ("growth", "open end", "over at once"))
+    assert (one["probability_before"] is None) == (not told)
+    if kind == "growth":
+        assert one["law"] in one["laws"] and list(one["probability_before"]) == ["30"]
+        assert one["life"]["interval95"][1] > one["life"]["interval80"][1] > one["life"]["median"]
+    if kind == "open end":
+        assert one["life"]["interval95"][1] is None
+    if kind == "over at once":
+        assert one["life"]["median"] == 0.0 and one["life"]["passed_at"] == 1.0
+    planned = strict(call("plan", "robot.toml", "--history", "h.csv", "--json").out)
+    assert planned["schema"] == "evertwin.plan/1"
+    dated = [item["component"] for item in planned["items"]]
+    assert dated == (["gearbox"] if told else []) and set(planned["without_date"]) == (
+        set() if told else {"gearbox"}
+    )
