@@ -80,7 +80,9 @@ def test_limits_are_told_before_the_machine_runs_a_path() -> None:
     assert {one.channel for one in found.after.exceeded} == {"tau2"}
     assert any("tau2 reaches" in said for said in found.findings)
     size = found.after.outputs["tau2"]
-    assert size.chance == pytest.approx(1.0) and size.peak95[0] < size.peak < size.peak95[1]
+    assert size.chance == pytest.approx(1.0) and size.peak95[0] <= size.peak
+    # the largest of many rows with noise of 0.1 Nm lies some of its sizes above the largest without
+    assert 0.1 < size.peak95[1] - size.peak < 0.6
     fast = told("[speed]\nfactor = 10")
     assert any(one.channel == "qd6" for one in twin.whatif(fast, rows).after.exceeded)
 

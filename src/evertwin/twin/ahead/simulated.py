@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float64
-from scipy.special import ndtr
 
 from evertwin.models import Model
 from evertwin.signals import Layout, wrap
@@ -22,11 +21,16 @@ from evertwin.signals.units import compatible
 from evertwin.twin.ahead.basis import draws, through
 from evertwin.twin.ahead.changes import Case
 from evertwin.twin.ahead.paths import chain_of
-from evertwin.types import Outputs, StateVector, Vector
+from evertwin.twin.ahead.spread import Spread
+from evertwin.types import Intervals, Outputs, StateVector, Vector
 
 __all__ = ["Exceeded", "OutputSize", "PathError", "Simulated", "friction_work", "simulated"]
 
 DRAWS = 64
+PATHS = 1040
+"""Courses of the residual that the interval of a peak is taken from."""
+LARGEST = 50_000_000
+"""Most numbers that are drawn for them, unless one course is longer."""
 TAIL = 1.96
 
 
@@ -110,14 +114,14 @@ class Simulated:
 
 
 def simulated(
-    case: Case, x: StateVector | None, sigma: Outputs, limits: Mapping[str, float]
+    case: Case, x: StateVector | None, known: Spread, limits: Mapping[str, float]
 ) -> Simulated:
     """Simulates a case.
 
     Args:
         case: what.
         x: state before the first row; None: the model's own.
-        sigma: size of what the simulation leaves out, by row and output, (n, ny).
+        known: size of what the simulation leaves out, by the time from the start.
         limits: largest size by channel.
     """
     model, future = case.model, case.future
@@ -128,8 +132,9 @@ def simulated(
         ps = ps[:1]
     starts = [model.initial(p) if x is None else x for p in ps]
     y = through(model, starts, ps, future.u, future.dt)
+    peaks = _peaks(y, known, future.dt)
     outputs = {
-        c.name: _size(c.unit, y[:, :, k], sigma[:, k], limits.get(c.name))
+        c.name: _size(c.unit, y[:, :, k], peaks[:, k], limits.get(c.name))
         for k, c in enumerate(model.outputs)
     }
     t = future.t
@@ -141,29 +146,33 @@ def simulated(
     ]  # fmt: skip
     return Simulated(
         float(future.dt.sum()), outputs, tuple(one for one in (*told, *given) if one is not None),
-        _errors(case, y, sigma), friction_work(case), t, y[0],
+        _errors(case, y, known.sigma(t)), friction_work(case), t, y[0],
     )  # fmt: skip
+
+
+def _peaks(
+    y: Float64[np.ndarray, "k n ny"], known: Spread, dt: Intervals
+) -> Float64[np.ndarray, "m ny"]:
+    """Largest sizes that may be measured: of each simulation with courses of the residual on it.
+
+    The largest of many noisy rows lies above the largest row without noise.
+    """
+    rng = np.random.default_rng(5)
+    count = min(max(LARGEST // y.size, 1), max(PATHS // len(y), 1))
+    return np.concatenate([np.abs(one + known.paths(dt, count, rng)).max(axis=1) for one in y])
 
 
 def _size(
-    unit: str, y: Float64[np.ndarray, "k n"], sigma: Float64[np.ndarray, " n"], limit: float | None
+    unit: str, y: Float64[np.ndarray, "k n"], peaks: Float64[np.ndarray, " m"], limit: float | None
 ) -> OutputSize:
     rms = np.sqrt(np.mean(y**2, axis=1))
-    low, high = (np.quantile(rms, q) for q in (0.025, 0.975))
-    peaks = np.abs(y).max(axis=1)
-    at = np.abs(y).argmax(axis=1)
-    noise = float(sigma[at[0]])
-    spread = math.hypot(float(peaks.std()), noise)
-    peak = float(peaks[0])
-    interval = (max(peak - TAIL * spread, 0.0), peak + TAIL * spread)
-    chance = None
-    if limit is not None:
-        # the measured peak is the peak of the simulation, and noise at that row
-        scale = max(noise, 1e-12 * max(abs(limit), 1e-300))
-        chance = float(np.mean(ndtr((peaks - limit) / scale)))
+    low, high = (float(np.quantile(rms, q)) for q in (0.025, 0.975))
+    peak = float(np.abs(y[0]).max())
+    least, most = (float(np.quantile(peaks, q)) for q in (0.025, 0.975))
+    chance = None if limit is None else float(np.mean(peaks > limit))
     return OutputSize(
-        unit, float(rms[0]), (float(low), float(high)), peak, interval, limit, chance
-    )  # fmt: skip
+        unit, float(rms[0]), (low, high), peak, (min(least, peak), max(most, peak)), limit, chance
+    )
 
 
 def _ends(model: Model, channel: Any, limits: Mapping[str, float]) -> tuple[float, float]:

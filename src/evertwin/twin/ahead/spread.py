@@ -24,6 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64, Int64
+from numpy.random import Generator
 from scipy.optimize import nnls
 from scipy.stats import t as student
 
@@ -31,13 +32,16 @@ from evertwin.errors import DataError
 from evertwin.fold import Block, take
 from evertwin.models import Model, Restart, roll
 from evertwin.models.function import python_kernel
-from evertwin.sync.horizon import residuals, restarts
-from evertwin.types import Outputs, ParameterVector, Vector
+from evertwin.models.kernel import ADOPT
+from evertwin.sync.horizon import openings, residuals, restarts
+from evertwin.types import Intervals, Outputs, ParameterVector, StateVector, Vector
 
 __all__ = ["LEVELS", "Spread", "spread"]
 
 LEVELS = (0.8, 0.95)
 """Shares of future values that a band holds."""
+BELL = 1.96
+"""σ that hold 95 % of a bell curve."""
 BINS = 12
 LEAST = 4
 """Fewest stretches of recorded data that a band may rest on."""
@@ -73,6 +77,18 @@ class Spread:
         """Standard deviation at lead times [s], (n, ny)."""
         basis = np.stack([np.ones_like(lead), lead, lead**2], axis=1)
         return np.asarray(np.sqrt(basis @ self.law.T))
+
+    def paths(self, dt: Intervals, count: int, rng: Generator) -> Float64[np.ndarray, "k n ny"]:
+        """Courses that a residual may take: noise, random walk and rate, (count, n, ny).
+
+        Tails as heavy as those counted: 95 % are held as by the band.
+        """
+        a, b, c = np.sqrt(self.law.T)
+        size = (count, len(dt), len(a))
+        walk = np.sqrt(dt)[:, None] * rng.standard_normal(size)
+        rate = np.cumsum(dt)[:, None] * rng.standard_normal((count, 1, len(a)))
+        found = a * rng.standard_normal(size) + b * np.cumsum(walk, axis=1) + c * rate
+        return np.asarray(found * self.factor[:, 1] / BELL)
 
 
 def spread(model: Model, p: ParameterVector, windows: Sequence[Block], horizon: float) -> Spread:
@@ -118,22 +134,45 @@ def _pairs(model: Model, p: ParameterVector, windows: Sequence[Block], length: f
     x0, ny = model.initial(p), len(model.outputs)
     nothing = np.zeros((0, ny)), np.zeros((0, ny)), np.zeros(0, dtype=np.int64)
     found, stretches, pieces = [nothing], 0.0, 0
+    hidden = _hidden(model, x0)
     for window in windows:
+        passed = (window.t - window.t[0]) * 1e-9
+        # states that nothing measures come in over the first stretch of a recording
+        first = 1.0 if hidden and passed[-1] >= 2.0 * length else 0.0
         for share in (0.0, 0.5) if len(x0) else (0.0,):
-            start = int(np.searchsorted(window.t, window.t[0] + share * length * 1e9))
-            if len(window.t) - start < 3:
+            start = int(np.searchsorted(passed, (first + share) * length))
+            if len(passed) - start < 3:
                 continue
-            part = take(window, start, len(window.t))
-            plan = restarts(part, length, x0)
-            _, y = roll(kernel, x0, part.u, part.dt, p, plan)
-            passed = (part.t - part.t[0]) * 1e-9
-            piece = (passed / length).astype(np.int64) + pieces
+            plan = _begun(window, start, length, x0)
+            _, y = roll(kernel, x0, window.u, window.dt, p, plan)
+            lead, off = _lead(passed, plan)[start:], residuals(model, window, y)[start:]
+            since = passed[start:] - passed[start]
+            piece = (since / length).astype(np.int64) + pieces
             pieces = int(piece[-1]) + 1
-            found.append((_lead(passed, plan), residuals(model, part, y), piece))
+            off[0] = np.nan if start > 0 else off[0]  # the last row of the stretch before
+            found.append((lead, off, piece))
             if share == 0.0:
-                stretches += float(passed[-1]) / length
+                stretches += float(since[-1]) / length
     lead, residual, piece = (np.concatenate(column) for column in zip(*found, strict=True))
     return _Pairs(lead, residual, piece, int(stretches))
+
+
+def _hidden(model: Model, x0: StateVector) -> bool:
+    """Has the model states that no measurement sets?"""
+    moved = x0 + 1.0
+    return bool(np.any(model.observe(moved, np.zeros(len(model.outputs))) == moved))
+
+
+def _begun(window: Block, start: int, length: float, x0: StateVector) -> Restart:
+    """Restarts from row ``start`` on; states that nothing measures come in over the rows before."""
+    plan = restarts(take(window, start, len(window.t)), length, x0)
+    if start == 0 or len(x0) == 0:
+        return plan
+    before = restarts(take(window, 0, start), length, x0)
+    code = np.concatenate([before.code, plan.code])
+    if not openings(window)[start]:
+        code[start], code[start + 1] = 0, max(code[start + 1], ADOPT)
+    return Restart(np.concatenate([before.y, plan.y]), code, x0)
 
 
 def _lead(passed: Vector, plan: Restart) -> Outputs:

@@ -210,8 +210,7 @@ def beside(basis: Basis, now: Today, scenario: ScenarioSpec, after: Case) -> Wha
 
     def run(case: Case, x: StateVector) -> Simulated:
         known = x if len(x) == len(case.model.states) else None
-        sigma = now.spread.sigma(case.future.t)
-        return simulated(case, known, sigma, scenario.limits)
+        return simulated(case, known, now.spread, scenario.limits)
 
     start = now.x if scenario.path is None else now.newest
     outcome, notes = run(after, start), tuple[str, ...]()

@@ -1,0 +1,215 @@
+"""Whether the bands of a forecast hold on real machines: `python -m proofs.forecast_real`.
+
+Needs EVERTWIN_DATA; with names of machines only those.
+
+Many start points a machine. At each the twin knows the rows before it, learns its band from them,
+and foretells the next rows under the inputs that were recorded. Counted is the share of measured
+values inside; what follows ± is 1.96 standard errors over start points. Beside it a dummy: the last
+value, and the spread of past moves over the same time. Angles wrap.
+
+* incubator: parameters of one day of September 2020 (the twin file's); the box 10 and 30 min
+  ahead on that day, on the day before, when the fan ran at half its voltage, and in March 2021.
+  Apart: half hours in which somebody opens the lid, which no twin can know.
+* mrclam6: the twin runs over the first half of a robot's drive and improves itself; its pose 10 s
+  ahead in the second half, the band from the 200 s before.
+* emps: fitted to the first half of the record; position 1 s ahead, open loop, in the second.
+* ur10e: fitted to two runs of 10 and 12 February; torques 2 s ahead in the run of 19 February.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from evertwin import Twin
+from evertwin.fold import Block, Mark, take
+from evertwin.signals import wrap
+from evertwin.twin.ahead.basis import Basis
+from evertwin.twin.ahead.forecast import forecast
+from evertwin.twin.ahead.future import Future
+from evertwin.twin.versions import Versions
+
+TWINS = Path(__file__).parent.parent / "twins"
+LEVELS, BELL = (0.8, 0.95), (1.2816, 1.96)
+LEADS = 20
+"""Rows of a forecast that are counted, evenly over its horizon."""
+
+
+class Shown(NamedTuple):
+    """What one start point gave, by level: inside, half width, dummy inside, dummy half width."""
+
+    said: str
+    outputs: dict[str, tuple[str, np.ndarray]]
+
+
+def recordings(*names: str) -> list[str]:
+    """Files of EVERTWIN_DATA."""
+    return [str(Path(os.environ["EVERTWIN_DATA"]).joinpath(name)) for name in names]
+
+
+def fitted(name: str, train: Sequence[str]) -> Basis:
+    """A twin file with the values that a fit has found."""
+    twin = Twin.open(TWINS / name)
+    found = twin.fit(list(train))
+    values = dict(zip(found.parameters.names, found.parameters.values.tolist(), strict=True))
+    versions = Versions(twin.model)
+    number = versions.add(found.form, values, parent=0, reason="fitted").number
+    return Basis(twin.setup, versions, twin.store, number)
+
+
+def starts(
+    basis: Basis, rows: Block, span: tuple[float, float, float], said: str,
+    known: Sequence[Block] = (), memory: float = np.inf,
+) -> Iterator[Shown]:  # fmt: skip
+    """Start points over ``rows``: from ``span[0]`` on, every ``span[1]``, ``span[2]`` ahead [s].
+
+    Known are other recordings, and the rows before, of the last ``memory`` seconds.
+    """
+    first, every, ahead = span
+    t = (rows.t - rows.t[0]) * 1e-9
+    count = int((float(t[-1]) - ahead - first) // every) + 1
+    for begin in first + np.arange(count) * every:
+        i, j = (int(np.searchsorted(t, at)) for at in (begin, begin + ahead))
+        u = rows.u[i:j]
+        if rows.gap[i:j].any() or not np.isfinite(u).all():
+            continue
+        past, truth = take(rows, int(np.searchsorted(t, begin - memory)), i), rows.y[i:j]
+        future = Future(np.ascontiguousarray(u), rows.dt[i:j])
+        found = forecast(basis, ahead, (*known, past), inputs=future)
+        places = np.unique(np.linspace(0, j - i - 1, LEADS).astype(int))
+        measured = rows.mark[i:j, u.shape[1] :] == Mark.OK
+        outputs = {}
+        for k, channel in enumerate(basis.model.outputs):
+            here = places[measured[places, k] & np.isfinite(truth[places, k])]
+            if len(here) and np.isfinite(past.y[:, k]).any():
+                angle = bool(basis.model.outputs.angles[k])
+                one = counted(found.outputs[channel.name], truth[:, k], past.y[:, k], here, angle)
+                outputs[channel.name] = (channel.unit, one)
+        yield Shown(said, outputs)
+
+
+def counted(out, truth, past, places, angle) -> np.ndarray:  # type: ignore[no-untyped-def]
+    """Inside, half width, dummy inside, dummy half width by level, (2, 4)."""
+
+    def apart(a: np.ndarray) -> np.ndarray:
+        return np.asarray(wrap(a[:, None], np.array([angle]))[:, 0])
+
+    last = past[np.isfinite(past)][-1]
+    off, still = np.abs(apart(truth - out.value)[places]), np.abs(apart(truth - last)[places])
+    lags = [min(k + 1, len(past) // 2) for k in places.tolist()]
+    moves = [np.sqrt(np.nanmean(apart(past[lag:] - past[:-lag]) ** 2)) for lag in lags]
+    size = np.array(moves)
+    rows = []
+    for level, factor in zip(LEVELS, BELL, strict=True):
+        low, high = out.band(level)
+        half = ((high - low) / 2)[places]
+        rows.append(
+            (np.mean(off <= half), half.mean(), np.mean(still <= factor * size),
+             factor * size.mean())
+        )  # fmt: skip
+    return np.array(rows)
+
+
+def incubator() -> Iterator[Shown]:
+    """The box, 10 and 30 minutes ahead."""
+    march = "incubator/20210321_lid_opening_7pmodel/"
+    learnt, *weaker, lid, events = recordings(
+        "incubator/20200918_calibration_fan_24V/semi_random_movement.csv",
+        "incubator/20200917_calibration_fan_12v/ramp_up_cool_down.csv",
+        "incubator/20200917_calibration_fan_12v/random_on_off_sequences_1.csv",
+        march + "lid_opening_experiment_mar_2021.csv", march + "events.csv",
+    )  # fmt: skip
+    twin = Twin.open(TWINS / "incubator_lid.toml")
+    basis = twin.prospect().basis
+    for minutes in (10, 30):
+        for file in (learnt, *weaker):
+            day = "the same day" if file == learnt else "fan at half its voltage"
+            span = (1500.0, 150.0, 60.0 * minutes)
+            yield from starts(basis, twin.blocks([file])[0], span, f"{day}, {minutes} min ahead")
+    rows = twin.blocks([lid])[0]
+    with Path(events).open(encoding="utf-8") as opened:
+        opens = [int(r["time"]) for r in csv.DictReader(opened) if r["code"] == "lid_open"]
+    for begin in np.arange(1500.0, float(rows.t[-1] - rows.t[0]) * 1e-9 - 1800.0, 300.0):
+        now = int(rows.t[0]) + int(begin * 1e9)
+        soon = any(now < at < now + 1800 * 10**9 for at in opens)
+        said = f"2021, lid {'opened meanwhile' if soon else 'closed'}, 30 min ahead"
+        yield from starts(basis, rows, (begin, 1e9, 1800.0), said)
+
+
+def mrclam6() -> Iterator[Shown]:
+    """Two robots, 10 s ahead."""
+    for robot in (1, 2):
+        files = recordings(*(f"mrclam6/Robot{robot}_{kind}.dat.gz"
+                             for kind in ("Odometry", "Groundtruth")))  # fmt: skip
+        with Twin.open(TWINS / "mrclam6.toml") as twin:
+            rows = twin.blocks(files)[0]
+            middle = len(rows.t) // 2
+            twin.run((take(rows, 0, middle),))
+            begin = float(rows.t[middle] - rows.t[0]) * 1e-9
+            basis = twin.prospect().basis
+            yield from starts(basis, rows, (begin, 10.0, 10.0), "10 s ahead", memory=200.0)
+
+
+def emps() -> Iterator[Shown]:
+    """The axis, 1 s ahead."""
+    (record,) = recordings("emps/DATA_EMPS.mat")
+    basis = fitted("emps_free.toml", [f"{record}@:12.42"])
+    with Twin.open(TWINS / "emps_free.toml") as twin:
+        rows = twin.blocks([record])[0]
+    yield from starts(basis, rows, (12.42, 0.5, 1.0), "1 s ahead")
+
+
+def ur10e() -> Iterator[Shown]:
+    """The arm's torques, 2 s ahead."""
+    *train, test = recordings(*(f"ur10e/identification/ur-20_02_{name}.csv" for name in (
+        "10-30sec_12harm", "12-50sec_12harm", "19_14harm50sec")))  # fmt: skip
+    basis = fitted("ur10e.toml", train)
+    with Twin.open(TWINS / "ur10e.toml") as twin:
+        known, rows = twin.blocks(train), twin.blocks([test])[0]
+    yield from starts(basis, rows, (3.0, 2.0, 2.0), "2 s ahead", known)
+
+
+def told(shown: Sequence[Shown]) -> None:
+    """Prints a machine's shares."""
+    for said in dict.fromkeys(one.said for one in shown):
+        group = [one.outputs for one in shown if one.said == said]
+        for name in dict.fromkeys(name for outputs in group for name in outputs):
+            unit = next(outputs[name][0] for outputs in group if name in outputs)
+            found = np.array([outputs[name][1] for outputs in group if name in outputs])
+            mean = found.mean(axis=0)
+            error = 1.96 * found[:, :, 0].std(axis=0) / np.sqrt(len(found))
+            sys.stdout.write(f"   {said}, {name}, {len(found)} starts:")
+            for k, level in enumerate(LEVELS):
+                sys.stdout.write(
+                    f"  {level:.0%} band {100 * mean[k, 0]:.1f} ± {100 * error[k]:.1f} %, "
+                    f"± {mean[k, 1]:.3g} {unit} (dummy {100 * mean[k, 2]:.1f} %, "
+                    f"± {mean[k, 3]:.3g})"
+                )
+            sys.stdout.write("\n")
+
+
+MACHINES: dict[str, Callable[[], Iterator[Shown]]] = {
+    "incubator": incubator, "mrclam6": mrclam6, "emps": emps, "ur10e": ur10e,
+}  # fmt: skip
+
+
+def main(names: list[str]) -> int:
+    """Prints each machine."""
+    if "EVERTWIN_DATA" not in os.environ:
+        sys.stdout.write("EVERTWIN_DATA is not set: expected the folder of real recordings\n")
+        return 4
+    for name in names or MACHINES:
+        sys.stdout.write(f"{name}\n")
+        told(list(MACHINES[name]()))
+        sys.stdout.flush()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
