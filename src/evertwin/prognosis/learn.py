@@ -27,7 +27,8 @@ from evertwin.prognosis.fleet import Fleet
 from evertwin.prognosis.indicator import Indicator
 from evertwin.prognosis.laws import LAWS, families
 from evertwin.prognosis.life import Life
-from evertwin.prognosis.predict import look, predict_life
+from evertwin.prognosis.looks import look
+from evertwin.prognosis.predict import predict_life
 from evertwin.prognosis.problem import scaled
 
 __all__ = ["End", "learn", "lived"]
