@@ -157,6 +157,13 @@ class DockSpec(Section):
     near: Annotated[float, Quantity("m"), Limits(at_least=0.0)] = 0.0
     """Distance at which the second machine is told that the robot comes."""
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.dock) != 3:
+            raise UsageError(
+                f"dock: expected x [m], y [m] and heading [rad], got {len(self.dock)} numbers"
+            )
+
 
 @dataclass(frozen=True)
 class ScenarioSpec(Section):

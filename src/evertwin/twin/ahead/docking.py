@@ -301,6 +301,8 @@ def dock(basis: Basis, second: Basis, rule: DockSpec, data: Data = None) -> Dock
     """
     rows, model, p = basis.rows(data), basis.model, basis.p
     other = second.model
+    for name in {**rule.command, **rule.arrived}:
+        other.inputs.index(name)  # names the nearest one
     plan = _Plan(
         Partner(model, p, state_after(model, p, rows[-1])),
         Partner(other, second.p, other.initial(second.p)), rule, _axes(model),
