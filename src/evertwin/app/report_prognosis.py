@@ -7,6 +7,7 @@ from typing import Any
 
 from evertwin.app.page import encoded, write_page
 from evertwin.prognosis.planning import Plan
+from evertwin.twin.ahead.component import ComponentLife
 from evertwin.twin.ahead.draw import draw_indicator, draw_plan
 from evertwin.twin.ahead.lives import Lives
 
@@ -21,7 +22,7 @@ def write_prognosis(lives: Lives, plan: Plan | None, path: Path) -> None:
     """
     content: Any = lives.to_dict()
     pictures = [
-        (f"{one.component}: {one.indicator.name}", one.sentence, encoded(draw_indicator(one)))
+        (f"{one.component}: {one.indicator.name}", _caption(one), encoded(draw_indicator(one)))
         for one in lives.indicators
     ]
     timeline = None if plan is None or not plan.items else encoded(draw_plan(plan, lives))
@@ -29,3 +30,10 @@ def write_prognosis(lives: Lives, plan: Plan | None, path: Path) -> None:
         "name": lives.name, "life": content, "lives": lives, "pictures": pictures, "plan": plan,
         "timeline": timeline,
     })  # fmt: skip
+
+
+def _caption(one: ComponentLife) -> str:
+    """What is known, and where the limit comes from."""
+    limit = one.indicator.limit
+    told = f"{one.sentence[0].upper()}{one.sentence[1:]}."
+    return f"{told} Limit {one.indicator.shown(limit.value)}: {limit.source}."

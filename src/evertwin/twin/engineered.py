@@ -131,7 +131,7 @@ class TwinText:
     def _prognosis(self, rules: Sequence[Mapping[str, Any]], study: Study) -> dict[str, Any]:
         """Costs of components whose life is told, and which do not stop the machine."""
         roles = {one.component: one.role for one in study.ranks}
-        parts = {}
+        parts: dict[str, dict[str, Any]] = {}
         for name in dict.fromkeys(rule["component"] for rule in rules):
             cost = self.breakdown.component(name).cost
             part: dict[str, Any] = {}

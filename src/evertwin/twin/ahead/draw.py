@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from textwrap import fill
+from textwrap import fill, shorten
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from evertwin.prognosis import Life
+from evertwin.prognosis import Indicator, Life
 from evertwin.prognosis.life import LEVELS
 from evertwin.prognosis.planning import Plan
 from evertwin.twin.ahead.component import ComponentLife
@@ -37,14 +37,10 @@ def draw_indicator(one: ComponentLife) -> Figure:
     shown = np.isfinite(indicator.value)
     at, value, sigma = indicator.at[shown], indicator.value[shown], indicator.sigma[shown]
     half = np.where(np.isfinite(sigma), 1.96 * sigma, 0.0)
-    above.errorbar(at, value, yerr=half if half.any() else None, fmt=".", ms=4, lw=0.6,
-                   color=VALUE, label="value, 95 %", zorder=3)  # fmt: skip
-    source = indicator.limit.source
-    above.axhline(indicator.limit.value, color=LIMIT, ls="--", lw=1.3, label=f"limit ({source})")
-    for k, mark in enumerate(indicator.maintenance):
-        above.axvline(mark.at, color=MARK, lw=1.2, label="maintenance" if k == 0 else None)
-        above.annotate(mark.note or mark.kind, (mark.at, 0.98), xycoords=("data", "axes fraction"),
-                       rotation=90, va="top", ha="right", fontsize=7, color=MARK)  # fmt: skip
+    bars, label = (half, "value, 95 %") if half.any() else (None, "value")
+    above.errorbar(at, value, yerr=bars, fmt=".", ms=4, lw=0.6, color=VALUE, label=label, zorder=3)
+    above.axhline(indicator.limit.value, color=LIMIT, ls="--", lw=1.3, label="limit")
+    _marks(above, indicator)
     now = float(at[-1]) if len(at) else 0.0
     if isinstance(life, Life) and known:
         _course(above, one, now)
@@ -56,6 +52,19 @@ def draw_indicator(one: ComponentLife) -> Figure:
     above.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), fontsize=8, ncols=4, frameon=False,
                  borderaxespad=0.2)  # fmt: skip
     return figure
+
+
+def _marks(axis: Any, indicator: Indicator) -> None:
+    """Maintenance: a line, solid where a new life begins, dashed where the level shifts."""
+    told = set()
+    for mark in indicator.maintenance:
+        style = "-" if mark.kind == "replaced" else "--"
+        axis.axvline(mark.at, color=MARK, lw=1.2, ls=style,
+                     label=None if mark.kind in told else mark.kind)  # fmt: skip
+        told.add(mark.kind)
+        axis.annotate(shorten(mark.note or mark.kind, WIDTH, placeholder=" …"), (mark.at, 0.97),
+                      xycoords=("data", "axes fraction"), xytext=(-2, 0), rotation=90, va="top",
+                      textcoords="offset points", ha="right", fontsize=7, color=MARK)  # fmt: skip
 
 
 def _course(axis: Any, one: ComponentLife, now: float) -> None:
