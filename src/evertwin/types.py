@@ -18,10 +18,13 @@ __all__ = [
     "Intervals",
     "Json",
     "Marks",
+    "OutputRuns",
     "Outputs",
     "ParameterVector",
+    "ParameterVectors",
     "Stamps",
     "StateVector",
+    "StateVectors",
     "Tasks",
     "Vector",
 ]
@@ -35,6 +38,9 @@ Outputs: TypeAlias = Float64[np.ndarray, "n ny"]
 Marks: TypeAlias = UInt8[np.ndarray, "n nm"]
 StateVector: TypeAlias = Float64[np.ndarray, " nx"]
 ParameterVector: TypeAlias = Float64[np.ndarray, " np"]
+StateVectors: TypeAlias = Float64[np.ndarray, "k nx"]
+ParameterVectors: TypeAlias = Float64[np.ndarray, "k np"]
+OutputRuns: TypeAlias = Float64[np.ndarray, "k n ny"]
 Vector: TypeAlias = Float64[np.ndarray, " k"]
 
 if TYPE_CHECKING:

@@ -19,6 +19,18 @@ LINK = 'mass = "2 kg", com = ["-25 cm", 0, 0], inertia = [0.1, 0.1, 0.01]'
 TABLE = '{ name = "table", kind = "mass", axis = 1, mass = "10 kg" }'
 
 
+def moved(moves: str, speed: str = "1 m/s") -> str:
+    """A table that follows a path."""
+    return (
+        f'{{ components = [{TABLE}, {{ name = "p", kind = "controller", axis = 1 }}, '
+        f'{{ name = "go", kind = "path", speed = ["{speed}"], acceleration = ["2 m/s^2"], '
+        f'moves = [{moves}] }}], reading = "forward" }}'
+    )
+
+
+STEP, WAIT = '{ move = "joints", to = ["3 kg"] }', '{ move = "pause", seconds = "3 m" }'
+
+
 def built(kind: str, options: str) -> Model:
     twin = reads(FILE.format(kind=kind, options=options))
     return machine(twin.model.kind, twin.model.options)
@@ -31,6 +43,8 @@ def test_any_unit_of_the_right_kind_will_do() -> None:
     assert arm.chain.tool[:3, 3].tolist() == [0.5, 0.0, 0.0]  # type: ignore[attr-defined]
     base = built("differential", '{ wheels = true, wheel_radius = "30 cm", wheel_base = "1 m" }')
     assert base.parameters.values.tolist() == [0.3, 1.0]
+    going = built("assembly", moved('{ move = "joints", to = ["50 cm"] }', "200 mm/s"))
+    assert going.motion.q[-1].tolist() == [0.5]  # type: ignore[attr-defined]
     axis = built("assembly", f"{{ components = [{TABLE}] }}")
     assert axis.parameters["table.mass"].value == 10.0
 
@@ -49,6 +63,10 @@ def test_any_unit_of_the_right_kind_will_do() -> None:
          "t.mass: expected a quantity in 'kg' or alike, got '3 s'"),
         ("assembly", f'{{ components = [{TABLE}, {{ name = "g", kind = "guide", axis = 1, '
          'friction = "tanh", width = "1 N" }] }', "'g'.*width: expected a speed"),
+        ("assembly", f'{{ components = [{TABLE}], reading = "forward", step = "1 m" }}', "step: "),
+        ("assembly", moved("", "1 m"), "'go': speed: .* '1 m'"),
+        ("assembly", moved(STEP), "'go': to: .* '3 kg'"),
+        ("assembly", moved(WAIT), "'go': path, move 1 .pause.: seconds: .* '3 m'"),
     ],
 )  # fmt: skip
 def test_a_unit_of_another_kind_is_refused(kind: str, options: str, message: str) -> None:

@@ -20,7 +20,16 @@ from jaxtyping import Float64, Int64
 from evertwin.models.kernel import Kernel, Restart
 from evertwin.models.parameters import Parameters
 from evertwin.signals.channels import Layout
-from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
+from evertwin.types import (
+    Inputs,
+    Intervals,
+    OutputRuns,
+    Outputs,
+    ParameterVector,
+    ParameterVectors,
+    StateVector,
+    StateVectors,
+)
 
 __all__ = ["BatchModel", "KernelModel", "LinearModel", "Model"]
 
@@ -119,13 +128,9 @@ class BatchModel(Model, Protocol):
     """
 
     def simulate_batch(
-        self,
-        x: Float64[np.ndarray, "k nx"],
-        u: Inputs,
-        dt: Intervals,
-        p: Float64[np.ndarray, "k np"],
+        self, x: StateVectors, u: Inputs, dt: Intervals, p: ParameterVectors,
         restart: Restart | None = None,
-    ) -> Float64[np.ndarray, "k n ny"]:
+    ) -> OutputRuns:  # fmt: skip
         """Outputs under each parameter vector from its own state before the first row.
 
         Run ``j`` has the bits of ``roll(kernel, x[j], u, dt, p[j], restart)`` with ``x[j]`` as the

@@ -28,18 +28,15 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.errors import UsageError
 from evertwin.models import term_kernels as kernels
 from evertwin.models.batch import grouped, rolled
 from evertwin.models.compiled import Compiled
-from evertwin.models.contract import BatchModel, KernelModel, Model
+from evertwin.models.contract import BatchModel, Model
 from evertwin.models.form import Form, Term
-from evertwin.models.function import python_kernel
-from evertwin.models.kernel import Kernel, Restart, roll
+from evertwin.models.kernel import Restart
 from evertwin.models.parameters import Parameter, Parameters
-from evertwin.models.sizes import sized
 from evertwin.models.term_parameters import (
     CAPACITY,
     VARIANTS,
@@ -48,8 +45,17 @@ from evertwin.models.term_parameters import (
     term_parameters,
 )
 from evertwin.models.variants import in_variant
+from evertwin.models.wrapper import Wrapper
 from evertwin.signals.channels import Channel, Layout
-from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
+from evertwin.types import (
+    Inputs,
+    Intervals,
+    OutputRuns,
+    ParameterVector,
+    ParameterVectors,
+    StateVector,
+    StateVectors,
+)
 
 __all__ = ["Corrected", "Term", "build", "effective_inputs"]
 
@@ -64,27 +70,19 @@ _CODES = {
 
 
 @dataclass(frozen=True)
-class Corrected:
+class Corrected(Wrapper):
     """A Model with terms on top of its inputs. See the module for an example.
 
     Raises:
         UsageError: a term names a channel that the model has not, or its grid does not rise.
     """
 
-    model: Model
+    around = kernels.__name__
     terms: tuple[Term, ...]
 
     def __post_init__(self) -> None:
         for term in self.terms:
             check_term(term, self.model)
-
-    @property
-    def inputs(self) -> Layout:
-        return self.model.inputs
-
-    @property
-    def outputs(self) -> Layout:
-        return self.model.outputs
 
     @cached_property
     def states(self) -> Layout:
@@ -135,12 +133,8 @@ class Corrected:
         return x
 
     @cached_property
-    def _inner(self) -> Kernel:
-        model = self.model
-        return model.kernel() if isinstance(model, KernelModel) else python_kernel(model)
-
-    @cached_property
-    def _compiled(self) -> Compiled:
+    def compiled(self) -> Compiled:
+        """The kernel; its context holds the plan and points to the inner kernel."""
         return Compiled(
             self.inputs, self.outputs, self.states, self.parameters, kernels.step.address,
             kernels.adopt.address, tuple(self._plan),
@@ -149,7 +143,7 @@ class Corrected:
     @cached_property
     def _plan(self) -> list[int]:
         """The terms as integers; see `evertwin.models.term_kernels`."""
-        model, inner = self.model, self._inner
+        model, inner = self.model, self.inner
         plan = [
             0, inner.step, inner.observe, int(inner.context.ctypes.data), len(model.inputs),
             len(model.states), len(self.states), len(self.parameters), len(model.outputs),
@@ -184,24 +178,10 @@ class Corrected:
         names = self.model.outputs.names
         return names.index(term.channel) if term.kind == "state" and term.channel in names else -1
 
-    def kernel(self) -> Kernel:
-        """Addresses for the fused loop; the context points to the inner kernel."""
-        return self._compiled.kernel().over(self._inner, kernels.__name__, (self._compiled,))
-
-    def simulate(
-        self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
-    ) -> tuple[StateVector, Outputs]:
-        sized(x, self.states, p, self.parameters)
-        return roll(self.kernel(), x, u, dt, p, Restart.never(len(u), len(self.outputs)))
-
     def simulate_batch(
-        self,
-        x: Float64[np.ndarray, "k nx"],
-        u: Inputs,
-        dt: Intervals,
-        p: Float64[np.ndarray, "k np"],
+        self, x: StateVectors, u: Inputs, dt: Intervals, p: ParameterVectors,
         restart: Restart | None = None,
-    ) -> Float64[np.ndarray, "k n ny"]:
+    ) -> OutputRuns:  # fmt: skip
         """Outputs under each row of ``p``; see `evertwin.models.BatchModel`.
 
         The inner model's own batch runs whole stretches under the effective inputs, where it has
@@ -221,9 +201,6 @@ class Corrected:
             return model.simulate_batch(x[of, :nx], given, dt, p[of, :n_p], restart)
 
         return grouped(np.concatenate([x[:, nx:], p[:, n_p:]], axis=1), work)
-
-    def observe(self, x: StateVector, y: Float64[np.ndarray, " ny"]) -> StateVector:
-        return self._compiled.observe(x, y)
 
 
 def effective_inputs(model: Model, u: Inputs, p: ParameterVector) -> Inputs:

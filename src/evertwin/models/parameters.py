@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from evertwin.errors import UsageError
-from evertwin.settings.quantity import Measured, number
+from evertwin.settings.quantity import Measured, in_unit
 from evertwin.signals.channels import position
 from evertwin.signals.units import conversion
 from evertwin.types import ParameterVector
@@ -51,18 +51,12 @@ class Parameter:
         for name in ("value", "low", "high"):
             given = getattr(self, name)
             if isinstance(given, Measured):
-                object.__setattr__(self, name, self._in_unit(given))
+                object.__setattr__(self, name, in_unit(self.name, given, self.unit))
         if not self.low <= self.value <= self.high:
             raise UsageError(
                 f"{self.name}: expected a value in [{self.low}, {self.high}] {self.unit}, "
                 f"got {self.value}: change the value or its bounds"
             )
-
-    def _in_unit(self, given: Measured) -> float:
-        try:
-            return number(given, self.unit)
-        except UsageError as error:
-            raise UsageError(f"{self.name}: {error}") from error
 
 
 @dataclass(frozen=True)

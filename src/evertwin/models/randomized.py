@@ -26,32 +26,39 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.errors import UsageError
 from evertwin.models import noise_kernels as kernels
 from evertwin.models.batch import grouped, rolled
 from evertwin.models.compiled import Compiled
-from evertwin.models.contract import BatchModel, KernelModel, Model
-from evertwin.models.function import python_kernel
-from evertwin.models.kernel import Kernel, Restart, roll
+from evertwin.models.contract import BatchModel
+from evertwin.models.kernel import Restart
 from evertwin.models.parameters import Parameters
-from evertwin.models.sizes import sized
+from evertwin.models.wrapper import Wrapper
 from evertwin.signals.channels import Channel, Layout
-from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector, Vector
+from evertwin.types import (
+    Inputs,
+    Intervals,
+    OutputRuns,
+    ParameterVector,
+    ParameterVectors,
+    StateVector,
+    StateVectors,
+    Vector,
+)
 
 __all__ = ["Randomized"]
 
 
 @dataclass(frozen=True)
-class Randomized:
+class Randomized(Wrapper):
     """One random member of a family of models. See the module for an example.
 
     Raises:
         UsageError: noise has not one entry per channel, or the spread names no parameter.
     """
 
-    model: Model
+    around = kernels.__name__
     seed: int
     spread: tuple[tuple[str, float], ...] = ()
     """(parameter, relative standard deviation); drawn once per seed."""
@@ -71,14 +78,6 @@ class Randomized:
                 raise UsageError(
                     f"{what}: expected {len(layout)} numbers of 0 or more, got {noise}"
                 )
-
-    @property
-    def inputs(self) -> Layout:
-        return self.model.inputs
-
-    @property
-    def outputs(self) -> Layout:
-        return self.model.outputs
 
     @cached_property
     def states(self) -> Layout:
@@ -101,13 +100,9 @@ class Randomized:
         return factors
 
     @cached_property
-    def _inner(self) -> Kernel:
-        model = self.model
-        return model.kernel() if isinstance(model, KernelModel) else python_kernel(model)
-
-    @cached_property
-    def _compiled(self) -> Compiled:
-        model, inner = self.model, self._inner
+    def compiled(self) -> Compiled:
+        """The kernel; its context holds the plan and points to the inner kernel."""
+        model, inner = self.model, self.inner
         sizes = len(model.inputs), len(model.states), len(model.parameters), len(model.outputs)
         nu, _, _, ny = sizes
         numbers = np.concatenate([
@@ -123,24 +118,10 @@ class Randomized:
             kernels.adopt.address, plan,
         )  # fmt: skip
 
-    def kernel(self) -> Kernel:
-        """Addresses for the fused loop; the context points to the inner kernel."""
-        return self._compiled.kernel().over(self._inner, kernels.__name__, (self._compiled,))
-
-    def simulate(
-        self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
-    ) -> tuple[StateVector, Outputs]:
-        sized(x, self.states, p, self.parameters)
-        return roll(self.kernel(), x, u, dt, p, Restart.never(len(u), len(self.outputs)))
-
     def simulate_batch(
-        self,
-        x: Float64[np.ndarray, "k nx"],
-        u: Inputs,
-        dt: Intervals,
-        p: Float64[np.ndarray, "k np"],
+        self, x: StateVectors, u: Inputs, dt: Intervals, p: ParameterVectors,
         restart: Restart | None = None,
-    ) -> Float64[np.ndarray, "k n ny"]:
+    ) -> OutputRuns:  # fmt: skip
         """Outputs under each row of ``p``; see `evertwin.models.BatchModel`."""
         restart = restart or Restart.never(len(u), len(self.outputs))
         model, nx, seed, code = self.model, len(self.model.states), self.seed % 2**31, restart.code
@@ -158,6 +139,3 @@ class Randomized:
             return runs
 
         return grouped(x[:, nx:], work)
-
-    def observe(self, x: StateVector, y: Float64[np.ndarray, " ny"]) -> StateVector:
-        return self._compiled.observe(x, y)

@@ -29,6 +29,7 @@ from jaxtyping import Float64, Int64
 
 from evertwin.errors import DataError, UsageError
 from evertwin.models.parameters import Parameter, Parameters
+from evertwin.models.static import StaticMap
 from evertwin.signals.channels import Layout
 from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
 
@@ -39,7 +40,7 @@ Beyond: TypeAlias = Literal["hold", "line", "error"]
 
 
 @dataclass(frozen=True, eq=False)
-class TableModel:
+class TableModel(StaticMap):
     """Interpolation in a table; static. See the module for an example, `TableModel.of` to build."""
 
     inputs: Layout
@@ -83,11 +84,6 @@ class TableModel:
         layouts = [Layout.of(**{n: of.get(n, "1") for n in names}) for names in (inputs, outputs)]
         return cls(layouts[0], layouts[1], grid, values, beyond)  # type: ignore[arg-type]
 
-    @property
-    def states(self) -> Layout:
-        """None: a static map."""
-        return Layout()
-
     @cached_property
     def parameters(self) -> Parameters:
         """``gain.NAME`` and ``offset.NAME`` of each output."""
@@ -97,14 +93,6 @@ class TableModel:
             offset = Parameter(f"offset.{channel.name}", 0.0, channel.unit, source="as measured")
             items.append(offset)
         return Parameters(tuple(items))
-
-    def initial(self, p: ParameterVector) -> StateVector:
-        """Empty."""
-        return np.zeros(0)
-
-    def observe(self, x: StateVector, y: Float64[np.ndarray, " ny"]) -> StateVector:
-        """There is nothing to adopt into."""
-        return np.array(x, dtype=np.float64)
 
     def simulate(
         self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector

@@ -17,7 +17,7 @@ import re
 from evertwin.errors import UsageError
 from evertwin.signals.units import compatible, conversion, si_unit
 
-__all__ = ["Measured", "as_number", "number", "written"]
+__all__ = ["Measured", "as_number", "in_unit", "number", "written"]
 
 _TEXT = re.compile(r"\s*([+-]?(?:\d[\d_]*\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf)\s*(.*?)\s*$")
 
@@ -80,6 +80,21 @@ def number(
     if unit and not compatible(used, unit):
         raise UsageError(f"expected a quantity in '{unit}' or alike, got '{size:g} {used}'")
     return _written_digits(size, factor, 0.0 if difference else offset)
+
+
+def in_unit(what: str, value: float | str, unit: str) -> float:
+    """`number` in ``unit`` or alike; a message opens with ``what`` it is about.
+
+    Raises:
+        UsageError: it measures something else.
+
+    >>> in_unit("speed", "5 cm/s", "m/s")
+    0.05
+    """
+    try:
+        return number(value, unit)
+    except (UsageError, TypeError, ValueError) as error:
+        raise UsageError(f"{what}: {error}") from error
 
 
 def _written_digits(size: float, factor: float, offset: float) -> float:

@@ -19,7 +19,7 @@ from evertwin.machines.arm.rnea import BODY, joint_torques
 from evertwin.machines.friction import INERTIA, SLOTS, force
 from evertwin.models import OBSERVE, STEP
 
-__all__ = ["HEAD", "adopt", "bodies", "felt", "moved_motion", "step", "turned"]
+__all__ = ["HEAD", "adopt", "bodies", "carry", "felt", "moved_motion", "step", "turned"]
 
 N, GEOMETRY, INERTIAS, OTHERS, CHOSEN, PAYLOAD, DELAY, MOTOR, SHARED, COUPLED = range(10)
 HEAD = 10
@@ -50,13 +50,18 @@ def bodies(context: Any, inertias: Any, others: Any, p: Any, out: Any) -> None:
     at = HEAD + SLOTS * n
     for k in range(context[CHOSEN]):
         out[context[at + 2 * k]] = p[context[at + 2 * k + 1]]
-    first = context[PAYLOAD]
-    if first >= 0:
-        for i in range(BODY):
-            total = 0.0
-            for j in range(BODY):
-                total += others[n + BODY * i + j] * p[first + j]
-            out[BODY * (n - 1) + i] += total
+    if context[PAYLOAD] >= 0:
+        carry(n, others, n, p, context[PAYLOAD], out)
+
+
+@njit(cache=True)
+def carry(n: int, numbers: Any, at: int, p: Any, first: int, out: Any) -> None:
+    """Adds the payload ``p[first:]`` to the last link; its map stands at ``numbers[at:]``."""
+    for i in range(BODY):
+        total = 0.0
+        for j in range(BODY):
+            total += numbers[at + BODY * i + j] * p[first + j]
+        out[BODY * (n - 1) + i] += total
 
 
 @njit(cache=True)

@@ -44,6 +44,7 @@ from evertwin.machines.arm.urdf import Robot, parse, read
 from evertwin.machines.friction import WIDTH, Law, Rung, shape_of
 from evertwin.models import Kernel, Parameter, Parameters, Restart, roll
 from evertwin.models.given import check_options
+from evertwin.models.static import StaticMap
 from evertwin.signals import Layout
 from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
 
@@ -93,7 +94,7 @@ def _coupling(more: Mapping[str, Any]) -> Coupling | None:
 
 
 @dataclass(frozen=True, eq=False)
-class Arm:
+class Arm(StaticMap):
     """Inverse dynamics of a serial arm as a Model. Built by `Arm.of`; see the module.
 
     >>> Arm.of("ur5_like").columns.shape
@@ -184,19 +185,6 @@ class Arm:
     def outputs(self) -> Layout:
         """Torques tau1…taun, or currents i1…in."""
         return layout.outputs_of(self.chain, bool(self.motor))
-
-    @property
-    def states(self) -> Layout:
-        """None: a static map."""
-        return Layout()
-
-    def initial(self, p: ParameterVector) -> StateVector:
-        """Empty."""
-        return np.zeros(0)
-
-    def observe(self, x: StateVector, y: Float64[np.ndarray, " ny"]) -> StateVector:
-        """There is nothing to adopt into."""
-        return np.array(x, dtype=np.float64)
 
     @cached_property
     def _tables(self) -> Int64[np.ndarray, "ny slots"]:

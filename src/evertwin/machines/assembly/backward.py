@@ -33,7 +33,6 @@ from evertwin.machines.assembly.plan import (
     RUB,
     SHARED,
     STIFF,
-    T_X,
     U_A,
     U_Q,
     U_V,
@@ -53,7 +52,7 @@ from evertwin.machines.assembly.shared import (
     TEMPERATURE,
     bodies,
     bus_size,
-    cooled,
+    heated,
     motor_side,
     reflected,
     rub,
@@ -130,17 +129,6 @@ def row(context: Any, x: Any, u: Any, p: Any, bus: Any) -> None:
         motor_side(context, at, p, bus[q + SPEED], bus[q : q + QUANTITIES])
 
 
-@njit(cache=True)
-def _heated(context: Any, x: Any, dt: float, p: Any, ahead: Any, bus: Any) -> None:
-    """Temperatures after the row."""
-    n = context[N]
-    for f in range(context[NF]):
-        at = HEAD + AXIS * n + RUB * f
-        if context[at + T_X] >= 0:
-            heat = bus[QUANTITIES * n + RUBS * f + HEAT]
-            ahead[context[at + T_X]] = cooled(context, at, p, x[context[at + T_X]], heat, dt)
-
-
 @cfunc(STEP, cache=True)
 def step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) -> int:
     """One row."""  # pragma: compiled
@@ -151,7 +139,7 @@ def step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) ->
         if run_boxes(context, there, u, dt, given, after, bus) != 0:
             return 1
     row(context, x, u, p, bus)
-    _heated(context, x, dt, p, ahead, bus)
+    heated(context, x, dt, p, bus, ahead)
     show(context, bus, y)
     return 0
 

@@ -32,12 +32,13 @@ from evertwin.machines.assembly.boxed import box_channels, box_plan, box_start, 
 from evertwin.machines.assembly.inverse import heat_channels
 from evertwin.machines.assembly.join import Axis, Train
 from evertwin.machines.assembly.ladder import joints_of, law_of_axis, rungs_of
-from evertwin.machines.assembly.path import Limits, Motion, moves_of, plan
+from evertwin.machines.assembly.path import Joints, Limits, Motion, moves_of, plan
 from evertwin.machines.assembly.plan import Columns, Places, context_of
 from evertwin.machines.assembly.sensors import Sensor, sensors_of
 from evertwin.machines.assembly.shared import QUANTITIES
 from evertwin.machines.friction import Rung
 from evertwin.models import Kernel, Parameters, Restart, roll
+from evertwin.settings.quantity import in_unit
 from evertwin.signals import Channel, Layout
 from evertwin.signals.channels import position
 from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
@@ -57,13 +58,17 @@ def planned(train: Train) -> Motion | None:
     part = train.path
     if part is None:
         return None
-    start = part.option("start") or (0.0,) * len(train.axes)
     try:
+        start = _of_axes(train, "start", part.option("start") or (0.0,) * len(train.axes), "")
         limits = Limits(
-            tuple(float(v) for v in part.option("speed")),
-            tuple(float(a) for a in part.option("acceleration")),
+            _of_axes(train, "speed", part.option("speed"), "/s"),
+            _of_axes(train, "acceleration", part.option("acceleration"), "/s**2"),
         )
-        moves, rate = moves_of(part.option("moves")), float(part.option("rate"))
+        rate = in_unit("rate", part.option("rate"), "1/s")
+        moves = [
+            Joints(_of_axes(train, "to", m.to, "")) if isinstance(m, Joints) else m
+            for m in moves_of(part.option("moves"))
+        ]
         if len(start) != len(train.axes):
             raise UsageError(f"expected start with {len(train.axes)} positions, got {len(start)}")
         motion = plan(moves, start, limits, rate, part.option("profile"), train.chain)
@@ -72,6 +77,13 @@ def planned(train: Train) -> Motion | None:
     if len(motion.t) < 2:
         raise UsageError(f"component {part.name!r}: expected moves, got a path without a row")
     return motion
+
+
+def _of_axes(train: Train, what: str, values: Sequence[Any], order: str) -> tuple[float, ...]:
+    """One number for each axis, in its unit; another count is the planner's to refuse."""
+    units = [("m" if axis.slides else "rad") + order for axis in train.axes]
+    units += ["1"] * (len(values) - len(units))
+    return tuple(in_unit(what, v, unit) for v, unit in zip(values, units, strict=False))
 
 
 def forward(train: Train, sensors: Sequence[str] = (), step: float | None = None) -> Forward:

@@ -15,6 +15,7 @@ from evertwin.machines.assembly.forward import Forward, forward
 from evertwin.machines.assembly.inverse import Inverse, inverse
 from evertwin.machines.assembly.join import join
 from evertwin.machines.catalog import machine
+from evertwin.settings.quantity import in_unit
 
 __all__ = ["assembly"]
 
@@ -24,7 +25,7 @@ def assembly(
     reading: str = "inverse",
     measure: str | Sequence[str] = "effort",
     sensors: Sequence[str] = (),
-    step: float | None = None,
+    step: float | str | None = None,
 ) -> Inverse | Forward:
     """Components, joined, in one of their two readings.
 
@@ -33,7 +34,7 @@ def assembly(
         reading: ``inverse`` (motion in, effort out) or ``forward`` (commands in, motion out).
         measure: of the inverse reading: effort, torque, current or voltage, of all axes or of each.
         sensors: quantities inside components that are outputs too.
-        step: of the forward reading: largest part of a row [s].
+        step: of the forward reading: largest part of a row [s], or text such as "0.5 ms".
 
     Raises:
         UsageError: the components cannot be joined, or have no such reading.
@@ -48,5 +49,5 @@ def assembly(
     if reading == "forward":
         if measure != "effort":
             raise UsageError("assembly: measure belongs to the inverse reading; name sensors")
-        return forward(train, sensors, step)
+        return forward(train, sensors, None if step is None else in_unit("step", step, "s"))
     raise UsageError(f"assembly: expected reading = 'inverse' or 'forward', got {reading!r}")

@@ -43,7 +43,6 @@ from evertwin.machines.assembly.plan import (
     RUB,
     STEP_MAX,
     STIFF,
-    T_X,
     VOLTAGE,
     X_L,
     X_Q,
@@ -56,13 +55,11 @@ from evertwin.machines.assembly.plan import (
     R,
 )
 from evertwin.machines.assembly.shared import (
-    HEAT,
     POSITION,
     QUANTITIES,
-    RUBS,
     SPEED,
     bus_size,
-    cooled,
+    heated,
     ratio,
     reflected,
     show,
@@ -104,7 +101,8 @@ def _rate(context: Any, j: int, p: Any) -> float:
     elastic = context[at + STIFF] >= 0
     if context[ARM] == 1:
         inertia = 1.0 / reals(context[REALS])[AGILITY + j]
-        body = inertia if elastic else max(inertia, rotor)
+        # the least inertia over all postures; what the rotor adds, it adds in each of them
+        body = inertia if elastic else inertia + rotor
     else:
         body = p[context[at + MASS]] + (0.0 if elastic else rotor)
         if context[at + CARRIED] >= 0:
@@ -195,12 +193,7 @@ def _runge_kutta(
 @njit(cache=True)
 def _slow(context: Any, x: Any, h: float, pace: float, p: Any, bus: Any) -> None:
     """Temperatures and the path's clock, after a part."""
-    n = context[N]
-    for f in range(context[NF]):
-        at = HEAD + AXIS * n + RUB * f
-        if context[at + T_X] >= 0:
-            heat = bus[QUANTITIES * n + RUBS * f + HEAT]
-            x[context[at + T_X]] = cooled(context, at, p, x[context[at + T_X]], heat, h)
+    heated(context, x, h, p, bus, x)
     if context[PATH_X] >= 0:
         x[context[PATH_X]] += h * pace
 

@@ -31,6 +31,7 @@ from scipy.interpolate import CubicSpline
 from evertwin.errors import UsageError
 from evertwin.machines.arm.chain import Chain
 from evertwin.machines.assembly.kinematics import follow, tool
+from evertwin.settings.quantity import in_unit
 from evertwin.types import Vector
 
 __all__ = ["Circle", "Joints", "Limits", "Line", "Motion", "Move", "Pause", "moves_of", "plan"]
@@ -124,6 +125,9 @@ _MOVES: Mapping[str, type[Move]] = {
 }
 
 
+_UNITS = {"to": "m", "centre": "m", "speed": "m/s", "acceleration": "m/s**2", "seconds": "s"}
+
+
 class Motion(NamedTuple):
     """A planned motion.
 
@@ -151,26 +155,34 @@ def moves_of(program: Sequence[Mapping[str, Any]]) -> tuple[Move, ...]:
     """Moves from plain data, each ``{ move = "joints" | "line" | "circle" | "pause", … }``.
 
     Raises:
-        UsageError: an unknown move, or an entry that it does not have.
+        UsageError: an unknown move, an entry that it does not have, or a unit of another kind.
 
     >>> moves_of([{"move": "pause", "seconds": 1.0}])
     (Pause(seconds=1.0),)
     """
     moves = []
     for k, entry in enumerate(program, start=1):
-        given: dict[str, Any] = {
-            key: tuple(value) if isinstance(value, list | tuple) else value
-            for key, value in entry.items()
-            if key != "move"
-        }
         kind = str(entry.get("move"))
         if kind not in _MOVES:
             raise UsageError(f"path, move {k}: no move {kind!r}; there are {', '.join(_MOVES)}")
         try:
+            given = {key: _si(kind, key, v) for key, v in entry.items() if key != "move"}
             moves.append(_MOVES[kind](**given))
-        except TypeError as error:
+        except (TypeError, UsageError) as error:
             raise UsageError(f"path, move {k} ({kind}): {error}") from error
     return tuple(moves)
+
+
+def _si(kind: str, key: str, value: Any) -> Any:
+    """An entry of a move in SI; a joint's position is checked where it is known what it measures.
+
+    Raises:
+        UsageError: it measures something else.
+    """
+    if isinstance(value, list | tuple):
+        return tuple(_si(kind, key, one) for one in value)
+    unit = "" if kind == "joints" else _UNITS.get(key, "")
+    return in_unit(key, value, unit) if unit else value
 
 
 def plan(

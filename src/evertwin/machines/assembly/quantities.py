@@ -18,7 +18,7 @@ from evertwin.errors import UsageError
 from evertwin.machines.assembly.parts import Component
 from evertwin.machines.friction import Law, shape_of, sliding, warm_parameters
 from evertwin.models import Parameter
-from evertwin.settings.quantity import number
+from evertwin.settings.quantity import in_unit
 from evertwin.signals.channels import position
 
 __all__ = ["demand_unit", "law_of", "parameters_of", "transmission"]
@@ -85,7 +85,7 @@ def transmission(box: Component) -> list[Parameter]:
     """Ratio or lead of a black box that stands between motor and joint."""
     said = {"ratio": "1", "lead": "m"}
     return [
-        _fixed(name, number(box.option(name), unit), unit, 1e-6)
+        _fixed(name, in_unit(name, box.option(name), unit), unit, 1e-6)
         for name, unit in said.items()
         if box.option(name)
     ]

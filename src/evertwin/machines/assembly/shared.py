@@ -11,6 +11,7 @@ from typing import Any
 
 from numba import njit
 
+from evertwin.machines.arm.kernel import carry
 from evertwin.machines.arm.memory import reals
 from evertwin.machines.arm.rnea import BODY
 from evertwin.machines.assembly.plan import (
@@ -46,6 +47,7 @@ __all__ = [
     "bodies",
     "bus_size",
     "cooled",
+    "heated",
     "motor_side",
     "ratio",
     "rub",
@@ -118,6 +120,17 @@ def cooled(context: Any, at: int, p: Any, now: float, heat: float, dt: float) ->
 
 
 @njit(cache=True)
+def heated(context: Any, x: Any, h: float, p: Any, bus: Any, ahead: Any) -> None:
+    """Temperatures that follow from heat, ``h`` later, into ``ahead`` (which may be ``x``)."""
+    n = context[N]
+    for f in range(context[NF]):
+        at = HEAD + AXIS * n + RUB * f
+        if context[at + T_X] >= 0:
+            heat = bus[QUANTITIES * n + RUBS * f + HEAT]
+            ahead[context[at + T_X]] = cooled(context, at, p, x[context[at + T_X]], heat, h)
+
+
+@njit(cache=True)
 def bodies(context: Any, p: Any, out: Any) -> None:
     """An arm's inertias in force: given ones, then chosen ones from ``p``, then the payload's."""
     n = context[N]
@@ -127,13 +140,8 @@ def bodies(context: Any, p: Any, out: Any) -> None:
     at = HEAD + AXIS * n + RUB * context[NF]
     for k in range(context[CHOSEN]):
         out[context[at + 2 * k]] = p[context[at + 2 * k + 1]]
-    first = context[PAYLOAD]
-    if first >= 0:
-        for i in range(BODY):
-            total = 0.0
-            for j in range(BODY):
-                total += carried[BODY * i + j] * p[first + j]
-            out[BODY * (n - 1) + i] += total
+    if context[PAYLOAD] >= 0:
+        carry(n, carried, 0, p, context[PAYLOAD], out)
 
 
 @njit(cache=True)

@@ -34,6 +34,16 @@ MOST = 100_000
 
 
 @njit(cache=True)
+def _exchange(page: Any, g: int, function: int) -> int:
+    """Calls the FMU's set or get function for a group; values are in its buffer."""
+    q, base = at.GROUPS + at.FIELDS * g, page.ctypes.data
+    n, count, refs, data = page[q], page[q + 1], base + 8 * page[q + 2], base + 8 * page[q + 5]
+    if page[at.THREE]:
+        return int(call5(page[function], page[at.COMPONENT], refs, count, data, n))
+    return int(call4(page[function], page[at.COMPONENT], refs, count, data))
+
+
+@njit(cache=True)
 def set_group(page: Any, numbers: Any, g: int, values: Any) -> Any:
     """Sets the values of a group, given in SI."""
     q = at.GROUPS + at.FIELDS * g
@@ -43,11 +53,7 @@ def set_group(page: Any, numbers: Any, g: int, values: Any) -> Any:
     factor, offset, buffer = page[q + 3], page[q + 4], page[q + 5]
     for k in range(n):
         numbers[buffer + k] = (values[k] - numbers[offset + k]) / numbers[factor + k]
-    base = page.ctypes.data
-    refs, data = base + 8 * page[q + 2], base + 8 * buffer
-    if page[at.THREE]:
-        return int(call5(page[at.SET], page[at.COMPONENT], refs, page[q + 1], data, n))
-    return int(call4(page[at.SET], page[at.COMPONENT], refs, page[q + 1], data))
+    return _exchange(page, g, at.SET)
 
 
 @njit(cache=True)
@@ -58,15 +64,10 @@ def get_group(page: Any, numbers: Any, g: int, values: Any) -> Any:
     if n == 0:
         return 0
     factor, offset, buffer = page[q + 3], page[q + 4], page[q + 5]
-    base = page.ctypes.data
-    refs, data = base + 8 * page[q + 2], base + 8 * buffer
-    if page[at.THREE]:
-        status = call5(page[at.GET], page[at.COMPONENT], refs, page[q + 1], data, n)
-    else:
-        status = call4(page[at.GET], page[at.COMPONENT], refs, page[q + 1], data)
+    status = _exchange(page, g, at.GET)
     for k in range(n):
         values[k] = numbers[buffer + k] * numbers[factor + k] + numbers[offset + k]
-    return int(status)
+    return status
 
 
 @njit(cache=True)

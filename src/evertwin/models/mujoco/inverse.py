@@ -18,25 +18,31 @@ so friction losses, damping, springs and joint limits count; the torque is what 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
-from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import mujoco
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.errors import ModelError
 from evertwin.models.given import check_options
 from evertwin.models.kernel import ANEW, Restart
+from evertwin.models.mujoco.base import FromFile
 from evertwin.models.mujoco.channels import controls, states
-from evertwin.models.mujoco.guard import Source, read_file, read_text
-from evertwin.models.mujoco.knobs import Knob, parameters_of, tunable
-from evertwin.models.mujoco.pool import EnginePool
-from evertwin.models.parameters import Parameters
+from evertwin.models.mujoco.guard import Source
+from evertwin.models.mujoco.knobs import parameters_of, tunable
 from evertwin.models.sizes import sized
+from evertwin.models.static import StaticMap
 from evertwin.signals.channels import Channel, Layout
-from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
+from evertwin.types import (
+    Inputs,
+    Intervals,
+    OutputRuns,
+    Outputs,
+    ParameterVector,
+    ParameterVectors,
+    StateVector,
+    StateVectors,
+)
 
 __all__ = ["InverseDynamics"]
 
@@ -44,39 +50,21 @@ _DEFAULT = ("joint.*.damping", "joint.*.frictionloss", "joint.*.armature")
 
 
 @dataclass(frozen=True, eq=False)
-class InverseDynamics:
+class InverseDynamics(StaticMap, FromFile):
     """Inverse dynamics of an MJCF or URDF model whose joints turn or slide. See the module.
 
     >>> InverseDynamics.__name__
     'InverseDynamics'
     """
 
-    source: Source
-    compiled: Any
-    knobs: tuple[Knob, ...]
-    inputs: Layout
-    outputs: Layout
-    parameters: Parameters
-    threads: int = 0
-    states: Layout = Layout()
-
     @classmethod
-    def of(cls, file: str | Path, **options: Any) -> InverseDynamics:
-        """The model in a file; ``options``: ``parameters``, ``contact`` (false), ``threads``.
+    def built(cls, source: Source, **options: Any) -> Self:
+        """Options: ``parameters``, ``contact`` (false), ``threads``.
 
         Raises:
-            ModelError: the file is refused, or a joint has more than one degree of freedom.
+            ModelError: MuJoCo refuses the source, or a joint has more than one degree of freedom.
             UsageError: an option does not fit the model.
         """
-        return cls._from(read_file(file), **options)
-
-    @classmethod
-    def from_text(cls, text: str, **options: Any) -> InverseDynamics:
-        """The same from XML at hand."""
-        return cls._from(read_text(text), **options)
-
-    @classmethod
-    def _from(cls, source: Source, **options: Any) -> InverseDynamics:
         known = {"parameters", "contact", "threads"}
         check_options("mujoco", options, known)
         patterns = tuple(options.get("parameters", _DEFAULT))
@@ -90,27 +78,6 @@ class InverseDynamics:
             parameters_of(model, knobs, source.where), int(options.get("threads", 0)),
         )  # fmt: skip
 
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What was left out of the file."""
-        return self.source.notes
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Without the engines: they belong to this process."""
-        return {key: value for key, value in self.__dict__.items() if key != "_engines"}
-
-    @cached_property
-    def _engines(self) -> EnginePool:
-        return EnginePool(self.compiled, self.knobs, self.threads)
-
-    def initial(self, p: ParameterVector) -> StateVector:
-        """Empty."""
-        return np.zeros(0)
-
-    def observe(self, x: StateVector, y: Float64[np.ndarray, " ny"]) -> StateVector:
-        """There is nothing to adopt into."""
-        return np.array(x, dtype=np.float64)
-
     def simulate(
         self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
     ) -> tuple[StateVector, Outputs]:
@@ -119,13 +86,9 @@ class InverseDynamics:
         return np.zeros(0), self._torques(u, p)
 
     def simulate_batch(
-        self,
-        x: Float64[np.ndarray, "k nx"],
-        u: Inputs,
-        dt: Intervals,
-        p: Float64[np.ndarray, "k np"],
+        self, x: StateVectors, u: Inputs, dt: Intervals, p: ParameterVectors,
         restart: Restart | None = None,
-    ) -> Float64[np.ndarray, "k n ny"]:
+    ) -> OutputRuns:  # fmt: skip
         """Torques under each row of ``p``, in threads; see `evertwin.models.BatchModel`."""
         for values in p:
             sized(np.zeros(0), self.states, values, self.parameters)

@@ -18,8 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import mujoco
 import numpy as np
@@ -28,96 +27,70 @@ from jaxtyping import Float64
 from evertwin.errors import UsageError
 from evertwin.models.given import check_options
 from evertwin.models.kernel import ADOPT, ANEW, CONTINUE, Restart
+from evertwin.models.mujoco.base import FromFile
 from evertwin.models.mujoco.channels import Output, adoptable, controls, outputs, states
 from evertwin.models.mujoco.engine import Engine, Steps, steps_of
-from evertwin.models.mujoco.guard import Source, read_file, read_text
-from evertwin.models.mujoco.knobs import DEFAULT, Knob, parameters_of, tunable
-from evertwin.models.mujoco.pool import EnginePool
-from evertwin.models.parameters import Parameters
+from evertwin.models.mujoco.guard import Source
+from evertwin.models.mujoco.knobs import DEFAULT, parameters_of, tunable
 from evertwin.models.sizes import sized
+from evertwin.settings.quantity import in_unit
 from evertwin.signals.channels import Layout
-from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
+from evertwin.types import (
+    Inputs,
+    Intervals,
+    OutputRuns,
+    Outputs,
+    ParameterVector,
+    ParameterVectors,
+    StateVector,
+    StateVectors,
+)
 
 __all__ = ["MuJoCo"]
 
 
 @dataclass(frozen=True, eq=False)
-class MuJoCo:
+class MuJoCo(FromFile):
     """Forward roll-outs. Built by `MuJoCo.of` or `MuJoCo.from_text`; see the module.
 
     >>> MuJoCo.__name__
     'MuJoCo'
     """
 
-    source: Source
-    compiled: Any
-    """MuJoCo's compiled model, never changed."""
-    knobs: tuple[Knob, ...]
-    """What the parameters are in the compiled model."""
     read: tuple[Output, ...]
     """Where the outputs are found."""
     driven: tuple[int, ...]
     """Place of each input among all controls."""
-    inputs: Layout
-    outputs: Layout
     states: Layout
-    parameters: Parameters
     start: tuple[float, ...]
     """State before the first row: the model's own, or a keyframe's."""
-    threads: int = 0
-    """Threads of `simulate_batch`; 0: one for each processor."""
 
     @classmethod
-    def of(cls, file: str | Path, **options: Any) -> MuJoCo:
-        """The model in an MJCF or URDF file.
-
-        Args:
-            file: what it names (meshes, includes) must lie in its folder.
-            options: ``parameters`` (patterns of names, `evertwin.models.mujoco.knobs`), ``inputs``,
-                ``outputs`` (names, `evertwin.models.mujoco.channels`), ``keyframe`` (start state),
-                ``timestep`` [s], ``contact`` (true), ``threads``.
+    def built(cls, source: Source, **options: Any) -> Self:
+        """Options: ``parameters`` (patterns of names, `evertwin.models.mujoco.knobs`), ``inputs``,
+        ``outputs`` (names, `evertwin.models.mujoco.channels`), ``keyframe`` (start state),
+        ``timestep`` [s], ``contact`` (true), ``threads``.
 
         Raises:
-            ModelError: the file is refused, by us or by MuJoCo.
+            ModelError: MuJoCo refuses the source.
             UsageError: an option does not fit the model.
         """
-        return cls._from(read_file(file), **options)
-
-    @classmethod
-    def from_text(cls, text: str, **options: Any) -> MuJoCo:
-        """The same from XML at hand."""
-        return cls._from(read_text(text), **options)
-
-    @classmethod
-    def _from(cls, source: Source, **options: Any) -> MuJoCo:
         known = {"parameters", "inputs", "outputs", "keyframe", "timestep", "contact", "threads"}
         check_options("mujoco", options, known)
         patterns = tuple(options.get("parameters", DEFAULT))
-        step, contact = options.get("timestep"), bool(options.get("contact", True))
+        said = options.get("timestep")
+        step = None if said is None else in_unit("timestep", said, "s")
+        contact = bool(options.get("contact", True))
         model, knobs = tunable(source, patterns, step, contact)
         found = outputs(model, options.get("outputs"))
         if all(output.kept for output in found):
             model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
         driven, inputs = _driven(model, options.get("inputs"))
         return cls(
-            source, model, knobs, found, driven, inputs,
-            Layout(tuple(output.channel for output in found)), states(model),
-            parameters_of(model, knobs, source.where), _start(model, options.get("keyframe")),
-            int(options.get("threads", 0)),
+            source, model, knobs, inputs, Layout(tuple(output.channel for output in found)),
+            parameters_of(model, knobs, source.where), int(options.get("threads", 0)),
+            found, driven, states(model), _start(model, options.get("keyframe")),
         )  # fmt: skip
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What was left out of the file."""
-        return self.source.notes
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Without the engines: they belong to this process."""
-        return {key: value for key, value in self.__dict__.items() if key != "_engines"}
-
-    @cached_property
-    def _engines(self) -> EnginePool:
-        return EnginePool(self.compiled, self.knobs, self.threads)
 
     @cached_property
     def _adopted(self) -> np.ndarray:
@@ -148,13 +121,9 @@ class MuJoCo:
         return self._roll(np.array(x, dtype=np.float64), u, dt, p)
 
     def simulate_batch(
-        self,
-        x: Float64[np.ndarray, "k nx"],
-        u: Inputs,
-        dt: Intervals,
-        p: Float64[np.ndarray, "k np"],
+        self, x: StateVectors, u: Inputs, dt: Intervals, p: ParameterVectors,
         restart: Restart | None = None,
-    ) -> Float64[np.ndarray, "k n ny"]:
+    ) -> OutputRuns:  # fmt: skip
         """Outputs under each row of ``p``, in threads; see `evertwin.models.BatchModel`."""
         for state, values in zip(x, p, strict=True):
             sized(state, self.states, values, self.parameters)
