@@ -1,8 +1,19 @@
-"""Planted degradations: six laws with random lives, exponents, noises. One truth per series.
+"""Planted degradations with random lives, exponents, noises. One truth per series.
 
 A component lives about 1,000 cycles (log-normal, 30 %), is looked at 100 times in that life, starts
 at 0 and ends at the limit 1. Noise of a value: 1 to 4 % of the limit, a quarter of that on Wiener
-processes, none on gamma processes; a process spreads lives of one drift by 5 to 25 %.
+processes, none on gamma processes, all of it on noisy gamma processes; a process spreads lives of
+one drift by 5 to 25 %.
+
+`STRANGERS` follow none of the laws that the predictor knows:
+
+    crack         da/ds ~ a^(m/2) (Paris), m from 2.5 to 4, from 10 to 40 % of the limit: it grows
+                  without bound soon after the limit
+    logistic      from 2 to 10 % of the limit towards 1.15 to 2 limits, in an S
+    saturating    A·(1 − e^(−ks)), A 1.15 to 2 limits: slower and slower
+    late          a line that becomes 3 to 10 times as steep at 60 to 90 % of the life
+    regeneration  s^0.7 to s^1.5, and about eight times a life 2 to 6 % of the limit are recovered
+                  and lost again within a few values, as in a cell that rested
 """
 
 from __future__ import annotations
@@ -11,7 +22,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-LAWS = ("linear", "exponential", "power", "wiener", "gamma", "two-phase")
+LAWS = ("linear", "exponential", "power", "wiener", "gamma", "two-phase", "noisy gamma")
+STRANGERS = ("crack", "logistic", "saturating", "late", "regeneration")
 VALUES = 100
 """Values in a life; `PAST` more follow its end."""
 PAST = 12
@@ -30,11 +42,14 @@ class Planted(NamedTuple):
 
 
 def plant(law: str, rng: np.random.Generator) -> Planted:
-    """A series of ``law``; life ends where the level without noise passes 1."""
+    """A series of one of `LAWS` or `STRANGERS`; life ends where its level first passes 1."""
+    if law in STRANGERS:
+        return _plant_stranger(law, rng)
     life = LIFE * np.exp(SPREAD * rng.standard_normal())
     noise = rng.uniform(0.01, 0.04)
-    if law in ("wiener", "gamma"):
-        return _process(law, life, rng.uniform(0.05, 0.25), 0.25 * noise, rng)
+    seen = {"wiener": 0.25 * noise, "gamma": 0.0, "noisy gamma": noise}
+    if law in seen:
+        return _process(law, life, rng.uniform(0.05, 0.25), seen[law], rng)
     at = np.arange(1, VALUES + PAST + 1) / VALUES * life
     s, onset = at / life, 0.0
     if law == "linear":
@@ -72,5 +87,49 @@ def _process(
     path = np.cumsum(step)
     end = int(np.argmax(path >= 1.0)) + 1
     rows = (np.arange(1, VALUES + PAST + 1) / VALUES * end).astype(int) - 1
-    value = path[rows] + (noise if law == "wiener" else 0.0) * rng.standard_normal(len(rows))
+    value = path[rows] + noise * rng.standard_normal(len(rows))
     return Planted((rows + 1) * dt, value, end * dt, 0.0, path[rows])
+
+
+def _plant_stranger(kind: str, rng: np.random.Generator) -> Planted:
+    life = LIFE * np.exp(SPREAD * rng.standard_normal())
+    noise = rng.uniform(0.01, 0.04)
+    s = np.arange(1, VALUES + PAST + 1) / VALUES
+    if kind == "regeneration":
+        s, level = _regenerating(rng)
+    else:
+        level = _stranger(kind, np.minimum(s, 2.0 - s), rng)
+        level = np.where(s > 1.0, 2.0 - level, level)  # past its end mirrored: a crack has none
+    value = level + noise * rng.standard_normal(len(level))
+    return Planted(s * life, value, life, 0.0, level)
+
+
+def _stranger(kind: str, s: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """The level at shares ``s`` of the life, 1 at most."""
+    if kind == "crack":
+        p, start = rng.uniform(2.5, 4.0) / 2.0 - 1.0, rng.uniform(0.1, 0.4)
+        whole = start**-p
+        return np.asarray((whole - (whole - 1.0) * s) ** (-1.0 / p))
+    top = rng.uniform(1.15, 2.0)
+    if kind == "logistic":
+        start = rng.uniform(0.02, 0.1)
+        rise = ((top - start) / (start * (top - 1.0))) ** s
+        return np.asarray(top * start * rise / (top + start * (rise - 1.0)))
+    if kind == "saturating":
+        return np.asarray(top * (1.0 - (1.0 - 1.0 / top) ** s))
+    at, steep = rng.uniform(0.6, 0.9), rng.uniform(3.0, 10.0)
+    level = s + (steep - 1.0) * np.maximum(s - at, 0.0)
+    return np.asarray(level / (1.0 + (steep - 1.0) * (1.0 - at)))
+
+
+def _regenerating(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """(shares of the life, level): a bent line from which some is recovered for a while."""
+    fine = np.linspace(0.0, 2.0, 8001)
+    wear = fine ** rng.uniform(0.7, 1.5)
+    for at in np.cumsum(rng.exponential(1.0 / 8.0, 32)):
+        since = fine - at
+        lost = np.exp(-np.maximum(since, 0.0) / rng.uniform(0.02, 0.04))
+        wear -= np.where(since >= 0.0, rng.uniform(0.02, 0.06) * lost, 0.0)
+    end = int(np.argmax(wear >= 1.0))
+    rows = np.round(np.arange(1, VALUES + PAST + 1) / VALUES * end).astype(int)
+    return fine[rows] / fine[end], wear[rows]

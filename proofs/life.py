@@ -1,6 +1,6 @@
 """Predicted lives of planted degradations: `python -m proofs.life [SERIES] [--law LAW ...]`.
 
-Six laws (see `proofs/_planted.py`), cuts at 30, 50, 70 and 90 % of each life, at least 500 series
+Seven laws (see `proofs/_planted.py`), cuts at 30, 50, 70 and 90 % of each life, at least 500 series
 per law and cut. The predictor does not know which law planted a series, nor its parameters.
 
 *With a fleet*: each group of series has a fleet of 24 like machines that ran to their end; lives,
@@ -24,10 +24,10 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from proofs._planted import LAWS, LIFE, SPREAD, Planted, plant, wiener
+from proofs._planted import LAWS, LIFE, SPREAD, STRANGERS, Planted, plant, wiener
 from scipy.stats import invgauss
 
-from evertwin.prognosis import Fleet, Indicator, Life, Limit, NotEnough, learn, predict_life
+from evertwin.prognosis import Indicator, Life, Limit, NotEnough, learn, predict_life
 from evertwin.prognosis.metrics import covers, crps, dummy, horizon, relative_accuracy, within
 
 CUTS = (0.3, 0.5, 0.7, 0.9)
@@ -75,12 +75,14 @@ def said(life: Life | NotEnough, series: Planted, now: float) -> Said:
     )  # fmt: skip
 
 
-def groups(law: str, count: int, seed: int) -> Iterator[tuple[Fleet, list[Planted]]]:
-    """(fleet, series) until at least ``count`` series were given."""
-    for k in range(-(-count // GROUP)):
-        rng = np.random.default_rng([seed, LAWS.index(law), k])
+def groups(
+    law: str, count: int, seed: int, each: int = GROUP
+) -> Iterator[tuple[list[Indicator], list[Planted]]]:
+    """(histories of a fleet, ``each`` series) until at least ``count`` series were given."""
+    for k in range(-(-count // each)):
+        rng = np.random.default_rng([seed, (*LAWS, *STRANGERS).index(law), k])
         machines = [indicator(plant(law, rng), np.inf) for _ in range(FLEET)]
-        yield learn(machines), [plant(law, rng) for _ in range(GROUP)]
+        yield machines, [plant(law, rng) for _ in range(each)]
 
 
 def cover(law: str, count: int, seed: int) -> bool:
@@ -89,7 +91,8 @@ def cover(law: str, count: int, seed: int) -> bool:
     early: dict[float, list[bool]] = defaultdict(list)
     horizons: dict[str, list[float]] = defaultdict(list)
     # At the first cut the onset lies ahead of a third of the two-phase series.
-    for fleet, series in groups(law, 8 * count // 5 if law == "two-phase" else count, seed):
+    for machines, series in groups(law, 8 * count // 5 if law == "two-phase" else count, seed):
+        fleet = learn(machines)
         for one in series:
             medians: dict[str, list[float]] = defaultdict(list)
             for cut in CUTS:
