@@ -56,7 +56,8 @@ def tool(
         if chain.sliding[j]:
             jacobian[:3, j] = axis
         else:
-            jacobian[:3, j] = np.cross(axis, frame[:3, 3] - place)
+            (x, y, z), (a, b, c) = axis.tolist(), (frame[:3, 3] - place).tolist()
+            jacobian[:3, j] = y * c - z * b, z * a - x * c, x * b - y * a
             jacobian[3:, j] = axis
     return frame, jacobian
 

@@ -8,11 +8,13 @@ from the path itself (``tool, off the path``), which leaves out what is only lat
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
+from scipy.interpolate import CubicHermiteSpline
 
 from evertwin.config.scenario import PathSpec
 from evertwin.errors import UsageError
@@ -32,16 +34,21 @@ DRAWS = 16
 """Runs beside the one with the values as they are, at most."""
 TAIL, TAIL_OF_DRAWS = 1.96, 2.12
 """95 % of a normal distribution; of Student's with `DRAWS` degrees of freedom."""
+FINE = 1e-3
+"""Longest time from one set-point to the next [s]."""
 SETTLE = 1.0
 """How long the arm stands at the start before it moves [s]."""
 
 
 class _Run(NamedTuple):
+    """What the controllers are told, in rows of `FINE` at most."""
+
     u: Inputs
     dt: Intervals
-    start: Vector
-    rows: int
-    """Rows of the path; those before them are the settling."""
+    path: Float64[np.ndarray, "rows joints"]
+    """Planned joint positions in the rows of the path."""
+    rows: Int64[np.ndarray, " rows"]
+    """Which of the rows those are; before the first of them the arm settles."""
 
 
 def followed(
@@ -62,12 +69,12 @@ def followed(
     if isinstance(forward, str):
         return {}, (forward,)
     run = _set_points(case, forward.model, chain.n)
-    planned = tips(chain, run.u[-run.rows :, : chain.n])
+    planned = tips(chain, run.path)
     ps, reach = _around(case)
     gone = np.stack([_tool(forward.model, chain, run, forward.of(p)) for p in ps])
     if not np.isfinite(gone[0]).all():
         return {}, ("path error: the controllers do not hold the arm: change their gains",)
-    t = np.cumsum(run.dt[-run.rows :])
+    t = case.future.t
     late = np.linalg.norm(gone - planned, axis=2)
     off = np.stack([apart(one, planned) for one in gone])
     notes = forward.notes
@@ -105,23 +112,29 @@ def _set_points(case: Case, model: Model, n: int) -> _Run:
     if unknown:
         raise UsageError(f"path error: the path does not tell {', '.join(unknown)}")
     u = future.u[:, [names.index(name) for name in wanted]]
-    dt = np.asarray(future.dt)
-    step = float(np.median(dt))
-    still = np.repeat(u[:1], max(round(SETTLE / step), 1), axis=0)
+    step, parts = float(np.median(future.dt)), max(math.ceil(np.median(future.dt) / FINE), 1)
+    # between the rows of the path the set-points go on smoothly, as those of a controller do
+    course: Any = CubicHermiteSpline(future.t, u[:, :n], u[:, n : 2 * n])
+    within = np.repeat(future.dt[1:] / parts, parts)
+    ends = future.t[0] + np.cumsum(within)
+    moving = np.repeat(u[1:], parts, axis=0)
+    # a position is reached at the end of its row, at the speed of the whole row
+    moving[:, :n], moving[:, n : 2 * n] = course(ends), course(ends - 0.5 * within, 1)
+    still = np.repeat(u[:1], 1 + max(round(SETTLE / step), 1), axis=0)
     still[:, n : 2 * n] = 0.0
     return _Run(
-        np.ascontiguousarray(np.concatenate([still, u])),
-        np.concatenate([np.full(len(still), step), dt]), u[0, :n], len(u),
+        np.concatenate([still, moving]), np.concatenate([np.full(len(still), step), within]),
+        u[:, :n], len(still) - 1 + parts * np.arange(len(u)),
     )  # fmt: skip
 
 
 def _tool(model: Model, chain: Chain, run: _Run, p: ParameterVector) -> Float64[np.ndarray, "n 3"]:
     """Where the tool is in each row of the path [m]."""
     y0 = np.full(len(model.outputs), np.nan)
-    y0[: chain.n], y0[chain.n : 2 * chain.n] = run.start, 0.0
+    y0[: chain.n], y0[chain.n : 2 * chain.n] = run.path[0], 0.0
     x = model.observe(model.initial(p), y0)
     _, y = model.simulate(x, run.u, run.dt, p)
-    return tips(chain, y[-run.rows :, : chain.n])
+    return tips(chain, y[run.rows, : chain.n])
 
 
 def apart(
