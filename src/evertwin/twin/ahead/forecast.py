@@ -11,24 +11,27 @@ sources, each from where it is known:
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from evertwin.fold import plain
+from evertwin.fold import Block, plain
 from evertwin.signals import wrap
 from evertwin.twin.ahead.basis import Basis, draws, state_after, through
 from evertwin.twin.ahead.future import Future, Mode, coming
 from evertwin.twin.ahead.spread import spread
 from evertwin.twin.feed import Data
-from evertwin.types import Inputs, Json, Vector
+from evertwin.types import Inputs, Json, Outputs, Vector
 
 __all__ = ["Forecast", "ForecastOutput", "forecast"]
 
 DRAWS = 64
 """Parameter vectors that the band's share of the parameters is taken from."""
+LARGEST = 20_000_000
+"""Most numbers that are simulated at once."""
 SHOWN = 10
 
 
@@ -50,6 +53,8 @@ class ForecastOutput:
     """Standard deviation by the parameters' uncertainty, (n,)."""
     factor: tuple[float, float] = (1.2816, 1.96)
     """How many σ hold 80 % and 95 %."""
+    angle: bool = False
+    """Its band is a whole turn at most."""
 
     @property
     def sigma(self) -> Vector:
@@ -59,6 +64,7 @@ class ForecastOutput:
     def band(self, level: float) -> tuple[Vector, Vector]:
         """Lower and upper end that hold ``level`` (0.8 or 0.95) of what will be measured."""
         half = self.factor[0 if level < 0.9 else 1] * self.sigma
+        half = np.minimum(half, np.pi) if self.angle else half
         return self.value - half, self.value + half
 
 
@@ -79,6 +85,8 @@ class Forecast:
     """``repeat``, ``hold`` or ``planned``: where the inputs come from."""
     stretches: int
     """Open-loop stretches of recorded data that the band rests on."""
+    learnt: float = np.inf
+    """How long they are [s]; the band beyond is extrapolated."""
     inputs: Inputs = field(default_factory=lambda: np.zeros((0, 0)), repr=False)
 
     @property
@@ -99,26 +107,41 @@ class Forecast:
         content: dict[str, Any] = {
             "schema": "evertwin.forecast/1", "name": self.name, "version": self.version,
             "horizon": self.horizon, "inputs": self.mode, "stretches": self.stretches,
-            "t": self.t, "outputs": outputs,
+            "learnt_over": self.learnt, "t": self.t, "outputs": outputs,
         }  # fmt: skip
         return plain(content)  # type: ignore[return-value]
 
     def __str__(self) -> str:
         """A few rows of each output."""
+        configured = " (as configured)" if self.version == 0 else ""
         lines = [
-            f"{self.name}, version {self.version}: {self.horizon:g} s ahead, inputs: {self.mode}; "
-            f"band from {self.stretches} open-loop stretches"
+            f"{self.name}, version {self.version}{configured}: {self.horizon:g} s ahead, inputs: "
+            f"{self.mode}; band from {self.stretches} open-loop stretches of {self.learnt:.3g} s"
         ]
+        if self.horizon > self.learnt * 1.01:
+            lines.append(
+                f"beyond {self.learnt:.3g} s the band is extrapolated: longer recordings tell more"
+            )
         places = np.unique(np.linspace(0, len(self.t) - 1, min(SHOWN, len(self.t))).astype(int))
         for name, out in self.outputs.items():
             lines.append(f"{name} [{out.unit}]       value   80 %                     95 %")
-            (low80, high80), (low95, high95) = out.band(0.8), out.band(0.95)
-            lines += [
-                f"  {self.t[i]:8.3g} s {out.value[i]:11.5g}   {low80[i]:10.4g} … {high80[i]:<10.4g}"
-                f" {low95[i]:10.4g} … {high95[i]:.4g}"
-                for i in places.tolist()
-            ]
+            bands = (*out.band(0.8), *out.band(0.95))
+            for i in places.tolist():
+                ends = [float(end[i]) for end in bands]
+                digits = _digits(ends[1] - ends[0])
+                value, *said = (f"{x:.{digits}f}" for x in (float(out.value[i]), *ends))
+                lines.append(
+                    f"  {self.t[i]:8.4g} s {value:>11}   {said[0]:>10} … {said[1]:<10} "
+                    f"{said[2]:>10} … {said[3]}"
+                )
         return "\n".join(lines)
+
+
+def _digits(width: float) -> int:
+    """Decimals that show a band of this width with two digits or more."""
+    if not (np.isfinite(width) and width > 0.0):
+        return 4
+    return min(max(1 - math.floor(math.log10(width)), 0), 12)
 
 
 def forecast(
@@ -141,22 +164,33 @@ def forecast(
     rows, model, p = basis.rows(data), basis.model, basis.p
     future = coming(rows[-1], horizon, mode) if inputs is None else inputs
     known = spread(model, p, rows, float(future.t[-1]))
-    drawn = np.concatenate([p[None], draws(model, p, basis.sigma, DRAWS, seed=1)])
-    starts = [state_after(model, one, rows[-1]) for one in drawn]
-    if not np.any(basis.sigma > 0.0):
-        drawn, starts = drawn[:1], starts[:1]
-    y = through(model, starts, drawn, future.u, future.dt)
-    apart = wrap((y - y[0]).reshape(-1, y.shape[2]), model.outputs.angles).reshape(y.shape)
-    by_p = np.sqrt(np.mean(apart[1:] ** 2, axis=0)) if len(y) > 1 else np.zeros_like(y[0])
+    y, by_p = _simulated(basis, rows[-1], future)
     sigma = known.sigma(future.t)
     outputs = {
         channel.name: ForecastOutput(
-            channel.unit, y[0][:, k], sigma[:, k], by_p[:, k],
-            (float(known.factor[k, 0]), float(known.factor[k, 1])),
+            channel.unit, y[:, k], sigma[:, k], by_p[:, k],
+            (float(known.factor[k, 0]), float(known.factor[k, 1])), bool(model.outputs.angles[k]),
         )
         for k, channel in enumerate(model.outputs)
     }  # fmt: skip
     found = Forecast(
-        basis.setup.spec.name, basis.champion, future.t, outputs, mode, known.stretches, future.u
-    )
+        basis.setup.spec.name, basis.champion, future.t, outputs, mode, known.stretches,
+        known.length, future.u,
+    )  # fmt: skip
     return found if inputs is None else replace(found, mode="planned")
+
+
+def _simulated(basis: Basis, newest: Block, future: Future) -> tuple[Outputs, Outputs]:
+    """Outputs, and what the parameters leave open of them as standard deviations, (n, ny) each."""
+    model, p = basis.model, basis.p
+    y = through(model, [state_after(model, p, newest)], p[None], future.u, future.dt)[0]
+    if not np.any(basis.sigma > 0.0):
+        return y, np.zeros_like(y)
+    drawn = draws(model, p, basis.sigma, DRAWS, seed=1)
+    square, at_once = np.zeros_like(y), max(LARGEST // y.size, 1)
+    for first in range(0, DRAWS, at_once):
+        some = drawn[first : first + at_once]
+        starts = [state_after(model, one, newest) for one in some]
+        for one in through(model, starts, some, future.u, future.dt):
+            square += wrap(one - y, model.outputs.angles) ** 2
+    return y, np.sqrt(square / DRAWS)

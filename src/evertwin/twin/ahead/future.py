@@ -24,7 +24,7 @@ from evertwin.types import Inputs, Intervals, Vector
 __all__ = ["Future", "Mode", "coming", "planned"]
 
 Mode = Literal["repeat", "hold"]
-LARGEST = 5_000_000
+LARGEST = 1_000_000
 """Most rows of a forecast."""
 
 
@@ -67,6 +67,7 @@ def coming(last: Block, horizon: float, mode: Mode) -> Future:
     back = np.cumsum(dt[::-1])
     n = min(int(np.searchsorted(back, horizon * (1 - 1e-9))) + 1, len(u))
     u, dt = u[len(u) - n :], dt[len(dt) - n :]
+    _count(horizon / float(dt.mean()))
     times = _count(horizon / float(dt.sum()))
     u, dt = np.tile(u, (times, 1)), np.tile(dt, times)
     stop = int(np.searchsorted(np.cumsum(dt), horizon * (1 - 1e-9))) + 1

@@ -85,9 +85,12 @@ class Spread:
         """
         a, b, c = np.sqrt(self.law.T)
         size = (count, len(dt), len(a))
-        walk = np.sqrt(dt)[:, None] * rng.standard_normal(size)
-        rate = np.cumsum(dt)[:, None] * rng.standard_normal((count, 1, len(a)))
-        found = a * rng.standard_normal(size) + b * np.cumsum(walk, axis=1) + c * rate
+        found = a * rng.standard_normal(size)
+        if b.any():
+            walk = np.sqrt(dt)[:, None] * rng.standard_normal(size)
+            found += b * np.cumsum(walk, axis=1)
+        if c.any():
+            found += c * np.cumsum(dt)[:, None] * rng.standard_normal((count, 1, len(a)))
         return np.asarray(found * self.factor[:, 1] / BELL)
 
 
