@@ -135,8 +135,8 @@ def _with_payload(basis: Basis, case: Case) -> Case:
         base = model_of(replace(spec, model=replace(spec.model, options=options)))
     except (UsageError, ConfigError) as error:
         raise UsageError(
-            f"load: a model of kind {spec.model.kind!r} carries no payload: name its mass under "
-            f"parameters ({error})"
+            f"load: a model of kind {spec.model.kind!r} carries no payload: change its mass under "
+            "parameters"
         ) from error
     model: Model = build(base, basis.version.form)
     old = dict(zip(case.model.parameters.names, case.p.tolist(), strict=True))
