@@ -8,19 +8,37 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from evertwin import Twin
 from evertwin.config.prognosis import IndicatorSpec
 from evertwin.config.scenario import SCENARIO
 from evertwin.errors import ConfigError, DataError
 from evertwin.models import Parameters
-from evertwin.prognosis import Limit, NotEnough, predict_life
+from evertwin.prognosis import Life, Limit, NotEnough, predict_life
 from evertwin.signals.units import si_unit
 from evertwin.twin.ahead.filed import of_table
 from evertwin.twin.ahead.health import indicator_of
-from evertwin.twin.ahead.known import Known
+from evertwin.twin.ahead.known import Known, in_unit
+from evertwin.twin.ahead.limits import limit_of
 from evertwin.twin.ahead.table import parse, read_table
 
 WEAR = IndicatorSpec("wear", component="gearbox1", unit="Nm", limit=9.0)
 PARTS = ("gearbox1", "motor")
+CELL = """schema = 1
+name = "cell"
+[model]
+kind = "robot1d"
+[[source]]
+name = "log"
+time = { column = "t", unit = "s" }
+channels.v = { column = "v", unit = "m/s" }
+channels.x = { column = "x", unit = "m" }
+[[indicator]]
+name = "capacity"
+component = "cell"
+unit = "Ah"
+limit = 1.4
+direction = "below"
+"""
 
 
 def told(text: str, clock: str = "run", rule: IndicatorSpec = WEAR) -> Known:
@@ -143,6 +161,43 @@ def test_a_unit_is_that_of_the_indicator() -> None:
     bare = told("run,wear [kNm]\n1,0.002", rule=replace(WEAR, unit=""))
     found = indicator_of(replace(WEAR, unit=""), bare, Limit(9.0), "run", Parameters(()))
     assert found.value[0] == pytest.approx(2.0) and found.unit == si_unit("kNm")
+
+
+def test_a_limit_in_another_unit_than_si_is_that_of_the_values(tmp_path: Path) -> None:
+    """1.4 Ah end the life of a capacity of 1.8 Ah that loses 0.01 Ah a run, in run 41."""
+    (tmp_path / "cell.toml").write_text(CELL)
+    rows = [f"{k + 1},{1.8 - 0.01 * k}" for k in range(20)]
+    (tmp_path / "h.csv").write_text("run,capacity\n" + "\n".join(rows))
+    finer = [f"{k + 1},{1000 * (1.8 - 0.01 * k)}" for k in range(20)]
+    (tmp_path / "f.csv").write_text("run,capacity [mAh]\n" + "\n".join(finer))
+    with Twin.open(tmp_path / "cell.toml") as twin:
+        for name in ("h.csv", "f.csv"):
+            one = twin.life(tmp_path / name).components["cell"]
+            assert one.indicator.limit.value == pytest.approx(1.4)
+            assert one.indicator.shown(one.indicator.value[-1]) == "1.61 Ah"
+            assert isinstance(one.life, Life) and one.life.median == pytest.approx(21.0, abs=0.3)
+
+
+def test_what_the_twin_tuned_is_told_in_the_unit_of_the_indicator() -> None:
+    rule = IndicatorSpec("wear", parameter="Fc", unit="kNm", limit=9000.0)  # settings are SI
+    plain = Known(
+        np.arange(2.0), np.array([1000.0, 2000.0]), np.array([10.0, 10.0]), {}, {}, None, ()
+    )
+    found = in_unit(rule, plain)
+    assert found.value == pytest.approx([1.0, 2.0]) and found.sigma == pytest.approx([0.01, 0.01])
+    assert limit_of(rule, {}, None).value == pytest.approx(9.0)
+    assert limit_of(replace(rule, limit=None), {"Fc": Limit(8000.0)}, None).value == pytest.approx(
+        8
+    )
+
+
+def test_a_standard_deviation_is_in_the_unit_of_its_values() -> None:
+    both = told("run,wear [kNm],wear.sigma [Nm]\n1,0.002,3")
+    assert both.value[0] == pytest.approx(2.0) and both.sigma[0] == 3.0
+    finer = told("run,wear [kNm],sigma [Nm]\n1,2,3", rule=replace(WEAR, unit="kNm"))
+    assert finer.value[0] == pytest.approx(2.0) and finer.sigma[0] == pytest.approx(0.003)
+    with pytest.raises(DataError, match="expected a unit in both headings, wear and sigma"):
+        told("run,wear [kNm],sigma\n1,0.002,3")
 
 
 def test_work_done_never_falls() -> None:

@@ -22,7 +22,7 @@ from evertwin.config.prognosis import IndicatorSpec
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import Event
 from evertwin.signals.channels import position
-from evertwin.signals.units import compatible, from_si
+from evertwin.signals.units import compatible, conversion, from_si
 from evertwin.twin.ahead.history import UNITS
 from evertwin.twin.ahead.known import Known, component_of, marks_of, warm_of
 from evertwin.twin.ahead.marks import written
@@ -68,7 +68,7 @@ def of_table(
     """
     name, value, unit = _value(rule, table)
     counted = _counted(table, clock)
-    sigma = _sigma(table, name)
+    sigma = _sigma(table, name, rule)
     whose = component_of(rule)
     marks, told = written(table, whose, counted.at, {whose, *components})
     order = np.argsort(counted.at, kind="stable")
@@ -157,8 +157,8 @@ def _whole(table: Table, name: str) -> Vector:
     return at
 
 
-def _sigma(table: Table, name: str) -> Vector:
-    """Standard deviations; NaN where none is known."""
+def _sigma(table: Table, name: str, rule: IndicatorSpec) -> Vector:
+    """Standard deviations in the unit of the values; NaN where none is known."""
     there = (*table.names, *table.text)
     column = next((c for c in (f"{name}.sigma", "sigma") if c in there), None)
     if column is None:
@@ -170,7 +170,11 @@ def _sigma(table: Table, name: str) -> Vector:
             f"{table.name}:{table.lines[k]}: {column}: expected a standard deviation above 0, got "
             f"{sigma[k]:g}: leave the cell empty where it is not known"
         )
-    return sigma
+    if (name in table.units) != (column in table.units):
+        raise DataError(
+            f"{table.name}: expected a unit in both headings, {name} and {column}, or in none"
+        )
+    return sigma / conversion(rule.unit)[0] if rule.unit and column in table.units else sigma
 
 
 def _unsorted(table: Table, counted: Counted) -> tuple[str, ...]:

@@ -20,7 +20,7 @@ from evertwin.signals.units import compatible
 from evertwin.twin.ahead.filed import of_table
 from evertwin.twin.ahead.formula import Formula
 from evertwin.twin.ahead.history import History
-from evertwin.twin.ahead.known import Known, component_of, marks_of, warm_of
+from evertwin.twin.ahead.known import Known, component_of, in_unit, marks_of, warm_of
 from evertwin.twin.ahead.table import Table, read_table
 from evertwin.types import Vector
 
@@ -70,7 +70,7 @@ def series_of(
     adds = {name: found.beside(name, at) for name in rule.covariates}
     multiplies = {name: found.beside(name, at) for name in rule.factors}
     multiplies |= warm_of(rule, found.since_start(at))
-    return Known(at, value, sigma, adds, multiplies, None, marks)
+    return in_unit(rule, Known(at, value, sigma, adds, multiplies, None, marks))
 
 
 def _through(

@@ -10,9 +10,10 @@ import numpy as np
 from evertwin.config.prognosis import IndicatorSpec
 from evertwin.fold import Event
 from evertwin.prognosis import Maintenance
+from evertwin.signals.units import conversion, from_si
 from evertwin.types import Vector
 
-__all__ = ["Known", "component_of", "marks_of", "warm_of"]
+__all__ = ["Known", "component_of", "in_unit", "marks_of", "warm_of"]
 
 
 class Known(NamedTuple):
@@ -38,6 +39,14 @@ class Known(NamedTuple):
 def component_of(rule: IndicatorSpec) -> str:
     """The component whose life an indicator tells."""
     return rule.component or rule.name
+
+
+def in_unit(rule: IndicatorSpec, known: Known) -> Known:
+    """A series of SI values in the unit that the indicator is told in."""
+    if not rule.unit:
+        return known
+    value = np.asarray(from_si(known.value, rule.unit), dtype=np.float64)
+    return known._replace(value=value, sigma=known.sigma / conversion(rule.unit)[0])
 
 
 def warm_of(rule: IndicatorSpec, since_start: Vector) -> dict[str, Vector]:

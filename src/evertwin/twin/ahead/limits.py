@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -20,6 +21,7 @@ from evertwin.errors import ConfigError, UsageError
 from evertwin.models import Model
 from evertwin.prognosis import Limit
 from evertwin.signals import wrap
+from evertwin.signals.units import from_si
 from evertwin.twin.ahead.future import Future
 from evertwin.types import ParameterVector
 
@@ -30,11 +32,17 @@ DOUBLINGS = 60
 
 
 def limit_of(rule: IndicatorSpec, broken_down: Mapping[str, Limit], felt: float | None) -> Limit:
-    """The limit of an indicator: by hand, by accuracy (``felt``), or by the breakdown.
+    """The limit of an indicator: by hand, by accuracy (``felt``), or by the breakdown; in its unit.
 
     Raises:
         ConfigError: nothing says where its life ends.
     """
+    found = _limit(rule, broken_down, felt)
+    return replace(found, value=float(from_si(found.value, rule.unit))) if rule.unit else found
+
+
+def _limit(rule: IndicatorSpec, broken_down: Mapping[str, Limit], felt: float | None) -> Limit:
+    """The same in SI, as settings are."""
     if rule.limit is not None:
         return Limit(rule.limit, rule.direction, "by hand")
     if rule.accuracy is not None:

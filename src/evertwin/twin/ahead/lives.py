@@ -30,6 +30,7 @@ from evertwin.prognosis import (
 from evertwin.prognosis.alarms import Alarm, alarm_of
 from evertwin.prognosis.document import component, document
 from evertwin.prognosis.laws import LAWS
+from evertwin.signals.units import to_si
 from evertwin.twin.ahead.basis import Basis
 from evertwin.twin.ahead.component import ComponentLife
 from evertwin.twin.ahead.course import Course, course
@@ -191,7 +192,7 @@ class Prospect:
     def _felt(self, rule: IndicatorSpec, known: Known) -> float | None:
         if rule.accuracy is None or rule.limit is not None or rule.parameter is None:
             return None
-        first = known.value[:1].tolist()
+        first = [to_si(x, rule.unit) if rule.unit else x for x in known.value[:1].tolist()]
         new = first[0] if first else self.basis.setup.model.parameters[rule.parameter].value
         case = self.today.case
         return accuracy_limit(case.model, case.p, case.future, rule, new)

@@ -9,6 +9,7 @@ from typing import Any
 from evertwin.config.scenario import ChangeSpec, ScenarioSpec
 from evertwin.errors import UsageError
 from evertwin.prognosis import Life, Workload
+from evertwin.signals.units import to_si
 from evertwin.twin.ahead.changes import Case, changed
 from evertwin.twin.ahead.component import ComponentLife
 from evertwin.twin.ahead.history import UNITS
@@ -63,8 +64,10 @@ def _worn(
         if name is None or one.course is None:
             continue
         item = case.model.parameters[name]
-        ends = sorted(one.course.value(after, p) for p in (0.025, 0.975))
-        middle = one.course.value(after, 0.5)
+        quantiles = [one.course.value(after, p) for p in (0.025, 0.5, 0.975)]
+        if one.rule.unit:  # a parameter is in SI
+            quantiles = [to_si(x, one.rule.unit) for x in quantiles]
+        ends, middle = sorted(quantiles[::2]), quantiles[1]
         found[name] = {
             "from": float(case.p[case.model.parameters.index(name)]),
             "to": min(max(middle, item.low), item.high), "low95": ends[0], "high95": ends[1],
