@@ -31,12 +31,11 @@ from evertwin.machines.assembly import onward, shared
 from evertwin.machines.assembly.boxed import box_channels, box_plan, box_start, box_states
 from evertwin.machines.assembly.inverse import heat_channels
 from evertwin.machines.assembly.join import Axis, Train
-from evertwin.machines.assembly.ladder import joints_of, law_of_axis, rungs_of
+from evertwin.machines.assembly.ladder import Laddered
 from evertwin.machines.assembly.path import Joints, Limits, Motion, moves_of, plan
 from evertwin.machines.assembly.plan import Columns, Places, context_of
 from evertwin.machines.assembly.sensors import Sensor, sensors_of
 from evertwin.machines.assembly.shared import QUANTITIES
-from evertwin.machines.friction import Rung
 from evertwin.models import Kernel, Parameters, Restart, roll
 from evertwin.settings.quantity import in_unit
 from evertwin.signals import Channel, Layout
@@ -140,7 +139,7 @@ def _check(train: Train) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class Forward:
+class Forward(Laddered):
     """See the module. Built by `forward`.
 
     >>> hasattr(Forward, "regressor")
@@ -285,19 +284,6 @@ class Forward:
     ) -> tuple[StateVector, Outputs]:
         """State after the last row and the outputs of every row."""
         return roll(self._kernel, x, u, dt, p, Restart.never(len(u), len(self.outputs)))
-
-    def rungs(self) -> tuple[Rung, ...]:
-        """Steps up the ladders of friction laws; each has to pay on unseen data."""
-        return rungs_of(self.train)
-
-    def law_name(self, output: int, terms: Sequence[str]) -> str:
-        """The law of an axis' friction that has these of its terms."""
-        return law_of_axis(self.train, output, terms)
-
-    @property
-    def joints(self) -> tuple[str, ...]:
-        """Names of the axes."""
-        return joints_of(self.train)
 
 
 def _at(names: Sequence[str], name: str) -> int:

@@ -39,11 +39,10 @@ from evertwin.machines.assembly.boxed import (
 )
 from evertwin.machines.assembly.columns import Column, axis_columns, features, scales
 from evertwin.machines.assembly.join import Train
-from evertwin.machines.assembly.ladder import joints_of, law_of_axis, rungs_of
+from evertwin.machines.assembly.ladder import Laddered
 from evertwin.machines.assembly.plan import Columns, Places, context_of
 from evertwin.machines.assembly.sensors import Sensor, sensors_of
 from evertwin.machines.assembly.shared import QUANTITIES
-from evertwin.machines.friction import Rung
 from evertwin.models import Kernel, Parameters, Restart, roll
 from evertwin.signals import Channel, Layout
 from evertwin.signals.channels import position
@@ -216,7 +215,7 @@ class Inverse:
 
 
 @dataclass(frozen=True, eq=False)
-class StaticInverse(Inverse):
+class StaticInverse(Laddered, Inverse):
     """An inverse reading without states: linear in inertias and friction.
 
     >>> hasattr(StaticInverse, "regressor")
@@ -256,19 +255,6 @@ class StaticInverse(Inverse):
         rest = p.copy()
         rest[np.unique(places[places >= 0])] = 0.0
         return self.simulate(x, u, dt, rest)[1], phi
-
-    def rungs(self) -> tuple[Rung, ...]:
-        """Steps up the ladders of friction laws; each has to pay on unseen data."""
-        return rungs_of(self.train)
-
-    def law_name(self, output: int, terms: Sequence[str]) -> str:
-        """The law of an axis' friction that has these of its terms."""
-        return law_of_axis(self.train, output, terms)
-
-    @property
-    def joints(self) -> tuple[str, ...]:
-        """Names of the axes."""
-        return joints_of(self.train)
 
 
 def _index(names: Sequence[str], name: str) -> int:

@@ -1,9 +1,10 @@
 """The ladder of friction laws of an assembly: steps by component, each for its axis.
 
 >>> from evertwin.machines.assembly.join import join
->>> train = join([{"name": "table", "kind": "mass", "axis": 1},
-...               {"name": "guide", "kind": "guide", "axis": 1, "friction": "sign+direction"}])
->>> rungs_of(train)[0].add, law_of_axis(train, 0, ()), joints_of(train)
+>>> axis = Laddered()
+>>> axis.train = join([{"name": "table", "kind": "mass", "axis": 1},
+...     {"name": "guide", "kind": "guide", "axis": 1, "friction": "sign+direction"}])
+>>> axis.rungs()[0].add, axis.law_name(0, ()), axis.joints
 (('guide.Fv_back',), 'sign', ('table',))
 """
 
@@ -14,38 +15,46 @@ from collections.abc import Sequence
 from evertwin.machines.assembly.join import Rub, Train
 from evertwin.machines.friction import Rung
 
-__all__ = ["joints_of", "law_of_axis", "rungs_of"]
+__all__ = ["Laddered"]
+
+
+class Laddered:
+    """Base of readings whose friction laws are chosen on unseen data. See the module.
+
+    >>> Laddered.__name__
+    'Laddered'
+    """
+
+    train: Train
+
+    def rungs(self) -> tuple[Rung, ...]:
+        """Steps up the ladders; each has to pay on unseen data of its axis' output."""
+        found: list[Rung] = []
+        for rub in _first(self.train).values():
+            steps = list(rub.law.rungs())
+            steps += [Rung("temperature", ("Fv_T", "Fc_T"))] if rub.temperature else []
+            for step in steps:
+                names = tuple(f"{rub.name}.{name}" for name in step.add)
+                found.append(Rung(step.name, names, rub.axis))
+        return tuple(found)
+
+    def law_name(self, output: int, terms: Sequence[str]) -> str:
+        """The law of an axis' friction that has these of its terms; empty where nothing rubs."""
+        rub = _first(self.train).get(output)
+        if rub is None:
+            return ""
+        warm = "+temperature" if "temperature" in terms else ""
+        return f"{rub.law.only(terms)}{warm}"
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the axes: an arm's joints, or what moves on them."""
+        if self.train.chain is not None:
+            return self.train.chain.joints
+        return tuple(axis.structure.name for axis in self.train.axes if axis.structure is not None)
 
 
 def _first(train: Train) -> dict[int, Rub]:
     """One friction for each axis: the one that its ladder is climbed with."""
     first = {rub.axis: rub for rub in reversed(train.rubs)}
     return {j: first[j] for j in sorted(first)}
-
-
-def rungs_of(train: Train) -> tuple[Rung, ...]:
-    """Steps up the ladders; each has to pay on unseen data of its axis' output."""
-    found: list[Rung] = []
-    for rub in _first(train).values():
-        steps = list(rub.law.rungs())
-        steps += [Rung("temperature", ("Fv_T", "Fc_T"))] if rub.temperature else []
-        for step in steps:
-            names = tuple(f"{rub.name}.{name}" for name in step.add)
-            found.append(Rung(step.name, names, rub.axis))
-    return tuple(found)
-
-
-def law_of_axis(train: Train, axis: int, terms: Sequence[str]) -> str:
-    """The law of an axis' friction that has these of its terms; empty where nothing rubs."""
-    rub = _first(train).get(axis)
-    if rub is None:
-        return ""
-    warm = "+temperature" if "temperature" in terms else ""
-    return f"{rub.law.only(terms)}{warm}"
-
-
-def joints_of(train: Train) -> tuple[str, ...]:
-    """Names of the axes: an arm's joints, or what moves on them."""
-    if train.chain is not None:
-        return train.chain.joints
-    return tuple(axis.structure.name for axis in train.axes if axis.structure is not None)
