@@ -191,7 +191,7 @@ def test_what_lacks_is_said() -> None:
             twin_of(lines()).whatif(told(wrong), recording())
     with pytest.raises(ConfigError, match="controller: expected a table"):
         told("controller = 3")
-    wild = whatif(lines(), 5000.0, 4.0)
+    wild = whatif(lines(), 20.0, 1e7)
     assert "do not hold the arm" in wild.notes[0]
 
 
