@@ -64,14 +64,13 @@ def fitted(name: str, train: Sequence[str]) -> Basis:
 
 
 def starts(
-    basis: Basis, rows: Block, span: tuple[float, float, float], said: str,
-    known: Sequence[Block] = (), memory: float = np.inf,
+    basis: Basis, rows: Block, span: tuple[float, ...], said: str, known: Sequence[Block] = ()
 ) -> Iterator[Shown]:  # fmt: skip
     """Start points over ``rows``: from ``span[0]`` on, every ``span[1]``, ``span[2]`` ahead [s].
 
-    Known are other recordings, and the rows before, of the last ``memory`` seconds.
+    Known are other recordings, and the rows before; of ``span[3]`` seconds, if it is given.
     """
-    first, every, ahead = span
+    (first, every, ahead), memory = span[:3], span[3] if len(span) > 3 else np.inf
     t = (rows.t - rows.t[0]) * 1e-9
     count = int((float(t[-1]) - ahead - first) // every) + 1
     for begin in first + np.arange(count) * every:
@@ -153,7 +152,7 @@ def mrclam6() -> Iterator[Shown]:
             twin.run((take(rows, 0, middle),))
             begin = float(rows.t[middle] - rows.t[0]) * 1e-9
             basis = twin.prospect().basis
-            yield from starts(basis, rows, (begin, 10.0, 10.0), "10 s ahead", memory=200.0)
+            yield from starts(basis, rows, (begin, 10.0, 10.0, 200.0), "10 s ahead")
 
 
 def emps() -> Iterator[Shown]:
