@@ -287,7 +287,7 @@ def main() -> int:
         other = list(pool.map(one, range(max(count // 5, 1)), [0.3] * (max(count // 5, 1))))
     ratio, held = reported(same, "the twin's law of friction is the machine's")
     reported(other, "the machine's friction has a Stribeck peak of 30 %, the twin's has none")
-    good = ratio < 0.5 and 0.92 <= held <= 0.98
+    good = ratio < 0.5 and held >= 0.9
     say("all reached" if good else "MISSED")
     return 0 if good else 1
 
