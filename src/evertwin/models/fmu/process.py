@@ -1,7 +1,8 @@
 """One child process with its shared memory, and the talk with it.
 
 It gets three open files and a short list of environment variables, its own session, and no more.
-Whether it hangs is read from the page that both map: the step it is in, and since when.
+Whether it hangs is read from the page that both map: the step it is in, and since when. What both
+run is compiled before a child's time begins: the first time takes half a minute on a busy machine.
 
 >>> Process.__name__
 'Process'
@@ -23,6 +24,7 @@ from typing import Any
 
 import numpy as np
 
+from evertwin.models.fmu import kernels  # noqa: F401 - compiled and cached here, see below
 from evertwin.models.fmu import slots as at
 from evertwin.models.fmu.faults import BrokenDown, Fault
 from evertwin.models.fmu.memory import TEXT, TEXT_SIZE, Shared
