@@ -10,7 +10,7 @@ import numpy as np
 from evertwin.fold import Block, Event
 from evertwin.models import Model, roll
 from evertwin.models.form import Version
-from evertwin.models.function import python_kernel
+from evertwin.models.function import kernel_of
 from evertwin.signals import wrap
 from evertwin.sources.tally import Tally
 from evertwin.sync.horizon import restarts
@@ -129,7 +129,7 @@ class Changes:
 
 def changes(model: Model, p: ParameterVector, window: Block, horizon: float) -> Changes:
     """Measured and predicted changes over a horizon; of a static map the values themselves."""
-    kernel = model.kernel() if hasattr(model, "kernel") else python_kernel(model)
+    kernel = kernel_of(model)
     x0 = model.initial(p)
     plan = restarts(window, horizon, x0)
     _, y = roll(kernel, x0, window.u, window.dt, p, plan)

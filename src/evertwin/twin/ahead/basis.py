@@ -14,7 +14,7 @@ from evertwin.errors import DataError
 from evertwin.fold import Answer, Block
 from evertwin.models import Model, Restart, roll
 from evertwin.models.form import Version
-from evertwin.models.function import python_kernel
+from evertwin.models.function import kernel_of
 from evertwin.store import Store
 from evertwin.sync.horizon import openings, trusted
 from evertwin.twin.feed import Data, Feed
@@ -104,7 +104,7 @@ def state_after(model: Model, p: ParameterVector, rows: Block) -> StateVector:
     y = trusted(rows)
     code = np.isfinite(y).any(axis=1).astype(np.uint8)
     code[openings(rows)] = 2
-    kernel = model.kernel() if hasattr(model, "kernel") else python_kernel(model)
+    kernel = kernel_of(model)
     x, _ = roll(kernel, x0, rows.u, rows.dt, p, Restart(y, code, x0))
     return x
 

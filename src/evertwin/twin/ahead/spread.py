@@ -31,7 +31,7 @@ from scipy.stats import t as student
 from evertwin.errors import DataError
 from evertwin.fold import Block, take
 from evertwin.models import Model, Restart, roll
-from evertwin.models.function import python_kernel
+from evertwin.models.function import kernel_of
 from evertwin.models.kernel import ADOPT
 from evertwin.sync.horizon import openings, residuals, restarts
 from evertwin.types import Intervals, Outputs, ParameterVector, StateVector, Vector
@@ -133,7 +133,7 @@ class _Pairs(NamedTuple):
 
 
 def _pairs(model: Model, p: ParameterVector, windows: Sequence[Block], length: float) -> _Pairs:
-    kernel = model.kernel() if hasattr(model, "kernel") else python_kernel(model)
+    kernel = kernel_of(model)
     x0, ny = model.initial(p), len(model.outputs)
     nothing = np.zeros((0, ny)), np.zeros((0, ny)), np.zeros(0, dtype=np.int64)
     found, stretches, pieces = [nothing], 0.0, 0

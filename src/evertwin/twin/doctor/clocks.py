@@ -21,7 +21,7 @@ import numpy as np
 from evertwin.errors import DataError
 from evertwin.fold import Block, take
 from evertwin.models import roll
-from evertwin.models.function import python_kernel
+from evertwin.models.function import kernel_of
 from evertwin.signals import Layout, wrap
 from evertwin.signals.delay import Offset, clock_offset
 from evertwin.sync.horizon import restarts, trusted
@@ -105,7 +105,7 @@ def _pairs(view: View) -> Iterator[tuple[str, str, list[int]]]:
 def _predicted(view: View, window: Block) -> Outputs:
     """Predicted outputs, each start laid on what was predicted before it, (n, ny)."""
     model, p = view.model, view.version.p
-    kernel = model.kernel() if hasattr(model, "kernel") else python_kernel(model)
+    kernel = kernel_of(model)
     x0 = model.initial(p)
     plan = restarts(window, max(PIECE, 5 * view.horizon) if len(x0) else math.inf, x0)
     _, y = roll(kernel, x0, window.u, window.dt, p, plan)

@@ -18,7 +18,7 @@ import numpy as np
 from evertwin.errors import DataError
 from evertwin.fold import Block, take
 from evertwin.models import roll
-from evertwin.models.function import python_kernel
+from evertwin.models.function import kernel_of
 from evertwin.signals import Layout
 from evertwin.signals.delay import Lag, lag
 from evertwin.sync.horizon import restarts, trusted
@@ -206,7 +206,7 @@ def look_lags(view: View, figures: dict[str, Any]) -> Iterator[Finding]:
     window = max(view.judged, key=lambda one: len(one.t))
     window = take(window, 0, min(len(window.t), 20_000))
     model, p = view.model, view.version.p
-    kernel = model.kernel() if hasattr(model, "kernel") else python_kernel(model)
+    kernel = kernel_of(model)
     x0 = model.initial(p)
     _, free = roll(kernel, x0, window.u, window.dt, p, restarts(window, math.inf, x0))
     for k, channel in enumerate(model.outputs):
