@@ -81,18 +81,53 @@ def test_plan_is_written_and_decisions_are_kept(worn: Path, call: Command) -> No
     assert (worn / "plan.csv").read_text().startswith("component,after,unit,window")
     page = (worn / "r.html").read_text()
     assert page.count("data:image/png") == 2 and "Timeline" in page and "http" not in page
+    assert [stop["components"] for stop in content["stops"]] == [["gearbox"]]
     late = call("decide", "robot.toml", "gearbox", "postpone", *known, "--when", "15",
                 "--reason", "spare part late")  # fmt: skip
     assert late.code == 0, late.err
+    again = call("plan", "robot.toml", *known, "-o", "plan.csv")
+    assert again.code == 0 and "after 20 run (window 2)" in again.out and "postponed" in again.out
+    for said in (("confirm", "--when", "nan"), ("postpone", "--when", "9"), ("withdraw",),
+                 ("replaced", "--when", "1e9")):  # fmt: skip
+        wrong = call("decide", "robot.toml", "gearbox", *said, *known)
+        assert wrong.code == 2 and "expected" in wrong.err
+    taken = call("decide", "robot.toml", "gearbox", "withdraw", "--reason", "it came")
+    assert taken.code == 0 and call("plan", "robot.toml", *known).out.startswith(
+        "gearbox: after 10"
+    )
     assert call("decide", "robot.toml", "gearbox", "reject").code == 2
     unknown = call("decide", "robot.toml", "gearbox", "later")
     assert unknown.code == 2 and "expected one of confirm" in unknown.err
-    done = call("decide", "robot.toml", "gearbox", "replaced", "--reason", "new gearbox", "--json")
+    done = call("decide", "robot.toml", "gearbox", "replaced", "--reason", "new gearbox", "--json",
+                *known)  # fmt: skip
     assert done.json["event"]["reason"] == "new gearbox"
+    assert done.json["event"]["evidence"]["at"] == 40.5
+    listed = call("decide", "robot.toml", "--json").json["decisions"]
+    assert [(one["verdict"], one["state"]) for one in listed] == [
+        ("postponed", "withdrawn"), ("replaced", "holds")
+    ]  # fmt: skip
+    assert listed[0]["said_at"] == 40.0 and listed[0]["at"] == 55.0
+    text = call("decide", "robot.toml").out
+    assert "at run 40: gearbox: postponed until run 55: spare part late  [withdrawn]" in text
+    assert call("decide", "robot.toml", "--when", "3").code == 2
     store = SqliteStore(worn / "robot.db", read_only=True)
     kinds = [event.kind for event in store.read("event")]  # type: ignore[union-attr]
     store.close()
     assert "postponed" in kinds and "maintained" in kinds
+
+
+def test_a_plan_overwrites_plans_alone(worn: Path, call: Command) -> None:
+    known = ("--history", "friction.csv", "-o")
+    before = (worn / "robot.toml").read_text()
+    refused = call("plan", "robot.toml", *known, "robot.toml")
+    assert refused.code == 2 and "is no plan" in refused.err
+    assert (worn / "robot.toml").read_text() == before
+    (worn / "old.csv").write_text("something else")
+    assert call("plan", "robot.toml", *known, "old.csv").code == 2
+    (worn / "old.csv").write_text("")
+    for _ in range(2):
+        assert call("plan", "robot.toml", *known, "old.csv").code == 0
+    assert (worn / "old.csv").read_text().startswith("component,after")
 
 
 def test_a_decision_needs_a_store(worn: Path, call: Command) -> None:

@@ -7,6 +7,8 @@ from typing import Annotated, Literal
 
 import typer
 
+from evertwin.errors import UsageError
+
 __all__ = ["register"]
 
 TwinFile = Annotated[Path, typer.Argument(help="Twin file (TOML).", metavar="TWIN.toml")]
@@ -96,15 +98,18 @@ def plan(
 def decide(
     twin: TwinFile,
     said: Annotated[
-        tuple[str, str],
+        tuple[str, str] | None,
         typer.Argument(
-            help="Component; then confirm, postpone, reject, replaced or adjusted.",
+            help="Component; then confirm, postpone, reject, replaced, adjusted or withdraw.",
             metavar="COMPONENT VERDICT",
         ),
-    ],
+    ] = None,
     when: Annotated[
         float | None,
-        typer.Option(help="Confirm, postpone: time from now. Done: when, on the plan's clock."),
+        typer.Option(
+            help="In units of [prognosis] clock. Confirm, postpone: from now, the newest value, as "
+            "'after' in the plan. Replaced, adjusted: the moment itself, as in run 14; absent: now."
+        ),
     ] = None,
     reason: Annotated[str, typer.Option(help="Why; kept in the log.")] = "",
     history: History = None,
@@ -112,12 +117,20 @@ def decide(
 ) -> None:
     """Say what becomes of a planned date, or what was maintained; kept in the store.
 
+    Withdraw takes the newest word on a component back; both stay in the log. Without a component:
+    lists what was said and done, and what of it counts.
+
     Example: evertwin decide arm.toml gearbox1 postpone --when 20 --reason "spare part late"
     Example: evertwin decide arm.toml gearbox1 replaced --reason "gearbox replaced"
     """
-    from evertwin.app.prognosis import keep_decision
+    from evertwin.app.prognosis import keep_decision, show_decisions
 
-    keep_decision(twin, said, (reason, when), history, as_json)
+    if said is not None:
+        keep_decision(twin, said, (reason, when), history, as_json)
+    elif when is None and not reason:
+        show_decisions(twin, as_json)
+    else:
+        raise UsageError("decide: expected a component and a verdict; alone it lists the past ones")
 
 
 def register(app: typer.Typer) -> None:

@@ -9,25 +9,30 @@ from typing import Any, Literal, TypeAlias
 import typer
 
 from evertwin.app.console import show
+from evertwin.app.plan_shown import label_document, label_text, plan_document, plan_text
 from evertwin.app.report_prognosis import write_prognosis
 from evertwin.errors import UsageError
 from evertwin.fold import plain
-from evertwin.prognosis.planning import Plan
+from evertwin.prognosis.planning import HEADINGS
 from evertwin.settings.quantity import number
 from evertwin.twin import Twin
+from evertwin.twin.ahead.labels import DONE
 from evertwin.twin.feed import Data
-from evertwin.types import Json
 
-__all__ = ["keep_decision", "show_forecast", "show_life", "show_plan", "show_whatif"]
+__all__ = [
+    "keep_decision", "show_decisions", "show_forecast", "show_life", "show_plan", "show_whatif",
+]  # fmt: skip
 
 Files: TypeAlias = "Sequence[Path] | None"
 Known: TypeAlias = "tuple[Path | None, Files]"
 """History file and recordings."""
 VERDICTS = {
     "confirm": "confirmed", "postpone": "postponed", "reject": "declined", "replaced": "replaced",
-    "adjusted": "adjusted",
+    "adjusted": "adjusted", "withdraw": "withdrawn",
 }  # fmt: skip
 """What is said on the command line → what is kept."""
+OWN = ",".join(HEADINGS[:4])
+"""How a plan's file begins."""
 
 
 def show_forecast(
@@ -35,8 +40,12 @@ def show_forecast(
     as_json: bool,
 ) -> None:  # fmt: skip
     """``evertwin forecast``."""
+    try:
+        seconds = number(horizon, "s", difference=True)
+    except UsageError as error:
+        raise UsageError(f"--horizon: {error}; write it as in '30 s' or '2 h'") from error
     with Twin.open(twin) as opened:
-        found = opened.forecast(number(horizon, "s", difference=True), _files(data), *told)
+        found = opened.forecast(seconds, _files(data), *told)
         show(found.to_dict(), str(found), as_json)
 
 
@@ -65,8 +74,14 @@ def show_whatif(twin: Path, scenario: Path, known: Known, as_json: bool, check: 
 def show_plan(
     twin: Path, known: Known, out: Path | None, report: Path | None, as_json: bool
 ) -> None:
-    """``evertwin plan``."""
+    """``evertwin plan``.
+
+    Raises:
+        UsageError: the file exists and is no plan, or cannot be written.
+    """
     history, data = known
+    if out is not None:
+        _check_plan(out)
     with Twin.open(twin) as opened:
         found = opened.plan(history, _files(data))
         if report is not None:
@@ -77,7 +92,29 @@ def show_plan(
             out.write_text(found.to_csv(), encoding="utf-8")
         except OSError as error:
             raise UsageError(f"{out}: cannot be written: {error.strerror}") from error
-    show(_content(found), _text(found), as_json)
+    show(plan_document(found), plan_text(found), as_json)
+
+
+def _check_plan(file: Path) -> None:
+    """A plan is written over an older plan, and over nothing else."""
+    if not file.is_file():
+        return
+    with file.open(encoding="utf-8", errors="replace") as text:
+        begin = text.read(len(OWN))
+    if begin and begin != OWN:
+        raise UsageError(
+            f"{file}: exists already and is no plan: choose another name, or delete it"
+        )
+
+
+def show_decisions(twin: Path, as_json: bool) -> None:
+    """``evertwin decide TWIN.toml`` alone."""
+    with Twin.open(twin) as opened:
+        found = opened.prospect().history
+    items = [label_document(one) for one in found.labels]
+    content = {"schema": "evertwin.decisions/1", "clock": found.clock, "decisions": items}
+    lines = [label_text(one) for one in found.labels] or ["nothing was said or done yet"]
+    show(content, "\n".join(lines), as_json)
 
 
 def keep_decision(
@@ -87,7 +124,7 @@ def keep_decision(
     """``evertwin decide``.
 
     Raises:
-        UsageError: another verdict, or a store in memory.
+        UsageError: another verdict, a time that cannot be, or a store in memory.
     """
     (component, word), (reason, when) = said, about
     verdict: Any = VERDICTS.get(word)
@@ -96,8 +133,8 @@ def keep_decision(
     with Twin.open(twin) as opened:
         if opened.spec.store.path is None:
             raise UsageError(f"{twin}: a decision is kept in a store: set [store] path")
-        if verdict in ("replaced", "adjusted"):
-            event = opened.maintained(component, reason, verdict, when)
+        if verdict in DONE:
+            event = opened.maintained(component, reason, verdict, when, history)
         else:
             event = opened.decide(component, verdict, reason, when, history)
     text = f"{component}: {verdict}: {event.reason}"
@@ -106,36 +143,3 @@ def keep_decision(
 
 def _files(data: Files) -> Data:
     return None if not data else [str(path) for path in data]
-
-
-def _content(found: Plan) -> dict[str, Json]:
-    content: Any = {
-        "schema": "evertwin.plan/1", "name": found.name, "unit": found.unit,
-        "items": [
-            {
-                "component": one.component, "after": one.after, "window": one.window,
-                "probability_before": one.probability, "cost_rate": one.rate,
-                "cost_rate_run_to_failure": one.rate_to_failure, "median_life": one.median,
-                "decision": one.decision.verdict, "reason": one.decision.reason,
-            }
-            for one in found.items
-        ],
-        "windows": {str(k): names for k, names in found.windows().items()},
-        "without_date": found.without,
-    }  # fmt: skip
-    return content  # type: ignore[no-any-return]
-
-
-def _text(found: Plan) -> str:
-    lines = []
-    for one in found.items:
-        when = f"after {one.after:.4g} {one.unit}" if one.after < float("inf") else "run to failure"
-        window = "" if one.window is None else f" (window {one.window})"
-        said = one.decision
-        mark = "" if said.verdict == "open" else f"  {said.verdict}: {said.reason}"
-        lines.append(
-            f"{one.component}: {when}{window}, failure before {one.probability:.3f}, cost "
-            f"{one.rate:.4g} a {one.unit} (to failure {one.rate_to_failure:.4g}){mark}"
-        )
-    lines += [f"{name}: no date: {why}" for name, why in found.without.items()]
-    return "\n".join(lines)

@@ -117,7 +117,7 @@ class CostSpec(Section):
     failure: Annotated[float, Limits(at_least=0.0)] | None = None
     """Cost of a failure in service; absent: no date is planned."""
     maintenance: Annotated[float, Limits(above=0.0)] | None = None
-    """Cost of maintenance in time."""
+    """Cost of maintenance in time, without the stop itself (``[prognosis] visit``)."""
     critical: bool = True
     """Does its failure stop the machine?"""
 
@@ -184,9 +184,13 @@ class PrognosisSpec(Section):
     """Time from one possible maintenance to the next; absent: any time."""
     window: Annotated[float, Limits(at_least=0.0)] = 0.0
     """Time from now to the first possible maintenance."""
+    visit: Annotated[float, Limits(at_least=0.0)] = 0.0
+    """Cost of one stop for maintenance, whatever is done in it: components whose dates lie close
+    share one. It comes on top of their ``maintenance``."""
     ahead: Positive = 20.0
     """An alarm is due when a failure within this time is likelier than ``risk``."""
     risk: Share = 0.1
     """Probability of failure that is not accepted."""
     alarms: Positive = 1.0
-    """Budget: alarms per day."""
+    """Budget: alarms per day of the recordings' stamps, per run where these begin at zero. That a
+    limit is passed is told whatever the budget says."""

@@ -2,7 +2,10 @@
 
 An alarm is due when the limit is passed, when a failure within the time ahead is likelier than the
 accepted risk, or when wear has begun where nothing else can be said yet. It is raised once, not at
-every look. A day has a budget: the most urgent are raised first, the rest is held back and counted.
+every look, and again when it had cleared and returns; a failure that was due has cleared when its
+risk is half of the accepted one, so that a risk that wavers is no flood. A day has a budget: the
+most urgent are raised first, the rest is held back, shown and counted. That a limit is passed is
+never held back.
 
 >>> from evertwin.prognosis.indicator import Indicator, Limit
 >>> from evertwin.prognosis.life import LEVELS, Life
@@ -24,10 +27,14 @@ from evertwin.prognosis.indicator import Indicator
 from evertwin.prognosis.life import Life, NotEnough
 from evertwin.types import Json
 
-__all__ = ["Alarm", "Spent", "alarm_of", "within_budget"]
+__all__ = ["RELEASE", "Alarm", "Kind", "Spent", "alarm_of", "has_cleared", "within_budget"]
 
 Kind = Literal["limit_passed", "failure_due", "wear_begun"]
 URGENCY: Mapping[str, int] = {"limit_passed": 0, "failure_due": 1, "wear_begun": 2}
+UNHELD: Kind = "limit_passed"
+"""Raised whatever the budget says."""
+RELEASE = 0.5
+"""Share of the accepted risk below which a failure is no longer due."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +64,7 @@ class Spent(NamedTuple):
 
     raised: tuple[Alarm, ...]
     held: tuple[Alarm, ...]
-    """Over budget: shown with the plan, not raised."""
+    """Over budget: shown, not raised."""
     today: int
     """Alarms of the last day, these included."""
 
@@ -111,25 +118,51 @@ def alarm_of(
 
 
 def within_budget(
-    due: Sequence[Alarm], active: Sequence[tuple[str, str]], raised: Sequence[float], now: float,
-    budget: float,
+    due: Sequence[Alarm], active: Sequence[tuple[str, str]], raised: Sequence[tuple[str, float]],
+    now: float, budget: float,
 ) -> Spent:  # fmt: skip
     """Which of the alarms that are due are raised.
 
     Args:
         due: alarms that are due.
         active: (component, kind) of alarms that were raised and still stand: not raised again.
-        raised: days at which alarms were raised so far.
+        raised: (kind, day) of the alarms raised so far.
         now: the present day.
-        budget: alarms per day.
+        budget: alarms per day. That a limit is passed is always raised, and not counted.
     """
     new = [a for a in due if (a.component, a.kind) not in set(active)]
     new.sort(key=lambda a: (URGENCY[a.kind], a.component))
-    before = sum(1 for day in raised if now - 1.0 < day <= now)
-    room = max(int(budget) - before, 0) if budget >= 1.0 else int(_rare(raised, now, budget))
-    return Spent(tuple(new[:room]), tuple(new[room:]), before + min(len(new), room))
+    always = [a for a in new if a.kind == UNHELD]
+    rest = [a for a in new if a.kind != UNHELD]
+    counted = [day for kind, day in raised if kind != UNHELD]
+    before = sum(1 for day in counted if now - 1.0 < day <= now)
+    room = max(int(budget) - before, 0) if budget >= 1.0 else int(_rare(counted, now, budget))
+    told = (*always, *rest[:room])
+    today = sum(1 for _, day in raised if now - 1.0 < day <= now) + len(told)
+    return Spent(told, tuple(rest[room:]), today)
 
 
 def _rare(raised: Sequence[float], now: float, budget: float) -> bool:
     """A budget below one a day: one alarm in 1 / budget days."""
     return not any(now - 1.0 / budget < day <= now for day in raised)
+
+
+def has_cleared(kind: Kind, life: Life | NotEnough, stands: Alarm | None) -> bool:
+    """Is what an alarm told no longer so? What is not known has not cleared.
+
+    Args:
+        kind: of the alarm that was raised.
+        life: what is known now.
+        stands: the alarm that would still stand now, by `RELEASE` of the risk.
+
+    >>> known = Life.of("h", [0.5], [100.0])
+    >>> has_cleared("failure_due", known, None)
+    True
+    >>> has_cleared("failure_due", NotEnough("six values"), None)
+    False
+    """
+    if stands is not None and URGENCY[stands.kind] <= URGENCY[kind]:
+        return False
+    if kind == "wear_begun":
+        return isinstance(life, NotEnough) and life.onset is None
+    return isinstance(life, Life)

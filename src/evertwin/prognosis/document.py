@@ -29,7 +29,7 @@ def component(
     weights = {name: round(float(w), 4) for name, w in life.laws.items()}
     before: dict[str, float] | None = None
     if isinstance(life, Life):
-        before = {f"{date:g}": life.probability_before(date) for date in dates}
+        before = {f"{date:.12g}": life.probability_before(date) for date in dates}
     return {
         "indicator": indicator.name,
         "unit": indicator.unit,

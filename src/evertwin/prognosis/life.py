@@ -141,6 +141,19 @@ class Life:
         """Whether the 95 % interval ends."""
         return bool(np.isfinite(self.interval95[1]))
 
+    @property
+    def steepness(self) -> float:
+        """k ≥ 1: below its first quantile the distribution falls as (time)^k.
+
+        That is how the distribution of a smallest life falls (Weibull); k is taken from the first
+        two quantiles: 1 if life may end at any moment, large if it surely lasts for a while.
+        """
+        r, p = self.remaining[:2], LEVELS[:2]
+        if not r[0] > 0.0 or not np.isfinite(r[1]):
+            return 1.0
+        width = float(np.log(r[1] / r[0]))
+        return max(float(np.log(p[1] / p[0])) / width, 1.0) if width > 0.0 else float("inf")
+
     def probability_before(self, time: float) -> float:
         """Probability that life ends within ``time`` from now."""
         known = np.isfinite(self.remaining)
@@ -148,7 +161,7 @@ class Life:
         if time < 0.0 or len(r) == 0:
             return 0.0
         if time < r[0]:
-            return float(p[0] * time / r[0])
+            return float(p[0] * (time / r[0]) ** self.steepness)
         return float(p[np.searchsorted(r, time, side="right") - 1]) if time >= r[-1] else float(
             np.interp(time, r, p)
         )  # fmt: skip

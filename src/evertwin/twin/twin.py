@@ -31,9 +31,10 @@ from evertwin.twin.ahead.forecast import Forecast, forecast
 from evertwin.twin.ahead.future import Mode
 from evertwin.twin.ahead.lives import Lives, Prospect
 from evertwin.twin.ahead.paths import rows_of_file
+from evertwin.twin.ahead.raised import alarmed
 from evertwin.twin.ahead.scenario import run_scenario
 from evertwin.twin.ahead.table import read_table
-from evertwin.twin.ahead.upkeep import Verdict, alarmed, label, maintenance, plan
+from evertwin.twin.ahead.upkeep import Verdict, label, maintenance, plan
 from evertwin.twin.ahead.whatif import WhatIf
 from evertwin.twin.book import Book
 from evertwin.twin.compare import Comparison, compare
@@ -272,7 +273,7 @@ class Twin:
         lives = prospect.lives(drawn=drawn)
         if history is not None:
             return lives
-        lives, events = alarmed(self.store, lives, prospect.rule.alarms)
+        lives, events = alarmed(self.store, lives, prospect.rule)
         for event in events:
             self._book.add(event, event.row)
         return lives
@@ -303,7 +304,7 @@ class Twin:
         self, component: str, verdict: Verdict, reason: str, after: float | None = None,
         history: str | Path | None = None,
     ) -> Event:  # fmt: skip
-        """Keeps what the operator says to a planned date: confirmed, postponed or declined.
+        """Keeps what the operator says to a planned date; ``withdrawn`` takes the newest word back.
 
         Args:
             component: whose date.
@@ -317,10 +318,11 @@ class Twin:
         return event
 
     def maintained(
-        self, component: str, reason: str, kind: str = "replaced", at: float | None = None
-    ) -> Event:
+        self, component: str, reason: str, kind: str = "replaced", at: float | None = None,
+        history: str | Path | None = None,
+    ) -> Event:  # fmt: skip
         """Keeps maintenance that was done: a new life begins (``adjusted``: a shifted level)."""
-        event = maintenance(self.prospect(), component, reason, kind, at)
+        event = maintenance(self.prospect(history), component, reason, kind, at)
         self._book.add(event, event.row)
         return event
 

@@ -135,7 +135,7 @@ def _smooth(remaining: Vector) -> tuple[np.ndarray, np.ndarray]:
 
 
 def draw_plan(plan: Plan, lives: Lives) -> Figure:
-    """Each component's life as a bar (80 and 95 %), its planned date, and the windows."""
+    """Each component's life as a bar (80 and 95 %), its planned date, and the stops."""
     rows = list(reversed(plan.items))
     figure = Figure(figsize=(9.0, 1.4 + 0.55 * len(rows)), layout="constrained")
     axis = figure.subplots()
@@ -153,9 +153,11 @@ def draw_plan(plan: Plan, lives: Lives) -> Figure:
                   label="median" if place == 0 else None)  # fmt: skip
         if np.isfinite(item.after):
             _date(axis, item, place, first=place == len(rows) - 1)
-    windows = sorted({item.after for item in rows if item.window is not None})
-    for k, date in enumerate(windows):
-        axis.axvline(date, color=MARK, lw=1, ls="--", label="window in use" if k == 0 else None)
+    for k, stop in enumerate(plan.stops):
+        axis.axvline(stop.after, color=MARK, lw=1, ls="--", label="stop" if k == 0 else None)
+        if stop.saving > 0.0:
+            axis.annotate(f"together: {stop.saving:.3g} saved", (stop.after, -0.55), xytext=(3, 0),
+                          textcoords="offset points", fontsize=8, color=MARK)  # fmt: skip
     axis.set_yticks(range(len(rows)), [fill(item.component, WIDTH) for item in rows])
     axis.set_ylim(-0.6, len(rows) - 0.4)
     far = far if far > 0.0 else 1.0
@@ -171,7 +173,7 @@ def _date(axis: Any, item: Any, place: int, *, first: bool) -> None:
     axis.plot([item.after], [place], "x" if declined else "D", ms=8, color=LIMIT,
               label="planned" if first else None, zorder=4)  # fmt: skip
     said = "" if item.decision.verdict == "open" else f", {item.decision.verdict}"
-    # beside the dashed line of the window, on white where another line passes
+    # beside the dashed line of the stop, on white where another line passes
     axis.annotate(f"{item.after:.3g}{said}", (item.after, place), xytext=(7, 9),
                   textcoords="offset points", ha="left", fontsize=8, zorder=5,
                   bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5})  # fmt: skip

@@ -17,9 +17,10 @@ import numpy as np
 from evertwin.errors import ConfigError
 from evertwin.fold import Answer, Event
 from evertwin.store import Estimate, Store
+from evertwin.twin.ahead.labels import Label, labels, notes, standing
 from evertwin.types import Vector
 
-__all__ = ["History", "Moment", "history", "unit_seconds"]
+__all__ = ["History", "Moment", "dated", "history", "unit_seconds"]
 
 UNITS = {"s": 1.0, "h": 3600.0, "d": 86400.0}
 BETWEEN = 0.5
@@ -60,7 +61,16 @@ class History:
     moments: tuple[Moment, ...]
     clock: str
     events: tuple[Event, ...]
-    """Maintenance and labels, in order."""
+    """Maintenance and decisions that count, in order."""
+    labels: tuple[Label, ...] = ()
+    """All that was ever said or done."""
+    stamp: int = 0
+    """Of the newest fit [ns]."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Every parameter that was ever tuned."""
+        return tuple(dict.fromkeys(name for moment in self.moments for name in moment.found))
 
     @property
     def now(self) -> float:
@@ -70,7 +80,22 @@ class History:
     @property
     def after(self) -> float:
         """Where a mark stands that is set now: after the newest moment, before the next one."""
-        return self.now + (BETWEEN if self.clock in ("run", "cycle") else 1e-3)
+        return self.now + self.between
+
+    @property
+    def counts(self) -> bool:
+        """Does the clock count tasks, and not time?"""
+        return self.clock not in UNITS
+
+    @property
+    def between(self) -> float:
+        """From a value to a mark that is set after it."""
+        return BETWEEN if self.counts else 1e-3
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """On labels that do not count."""
+        return notes(self.labels, self.clock)
 
     def series(self, names: Sequence[str]) -> tuple[Vector, dict[str, Vector], dict[str, Vector]]:
         """Times at which all ``names`` are known, their newest values and standard deviations."""
@@ -119,9 +144,15 @@ def history(store: Store, clock: str) -> History:
         Moment(moment, _found(group), deviations.get(_key(group[0]), {}), group[0].elapsed * 1e-9)
         for moment, group in zip(at, groups, strict=True)
     )
-    kinds = ("maintained", "confirmed", "postponed", "declined")
-    events = tuple(e for e in store.read("event") if isinstance(e, Event) and e.kind in kinds)
-    return History(moments, clock, events)
+    said = labels([e for e in store.read("event") if isinstance(e, Event)], clock)
+    stamp = fits[-1].time if fits else 0
+    return History(moments, clock, standing(said), said, stamp)
+
+
+def dated(store: Store) -> bool:
+    """Do the stamps of the recordings rise from run to run, so that they tell the date?"""
+    fits = [r for r in store.read("estimate") if isinstance(r, Estimate)]
+    return _stamps_rise([group[0] for group in _groups(fits)])
 
 
 def _key(one: Estimate) -> tuple[int, int, int, int]:

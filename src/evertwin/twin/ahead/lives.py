@@ -76,12 +76,14 @@ class Lives:
     """Times from now at which probabilities of failure are given."""
     indicators: tuple[ComponentLife, ...] = field(default=())
     """Every indicator, also those that do not stand for their component."""
+    left_out: tuple[str, ...] = ()
+    """Labels of the store that do not count, and why."""
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What may surprise in how the history was read."""
         told = (note for one in self.indicators for note in one.indicator.notes)
-        return tuple(dict.fromkeys(told))
+        return tuple(dict.fromkeys((*told, *self.left_out)))
 
     def to_dict(self) -> dict[str, Json]:
         """Plain content, ``schema: "evertwin.life/1"``."""
@@ -118,7 +120,8 @@ class Lives:
                          f"(80 %: {low:.4g} … {high:.4g})")  # fmt: skip
         lines += [f"! {alarm.reason}\n  {alarm.action}" for alarm in self.alarms]
         if self.held:
-            lines.append(f"{len(self.held)} more alarms are over the budget of the day")
+            lines.append(f"held back, over the budget of the day: {len(self.held)}")
+        lines += [f"  {a.component}: {a.kind.replace('_', ' ')}: {a.reason}" for a in self.held]
         lines += [f"note: {note}" for note in self.notes]
         return "\n".join(lines) or "no [[indicator]] in the twin file"
 
@@ -267,7 +270,7 @@ class Prospect:
         return Lives(
             spec.name, self.rule.clock, components, self._machine(components),
             tuple(alarm for alarm in due if alarm is not None), dates=self.dates,
-            indicators=every,
+            indicators=every, left_out=self.history.notes,
         )  # fmt: skip
 
     @property
@@ -276,7 +279,8 @@ class Prospect:
         rule = self.rule
         if rule.windows is None:
             return (rule.ahead,)
-        return tuple(rule.window + k * rule.windows for k in range(4))
+        dates = (rule.window + k * rule.windows for k in range(5))
+        return tuple(date for date in dates if date > 0.0)[:4]
 
     def _machine(self, components: Mapping[str, ComponentLife]) -> Life | NotEnough | None:
         costs = self.rule.components

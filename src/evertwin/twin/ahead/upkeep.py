@@ -1,30 +1,33 @@
-"""Plan, labels and alarms in the store: what the planner and the operator add to the lives.
+"""Plan and labels: what the planner and the operator add to the lives.
 
 A plan is computed anew from the lives at every look; what the operator said to a date (confirmed,
 postponed, declined, each with a reason) is kept as a label in the store's log and holds until the
-component is maintained. Maintenance done is a mark there too, from which a new life begins.
+component is maintained. Maintenance done is a mark there too, from which a new life begins. The
+newest label of a component can be withdrawn; it stays in the log.
+
+Times that are said are counted from now: from the newest value of the component's indicator. They
+are kept as moments on the clock of the prognosis, with the moment at which they were said.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+import math
+from collections.abc import Mapping
 from typing import Any, Literal
 
 from evertwin.errors import UsageError
 from evertwin.fold import Event
 from evertwin.prognosis import Life
-from evertwin.prognosis.alarms import within_budget
-from evertwin.prognosis.planning import Cost, Decision, Plan, decided, grouped
-from evertwin.store import Store
-from evertwin.twin.ahead.history import history
+from evertwin.prognosis.planning import Decision, Part, Plan, planned
+from evertwin.prognosis.renewal import Cost, Windows
+from evertwin.twin.ahead.health import series_of
+from evertwin.twin.ahead.known import component_of
+from evertwin.twin.ahead.labels import DECISIONS, DONE, newest
 from evertwin.twin.ahead.lives import Lives, Prospect
 
-__all__ = ["VERDICTS", "Verdict", "alarmed", "label", "maintenance", "plan"]
+__all__ = ["Verdict", "label", "maintenance", "plan"]
 
-Verdict = Literal["confirmed", "postponed", "declined"]
-VERDICTS = ("confirmed", "postponed", "declined")
-DAY = 86400.0
+Verdict = Literal["confirmed", "postponed", "declined", "withdrawn"]
 
 
 def plan(prospect: Prospect, lives: Lives) -> Plan:
@@ -33,8 +36,12 @@ def plan(prospect: Prospect, lives: Lives) -> Plan:
     Raises:
         UsageError: no component has costs.
     """
-    costs = prospect.rule.components
-    known: dict[str, tuple[Life, float, Cost]] = {}
+    return _plan(prospect, lives, _decisions(prospect, lives))
+
+
+def _plan(prospect: Prospect, lives: Lives, said: Mapping[str, Decision]) -> Plan:
+    rule, costs = prospect.rule, prospect.rule.components
+    known: dict[str, Part] = {}
     without = {}
     for name, one in lives.components.items():
         cost = costs.get(name)
@@ -45,28 +52,27 @@ def plan(prospect: Prospect, lives: Lives) -> Plan:
         else:
             # an age in the past's clock, in time of the work ahead
             age = one.age / one.rate if one.rate > 0.0 else one.age
-            known[name] = (one.life, age, Cost(cost.failure, cost.maintenance))
-    if not known and not any("cost" not in reason for reason in without.values()):
+            known[name] = Part(one.life, age, Cost(cost.failure, cost.maintenance))
+    if not any(cost.failure is not None for cost in costs.values()):
         raise UsageError(
             "plan: expected failure and maintenance costs of a component, as in "
             "[prognosis.components.gearbox1] failure = 8000, maintenance = 900"
         )
-    items = grouped(known, prospect.rule.windows, prospect.rule.window)
-    found = prospect.history
-    said = _decisions(found.events, found.now, prospect.rule.clock)
-    return Plan(lives.name, lives.clock, decided(items, said), without)
+    windows = None if rule.windows is None else Windows(rule.window, rule.windows)
+    items, stops = planned(known, windows, rule.visit, said)
+    return Plan(lives.name, lives.clock, items, without, stops, prospect.history.notes)
 
 
-def _decisions(events: Sequence[Event], now: float, clock: str) -> Mapping[str, Decision]:
-    """The newest decision on each component since its last maintenance."""
+def _decisions(prospect: Prospect, lives: Lives) -> dict[str, Decision]:
+    """What holds for each component, in time from its now."""
     found: dict[str, Decision] = {}
-    for event in events:
-        evidence: Any = event.evidence
-        if event.kind == "maintained":
-            found.pop(event.signal, None)
-        elif event.kind in VERDICTS and evidence["clock"] == clock:
+    for event in prospect.history.events:
+        one = lives.components.get(event.signal)
+        if event.kind in DECISIONS and one is not None and isinstance(one.life, Life):
+            evidence: Any = event.evidence
             verdict: Any = event.kind
-            found[event.signal] = Decision(verdict, event.reason, float(evidence["at"]) - now)
+            until = float(evidence["at"]) - one.life.now
+            found[event.signal] = Decision(verdict, event.reason, until)
     return found
 
 
@@ -78,27 +84,70 @@ def label(
     Args:
         prospect: the twin's.
         component: whose date.
-        verdict: what is said.
+        verdict: what is said; ``withdrawn``: the newest label of the component no longer counts.
         reason: why; must not be empty.
         after: postponed until, or confirmed for, this time from now; None: the planned date.
 
     Raises:
-        UsageError: no such component in the plan, no reason, or a date to postpone to is missing.
+        UsageError: no such component in the plan, no reason, or a date that cannot be.
     """
     if not reason.strip():
         raise UsageError(f"{verdict}: expected a reason: it is kept with the decision")
-    dates = {one.component: one.after for one in plan(prospect, prospect.lives()).items}
+    if verdict in ("declined", "withdrawn") and after is not None:
+        raise UsageError(f"{verdict}: expected no time, got {after:g}")
+    if after is not None and not (math.isfinite(after) and after >= 0.0):
+        raise UsageError(
+            f"{verdict}: expected a time from now of 0 or more on the plan's clock "
+            f"({prospect.rule.clock}), got {after:g}"
+        )
+    if verdict == "withdrawn":
+        return _withdrawal(prospect, component, reason)
+    lives = prospect.lives()
+    said = _decisions(prospect, lives)
+    dates = {one.component: one.after for one in _plan(prospect, lives, said).items}
     if component not in dates:
         raise UsageError(
             f"no planned date of {component!r}; there are {', '.join(sorted(dates)) or 'none'}"
         )
-    if verdict == "postponed" and after is None:
-        raise UsageError("postponed: expected until when, as a time from now on the plan's clock")
-    at = prospect.history.now + (dates[component] if after is None else after)
-    if at == float("inf"):
+    if verdict == "postponed":
+        said.pop(component, None)
+        unsaid = {one.component: one.after for one in _plan(prospect, lives, said).items}
+        _check_postponed(component, unsaid[component], after, prospect.rule.clock)
+    date = dates[component] if after is None else after
+    if math.isinf(date):
         raise UsageError(f"{component} is planned to run to failure: give the date to {verdict}")
-    evidence = {"clock": prospect.rule.clock, "at": at, "planned_after": dates[component]}
-    return Event(0, 0, verdict, component, reason, evidence)
+    life: Any = lives.components[component].life
+    return _event(prospect, verdict, component, reason, {
+        "at": life.now + date, "now": life.now,
+        "planned_after": dates[component] if math.isfinite(dates[component]) else None,
+    })  # fmt: skip
+
+
+def _check_postponed(component: str, planned_after: float, after: float | None, unit: str) -> None:
+    if after is None:
+        raise UsageError("postponed: expected until when, as a time from now on the plan's clock")
+    if math.isinf(planned_after):
+        raise UsageError(f"{component} is planned to run to failure: there is no date to postpone")
+    if after <= planned_after:
+        raise UsageError(
+            f"postponed: {component} is planned after {planned_after:.6g} {unit} from now: "
+            f"expected a later time, got {after:g}; for an earlier date confirm it"
+        )
+
+
+def _withdrawal(prospect: Prospect, component: str, reason: str) -> Event:
+    found = prospect.history.labels
+    last = newest(found, component)
+    if last is None:
+        named = sorted({one.event.signal for one in found if one.state != "withdrawn"})
+        raise UsageError(
+            f"withdraw: nothing was said or done to {component!r}; labels that stand are of "
+            f"{', '.join(named) or 'none'}"
+        )
+    taken = found[last]
+    return _event(prospect, "withdrawn", component, reason, {
+        "now": prospect.history.now, "of": taken.verdict, "said": taken.event.reason,
+    })  # fmt: skip
 
 
 def maintenance(
@@ -114,40 +163,46 @@ def maintenance(
         at: when, on the clock of the prognosis; None: now, after the newest value.
 
     Raises:
-        UsageError: no indicator tells of the component, or another kind.
+        UsageError: no indicator tells of the component, another kind, or a time before the first
+            value or later than the next one.
     """
-    known = sorted({r.component or r.name for r in prospect.basis.setup.spec.indicator})
-    if component not in known:
-        raise UsageError(f"maintenance: no component {component!r}: there are {', '.join(known)}")
-    if kind not in ("replaced", "adjusted"):
+    if component not in prospect.parts:
+        known = ", ".join(sorted(set(prospect.parts)))
+        raise UsageError(f"maintenance: no component {component!r}: there are {known}")
+    if kind not in DONE:
         raise UsageError(f"maintenance: expected 'replaced' or 'adjusted', got {kind!r}")
-    when = prospect.history.after if at is None else at
-    evidence = {"clock": prospect.rule.clock, "at": when, "kind": kind}
-    return Event(0, 0, "maintained", component, reason or kind, evidence)
+    first, now = _span(prospect, component)
+    between = prospect.history.between
+    if at is not None:
+        # a later mark would hide the values that come before it
+        latest = now + (1.0 if prospect.history.counts else max(now - first, between))
+        if not first <= at <= latest:
+            raise UsageError(
+                f"maintenance: expected when it was done, on the clock of the prognosis: "
+                f"{first:g} (first value) to {latest:g} {prospect.rule.clock}, got {at:g}; without "
+                "a time it is now"
+            )
+    when = now + between if at is None else at
+    more = {"at": when, "kind": kind, "now": now}
+    return _event(prospect, "maintained", component, reason or kind, more)
 
 
-def alarmed(store: Store, lives: Lives, budget: float) -> tuple[Lives, tuple[Event, ...]]:
-    """The lives with the alarms that the day's budget allows, and these as events to be kept."""
-    days = history(store, "d")
-    now = days.now
-    active: dict[tuple[str, str], float] = {}
-    raised = []
-    for event in (e for e in store.read("event") if isinstance(e, Event)):
-        evidence: Any = event.evidence
-        if event.kind == "alarm":
-            active[event.signal, str(evidence["kind"])] = float(evidence["day"])
-            raised.append(float(evidence["day"]))
-        elif event.kind == "maintained":
-            active = {key: day for key, day in active.items() if key[0] != event.signal}
-    spent = within_budget(lives.alarms, tuple(active), raised, now, budget)
-    events = tuple(
-        Event(
-            0, int(now * DAY * 1e9), "alarm", alarm.component, alarm.reason,
-            {"kind": alarm.kind, "day": now, "action": alarm.action, "interval80": alarm.interval,
-             **alarm.evidence},
-        )
-        for alarm in spent.raised
-    )  # fmt: skip
-    held = {(a.component, a.kind) for a in spent.held}
-    shown = tuple(a for a in lives.alarms if (a.component, a.kind) not in held)
-    return replace(lives, alarms=shown, held=spent.held, alarms_today=spent.today), events
+def _span(prospect: Prospect, component: str) -> tuple[float, float]:
+    """First and newest value that tell of a component."""
+    found = [
+        series_of(rule, prospect.history, prospect.table, prospect.folder, prospect.parts).at
+        for rule in prospect.basis.setup.spec.indicator
+        if component_of(rule) == component
+    ]
+    known = [at for at in found if len(at)]
+    now = prospect.history.now if prospect.table is None else 0.0
+    first = min((float(at[0]) for at in known), default=now)
+    return first, max([float(at[-1]) for at in known] + [now])
+
+
+def _event(
+    prospect: Prospect, kind: str, component: str, reason: str, evidence: Mapping[str, Any]
+) -> Event:
+    """A label, at the stamp of the newest row that is known."""
+    clock = {"clock": prospect.rule.clock}
+    return Event(0, prospect.history.stamp, kind, component, reason, clock | dict(evidence))

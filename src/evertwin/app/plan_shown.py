@@ -1,0 +1,86 @@
+"""Plans and what was said to them, as documents and as lines on the console."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from evertwin.fold import plain
+from evertwin.prognosis.planning import Plan, PlanItem
+from evertwin.twin.ahead.labels import Label
+from evertwin.types import Json
+
+__all__ = ["label_document", "label_text", "plan_document", "plan_text"]
+
+BEFORE = {"postponed": "until ", "confirmed": "for ", "declined": "the date "}
+"""What stands before the moment that was said."""
+
+
+def plan_document(found: Plan) -> dict[str, Json]:
+    """``evertwin.plan/1``."""
+    content: Any = {
+        "schema": "evertwin.plan/1", "name": found.name, "unit": found.unit,
+        "items": [
+            {
+                "component": one.component, "after": one.after, "window": one.window,
+                "probability_before": one.probability, "cost_rate": one.rate,
+                "cost_rate_run_to_failure": one.rate_to_failure, "median_life": one.median,
+                "decision": one.decision.verdict, "reason": one.decision.reason, "note": one.note,
+            }
+            for one in found.items
+        ],
+        "stops": [stop._asdict() for stop in found.stops], "saving": found.saving,
+        "without_date": found.without, "notes": found.notes,
+    }  # fmt: skip
+    return plain(content)  # type: ignore[return-value]
+
+
+def plan_text(found: Plan) -> str:
+    """One line per component, then the stops that several share."""
+    lines = []
+    for one in found.items:
+        lines.append(_line(one))
+        lines += [f"  ! {one.note}"] if one.note else []
+    for stop in found.stops:
+        if len(stop.components) > 1:
+            saved = f", saves {stop.saving:.4g}" if stop.saving > 0.0 else ""
+            names = ", ".join(stop.components)
+            lines.append(f"one stop after {stop.after:.4g} {found.unit}: {names}{saved}")
+    lines += [f"{name}: no date: {why}" for name, why in found.without.items()]
+    lines += [f"note: {note}" for note in found.notes]
+    return "\n".join(lines)
+
+
+def _line(one: PlanItem) -> str:
+    when = f"after {one.after:.4g} {one.unit}" if np.isfinite(one.after) else "run to failure"
+    window = "" if one.window is None else f" (window {one.window})"
+    cost = "not in use yet, so no cost per time"
+    if np.isfinite(one.rate):
+        cost = f"cost {one.rate:.4g} a {one.unit} (to failure {one.rate_to_failure:.4g})"
+    said = one.decision
+    mark = "" if said.verdict == "open" else f"  {said.verdict}: {said.reason}"
+    before = "failure" if not np.isfinite(one.after) else "failure before"
+    return f"{one.component}: {when}{window}, {before} {one.probability:.3f}, {cost}{mark}"
+
+
+def label_document(one: Label) -> dict[str, Json]:
+    """One entry of ``evertwin.decisions/1``."""
+    evidence = one.event.evidence
+    content: Any = {
+        "component": one.event.signal, "verdict": one.verdict, "state": one.state,
+        "reason": one.event.reason, "said_at": evidence.get("now"), "at": evidence.get("at"),
+        "clock": evidence.get("clock"), "time": one.event.time or None,
+    }  # fmt: skip
+    return plain(content)  # type: ignore[return-value]
+
+
+def label_text(one: Label) -> str:
+    """The same as a line: when it was said, of what, until or for when, and whether it counts."""
+    evidence: Any = one.event.evidence
+    clock = evidence.get("clock") or ""
+    said = "at ?" if evidence.get("now") is None else f"at {clock} {evidence['now']:.6g}"
+    at = evidence.get("at")
+    when = f" {BEFORE.get(one.verdict, '')}{clock} {at:.6g}" if isinstance(at, int | float) else ""
+    state = "" if one.state == "holds" else f"  [{one.state}]"
+    return f"{said}: {one.event.signal}: {one.verdict}{when}: {one.event.reason}{state}"
