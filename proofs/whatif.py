@@ -2,10 +2,10 @@
 
 The embedded arm welds its circle with friction that its twin does not know. The twin tunes it on
 one recording with noise and is asked what if; then the world really runs that way: 25 % faster,
-with new gearboxes on axes 1 and 2, and worn as a history of 12 runs lets expect in 10 runs. Told
-are over all seeds and axes: error of the predicted rms and peak, against the world's without noise;
-how often the interval of the peak holds the largest torque that is then measured, with new noise;
-and a dummy: everything stays as it was.
+with 2 kg at the tip, with new gearboxes on axes 1 and 2, and worn as a history of 12 runs lets
+expect in 10 runs. Told are over all seeds and axes: error of the predicted rms and peak, against
+the world's without noise; how often the interval of the peak holds the largest torque that is then
+measured, with new noise; and a dummy: everything stays as it was.
 """
 
 from __future__ import annotations
@@ -29,12 +29,15 @@ from evertwin.twin.ahead.lives import Prospect
 from evertwin.twin.ahead.scenario import run_scenario
 from evertwin.twin.ahead.table import read_table
 from evertwin.twin.versions import Versions
-from evertwin.worlds.arm import Cycle, Truth, columns, load, record
+from evertwin.worlds.arm import Cycle, Truth, columns, load, planned, record
 
 TWIN = Path(__file__).parent.parent / "twins" / "arm.toml"
 RUNS, LATER, GROWTH, SCATTER = 12, 10, 0.01, 0.05
 """History: runs, how far ahead, growth a run of the friction today, noise of its values [Nm]."""
-LIMITS = {"rms": 0.02, "peak": 0.03, "covered": 0.90}
+LIMITS = {"rms": 0.02, "peak": 0.03}
+"""How far off a prediction may be, and no more than half as far as the dummy."""
+COVERED = (0.92, 0.98)
+"""Share of the peaks that their 95 % intervals hold."""
 
 
 @dataclass(frozen=True)
@@ -59,15 +62,16 @@ def cases() -> Iterator[Case]:
     grown = worn(*(fc * (1.0 + GROWTH * LATER) for fc in now[:2]))
     parts = "[components.gearbox1]\nFc1 = 8.0\n[components.gearbox2]\nFc2 = 9.0"
     yield Case("25 % faster", "[speed]\nfactor = 1.25", fast)
+    yield Case("2 kg at the tip", "load = { mass = 2.0 }", truth=Truth(payload=2.0))
     yield Case("new gearboxes", parts, truth=worn(8.0, 9.0))
     yield Case("worn in 10 runs", f"wear = {LATER}", truth=grown)
 
 
 def world(case: Case) -> dict[str, np.ndarray]:
-    """The machine really runs that way, without noise."""
+    """The machine really runs that way, without noise; planned is its path without a load."""
     with as_file(files("evertwin.machines").joinpath("data", "ur5_like.urdf")) as urdf:
-        model = load(urdf, case.truth)
-    return record(model, case.cycle, case.truth)
+        plan = planned(load(urdf, Truth()), case.cycle)
+        return record(load(urdf, case.truth), case.cycle, case.truth, plan)
 
 
 @dataclass(frozen=True)
@@ -119,7 +123,7 @@ def arm(folder: Path, rng: np.random.Generator) -> tuple[Twin, Path]:
 
 
 def main() -> int:
-    """Prints each scenario; 1 where a prediction is off by more than `LIMITS`."""
+    """Prints each scenario; 1 where one misses `LIMITS` or `COVERED`."""
     seeds = int(sys.argv[1]) if len(sys.argv) > 1 else 100
     with tempfile.TemporaryDirectory() as name:
         folder, every = Path(name), list(cases())
@@ -144,15 +148,18 @@ def main() -> int:
         off = [np.abs(now[:, :, i] / true[i] - 1.0) for i in (0, 1)]
         dummy = [np.abs(now[:, :, 4 + i] / true[i] - 1.0).mean() for i in (0, 1)]
         held = (now[:, :, 2] <= measured[:, k]) & (measured[:, k] <= now[:, :, 3])
-        share, error = held.mean(), 1.96 * held.mean(axis=1).std() / np.sqrt(seeds)
+        spread = max(held.mean(axis=1).std(), np.sqrt(0.95 * 0.05 / 6))  # few seeds may all agree
+        share, error = held.mean(), 1.96 * spread / np.sqrt(seeds)
         sys.stdout.write(
             f"{case.name}: rms off by {off[0].mean():.2%} (worst axis {off[0].mean(0).max():.2%}; "
             f"dummy {dummy[0]:.1%}), peak by {off[1].mean():.2%} ({off[1].mean(0).max():.2%}; "
             f"dummy {dummy[1]:.1%}); interval of the peak holds {share:.1%} ± {error:.1%} "
             f"(by axis {', '.join(f'{x:.0%}' for x in held.mean(axis=0))}), {seeds} seeds\n"
         )
-        good &= off[0].mean() < LIMITS["rms"] and off[1].mean() < LIMITS["peak"]
-        good &= share + error > LIMITS["covered"]
+        for size, limit, still in zip(off, LIMITS.values(), dummy, strict=True):
+            good &= bool(size.mean() < min(limit, still / 2.0))
+        good &= bool(COVERED[0] <= share + error and share - error <= COVERED[1])
+    sys.stdout.write("all reached\n" if good else "MISSED\n")
     return 0 if good else 1
 
 

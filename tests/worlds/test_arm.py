@@ -12,7 +12,8 @@ import pytest
 
 from evertwin.app.worlds import record_arm
 from evertwin.machines.arm import Arm
-from evertwin.worlds.arm import Cycle, Truth, columns, load, path, record
+from evertwin.machines.arm.inertia import NAMES, point
+from evertwin.worlds.arm import Cycle, Truth, columns, load, path, planned, record
 
 URDF = Path(str(files("evertwin.machines").joinpath("data", "ur5_like.urdf")))
 SHORT = Cycle(seconds=6.0, turns=1, ramp=1.0)
@@ -25,9 +26,10 @@ def recorded() -> dict[str, np.ndarray]:
 
 
 def torque(truth: Truth, table: dict[str, np.ndarray]) -> np.ndarray:
-    """Of the twin's model with the true friction and rotor inertia."""
-    arm = Arm.of("ur5_like", law="tanh", width=truth.width)
-    p = arm.parameters.values
+    """Of the twin's model with the true friction, rotor inertia and payload."""
+    arm = Arm.of("ur5_like", law="tanh", width=truth.width, payload=True)
+    carried = zip(NAMES, point(truth.payload, np.zeros(3)).tolist(), strict=True)
+    p = arm.parameters.with_values({f"payload.{name}": value for name, value in carried}).values
     for axis in range(6):
         for name, value in (("Fc", truth.coulomb), ("Fv", truth.viscous), ("Ia", truth.rotor)):
             p[arm.parameters.index(f"{name}{axis + 1}")] = value[axis]
@@ -65,6 +67,14 @@ def test_more_friction_at_standstill_shows_at_low_speed_only() -> None:
     speed = table["qd"]
     share = 0.5 * np.exp(-((speed / 0.1) ** 2)) * np.tanh(speed / sticky.width)
     assert extra == pytest.approx(share * np.array(sticky.coulomb), abs=1e-9)
+
+
+def test_an_arm_with_a_payload_can_follow_the_plan_of_one_without() -> None:
+    heavy = Truth(payload=2.0)
+    table = record(load(URDF, heavy), SHORT, heavy, planned(load(URDF, Truth()), SHORT))
+    assert table["q"] == pytest.approx(recorded()["q"], abs=1e-9)
+    assert np.abs(torque(heavy, table) - table["tau"]).max() < 1e-9
+    assert np.abs(torque(Truth(), table) - table["tau"]).max() > 5.0
 
 
 def test_noise_is_seeded_and_as_strong_as_told() -> None:

@@ -22,7 +22,7 @@ from scipy.interpolate import CubicSpline
 from evertwin.types import StateVector, Vector
 from evertwin.worlds.save import save
 
-__all__ = ["Cycle", "Truth", "main", "path", "record", "solve_path"]
+__all__ = ["Cycle", "Truth", "main", "path", "planned", "record", "solve_path"]
 
 _STEP = 0.001
 
@@ -47,6 +47,8 @@ class Truth:
     """Speed at which Coulomb friction has reached tanh 1 of its value [rad/s]."""
     stribeck: float = 0.0
     """Extra share of Coulomb friction at standstill, fading with (q̇ / 0.1)²."""
+    payload: float = 0.0
+    """Mass in the origin of the tool's frame [kg]."""
 
 
 @dataclass(frozen=True)
@@ -138,12 +140,26 @@ def _friction(truth: Truth, speed: Vector) -> Vector:
     return np.asarray(dry + np.array(truth.viscous) * speed)
 
 
-def record(model: Any, cycle: Cycle, truth: Truth) -> dict[str, np.ndarray]:
-    """One cycle: t (n,) [s], q, qd, qdd (n, 6), motor torque tau (n, 6) [Nm], without noise."""
-    n = round(cycle.seconds / _STEP)
+def planned(model: Any, cycle: Cycle) -> CubicSpline:
+    """Joint angles over time [rad] that follow the path.
+
+    The search for the first of them is so sensitive that another payload, which should not matter,
+    lets it end in another posture: machines that shall move alike get one plan.
+    """
     coarse = np.arange(0.0, cycle.seconds + 0.02, 0.01)
     joints = solve_path(model, cycle, coarse, np.array([0.0, -1.2, 1.8, -2.1, -1.57, 0.0]))
-    plan = CubicSpline(coarse, joints)
+    return CubicSpline(coarse, joints)
+
+
+def record(
+    model: Any, cycle: Cycle, truth: Truth, plan: CubicSpline | None = None
+) -> dict[str, np.ndarray]:
+    """One cycle: t (n,) [s], q, qd, qdd (n, 6), motor torque tau (n, 6) [Nm], without noise.
+
+    ``plan`` holds the joint angles over time; absent: `planned` for this model and cycle.
+    """
+    n = round(cycle.seconds / _STEP)
+    plan = planned(model, cycle) if plan is None else plan
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:] = plan(0.0), plan(0.0, 1)
     inertia, bias = np.zeros((model.nv, model.nv)), np.zeros(model.nv)
@@ -167,7 +183,7 @@ def record(model: Any, cycle: Cycle, truth: Truth) -> dict[str, np.ndarray]:
 
 
 def load(urdf: Path, truth: Truth) -> Any:
-    """The arm in MuJoCo: the URDF's rigid bodies, rotor inertia as armature, no friction yet."""
+    """The arm in MuJoCo: rigid bodies, rotor inertia as armature, payload; no friction yet."""
     text = urdf.read_text()
     head = text.index(">", text.index("<robot")) + 1
     extension = (
@@ -176,6 +192,9 @@ def load(urdf: Path, truth: Truth) -> Any:
     model = mujoco.MjModel.from_xml_string(text[:head] + extension + text[head:])
     model.opt.timestep, model.opt.disableflags = _STEP, int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     model.dof_armature[:] = truth.rotor
+    if truth.payload:
+        model.body_mass[-1], model.body_ipos[-1] = truth.payload, 0.0  # the tool itself has no mass
+        mujoco.mj_setConst(model, mujoco.MjData(model))
     return model
 
 
