@@ -156,6 +156,30 @@ class Indicator:
         """What was known at ``moment``: no later value, no later maintenance."""
         return self._take(self.at <= moment, [m for m in self.maintenance if m.at <= moment])
 
+    def seen_at(self, now: float) -> Indicator:
+        """The series as it is looked at later: one more row, without a value, at ``now``.
+
+        Lives are told from the last row on. Work goes on as it did.
+
+        >>> old = Indicator.of("f", "Nm", Limit(3.0), [0, 1], [1.0, 1.1])
+        >>> old.seen_at(5.0).at
+        array([0., 1., 5.])
+        """
+        if not len(self.at) or now <= self.at[-1]:
+            return self
+        absent = np.full(1, np.nan)
+        usage = self.usage
+        if usage is not None:
+            span = float(self.at[-1] - self.at[0])
+            pace = float(usage[-1] - usage[0]) / span if span > 0.0 else 0.0
+            usage = np.append(usage, usage[-1] + pace * (now - self.at[-1]))
+        return replace(
+            self, at=np.append(self.at, now), value=np.append(self.value, absent),
+            sigma=np.append(self.sigma, absent), usage=usage,
+            covariates={name: np.append(x, absent) for name, x in self.covariates.items()},
+            since_start=None if self.since_start is None else np.append(self.since_start, absent),
+        )  # fmt: skip
+
     def since_replaced(self) -> Indicator:
         """The current life alone: values after the last replacement."""
         marks = [m.at for m in self.maintenance if m.kind == "replaced"]

@@ -249,7 +249,7 @@ class Twin:
         """What the machine will do from the end of its recordings on, with bands.
 
         Args:
-            horizon: how far [s]; with ``inputs``: at most their length.
+            horizon: how far [s]; with ``inputs``: as far as these reach.
             data: recordings up to now; None: the twin file's.
             mode: ``repeat`` the newest inputs, or ``hold`` the last ones.
             inputs: CSV with ``t`` and the inputs to come.

@@ -12,7 +12,7 @@ from evertwin.prognosis import Indicator, Life, NotEnough, Workload
 from evertwin.twin.ahead.course import Course
 from evertwin.twin.ahead.formula import Formula
 
-__all__ = ["ComponentLife"]
+__all__ = ["ComponentLife", "said"]
 
 
 @dataclass(frozen=True)
@@ -86,16 +86,25 @@ class ComponentLife:
     @property
     def sentence(self) -> str:
         """What is known, in one sentence."""
-        if isinstance(self.life, NotEnough):
-            begun = "" if self.life.onset is None else (
-                f"; wear began at {self.life.onset.begin:.4g} {self.indicator.clock}"
-            )  # fmt: skip
-            return f"not enough data: needs {self.life.needs}{begun}"
-        if self.life.passed is not None:
-            return f"life is over: the limit was passed at {self.life.passed:.4g} {self.life.unit}"
-        low, high = self.life.interval80
-        ends = f"{high:.4g}" if high < float("inf") else "without end"
-        return (
-            f"{self.life.median:.4g} {self.life.unit} (80 %: {low:.4g} … {ends}), not before "
-            f"{self.life.not_before:.4g} (95 %), law {self.life.law or '-'}"
+        return said(self.life)
+
+
+def said(life: Life | NotEnough) -> str:
+    """A life in words.
+
+    >>> said(NotEnough("six values", "there are two"))
+    'not enough data: needs six values; there are two'
+    """
+    if isinstance(life, NotEnough):
+        return "; ".join(
+            part for part in (f"not enough data: needs {life.needs}", life.reason) if part
         )
+    if life.passed is not None:
+        return f"life is over: the limit was passed at {life.passed:.4g} {life.unit}"
+    low, high = life.interval80
+    ends = f"{high:.4g}" if high < float("inf") else "without end"
+    law = f", law {life.law}" if life.law else ""
+    return (
+        f"{life.median:.4g} {life.unit} (80 %: {low:.4g} … {ends}), not before "
+        f"{life.not_before:.4g} (95 %){law}"
+    )

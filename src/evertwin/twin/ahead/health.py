@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from evertwin.config.prognosis import IndicatorSpec
-from evertwin.errors import ConfigError, DataError
-from evertwin.models import Parameters
+from evertwin.errors import ConfigError, DataError, nearest
+from evertwin.models import Model, Parameters
 from evertwin.prognosis import Indicator, Limit
 from evertwin.prognosis.factors import divided
 from evertwin.signals.units import compatible
@@ -24,7 +24,30 @@ from evertwin.twin.ahead.known import Known, component_of, in_unit, marks_of, wa
 from evertwin.twin.ahead.table import Table, read_table
 from evertwin.types import Vector
 
-__all__ = ["indicator_of", "series_of"]
+__all__ = ["check_names", "indicator_of", "series_of"]
+
+
+def check_names(rule: IndicatorSpec, model: Model, found: History) -> None:
+    """Refuses what neither the model nor the history knows: it would never have a value.
+
+    Raises:
+        ConfigError: with the nearest name.
+    """
+    tuned = dict.fromkeys((*model.parameters.names, *found.names))
+    adjusted = (*rule.covariates, *rule.factors, *(() if rule.warm_up is None else ("warm_up",)))
+    told: list[tuple[str, Sequence[str], Sequence[str]]] = [
+        ("reference", tuple(rule.reference), adjusted),
+        ("output", [] if rule.output is None else [rule.output], model.outputs.names),
+    ]
+    if rule.parameter is not None:
+        told.append(("parameter", [rule.parameter], tuple(tuned)))
+    if rule.formula is not None:
+        told.append(("formula", Formula.parse(rule.formula).names, tuple(tuned)))
+    for key, names, known in told:
+        for name in names:
+            if name not in known:
+                hint = nearest(name, known) if known else "there is no covariate and no factor"
+                raise ConfigError(f"indicator {rule.name}: {key}: no {name!r}, {hint}")
 
 
 def series_of(

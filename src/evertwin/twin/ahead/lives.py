@@ -32,13 +32,14 @@ from evertwin.prognosis.document import component, document
 from evertwin.prognosis.laws import LAWS
 from evertwin.signals.units import to_si
 from evertwin.twin.ahead.basis import Basis
-from evertwin.twin.ahead.component import ComponentLife
+from evertwin.twin.ahead.component import ComponentLife, said
 from evertwin.twin.ahead.course import Course, course
 from evertwin.twin.ahead.filed import of_table
-from evertwin.twin.ahead.health import indicator_of, series_of
+from evertwin.twin.ahead.health import check_names, indicator_of, series_of
 from evertwin.twin.ahead.history import History, history
 from evertwin.twin.ahead.known import Known, component_of
 from evertwin.twin.ahead.limits import accuracy_limit, breakdown_limits, limit_of
+from evertwin.twin.ahead.newest import seen, unless_overdue
 from evertwin.twin.ahead.table import Table, read_table
 from evertwin.twin.ahead.wear import wears
 from evertwin.twin.ahead.whatif import Today, today
@@ -76,6 +77,8 @@ class Lives:
     """Times from now at which probabilities of failure are given."""
     indicators: tuple[ComponentLife, ...] = field(default=())
     """Every indicator, also those that do not stand for their component."""
+    now: float = 0.0
+    """The moment that lives are counted from, on the clock."""
     left_out: tuple[str, ...] = ()
     """Labels of the store that do not count, and why."""
 
@@ -94,7 +97,7 @@ class Lives:
                 "rate": one.rate, "age": one.age, "wear": one.wears.text, "phases": one.phases
             }  # fmt: skip
         content: dict[str, Any] = dict(document(parts)) | {
-            "name": self.name, "clock": self.clock,
+            "name": self.name, "clock": self.clock, "now": self.now,
             "machine": None if self.machine is None else self.machine.document(),
             "alarms": self.alarms, "alarms_held_back": self.held,
             "alarms_today": self.alarms_today, "notes": self.notes,
@@ -114,10 +117,8 @@ class Lives:
                 f"  {one.sentence}"
             )
             lines += [f"  {one.ahead}"] if one.ahead else []
-        if isinstance(self.machine, Life):
-            low, high = self.machine.interval80
-            lines.append(f"machine: {self.machine.median:.4g} {self.machine.unit} "
-                         f"(80 %: {low:.4g} … {high:.4g})")  # fmt: skip
+        if self.machine is not None:
+            lines.append(f"machine: {said(self.machine)}")
         lines += [f"! {alarm.reason}\n  {alarm.action}" for alarm in self.alarms]
         if self.held:
             lines.append(f"held back, over the budget of the day: {len(self.held)}")
@@ -180,9 +181,11 @@ class Prospect:
         """An indicator with its limit.
 
         Raises:
-            ConfigError: nothing says where its life ends.
+            ConfigError: nothing says where its life ends, or it names what is not known.
             DataError: its history cannot be read.
         """
+        if self.table is None:
+            check_names(rule, self.basis.model, self.history)
         known = series_of(rule, self.history, self.table, self.folder, self.parts)
         limit = limit_of(rule, self.broken_down, self._felt(rule, known))
         parameters = self.basis.model.parameters
@@ -191,6 +194,11 @@ class Prospect:
         if kept or self.basis.setup.spec.store.path is not None:
             return found
         return found.with_(notes=(*found.notes, UNKEPT))
+
+    @property
+    def now(self) -> float:
+        """The moment that all lives are counted from."""
+        return max((float(one.at[-1]) for one in self.series if len(one.at)), default=0.0)
 
     def _felt(self, rule: IndicatorSpec, known: Known) -> float | None:
         if rule.accuracy is None or rule.limit is not None or rule.parameter is None:
@@ -215,11 +223,19 @@ class Prospect:
         ]  # fmt: skip
         return learn(lived, rule.laws or LAWS)
 
+    @cached_property
+    def series(self) -> tuple[Indicator, ...]:
+        """Every indicator, each seen from the same moment: the newest that any of them knows."""
+        found = [self.indicator(rule) for rule in self.basis.setup.spec.indicator]
+        newest = [float(one.at[-1]) for one in found if len(one.at)]
+        now = max([*newest, 0.0 if self.table is not None else self.history.now])
+        return tuple(seen(one, now) for one in found)
+
     def life(self, rule: IndicatorSpec, *, drawn: bool = False) -> ComponentLife:
         """The life that one indicator tells; ``drawn``: with its course."""
-        indicator = self.indicator(rule)
+        indicator = self.series[self.basis.setup.spec.indicator.index(rule)]
         laws, fleet = rule.laws or LAWS, self.fleet(rule, indicator.limit)
-        before = life = predict_life(indicator, laws, fleet)
+        before = life = unless_overdue(indicator, predict_life(indicator, laws, fleet))
         formula = wears(rule, self.basis.model)
         way, alone, work = None, dict[str, Course](), None
         if drawn and isinstance(life, Life):
@@ -270,7 +286,7 @@ class Prospect:
         return Lives(
             spec.name, self.rule.clock, components, self._machine(components),
             tuple(alarm for alarm in due if alarm is not None), dates=self.dates,
-            indicators=every, left_out=self.history.notes,
+            indicators=every, left_out=self.history.notes, now=self.now,
         )  # fmt: skip
 
     @property
@@ -289,13 +305,14 @@ class Prospect:
             raise ConfigError(
                 f"[prognosis.components]: no [[indicator]] tells of {', '.join(sorted(unknown))}"
             )
-        critical = [
-            one.life
+        critical = {
+            name: one.life
             for name, one in components.items()
             if name not in costs or costs[name].critical
-        ]
-        known = [life for life in critical if isinstance(life, Life)]
-        if critical and len(known) < len(critical):
-            lacking = len(critical) - len(known)
-            return NotEnough(f"lives of {lacking} more of {len(critical)} critical components")
-        return first_of(known) if known else None
+        }
+        known = [life for life in critical.values() if isinstance(life, Life)]
+        unknown_lives = [name for name, life in critical.items() if isinstance(life, NotEnough)]
+        if not unknown_lives:
+            return first_of(known) if known else None
+        bound = f"the others last {said(first_of(known))}" if known else ""
+        return NotEnough(f"the life of {', '.join(unknown_lives)}", bound)
