@@ -104,6 +104,15 @@ def test_the_free_date_is_the_cheapest_of_all(
     assert rate <= float(renewal.rate(np.linspace(0.0, 130.0, 4001)).min()) * (1 + 1e-9)
 
 
+def test_the_date_between_two_quantiles_has_its_closed_form() -> None:
+    """An even life of 100 h, new, failure 10 times as dear: 4.5·y² + y = 1 with y = T / 100 h."""
+    even = Life.of("h", LEVELS, 100.0 * LEVELS)
+    item = cheapest("x", even, 0.0, Cost(9_000.0, 900.0))
+    y = (np.sqrt(19.0) - 1.0) / 9.0
+    assert item.after == pytest.approx(100.0 * y, rel=1e-6)
+    assert item.rate == pytest.approx(9.0 * (1.0 + 9.0 * y) / (y - y * y / 2.0), rel=1e-6)
+
+
 def test_cheap_failures_are_run_into_though_life_may_never_end() -> None:
     unbounded = Life.of("h", LEVELS, np.where(LEVELS > 0.7, np.inf, 50.0 + 200.0 * LEVELS))
     item = cheapest("lamp", unbounded, 0.0, Cost(100.0, 900.0))

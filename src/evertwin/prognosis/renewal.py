@@ -142,7 +142,9 @@ class Renewal:
 
     def used(self, dates: Vector) -> Vector:
         """Mean time in use until maintenance at each date, or the failure before it."""
-        out: Vector = self.age + np.interp(dates, self.times, self.lived)
+        k = np.clip(np.searchsorted(self.times, dates, side="right") - 1, 0, len(self.times) - 1)
+        lasting = 1.0 - 0.5 * (self.failed[k] + self.failure(dates))
+        out: Vector = self.age + self.lived[k] + np.maximum(dates - self.times[k], 0.0) * lasting
         return out
 
     def expected(self, dates: Vector) -> Vector:
