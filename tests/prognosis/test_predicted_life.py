@@ -249,3 +249,26 @@ def test_a_long_history_is_not_told_more_coarsely_than_it_says(n: int) -> None:
     assert isinstance(life, Life)
     assert life.median == pytest.approx(0.6 * n, rel=5e-3)
     assert 0.98 * 0.6 * n < life.interval95[0] < life.interval95[1] < 1.02 * 0.6 * n
+
+
+def test_three_values_beyond_the_limit_end_a_life_whatever_the_laws_say() -> None:
+    rng = np.random.default_rng(0)
+    calm = np.linspace(1.0, 1.6, 40) + 0.01 * rng.standard_normal(40)
+    values = np.r_[calm, 2.40, 2.41, 2.42]
+    for n in (41, 42):
+        assert told(series(values[:n])).passed is None
+    assert told(series(values)).passed == 40.0
+    cold = series(values).with_(
+        covariates={"cold": np.r_[np.zeros(40), np.ones(3)]}, reference={"cold": 0.0}
+    )
+    assert told(cold).passed is None
+
+
+def test_values_without_noise_leave_nothing_open() -> None:
+    life = told(series(1.0 + 0.015 * np.arange(40.0)))
+    assert life.median == pytest.approx(27.667, abs=0.02)
+    assert life.interval95[1] - life.interval95[0] < 0.2
+
+
+def series(values: np.ndarray) -> Indicator:
+    return Indicator.of("wear", "mm", Limit(2.0), np.arange(float(len(values))), values)

@@ -81,14 +81,13 @@ def from_problem(
     if not looks:
         return NotEnough(f"values that one of the laws {', '.join(laws)} allows")
     rough = mixture(problem, looks, COARSE, density)
-    if rough.passed > 0.5:
+    if rough.passed > 0.5 or beyond_for_good(indicator):
         return over(indicator, problem)
     looks = sharpened(problem, looks, rough.share, prior)
     found = mixture(problem, looks, fine_nodes(rough.cdf), density)
     half = float(np.interp(0.5, found.cdf, found.nodes)) if found.cdf[-1] > 0.5 else np.inf
     if half > FAR:
-        beyond = float(np.median(problem.y[-LASTING:])) > problem.limit
-        return over(indicator, problem) if beyond else too_calm(indicator, problem, found.laws)
+        return too_calm(indicator, problem, found.laws)
     nodes = np.union1d(found.nodes, COARSE)
     cdf = ending(
         np.interp(nodes, found.nodes, found.cdf),
@@ -96,6 +95,18 @@ def from_problem(
     )  # fmt: skip
     remaining = quantiles(nodes, prior.calibrated(cdf, 1.0 / (1.0 + half))) * problem.age
     return Life(indicator.clock, remaining, problem.now, found.laws)
+
+
+def beyond_for_good(indicator: Indicator) -> bool:
+    """Do the newest values lie beyond the limit, as many as end a life?
+
+    Not where temperature, load or warm-up move them: the limit holds at the reference alone.
+    """
+    life = indicator.since_replaced()
+    if life.covariates or life.since_start is not None:
+        return False
+    apart = life.distance()[np.isfinite(life.value)]
+    return len(apart) >= LASTING and bool(np.all(apart[-LASTING:] <= 0.0))
 
 
 def over(indicator: Indicator, problem: Problem) -> Life:

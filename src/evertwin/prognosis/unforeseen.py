@@ -46,7 +46,9 @@ LEANS = (-0.5, -0.25, 0.0, 0.25, 0.5, 0.75)
 FIRST = 8
 """Values that the first comparison rests on, besides one per column."""
 DIFFUSE = 1e6
-"""Variance of levels and growth before any value, in that of the noise."""
+"""Variance of levels and growth before any value, of values of order one."""
+EXACT = 10.0 / DIFFUSE
+"""Errors below it are those of a start that is not quite diffuse: they tell nothing."""
 
 
 def errors(
@@ -74,7 +76,7 @@ def probability(z: Float64[np.ndarray, " n"], columns: int) -> float:
         columns: levels and growth that the law has free; as many first errors tell nothing.
     """
     start = columns + FIRST
-    if len(z) <= start:
+    if len(z) <= start or np.sqrt(np.mean(np.square(z[start:]))) < EXACT:
         return BEFOREHAND
     tried = [foretold(z, columns, lean, keep) for lean in LEANS for keep in KEEPS
              if lean != 0.0 or keep < 1.0]  # fmt: skip
