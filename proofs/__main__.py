@@ -1,7 +1,7 @@
 """All proofs, one after the other: `python -m proofs [NAME ...]`.
 
 Each is a module of this folder that prints its figures; it runs alone as `python -m proofs.NAME`.
-A proof that ends with another exit code than 0 fails the run.
+A proof that ends with another exit code than 0 fails the run, also one that has no recordings.
 """
 
 from __future__ import annotations
@@ -11,7 +11,10 @@ import sys
 import time
 from pathlib import Path
 
+from proofs._verdict import NO_DATA
+
 HERE = Path(__file__).parent
+ENDS = {0: "reached", 1: "MISSED or broken off", NO_DATA: "no recordings"}
 
 
 def main(names: list[str]) -> int:
@@ -26,7 +29,8 @@ def main(names: list[str]) -> int:
             [sys.executable, "-m", f"proofs.{name}"], cwd=HERE.parent, check=False
         )
         failed += [name] if done.returncode else []
-        sys.stdout.write(f"== {name}: {time.monotonic() - start:.0f} s, exit {done.returncode}\n")
+        end = ENDS.get(done.returncode, f"exit {done.returncode}")
+        sys.stdout.write(f"== {name}: {time.monotonic() - start:.0f} s, {end}\n")
     sys.stdout.write(
         f"proofs: {len(names or found) - len(failed)} ok, failed: {failed or 'none'}\n"
     )

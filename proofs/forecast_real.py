@@ -9,7 +9,7 @@ value, and the spread of past moves over the same time. Angles wrap.
 
 * incubator: parameters of one day of September 2020 (the twin file's); the box 10 and 30 min
   ahead on that day, on the day before, when the fan ran at half its voltage, and in March 2021.
-  Apart: half hours in which somebody opens the lid, which no twin can know.
+  Apart, and not judged: half hours in which somebody opens the lid, which no twin can know.
 * mrclam6: the twin runs over the first half of a robot's drive and improves itself; its pose 10 s
   ahead in the second half, the band from the 200 s before.
 * emps: fitted to the first half of the record; position 1 s ahead, open loop, in the second.
@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from proofs._verdict import ended, holds, no_data
 
 from evertwin import Twin
 from evertwin.fold import Block, Mark, take
@@ -37,6 +38,7 @@ from evertwin.twin.versions import Versions
 
 TWINS = Path(__file__).parent.parent / "twins"
 LEVELS, BELL = (0.8, 0.95), (1.2816, 1.96)
+OPENED = "opened meanwhile"
 LEADS = 20
 """Rows of a forecast that are counted, evenly over its horizon."""
 
@@ -137,7 +139,7 @@ def incubator() -> Iterator[Shown]:
     for begin in np.arange(1500.0, float(rows.t[-1] - rows.t[0]) * 1e-9 - 1800.0, 300.0):
         now = int(rows.t[0]) + int(begin * 1e9)
         soon = any(now < at < now + 1800 * 10**9 for at in opens)
-        said = f"2021, lid {'opened meanwhile' if soon else 'closed'}, 30 min ahead"
+        said = f"2021, lid {OPENED if soon else 'closed'}, 30 min ahead"
         yield from starts(basis, rows, (begin, 1e9, 1800.0), said)
 
 
@@ -174,8 +176,9 @@ def ur10e() -> Iterator[Shown]:
     yield from starts(basis, rows, (3.0, 2.0, 2.0), "2 s ahead", known)
 
 
-def told(shown: Sequence[Shown]) -> None:
-    """Prints a machine's shares."""
+def told(machine: str, shown: Sequence[Shown]) -> dict[str, bool]:
+    """Prints a machine's shares; does each band hold what it says?"""
+    demands = {}
     for said in dict.fromkeys(one.said for one in shown):
         group = [one.outputs for one in shown if one.said == said]
         for name in dict.fromkeys(name for outputs in group for name in outputs):
@@ -185,12 +188,17 @@ def told(shown: Sequence[Shown]) -> None:
             error = 1.96 * found[:, :, 0].std(axis=0) / np.sqrt(len(found))
             sys.stdout.write(f"   {said}, {name}, {len(found)} starts:")
             for k, level in enumerate(LEVELS):
+                good = holds(level, mean[k, 0], error[k])
+                if OPENED not in said:
+                    demands[f"{machine}, {said}, {name}, {level:.0%}"] = good
+                off = "" if good else " <- too wide" if mean[k, 0] > level else " <- too narrow"
                 sys.stdout.write(
-                    f"  {level:.0%} band {100 * mean[k, 0]:.1f} ± {100 * error[k]:.1f} %, "
+                    f"  {level:.0%} band {100 * mean[k, 0]:.1f} ± {100 * error[k]:.1f} %{off}, "
                     f"± {mean[k, 1]:.3g} {unit} (dummy {100 * mean[k, 2]:.1f} %, "
                     f"± {mean[k, 3]:.3g})"
                 )
             sys.stdout.write("\n")
+    return demands
 
 
 MACHINES: dict[str, Callable[[], Iterator[Shown]]] = {
@@ -199,15 +207,15 @@ MACHINES: dict[str, Callable[[], Iterator[Shown]]] = {
 
 
 def main(names: list[str]) -> int:
-    """Prints each machine."""
+    """Prints each machine; exit code 1 where a band holds less or more than it says."""
     if "EVERTWIN_DATA" not in os.environ:
-        sys.stdout.write("EVERTWIN_DATA is not set: expected the folder of real recordings\n")
-        return 4
+        return no_data()
+    demands: dict[str, bool] = {}
     for name in names or MACHINES:
         sys.stdout.write(f"{name}\n")
-        told(list(MACHINES[name]()))
+        demands |= told(name, list(MACHINES[name]()))
         sys.stdout.flush()
-    return 0
+    return ended(demands)
 
 
 if __name__ == "__main__":

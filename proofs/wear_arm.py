@@ -17,6 +17,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from proofs._verdict import ended
 
 from evertwin import Twin
 from evertwin.app.worlds import record_arm
@@ -110,8 +111,12 @@ def main() -> int:
     reset = not isinstance(after.life, Life) and isinstance(before.life, Life)
     again = [item for item in second if np.isfinite(item[1])]
     print(f"after the replacement: reset {reset}; answered again in {len(again)} of {len(second)}")
-    good = inside == len(told) and widths[-1] < 0.25 * widths[0] and reset
-    return 0 if good and again and all(item[0] for item in again) else 1
+    return ended({
+        "first life: truth inside 95 %": inside == len(told),
+        "narrows to a quarter": widths[-1] < 0.25 * widths[0],
+        "reset by the replacement": reset,
+        "second life: answered, truth inside 95 %": bool(again) and all(x[0] for x in again),
+    })  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -28,6 +28,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from proofs._verdict import chance, ended, holds
 
 from evertwin import Twin, TwinSpec
 from evertwin.config import spec
@@ -288,7 +289,7 @@ def said(
     return found
 
 
-def show(name: str, known: list[Answer], mean: float) -> bool:
+def show(name: str, known: list[Answer], mean: float) -> dict[str, bool]:
     """Prints the counts of one machine; does the plan cost no coverage, and is it worth it?"""
     off, shares = dict[str, float](), dict[str, list[float]]()
     for how in ("formula", "default", "as before", "unchanged"):
@@ -309,19 +310,26 @@ def show(name: str, known: list[Answer], mean: float) -> bool:
     dummy = float(np.median([abs(max(mean - x.age, 0.0) - x.left) for x in known]))
     print(f"{name:5} {'dummy':10} median |error| {dummy:.1f} runs")
     lost = np.array(shares["unchanged"]) - np.array(shares["formula"])
-    return bool(np.all(lost <= 0.05)) and off["formula"] < min(off["as before"], dummy)
+    demands = {
+        f"{name}: a plan costs 5 points of coverage at most": bool(np.all(lost <= 0.05)),
+        f"{name}: a plan is worth it": off["formula"] < min(off["as before"], dummy),
+    }
+    for level, share in zip((0.80, 0.95), shares["formula"], strict=True):
+        error = chance(level, len(known) // len(CUTS))  # answers of one machine go together
+        demands[f"{name}: intervals of {level:.0%}"] = holds(level, share, error)
+    return demands
 
 
 def main() -> int:
-    """Prints the counts; exit code 1 if a plan costs coverage, or gains nothing."""
+    """Prints the counts; exit code 1 if intervals do not hold, or a plan gains nothing."""
     paths = int(sys.argv[1]) if len(sys.argv) > 1 else 120
-    good = True
+    demands: dict[str, bool] = {}
     with tempfile.TemporaryDirectory() as name:
         for word, one in (("arm", arm()), ("cart", cart())):
             known = [x for seed in range(paths) for x in answers(one, seed, Path(name))]
             mean = float(np.mean(np.linspace(60.0, 100.0, 101)))
-            good &= show(word, known, mean)
-    return 0 if good else 1
+            demands |= show(word, known, mean)
+    return ended(demands)
 
 
 if __name__ == "__main__":
