@@ -79,3 +79,12 @@ def test_the_template_names_every_section_and_builds() -> None:
                  "prediction", "anomaly", "tuning", "correction", "trial", "store"):  # fmt: skip
         assert re.search(rf"^#? ?\[\[?{name}", text, re.MULTILINE), name
     assert len(sections()) >= 14
+
+
+def test_a_report_replaces_reports_alone(call: Command, folder: Path) -> None:
+    text = (folder / "robot.toml").read_text()
+    refused = call("validate", "robot.toml", "--report", "robot.toml")
+    assert refused.code == 2 and "is there and is no report" in refused.err
+    assert (folder / "robot.toml").read_text() == text
+    assert call("validate", "robot.toml", "--report", "page.html").code == 0
+    assert call("validate", "robot.toml", "--report", "page.html").code == 0

@@ -21,8 +21,10 @@ def write_page(template: str, path: Path, content: Mapping[str, Any]) -> None:
     """Renders a template of ``app/templates`` into a file.
 
     Raises:
-        UsageError: the file cannot be written.
+        UsageError: the file cannot be written, or is there and no page.
     """
+    if path.is_file() and path.read_bytes()[:14].lower() not in (b"", b"<!doctype html"):
+        raise UsageError(f"{path}: is there and is no report: choose another name, or delete it")
     environment = Environment(
         loader=PackageLoader("evertwin.app", "templates"), autoescape=select_autoescape()
     )
