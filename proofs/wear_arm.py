@@ -23,8 +23,8 @@ from evertwin import Twin
 from evertwin.app.worlds import record_arm
 from evertwin.config import read, spec
 from evertwin.prognosis import Life
-from evertwin.twin.ahead.component import ComponentLife
-from evertwin.twin.ahead.lives import Lives
+from evertwin.twin.life.component import ComponentLife
+from evertwin.twin.life.lives import Lives
 
 TWIN = Path(__file__).parent.parent / "twins" / "arm.toml"
 GROWTH = 0.01

@@ -26,9 +26,9 @@ from evertwin.config import read, spec
 from evertwin.config.scenario import SCENARIO
 from evertwin.models.form import Form
 from evertwin.twin.ahead.basis import Basis
-from evertwin.twin.ahead.lives import Prospect
-from evertwin.twin.ahead.scenario import run_scenario
 from evertwin.twin.ahead.table import read_table
+from evertwin.twin.life.prospect import Prospect
+from evertwin.twin.scenario import run_scenario
 from evertwin.twin.versions import Versions
 from evertwin.worlds.arm import Cycle, Truth, columns, load, planned, record
 

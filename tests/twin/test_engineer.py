@@ -14,7 +14,7 @@ from evertwin.app.cli import main
 from evertwin.errors import ConfigError, DataError
 from evertwin.prognosis import Life, NotEnough
 from evertwin.twin import Twin
-from evertwin.twin.engineer import engineer
+from evertwin.twin.engineering.engineer import engineer
 
 BREAKDOWN = """schema = 1
 name = "axis"

@@ -16,7 +16,7 @@ from evertwin.app.engineering_draw import (
 from evertwin.app.page import encoded, write_page
 from evertwin.engineering.summary import summary
 from evertwin.errors import DataError, UsageError
-from evertwin.twin.engineer import Engineered, engineer
+from evertwin.twin.engineering.engineer import Engineered, engineer
 from evertwin.twin.parts import Part
 
 __all__ = ["engineer_twin", "write_engineering"]

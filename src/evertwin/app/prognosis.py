@@ -16,8 +16,8 @@ from evertwin.fold import plain
 from evertwin.prognosis.planning import HEADINGS
 from evertwin.settings.quantity import number
 from evertwin.twin import Twin
-from evertwin.twin.ahead.labels import DONE
 from evertwin.twin.feed import Data
+from evertwin.twin.life.labels import DONE
 
 __all__ = [
     "keep_decision", "show_decisions", "show_forecast", "show_life", "show_plan", "show_whatif",

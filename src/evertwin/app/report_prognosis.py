@@ -7,9 +7,9 @@ from typing import Any
 
 from evertwin.app.page import encoded, write_page
 from evertwin.prognosis.planning import Plan
-from evertwin.twin.ahead.component import ComponentLife
-from evertwin.twin.ahead.draw import draw_indicator, draw_plan
-from evertwin.twin.ahead.lives import Lives
+from evertwin.twin.life.component import ComponentLife
+from evertwin.twin.life.draw import draw_indicator, draw_plan
+from evertwin.twin.life.lives import Lives
 
 __all__ = ["write_prognosis"]
 

@@ -29,12 +29,8 @@ from evertwin.twin.ahead.basis import Basis
 from evertwin.twin.ahead.docking import dock
 from evertwin.twin.ahead.forecast import Forecast, forecast
 from evertwin.twin.ahead.future import Mode
-from evertwin.twin.ahead.lives import Lives, Prospect
 from evertwin.twin.ahead.paths import rows_of_file
-from evertwin.twin.ahead.raised import alarmed
-from evertwin.twin.ahead.scenario import run_scenario
 from evertwin.twin.ahead.table import read_table
-from evertwin.twin.ahead.upkeep import Verdict, label, maintenance, plan
 from evertwin.twin.ahead.whatif import WhatIf
 from evertwin.twin.book import Book
 from evertwin.twin.compare import Comparison, compare
@@ -44,9 +40,14 @@ from evertwin.twin.export.content import exported
 from evertwin.twin.factory import model_of
 from evertwin.twin.feed import Data, Feed
 from evertwin.twin.fitting import FitResult, Watch, fit
+from evertwin.twin.life.lives import Lives
+from evertwin.twin.life.prospect import Prospect
+from evertwin.twin.life.raised import alarmed
+from evertwin.twin.life.upkeep import Verdict, label, maintenance, plan
 from evertwin.twin.observer import Observer
 from evertwin.twin.play import Play
 from evertwin.twin.result import RunResult
+from evertwin.twin.scenario import run_scenario
 from evertwin.twin.setup import Setup
 from evertwin.twin.tasks import check_units
 from evertwin.twin.validation import Validation, validated

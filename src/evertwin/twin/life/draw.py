@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from evertwin.prognosis import Indicator, Life
 from evertwin.prognosis.life import LEVELS
 from evertwin.prognosis.planning import Plan
-from evertwin.twin.ahead.component import ComponentLife
-from evertwin.twin.ahead.lives import Lives
+from evertwin.twin.life.component import ComponentLife
+from evertwin.twin.life.lives import Lives
 from evertwin.types import Vector
 
 __all__ = ["draw_indicator", "draw_plan"]

@@ -9,8 +9,8 @@ import numpy as np
 
 from evertwin.config.prognosis import IndicatorSpec
 from evertwin.prognosis import Indicator, Life, NotEnough, Workload
-from evertwin.twin.ahead.course import Course
-from evertwin.twin.ahead.formula import Formula
+from evertwin.twin.life.course import Course
+from evertwin.twin.life.formula import Formula
 
 __all__ = ["ComponentLife", "said"]
 

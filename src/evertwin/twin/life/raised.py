@@ -14,8 +14,8 @@ from evertwin.config.prognosis import PrognosisSpec
 from evertwin.fold import Event
 from evertwin.prognosis.alarms import RELEASE, Kind, alarm_of, has_cleared, within_budget
 from evertwin.store import Store
-from evertwin.twin.ahead.history import dated, history
-from evertwin.twin.ahead.lives import Lives
+from evertwin.twin.life.history import dated, history
+from evertwin.twin.life.lives import Lives
 
 __all__ = ["alarmed"]
 

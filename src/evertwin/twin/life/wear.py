@@ -21,7 +21,7 @@ from evertwin.signals import Channel, Layout, wrap
 from evertwin.signals.channels import position
 from evertwin.signals.units import compatible
 from evertwin.twin.ahead.changes import Case
-from evertwin.twin.ahead.formula import Formula
+from evertwin.twin.life.formula import Formula
 from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector, Vector
 
 __all__ = ["wear", "wears"]

@@ -20,10 +20,11 @@ from evertwin.fold import Event
 from evertwin.prognosis import Life
 from evertwin.prognosis.planning import Decision, Part, Plan, planned
 from evertwin.prognosis.renewal import Cost, Windows
-from evertwin.twin.ahead.health import series_of
-from evertwin.twin.ahead.known import component_of
-from evertwin.twin.ahead.labels import DECISIONS, DONE, newest
-from evertwin.twin.ahead.lives import Lives, Prospect
+from evertwin.twin.life.health import series_of
+from evertwin.twin.life.known import component_of
+from evertwin.twin.life.labels import DECISIONS, DONE, newest
+from evertwin.twin.life.lives import Lives
+from evertwin.twin.life.prospect import Prospect
 
 __all__ = ["Verdict", "label", "maintenance", "plan"]
 

@@ -15,8 +15,8 @@ from evertwin.fold import Event
 from evertwin.prognosis import Life
 from evertwin.prognosis.alarms import Alarm
 from evertwin.store import Estimate
-from evertwin.twin.ahead.lives import Lives
-from evertwin.twin.ahead.raised import alarmed
+from evertwin.twin.life.lives import Lives
+from evertwin.twin.life.raised import alarmed
 
 from .test_lives_of_a_twin import GEARBOX, cart
 

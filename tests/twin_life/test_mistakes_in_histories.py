@@ -15,11 +15,11 @@ from evertwin.errors import ConfigError, DataError
 from evertwin.models import Parameters
 from evertwin.prognosis import Life, Limit, NotEnough, predict_life
 from evertwin.signals.units import si_unit
-from evertwin.twin.ahead.filed import of_table
-from evertwin.twin.ahead.health import indicator_of
-from evertwin.twin.ahead.known import Known, in_unit
-from evertwin.twin.ahead.limits import limit_of
 from evertwin.twin.ahead.table import parse, read_table
+from evertwin.twin.life.filed import of_table
+from evertwin.twin.life.health import indicator_of
+from evertwin.twin.life.known import Known, in_unit
+from evertwin.twin.life.limits import limit_of
 
 WEAR = IndicatorSpec("wear", component="gearbox1", unit="Nm", limit=9.0)
 PARTS = ("gearbox1", "motor")

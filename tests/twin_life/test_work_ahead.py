@@ -17,12 +17,12 @@ from evertwin.models import Model
 from evertwin.models.mujoco import MuJoCo
 from evertwin.prognosis import Life, Workload
 from evertwin.twin.ahead.changes import Case
-from evertwin.twin.ahead.component import ComponentLife
-from evertwin.twin.ahead.formula import Formula
 from evertwin.twin.ahead.future import Future
-from evertwin.twin.ahead.wear import wear, wears
 from evertwin.twin.ahead.whatif import WhatIf
 from evertwin.twin.factory import model_of
+from evertwin.twin.life.component import ComponentLife
+from evertwin.twin.life.formula import Formula
+from evertwin.twin.life.wear import wear, wears
 
 GEARBOX = spec.IndicatorSpec(
     "gain", component="gearbox", parameter="gain", limit=0.7, direction="below"

@@ -15,8 +15,8 @@ from evertwin.config.scenario import SCENARIO
 from evertwin.errors import ConfigError, DataError, UsageError
 from evertwin.prognosis import Life, NotEnough
 from evertwin.store import Estimate, SqliteStore
-from evertwin.twin.ahead.formula import Formula
-from evertwin.twin.ahead.history import history
+from evertwin.twin.life.formula import Formula
+from evertwin.twin.life.history import history
 
 GEARBOX = spec.IndicatorSpec(
     "gain", component="gearbox", parameter="gain", limit=0.7, direction="below"

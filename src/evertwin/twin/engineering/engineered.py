@@ -18,7 +18,7 @@ from evertwin.config.spec import SCHEMA
 from evertwin.engineering.breakdown import Breakdown
 from evertwin.engineering.compile import ModelPlan
 from evertwin.engineering.study import Study
-from evertwin.twin.toml import inline, key, sections
+from evertwin.twin.engineering.toml import inline, key, sections
 
 __all__ = ["TwinText"]
 

@@ -23,10 +23,10 @@ from evertwin.errors import DataError, UsageError
 from evertwin.fold import Event
 from evertwin.signals.channels import position
 from evertwin.signals.units import compatible, conversion, from_si
-from evertwin.twin.ahead.history import UNITS
-from evertwin.twin.ahead.known import Known, component_of, marks_of, warm_of
-from evertwin.twin.ahead.marks import written
 from evertwin.twin.ahead.table import Table
+from evertwin.twin.life.history import UNITS
+from evertwin.twin.life.known import Known, component_of, marks_of, warm_of
+from evertwin.twin.life.marks import written
 from evertwin.types import Vector
 
 __all__ = ["of_table"]
@@ -115,9 +115,9 @@ def _counted(table: Table, clock: str) -> Counted:
     """The column that life is counted by; time in its unit."""
     there = (*table.names, *table.text)
     if clock not in UNITS:
-        by = next((name for name in dict.fromkeys((clock, "run", "cycle")) if name in there), None)
+        by = _found((clock, "run", "cycle"), there)
         return _by_row(table, clock) if by is None else Counted(_whole(table, by), by)
-    by = next((name for name in (clock, *TIMES) if name in there), None)
+    by = _found((clock, *TIMES), there)
     if by is None:
         raise DataError(
             f"{table.name}: expected a column {clock!r}, or one of {', '.join(TIMES)}, to count "
@@ -127,9 +127,16 @@ def _counted(table: Table, clock: str) -> Counted:
     return Counted(at if by == clock else at / UNITS[clock], by)
 
 
+def _found(words: tuple[str, ...], there: tuple[str, ...]) -> str | None:
+    """The first of ``words`` that is there; with capitals too, but T is no t."""
+    return next(
+        (n for word in words for n in there if word in (n, n.lower() if len(n) > 1 else n)), None
+    )
+
+
 def _by_row(table: Table, clock: str) -> Counted:
     """One row after the other, or date after date."""
-    dates = next((name for name in TIMES if name in table.dates), None)
+    dates = _found(TIMES, tuple(table.dates))
     said = f"{table.name}: no column {clock!r}: its {table.rows} rows were counted"
     if dates is None:
         return Counted(np.arange(1.0, table.rows + 1.0), "", (said,))

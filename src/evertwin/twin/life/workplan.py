@@ -16,10 +16,10 @@ from evertwin.errors import ConfigError, DataError, UsageError
 from evertwin.prognosis import Indicator, Workload
 from evertwin.twin.ahead.basis import Basis
 from evertwin.twin.ahead.changes import Case, changed
-from evertwin.twin.ahead.formula import Formula
-from evertwin.twin.ahead.history import UNITS
-from evertwin.twin.ahead.wear import wear
 from evertwin.twin.ahead.whatif import Today
+from evertwin.twin.life.formula import Formula
+from evertwin.twin.life.history import UNITS
+from evertwin.twin.life.wear import wear
 from evertwin.types import StateVector
 
 __all__ = ["Piece", "Plan", "past_cycles", "plan_of", "workload"]

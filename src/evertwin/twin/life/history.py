@@ -17,7 +17,7 @@ import numpy as np
 from evertwin.errors import ConfigError
 from evertwin.fold import Answer, Event
 from evertwin.store import Estimate, Store
-from evertwin.twin.ahead.labels import Label, labels, notes, standing
+from evertwin.twin.life.labels import Label, labels, notes, standing
 from evertwin.types import Vector
 
 __all__ = ["History", "Moment", "dated", "history", "unit_seconds"]

@@ -11,11 +11,11 @@ from evertwin.errors import UsageError
 from evertwin.prognosis import Life, Workload
 from evertwin.signals.units import to_si
 from evertwin.twin.ahead.changes import Case, changed
-from evertwin.twin.ahead.component import ComponentLife
-from evertwin.twin.ahead.history import UNITS
-from evertwin.twin.ahead.lives import Prospect
 from evertwin.twin.ahead.whatif import WhatIf, beside, today
-from evertwin.twin.ahead.workplan import Plan, past_cycles, plan_of, workload
+from evertwin.twin.life.component import ComponentLife
+from evertwin.twin.life.history import UNITS
+from evertwin.twin.life.prospect import Prospect
+from evertwin.twin.life.workplan import Plan, past_cycles, plan_of, workload
 from evertwin.types import Json
 
 __all__ = ["run_scenario"]

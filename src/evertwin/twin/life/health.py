@@ -17,11 +17,11 @@ from evertwin.models import Model, Parameters
 from evertwin.prognosis import Indicator, Limit
 from evertwin.prognosis.factors import divided
 from evertwin.signals.units import compatible
-from evertwin.twin.ahead.filed import of_table
-from evertwin.twin.ahead.formula import Formula
-from evertwin.twin.ahead.history import History
-from evertwin.twin.ahead.known import Known, component_of, in_unit, marks_of, warm_of
 from evertwin.twin.ahead.table import Table, read_table
+from evertwin.twin.life.filed import of_table
+from evertwin.twin.life.formula import Formula
+from evertwin.twin.life.history import History
+from evertwin.twin.life.known import Known, component_of, in_unit, marks_of, warm_of
 from evertwin.types import Vector
 
 __all__ = ["check_names", "indicator_of", "series_of"]

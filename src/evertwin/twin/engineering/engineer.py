@@ -21,7 +21,7 @@ from evertwin.engineering.compile import ModelPlan, compile_model
 from evertwin.engineering.study import Study, modelled, study
 from evertwin.errors import ConfigError, DataError, UsageError
 from evertwin.tuning import Problem
-from evertwin.twin.engineered import TwinText
+from evertwin.twin.engineering.engineered import TwinText
 from evertwin.twin.factory import model_of
 from evertwin.twin.feed import Data, Feed
 from evertwin.twin.setup import Setup

@@ -1,0 +1,1 @@
+"""From a breakdown file to a twin file."""
