@@ -48,6 +48,15 @@ def test_a_proposed_twin_file_runs(call: Command, folder: Path, kind: str) -> No
     assert run.json["samples"] == 1200
 
 
+def test_a_model_of_ones_own_is_driven_by_what_varies(call: Command, folder: Path) -> None:
+    rows = [f"{k},3,{k % 2 == 0},{20 + k}" for k in range(50)]
+    (folder / "box.csv").write_text("\n".join(["t,interval,heater,box", *rows]))
+    done = call("init", "box.csv", "-o", "box.toml", "--json")
+    assert done.code == 0, done.err
+    assert [m["column"] for m in done.json["channels"].values()] == ["heater", "box"]
+    assert done.json["unused"] == ["interval"]
+
+
 def test_what_finds_no_column_is_marked_and_refused(call: Command, folder: Path) -> None:
     done = call("init", "robot.csv", "-o", "new.toml", "--model", "differential", "--json")
     assert done.code == 0 and "heading" in done.json["missing"] and "heading" in done.err

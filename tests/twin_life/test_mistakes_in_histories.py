@@ -55,8 +55,8 @@ def told(text: str, clock: str = "run", rule: IndicatorSpec = WEAR) -> Known:
         ("run,wear\n1,2024-01-01\n2,3", "h.csv:3: wear: expected numbers or dates alone, got both"),
         ("run,wear\n1,2\n2,inf", "h.csv:3: wear: expected a finite number"),
         ("run,wear\n1", "h.csv:2: expected 2 cells, got 1"),
-        ("run,wear,wear\n1,2,3", "h.csv:1: expected a heading for each column, got 'wear' twice"),
-        ("run,,wear\n1,2,3", "h.csv:1: expected a heading for each column, got none for column 2"),
+        ("run,wear,wear\n1,2,3", "h.csv:1: expected a heading of its own for each column, got "
+         "'wear' twice"),
         ("", "h.csv: expected a line of headings and rows below it, got an empty file"),
         ("run,wear\n", "h.csv: expected a line of headings and rows below it, got only 'run,wear'"),
         ("run,waer\n1,2", "h.csv: indicator wear: no column 'wear', did you mean 'waer'?: name it"),
@@ -101,6 +101,14 @@ def test_dates_that_may_be_read_in_two_ways_are_refused(text: str, said: str) ->
     with pytest.raises(DataError) as caught:
         told(text, "d")
     assert said in str(caught.value)
+
+
+def test_a_table_with_row_numbers_and_dates_with_points_is_read() -> None:
+    known = told(",Datetime,wear\n0,2004.02.12.10.32.39,1\n1,2004.02.12.10.42.39,2", "h")
+    assert np.diff(known.at) == pytest.approx([1 / 6])
+    iso = told("date,wear\n2004-02-12T10:32:39,1\n2004-02-12T10:42:39,2", "h")
+    assert known.at.tolist() == iso.at.tolist()
+    assert known.value.tolist() == [1.0, 2.0]
 
 
 def test_what_is_harmless_is_read_with_a_note() -> None:

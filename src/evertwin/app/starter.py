@@ -94,20 +94,21 @@ def _write(path: Path, text: str) -> None:
 
 
 def _first_two(table: TableInfo) -> Proposal:
-    """For a model of one's own: the first column of numbers drives, the next one answers.
+    """For a model of one's own: the first column that varies drives, the next one answers.
 
     Raises:
-        DataError: there are fewer than two.
+        DataError: there are fewer than two columns of numbers.
     """
     clocks = {clock.column for clock in table.clocks}
     clocks |= set() if table.time is None else {table.time.column}
-    columns = [c for c in table.columns if c.kind == "number" and c.name not in clocks]
+    columns = [c for c in table.columns if c.kind in ("number", "boolean") and c.name not in clocks]
     if len(columns) < 2:
         raise DataError("expected two columns of numbers beside the time: an input and an output")
-    reason = "stands first", "stands second"
+    columns.sort(key=lambda c: c.low == c.high)  # what is constant can drive nothing
+    places = "assumed: the first that varies", "assumed: the second that varies"
     matches = tuple(
-        Match(name, table.name, column.name, column.unit or "1", 0.0, f"assumed: it {why}")
-        for name, column, why in zip(("u", "y"), columns, reason, strict=False)
+        Match(name, table.name, column.name, column.unit or "1", 0.0, place)
+        for name, column, place in zip(("u", "y"), columns, places, strict=False)
     )
     return Proposal(matches, (), tuple(c.name for c in columns[2:]))
 

@@ -2,8 +2,9 @@
 
 They are read as recordings are: commas, semicolons or tabs between cells, decimal commas where no
 comma stands between cells, comments, a byte-order mark. A heading may carry a unit (``q1 [deg]``);
-numbers are then turned into SI. Empty cells, ``nan`` and ``n/a`` are absent. Columns of dates
-(ISO 8601) become seconds since 1970; columns of text stay text.
+numbers are then turned into SI; a column without a heading is called ``c1`` if it is the first.
+Empty cells, ``nan`` and ``n/a`` are absent. Columns of dates (ISO 8601, or as in
+2027.03.01 08:00) become seconds since 1970; columns of text stay text.
 
 >>> table = parse(["t,q1 [deg],note", "0,90,", "1,,gearbox replaced"], "path.csv")
 >>> table.column("q1").round(3).tolist(), table.text["note"]
@@ -35,6 +36,10 @@ ABSENT = frozenset(word.decode() for word in MISSING)
 _HEAD = re.compile(r"^\s*(.*?)\s*(?:\[(.*)\])?\s*$")
 _COMMENTS = tuple(sign.decode() for sign in COMMENTS)
 _COMMA = re.compile(r"[+-]?\d*,\d+")
+_YEAR_FIRST = re.compile(
+    r"(\d{4})[./](\d\d?)[./](\d\d?)(?:[T ._](\d\d?)[:.](\d\d)(?:[:.](\d\d))?)?"
+)
+"""Dates that ISO 8601 does not know and that cannot be read in two ways either."""
 _TOP = 60
 """Lines that tell how a table is written."""
 LARGEST = 200_000_000
@@ -99,7 +104,7 @@ class Table:
         if numbers:
             line, cell = numbers[0]
             return f"{line}: {name}: expected numbers or dates alone, got both ({cell!r})"
-        bare = [(line, cell) for line, cell in kept if datetime.fromisoformat(cell).tzinfo is None]
+        bare = [(line, cell) for line, cell in kept if _moment(cell).tzinfo is None]
         line, cell = bare[0]
         return (
             f"{line}: {name}: expected a zone with each date or with none, got {cell!r} among "
@@ -133,19 +138,21 @@ def parse(lines: Iterable[str], name: str) -> Table:
     """The table in lines of text; ``name`` stands in messages.
 
     Raises:
-        DataError: no heading, a heading twice, a row of another length.
+        DataError: a heading twice, a row of another length.
     """
     rows, comma = _rows(list(lines))
     if len(rows) < 2:
         got = f"only {','.join(rows[0][1])!r}" if rows else "an empty file"
         raise DataError(f"{name}: expected a line of headings and rows below it, got {got}")
     parts = [_HEAD.match(cell) for cell in rows[0][1]]
-    heads = [(m[1], m[2] or "") if m else ("", "") for m in parts]
+    heads = [((m and m[1]) or f"c{k}", (m and m[2]) or "") for k, m in enumerate(parts, 1)]
     names = [head for head, _ in heads]
-    if "" in names or len(set(names)) < len(names):
-        wrong = next(n for k, n in enumerate(names) if not n or n in names[:k])
-        got = f"{wrong!r} twice" if wrong else f"none for column {names.index('') + 1}"
-        raise DataError(f"{name}:{rows[0][0]}: expected a heading for each column, got {got}")
+    if len(set(names)) < len(names):
+        wrong = next(n for k, n in enumerate(names) if n in names[:k])
+        raise DataError(
+            f"{name}:{rows[0][0]}: expected a heading of its own for each column, got {wrong!r} "
+            "twice"
+        )
     for number, row in rows[1:]:
         if len(row) != len(names):
             raise DataError(
@@ -208,10 +215,23 @@ def _numbers(cells: list[str]) -> Vector | None:
         return None
 
 
+def _moment(cell: str) -> datetime:
+    """A date.
+
+    Raises:
+        ValueError: it is none.
+    """
+    found = _YEAR_FIRST.fullmatch(cell)
+    if found is None:
+        return datetime.fromisoformat(cell)
+    year, month, day, hour, minute, second = (int(part) for part in found.groups(default="0"))
+    return datetime(year, month, day, hour, minute, second)
+
+
 def _dates(cells: list[str]) -> Vector | None:
     """Seconds since 1970; None where a cell is no date, or only some have a zone."""
     try:
-        moments = [None if c.lower() in ABSENT else datetime.fromisoformat(c) for c in cells]
+        moments = [None if c.lower() in ABSENT else _moment(c) for c in cells]
     except ValueError:
         return None
     if len({m.tzinfo is None for m in moments if m is not None}) > 1:
