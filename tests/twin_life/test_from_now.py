@@ -34,12 +34,14 @@ def test_an_old_quality_figure_is_followed_up_to_now(tmp_path: Path) -> None:
     series(tmp_path / "gain.csv", 30, -0.01, 1.0, 2)
     weld = spec.IndicatorSpec("weld", file="weld.csv", limit=2.0)
     gain = spec.IndicatorSpec("gain", file="gain.csv", limit=0.5, direction="below")
-    lives = cart(tmp_path, weld, gain).life()
+    lives = cart(tmp_path, weld, gain).life(drawn=True)
     assert lives.now == 30.0 and lives.to_dict()["now"] == 30.0
     found = lives.components["weld"].life
     assert isinstance(found, Life) and found.now == 30.0
     assert found.interval95[0] <= 10.0 <= found.interval95[1] and abs(found.median - 10.0) < 1.5
     assert lives.notes == ("weld: its newest value is 10 run old",)
+    course = lives.components["weld"].course
+    assert course is not None and course.levels[0] == pytest.approx(1.75, abs=0.01)
     alone = cart(tmp_path, weld).life()
     before = alone.components["weld"].life
     assert alone.now == 20.0 and alone.notes == ()

@@ -66,7 +66,7 @@ def course(
     if not known.any() or not np.isfinite(life.median) or life.median <= 0.0:
         return None
     sign, limit = indicator.limit.sign, indicator.limit.value
-    start = _today(own.at[known][-RECENT:], own.value[known][-RECENT:])
+    start = _today(own.at[known][-RECENT:], own.value[known][-RECENT:], float(own.at[-1]))
     way = limit - start
     if not sign * way > 0.0:
         return None
@@ -80,13 +80,13 @@ def course(
     return Course(np.array(levels), tuple(lives), sign)
 
 
-def _today(at: Vector, value: Vector) -> float:
-    """The level at the newest value, by a line that no single value decides (Theil, Sen)."""
+def _today(at: Vector, value: Vector, now: float) -> float:
+    """The level now, by a line that no single value decides (Theil, Sen)."""
     first, second = np.triu_indices(len(at), 1)
     apart = at[second] - at[first]
     slopes = (value[second] - value[first])[apart > 0.0] / apart[apart > 0.0]
     slope = float(np.median(slopes)) if len(slopes) else 0.0
-    return float(np.median(value + slope * (at[-1] - at)))
+    return float(np.median(value + slope * (now - at)))
 
 
 def _with_limit(indicator: Indicator, level: float) -> Indicator:

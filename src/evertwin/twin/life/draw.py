@@ -41,7 +41,7 @@ def draw_indicator(one: ComponentLife) -> Figure:
     above.errorbar(at, value, yerr=bars, fmt=".", ms=4, lw=0.6, color=VALUE, label=label, zorder=3)
     above.axhline(indicator.limit.value, color=LIMIT, ls="--", lw=1.3, label="limit")
     _marks(above, indicator)
-    now = float(at[-1]) if len(at) else 0.0
+    now = float(indicator.at[-1]) if len(at) else 0.0
     if isinstance(life, Life) and known:
         _course(above, one, now)
         _density(axes[1, 0], life, now, indicator.clock)
