@@ -48,7 +48,11 @@ class Today:
 class WhatIf:
     """The outcome of `Twin.whatif`.
 
-    >>> WhatIf("robot", "as it is", 0, Simulated(1.0, {}), Simulated(1.0, {})).findings
+    >>> found = WhatIf("robot", "as", 0, Simulated(1.0, {}), Simulated(2.0, {}))
+    >>> print(found)
+    robot, version 0 (as configured), scenario 'as': 2 s, baseline 1 s; 95 % intervals in brackets
+      no limit is passed
+    >>> found.findings
     ()
     """
 
@@ -108,9 +112,11 @@ class WhatIf:
 
     def __str__(self) -> str:
         """A table of outputs, then everything else."""
+        configured = " (as configured)" if self.version == 0 else ""
         lines = [
-            f"{self.name}, scenario {self.scenario!r}: {self.after.seconds:.4g} s, baseline "
-            f"{self.before.seconds:.4g} s"
+            f"{self.name}, version {self.version}{configured}, scenario {self.scenario!r}: "
+            f"{self.after.seconds:.4g} s, baseline {self.before.seconds:.4g} s; 95 % intervals in "
+            "brackets"
         ]
         for name, new in self.after.outputs.items():
             old = self.before.outputs[name]
