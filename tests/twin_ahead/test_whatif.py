@@ -76,13 +76,17 @@ def test_limits_are_told_before_the_machine_runs_a_path() -> None:
     twin = arm()
     rows = motion(twin)
     path = '[path]\nmoves = [{ move = "joints", to = [1, 0, 0, 0, 0, 0] }]\n'
-    found = twin.whatif(told(path + "start = [0, 0, 0, 0, 0, 0]\n[limits]\ntau2 = 1.0"), rows)
+    path += "start = [0, 0, 0, 0, 0, 0]\n[limits]\n"
+    found = twin.whatif(told(path + "tau2 = 1.0"), rows)
     assert {one.channel for one in found.after.exceeded} == {"tau2"}
     assert any("tau2 reaches" in said for said in found.findings)
     size = found.after.outputs["tau2"]
     assert size.chance == pytest.approx(1.0) and size.peak95[0] <= size.peak
     # the largest of many rows with noise of 0.1 Nm lies some of its sizes above the largest without
     assert 0.1 < size.peak95[1] - size.peak < 0.6
+    # all of them lie above it: 95 % of them from there on
+    top = twin.whatif(told(path + f"tau2 = {size.peak95[1]}"), rows).after.outputs["tau2"]
+    assert size.peak95[0] == size.peak and top.chance == pytest.approx(0.05, abs=0.01)
     fast = told("[speed]\nfactor = 10")
     assert any(one.channel == "qd6" for one in twin.whatif(fast, rows).after.exceeded)
 

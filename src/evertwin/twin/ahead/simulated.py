@@ -168,11 +168,18 @@ def _size(
     rms = np.sqrt(np.mean(y**2, axis=1))
     low, high = (float(np.quantile(rms, q)) for q in (0.025, 0.975))
     peak = float(np.abs(y[0]).max())
-    least, most = (float(np.quantile(peaks, q)) for q in (0.025, 0.975))
     chance = None if limit is None else float(np.mean(peaks > limit))
-    return OutputSize(
-        unit, float(rms[0]), (low, high), peak, (min(least, peak), max(most, peak)), limit, chance
-    )
+    return OutputSize(unit, float(rms[0]), (low, high), peak, _around(peak, peaks), limit, chance)
+
+
+def _around(peak: float, peaks: Float64[np.ndarray, " m"]) -> tuple[float, float]:
+    """95 % of the peaks that may be measured, with the one without noise, which lies below most."""
+    low, high = (float(np.quantile(peaks, q)) for q in (0.025, 0.975))
+    if peak < low:
+        return peak, float(np.quantile(peaks, 0.95 + np.mean(peaks < peak)))
+    if peak > high:
+        return float(np.quantile(peaks, 0.05 - np.mean(peaks > peak))), peak
+    return low, high
 
 
 def _ends(model: Model, channel: Any, limits: Mapping[str, float]) -> tuple[float, float]:
