@@ -46,6 +46,8 @@ TWIN = Path(__file__).parent.parent / "twins" / "arm.toml"
 N, RATE, SETTLE, STEP = 6, 100.0, 1.0, 1e-3
 MOVES, SLOW = 180, 10.0
 """Moves of a recording, and its rows a second."""
+LONGEST = 30.0
+"""Of a path [s]: a tool that creeps past a singular pose is hardly ever off its path."""
 ROTOR = np.array([1.5, 1.5, 1.2, 0.3, 0.3, 0.3])
 NOISE = np.array([0.5, 0.8, 0.5, 0.08, 0.08, 0.06])
 WIDTH, FADE = 0.02, 0.1
@@ -224,9 +226,10 @@ def one(seed: int, stribeck: float) -> Told:
         )  # fmt: skip
         try:
             new = plan(moves_of(moves), start.tolist(), limits, RATE, profile, arm.chain)
-            break
         except UsageError:
             continue  # out of reach: another one
+        if new.t[-1] < LONGEST:
+            break
     kp, speed = float(rng.uniform(8.0, 30.0)), rng.uniform(60.0, 200.0, N)
     control = Control(kp, speed * (ROTOR + 0.2), float(rng.choice([0.8, 1.0])))
     at_motor = control.kv / (100.0 if seed % 2 else 1.0)
