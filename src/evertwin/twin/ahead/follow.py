@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float64, Int64
 from scipy.interpolate import CubicHermiteSpline
+from scipy.spatial import cKDTree
 
 from evertwin.config.scenario import PathSpec
 from evertwin.errors import UsageError
@@ -36,6 +37,8 @@ TAIL, TAIL_OF_DRAWS = 1.96, 2.12
 """95 % of a normal distribution; of Student's with `DRAWS` degrees of freedom."""
 FINE = 1e-3
 """Longest time from one set-point to the next [s]."""
+NEAREST = 8
+"""Corners of the path at which the nearest piece of it is looked for."""
 SETTLE = 1.0
 """How long the arm stands at the start before it moves [s]."""
 
@@ -146,14 +149,17 @@ def apart(
     >>> apart(np.array([[1.3, 0.4, 0.3], [3.0, 0.0, 0.0]]), line).round(6).tolist()
     [0.5, 1.0]
     """
-    found = np.full(len(points), np.inf)
+    moved = np.any(np.diff(path, axis=0) != 0.0, axis=1)
+    path = path[np.concatenate([[True], moved])] if moved.any() else path
     begin, way = path[:-1], np.diff(path, axis=0)
     length = np.maximum(np.einsum("ij,ij->i", way, way), 1e-300)
-    for part in np.array_split(np.arange(len(points)), max(len(points) // 256, 1)):
-        here = points[part, None, :] - begin
-        share = np.clip(np.einsum("nij,ij->ni", here, way) / length, 0.0, 1.0)
-        gap = here - share[:, :, None] * way
-        found[part] = np.sqrt(np.einsum("nij,nij->ni", gap, gap).min(axis=1))
+    # rests left out, the nearest piece begins or ends at one of the nearest corners
+    near = cKDTree(path).query(points, k=min(NEAREST, len(path)))[1].reshape(len(points), -1)
+    pieces = np.clip(np.concatenate([near - 1, near], axis=1), 0, len(way) - 1)
+    here = points[:, None, :] - begin[pieces]
+    share = np.clip(np.einsum("nij,nij->ni", here, way[pieces]) / length[pieces], 0.0, 1.0)
+    gap = here - share[:, :, None] * way[pieces]
+    found: Float64[np.ndarray, " n"] = np.sqrt(np.einsum("nij,nij->ni", gap, gap).min(axis=1))
     return found
 
 
