@@ -202,11 +202,11 @@ def test_distances_are_from_the_pieces_of_the_path() -> None:
 
 def test_the_distance_from_a_path_is_that_from_its_nearest_piece() -> None:
     rng = np.random.default_rng(3)
-    t = np.linspace(0.0, 1.0, 300)[:, None]
+    t = np.linspace(0.0, 1.0, 60)[:, None]
     there = np.concatenate([np.sin(7.0 * t), np.cos(5.0 * t), t], axis=1) * 0.4
     path = np.concatenate([there, np.repeat(there[-1:], 50, axis=0), there[::-1]])
     points = path + 0.01 * rng.normal(size=path.shape)
     share = np.linspace(0.0, 1.0, 41)[:, None, None]
     fine = (path[:-1] + share * np.diff(path, axis=0)).reshape(-1, 3)
     every = np.linalg.norm(points[:, None] - fine, axis=2).min(axis=1)
-    assert apart(points, path) == pytest.approx(every, abs=2e-5)
+    assert apart(points, path) == pytest.approx(every, abs=7e-4)
