@@ -12,6 +12,7 @@ from evertwin import Twin, TwinSpec
 from evertwin.config import spec
 from evertwin.errors import ConfigError
 from evertwin.prognosis import Life, NotEnough
+from evertwin.twin.life.draw import draw_indicator
 
 
 def cart(folder: Path, *indicators: spec.IndicatorSpec) -> Twin:
@@ -91,3 +92,19 @@ def test_names_that_nothing_has_are_refused(
 ) -> None:
     with pytest.raises(ConfigError, match=says.replace("?", "\\?")):
         cart(tmp_path, rule).life()
+
+
+def test_a_dated_history_is_drawn_from_now(tmp_path: Path) -> None:
+    noise = np.random.default_rng(1).normal(0.0, 0.002, 11)
+    rows = [f"2027-03-{day:02d},{1.0 + 0.05 * day + noise[day]}" for day in range(1, 11)]
+    (tmp_path / "weld.csv").write_text("\n".join(["date,weld", *rows]))
+    weld = spec.IndicatorSpec("weld", file="weld.csv", limit=2.0)
+    twin = TwinSpec(
+        "cart", spec.ModelSpec("robot1d"), indicator=(weld,), folder=str(tmp_path),
+        prognosis=spec.PrognosisSpec(clock="d"),
+    )  # fmt: skip
+    lives = Twin(twin).life(drawn=True)
+    figure = draw_indicator(lives.components["weld"])
+    assert figure.axes[-1].get_xlabel() == "from now [d]"
+    left, right = figure.axes[0].get_xlim()
+    assert -12.0 < left <= -9.0 and 9.0 < right < 100.0

@@ -13,6 +13,9 @@ from evertwin.twin.life.lives import Lives
 
 __all__ = ["write_prognosis"]
 
+UNITS = {"s": "seconds", "h": "hours", "d": "days"}
+"""Clocks of time, in words; the others (run, cycle) are words."""
+
 
 def write_prognosis(lives: Lives, plan: Plan | None, path: Path) -> None:
     """Writes the report.
@@ -28,7 +31,8 @@ def write_prognosis(lives: Lives, plan: Plan | None, path: Path) -> None:
     timeline = None if plan is None or not plan.items else encoded(draw_plan(plan, lives))
     write_page("prognosis.html", path, {
         "name": lives.name, "life": content, "lives": lives, "pictures": pictures, "plan": plan,
-        "timeline": timeline,
+        "timeline": timeline, "units": UNITS,
+        "planned": any(one.phases for one in lives.indicators),
     })  # fmt: skip
 
 

@@ -87,7 +87,8 @@ def alarm_of(
         "indicator": indicator.name, "value": value, "unit": indicator.unit,
         "limit": indicator.limit.value, "limit_source": indicator.limit.source,
     }  # fmt: skip
-    shown = f"{indicator.name} is {indicator.shown(value)}, limit {indicator.limit.value:.4g}"
+    limit = indicator.shown(indicator.limit.value)
+    shown = f"{indicator.name} is {indicator.shown(value)}, limit {limit}"
     if isinstance(life, NotEnough):
         if life.onset is None:
             return None

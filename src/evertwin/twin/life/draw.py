@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from textwrap import fill, shorten
 from typing import Any
 
@@ -12,6 +13,7 @@ from evertwin.prognosis import Indicator, Life
 from evertwin.prognosis.life import LEVELS
 from evertwin.prognosis.planning import Plan
 from evertwin.twin.life.component import ComponentLife
+from evertwin.twin.life.history import UNITS
 from evertwin.twin.life.lives import Lives
 from evertwin.types import Vector
 
@@ -28,7 +30,7 @@ LEAST = 0.05
 
 def draw_indicator(one: ComponentLife) -> Figure:
     """History, limit, laws, band and maintenance above; the density of the end of life below."""
-    indicator, life = one.indicator, one.life
+    indicator, life = _told(one.indicator), one.life
     known = isinstance(life, Life) and np.isfinite(life.median)
     figure = Figure(figsize=(9.0, 5.0 if known else 3.2), layout="constrained")
     shape: dict[str, Any] = {"height_ratios": [3, 1]} if known else {}
@@ -44,14 +46,22 @@ def draw_indicator(one: ComponentLife) -> Figure:
     now = float(indicator.at[-1]) if len(at) else 0.0
     if isinstance(life, Life) and known:
         _course(above, one, now)
-        _density(axes[1, 0], life, now, indicator.clock)
-    else:
-        above.set_xlabel(f"[{indicator.clock}]")
+        _density(axes[1, 0], life, now)
+    axes[-1, 0].set_xlabel(f"{'from now ' if indicator.clock in UNITS else ''}[{indicator.clock}]")
     above.axvline(now, color=VALUE, lw=0.6, ls=":")
     above.set_ylabel(fill(f"{indicator.name} [{indicator.unit}]", WIDTH))
     above.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), fontsize=8, ncols=4, frameon=False,
                  borderaxespad=0.2)  # fmt: skip
     return figure
+
+
+def _told(indicator: Indicator) -> Indicator:
+    """On a clock of time as seen from now: hours since 1970 tell nobody anything."""
+    if indicator.clock not in UNITS or not len(indicator.at):
+        return indicator
+    now = float(indicator.at[-1])
+    marks = tuple(replace(mark, at=mark.at - now) for mark in indicator.maintenance)
+    return indicator.with_(at=indicator.at - now, maintenance=marks)
 
 
 def _marks(axis: Any, indicator: Indicator) -> None:
@@ -103,7 +113,7 @@ def _reach(one: ComponentLife) -> float:
     return min(end if np.isfinite(end) else 3.0 * life.median, 3.0 * life.median) * 1.05 + 1e-12
 
 
-def _density(axis: Any, life: Life, now: float, clock: str) -> None:
+def _density(axis: Any, life: Life, now: float) -> None:
     """Density of the end of life, its median and 80 % interval."""
     known = np.isfinite(life.remaining)
     t, density = _smooth(life.remaining[known])
@@ -119,7 +129,6 @@ def _density(axis: Any, life: Life, now: float, clock: str) -> None:
             axis.axvline(now + end, color=COURSE, lw=0.8, ls="--")
     axis.set_ylim(bottom=0.0)
     axis.set_ylabel("density")
-    axis.set_xlabel(f"[{clock}]")
 
 
 def _smooth(remaining: Vector) -> tuple[np.ndarray, np.ndarray]:

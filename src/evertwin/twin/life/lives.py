@@ -79,7 +79,7 @@ class Lives:
             value = one.indicator.shown(known[-1]) if len(known) else "no value"
             lines.append(
                 f"{name}: {one.indicator.name} {value}, limit "
-                f"{one.indicator.limit.value:.4g} ({one.indicator.limit.source})\n"
+                f"{one.indicator.shown(one.indicator.limit.value)} ({one.indicator.limit.source})\n"
                 f"  {one.sentence}"
             )
             lines += [f"  {one.ahead}"] if one.ahead else []
