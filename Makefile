@@ -63,7 +63,7 @@ notebooks: .venv/.has-dev
 bench: .venv/.has-bench
 	$(BIN)/python -m benchmarks
 
-prove: .venv/.has-dev
+prove: .venv/.has-bench
 	$(BIN)/python -m proofs
 
 wheel: .venv/.has-dev
