@@ -13,6 +13,7 @@ from jinja2 import Environment, PackageLoader, select_autoescape
 from matplotlib.figure import Figure
 
 from evertwin.errors import UsageError
+from evertwin.twin.written import written
 
 __all__ = ["encoded", "shown", "write_page"]
 
@@ -30,11 +31,7 @@ def write_page(template: str, path: Path, content: Mapping[str, Any]) -> None:
     )
     environment.filters["shown"] = shown
     page = environment.get_template(template).render(content)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(page, encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be written: {error.strerror}") from error
+    written(path, page)
 
 
 def shown(value: Any) -> str:

@@ -18,6 +18,7 @@ from evertwin.settings.quantity import number
 from evertwin.twin import Twin
 from evertwin.twin.feed import Data
 from evertwin.twin.life.labels import DONE
+from evertwin.twin.written import written
 
 __all__ = [
     "keep_decision", "show_decisions", "show_forecast", "show_life", "show_plan", "show_whatif",
@@ -88,10 +89,7 @@ def show_plan(
             lives = opened.life(history, _files(data), drawn=True)
             write_prognosis(lives, found, report)
     if out is not None:
-        try:
-            out.write_text(found.to_csv(), encoding="utf-8")
-        except OSError as error:
-            raise UsageError(f"{out}: cannot be written: {error.strerror}") from error
+        written(out, found.to_csv())
     show(plan_document(found), plan_text(found), as_json)
 
 

@@ -28,6 +28,7 @@ from evertwin.sources.description import Info, TableInfo
 from evertwin.sources.info import inspect
 from evertwin.sources.propose import Match, Proposal, propose
 from evertwin.twin.factory import model_of
+from evertwin.twin.written import written
 
 __all__ = ["write_starter"]
 
@@ -58,10 +59,10 @@ def write_starter(
         built = machine(kind, options if urdf is None else {"urdf": str(urdf)})
         found, proposal = built, propose(info, built.inputs + built.outputs)
     draft = _Draft(out, file, info, table, kind, options, found, proposal)
-    _write(out, draft.text())
+    written(out, draft.text())
     if kind == "python" and (force or not own.exists()):
         template = files("evertwin.app").joinpath("templates", "model.py.txt")
-        _write(own, template.read_text("utf-8"))
+        written(own, template.read_text("utf-8"))
     spec = read(out)
     model_of(spec)
     content: dict[str, Any] = {
@@ -83,14 +84,6 @@ def _options(kind: str, urdf: Path | None, own: Path) -> dict[str, Any]:
     if kind != "arm":
         return {}
     return {"urdf": "ur5_like" if urdf is None else str(urdf)}
-
-
-def _write(path: Path, text: str) -> None:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 def _first_two(table: TableInfo) -> Proposal:

@@ -19,7 +19,7 @@ from evertwin.config import TwinSpec, read, reads
 from evertwin.engineering.breakdown import Breakdown, read_breakdown
 from evertwin.engineering.compile import ModelPlan, compile_model
 from evertwin.engineering.study import Study, modelled, study
-from evertwin.errors import ConfigError, DataError, UsageError
+from evertwin.errors import ConfigError, DataError
 from evertwin.tuning import Problem
 from evertwin.twin.engineering.engineered import TwinText
 from evertwin.twin.factory import model_of
@@ -27,6 +27,7 @@ from evertwin.twin.feed import Data, Feed
 from evertwin.twin.setup import Setup
 from evertwin.twin.versions import Versions
 from evertwin.twin.work import Work
+from evertwin.twin.written import written
 
 __all__ = ["Engineered", "engineer"]
 
@@ -73,11 +74,7 @@ def engineer(file: str | Path, out: str | Path, data: Data = None, seed: int = 1
     found = study(breakdown, _problem(draft, breakdown, data), plan, seed)
     moved = _moved(plan, breakdown.folder, path, _variables(file))
     done = TwinText(breakdown, moved, _settings(file, breakdown, path)).whole(found)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(done, encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be written: {error.strerror}") from error
+    written(path, done)
     model_of(read(path))
     return Engineered(found, plan, done, path)
 

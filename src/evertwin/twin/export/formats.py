@@ -15,8 +15,9 @@ from evertwin.twin.export.fmu import write_fmu
 from evertwin.twin.export.matlab import mat_bytes
 from evertwin.twin.export.robot import urdf_bytes
 from evertwin.twin.export.text import json_text
+from evertwin.twin.written import written
 
-__all__ = ["FORMATS", "Writer", "Written", "put", "write"]
+__all__ = ["FORMATS", "Writer", "Written", "write"]
 
 Writer = Callable[[Exported, Path], str | None]
 """Writes a file, or raises an error of `evertwin.errors` and writes nothing. What a reader of the
@@ -40,26 +41,11 @@ class Written:
     """What a reader of the file has to know."""
 
 
-def put(path: Path, content: bytes) -> None:
-    """Writes a file whole or not at all.
-
-    Raises:
-        UsageError: it cannot be written.
-    """
-    part = path.with_name(path.name + ".part")
-    try:
-        part.write_bytes(content)
-        part.replace(path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise UsageError(f"{path}: cannot be written: {error.strerror}") from error
-
-
 def _of(made: Callable[[Exported], bytes]) -> Writer:
-    def written(out: Exported, path: Path) -> None:
-        put(path, made(out))
+    def writer(out: Exported, path: Path) -> None:
+        written(path, made(out))
 
-    return written
+    return writer
 
 
 FORMATS: dict[str, Writer] = {
