@@ -20,8 +20,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from evertwin.prognosis import Indicator, Limit, predict_life
-from evertwin.prognosis.simulate import Steps, simulate_lives
+from evertwin.prognosis.laws import Indicator, Limit, predict_life
+from evertwin.prognosis.laws.simulate import Steps, simulate_lives
 
 START, LIMIT, C, POWER, NOISE = 0.2, 1.0, 0.01, 1.3, 0.004
 STEP, HORIZON = 1.0, 2000.0

@@ -31,12 +31,12 @@ from evertwin.config.spec import (
     TwinSpec,
 )
 from evertwin.fold import Block, copy, make_block, take
+from evertwin.loop.configured_model import model_of
+from evertwin.loop.driver import Driver
+from evertwin.loop.setup import Setup
+from evertwin.loop.twin_state import TRIAL, TwinState
+from evertwin.loop.versions import Versions
 from evertwin.models.form import Form
-from evertwin.twin.driver import Driver
-from evertwin.twin.factory import model_of
-from evertwin.twin.setup import Setup
-from evertwin.twin.state import TRIAL, TwinState
-from evertwin.twin.versions import Versions
 
 SEED = 0
 NEVER = 10**12
@@ -101,8 +101,8 @@ def started(spec: TwinSpec, changed: str) -> tuple[Driver, TwinState]:
     versions.add(Form(), {changed: value}, parent=0, reason="challenger")
     driver = Driver(setup, versions, lambda row, record: None, pinned=True)
     state = driver.init()
-    desk = state.desk._replace(phase=TRIAL)
-    return driver, state._replace(other=driver.follow.lane(1, tracked=False), desk=desk)
+    desk = state.agenda._replace(phase=TRIAL)
+    return driver, state._replace(other=driver.follow.lane(1, tracked=False), agenda=desk)
 
 
 def in_blocks(spec: TwinSpec, rows: Block, changed: str, size: int, repeats: int) -> float:

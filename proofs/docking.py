@@ -22,10 +22,10 @@ import numpy as np
 from proofs._verdict import chance, ended, holds
 
 from evertwin import Twin, TwinSpec
+from evertwin.ahead.docking import Docking, dock
 from evertwin.config import read, spec
 from evertwin.config.scenario import DockSpec
 from evertwin.errors import UsageError
-from evertwin.twin.ahead.docking import Docking, dock
 from evertwin.worlds.drive import WORLDS, positions
 
 TWIN = Path(__file__).parent.parent / "twins" / "robot1d.toml"

@@ -18,8 +18,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from evertwin.config import read
+from evertwin.loop.fitting import FitResult
 from evertwin.twin import Twin
-from evertwin.twin.fitting import FitResult
 
 TWINS = Path(__file__).parent.parent / "twins"
 PUBLISHED = {"mass": 95.11, "Fv": 203.5, "Fc": 20.39, "offset": -3.16}

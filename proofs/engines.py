@@ -4,7 +4,7 @@ C-MAPSS FD001 (NASA, simulated turbofans): 100 engines run until they fail. The 
 is the mean of the 14 sensors that move, each standardised and turned to the side to which it grows,
 and its limit is the level that nine in ten reach before they fail; scales, signs and limit come
 from one half of the engines. The other half is predicted at 30, 50, 70 and 90 % of each life, which
-ends where the level, freed of noise, passes the limit (`evertwin.prognosis.learn.lived`); then the
+ends where the level, freed of noise, passes the limit (`fleet_prior.lived`); then the
 halves change places. Nobody knows the law of this wear: it is a test of what is said where no law
 is given.
 
@@ -26,9 +26,9 @@ from proofs._verdict import ended, no_data
 from proofs.life import CUTS
 from proofs.unforeseen import WAYS, answers
 
-from evertwin.prognosis import Indicator, Life, Limit, learn
-from evertwin.prognosis.learn import lived
-from evertwin.prognosis.metrics import covers, dummy
+from evertwin.prognosis.laws import Indicator, Life, Limit, learn
+from evertwin.prognosis.laws.fleet_prior import lived
+from evertwin.prognosis.laws.metrics import covers, dummy
 
 MOVING = (2, 3, 4, 7, 8, 9, 11, 12, 13, 14, 15, 17, 20, 21)
 """Sensors that are not constant."""

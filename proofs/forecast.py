@@ -14,9 +14,9 @@ import numpy as np
 from proofs._verdict import ended, holds
 
 from evertwin import Twin, TwinSpec
+from evertwin.ahead.forecast import forecast
+from evertwin.ahead.future import Future
 from evertwin.config import spec
-from evertwin.twin.ahead.forecast import forecast
-from evertwin.twin.ahead.future import Future
 
 KNOWN, AHEAD = 340, 60
 LEVELS = (0.8, 0.95)

@@ -29,12 +29,12 @@ import numpy as np
 from proofs._verdict import ended, holds, no_data
 
 from evertwin import Twin
+from evertwin.ahead.basis import Basis
+from evertwin.ahead.forecast import forecast
+from evertwin.ahead.future import Future
 from evertwin.fold import Block, Mark, take
+from evertwin.loop.versions import Versions
 from evertwin.signals import wrap
-from evertwin.twin.ahead.basis import Basis
-from evertwin.twin.ahead.forecast import forecast
-from evertwin.twin.ahead.future import Future
-from evertwin.twin.versions import Versions
 
 TWINS = Path(__file__).parent.parent / "twins"
 LEVELS, BELL = (0.8, 0.95), (1.2816, 1.96)

@@ -18,7 +18,8 @@ from pathlib import Path
 import numpy as np
 
 from evertwin.anomaly import Score, score
-from evertwin.twin import FitResult, Twin
+from evertwin.loop.fitting import FitResult
+from evertwin.twin import Twin
 
 TWINS = Path(__file__).parent.parent / "twins"
 SETTLED = 900 * 10**9

@@ -28,8 +28,8 @@ from proofs._planted import LAWS, LIFE, SPREAD, STRANGERS, Planted, plant, wiene
 from proofs._verdict import ended
 from scipy.stats import invgauss
 
-from evertwin.prognosis import Indicator, Life, Limit, NotEnough, learn, predict_life
-from evertwin.prognosis.metrics import covers, crps, dummy, horizon, relative_accuracy, within
+from evertwin.prognosis.laws import Indicator, Life, Limit, NotEnough, learn, predict_life
+from evertwin.prognosis.laws.metrics import covers, crps, dummy, horizon, relative_accuracy, within
 
 CUTS = (0.3, 0.5, 0.7, 0.9)
 BESIDE = ("noisy gamma",)

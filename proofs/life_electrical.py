@@ -23,7 +23,7 @@ import numpy as np
 from proofs._verdict import chance, ended, holds
 
 from evertwin.machines.assembly import assembly
-from evertwin.prognosis import Indicator, Life, Limit, predict_life
+from evertwin.prognosis.laws import Indicator, Life, Limit, predict_life
 
 COPPER = 0.0039
 """Rise of resistance [1/K]."""

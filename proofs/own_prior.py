@@ -28,8 +28,8 @@ from proofs._planted import VALUES, Planted, plant
 from proofs._verdict import ended
 from proofs.life import indicator
 
-from evertwin.prognosis import Life, predict_life
-from evertwin.prognosis.laws import EXPONENT, LAWS, POWER
+from evertwin.prognosis.laws import Life, predict_life
+from evertwin.prognosis.laws.families import EXPONENT, LAWS, POWER
 
 YOUNGEST = 0.05
 """Share of the life before which there are too few values."""

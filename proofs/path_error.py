@@ -30,6 +30,10 @@ from proofs._verdict import chance, ended, holds
 from scipy.interpolate import CubicHermiteSpline
 
 from evertwin import Twin, TwinSpec
+from evertwin.ahead.changes import Case
+from evertwin.ahead.future import Future
+from evertwin.ahead.path_error import apart, followed
+from evertwin.ahead.simulated import PathError
 from evertwin.config import read, spec
 from evertwin.config.scenario import PathSpec
 from evertwin.errors import UsageError
@@ -37,10 +41,6 @@ from evertwin.machines.arm import Arm
 from evertwin.machines.arm.mjcf import mjcf_of
 from evertwin.machines.assembly.kinematics import tool
 from evertwin.machines.assembly.path import Limits, Motion, moves_of, plan
-from evertwin.twin.ahead.changes import Case
-from evertwin.twin.ahead.follow import apart, followed
-from evertwin.twin.ahead.future import Future
-from evertwin.twin.ahead.simulated import PathError
 
 TWIN = Path(__file__).parent.parent / "twins" / "arm.toml"
 N, RATE, SETTLE, STEP = 6, 100.0, 1.0, 1e-3

@@ -22,7 +22,7 @@ import numpy as np
 
 from evertwin import Twin
 from evertwin.config import TwinSpec, read
-from evertwin.twin import RunResult
+from evertwin.loop.result import RunResult
 from evertwin.worlds.drive import WORLDS, target
 
 TWIN = Path(__file__).parent.parent / "twins" / "robot1d.toml"

@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 from proofs._verdict import ended, no_data
 
-from evertwin.prognosis import Indicator, Life, Limit, predict_life
+from evertwin.prognosis.laws import Indicator, Life, Limit, predict_life
 
 CUTS = (0.5, 0.7, 0.9)
 END = {"B0005": 124, "B0007": 168}

@@ -3,7 +3,7 @@
 Five kinds (`STRANGERS` of `proofs/_planted.py`), none of them a law of the predictor, chosen and
 drawn without regard to what it says; cuts at 30, 50, 70 and 90 % of each life, at least 500 series
 per kind and cut. The predictor admits that wear follows none of its laws, and that life then ends
-sooner (`evertwin.prognosis.unforeseen`). Counted per way:
+sooner (`evertwin.prognosis.laws.unforeseen`). Counted per way:
 
 *laws only*: without that admission; *admitted*: as `predict_life` answers; with ``--fleet`` also
 *fleet*: the same with a fleet of 24 like machines that ran to their end, a new one for every 100
@@ -28,7 +28,7 @@ from proofs._planted import STRANGERS
 from proofs._verdict import ended
 from proofs.life import CUTS, Said, groups, indicator, said
 
-from evertwin.prognosis import Fleet, Indicator, Life, NotEnough, learn, predict, predict_life
+from evertwin.prognosis.laws import Fleet, Indicator, Life, NotEnough, learn, predict, predict_life
 
 WAYS = ("laws only", "admitted", "fleet")
 COST = 1.05

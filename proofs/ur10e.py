@@ -21,13 +21,13 @@ import numpy as np
 
 from evertwin.config import TwinSpec, read
 from evertwin.fold import Block
+from evertwin.loop.configured_model import model_of
+from evertwin.loop.feed import Feed
 from evertwin.machines.arm import Arm
 from evertwin.models import Parameters
 from evertwin.signals.filters import Butterworth
 from evertwin.tuning import Fit, Problem, Recursive, solve
 from evertwin.tuning.terms import Ascent, climb_terms
-from evertwin.twin.factory import model_of
-from evertwin.twin.feed import Feed
 
 SMOOTH = Butterworth(cutoff=5.0, rate=100.0)
 LAST = "ur-20_02_19_14harm50sec"

@@ -22,9 +22,9 @@ from proofs._verdict import ended
 from evertwin import Twin
 from evertwin.app.worlds import record_arm
 from evertwin.config import read, spec
-from evertwin.prognosis import Life
-from evertwin.twin.life.component import ComponentLife
-from evertwin.twin.life.lives import Lives
+from evertwin.prognosis.component import ComponentLife
+from evertwin.prognosis.laws import Life
+from evertwin.prognosis.lives import Lives
 
 TWIN = Path(__file__).parent.parent / "twins" / "arm.toml"
 GROWTH = 0.01

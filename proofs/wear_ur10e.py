@@ -29,12 +29,12 @@ from proofs._verdict import ended, holds, no_data
 from proofs.ur10e import PAYLOAD, SMOOTH, problem, runs
 
 from evertwin.config import read
+from evertwin.loop.configured_model import model_of
 from evertwin.machines.arm import Arm
-from evertwin.prognosis import Fleet, Indicator, Life, Limit, learn, predict_life
-from evertwin.prognosis.alarms import alarm_of
-from evertwin.prognosis.factors import divided
+from evertwin.prognosis.laws import Fleet, Indicator, Life, Limit, learn, predict_life
+from evertwin.prognosis.laws.alarms import alarm_of
+from evertwin.prognosis.laws.factors import divided
 from evertwin.tuning import solve
-from evertwin.twin.factory import model_of
 
 RUNS = 60
 LIMIT = 1.5

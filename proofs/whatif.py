@@ -22,14 +22,14 @@ import numpy as np
 from proofs._verdict import chance, ended, holds
 
 from evertwin import Twin
+from evertwin.ahead.basis import Basis
+from evertwin.ahead.columns import read_table
 from evertwin.config import read, spec
 from evertwin.config.scenario import SCENARIO
+from evertwin.loop.versions import Versions
 from evertwin.models.form import Form
-from evertwin.twin.ahead.basis import Basis
-from evertwin.twin.ahead.table import read_table
-from evertwin.twin.life.prospect import Prospect
-from evertwin.twin.scenario import run_scenario
-from evertwin.twin.versions import Versions
+from evertwin.prognosis.prospect import Prospect
+from evertwin.prognosis.scenario_lives import run_scenario
 from evertwin.worlds.arm import Cycle, Truth, columns, load, planned, record
 
 TWIN = Path(__file__).parent.parent / "twins" / "arm.toml"

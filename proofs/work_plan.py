@@ -32,9 +32,9 @@ from proofs._verdict import chance, ended, holds
 
 from evertwin import Twin, TwinSpec
 from evertwin.config import spec
+from evertwin.loop.configured_model import model_of
 from evertwin.machines.arm.inertia import NAMES, point
-from evertwin.prognosis import Life
-from evertwin.twin.factory import model_of
+from evertwin.prognosis.laws import Life
 
 CUTS = (0.5, 0.7)
 SPREAD = 0.8

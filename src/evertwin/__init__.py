@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from evertwin.config import TwinSpec
     from evertwin.errors import EvertwinError
     from evertwin.fold import Block, check_online, make_block
+    from evertwin.loop.fitting import FitResult
+    from evertwin.loop.result import RunResult
     from evertwin.models import (
         FunctionModel,
         Model,
@@ -26,7 +28,7 @@ if TYPE_CHECKING:
     from evertwin.signals import Channel, Layout
     from evertwin.sources import check_source
     from evertwin.store import check_store
-    from evertwin.twin import FitResult, RunResult, Twin
+    from evertwin.twin import Twin
 
 __all__ = [
     "Block",
@@ -52,13 +54,13 @@ _ROOMS = {
     "Block": "fold",
     "Channel": "signals",
     "EvertwinError": "errors",
-    "FitResult": "twin",
+    "FitResult": "loop.fitting",
     "FunctionModel": "models",
     "Layout": "signals",
     "Model": "models",
     "Parameter": "models",
     "Parameters": "models",
-    "RunResult": "twin",
+    "RunResult": "loop.result",
     "Twin": "twin",
     "TwinSpec": "config",
     "check_model": "models",

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from evertwin.engineering.validate import Rules, Run, validate
+from evertwin.engineering.held_out import Rules, Run, validate
 
 
 def run(share: float = 0.04, rows: int = 2000, seed: int = 0, **changes: Any) -> Run:

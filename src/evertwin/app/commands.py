@@ -10,17 +10,17 @@ import typer
 
 import evertwin.settings.schema as forms
 from evertwin.app.console import Progress, Search, show
-from evertwin.app.report import write_report
 from evertwin.config.scenario import ScenarioSpec
 from evertwin.config.schema import schema
 from evertwin.engineering.form import schema as breakdown_schema
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import plain
 from evertwin.models.form import Version
+from evertwin.report.run_report import write_report
+from evertwin.sources.excerpt import Excerpt
 from evertwin.sources.info import inspect
 from evertwin.sources.info_text import render
 from evertwin.twin import Twin
-from evertwin.twin.parts import Part
 
 __all__ = [
     "by_hand",
@@ -171,7 +171,7 @@ def _brief(version: Version) -> dict[str, object]:
 
 
 def _file(path: Path) -> Path:
-    file = Part.parse(path).path
+    file = Excerpt.parse(path).path
     if not file.exists():
         raise DataError(f"{file}: no such file")
     return path

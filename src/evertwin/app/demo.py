@@ -9,10 +9,11 @@ from typing import Any
 import typer
 
 from evertwin.app.console import show
-from evertwin.app.report import write_report
 from evertwin.app.worlds import record_arm, record_robot
 from evertwin.errors import UsageError
-from evertwin.twin import RunResult, Twin
+from evertwin.loop.result import RunResult
+from evertwin.report.run_report import write_report
+from evertwin.twin import Twin
 
 __all__ = ["run_demo", "twin_file"]
 

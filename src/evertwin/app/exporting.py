@@ -7,8 +7,8 @@ from pathlib import Path
 
 from evertwin.app.console import show
 from evertwin.errors import DataError, UsageError
+from evertwin.sources.excerpt import Excerpt
 from evertwin.twin import Twin
-from evertwin.twin.parts import Part
 
 __all__ = ["export_twin", "load_parameters"]
 
@@ -22,7 +22,7 @@ def export_twin(
     """``evertwin export``: format, file and version are ``chosen``."""
     form, out, version = chosen
     for path in data or ():
-        if not Part.parse(path).path.exists():
+        if not Excerpt.parse(path).path.exists():
             raise DataError(f"{path}: no such file")
     with Twin.open(twin) as opened:
         found = opened.export(out, form, version, [str(p) for p in data] if data else None)

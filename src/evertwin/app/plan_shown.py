@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from evertwin.fold import plain
-from evertwin.prognosis.planning import Plan, PlanItem
-from evertwin.twin.life.labels import Label
+from evertwin.prognosis.labels import Label
+from evertwin.prognosis.laws.planning import Plan, PlanItem
 from evertwin.types import Json
 
 __all__ = ["label_document", "label_text", "plan_document", "plan_text"]

@@ -10,15 +10,15 @@ import typer
 
 from evertwin.app.console import show
 from evertwin.app.plan_shown import label_document, label_text, plan_document, plan_text
-from evertwin.app.report_prognosis import write_prognosis
 from evertwin.errors import UsageError
+from evertwin.files import write_whole
 from evertwin.fold import plain
-from evertwin.prognosis.planning import HEADINGS
+from evertwin.loop.feed import Data
+from evertwin.prognosis.labels import DONE
+from evertwin.prognosis.laws.planning import HEADINGS
+from evertwin.report.prognosis_report import write_prognosis
 from evertwin.settings.quantity import number
 from evertwin.twin import Twin
-from evertwin.twin.feed import Data
-from evertwin.twin.life.labels import DONE
-from evertwin.twin.written import written
 
 __all__ = [
     "keep_decision", "show_decisions", "show_forecast", "show_life", "show_plan", "show_whatif",
@@ -89,7 +89,7 @@ def show_plan(
             lives = opened.life(history, _files(data), drawn=True)
             write_prognosis(lives, found, report)
     if out is not None:
-        written(out, found.to_csv())
+        write_whole(out, found.to_csv())
     show(plan_document(found), plan_text(found), as_json)
 
 

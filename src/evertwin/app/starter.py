@@ -21,14 +21,14 @@ import typer
 from evertwin.app.console import show
 from evertwin.config import read
 from evertwin.errors import DataError, UsageError
+from evertwin.files import write_whole
+from evertwin.loop.configured_model import model_of
 from evertwin.machines.catalog import machine
 from evertwin.models import Model
 from evertwin.signals import Layout
 from evertwin.sources.description import Info, TableInfo
 from evertwin.sources.info import inspect
 from evertwin.sources.propose import Match, Proposal, propose
-from evertwin.twin.factory import model_of
-from evertwin.twin.written import written
 
 __all__ = ["write_starter"]
 
@@ -59,10 +59,10 @@ def write_starter(
         built = machine(kind, options if urdf is None else {"urdf": str(urdf)})
         found, proposal = built, propose(info, built.inputs + built.outputs)
     draft = _Draft(out, file, info, table, kind, options, found, proposal)
-    written(out, draft.text())
+    write_whole(out, draft.text())
     if kind == "python" and (force or not own.exists()):
         template = files("evertwin.app").joinpath("templates", "model.py.txt")
-        written(own, template.read_text("utf-8"))
+        write_whole(own, template.read_text("utf-8"))
     spec = read(out)
     model_of(spec)
     content: dict[str, Any] = {

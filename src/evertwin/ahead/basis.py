@@ -1,0 +1,120 @@
+"""What every look ahead starts from: the live version, what is known of it, and the newest rows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float64
+
+from evertwin.errors import DataError
+from evertwin.fold import Answer, Block
+from evertwin.loop.feed import Data, Feed
+from evertwin.loop.screening import screened
+from evertwin.loop.setup import Setup
+from evertwin.loop.versions import Versions
+from evertwin.models import Model, Restart, roll
+from evertwin.models.form import Version
+from evertwin.models.function import kernel_of
+from evertwin.store import Store
+from evertwin.sync.horizon import openings, trusted
+from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
+
+__all__ = ["Basis", "draws", "known_sigmas", "state_after", "through"]
+
+
+@dataclass(frozen=True)
+class Basis:
+    """The live version and its surroundings.
+
+    >>> Basis.__name__
+    'Basis'
+    """
+
+    setup: Setup
+    versions: Versions
+    store: Store
+    champion: int
+
+    @property
+    def version(self) -> Version:
+        """The live version."""
+        return self.versions[self.champion]
+
+    @property
+    def model(self) -> Model:
+        """Its model."""
+        return self.versions.model(self.champion)
+
+    @property
+    def p(self) -> ParameterVector:
+        """Its parameter values, (np,)."""
+        return self.version.p
+
+    @property
+    def sigma(self) -> ParameterVector:
+        """Standard deviations of its values as their fits found them, (np,); 0 where none has."""
+        return known_sigmas(self.store, self.version)
+
+    def rows(self, data: Data = None) -> tuple[Block, ...]:
+        """The rows of recordings, one block a task, without obvious errors.
+
+        Raises:
+            DataError: there is none.
+        """
+        feed = Feed(self.setup.spec, self.setup.model)
+        blocks = tuple(feed.blocks(data))
+        if not blocks:
+            raise DataError("expected recordings to look ahead from, got none: name them with data")
+        return screened(self.setup, self.model, self.p, blocks)
+
+
+def known_sigmas(store: Store, version: Version) -> ParameterVector:
+    """Standard deviation of each value of a version, from the fit that found it; else 0."""
+    found: dict[tuple[str, float], float] = {}
+    for record in store.read("answer"):
+        content: Any = record.content if isinstance(record, Answer) else {}
+        fit: Mapping[str, Any] = content.get("fit") or {}
+        for name, item in fit.get("parameters", {}).items():
+            low, high = item["interval95"]
+            half = math.inf if None in (low, high) else (high - low) / (2 * 1.96)
+            found[name, item["value"]] = half if math.isfinite(half) else 0.0
+    pairs = zip(version.names, version.values, strict=True)
+    return np.array([found.get(pair, 0.0) for pair in pairs], dtype=np.float64)
+
+
+def draws(
+    model: Model, p: ParameterVector, sigma: ParameterVector, count: int, seed: int
+) -> Float64[np.ndarray, "k np"]:
+    """Parameter vectors that are as credible as ``p``, inside their bounds, (count, np)."""
+    rng = np.random.default_rng(seed)
+    spread = p + sigma * rng.standard_normal((count, len(p)))
+    low, high = model.parameters.low, model.parameters.high
+    return np.where(sigma > 0.0, np.clip(spread, low, high), p)
+
+
+def state_after(model: Model, p: ParameterVector, rows: Block) -> StateVector:
+    """The state after recorded rows, each trusted measurement adopted as it came, (nx,)."""
+    x0 = model.initial(p)
+    if len(x0) == 0:
+        return x0
+    y = trusted(rows)
+    code = np.isfinite(y).any(axis=1).astype(np.uint8)
+    code[openings(rows)] = 2
+    kernel = kernel_of(model)
+    x, _ = roll(kernel, x0, rows.u, rows.dt, p, Restart(y, code, x0))
+    return x
+
+
+def through(
+    model: Model, starts: Sequence[StateVector], ps: Float64[np.ndarray, "k np"], u: Inputs,
+    dt: Intervals,
+) -> Float64[np.ndarray, "k n ny"]:  # fmt: skip
+    """Outputs under each parameter vector from its own state, (k, n, ny)."""
+    if hasattr(model, "simulate_batch"):
+        batch: Outputs = model.simulate_batch(np.stack(list(starts)), u, dt, ps)
+        return batch
+    return np.stack([model.simulate(x, u, dt, p)[1] for x, p in zip(starts, ps, strict=True)])

@@ -1,0 +1,196 @@
+"""Forecast: what the machine will do, open loop, each output with its band.
+
+From the newest measured state the live version simulates the inputs to come. The band adds three
+sources, each from where it is known:
+
+* parameters: drawn from the intervals that their fits gave, simulated over the same inputs;
+* start, process and sensor: how far open-loop runs over the recordings were off after the same
+  lead time (`evertwin.ahead.spread`);
+* how often: the shares that a band of so many σ held on the recordings.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from evertwin.ahead.basis import Basis, draws, state_after, through
+from evertwin.ahead.future import Future, Mode, coming
+from evertwin.ahead.spread import spread
+from evertwin.fold import Block, plain
+from evertwin.loop.feed import Data
+from evertwin.signals import wrap
+from evertwin.types import Inputs, Json, Outputs, Vector
+
+__all__ = ["Forecast", "ForecastOutput", "forecast"]
+
+DRAWS = 64
+"""Parameter vectors that the band's share of the parameters is taken from."""
+LARGEST = 20_000_000
+"""Most numbers that are simulated at once."""
+SHOWN = 10
+
+
+@dataclass(frozen=True)
+class ForecastOutput:
+    """One output to come.
+
+    >>> out = ForecastOutput("m", np.array([1.0]), np.array([0.1]), np.array([0.0]), (1.28, 1.96))
+    >>> [end.round(3).tolist() for end in out.band(0.95)]
+    [[0.804], [1.196]]
+    """
+
+    unit: str
+    value: Vector
+    """At each row, (n,)."""
+    sigma_residual: Vector
+    """Standard deviation by start, process, sensor and form, (n,)."""
+    sigma_parameters: Vector
+    """Standard deviation by the parameters' uncertainty, (n,)."""
+    factor: tuple[float, float] = (1.2816, 1.96)
+    """How many σ hold 80 % and 95 %."""
+    angle: bool = False
+    """Its band is a whole turn at most."""
+
+    @property
+    def sigma(self) -> Vector:
+        """Both together, (n,)."""
+        return np.asarray(np.hypot(self.sigma_residual, self.sigma_parameters))
+
+    def band(self, level: float) -> tuple[Vector, Vector]:
+        """Lower and upper end that hold ``level`` (0.8 or 0.95) of what will be measured."""
+        half = self.factor[0 if level < 0.9 else 1] * self.sigma
+        half = np.minimum(half, np.pi) if self.angle else half
+        return self.value - half, self.value + half
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """The outcome of `Twin.forecast`.
+
+    >>> Forecast("robot", 0, np.array([1.0]), {}, "hold", 9).horizon
+    1.0
+    """
+
+    name: str
+    version: int
+    t: Vector
+    """Time from now at each row [s]."""
+    outputs: Mapping[str, ForecastOutput]
+    mode: str
+    """``repeat``, ``hold`` or ``planned``: where the inputs come from."""
+    stretches: int
+    """Open-loop stretches of recorded data that the band rests on."""
+    learnt: float = np.inf
+    """How long they are [s]; the band beyond is extrapolated."""
+    inputs: Inputs = field(default_factory=lambda: np.zeros((0, 0)), repr=False)
+
+    @property
+    def horizon(self) -> float:
+        """[s]"""
+        return float(self.t[-1])
+
+    def to_dict(self) -> dict[str, Json]:
+        """Plain content, ``schema: "evertwin.forecast/1"``."""
+        outputs = {}
+        for name, out in self.outputs.items():
+            (low80, high80), (low95, high95) = out.band(0.8), out.band(0.95)
+            outputs[name] = {
+                "unit": out.unit, "value": out.value, "low80": low80, "high80": high80,
+                "low95": low95, "high95": high95, "sigma_residual": out.sigma_residual,
+                "sigma_parameters": out.sigma_parameters,
+            }  # fmt: skip
+        content: dict[str, Any] = {
+            "schema": "evertwin.forecast/1", "name": self.name, "version": self.version,
+            "horizon": self.horizon, "inputs": self.mode, "stretches": self.stretches,
+            "learnt_over": self.learnt, "t": self.t, "outputs": outputs,
+        }  # fmt: skip
+        return plain(content)  # type: ignore[return-value]
+
+    def __str__(self) -> str:
+        """A few rows of each output."""
+        configured = " (as configured)" if self.version == 0 else ""
+        lines = [
+            f"{self.name}, version {self.version}{configured}: {self.horizon:g} s ahead, inputs: "
+            f"{self.mode}; band from {self.stretches} open-loop stretches of {self.learnt:.3g} s"
+        ]
+        if self.horizon > self.learnt * 1.01:
+            lines.append(
+                f"beyond {self.learnt:.3g} s the band is extrapolated: longer recordings tell more"
+            )
+        places = np.unique(np.linspace(0, len(self.t) - 1, min(SHOWN, len(self.t))).astype(int))
+        for name, out in self.outputs.items():
+            lines.append(f"{name} [{out.unit}]       value   80 %                     95 %")
+            bands = (*out.band(0.8), *out.band(0.95))
+            for i in places.tolist():
+                ends = [float(end[i]) for end in bands]
+                digits = _digits(ends[1] - ends[0])
+                value, *said = (f"{x:.{digits}f}" for x in (float(out.value[i]), *ends))
+                lines.append(
+                    f"  {self.t[i]:8.4g} s {value:>11}   {said[0]:>10} … {said[1]:<10} "
+                    f"{said[2]:>10} … {said[3]}"
+                )
+        return "\n".join(lines)
+
+
+def _digits(width: float) -> int:
+    """Decimals that show a band of this width with two digits or more."""
+    if not (np.isfinite(width) and width > 0.0):
+        return 4
+    return min(max(1 - math.floor(math.log10(width)), 0), 12)
+
+
+def forecast(
+    basis: Basis, horizon: float, data: Data = None, mode: Mode = "repeat",
+    inputs: Future | None = None,
+) -> Forecast:  # fmt: skip
+    """The live version's prediction from the end of recordings on.
+
+    Args:
+        basis: the twin's live version.
+        horizon: how far [s].
+        data: recordings up to now; None: the twin file's.
+        mode: what the machine is told, where ``inputs`` does not say.
+        inputs: planned inputs.
+
+    Raises:
+        UsageError: no horizon above zero.
+        DataError: no recordings, or too few to know how far predictions are off.
+    """
+    rows, model, p = basis.rows(data), basis.model, basis.p
+    future = coming(rows[-1], horizon, mode) if inputs is None else inputs
+    known = spread(model, p, rows, float(future.t[-1]))
+    y, by_p = _simulated(basis, rows[-1], future)
+    sigma = known.sigma(future.t)
+    outputs = {
+        channel.name: ForecastOutput(
+            channel.unit, y[:, k], sigma[:, k], by_p[:, k],
+            (float(known.factor[k, 0]), float(known.factor[k, 1])), bool(model.outputs.angles[k]),
+        )
+        for k, channel in enumerate(model.outputs)
+    }  # fmt: skip
+    found = Forecast(
+        basis.setup.spec.name, basis.champion, future.t, outputs, mode, known.stretches,
+        known.length, future.u,
+    )  # fmt: skip
+    return found if inputs is None else replace(found, mode="planned")
+
+
+def _simulated(basis: Basis, newest: Block, future: Future) -> tuple[Outputs, Outputs]:
+    """Outputs, and what the parameters leave open of them as standard deviations, (n, ny) each."""
+    model, p = basis.model, basis.p
+    y = through(model, [state_after(model, p, newest)], p[None], future.u, future.dt)[0]
+    if not np.any(basis.sigma > 0.0):
+        return y, np.zeros_like(y)
+    drawn = draws(model, p, basis.sigma, DRAWS, seed=1)
+    square, at_once = np.zeros_like(y), max(LARGEST // y.size, 1)
+    for first in range(0, DRAWS, at_once):
+        some = drawn[first : first + at_once]
+        starts = [state_after(model, one, newest) for one in some]
+        for one in through(model, starts, some, future.u, future.dt):
+            square += wrap(one - y, model.outputs.angles) ** 2
+    return y, np.sqrt(square / DRAWS)

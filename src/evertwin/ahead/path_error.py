@@ -1,0 +1,186 @@
+"""How far an arm's tool is off a new path: the path given to its controllers as set-points.
+
+The components of the twin, read forward: controller → motor → gearbox → structure, with the live
+values. The arm first stands where the path starts, held by its controllers, and then follows. Two
+errors are told: how far the tool is from where it should be at that time (``tool``), and how far
+from the path itself (``tool, off the path``), which leaves out what is only late.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float64, Int64
+from scipy.interpolate import CubicHermiteSpline
+from scipy.spatial import cKDTree
+
+from evertwin.ahead.basis import Basis, draws
+from evertwin.ahead.changes import Case
+from evertwin.ahead.controlled import controlled
+from evertwin.ahead.paths import chain_of
+from evertwin.ahead.simulated import PathError
+from evertwin.config.scenario import PathSpec
+from evertwin.errors import UsageError
+from evertwin.machines.arm.chain import Chain
+from evertwin.machines.assembly.kinematics import tips
+from evertwin.models import Model
+from evertwin.types import Inputs, Intervals, ParameterVector, Vector
+
+__all__ = ["apart", "followed"]
+
+DRAWS = 16
+"""Runs beside the one with the values as they are, at most."""
+TAIL, TAIL_OF_DRAWS = 1.96, 2.12
+"""95 % of a normal distribution; of Student's with `DRAWS` degrees of freedom."""
+FINE = 1e-3
+"""Longest time from one set-point to the next [s]."""
+NEAREST = 8
+"""Corners of the path at which the nearest piece of it is looked for."""
+SETTLE = 1.0
+"""How long the arm stands at the start before it moves [s]."""
+
+
+class _Run(NamedTuple):
+    """What the controllers are told, in rows of `FINE` at most."""
+
+    u: Inputs
+    dt: Intervals
+    path: Float64[np.ndarray, "rows joints"]
+    """Planned joint positions in the rows of the path."""
+    rows: Int64[np.ndarray, " rows"]
+    """Which of the rows those are; before the first of them the arm settles."""
+
+
+def followed(
+    basis: Basis, case: Case, path: PathSpec, limits: Mapping[str, float]
+) -> tuple[Mapping[str, PathError], tuple[str, ...]]:
+    """Errors of the tool on a case's path; else what is missing, in a sentence.
+
+    Args:
+        limits: largest size by channel; torques and currents are no larger than theirs.
+
+    Raises:
+        UsageError: components that cannot be joined or have no forward reading.
+    """
+    chain = chain_of(case.model)
+    if chain is None:
+        return {}, ()
+    forward = controlled(basis, case, path, limits)
+    if isinstance(forward, str):
+        return {}, (forward,)
+    run = _set_points(case, forward.model, chain.n)
+    planned = tips(chain, run.path)
+    ps, reach = _around(case)
+    gone = np.stack([_tool(forward.model, chain, run, forward.of(p)) for p in ps])
+    if not np.isfinite(gone[0]).all():
+        return {}, ("path error: the controllers do not hold the arm: change their gains",)
+    t = case.future.t
+    late = np.linalg.norm(gone - planned, axis=2)
+    off = np.stack([apart(one, planned) for one in gone])
+    notes = forward.notes
+    if basis.version.form.terms:
+        notes = (*notes, "path error: without the terms that a correction has added")
+    return {
+        "tool": _told(late, planned, t, reach), "tool, off the path": _told(off, planned, t, reach)
+    }, notes  # fmt: skip
+
+
+def _around(case: Case) -> tuple[Float64[np.ndarray, "k np"], float]:
+    """The values as they are, then others as credible; what their spread is multiplied with.
+
+    Few uncertain values are moved one by one by their standard deviation, and the changes add up
+    as squares do; many are drawn together.
+    """
+    p, sigma = case.p, case.sigma
+    open_ = np.flatnonzero(sigma)
+    if len(open_) > DRAWS:
+        others = draws(case.model, p, sigma, DRAWS, seed=3)
+        return np.concatenate([p[None], others]), TAIL_OF_DRAWS / np.sqrt(DRAWS)
+    high = case.model.parameters.high
+    others = np.tile(p, (len(open_), 1))
+    for row, k in zip(others, open_.tolist(), strict=True):
+        row[k] += sigma[k] if row[k] + sigma[k] <= high[k] else -sigma[k]
+    return np.concatenate([p[None], others]), TAIL
+
+
+def _set_points(case: Case, model: Model, n: int) -> _Run:
+    """Standing at the start, then the path, as inputs of the forward reading."""
+    future = case.future
+    names = [name.removesuffix("_set") for name in case.model.inputs.names]
+    wanted = [name.removesuffix("_set") for name in model.inputs.names]
+    unknown = [name for name in wanted if name not in names]
+    if unknown:
+        raise UsageError(f"path error: the path does not tell {', '.join(unknown)}")
+    u = future.u[:, [names.index(name) for name in wanted]]
+    step, parts = float(np.median(future.dt)), max(math.ceil(np.median(future.dt) / FINE), 1)
+    # between the rows of the path the set-points go on smoothly, as those of a controller do
+    course: Any = CubicHermiteSpline(future.t, u[:, :n], u[:, n : 2 * n])
+    within = np.repeat(future.dt[1:] / parts, parts)
+    ends = future.t[0] + np.cumsum(within)
+    moving = np.repeat(u[1:], parts, axis=0)
+    # a position is reached at the end of its row, at the speed of the whole row
+    moving[:, :n], moving[:, n : 2 * n] = course(ends), course(ends - 0.5 * within, 1)
+    still = np.repeat(u[:1], 1 + max(round(SETTLE / step), 1), axis=0)
+    still[:, n : 2 * n] = 0.0
+    return _Run(
+        np.concatenate([still, moving]), np.concatenate([np.full(len(still), step), within]),
+        u[:, :n], len(still) - 1 + parts * np.arange(len(u)),
+    )  # fmt: skip
+
+
+def _tool(model: Model, chain: Chain, run: _Run, p: ParameterVector) -> Float64[np.ndarray, "n 3"]:
+    """Where the tool is in each row of the path [m]."""
+    y0 = np.full(len(model.outputs), np.nan)
+    y0[: chain.n], y0[chain.n : 2 * chain.n] = run.path[0], 0.0
+    x = model.observe(model.initial(p), y0)
+    _, y = model.simulate(x, run.u, run.dt, p)
+    return tips(chain, y[run.rows, : chain.n])
+
+
+def apart(
+    points: Float64[np.ndarray, "n 3"], path: Float64[np.ndarray, "m 3"]
+) -> Float64[np.ndarray, " n"]:
+    """Distance of each point from a path of straight pieces [m].
+
+    >>> line = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
+    >>> apart(np.array([[1.3, 0.4, 0.3], [3.0, 0.0, 0.0]]), line).round(6).tolist()
+    [0.5, 1.0]
+    """
+    moved = np.any(np.diff(path, axis=0) != 0.0, axis=1)
+    path = path[np.concatenate([[True], moved])] if moved.any() else path
+    begin, way = path[:-1], np.diff(path, axis=0)
+    length = np.maximum(np.einsum("ij,ij->i", way, way), 1e-300)
+    # rests left out, the nearest piece begins or ends at one of the nearest corners
+    near = cKDTree(path).query(points, k=min(NEAREST, len(path)))[1].reshape(len(points), -1)
+    pieces = np.clip(np.concatenate([near - 1, near], axis=1), 0, len(way) - 1)
+    here = points[:, None, :] - begin[pieces]
+    share = np.clip(np.einsum("nij,nij->ni", here, way[pieces]) / length[pieces], 0.0, 1.0)
+    gap = here - share[:, :, None] * way[pieces]
+    found: Float64[np.ndarray, " n"] = np.sqrt(np.einsum("nij,nij->ni", gap, gap).min(axis=1))
+    return found
+
+
+def _told(
+    size: Float64[np.ndarray, "k n"],
+    planned: Float64[np.ndarray, "n 3"],
+    t: Float64[np.ndarray, " n"],
+    reach: float,
+) -> PathError:
+    """The error in mm; the first run holds the values as they are."""
+    size = size * 1e3
+    worst = int(np.argmax(size[0]))
+
+    def within(values: Vector) -> tuple[float, float]:
+        value = float(values[0])
+        # a run that the controllers do not hold leaves the error open
+        half = reach * float(np.linalg.norm(np.nan_to_num(values[1:] - value, nan=np.inf)))
+        return max(value - half, 0.0), value + half
+
+    rms, top, end = np.sqrt(np.mean(size**2, axis=1)), size.max(axis=1), size[:, -1]
+    return PathError(
+        "mm", float(rms[0]), float(top[0]), float(end[0]), within(end), within(top), within(rms),
+        float(t[worst]), tuple(planned[worst].tolist()), t, size[0],
+    )  # fmt: skip

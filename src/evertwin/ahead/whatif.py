@@ -1,0 +1,229 @@
+"""What if: a scenario beside today, simulated with the live version over the same time.
+
+The baseline is the newest recorded task, done again. A scenario changes speed, load, path,
+parameters or components, or lets everything wear until a date. Both are simulated alike, so that
+their difference is the scenario's doing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
+
+import numpy as np
+
+from evertwin.ahead.basis import Basis, state_after
+from evertwin.ahead.changes import Case, changed
+from evertwin.ahead.future import coming
+from evertwin.ahead.path_error import followed
+from evertwin.ahead.simulated import PathError, Simulated, simulated
+from evertwin.ahead.spread import Spread, spread
+from evertwin.config.scenario import ScenarioSpec
+from evertwin.errors import DataError
+from evertwin.fold import plain, take
+from evertwin.loop.feed import Data
+from evertwin.types import Json, StateVector
+
+__all__ = ["Today", "WhatIf", "beside", "today", "whatif"]
+
+
+@dataclass(frozen=True)
+class Today:
+    """The case that a scenario is held against.
+
+    >>> Today.__name__
+    'Today'
+    """
+
+    case: Case
+    x: StateVector
+    """State before its first row."""
+    newest: StateVector
+    """State after the newest row: where a new path begins."""
+    spread: Spread
+
+
+@dataclass(frozen=True)
+class WhatIf:
+    """The outcome of `Twin.whatif`.
+
+    >>> found = WhatIf("robot", "as", 0, Simulated(1.0, {}), Simulated(2.0, {}))
+    >>> print(found)
+    robot, version 0 (as configured), scenario 'as': 2 s, baseline 1 s; 95 % intervals in brackets
+      no limit is passed
+    >>> found.findings
+    ()
+    """
+
+    name: str
+    scenario: str
+    version: int
+    before: Simulated
+    """The baseline."""
+    after: Simulated
+    """The scenario."""
+    worn: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    """Parameters that wear has moved: from, to, and the interval at the date."""
+    lives: Mapping[str, Mapping[str, Json]] = field(default_factory=dict)
+    """Life of each component as it is and under the scenario's work."""
+    docking: Mapping[str, Json] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    """What could not be told, and what it needs."""
+
+    @property
+    def findings(self) -> tuple[str, ...]:
+        """Limits that the scenario passes, one sentence each."""
+        said = [
+            f"{one.channel} reaches {one.value:.4g} {one.unit} at {one.at:.3g} s, limit "
+            f"{one.limit:.4g}"
+            for one in self.after.exceeded
+        ]
+        sure = {one.channel for one in self.after.exceeded}
+        for name, size in self.after.outputs.items():
+            if size.chance is not None and size.chance > 0.025 and name not in sure:
+                said.append(
+                    f"{name} may pass its limit {size.limit:.4g} {size.unit} "
+                    f"(probability {size.chance:.2g})"
+                )
+        if self.docking.get("holds") is False:
+            said.append("the docking leaves its tolerance")
+        return tuple(said)
+
+    def to_dict(self) -> dict[str, Json]:
+        """Plain content, ``schema: "evertwin.whatif/1"``."""
+        content: dict[str, Any] = {
+            "schema": "evertwin.whatif/1", "name": self.name, "scenario": self.scenario,
+            "version": self.version, "baseline": _content(self.before),
+            "with_scenario": _content(self.after), "change": self._change(), "worn": self.worn,
+            "lives": self.lives, "docking": self.docking or None, "findings": self.findings,
+            "notes": self.notes,
+        }  # fmt: skip
+        return plain(content)  # type: ignore[return-value]
+
+    def _change(self) -> dict[str, dict[str, float | None]]:
+        """Relative change of each output."""
+        found = {}
+        for name, new in self.after.outputs.items():
+            old = self.before.outputs.get(name)
+            if old is not None:
+                found[name] = {"rms": _ratio(new.rms, old.rms), "peak": _ratio(new.peak, old.peak)}
+        return found
+
+    def __str__(self) -> str:
+        """A table of outputs, then everything else."""
+        configured = " (as configured)" if self.version == 0 else ""
+        lines = [
+            f"{self.name}, version {self.version}{configured}, scenario {self.scenario!r}: "
+            f"{self.after.seconds:.4g} s, baseline {self.before.seconds:.4g} s; 95 % intervals in "
+            "brackets"
+        ]
+        for name, new in self.after.outputs.items():
+            old = self.before.outputs[name]
+            low, high = new.peak95
+            lines.append(
+                f"  {name:<10} rms {old.rms:9.4g} -> {new.rms:9.4g} {new.unit:<6} peak "
+                f"{old.peak:9.4g} -> {new.peak:9.4g} ({low:.4g} … {high:.4g})"
+            )
+        lines += [
+            f"  path error of {name}: rms {_within(e.rms, e.rms95)}, largest "
+            f"{_within(e.largest, e.largest95)}, at the end {_within(e.end, e.end95)} "
+            f"{e.unit}{_where(e)}"
+            for name, e in self.after.path_error.items()
+        ]
+        lines += [
+            f"  {name} wears from {w['from']:.4g} to {w['to']:.4g} ({w['low95']:.4g} … "
+            f"{w['high95']:.4g})"
+            for name, w in self.worn.items()
+        ]
+        lines += [f"  life of {name}: {one['sentence']}" for name, one in self.lives.items()]
+        if self.docking:
+            lines.append(f"  docking: {self.docking['sentence']}")
+        lines += [f"  {note}" for note in self.notes]
+        lines += [f"  ! {said}" for said in self.findings] or ["  no limit is passed"]
+        return "\n".join(lines)
+
+
+def _ratio(new: float, old: float) -> float | None:
+    return new / old - 1.0 if old > 0.0 else None
+
+
+def _within(value: float, interval: tuple[float, float] | None) -> str:
+    """A value with its interval, where it has one."""
+    if interval is None or interval[0] == interval[1]:
+        return f"{value:.4g}"
+    return f"{value:.4g} ({interval[0]:.4g} … {interval[1]:.4g})"
+
+
+def _where(error: PathError) -> str:
+    """Where and when it is largest, of a tool."""
+    if error.at is None:
+        return ""
+    place = ", ".join(f"{x:.3f}" for x in error.where)
+    return f"; largest at {error.at:.3g} s, at ({place}) m"
+
+
+def _error(error: PathError) -> dict[str, Any]:
+    """Without its course, which belongs into a picture."""
+    return {k.name: getattr(error, k.name) for k in fields(error) if k.name not in ("t", "size")}
+
+
+def _content(one: Simulated) -> dict[str, Any]:
+    return {
+        "seconds": one.seconds, "outputs": one.outputs, "exceeded": one.exceeded,
+        "path_error": {name: _error(e) for name, e in one.path_error.items()},
+        "friction_work": one.work,
+    }  # fmt: skip
+
+
+def today(basis: Basis, data: Data = None, horizon: float | None = None) -> Today:
+    """The newest recorded task, to be done again; up to ``horizon`` [s].
+
+    Raises:
+        DataError: there are no recordings, or they are too short.
+    """
+    rows = basis.rows(data)
+    last = rows[-1]
+    if len(last.t) < 3:
+        raise DataError("what if: expected a recorded task of three rows or more")
+    length = float(last.t[-1] - last.t[0]) * 1e-9
+    model, p = basis.model, basis.p
+    if horizon is None or horizon >= length:
+        future = coming(last, length if horizon is None else horizon, "repeat")
+        first = take(last, 0, 1)
+    else:
+        begin = int(np.searchsorted(last.t, last.t[-1] - horizon * 1e9, side="right"))
+        first = take(last, 0, max(begin, 1))
+        future = coming(last, horizon, "repeat")
+    known = spread(model, p, rows, float(future.t[-1]))
+    start, newest = (state_after(model, p, part) for part in (first, last))
+    return Today(Case(model, p, basis.sigma, future), start, newest, known)
+
+
+def whatif(basis: Basis, scenario: ScenarioSpec, data: Data = None) -> WhatIf:
+    """A scenario beside today; wear, lives and docking are added by `Twin.whatif`.
+
+    Raises:
+        UsageError: a change that this machine cannot have.
+        DataError: a path or recording that cannot be used.
+    """
+    now = today(basis, data, scenario.horizon)
+    return beside(basis, now, scenario, changed(basis, now.case, scenario))
+
+
+def beside(basis: Basis, now: Today, scenario: ScenarioSpec, after: Case) -> WhatIf:
+    """Both cases simulated."""
+
+    def run(case: Case, x: StateVector) -> Simulated:
+        known = x if len(x) == len(case.model.states) else None
+        return simulated(case, known, now.spread, scenario.limits)
+
+    start = now.x if scenario.path is None else now.newest
+    outcome, notes = run(after, start), tuple[str, ...]()
+    if scenario.path is not None:
+        errors, notes = followed(basis, after, scenario.path, scenario.limits)
+        outcome = replace(outcome, path_error={**outcome.path_error, **errors})
+    return WhatIf(
+        basis.setup.spec.name, scenario.name, basis.champion, run(now.case, now.x), outcome,
+        notes=notes,
+    )  # fmt: skip

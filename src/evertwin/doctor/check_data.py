@@ -1,0 +1,168 @@
+"""Is the recording sound? Clocks, gaps, frozen and absurd channels, rows that are lost."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from evertwin.doctor.examination import View, changes
+from evertwin.doctor.finding import Finding
+from evertwin.fold import Event, Mark
+from evertwin.sync.horizon import residuals
+
+__all__ = ["look_data"]
+
+LOST = 0.05
+"""Share of an output's samples that may go unused."""
+NAMED = 3
+"""Events of one signal that are named one by one."""
+
+_CLOCK = {
+    "repeated": "the second row of each is dropped; look at the logger",
+    "backward": "these rows are dropped: sort the recording, or split it where the clock restarts",
+    "clock_jump": "single rows with an absurd stamp are dropped: check that nothing real is lost",
+    "clock_set": "the clock was set while recording: intervals are kept, absolute times are not",
+    "gap": "predictions start anew behind a gap: set [clock] gap to the longest that may be "
+    "simulated over",
+    "no_stamp": "rows without a stamp are dropped: check the column of time",
+}
+_ROWS = "the row or cell is left out: look at this line of the file (evertwin info)"
+
+
+def look_data(view: View) -> Iterator[Finding]:
+    """What sources and arbiter found, and how much is lost to it."""
+    for kind, line in zip(sorted(view.tally.counts), view.tally.lines(), strict=True):
+        problem = view.tally.first[kind][0]
+        name = "gap" if kind == "gap" else "clock" if kind in _CLOCK else "missing"
+        step = _CLOCK.get(kind, _ROWS)
+        count = {"count": view.tally.counts[kind]}
+        yield Finding(name, kind, line, f"line {problem.line} first", step, count)
+    yield from _not_finite(view)
+    yield from _frozen_inputs(view)
+    yield from _faults(view)
+    yield from _lost(view)
+
+
+def _not_finite(view: View) -> Iterator[Finding]:
+    """Inputs that are not known, and outputs that are infinite."""
+    u = np.concatenate([window.u for window in view.windows])
+    y = np.concatenate([window.y for window in view.windows])
+    mark, nu = np.concatenate([window.mark for window in view.windows]), u.shape[1]
+    for k, name in enumerate(view.model.inputs.names):
+        if bad := int(np.count_nonzero(~np.isfinite(u[:, k]))):
+            first = int(np.flatnonzero(~np.isfinite(u[:, k]))[0])
+            yield Finding(
+                "missing", name, f"input {name} is not known in {bad} of {len(u)} rows",
+                f"row {first} first",
+                "nothing is predicted there: fill it in the recording, or give sentinels that "
+                "stand for no value", {"rows": bad},
+            )  # fmt: skip
+    for k, name in enumerate(view.model.outputs.names):
+        absurd = mark[:, nu + k] == Mark.ERROR
+        if bad := int(np.count_nonzero(absurd)):
+            first = int(np.flatnonzero(absurd)[0])
+            yield Finding(
+                "absurd", name, f"{name} is infinite in {bad} of {len(y)} rows",
+                f"row {first} first", "marked as errors; look at the recording there",
+                {"rows": bad},
+            )  # fmt: skip
+        if len(y) and np.isnan(y[:, k]).all():
+            yield Finding(
+                "missing", name, f"{name} was never measured", "all rows",
+                f"check the column of {name} in [source.channels]", {},
+            )  # fmt: skip
+
+
+def _frozen_inputs(view: View) -> Iterator[Finding]:
+    """A measured input of a static map that stands still while its rate says that it moves."""
+    if not view.setup.static:
+        return
+    longest = max(view.windows, key=lambda window: len(window.t))
+    for k, channel in enumerate(view.model.inputs):
+        values = longest.u[:, k]
+        run, start = _longest_run(values)
+        changing = len(np.unique(values[np.isfinite(values)]))
+        if changing > 0.2 * len(values) and run > max(20, 0.05 * len(values)):
+            others = np.delete(longest.u[start : start + run], k, axis=1)
+            if (np.nanstd(others, axis=0) > 0.2 * np.nanstd(longest.u, axis=0).max()).any():
+                yield Finding(
+                    "frozen", channel.name,
+                    f"input {channel.name} stands still for {run} rows while others move",
+                    f"rows {longest.row + start} to {longest.row + start + run - 1}",
+                    "leave this stretch out ([clock] start, stop) or repair the sensor",
+                    {"rows": run},
+                )  # fmt: skip
+
+
+def _longest_run(values: np.ndarray) -> tuple[int, int]:
+    """Length and start of the longest run of equal values."""
+    edges = np.flatnonzero(np.diff(values) != 0) + 1
+    starts = np.concatenate([[0], edges])
+    lengths = np.diff(np.concatenate([starts, [len(values)]]))
+    at = int(np.argmax(lengths))
+    return int(lengths[at]), int(starts[at])
+
+
+def _faults(view: View) -> Iterator[Finding]:
+    """What the arbiter marked."""
+    signals: dict[str, list[int]] = {}
+    for number, event in enumerate(view.events):
+        if event.kind in ("measurement_error", "overruled") and not _model_is_off(view, event):
+            signals.setdefault(event.signal, []).append(number)
+    gated = [event for event in view.events if _model_is_off(view, event)]
+    if gated:
+        names = ", ".join(sorted({event.signal for event in gated}))
+        yield Finding(
+            "gate", gated[0].signal,
+            f"the model is off by more than the gate {len(gated)} times, on {names}",
+            f"row {gated[0].row} first",
+            "a wider [arbiter] gate until the model is tuned: contested samples are not tuned on",
+            {"events": len(gated)},
+        )  # fmt: skip
+    for signal, numbers in signals.items():
+        for number in numbers[:NAMED]:
+            event = view.events[number]
+            frozen = event.evidence.get("cause") == "frozen"
+            jumped = event.kind == "overruled"
+            yield Finding(
+                "frozen" if frozen else "jump" if jumped else "absurd", signal,
+                f"{signal}: {event.reason}", f"row {event.evidence.get('onset', event.row)}",
+                "the model was overruled: a real displacement, or a sensor that was set; check"
+                if jumped
+                else "these samples are left out; repair the sensor or check its unit",
+                event.evidence,
+            )  # fmt: skip
+        if len(numbers) > NAMED:
+            yield Finding(
+                "absurd", signal, f"{signal}: {len(numbers) - NAMED} further events of this kind",
+                f"row {view.events[numbers[NAMED]].row} and on",
+                "run the twin and read its events", {"events": len(numbers)},
+            )  # fmt: skip
+
+
+def _model_is_off(view: View, event: Event) -> bool:
+    """A static map has no place to jump from: what its gate contests is the model's own error."""
+    contested = event.kind == "overruled" or event.evidence.get("cause") == "vote"
+    return view.setup.static and contested
+
+
+def _lost(view: View) -> Iterator[Finding]:
+    """Samples that were measured and are not used."""
+    for k, name in enumerate(view.model.outputs.names):
+        measured = used = 0
+        for raw, judged in zip(view.windows, view.judged, strict=True):
+            predicted = changes(view.model, view.version.p, judged, view.horizon).predicted
+            zero = np.where(np.isnan(predicted), np.nan, 0.0)
+            known = ~np.isnan(residuals(view.model, judged, zero)[:, k])
+            measured += int(np.count_nonzero(raw.mark[:, raw.u.shape[1] + k] != Mark.ABSENT))
+            used += int(np.count_nonzero(known))
+        if measured and 1 - used / measured > LOST:
+            yield Finding(
+                "lost", name,
+                f"{measured - used} of {measured} samples of {name} are not used "
+                f"({100 * (1 - used / measured):.1f} %)",
+                "all rows", "too many gaps, unknown inputs or marked samples: see the findings "
+                "above, or widen [arbiter] gate where the model is far off",
+                {"measured": measured, "used": used},
+            )  # fmt: skip

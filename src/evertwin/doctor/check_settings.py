@@ -1,0 +1,164 @@
+"""Do the settings fit the data? Horizon, tolerance and requirement against noise; action space.
+
+The noise of an output that the model adopts follows from predictions of one row each: successive
+residuals share one measurement with opposite sign, so neighbouring differences of residuals have
+the covariance −4·σ². Of a static map it is what two neighbouring residuals do not share.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from evertwin.correction.command_effect import command_effects
+from evertwin.correction.sarsa_settings import findings
+from evertwin.doctor.examination import View, changes
+from evertwin.doctor.finding import Finding
+from evertwin.errors import DataError, UsageError
+from evertwin.loop.correcting import sarsa_settings
+from evertwin.types import Vector
+
+__all__ = ["look_settings"]
+
+LITTLE = 0.1
+"""Share of the command that must be missed before a table has something to learn."""
+CLEAR = 3.0
+"""Changes over the horizon should be so many times what noise alone makes of them."""
+
+
+def look_settings(view: View, figures: dict[str, Any]) -> Iterator[Finding]:
+    """What is set, against what the data is like."""
+    noise = _noise(view)
+    figures["noise"] = dict(zip(view.model.outputs.names, noise.tolist(), strict=True))
+    yield from _horizon(view, noise)
+    yield from _tolerance(view, noise)
+    yield from _requirement(view, noise)
+    yield from _actions(view)
+
+
+def _noise(view: View) -> Vector:
+    """Standard deviation of each output's measurement, (ny,); NaN where it cannot be told."""
+    found = [changes(view.model, view.version.p, window, 1e-9) for window in view.some(view.judged)]
+    out = []
+    for k in range(len(view.model.outputs)):
+        steps = []
+        for change in found:
+            r = (change.measured - change.predicted)[:, k]
+            steps.append(np.diff(r[np.isfinite(r)]))
+        out.append(_level(steps, view.setup.static))
+    return np.array(out)
+
+
+def _level(steps: list[Vector], static: bool) -> float:
+    """Noise from differences of neighbouring residuals, outliers clipped."""
+    whole = np.concatenate(steps)
+    if len(whole) < 30:
+        return math.nan
+    spread = float(np.median(np.abs(whole))) / 0.6745
+    if static:
+        return spread / math.sqrt(2)
+    # n(i+1) − 2·n(i) + n(i−1): from row to row its covariance is −4·σ², and drifts cancel
+    clipped = [np.clip(d, -5 * spread, 5 * spread) for d in steps]
+    pairs = sum(max(len(d) - 1, 0) for d in clipped)
+    total = sum(float((d[1:] * d[:-1]).sum()) for d in clipped)
+    return math.sqrt(max(-total / max(pairs, 1) / 4, 0.0))
+
+
+def _horizon(view: View, noise: Vector) -> Iterator[Finding]:
+    horizon, least = view.setup.horizon, view.setup.spec.trial.segments
+    if not math.isfinite(horizon):
+        return
+    segments = int(view.seconds / horizon)
+    if segments < least:
+        yield Finding(
+            "horizon", "prediction.horizon",
+            f"{view.seconds:.4g} s hold {segments} predictions of {horizon:.4g} s, a trial needs "
+            f"{least} or more", "[prediction] horizon",
+            "more data, or a shorter horizon: nothing can be promoted with these rows",
+            {"segments": segments},
+        )  # fmt: skip
+    if view.setup.static:
+        return
+    ratios = {}
+    moved = [changes(view.model, view.version.p, w, horizon).measured for w in view.judged]
+    for k, channel in enumerate(view.model.outputs):
+        steps = np.concatenate([np.abs(m[np.isfinite(m[:, k]), k]) for m in moved])
+        floor = math.sqrt(2) * noise[k]
+        if len(steps) and floor > 0 and view.setup.watched[k]:
+            ratios[channel.name] = float(np.quantile(steps, 0.95)) / floor
+    if ratios and max(ratios.values()) < CLEAR:
+        name, ratio = max(ratios.items(), key=lambda item: item[1])
+        yield Finding(
+            "horizon", "prediction.horizon",
+            f"over {horizon:.4g} s {name} changes by {ratio:.1f} times what noise makes of it",
+            "[prediction] horizon",
+            f"a longer horizon, {CLEAR / max(ratio, 0.1) * horizon:.2g} s or more: as it is, "
+            "noise decides which model is better", ratios,
+        )  # fmt: skip
+
+
+def _tolerance(view: View, noise: Vector) -> Iterator[Finding]:
+    rule = view.setup.spec.arbiter
+    if rule.use != "tolerance":
+        return
+    for k, channel in enumerate(view.model.outputs):
+        limit = rule.tolerance_angle if channel.kind == "angle" else rule.tolerance
+        if np.isfinite(limit) and limit < CLEAR * noise[k]:
+            yield Finding(
+                "tolerance", channel.name,
+                f"the tolerance of {channel.name}, {limit:.3g} {channel.unit}, is within "
+                f"{CLEAR:g} standard deviations of its noise, {noise[k]:.3g}",
+                "[arbiter] tolerance",
+                "a larger tolerance: noise alone makes position updates", {"noise": noise[k]},
+            )  # fmt: skip
+
+
+def _requirement(view: View, noise: Vector) -> Iterator[Finding]:
+    setup = view.setup
+    if not math.isfinite(setup.requirement):
+        return
+    rule, rate = setup.spec.filter, setup.spec.clock.rate
+    share = 1.0 if rule is None or rate is None else math.sqrt(min(1.0, 2 * rule.cutoff / rate))
+    for k, channel in enumerate(setup.model.outputs):
+        if not setup.watched[k] or not np.isfinite(noise[k]):
+            continue
+        floor = share * noise[k] * (1.0 if setup.static else math.sqrt(2))
+        if setup.relative:
+            y = np.concatenate([w.y[setup.moving(w.u)[:, k], k] for w in view.windows])
+            known = y[np.isfinite(y)]
+            size = math.sqrt(float(np.mean(known**2))) if len(known) else 0.0
+            floor = floor / size if size > 0 else 0.0
+        if floor > setup.requirement:
+            yield Finding(
+                "requirement", channel.name,
+                f"the requirement {setup.shown(k, setup.requirement)} lies below the noise of "
+                f"{channel.name}, {setup.shown(k, floor)}", "[anomaly] requirement",
+                "a larger requirement, or a [filter]: no model can reach it", {"floor": floor},
+            )  # fmt: skip
+
+
+def _actions(view: View) -> Iterator[Finding]:
+    """Does the action space of a table cover what is observed?"""
+    rule = view.setup.spec.correction
+    if "table" not in rule.terms or len(rule.channels) != 1 or view.setup.static:
+        return
+    channel, windows, base = rule.channels[0], view.some(view.judged), view.setup.model
+    try:
+        command, effect = command_effects(
+            base, base.parameters.values, windows, channel, view.setup.horizon
+        )
+        settings = sarsa_settings(view.setup, channel, windows)
+    except (DataError, UsageError):
+        return  # too little data for a table: the horizon's finding says so
+    missed = float(np.sqrt(np.mean((effect - command) ** 2)))
+    if missed < LITTLE * float(np.sqrt(np.mean(command**2))):
+        return  # nothing is to be learned
+    for said in findings(settings, command, effect):
+        yield Finding(
+            "range", channel, f"table of {channel}: {said}", "[correction] quantum",
+            "set [correction] quantum to match, or leave it out: it is then proposed from the data",
+            {"low": settings.low, "quantum": settings.quantum, "count": settings.count},
+        )  # fmt: skip

@@ -1,0 +1,51 @@
+"""The doctor: what is wrong with a twin or its data, or will be, before anything is learned.
+
+Each look is a function from a `View` (the twin and its rows) to findings, each with what was found,
+where, why, and the next step. Nothing is changed.
+
+* `look_data`: clocks, gaps, frozen and absurd channels, lost rows;
+* `look_units`: factors, signs and lags between what is predicted and what is measured;
+* `look_clocks`: offset, drift and shared lag between the clocks of two or more sources;
+* `look_tuning`: what the rows determine of the parameters, knobs and bounds;
+* `look_settings`: horizon, tolerance, requirement and action space against noise and range.
+"""
+
+from __future__ import annotations
+
+from evertwin.doctor.check_clocks import look_clocks
+from evertwin.doctor.check_data import look_data
+from evertwin.doctor.check_settings import look_settings
+from evertwin.doctor.check_tuning import look_bounds, look_tuning
+from evertwin.doctor.check_units import look_lags, look_units
+from evertwin.doctor.examination import View, view
+from evertwin.doctor.finding import Diagnosis, Finding
+from evertwin.loop.feed import Data
+from evertwin.loop.setup import Setup
+from evertwin.loop.versions import Versions
+
+__all__ = ["Diagnosis", "Finding", "diagnose"]
+
+
+def diagnose(setup: Setup, versions: Versions, number: int, data: Data) -> Diagnosis:
+    """Everything that can be told about version ``number`` and ``data``.
+
+    Without recordings, neither given nor named by the twin file, only the twin itself is looked at.
+
+    Raises:
+        DataError: a recording cannot be read.
+    """
+    name, version = setup.spec.name, versions[number]
+    if data is None and not any(source.files for source in setup.spec.source):
+        return Diagnosis(name, 0, tuple(look_bounds(setup, versions, version)), {})
+    seen: View = view(setup, versions, number, data)
+    figures: dict[str, object] = {}
+    found = [*look_data(seen)]
+    units = look_units(seen, figures)
+    found += units
+    if not units:
+        found += look_lags(seen, figures)
+        found += look_clocks(seen, figures)
+    found += look_bounds(setup, versions, version)
+    found += look_tuning(seen, figures)
+    found += look_settings(seen, figures)
+    return Diagnosis(name, seen.rows, tuple(found), figures)

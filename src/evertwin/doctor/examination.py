@@ -1,0 +1,152 @@
+"""What the doctor looks at: a version of a twin, its rows as read, and its rows as judged."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from evertwin.fold import Block, Event
+from evertwin.loop.feed import Data, Feed
+from evertwin.loop.setup import Setup
+from evertwin.loop.versions import Versions
+from evertwin.models import Model, roll
+from evertwin.models.form import Version
+from evertwin.models.function import kernel_of
+from evertwin.signals import wrap
+from evertwin.sources.tally import Tally
+from evertwin.sync.horizon import restarts
+from evertwin.types import Outputs, ParameterVector, Vector
+
+__all__ = ["Changes", "View", "changes", "view"]
+
+MOST = 20_000
+"""Rows that are tuned and compared on."""
+
+
+@dataclass(frozen=True)
+class View:
+    """A version and its rows; built by `view`.
+
+    >>> View.__name__
+    'View'
+    """
+
+    setup: Setup
+    versions: Versions
+    version: Version
+    windows: tuple[Block, ...]
+    """Rows as they were read, one block a task."""
+    judged: tuple[Block, ...]
+    """The same with the arbiter's marks."""
+    events: tuple[Event, ...]
+    """What the arbiter found."""
+    tally: Tally
+    """What the sources found."""
+
+    @cached_property
+    def model(self) -> Model:
+        """The model of the version."""
+        return self.versions.model(self.version.number)
+
+    @cached_property
+    def rows(self) -> int:
+        """Rows in all."""
+        return sum(len(window.t) for window in self.windows)
+
+    @cached_property
+    def step(self) -> float:
+        """Typical interval between rows [s]."""
+        steps = np.concatenate([window.dt[1:] for window in self.windows])
+        return float(np.median(steps)) if len(steps) else 1.0
+
+    @cached_property
+    def seconds(self) -> float:
+        """Duration of all tasks together [s]."""
+        return float(sum(window.dt[1:].sum() for window in self.windows))
+
+    @cached_property
+    def horizon(self) -> float:
+        """Length over which changes are compared [s]: the twin's, or a twentieth of the data."""
+        given = self.setup.horizon
+        return given if np.isfinite(given) else max(self.seconds / 20, 2 * self.step)
+
+    def some(self, windows: tuple[Block, ...]) -> tuple[Block, ...]:
+        """The first whole windows, `MOST` rows about."""
+        kept: list[Block] = []
+        rows = 0
+        for window in windows:
+            if kept and rows + len(window.t) > MOST:
+                break
+            kept.append(window)
+            rows += len(window.t)
+        return tuple(kept)
+
+
+def view(setup: Setup, versions: Versions, number: int, data: Data) -> View:
+    """Reads and judges all rows.
+
+    Raises:
+        DataError: a recording cannot be read, or nothing is left of it.
+    """
+    feed = Feed(setup.spec, setup.model)
+    windows = tuple(feed.blocks(data))
+    version = versions[number]
+    track = setup.track(versions.model(number))
+    state = track.renew(track.init(), version.p)
+    judged, events = [], []
+    for window in windows:
+        state, out = track.step(state, window)
+        mark = np.concatenate([window.mark[:, : window.u.shape[1]], out.rows.mark], axis=1)
+        judged.append(window._replace(mark=mark))
+        events += [record for record in out.records if isinstance(record, Event)]
+    return View(setup, versions, version, windows, tuple(judged), tuple(events), feed.tally)
+
+
+@dataclass(frozen=True)
+class Changes:
+    """Changes since the last restart from the measurement, measured and predicted.
+
+    >>> Changes(np.ones((1, 1)), np.ones((1, 1))).mismatch.tolist()
+    [0.0]
+    """
+
+    measured: Outputs
+    """(n, ny); NaN where unknown."""
+    predicted: Outputs
+
+    @cached_property
+    def mismatch(self) -> Vector:
+        """Rms of the difference over the larger rms, per output: 0 equal, 1 unrelated, (ny,)."""
+        known = np.isfinite(self.measured) & np.isfinite(self.predicted)
+        a = np.where(known, self.measured, 0.0)
+        b = np.where(known, self.predicted, 0.0)
+        size = np.sqrt(np.maximum((a**2).sum(axis=0), (b**2).sum(axis=0)))
+        left = np.sqrt(((a - b) ** 2).sum(axis=0))
+        return np.asarray(np.divide(left, size, out=np.zeros(len(size)), where=size > 0))
+
+
+def changes(model: Model, p: ParameterVector, window: Block, horizon: float) -> Changes:
+    """Measured and predicted changes over a horizon; of a static map the values themselves."""
+    kernel = kernel_of(model)
+    x0 = model.initial(p)
+    plan = restarts(window, horizon, x0)
+    _, y = roll(kernel, x0, window.u, window.dt, p, plan)
+    base = np.zeros_like(window.y)
+    if len(x0):
+        base = _held(plan.y)
+    angles = model.outputs.angles
+    return Changes(wrap(window.y - base, angles), wrap(y - base, angles))
+
+
+def _held(adopted: Outputs) -> Outputs:
+    """What the prediction of every row started from: adopted at an earlier row, (n, ny)."""
+    out = np.empty_like(adopted)
+    for k in range(adopted.shape[1]):
+        known = np.where(np.isnan(adopted[:, k]), -1, np.arange(len(adopted)))
+        newest = np.maximum.accumulate(known)
+        out[:, k] = np.where(newest < 0, np.nan, adopted[newest, k])
+    out[1:] = out[:-1].copy()
+    out[0] = np.nan
+    return out

@@ -1,0 +1,15 @@
+"""The model out again: as data, for MATLAB, as a robot description, and back.
+
+* `content`: what is exported: form, parameters with intervals, trajectories;
+* `text`: JSON, ``schema: "evertwin.model/1"``;
+* `matlab`: MAT version 5, by scipy.io;
+* `robot`: URDF with the inertias as tuned;
+* `formats`: the registry; another room adds a writer by one entry;
+* `back`: parameter values of a JSON or MAT file, to become a version.
+"""
+
+from evertwin.export.back import values_in
+from evertwin.export.content import Exported
+from evertwin.export.formats import FORMATS, Written, write
+
+__all__ = ["FORMATS", "Exported", "Written", "values_in", "write"]

@@ -1,0 +1,160 @@
+"""A version as an FMU for other tools (FMI 2.0 co-simulation, by PythonFMU).
+
+The file holds the model's description, the files it is built from, and a small script. It computes
+by evertwin itself: the tool that loads it needs a Python of the same version with evertwin in it
+(`need_of`). `reading_options` says how evertwin reads it back.
+
+>>> need_of().startswith("needs Python 3.")
+True
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+import sys
+import tempfile
+from collections.abc import Mapping
+from importlib.metadata import version as version_of
+from pathlib import Path
+from typing import Any
+
+from evertwin.errors import MissingExtra, ModelError, UsageError
+from evertwin.export.content import Exported
+from evertwin.fold.records import plain
+from evertwin.machines.catalog import FILES
+
+__all__ = ["need_of", "reading_options", "write_fmu"]
+
+_SCRIPT = '''"""{name}, version {number}: {need}."""
+
+from pathlib import Path
+
+from evertwin.machines.slave import TwinSlave
+
+
+class {identifier}(TwinSlave):
+    folder = Path(__file__).resolve().parent
+    description = "{need}"
+'''
+
+
+def need_of() -> str:
+    """What a tool needs to load such an FMU."""
+    python = f"{sys.version_info.major}.{sys.version_info.minor}"
+    return f"needs Python {python} with evertwin {version_of('evertwin')} installed"
+
+
+def write_fmu(out: Exported, path: Path) -> str:
+    """Writes the version as an FMU, whole or not at all; what a tool needs to load it.
+
+    Raises:
+        UsageError: the model is an object or an FMU itself, or the name does not end with .fmu.
+        MissingExtra: PythonFMU is not installed.
+        ModelError: the model cannot be built from what the twin file says.
+    """
+    try:
+        from pythonfmu.builder import FmuBuilder
+    except ModuleNotFoundError as error:
+        raise MissingExtra.of("pythonfmu", "fmi") from error
+    _check(out, path)
+    before = list(sys.path)
+    with tempfile.TemporaryDirectory(prefix="evertwin-") as name:
+        folder = Path(name)
+        identifier = _identifier(out.name)
+        script = folder / f"evertwin_{identifier.lower()}_{out.version.hash[:12]}.py"
+        script.write_text(
+            _SCRIPT.format(
+                name=identifier, number=out.version.number, need=need_of(), identifier=identifier
+            ),
+            encoding="utf-8",
+        )
+        files, made = _collected(out, folder), folder / "made" / path.name
+        try:
+            FmuBuilder.build_FMU(
+                script, dest=made, project_files=files, canGetAndSetFMUstate=True,
+                canSerializeFMUstate=True,
+            )  # fmt: skip
+            shutil.copyfile(made, path)
+        except OSError as error:
+            raise UsageError(f"{path}: cannot be written: {error.strerror}") from error
+        finally:
+            sys.path[:] = before
+    options = ", ".join(f"{k} = {_toml(v)}" for k, v in reading_options(out, path).items())
+    return f'{need_of()}; a twin file reads it by kind = "fmu", options = {{ {options} }}'
+
+
+def _toml(value: Any) -> str:
+    """A text, a list or a table of texts as TOML."""
+    if isinstance(value, dict):
+        inside = ", ".join(f"{json.dumps(k)} = {json.dumps(v)}" for k, v in value.items())
+        return f"{{ {inside} }}"
+    return json.dumps(value)
+
+
+def _check(out: Exported, path: Path) -> None:
+    if path.suffix != ".fmu":
+        raise UsageError(f"{path.name}: expected a name that ends with .fmu")
+    if out.kind == "fmu":
+        raise UsageError(
+            f"{out.name}: its model is an FMU already: export JSON, which holds the tuned values "
+            "and the correction, and set them in the tool"
+        )
+    if out.kind == "python" and "file" not in out.options:
+        raise UsageError(
+            f"{out.name}: its model was given as an object: put it into a Python file and name "
+            "that in a twin file"
+        )
+
+
+def _identifier(name: str) -> str:
+    """A name that C and Python take."""
+    text = "".join(c if c.isascii() and c.isalnum() else "_" for c in name.title())
+    return text if text[:1].isalpha() else f"Twin_{text}"
+
+
+def _collected(out: Exported, folder: Path) -> list[Path]:
+    """The description, and a copy of every file that the model is built from."""
+    files: list[Path] = []
+
+    def packed(value: Any) -> Any:
+        if isinstance(value, str) and value.endswith(FILES):
+            source = Path(out.folder) / value
+            target = folder / f"{len(files)}_{source.name}"
+            try:
+                shutil.copyfile(source, target)
+            except OSError as error:
+                raise ModelError(f"{source}: cannot be read: {error.strerror}") from error
+            files.append(target)
+            return target.name
+        if isinstance(value, Mapping):
+            return {key: packed(item) for key, item in value.items()}
+        return [packed(item) for item in value] if isinstance(value, list | tuple) else value
+
+    version = out.version
+    content = {
+        "name": out.name, "version": version.number, "hash": version.hash, "kind": out.kind,
+        "options": packed(out.options), "form": plain(version.form), "names": version.names,
+        "values": version.values,
+        "low": [_said(item.low) for item in out.model.parameters],
+        "high": [_said(item.high) for item in out.model.parameters],
+        "editable": [item.editable for item in out.model.parameters],
+    }  # fmt: skip
+    description = folder / "model.json"
+    description.write_text(json.dumps(content, indent=1), encoding="utf-8")
+    return [description, *files]
+
+
+def _said(bound: float) -> float | None:
+    return bound if math.isfinite(bound) else None
+
+
+def reading_options(out: Exported, path: Path) -> dict[str, Any]:
+    """``[model] kind = "fmu"`` with these options is the same model again."""
+    states = out.model.states.names
+    found: dict[str, Any] = {"file": path.name}
+    if not states:
+        return found | {"memory": "none"}
+    shown = {name: f"state.{name}" for name in out.model.outputs.names if name in states}
+    return found | {"states": [f"state.{name}" for name in states], "adopts": shown}

@@ -1,0 +1,30 @@
+"""Files that are written whole or not at all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from evertwin.errors import UsageError
+
+__all__ = ["write_whole"]
+
+
+def write_whole(path: Path, content: bytes | str) -> None:
+    """Writes a file whole or not at all; its folder is made where it lacks, text is UTF-8.
+
+    Raises:
+        UsageError: it cannot be written.
+    """
+    raw = content if isinstance(content, bytes) else content.encode("utf-8")
+    # a device or a pipe is written to, never replaced
+    part = path if path.exists() and not path.is_file() else path.with_name(path.name + ".part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part.write_bytes(raw)
+        if part != path:
+            part.replace(path)
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be written: {error.strerror}") from error
+    finally:
+        if part != path and part.parent.is_dir():
+            part.unlink(missing_ok=True)

@@ -1,0 +1,89 @@
+"""How a correction is learned.
+
+One corrected input whose table may be learned: SARSA learns the translation table, which is refined
+into a continuous law with a lag (``refine = false`` stops at the table). Anything else: a search
+over all kinds of term that the twin file allows, each of which has to pay on held-out rows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import numpy as np
+
+from evertwin.correction.command_effect import command_effects
+from evertwin.correction.evidence import gather
+from evertwin.correction.improve import Gain, Proposal, Selection, improve
+from evertwin.correction.refine_law import refine_law
+from evertwin.correction.sarsa import learn_table
+from evertwin.correction.sarsa_settings import SarsaSettings
+from evertwin.correction.sarsa_settings import propose as propose_actions
+from evertwin.fold import Block
+from evertwin.loop.setup import Setup
+from evertwin.models import Model
+from evertwin.models.corrected import build
+from evertwin.models.form import Form, Term, Version
+
+__all__ = ["learn"]
+
+Windows = tuple[Block, ...]
+SHOWN = ("channel", "levels", "values", "visits", "learned")
+"""What an event keeps of a translation table."""
+
+
+def learn(setup: Setup, base: Model, version: Version, windows: Windows) -> Proposal:
+    """A proposal for a corrected form of ``version``, learned on ``windows``."""
+    rule = setup.spec.correction
+    if "table" in rule.terms and len(rule.channels) == 1:
+        return _translation(setup, base, version, windows)
+    settings = Selection(kinds=rule.terms, channels=rule.channels, quantum=rule.quantum)
+    return improve(base, version.form, windows, setup.horizon, settings, version.p)
+
+
+def sarsa_settings(setup: Setup, channel: str, windows: Windows) -> SarsaSettings:
+    """The agent's settings; its range is proposed from the data where no quantum is given."""
+    rule = setup.spec.correction
+    column = setup.model.inputs.index(channel)
+    commands = np.concatenate([w.u[:, column] for w in windows])
+    top = float(np.nanmax(commands))
+    if rule.quantum > 0:
+        low = min(0.0, float(np.nanmin(commands)))
+        count = int(np.ceil((top - low) / rule.quantum - 1e-9)) + 1
+        quantum = rule.quantum
+    else:
+        p = setup.model.parameters.values
+        seen = command_effects(setup.model, p, windows, channel, setup.horizon)
+        low, quantum, count = propose_actions(*seen)
+    return SarsaSettings(
+        channel, low, quantum, count, horizon=setup.horizon, mode=rule.learner, watch=rule.watch,
+        **{item.name: getattr(rule.sarsa, item.name) for item in fields(rule.sarsa)},
+    )  # fmt: skip
+
+
+def _translation(setup: Setup, base: Model, version: Version, windows: Windows) -> Proposal:
+    """The translation of one input, in place of the terms that the version has."""
+    channel = setup.spec.correction.channels[0]
+    p = version.p[: len(base.parameters)]
+    table = learn_table(base, p, windows, sarsa_settings(setup, channel, windows))
+    terms: tuple[Term, ...] = (Term("table", channel, levels=tuple(table.levels.tolist())),)
+    said: tuple[str, ...] = (
+        f"{channel}: {int(table.learned.sum())} of {len(table.levels)} levels learned",
+    )
+    values = {f"table.{channel}.{k}": float(v) for k, v in enumerate(table.values)}
+    if setup.spec.correction.refine:
+        refined = refine_law(base, p, windows, table, setup.horizon)
+        terms, said, values = refined.terms, refined.describes, dict(refined.values)
+    form = Form(terms, version.form.variant)
+    model = build(base, form)
+    full = model.parameters.with_values(values).values
+    full[: len(p)] = p
+    seen = gather(base, windows, setup.horizon, p=p)
+    before = float(seen.deviations(seen.residual(base, p)).mean())
+    after = float(seen.deviations(seen.residual(model, full)).mean())
+    gain = Gain(terms[0], before, after, seen.segments, detail=said[0])
+    gains = (gain,) if after < before else ()
+    names = model.parameters.names
+    return Proposal(
+        form, names, full, before, after, seen.scale, gains=gains, describes=said,
+        table={name: getattr(table, name) for name in SHOWN},
+    )  # fmt: skip

@@ -1,0 +1,274 @@
+"""At a beat: what to do about what was seen. The only place where versions change.
+
+    watch ──suspected──▶ fit ──normal──▶ trial ──better──▶ live, in probation ──kept──▶ watch
+                          └─abnormal─▶ correct ─┘   └─not better─▶ watch   └─worse─▶ rolled back
+
+Every branch is an event with its evidence. Nothing here knows what kind of machine it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from evertwin.fold import Answer, Event, Request, copy
+from evertwin.loop.deviation import deviation, new_sums
+from evertwin.loop.follow import EMPTY, Follow
+from evertwin.loop.scores import new_scores
+from evertwin.loop.twin_state import CORRECT, FIT, PROBATION, TRIAL, WATCH, TwinState
+from evertwin.models.form import Form
+
+__all__ = ["Decide", "Decision"]
+
+
+@dataclass
+class Decision:
+    """A state on its way through a beat, with what is said on the way.
+
+    >>> Decision.__name__
+    'Decision'
+    """
+
+    state: TwinState
+    events: list[Event]
+    requests: list[Request]
+
+    def say(self, kind: str, signal: str, reason: str, evidence: Mapping[str, Any]) -> None:
+        """Adds an event."""
+        self.events.append(
+            Event(self.state.row, self.state.time, kind, signal, reason, dict(evidence))
+        )
+
+    def remember(self, **changes: Any) -> None:
+        """Changes what is remembered between beats."""
+        self.state = self.state._replace(agenda=self.state.agenda._replace(**changes))
+
+
+@dataclass(frozen=True)
+class Decide:
+    """The decisions of a twin.
+
+    >>> Decide.__name__
+    'Decide'
+    """
+
+    follow: Follow
+
+    def step(
+        self, state: TwinState, answer: Answer | None, task_end: bool
+    ) -> tuple[TwinState, list[Event], list[Request]]:
+        """The decisions of one beat, in a fixed order. Consumes ``state``."""
+        decision = Decision(state, [], [])
+        if answer is not None:
+            self._answered(decision, answer)
+        if decision.state.agenda.phase == TRIAL:
+            self._judge_trial(decision)
+        elif decision.state.agenda.phase == PROBATION:
+            self._judge_probation(decision)
+        self._cross(decision)
+        self._watch(decision, task_end)
+        return decision.state, decision.events, decision.requests
+
+    # ------------------------------------------------------------------ is the twin still true?
+
+    def _watch(self, decision: Decision, task_end: bool) -> None:
+        state, setup = decision.state, self.follow.setup
+        reason, signal, evidence = self._deviates(state, task_end)
+        if reason is not None:
+            watch = new_sums(len(state.scores.watch.samples))
+            decision.state = state._replace(scores=state.scores._replace(watch=watch))
+        detect, alarm, failed = setup.detect.beat(decision.state.detect, task_end)
+        decision.state = decision.state._replace(detect=detect)
+        if failed[0]:
+            decision.say("not_calibrated", "", failed[0], {"rows": failed[1]})
+        due = state.elapsed - state.agenda.fitted >= setup.schedule
+        if reason or alarm or due:
+            self._supersede(decision)
+        if not reason and alarm:
+            reason = alarm
+        elif reason and self._free(decision.state):
+            decision.say("suspected", signal, reason, evidence)
+        if (reason or due) and self._free(decision.state):
+            decision.remember(fitted=state.elapsed)
+            self._ask(decision, "fit", FIT, {"reason": reason or "scheduled"})
+
+    def _supersede(self, decision: Decision) -> None:
+        """A challenger that has long gained next to nothing makes room for one from newer data."""
+        state, trial = decision.state, self.follow.setup.trial
+        if state.agenda.phase != TRIAL or state.agenda.pinned:
+            return
+        verdict, evidence = trial.verdict(state.trial)
+        hopeless = evidence["gain"] < 0.5 * trial.margin
+        if verdict is None and hopeless and evidence["segments"] >= 5 * trial.least:
+            number = state.other.version
+            reason = f"version {number} gains too little, superseded: {evidence['sentence']}"
+            decision.say("rejected", "", reason, evidence)
+            decision.state = decision.state._replace(other=EMPTY)
+            decision.remember(phase=WATCH)
+
+    def _cross(self, decision: Decision) -> None:
+        """A correction learned for one range of another input is learned anew outside it."""
+        state, setup = decision.state, self.follow.setup
+        names = setup.spec.correction.watch
+        if len(state.watched) and self.follow.versions[state.live.version].form.terms:
+            last = (state.ring.end - 1) % setup.ring.capacity
+            now = state.ring.u[last, [setup.model.inputs.index(name) for name in names]]
+            room = 0.1 * (state.watched[:, 1] - state.watched[:, 0]) + 1e-9
+            outside = (now < state.watched[:, 0] - room) | (now > state.watched[:, 1] + room)
+            if outside.any():
+                name = names[int(np.argmax(outside))]
+                reason = f"{name} left the range that the correction was learned for"
+                evidence = {"now": now, "range": state.watched}
+                decision.say("training_restarted", name, reason, evidence)
+                decision.state = state._replace(watched=np.zeros((0, 2)))
+                retrain = state.row + setup.spec.anomaly.window
+                decision.remember(since=state.row, retrain=retrain)
+        agenda = decision.state.agenda
+        if agenda.retrain and state.row >= agenda.retrain and self._free(decision.state):
+            decision.remember(retrain=0)
+            self._ask(decision, "correct", CORRECT, {"reason": "new training sequence"})
+
+    def _deviates(self, state: TwinState, task_end: bool) -> tuple[str | None, str, dict[str, Any]]:
+        """(None, …) when it is too early to say, ("", …) when within the requirement."""
+        setup, watch = self.follow.setup, state.scores.watch
+        enough = watch.samples.max(initial=0) >= (
+            setup.least if task_end else setup.spec.anomaly.window
+        )
+        if not np.isfinite(setup.requirement) or not enough:
+            return None, "", {}
+        values = deviation(watch, relative=setup.relative)
+        values = np.where(setup.watched, values, np.nan)
+        if not np.nanmax(values) > setup.requirement:
+            return "", "", {}
+        worst = int(np.nanargmax(values))
+        name = setup.model.outputs.names[worst]
+        shown = [setup.shown(k, values[k]) for k in range(len(values))]
+        limit = setup.shown(worst, setup.requirement)
+        evidence = {"deviation": values, "limit": setup.requirement, "rows": watch.samples.max()}
+        return f"{name} is off by {shown[worst]} (limit {limit})", name, evidence
+
+    def _free(self, state: TwinState) -> bool:
+        agenda = state.agenda
+        return agenda.phase == WATCH and state.row >= agenda.hold and not agenda.pinned
+
+    def _ask(self, decision: Decision, kind: str, phase: int, detail: Mapping[str, Any]) -> None:
+        state, setup = decision.state, self.follow.setup
+        number = state.agenda.asked + 1
+        size = setup.window(kind)
+        window = (max(state.agenda.since, state.row - size, 0), state.row)
+        due = state.row + setup.latency
+        request = Request(number, kind, state.live.version, state.row, due, window, dict(detail))
+        decision.requests.append(request)
+        decision.remember(
+            phase=phase, open=number, due=due, start=window[0], stop=window[1], asked=number
+        )
+
+    # ------------------------------------------------------------------ answers to slow work
+
+    def _answered(self, decision: Decision, answer: Answer) -> None:
+        agenda = decision.state.agenda
+        if answer.id != agenda.open or answer.version != decision.state.live.version:
+            return
+        decision.remember(phase=WATCH, open=0)
+        content: Any = answer.content
+        for event in content.get("events", ()):
+            decision.say(event["kind"], event["signal"], event["reason"], event["evidence"])
+        if content.get("tuned"):
+            decision.remember(tunings=agenda.tunings + 1)
+        candidate = content.get("candidate")
+        if candidate is not None:
+            self._challenge(decision, candidate)
+        elif content.get("next") == "correct":
+            self._ask(decision, "correct", CORRECT, {})
+        else:
+            decision.remember(hold=decision.state.row + self.follow.setup.spec.trial.holdoff)
+
+    def _challenge(self, decision: Decision, candidate: Mapping[str, Any]) -> None:
+        state, follow = decision.state, self.follow
+        version = follow.versions.add(
+            Form.from_json(candidate["form"]), candidate["values"], parent=state.live.version,
+            reason=str(candidate["reason"]), row=state.row,
+        )  # fmt: skip
+        scale = np.array(candidate["scale"], dtype=np.float64)
+        scores = state.scores._replace(scale=scale, pair=np.zeros(3))
+        watched = np.array(candidate["watched"], dtype=np.float64).reshape(-1, 2)
+        decision.state = state._replace(
+            other=follow.lane(version.number, tracked=False), scores=scores,
+            trial=follow.setup.trial.init(), watched=watched,
+        )  # fmt: skip
+        decision.remember(phase=TRIAL, versions=version.number + 1)
+
+    # ------------------------------------------------------------------ trial and probation
+
+    def _judge_trial(self, decision: Decision) -> None:
+        state = decision.state
+        verdict, evidence = self.follow.setup.trial.verdict(state.trial)
+        number = state.other.version
+        if verdict == "promote" and not state.agenda.pinned:
+            self._promote(decision, evidence)
+        elif verdict == "reject":
+            decision.say("rejected", "", f"version {number} is not better on unseen data", evidence)
+            decision.state = decision.state._replace(other=EMPTY)
+            decision.remember(phase=WATCH, hold=state.row + self.follow.setup.spec.trial.holdoff)
+
+    def _promote(self, decision: Decision, evidence: Mapping[str, Any]) -> None:
+        state = decision.state
+        old, new = state.live, state.other
+        reason = f"version {new.version} replaces {old.version}: {evidence['sentence']}"
+        decision.say("promoted", "", reason, self._switched(evidence, new.version))
+        first = old if state.first.version < 0 else state.first
+        decision.state = self._live(state, new.version, old, first)
+        decision.remember(phase=PROBATION)
+
+    def _judge_probation(self, decision: Decision) -> None:
+        state = decision.state
+        verdict, evidence = self.follow.setup.probation.verdict(state.trial)
+        if verdict == "keep":
+            decision.state = state._replace(other=EMPTY)
+            decision.remember(phase=WATCH)
+        elif verdict == "roll_back":
+            old = state.other.version
+            reason = f"version {state.live.version} does worse than {old}: {evidence['sentence']}"
+            decision.say("rolled_back", "", reason, self._switched(evidence, old))
+            decision.state = self._live(state, old, EMPTY, state.first)
+            decision.remember(phase=WATCH, hold=state.row + self.follow.setup.spec.trial.holdoff)
+
+    def _live(self, state: TwinState, number: int, other: Any, first: Any) -> TwinState:
+        """``number`` goes live from the state it has run to; the scores begin anew."""
+        follow = self.follow
+        lane = state.other._replace(
+            horizon=copy(state.other.horizon), track=self._taken_over(number, state)
+        )
+        if first.version == number:
+            first = EMPTY
+        elif first.version >= 0:
+            first = copy(first)
+        if other is not EMPTY:
+            other = other._replace(track=())
+        updates = np.array([self._updates(lane), self._updates(first)], dtype=np.int64)
+        scores = new_scores(len(follow.setup.model.outputs), updates, state.row, state.scores.scale)
+        return state._replace(
+            live=lane, first=first, other=other, scores=scores,
+            trial=follow.setup.probation.init(), detect=follow.setup.detect.init(),
+        )  # fmt: skip
+
+    def _taken_over(self, number: int, state: TwinState) -> Any:
+        """The champion's track, continued by another version with the arbiter's memory."""
+        old, _ = self.follow.stages(state.live.version)
+        new, _ = self.follow.stages(number)
+        p = self.follow.versions[number].p
+        track = new.take_over(copy(state.live.track), old, p)
+        hidden = len(old.model.states)
+        if len(track.x) > hidden and state.other.version == number:
+            track.x[hidden:] = state.other.horizon.x[hidden:]
+        return track
+
+    def _updates(self, lane: Any) -> int:
+        return 0 if lane.version < 0 else int(lane.track.updates.sum())
+
+    def _switched(self, evidence: Mapping[str, Any], number: int) -> dict[str, Any]:
+        """The evidence of a switch, with the version that goes live."""
+        return {**evidence, "version": number, "hash": self.follow.versions[number].hash}

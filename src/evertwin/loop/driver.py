@@ -1,0 +1,153 @@
+"""The fold of a whole twin: pieces between beats, decisions at beats, slow work when it is due.
+
+The driver cuts blocks where the data sets its beats, so where a source cuts them cannot matter. A
+file run waits for an answer at the row where it is due; an answer is computed from rows that are
+still in the state, so a checkpoint holds all that is needed to go on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from evertwin.fold import Answer, Block, Record, Request
+from evertwin.loop.decide import Decide
+from evertwin.loop.follow import EMPTY, Follow, Followed
+from evertwin.loop.scores import new_scores
+from evertwin.loop.setup import Setup
+from evertwin.loop.twin_state import CORRECT, Agenda, Lane, TwinState
+from evertwin.loop.versions import Versions
+from evertwin.loop.work import Work
+from evertwin.store import Store
+
+__all__ = ["Driver"]
+
+Watcher = Callable[[TwinState, Block, Followed], None]
+
+
+def _ignore(state: TwinState, piece: Block, out: Followed) -> None:
+    """No one looks at the rows."""
+
+
+class _Lanes(NamedTuple):
+    """What a checkpoint says of its lanes before their shape is known."""
+
+    live: Lane
+    first: Lane
+    other: Lane
+
+
+@dataclass
+class Driver:
+    """A twin at work. ``log`` gets every record in order; ``watch`` sees every piece.
+
+    >>> Driver.__name__
+    'Driver'
+    """
+
+    setup: Setup
+    versions: Versions
+    log: Callable[[int, Record], None]
+    watch: Watcher = _ignore
+    champion: int = 0
+    """Version that is live at the start."""
+    pinned: bool = False
+    follow: Follow = field(init=False)
+    decide: Decide = field(init=False)
+    work: Work = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.follow = Follow(self.setup, self.versions)
+        self.decide = Decide(self.follow)
+        self.work = Work(self.setup, self.versions)
+
+    def init(self) -> TwinState:
+        """The state before the first row."""
+        setup, ny = self.setup, len(self.setup.model.outputs)
+        scale = setup.spec.prediction.scale
+        sizes = np.array([scale.get(name, 1.0) for name in setup.model.outputs.names])
+        return TwinState(
+            row=0, task=-1, time=0, elapsed=0,
+            live=self.follow.lane(self.champion, tracked=True), first=EMPTY, other=EMPTY,
+            smooth=setup.smooth.init(), detect=setup.detect.init(), trial=setup.trial.init(),
+            scores=new_scores(ny, np.zeros(2, dtype=np.int64), 0, sizes),
+            agenda=Agenda(pinned=self.pinned, versions=len(self.versions)),
+            watched=np.zeros((0, 2)), ring=setup.ring.init(),
+        )  # fmt: skip
+
+    def template(self, live: int, first: int, other: int) -> TwinState:
+        """A state in the shape of one with these versions in its lanes (−1: none), for loading."""
+        lanes = [
+            EMPTY if number < 0 else self.follow.lane(number, tracked=tracked)
+            for number, tracked in ((live, True), (first, True), (other, False))
+        ]
+        return self.init()._replace(live=lanes[0], first=lanes[1], other=lanes[2])
+
+    def restored(self, store: Store) -> TwinState | None:
+        """The state of the store's newest checkpoint; None if there is none."""
+        found = store.restore(_Lanes(EMPTY, EMPTY, EMPTY))
+        if found is None:
+            return None
+        numbers = [lane.version for lane in found.state]
+        kept = store.restore(self.template(*numbers))
+        assert kept is not None
+        state: TwinState = kept.state
+        self.versions.rewind(state.agenda.versions)
+        return state
+
+    def run(self, blocks: Iterable[Block], state: TwinState | None = None) -> TwinState:
+        """Folds the blocks; consumes ``state``."""
+        state = self.init() if state is None else state
+        for block in blocks:
+            state = self.step(state, block)
+        return state
+
+    def step(self, state: TwinState, block: Block) -> TwinState:
+        """One block, cut at its beats."""
+        for at_beat, piece in self.setup.beat.pieces(block, state.task):
+            if at_beat and state.row > 0:
+                state = self.beat(state, task_end=int(piece.task[0]) != state.task)
+            state, out = self.follow.step(state, piece)
+            for event in out.events:
+                self.log(event.row, event)
+            self.watch(state, piece, out)
+        return state
+
+    def beat(self, state: TwinState, *, task_end: bool) -> TwinState:
+        """The decisions before the next row."""
+        if task_end:
+            state, found = self.follow.end_task(state)
+            for event in found:
+                self.log(event.row, event)
+        answer = None
+        if state.agenda.open and (state.row >= state.agenda.due):
+            answer = self._answer(state)
+            self.log(state.row, answer)
+        state, events, requests = self.decide.step(state, answer, task_end)
+        said: list[Record] = [*events, *requests]
+        for record in said:
+            self.log(state.row, record)
+        return state
+
+    def finish(self, state: TwinState) -> TwinState:
+        """The end of the data: the last task ends, open work is answered."""
+        if state.row == 0:
+            return state
+        state = self.beat(state, task_end=True)
+        for _ in range(4):
+            if not state.agenda.open:
+                break
+            agenda = state.agenda._replace(due=state.row)
+            state = self.beat(state._replace(agenda=agenda), task_end=False)
+        return state
+
+    def _answer(self, state: TwinState) -> Answer:
+        agenda = state.agenda
+        kind = "correct" if agenda.phase == CORRECT else "fit"
+        window = (agenda.start, agenda.stop)
+        request = Request(agenda.open, kind, state.live.version, state.row, agenda.due, window)
+        rows = self.setup.ring.between(state.ring, *window)
+        return self.work.answer(request, rows, state)

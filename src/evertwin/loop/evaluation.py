@@ -1,0 +1,112 @@
+"""How well a version predicts given windows: the figures of `fit`, `compare` and the report.
+
+Deviation per output is ``rms(measured − predicted) / rms(measured)``, after the same filter on both
+sides, over all rows and over moving rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from evertwin.fold import Block
+from evertwin.loop.setup import Setup
+from evertwin.models import Model
+from evertwin.models.batch import Batch
+from evertwin.sync.horizon import residuals, restarts
+from evertwin.types import Json, Outputs, ParameterVector, Vector
+
+__all__ = ["Deviation", "Prediction", "deviations", "predict"]
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """One window, measured and predicted, both filtered.
+
+    >>> Prediction.__name__
+    'Prediction'
+    """
+
+    window: Block
+    measured: Outputs
+    predicted: Outputs
+    residual: Outputs
+    """measured − predicted, angles wrapped; NaN where either is unknown."""
+    moving: np.ndarray
+
+
+def predict(setup: Setup, model: Model, p: ParameterVector, window: Block) -> Prediction:
+    """A version's predictions of one window over the twin's horizon."""
+    plan = restarts(window, setup.horizon, model.initial(p))
+    y = Batch(model).run(window.u, window.dt, p[None], plan)[0]
+    residual = residuals(model, window, y)
+    measured = np.where(np.isnan(residual), np.nan, window.y)
+    smooth = setup.smooth_window
+    if smooth is not None:
+        residual, measured, y = smooth(residual), smooth(measured), smooth(y)
+    return Prediction(window, measured, y, residual, setup.moving(window.u))
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """Figures of one output.
+
+    >>> Deviation("tau1", "Nm", 0.5, 0.05, 0.04, 400, 500).to_dict()["moving"]
+    400
+    """
+
+    name: str
+    unit: str
+    rms: float
+    relative_rms: float
+    relative_rms_moving: float
+    moving: int
+    """Moving rows."""
+    rows: int
+
+    def to_dict(self) -> dict[str, Json]:
+        """Plain content."""
+        return {
+            "unit": self.unit, "rms": self.rms, "relative_rms": self.relative_rms,
+            "relative_rms_moving": self.relative_rms_moving, "moving": self.moving,
+            "samples": self.rows,
+        }  # fmt: skip
+
+
+def deviations(setup: Setup, predictions: Sequence[Prediction]) -> tuple[Deviation, ...]:
+    """Figures per output over all windows together."""
+    channels = setup.model.outputs.channels
+    residual = np.concatenate([p.residual for p in predictions])
+    measured = np.concatenate([p.measured for p in predictions])
+    moving = np.concatenate([p.moving for p in predictions])
+    found = []
+    signals = setup.spec.signals
+    for k, channel in enumerate(channels):
+        if channel.name in signals and not signals[channel.name].judge:
+            continue
+        known = ~np.isnan(residual[:, k])
+        moves = known & moving[:, k]
+        found.append(
+            Deviation(
+                channel.name,
+                channel.unit,
+                _rms(residual[known, k]),
+                _ratio(residual[known, k], measured[known, k]),
+                _ratio(residual[moves, k], measured[moves, k]),
+                int(moves.sum()),
+                int(known.sum()),
+            )
+        )
+    return tuple(found)
+
+
+def _rms(values: Vector) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
+
+
+def _ratio(residual: Vector, measured: Vector) -> float:
+    base: Any = _rms(measured)
+    return _rms(residual) / base if base > 0 else float("nan")

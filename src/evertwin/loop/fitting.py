@@ -1,0 +1,262 @@
+"""Fitting on recordings and judging on others: what ``evertwin fit`` does.
+
+Nothing goes live here. Where the model has a ladder of friction laws, a rung is climbed, output by
+output, only while the error on held-out tasks falls.
+"""
+
+from __future__ import annotations
+
+import html
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple, TypeAlias
+
+from evertwin.fold import Block, plain
+from evertwin.loop.evaluation import Deviation, Prediction, deviations, predict
+from evertwin.loop.feed import Data, Feed
+from evertwin.loop.friction_law import climb_laws
+from evertwin.loop.recursive_fit import Recursion
+from evertwin.loop.screening import screened
+from evertwin.loop.setup import Setup
+from evertwin.loop.term_search import Formed, check_initials, initials, own_start, with_terms
+from evertwin.loop.versions import Versions
+from evertwin.loop.windows import starts, windows_of
+from evertwin.loop.work import Work
+from evertwin.loop.workers import processes
+from evertwin.models import Model, Parameters
+from evertwin.models.form import Form, Version
+from evertwin.tuning import Fit, Problem
+from evertwin.tuning.interrupt import Interrupt
+from evertwin.types import Json
+
+__all__ = ["FitResult", "Tuned", "Watch", "fit", "listed", "named", "tune"]
+
+Watch: TypeAlias = Callable[[int, float], bool]
+"""Called with (evaluations so far, cost) while a search runs; False ends it, best so far kept."""
+
+
+class Judged(NamedTuple):
+    """Predictions of a recording's tasks, and the parameters that each was made with.
+
+    >>> Judged([], []).values
+    []
+    """
+
+    predictions: list[Prediction]
+    values: list[dict[str, float]]
+
+
+@dataclass(frozen=True)
+class FitResult:
+    """The outcome of `Twin.fit`.
+
+    >>> FitResult.__name__
+    'FitResult'
+    """
+
+    name: str
+    fit: Fit
+    train: tuple[Deviation, ...]
+    test: tuple[Deviation, ...]
+    """Over all tests together; empty without tests."""
+    tests: tuple[tuple[str, tuple[Deviation, ...]], ...]
+    """Each test alone."""
+    laws: Mapping[str, str]
+    """Output → friction law that was chosen."""
+    filter: Mapping[str, Json] | None
+    parameters: Parameters
+    form: Form = Form()
+    """Terms that the model has, those included that this fit has found."""
+    search: Mapping[str, Any] = field(default_factory=dict)
+    """The search for terms, if there was one: held-out errors before and after."""
+    starts: tuple[tuple[Mapping[str, float], ...], ...] = ()
+    """Per test and task of it: the parameters that belong to a recording, fitted to it."""
+
+    def to_dict(self) -> dict[str, Json]:
+        """Plain content, ``schema: "evertwin.fit/1"``."""
+        whole: Any = self.fit.to_dict()
+        tested = {d.name: d for d in self.test}
+        outputs = {}
+        for d in self.train:
+            there = tested.get(d.name)
+            outputs[d.name] = {
+                "unit": d.unit, "rms_train": d.rms, "relative_rms_train": d.relative_rms,
+                "relative_rms_train_moving": d.relative_rms_moving,
+                "rms_test": there and there.rms,
+                "relative_rms_test": there and there.relative_rms,
+                "relative_rms_test_moving": there and there.relative_rms_moving,
+                "moving": there.moving if there else d.moving,
+            }  # fmt: skip
+        return plain(  # type: ignore[return-value]
+            {
+                "schema": "evertwin.fit/1",
+                "name": self.name,
+                "parameters": whole["parameters"],
+                "outputs": outputs,
+                "tests": [
+                    {
+                        "file": file,
+                        "outputs": {d.name: d.to_dict() for d in found},
+                        "fitted_to_the_test": list(starts),
+                    }
+                    for (file, found), starts in zip(self.tests, self._starts, strict=True)
+                ],
+                "filter": self.filter,
+                "form": {"terms": self.form.terms, "search": self.search},
+                "friction_law": self.laws,
+                "converged": self.fit.converged,
+                "message": self.fit.message,
+                "method": self.fit.method,
+                "iterations": self.fit.iterations,
+                "evaluations": self.fit.evaluations,
+                "seconds": self.fit.seconds,
+            }
+        )
+
+    @property
+    def _starts(self) -> tuple[tuple[Mapping[str, float], ...], ...]:
+        """Per test; what nothing was fitted to has none."""
+        filled = tuple(tuple(s for s in starts if s) for starts in self.starts)
+        return filled or ((),) * len(self.tests)
+
+    def __str__(self) -> str:
+        """Parameters, then deviations per recording."""
+        lines = [str(self.fit)]
+        lines += [f"law of {output}: {law}" for output, law in self.laws.items()]
+        lines += [f"terms: {said}" for said in self._described()]
+        shown = (("train", self.train), *self.tests)
+        for file, found in (*shown, ("all tests", self.test)) if self.test else shown:
+            lines.append(f"{file}:")
+            lines += [
+                f"  {d.name:<10} rms {d.rms:.4g} {d.unit} {100 * d.relative_rms:7.2f} %   moving "
+                f"{100 * d.relative_rms_moving:7.2f} % of {d.moving} rows"
+                for d in found
+                # a virtual sensor has no measurement to differ from
+                if not math.isnan(d.rms)
+            ]
+        if any(self._starts):
+            names = ", ".join(self._starts[0][0])
+            lines.append(f"fitted to each test, since they belong to a recording: {names}")
+        return "\n".join(lines)
+
+    def _described(self) -> list[str]:
+        if not self.search:
+            return []
+        found = self.search
+        terms = ", ".join(f"{t.kind} on {t.channel}" for t in self.form.terms) or "none"
+        return [
+            f"{terms} (held-out deviation over {found['horizon']:g} s, relative to the residual "
+            f"of the model as configured: {found['before']:.3g} -> {found['after']:.3g})",
+            *found["describes"],
+        ]
+
+    def _repr_html_(self) -> str:
+        return f"{self.fit._repr_html_()}<pre>{html.escape(str(self))}</pre>"
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """A version that was tuned on recordings, ready to predict others.
+
+    >>> Tuned.__name__
+    'Tuned'
+    """
+
+    setup: Setup
+    base: Model
+    """The version's own model, which says what of a recording can be trusted."""
+    version: Version
+    formed: Formed
+    laws: Mapping[str, str]
+    tasks: tuple[Block, ...]
+    """What it was tuned on."""
+
+    @property
+    def model(self) -> Model:
+        """The model in the form that was found."""
+        return self.formed.problem.model
+
+    def rows(self, data: Data) -> tuple[Block, ...]:
+        """The tasks of recordings, without what cannot be a measurement."""
+        feed = Feed(self.setup.spec, self.setup.model)
+        return screened(self.setup, self.base, self.version.p, feed.blocks(data))
+
+    def judged(self, blocks: tuple[Block, ...], own: bool = True) -> Judged:
+        """Predictions of tasks; with ``own`` each starts from parameters of its own."""
+        setup, model, found = self.setup, self.model, self.formed.fit
+        names, blocks = model.parameters.names, starts(setup, blocks)
+        if own and setup.spec.tuning.method == "recursive":
+            recursion = Recursion.after(setup, self.formed.problem, found)
+            return Judged([recursion.predict(b) for b in blocks], [{} for _ in blocks])
+        used = [own_start(setup, model, found.p, b) if own else found.p for b in blocks]
+        seen = [predict(setup, model, p, b) for p, b in zip(used, blocks, strict=True)]
+        return Judged(seen, [dict(zip(names, p.tolist(), strict=True)) for p in used])
+
+
+def tune(
+    setup: Setup, versions: Versions, number: int, train: Data, watch: Watch | None = None,
+    workers: int = 1,
+) -> Tuned:  # fmt: skip
+    """Version ``number``, tuned on ``train``; differences in as many processes as ``workers``."""
+    feed, work = Feed(setup.spec, setup.model), Work(setup, versions)
+    version, base = versions[number], versions.model(number)
+    tasks = screened(setup, base, version.p, feed.blocks(train))
+    check_initials(setup, base, tasks)
+    windows = starts(setup, windows_of(tasks, setup.spec.tuning.cut))
+    problem: Problem = work.problem(version, windows, work.editable(version))
+    with Interrupt() as stop, processes(setup.spec, version.form, workers) as far:
+        problem = replace(problem, settings=replace(problem.settings, far=far))
+        problem, laws = climb_laws(setup, _watched(problem, stop, watch))
+        formed = with_terms(setup, work, version, problem)
+    return Tuned(setup, base, version, formed, laws, tasks)
+
+
+def _watched(problem: Problem, stop: Interrupt, watch: Watch | None) -> Problem:
+    """The problem, whose searches end when they are asked to: all of them."""
+
+    def progress(evaluations: int, cost: float) -> bool:
+        if not stop.asked and watch is not None and watch(evaluations, cost) is False:
+            stop.asked = True
+        return not stop.asked
+
+    return replace(problem, settings=replace(problem.settings, progress=progress))
+
+
+def fit(
+    setup: Setup, versions: Versions, number: int, data: tuple[Data, tuple[Any, ...]],
+    watch: Watch | None = None, workers: int = 1,
+) -> FitResult:  # fmt: skip
+    """Tunes version ``number`` on ``data``'s first part, judges it on each of the second.
+
+    The first Ctrl-C ends a search with the best values so far, which are then judged.
+    """
+    train, test = data
+    done = tune(setup, versions, number, train, watch, workers)
+    formed, model, found = done.formed, done.model, done.formed.fit
+    tests = [(named(item), done.judged(done.rows(listed(item)))) for item in test]
+    together = [prediction for _, one in tests for prediction in one.predictions]
+    rule, free = setup.spec.filter, initials(model)
+    return FitResult(
+        setup.spec.name, found, deviations(setup, done.judged(done.tasks, own=False).predictions),
+        deviations(setup, together) if tests else (),
+        tuple((name, deviations(setup, one.predictions)) for name, one in tests), done.laws,
+        None if rule is None else {"kind": rule.kind, "order": rule.order, "cutoff": rule.cutoff},
+        model.parameters.with_values(found.p), formed.form, formed.search,
+        tuple(
+            tuple({name: p[name] for name in free if name in p} for p in one.values)
+            for _, one in tests
+        ),
+    )  # fmt: skip
+
+
+def named(item: Any) -> str:
+    """What a recording is called."""
+    return item if isinstance(item, str) else getattr(item, "name", "") or "rows"
+
+
+def listed(item: Any) -> Any:
+    """One file is a list of one; blocks and columns are taken as they are."""
+    if isinstance(item, Block):
+        return (item,)
+    return [item] if isinstance(item, str) or hasattr(item, "exists") else item

@@ -1,0 +1,147 @@
+"""Between two beats: the versions run side by side over the rows. Nothing is decided here.
+
+The champion's `Track` judges every measurement once; its marks hold for all versions, so that they
+are compared on the same trusted rows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from evertwin.fold import Block, Event, Record
+from evertwin.loop.scores import Released, accumulate
+from evertwin.loop.setup import Setup
+from evertwin.loop.twin_state import PROBATION, TRIAL, Lane, TwinState
+from evertwin.loop.versions import Versions
+from evertwin.models.form import Form
+from evertwin.sync import Horizon, Track
+
+__all__ = ["EMPTY", "Follow", "Followed"]
+
+EMPTY = Lane(-1, (), ())
+
+
+class Followed(NamedTuple):
+    """What came out of a piece: the displayed rows, and what became known.
+
+    >>> Followed._fields
+    ('rows', 'first', 'mark', 'events')
+    """
+
+    rows: Any
+    """Rows of the champion's `Track`."""
+    first: Any
+    """Rows of the first champion's `Track`; None while it is live."""
+    mark: np.ndarray
+    """Marks of inputs and outputs after judging, (n, nu + ny)."""
+    events: tuple[Event, ...]
+
+
+@dataclass(frozen=True)
+class Follow:
+    """The stages between beats, built once per form of the model.
+
+    >>> Follow.__name__
+    'Follow'
+    """
+
+    setup: Setup
+    versions: Versions
+    _stages: dict[Form, tuple[Track, Horizon]] = field(default_factory=dict, repr=False)
+    _of: dict[int, tuple[Track, Horizon]] = field(default_factory=dict, repr=False)
+
+    def stages(self, number: int) -> tuple[Track, Horizon]:
+        """The stages that run a version."""
+        if number not in self._of:
+            form = self.versions[number].form
+            if form not in self._stages:
+                model = self.versions.model_of(form)
+                self._stages[form] = self.setup.track(model), Horizon(model, self.setup.horizon)
+            self._of[number] = self._stages[form]
+        return self._of[number]
+
+    def lane(self, number: int, *, tracked: bool) -> Lane:
+        """A version from its start: nothing adopted yet."""
+        track, horizon = self.stages(number)
+        p = self.versions[number].p
+        followed = track.renew(track.init(), p) if tracked else ()
+        state = horizon.renew(horizon.init(), p)
+        state.x[:] = state.x0
+        return Lane(number, followed, state)
+
+    def step(self, state: TwinState, piece: Block) -> tuple[TwinState, Followed]:
+        """The piece through all lanes. Consumes ``state``."""
+        track, _ = self.stages(state.live.version)
+        tracked, out = track.step(state.live.track, piece)
+        mark = np.concatenate([piece.mark[:, : piece.u.shape[1]], out.rows.mark], axis=1)
+        judged = piece._replace(mark=mark)
+        known = out.rows.y if self.setup.static else None
+        live, a = self._predict(state.live._replace(track=tracked), judged, known)
+        first, before = self._track(state.first, piece)
+        seen = before.y if known is not None and before is not None else None
+        first, b = self._predict(first, judged, seen)
+        other, c = self._predict(state.other, judged)
+        none = np.full_like(piece.y, np.nan)
+        rows = Released(
+            np.arange(piece.row, piece.row + len(piece.t)), piece.t, self.setup.phase(piece.u),
+            piece.y, a.residual,
+            none if b is None else b.residual, none if c is None else c.residual,
+            self.setup.moving(piece.u), a.end,
+        )  # fmt: skip
+        smooth, released = self.setup.smooth.step(state.smooth, rows)
+        opens = state.row == 0 or int(piece.task[0]) != state.task
+        before_piece = int(piece.t[0]) if opens else state.time
+        state = state._replace(
+            elapsed=state.elapsed + int(piece.t[-1]) - before_piece,
+            row=piece.row + len(piece.t), task=int(piece.task[-1]), time=int(piece.t[-1]),
+            live=live, first=first, other=other, smooth=smooth,
+            ring=self.setup.ring.push(state.ring, judged),
+        )  # fmt: skip
+        state, found = self._judge(state, released)
+        return state, Followed(out.rows, before, mark, _events(out.records) + found)
+
+    def end_task(self, state: TwinState) -> tuple[TwinState, tuple[Event, ...]]:
+        """What waits for the end of its task is released. Consumes ``state``."""
+        smooth, released = self.setup.smooth.flush(state.smooth)
+        state = state._replace(smooth=smooth)
+        return (state, ()) if released is None else self._judge(state, released)
+
+    def _judge(self, state: TwinState, rows: Released) -> tuple[TwinState, tuple[Event, ...]]:
+        """Released rows into scores, detectors and the trial."""
+        if len(rows.row) == 0:
+            return state, ()
+        scores, pairs = accumulate(state.scores, rows)
+        detect, found = self.setup.detect.step(state.detect, rows)
+        trial, phase = state.trial, state.agenda.phase
+        if len(pairs) and phase == TRIAL:
+            trial, _ = self.setup.trial.step(trial, pairs)
+        elif len(pairs) and phase == PROBATION:
+            trial, _ = self.setup.probation.step(trial, pairs)
+        return state._replace(scores=scores, detect=detect, trial=trial), found
+
+    def _track(self, lane: Lane, piece: Block) -> tuple[Lane, Any]:
+        if lane.version < 0:
+            return lane, None
+        track, _ = self.stages(lane.version)
+        tracked, out = track.step(lane.track, piece)
+        return lane._replace(track=tracked), out.rows
+
+    def _predict(
+        self, lane: Lane, judged: Block, known: np.ndarray | None = None
+    ) -> tuple[Lane, Any]:
+        """``known``: the predictions of a lane without state, made by its track already."""
+        if lane.version < 0:
+            return lane, None
+        _, horizon = self.stages(lane.version)
+        if known is None or len(lane.horizon.x):
+            predicted, out = horizon.step(lane.horizon, judged)
+        else:
+            predicted, out = horizon.judge(lane.horizon, judged, known)
+        return lane._replace(horizon=predicted), out.rows
+
+
+def _events(records: tuple[Record, ...]) -> tuple[Event, ...]:
+    return tuple(record for record in records if isinstance(record, Event))

@@ -1,0 +1,88 @@
+"""Which friction law: terms join the fit, output by output, while held-out error falls.
+
+A model with a ladder has ``rungs()`` (terms that start at zero) and names the law that an output
+stands on. The twin file says in which order terms are tried (``[tuning] ladder``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import Protocol, runtime_checkable
+
+from evertwin.errors import ConfigError
+from evertwin.fold import Block, take
+from evertwin.loop.setup import Setup
+from evertwin.loop.windows import apart
+from evertwin.machines.friction import Rung
+from evertwin.tuning import Problem
+from evertwin.tuning.terms import climb_terms
+
+__all__ = ["Laddered", "climb_laws"]
+
+PARTS = 4
+"""Parts that a single task is cut into."""
+
+
+@runtime_checkable
+class Laddered(Protocol):
+    """A model whose law has terms that may stay out.
+
+    >>> from evertwin.machines.drive import DriveForce
+    >>> isinstance(DriveForce("sign+direction"), Laddered)
+    True
+    """
+
+    def rungs(self) -> tuple[Rung, ...]:
+        """Terms that may join, each for one output."""
+        ...
+
+    def law_name(self, output: int, terms: Sequence[str]) -> str:
+        """The law of an output that has these of its terms."""
+        ...
+
+
+def climb_laws(setup: Setup, problem: Problem) -> tuple[Problem, Mapping[str, str]]:
+    """The problem with the terms that pay, and the law of each joint (or output, without joints).
+
+    A term that already has a value stays. Without ``[tuning] ladder`` every term of the model takes
+    part, and so does a term that the ladder does not name. A single task is cut into parts, so that
+    there is something to hold out.
+
+    Raises:
+        ConfigError: the twin file names a term that the model's law does not have.
+    """
+    order, model = setup.spec.tuning.ladder, problem.model
+    if not order:
+        return problem, {}
+    rungs = model.rungs() if isinstance(model, Laddered) else ()
+    for name in order:
+        if name not in {rung.name for rung in rungs}:
+            there = ", ".join(dict.fromkeys(rung.name for rung in rungs)) or "none"
+            raise ConfigError(
+                f"[tuning] ladder: the model's law has no term {name!r}; it has {there}"
+            )
+    start = dict(zip(problem.names, problem.start.tolist(), strict=True))
+    tried = [
+        rung
+        for name in order
+        for rung in rungs
+        if rung.name == name and not any(start.get(added) for added in rung.add)
+    ]
+    if not tried:
+        return problem, {}
+    ascent = climb_terms(replace(problem, windows=_folds(apart(problem.windows))), tried)
+    assert isinstance(model, Laddered)
+    joints = getattr(model, "joints", model.outputs.names)
+    laws = {joint: model.law_name(k, ascent.taken[k]) for k, joint in enumerate(joints)}
+    return replace(problem, editable=ascent.names), laws
+
+
+def _folds(windows: tuple[Block, ...]) -> tuple[Block, ...]:
+    """The tasks; or parts of the only one."""
+    if len(windows) > 1:
+        return windows
+    n = len(windows[0].t)
+    edges = [n * k // PARTS for k in range(PARTS + 1)]
+    return tuple(take(windows[0], a, b) for a, b in pairwise(edges) if b > a)

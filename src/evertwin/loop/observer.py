@@ -1,0 +1,129 @@
+"""Who looks at a run while it goes on, and tells afterwards what it found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from evertwin.fold import Answer, Block, Event, Record
+from evertwin.loop.deviation import deviation
+from evertwin.loop.driver import Driver
+from evertwin.loop.follow import Followed
+from evertwin.loop.result import OutputFigures, RunResult
+from evertwin.loop.setup import Setup
+from evertwin.loop.trace import Trace
+from evertwin.loop.twin_state import TwinState
+from evertwin.models import Parameters
+from evertwin.signals import wrap
+from evertwin.tuning.iteration import Round
+
+__all__ = ["Observer"]
+
+OFTEN = 100_000
+"""Rows between two reports of progress."""
+
+
+class Observer:
+    """Collects rows, events and the newest knowledge of parameters.
+
+    >>> Observer.__name__
+    'Observer'
+    """
+
+    def __init__(self, setup: Setup, progress: Callable[[int, float], None] | None = None) -> None:
+        self.setup = setup
+        self._angles = setup.model.outputs.angles
+        self.trace = Trace()
+        self.events: list[Event] = []
+        self.knowledge: dict[tuple[str, float], dict[str, Any]] = {}
+        self.rounds: list[dict[str, Any]] = []
+        self._progress = progress
+        self._told = 0
+        self._seconds = 0.0
+
+    def watch(self, state: TwinState, piece: Block, out: Followed) -> None:
+        """One piece between beats."""
+        at, nu = self.trace.places(piece.row), piece.u.shape[1]
+        before = out.rows if out.first is None else out.first
+        columns = {
+            "row": np.arange(piece.row, piece.row + len(piece.t)), "t": piece.t,
+            "task": piece.task, "input": piece.u, "measured": piece.y, "predicted": out.rows.y,
+            "sigma": out.rows.sigma, "mark": out.mark[:, nu:], "update": out.rows.update,
+            "first": before.y, "first_update": before.update,
+        }  # fmt: skip
+        kept = {name: column[at] for name, column in columns.items()}
+        residual = wrap(kept["measured"] - kept["predicted"], self._angles)
+        version = np.full(len(residual), state.live.version)
+        self.trace.add({**kept, "residual": residual, "version": version})
+        self._seconds += float(piece.dt.sum())
+        if self._progress is not None and state.row - self._told >= OFTEN:
+            self._told = state.row
+            self._progress(state.row, self._seconds)
+
+    def record(self, record: Record) -> None:
+        """A record as it is logged."""
+        if isinstance(record, Event):
+            self.events.append(record)
+        if isinstance(record, Answer):
+            content: Any = record.content
+            fit: Mapping[str, Any] = content.get("fit") or {}
+            for name, item in fit.get("parameters", {}).items():
+                known = {k: item[k] for k in ("interval95", "verdict", "value")}
+                self.knowledge[name, item["value"]] = known
+            names = tuple(fit.get("parameters", {}))
+            for item in content.get("rounds") or ():
+                kept = Round(*item)._asdict()
+                values = dict(zip(names, kept["values"], strict=True))
+                self.rounds.append({"version": record.version, **kept, "values": values})
+
+    def _known(self, parameters: Parameters) -> dict[str, dict[str, Any]]:
+        """What the fits that the champion's values come from said of them."""
+        found = {item.name: self.knowledge.get((item.name, item.value)) for item in parameters}
+        return {name: known for name, known in found.items() if known is not None}
+
+    def result(self, driver: Driver, state: TwinState, seconds: float) -> RunResult:
+        """The outcome."""
+        champion = driver.versions[state.live.version]
+        model = driver.versions.model(state.live.version)
+        parameters: Parameters = model.parameters.with_values(champion.p)
+        return RunResult(
+            name=self.setup.spec.name, samples=state.row, seconds=seconds,
+            outputs=figures(self.setup, state), position_updates=updates(state),
+            unseen_since=state.scores.rows, events=tuple(self.events), champion=champion,
+            parameters=parameters, knowledge=self._known(parameters),
+            versions=tuple(driver.versions),
+            model=model,
+            models={v.form: driver.versions.model(v.number) for v in driver.versions},
+            trace=self.trace.columns(), rounds=tuple(self.rounds),
+        )  # fmt: skip
+
+
+def figures(setup: Setup, state: TwinState) -> dict[str, OutputFigures]:
+    """Deviations of the first and the last champion over the rows since the last switch."""
+    scores, alone = state.scores, state.first.version < 0
+    first, first_moving = (
+        (scores.live, scores.live_moving) if alone else (scores.first, scores.first_moving)
+    )
+    pairs = [
+        [deviation(sums, relative=relative) for sums in (first, scores.live)]
+        for relative in (False, True)
+    ]
+    moving = [deviation(sums, relative=True) for sums in (first_moving, scores.live_moving)]
+    return {
+        channel.name: OutputFigures(
+            channel.unit, float(pairs[0][0][k]), float(pairs[0][1][k]), float(pairs[1][0][k]),
+            float(pairs[1][1][k]), float(moving[0][k]), float(moving[1][k]),
+            int(scores.live.samples[k]), int(scores.live_moving.samples[k]),
+        )
+        for k, channel in enumerate(setup.model.outputs)
+    }  # fmt: skip
+
+
+def updates(state: TwinState) -> tuple[int, int]:
+    """Tolerance updates (first, last champion) over the same rows."""
+    live = int(state.live.track.updates.sum()) - int(state.scores.updates[0])
+    if state.first.version < 0:
+        return live, live
+    return int(state.first.track.updates.sum()) - int(state.scores.updates[1]), live

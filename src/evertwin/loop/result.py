@@ -1,0 +1,207 @@
+"""What a run found: figures before and after, events, the champion, and the rows themselves."""
+
+from __future__ import annotations
+
+import html
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from evertwin.errors import MissingExtra
+from evertwin.fold import Event, plain
+from evertwin.models import Model, Parameters
+from evertwin.models.form import Form, Version
+from evertwin.types import Json
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+
+__all__ = ["OutputFigures", "RunResult"]
+
+
+@dataclass(frozen=True)
+class OutputFigures:
+    """Deviation of one output by the first and by the last champion, over the same unseen rows.
+
+    >>> OutputFigures("m", 2.0, 1.0, 0.2, 0.1, 0.2, 0.1, 100, 100).rms_after
+    1.0
+    """
+
+    unit: str
+    rms_before: float
+    rms_after: float
+    relative_rms_before: float
+    relative_rms_after: float
+    relative_rms_moving_before: float
+    relative_rms_moving_after: float
+    rows: int
+    moving: int
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """The outcome of `Twin.run`.
+
+    >>> RunResult.__name__
+    'RunResult'
+    """
+
+    name: str
+    samples: int
+    """Rows of the union clock."""
+    seconds: float
+    """Time that the run took [s]."""
+    outputs: Mapping[str, OutputFigures]
+    position_updates: tuple[int, int]
+    """By the first and the last champion, over the same unseen rows."""
+    unseen_since: int
+    """Row from which these figures count: the last change of champion."""
+    events: tuple[Event, ...]
+    champion: Version
+    parameters: Parameters
+    """Of the champion, with its values."""
+    knowledge: Mapping[str, Mapping[str, Any]]
+    """Parameter → interval95 and verdict of its newest fit."""
+    versions: tuple[Version, ...]
+    model: Model
+    """Of the champion."""
+    models: Mapping[Form, Model] = field(repr=False)
+    """Of every form that was live or tried."""
+    trace: Mapping[str, np.ndarray] = field(repr=False)
+    rounds: tuple[Mapping[str, Any], ...] = ()
+    """Rounds of tuning by iteration: version, deviation per output, tried, frozen, values."""
+    problems: Mapping[str, int] = field(default_factory=dict)
+    """What was wrong with the recordings, counted."""
+
+    def to_dict(self) -> dict[str, Json]:
+        """Plain content, ``schema: "evertwin.run/1"``."""
+        before, after = self.position_updates
+        content: dict[str, Any] = {
+            "schema": "evertwin.run/1",
+            "name": self.name,
+            "samples": self.samples,
+            "seconds": self.seconds,
+            "unseen_since_row": self.unseen_since,
+            "outputs": self.outputs,
+            "position_updates": {"before": before, "after": after},
+            "events": self.events,
+            "champion": {
+                "version": self.champion.number,
+                "hash": self.champion.hash,
+                "terms": self.champion.form.terms,
+                "variant": dict(self.champion.form.variant),
+                "reason": self.champion.reason,
+            },
+            "parameters": {item.name: self._parameter(item.name) for item in self.parameters},
+            "data_problems": self.problems,
+            "rounds": self.rounds,
+        }
+        return plain(content)  # type: ignore[return-value]
+
+    def _parameter(self, name: str) -> dict[str, Any]:
+        item, known = self.parameters[name], self.knowledge.get(name, {})
+        # an interval belongs to the value it was found with: a fit that was not adopted has none
+        mine = known.get("value") == item.value
+        return {
+            "value": item.value,
+            "unit": item.unit,
+            "interval95": known.get("interval95") if mine else None,
+            "verdict": known.get("verdict", "not tuned"),
+        }
+
+    def model_of(self, version: Version) -> Model:
+        """The model of one of the run's versions."""
+        return self.models[version.form]
+
+    def of_kind(self, *kinds: str) -> tuple[Event, ...]:
+        """The events of some kinds, in order."""
+        return tuple(event for event in self.events if event.kind in kinds)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """The rows as a table: measured, predicted and residual per output, by time [s].
+
+        Raises:
+            MissingExtra: pandas is not installed.
+        """
+        try:
+            import pandas
+        except ModuleNotFoundError as error:
+            raise MissingExtra.of("pandas", "analysis") from error
+        columns: dict[str, Any] = {}
+        for k, name in enumerate(self.model.outputs.names):
+            for kind in ("measured", "predicted", "residual"):
+                columns[f"{name}.{kind}"] = self.trace[kind][:, k]
+        index = pandas.Index(self.trace["row"], name="row")
+        table = pandas.DataFrame(columns, index=index)
+        table.insert(0, "t", self.trace["t"] * 1e-9)
+        return table
+
+    def to_xarray(self) -> xarray.Dataset:
+        """The rows as a labelled data set with dimensions ``row`` and ``output``.
+
+        Raises:
+            MissingExtra: xarray is not installed.
+        """
+        try:
+            import xarray
+        except ModuleNotFoundError as error:
+            raise MissingExtra.of("xarray", "analysis") from error
+        names = list(self.model.outputs.names)
+        return xarray.Dataset(
+            {
+                kind: (("row", "output"), self.trace[kind])
+                for kind in ("measured", "predicted", "residual")
+            },
+            coords={
+                "row": self.trace["row"],
+                "t": ("row", self.trace["t"] * 1e-9),
+                "output": names,
+                "unit": ("output", list(self.model.outputs.units)),
+            },
+        )
+
+    def _lines(self) -> list[tuple[str, ...]]:
+        return [
+            (name, f.unit, f"{f.rms_before:.4g}", f"{f.rms_after:.4g}",
+             f"{100 * f.relative_rms_before:.2f} %", f"{100 * f.relative_rms_after:.2f} %")
+            for name, f in self.outputs.items()
+            # a virtual sensor has no measurement to differ from
+            if not (math.isnan(f.rms_before) and math.isnan(f.rms_after))
+        ]  # fmt: skip
+
+    def __str__(self) -> str:
+        """Figures and decisions as text."""
+        before, after = self.position_updates
+        text = [
+            f"{self.name}: {self.samples} rows in {self.seconds:.2f} s, champion is version "
+            f"{self.champion.number} ({self.champion.reason})",
+            f"unseen rows from {self.unseen_since} on; position updates {before} -> {after}",
+        ]
+        text += [
+            f"  {name:<10} rms {b} -> {a} {unit}   relative {rb} -> {ra}"
+            for name, unit, b, a, rb, ra in self._lines()
+        ]
+        text += [f"  row {e.row:>8}  {e.kind:<18} {e.signal:<8} {e.reason}" for e in self.events]
+        return "\n".join(text)
+
+    def _repr_html_(self) -> str:
+        """Tables for a notebook."""
+        head = "<tr><th>output<th>unit<th>rms before<th>after<th>relative before<th>after</tr>"
+        body = "".join(
+            "<tr>" + "".join(f"<td>{html.escape(cell)}" for cell in row) + "</tr>"
+            for row in self._lines()
+        )
+        events = "".join(
+            f"<tr><td>{e.row}<td>{html.escape(e.kind)}<td>{html.escape(e.signal)}"
+            f"<td>{html.escape(e.reason)}</tr>"
+            for e in self.events
+        )
+        title = html.escape(f"{self.name}: version {self.champion.number} is live")
+        return (
+            f"<p>{title}</p><table>{head}{body}</table>"
+            f"<table><tr><th>row<th>event<th>signal<th>reason</tr>{events}</table>"
+        )

@@ -1,0 +1,228 @@
+"""What a twin is made of, once its file and its model are known: stages and limits, all frozen."""
+
+from __future__ import annotations
+
+import fnmatch
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from evertwin.anomaly import Regimes
+from evertwin.config.spec import TwinSpec
+from evertwin.errors import ConfigError, UsageError
+from evertwin.fold import Beat
+from evertwin.loop.detectors import Detect
+from evertwin.loop.plausibility import arbiter_of
+from evertwin.loop.residual_filter import Pass, Smooth, ZeroPhase
+from evertwin.loop.ring import Ring
+from evertwin.loop.tasks import is_measured
+from evertwin.models import Model
+from evertwin.sync import Track
+from evertwin.sync.horizon import nanoseconds
+from evertwin.trial import Probation, Trial
+
+__all__ = ["Setup", "matching"]
+
+SEGMENT = 1.0
+"""Length of a segment of a static map, and of a free run, when no horizon is given [s]."""
+
+
+def matching(names: tuple[str, ...], patterns: tuple[str, ...], what: str) -> tuple[str, ...]:
+    """The ``names`` that match one of the ``patterns``, in their own order.
+
+    >>> matching(("Fc1", "Fc2", "Bm1"), ("Fc*",), "parameter")
+    ('Fc1', 'Fc2')
+
+    Raises:
+        UsageError: a pattern matches nothing.
+    """
+    for pattern in patterns:
+        if not fnmatch.filter(names, pattern):
+            raise UsageError(f"no {what} matches {pattern!r}: there are {', '.join(names)}")
+    return tuple(n for n in names if any(fnmatch.fnmatchcase(n, p) for p in patterns))
+
+
+@dataclass(frozen=True)
+class Setup:
+    """A twin's frozen parts.
+
+    >>> Setup.__name__
+    'Setup'
+    """
+
+    spec: TwinSpec
+    model: Model
+    """The base model, with the twin file's parameters."""
+
+    def track(self, model: Model) -> Track:
+        """The stage that follows the machine with a version."""
+        return Track(model, arbiter_of(self.spec, model))
+
+    @cached_property
+    def static(self) -> bool:
+        """Has the model no state?"""
+        return len(self.model.states) == 0
+
+    @cached_property
+    def horizon(self) -> float:
+        """Length of a prediction [s]; of a block of losses for a static map."""
+        given = self.spec.prediction.horizon
+        return SEGMENT if self.static and math.isinf(given) else given
+
+    @cached_property
+    def beat(self) -> Beat:
+        """Where decisions may happen."""
+        return Beat(self.spec.beat)
+
+    @cached_property
+    def ring(self) -> Ring:
+        """The newest rows, as many as slow work may look at."""
+        # a request is answered up to `latency` rows later, from rows that must still be there
+        size = max(self.spec.tuning.window, self.spec.correction.window) + self.latency + 1
+        return Ring(size, len(self.model.inputs), len(self.model.outputs))
+
+    @cached_property
+    def smooth(self) -> Smooth:
+        """The filter over released rows."""
+        rule = self.spec.filter
+        if rule is None:
+            return Pass()
+        capacity = self.ring.capacity
+        return ZeroPhase(self.rate, rule.cutoff, rule.order, len(self.model.outputs), capacity)
+
+    @cached_property
+    def rate(self) -> float:
+        """Rate of the rows [Hz]; needed by a filter.
+
+        Raises:
+            ConfigError: the twin file gives none.
+        """
+        rate = self.spec.clock.rate
+        if rate is None:
+            raise ConfigError("[filter]: a filter needs rows at a fixed rate: set rate in [clock]")
+        return rate
+
+    @cached_property
+    def smooth_window(self) -> Callable[[np.ndarray], np.ndarray] | None:
+        """The same filter over the columns of a task in memory; None without one."""
+        smooth = self.smooth
+        return smooth.smooth if isinstance(smooth, ZeroPhase) else None
+
+    def moving(self, u: np.ndarray) -> np.ndarray:
+        """Which rows count as moving, per output, (n, ny); all where nothing is said of one."""
+        rule = self.spec.moving
+        if rule is None:
+            return np.ones((len(u), len(self.model.outputs)), dtype=np.bool_)
+        said = [rule.channels.get(name) for name in self.model.outputs.names]
+        columns = [0 if name is None else self.model.inputs.index(name) for name in said]
+        unsaid = np.array([name is None for name in said])
+        return np.asarray((np.abs(u.take(columns, axis=1)) > rule.above) | unsaid)
+
+    @cached_property
+    def regimes(self) -> tuple[np.ndarray, Regimes] | None:
+        """Columns of the inputs that define the phase, and their borders."""
+        phases = self.spec.anomaly.phases
+        if not phases:
+            return None
+        columns = np.array([self.model.inputs.index(name) for name in phases])
+        return columns, Regimes(tuple(tuple(borders) for borders in phases.values()))
+
+    def phase(self, u: np.ndarray) -> np.ndarray:
+        """Phase of each row, (n,); 0 where none are set."""
+        if self.regimes is None:
+            return np.zeros(len(u), dtype=np.int64)
+        columns, regimes = self.regimes
+        return regimes.of(u[:, columns])
+
+    @cached_property
+    def requirement(self) -> float:
+        """Largest deviation; infinite: none."""
+        return self.spec.anomaly.requirement
+
+    @cached_property
+    def relative(self) -> bool:
+        """Is it relative to the measurement?"""
+        return self.spec.anomaly.relative
+
+    @cached_property
+    def watched(self) -> np.ndarray:
+        """Outputs that are held to it, (ny,)."""
+        names = self.spec.anomaly.outputs or tuple(
+            name for name in self.model.outputs.names if is_measured(self.spec, name)
+        )
+        for name in names:
+            self.model.outputs.index(name)
+        return np.array([name in names for name in self.model.outputs.names])
+
+    least: int = 30
+    """Fewest rows that a deviation is judged on when a task ends."""
+
+    @cached_property
+    def schedule(self) -> int:
+        """Time between scheduled fits [ns]."""
+        return nanoseconds(self.spec.tuning.every)
+
+    @cached_property
+    def latency(self) -> int:
+        """Rows that slow work may take before a file run waits for it."""
+        return self.spec.beat
+
+    def window(self, kind: str) -> int:
+        """Newest rows that a kind of request looks at."""
+        return self.spec.tuning.window if kind == "fit" else self.spec.correction.window
+
+    def shown(self, output: int, value: float) -> str:
+        """A deviation in words."""
+        if self.relative:
+            return f"{100 * value:.1f} %"
+        return f"{value:.3g} {self.model.outputs.units[output]}"
+
+    @cached_property
+    def editable(self) -> tuple[str, ...]:
+        """Names of the base model's parameters that may be tuned."""
+        names, given = self.model.parameters.names, self.spec.tuning.editable
+        return (
+            self.model.parameters.editable if given is None else matching(names, given, "parameter")
+        )
+
+    @cached_property
+    def weights(self) -> dict[str, float]:
+        """Parameter → how often it is tuned."""
+        names, weights = self.model.parameters.names, self.spec.tuning.weights
+        return {
+            name: float(weight)
+            for pattern, weight in weights.items()
+            for name in matching(names, (pattern,), "parameter")
+        }
+
+    @cached_property
+    def causes(self) -> dict[str, tuple[str, ...]]:
+        """Cause → its parameters."""
+        names = self.model.parameters.names
+        return {
+            cause: matching(names, patterns, "parameter")
+            for cause, patterns in self.spec.tuning.causes.items()
+        }
+
+    @cached_property
+    def trial(self) -> Trial:
+        """The gate to the live model."""
+        rule = self.spec.trial
+        return Trial(
+            alpha=rule.alpha, margin=rule.margin, segments=rule.segments, limit=rule.limit,
+            horizon=self.horizon if math.isfinite(self.horizon) else 1.0,
+        )  # fmt: skip
+
+    @cached_property
+    def probation(self) -> Probation:
+        """What a fresh champion has to stand."""
+        return Probation(limit=self.spec.trial.probation)
+
+    @cached_property
+    def detect(self) -> Detect:
+        """The detectors over released rows."""
+        phases = 1 if self.regimes is None else self.regimes[1].count
+        return Detect.of(self.spec.anomaly, self.model.outputs.names, self.watched, phases)

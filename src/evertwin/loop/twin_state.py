@@ -1,0 +1,120 @@
+"""The state of a whole twin: everything that changes while it runs, as plain arrays and scalars.
+
+A checkpoint is this state and its row. Versions are kept beside it, append-only, and named here by
+number; a shadow is a second state of the same stage.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from evertwin.loop.deviation import Sums
+from evertwin.loop.ring import Rows
+
+__all__ = ["CORRECT", "FIT", "PROBATION", "TRIAL", "WATCH", "Agenda", "Lane", "Scores", "TwinState"]
+
+WATCH, FIT, CORRECT, TRIAL, PROBATION = range(5)
+"""What the twin is busy with: nothing, a fit, a correction, a challenger, a fresh champion."""
+
+
+class Lane(NamedTuple):
+    """One version running along: its followed state and its predictions over one horizon.
+
+    >>> Lane(0, (), ()).version
+    0
+    """
+
+    version: int
+    """Number of the version; −1: the lane is empty."""
+    track: Any
+    horizon: Any
+
+
+class Scores(NamedTuple):
+    """Sums over released rows.
+
+    >>> Scores._fields[0]
+    'watch'
+    """
+
+    watch: Sums
+    """Champion, moving rows, since the deviation was last judged."""
+    live: Sums
+    """Champion, since it went live."""
+    first: Sums
+    """First champion over the same rows."""
+    live_moving: Sums
+    first_moving: Sums
+    updates: np.ndarray
+    """Position updates (live, first) before the champion went live, int64."""
+    rows: int
+    """Row since which ``live`` and ``first`` count."""
+    pair: np.ndarray
+    """Running segment: Σ loss of champion and of the other, rows; (3,)."""
+    scale: np.ndarray
+    """Residual size that counts as 1 in a loss, (ny,)."""
+
+
+class Agenda(NamedTuple):
+    """What decisions remember between beats.
+
+    >>> Agenda().phase == WATCH
+    True
+    """
+
+    phase: int = WATCH
+    open: int = 0
+    """Id of the open request; 0: none."""
+    due: int = 0
+    """Row before which a file run waits for its answer."""
+    start: int = 0
+    """First row of its window."""
+    stop: int = 0
+    """Row after its window."""
+    asked: int = 0
+    """Requests so far."""
+    hold: int = 0
+    """Row before which no further candidate is sought."""
+    since: int = 0
+    """Row from which on data may be learned from."""
+    fitted: int = 0
+    """Elapsed time at the last fit [ns]."""
+    tunings: int = 0
+    """Tunings so far: the schedule's position."""
+    retrain: int = 0
+    """Row from which a new training sequence has enough rows; 0: none is going on."""
+    pinned: bool = False
+    versions: int = 1
+    """Versions so far."""
+
+
+class TwinState(NamedTuple):
+    """Everything that changes while a twin runs.
+
+    >>> TwinState._fields[:3]
+    ('row', 'task', 'time')
+    """
+
+    row: int
+    """Number of the next row."""
+    task: int
+    """Task of the last row."""
+    time: int
+    """Stamp of the last row [ns]."""
+    elapsed: int
+    """Time within tasks so far [ns]; stamps may start again with each task."""
+    live: Lane
+    first: Lane
+    """The first champion, while another one is live."""
+    other: Lane
+    """The challenger on trial, or the last champion during probation."""
+    smooth: Any
+    detect: Any
+    trial: Any
+    scores: Scores
+    agenda: Agenda
+    watched: np.ndarray
+    """Range of the watched inputs that the live correction was learned on, (k, 2)."""
+    ring: Rows

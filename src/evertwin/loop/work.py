@@ -1,0 +1,248 @@
+"""Slow work: what a request asks for, computed from a window of rows. Pure, so replay is exact.
+
+``fit``: tune what may be tuned, then ask whether the parameters had moved (normal) or the form is
+wrong (abnormal). ``correct``: search for terms that make up for the form. Either may end in a
+candidate, which then has to prove itself on data that this work has not seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from evertwin.anomaly.branch import Verdict, branch, explained
+from evertwin.correction.improve import Proposal, TooFew
+from evertwin.errors import DataError, ModelError, UsageError
+from evertwin.fold import Answer, Block, Request, plain
+from evertwin.loop.correcting import learn
+from evertwin.loop.friction_law import climb_laws
+from evertwin.loop.posterior import posterior
+from evertwin.loop.recursive_fit import Recursion
+from evertwin.loop.setup import Setup
+from evertwin.loop.twin_state import TwinState
+from evertwin.loop.versions import Versions
+from evertwin.models import Model
+from evertwin.models.form import Form, Version
+from evertwin.trial import admit
+from evertwin.tuning import Fit, Iteration, Problem, Schedule, Settings, solve
+
+__all__ = ["Work"]
+
+Windows = tuple[Block, ...]
+
+
+def _event(kind: str, signal: str, reason: str, evidence: Mapping[str, Any]) -> dict[str, Any]:
+    return {"kind": kind, "signal": signal, "reason": reason, "evidence": dict(evidence)}
+
+
+@dataclass(frozen=True)
+class Work:
+    """Answers to requests.
+
+    >>> Work.__name__
+    'Work'
+    """
+
+    setup: Setup
+    versions: Versions
+
+    def answer(self, request: Request, windows: Windows, state: TwinState) -> Answer:
+        """The answer to a request; what cannot be done is an event in it."""
+        version = self.versions[request.version]
+        try:
+            if request.kind == "fit":
+                content = self.fit(version, windows, state.agenda.tunings)
+            else:
+                content = self.correct(version, windows)
+        except TooFew as error:
+            # not a verdict on anything: more rows come
+            content = {"events": [], "waits": str(error)}
+        except (DataError, ModelError, UsageError) as error:
+            reason = f"{request.kind}: {error}"
+            content = {"events": [_event("rejected", "", reason, {})]}
+        # when it was found out: the parameter history is read by these
+        when = {"time": state.time, "elapsed": state.elapsed, "task": state.task}
+        return Answer(request.id, request.version, plain(content | when))  # type: ignore[arg-type]
+
+    # ------------------------------------------------------------------ tuning
+
+    def problem(self, version: Version, windows: Windows, names: tuple[str, ...]) -> Problem:
+        """The tuning problem of a version on a window."""
+        model = self.versions.model(version.number)
+        return Problem(
+            model, windows, names, self.setup.horizon, None, self.setup.smooth_window,
+            model.parameters.with_values(version.p), self.setup.spec.tuning.loss,
+            self.setup.moving if self.setup.spec.moving is not None else None,
+            self.setup.spec.moving is not None and self.setup.spec.moving.tune,
+            Settings(starts=self.setup.spec.tuning.starts),
+        )  # fmt: skip
+
+    def editable(self, version: Version) -> tuple[str, ...]:
+        """What may be tuned of a version: the base model's share and the terms' own numbers."""
+        return self.tunable(self.versions.model(version.number))
+
+    def tunable(self, model: Model) -> tuple[str, ...]:
+        """The same of any form of the base model."""
+        base = self.setup.model.parameters.names
+        terms = tuple(n for n in model.parameters.editable if n not in base)
+        tabled = tuple(n for n in terms if not n.startswith(("table.", "surface.")))
+        return tuple(n for n in self.setup.editable if n in model.parameters.names) + tabled
+
+    def due(self, version: Version, tunings: int) -> tuple[str, ...]:
+        """The parameters whose turn it is."""
+        names, weights = self.editable(version), self.setup.weights
+        schedule = Schedule({name: weights.get(name, 1.0) for name in names})
+        return schedule.due(tunings)
+
+    def tune(self, problem: Problem) -> tuple[Fit, dict[str, Any]]:
+        """The fit; where it went by rounds, these and the single-axis simulations they took."""
+        rule = self.setup.spec.tuning
+        if rule.method != "iteration":
+            return solve(problem), {}
+        limit = self.setup.requirement if np.isfinite(self.setup.requirement) else 0.05
+        done = Iteration(limit=limit, relaxation=rule.relaxation).run(problem)
+        return done.fit, {"rounds": done.rounds, "simulations": done.simulations}
+
+    def fit(self, version: Version, windows: Windows, tunings: int) -> dict[str, Any]:
+        """Tunes, and judges what the residual of the tuned model still says."""
+        names = self.due(version, tunings)
+        if not names:
+            return {"events": [], "next": self._next()}
+        problem, _ = climb_laws(self.setup, self.problem(version, windows, names))
+        fit, rounds = self.tune(problem)
+        if rounds and fit.converged:
+            verdict = Verdict("normal", "", f"tuned by rounds: {fit.message}")
+        elif len(names) < len(self.editable(version)):
+            verdict = Verdict("normal", "", "tuned the share of the parameters whose turn it is")
+        else:
+            verdict = self.verdict(version, problem, fit, windows)
+        events = [
+            _event("not_identifiable", name, fit.reasons[k], {"verdict": fit.verdict[k]})
+            for k, name in enumerate(fit.names)
+            if fit.verdict[k] == "not"
+        ]
+        events.append(_event(verdict.kind, verdict.cause, verdict.reason, verdict.evidence))
+        content: dict[str, Any] = {
+            "events": events, "fit": fit.to_dict(timing=False), "tuned": True, **rounds,
+        }  # fmt: skip
+        if verdict.kind == "abnormal" and self._next():
+            content["next"] = self._next()
+        elif verdict.kind == "normal" or self._helps(verdict, fit):
+            content["candidate"] = self._tuned(version, problem, fit, windows, events)
+        return content
+
+    def _helps(self, verdict: Verdict, fit: Fit) -> bool:
+        """The form is wrong, and none may be learned: is tuning the better half all the same?
+
+        Not where another cause has a name: tuning would hide a load in friction.
+        """
+        return not verdict.cause and not fit.at_bound and explained(fit, fit.noise) >= 0.5
+
+    def _tuned(
+        self, version: Version, problem: Problem, fit: Fit, windows: Windows,
+        events: list[dict[str, Any]],
+    ) -> dict[str, Any] | None:  # fmt: skip
+        """The tuned version as a candidate, if something was learned and all is inside bounds."""
+        checks = admit(fit.values, *problem.bounds)
+        missed = [check.name for check in checks if not check.passed]
+        if missed:
+            events.append(_event("rejected", "", f"outside: {', '.join(missed)}", {}))
+        if missed or not fit.converged or not np.any(fit.values != fit.start):
+            return None
+        reason = f"tuned {', '.join(fit.identifiable)}"
+        events.append(_event("tuned", "", reason, fit.to_dict(timing=False)))
+        values = dict(zip(fit.names, fit.values.tolist(), strict=True))
+        if self.setup.spec.tuning.method == "recursive":
+            followed, newest, _ = Recursion.after(self.setup, problem, fit).learned(windows)
+            values |= dict(zip(followed, newest.tolist(), strict=True))
+        scale = self.scale(problem, fit.start)
+        return self._candidate(version.form, values, scale, reason, windows)
+
+    def verdict(self, version: Version, problem: Problem, fit: Fit, windows: Windows) -> Verdict:
+        """Normal or abnormal, with the cause that explains most."""
+        refits = {}
+        there = problem.model.parameters.names
+        for cause, names in self.setup.causes.items():
+            chosen = tuple(name for name in names if name in there)
+            if chosen:
+                refits[cause] = solve(self.problem(version, windows, chosen))
+        found = branch(fit, problem, refits, frozenset(self.setup.editable))
+        short = self._short(fit)
+        if found.kind == "normal" and short and self._next():
+            return replace(found, kind="abnormal", reason=f"{short}: the form does not reach it")
+        return found
+
+    def _short(self, fit: Fit) -> str:
+        """Which output stays outside the requirement after tuning; empty where all reach it."""
+        setup = self.setup
+        for k, one in enumerate(fit.residuals):
+            left = fit.moving_after[k] if setup.relative else one.rms_after
+            if setup.watched[k] and left > setup.requirement:
+                limit = setup.shown(k, setup.requirement)
+                return f"tuned, {one.output} is still off by {setup.shown(k, left)} (limit {limit})"
+        return ""
+
+    def scale(self, problem: Problem, values: np.ndarray) -> np.ndarray:
+        """Rms residual per output: what counts as 1 in a loss."""
+        given = self.setup.spec.prediction.scale
+        residual = problem.residuals(values)
+        names = problem.model.outputs.names
+        # an output that nothing measures has no rows
+        rows = np.maximum(np.count_nonzero(~np.isnan(residual), axis=0), 1)
+        rms = np.sqrt(np.nansum(np.square(residual), axis=0) / rows)
+        found = [given.get(n, float(rms[k])) for k, n in enumerate(names)]
+        return np.array([size if np.isfinite(size) and size > 0 else 1.0 for size in found])
+
+    # ------------------------------------------------------------------ correction
+
+    def _next(self) -> str | None:
+        return "correct" if self.setup.spec.correction.terms else None
+
+    def correct(self, version: Version, windows: Windows) -> dict[str, Any]:
+        """Searches for terms on top of the version's form."""
+        base: Model = self.setup.model
+        proposal: Proposal = learn(self.setup, base, version, windows)
+        evidence = proposal.evidence()
+        if not proposal.found:
+            events = [_event("rejected", "", "no correction pays on unseen rows", evidence)]
+            return {"events": events, "candidate": self._instead(version, windows, events)}
+        reason = "; ".join(proposal.describes)
+        values = dict(zip(proposal.names, proposal.p.tolist(), strict=True))
+        return {
+            "events": [_event("corrected", "", reason, evidence)],
+            "fit": posterior(self.setup, self.versions.model_of(proposal.form), proposal, windows),
+            "candidate": self._candidate(proposal.form, values, proposal.scale, reason, windows),
+        }
+
+    def _instead(
+        self, version: Version, windows: Windows, events: list[dict[str, Any]]
+    ) -> dict[str, Any] | None:
+        """Where no correction pays, tuning is the better half, if it explains most of it."""
+        names = self.editable(version)
+        if not names:
+            return None
+        problem = self.problem(version, windows, names)
+        fit, _ = self.tune(problem)
+        if explained(fit, fit.noise) < 0.5:
+            return None
+        return self._tuned(version, problem, fit, windows, events)
+
+    def _candidate(
+        self, form: Form, values: Mapping[str, float], scale: np.ndarray, reason: str,
+        windows: Windows,
+    ) -> dict[str, Any]:  # fmt: skip
+        return {
+            "form": form, "values": values, "scale": scale, "reason": reason,
+            "watched": self.watched(windows),
+        }  # fmt: skip
+
+    def watched(self, windows: Windows) -> np.ndarray:
+        """Range of the watched inputs over the windows, (k, 2)."""
+        columns = [self.setup.model.inputs.index(n) for n in self.setup.spec.correction.watch]
+        if not columns or not windows:
+            return np.zeros((0, 2))
+        u = np.concatenate([w.u[:, columns] for w in windows])
+        return np.stack([np.nanmin(u, axis=0), np.nanmax(u, axis=0)], axis=1)

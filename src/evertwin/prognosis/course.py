@@ -1,0 +1,94 @@
+"""The course that an indicator will take: when it passes level after level.
+
+Life is the first passage over the limit. The same question for the levels on the way there gives
+the course: with T_L the time at which level L is passed, the indicator has reached L at time t with
+probability P(T_L ≤ t). So a band over time, and a value at a date, say exactly what the lives say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float64
+
+from evertwin.prognosis.laws import Fleet, Indicator, Life, Limit, Workload, predict_life
+from evertwin.types import Vector
+
+__all__ = ["Course", "course"]
+
+LEVELS = 8
+RECENT = 7
+"""Values that today's level is taken from."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """Levels on the way to the limit and beyond, and when each is passed.
+
+    >>> Course(np.array([1.0]), (), 1.0).levels.tolist()
+    [1.0]
+    """
+
+    levels: Vector
+    """In the direction of wear, (m,)."""
+    lives: tuple[Life, ...]
+    sign: float
+    """+1 where wear grows."""
+
+    def times(self, probabilities: Sequence[float]) -> Float64[np.ndarray, "m q"]:
+        """Time from now at which each level is passed with each probability."""
+        rows = [[life.quantile(p) for p in probabilities] for life in self.lives]
+        found: Float64[np.ndarray, "m q"] = np.maximum.accumulate(np.array(rows), axis=0)
+        return found
+
+    def through(self, work: Workload) -> Course:
+        """The course in time, where so much work is planned."""
+        return replace(self, lives=tuple(life.through(work, life.unit) for life in self.lives))
+
+    def value(self, after: float, probability: float) -> float:
+        """The value that is not passed at time ``after`` with ``probability``, towards wear."""
+        reached = np.array([life.probability_before(after) for life in self.lives])
+        reached = np.minimum.accumulate(reached)
+        # levels rise towards wear, the chance to have reached them falls
+        beyond = 1.0 - reached
+        order = self.sign * self.levels
+        return float(self.sign * np.interp(probability, beyond, order))
+
+
+def course(
+    indicator: Indicator, life: Life, laws: Sequence[str], fleet: Fleet | None
+) -> Course | None:
+    """The course from today's value to the limit, and as far again; None if it cannot be told."""
+    own = indicator.since_replaced()
+    known = np.isfinite(own.value)
+    if not known.any() or not np.isfinite(life.median) or life.median <= 0.0:
+        return None
+    sign, limit = indicator.limit.sign, indicator.limit.value
+    start = _today(own.at[known][-RECENT:], own.value[known][-RECENT:], float(own.at[-1]))
+    way = limit - start
+    if not sign * way > 0.0:
+        return None
+    levels, lives = [start], [replace(life, remaining=np.zeros_like(life.remaining))]
+    for share in np.concatenate([np.linspace(0.0, 1.0, LEVELS + 1)[1:-1], [1.0, 1.5, 2.0]]):
+        level = start + float(share) * way
+        found = life if share == 1.0 else predict_life(_with_limit(indicator, level), laws, fleet)
+        if isinstance(found, Life):
+            levels.append(level)
+            lives.append(found)
+    return Course(np.array(levels), tuple(lives), sign)
+
+
+def _today(at: Vector, value: Vector, now: float) -> float:
+    """The level now, by a line that no single value decides (Theil, Sen)."""
+    first, second = np.triu_indices(len(at), 1)
+    apart = at[second] - at[first]
+    slopes = (value[second] - value[first])[apart > 0.0] / apart[apart > 0.0]
+    slope = float(np.median(slopes)) if len(slopes) else 0.0
+    return float(np.median(value + slope * (now - at)))
+
+
+def _with_limit(indicator: Indicator, level: float) -> Indicator:
+    limit = Limit(level, indicator.limit.direction, "on the way")
+    return indicator.with_(limit=limit)

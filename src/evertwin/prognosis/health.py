@@ -1,0 +1,134 @@
+"""Indicators from what is known: the parameter history, a file, the residual, a quality figure.
+
+Every ``[[indicator]]`` of the twin file becomes an `Indicator`: its series on the clock of the
+prognosis, its limit with where that comes from, its covariates and the maintenance done.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from evertwin.ahead.columns import Table, read_table
+from evertwin.config.prognosis import IndicatorSpec
+from evertwin.errors import ConfigError, DataError, nearest
+from evertwin.models import Model, Parameters
+from evertwin.prognosis.formula import Formula
+from evertwin.prognosis.history_file import of_table
+from evertwin.prognosis.laws import Indicator, Limit
+from evertwin.prognosis.laws.factors import divided
+from evertwin.prognosis.observed_series import Observed, component_of, in_unit, marks_of, warm_of
+from evertwin.prognosis.parameter_history import History
+from evertwin.signals.units import compatible
+from evertwin.types import Vector
+
+__all__ = ["check_names", "indicator_of", "series_of"]
+
+
+def check_names(rule: IndicatorSpec, model: Model, found: History) -> None:
+    """Refuses what neither the model nor the history knows: it would never have a value.
+
+    Raises:
+        ConfigError: with the nearest name.
+    """
+    tuned = dict.fromkeys((*model.parameters.names, *found.names))
+    adjusted = (*rule.covariates, *rule.factors, *(() if rule.warm_up is None else ("warm_up",)))
+    told: list[tuple[str, Sequence[str], Sequence[str]]] = [
+        ("reference", tuple(rule.reference), adjusted),
+        ("output", [] if rule.output is None else [rule.output], model.outputs.names),
+    ]
+    if rule.parameter is not None:
+        told.append(("parameter", [rule.parameter], tuple(tuned)))
+    if rule.formula is not None:
+        told.append(("formula", Formula.parse(rule.formula).names, tuple(tuned)))
+    for key, names, known in told:
+        for name in names:
+            if name not in known:
+                hint = nearest(name, known) if known else "there is no covariate and no factor"
+                raise ConfigError(f"indicator {rule.name}: {key}: no {name!r}, {hint}")
+
+
+def series_of(
+    rule: IndicatorSpec, found: History, table: Table | None, folder: Path,
+    components: Sequence[str] = (),
+) -> Observed:  # fmt: skip
+    """The series of an indicator.
+
+    Args:
+        rule: which.
+        found: the store's parameter history.
+        table: a history file in its place.
+        folder: where file names of the twin file start from.
+        components: all that the twin tells of.
+
+    Raises:
+        DataError: a column is missing.
+        ConfigError: nothing says where its values come from.
+    """
+    if rule.file is not None:
+        table = read_table(folder / rule.file)
+    if table is not None:
+        return of_table(rule, table, found.clock, found.events, components)
+    if rule.usage:
+        raise ConfigError(f"indicator {rule.name}: usage is a column of a history file: give one")
+    marks = marks_of(component_of(rule), found.events, found.clock)
+    if rule.output is not None:
+        pairs = [(m.at, m.deviation[rule.output]) for m in found.moments
+                 if rule.output in m.deviation]  # fmt: skip
+        at, value = (np.array([p[k] for p in pairs], dtype=np.float64) for k in (0, 1))
+        sigma = np.full(len(at), np.nan)
+    elif rule.formula is not None:
+        formula = Formula.parse(rule.formula)
+        at, values, sigmas = found.series(formula.names)
+        value, sigma = _through(formula, values, sigmas, len(at))
+    elif rule.parameter is not None:
+        at, values, sigmas = found.series((rule.parameter,))
+        value, sigma = values[rule.parameter], sigmas[rule.parameter]
+    else:
+        raise ConfigError(
+            f"indicator {rule.name}: expected a parameter, a formula, an output or a file"
+        )
+    adds = {name: found.beside(name, at) for name in rule.covariates}
+    multiplies = {name: found.beside(name, at) for name in rule.factors}
+    multiplies |= warm_of(rule, found.since_start(at))
+    return in_unit(rule, Observed(at, value, sigma, adds, multiplies, None, marks))
+
+
+def _through(
+    formula: Formula, values: Mapping[str, Vector], sigmas: Mapping[str, Vector], n: int
+) -> tuple[Vector, Vector]:
+    """The formula's value and standard deviation, row by row."""
+    value = np.full(n, formula(values))
+    square = np.zeros(n)
+    for name in formula.names:
+        step = 1e-6 * np.maximum(np.abs(values[name]), 1e-9)
+        slope = (formula({**values, name: values[name] + step}) - value) / step
+        square += (slope * sigmas[name]) ** 2
+    return value, np.sqrt(square)
+
+
+def indicator_of(
+    rule: IndicatorSpec, known: Observed, limit: Limit, clock: str, parameters: Parameters
+) -> Indicator:
+    """The indicator: a series with its limit.
+
+    Raises:
+        DataError: the values are in a unit of another kind.
+    """
+    unit = rule.unit
+    if not unit and rule.parameter is not None and rule.parameter in parameters.names:
+        unit = parameters[rule.parameter].unit
+    if unit and known.unit and not compatible(unit, known.unit):
+        raise DataError(
+            f"indicator {rule.name}: expected values in a unit like {unit}, got a column in one "
+            f"like {known.unit}: correct its heading, or unit in the twin file"
+        )
+    unit = unit or known.unit or "1"
+    found = Indicator.of(rule.name, unit, limit, known.at, known.value).with_(
+        sigma=known.sigma, clock=clock, covariates=dict(known.covariates), usage=known.usage,
+        maintenance=known.maintenance, reference=dict(rule.reference), notes=known.notes,
+    )  # fmt: skip
+    warm = {"warm_up": 0.0} if "warm_up" in known.factors else {}
+    return divided(found, known.factors, warm | dict(rule.reference))

@@ -1,0 +1,240 @@
+"""A history file as the series of an indicator: what people write by hand or export elsewhere.
+
+What can be read in one way only is read, with a note where that may surprise: rows that are out of
+order, a row that stands there twice, rows without a count. What can be read in two ways is refused
+with its row: two values for one moment, a standard deviation that is none, a unit of another kind.
+
+>>> from evertwin.ahead.columns import parse
+>>> table = parse(["run,wear,maintenance", "2,1.2,", "1,1.1,", "3,0.1,pump: replaced"], "h.csv")
+>>> known = of_table(IndicatorSpec("wear", component="pump", limit=3.0), table, "run")
+>>> known.value.tolist(), known.maintenance[0].at, known.notes
+([1.1, 1.2, 0.1], 3.0, ('h.csv: rows were sorted by run: row 3 is earlier than row 2',))
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from evertwin.ahead.columns import Table
+from evertwin.config.prognosis import IndicatorSpec
+from evertwin.errors import DataError, UsageError
+from evertwin.fold import Event
+from evertwin.prognosis.maintenance_marks import maintenance_of
+from evertwin.prognosis.observed_series import Observed, component_of, marks_of, warm_of
+from evertwin.prognosis.parameter_history import UNITS
+from evertwin.signals.channels import position
+from evertwin.signals.units import compatible, conversion, from_si
+from evertwin.types import Vector
+
+__all__ = ["of_table"]
+
+TIMES = ("t", "time", "date", "datetime", "timestamp")
+"""Columns of time, in order."""
+DATES = ("date", "datetime")
+"""Columns of which a plain number tells nothing."""
+
+
+class Counted(NamedTuple):
+    """When each row was, on the clock of the prognosis.
+
+    >>> Counted(np.array([1.0, 2.0]), "run").notes
+    ()
+    """
+
+    at: Vector
+    by: str
+    """The column; empty: rows were counted."""
+    notes: tuple[str, ...] = ()
+
+
+def of_table(
+    rule: IndicatorSpec, table: Table, clock: str, events: Sequence[Event] = (),
+    components: Sequence[str] = (),
+) -> Observed:  # fmt: skip
+    """The series in a history file.
+
+    Args:
+        rule: which indicator.
+        table: the file.
+        clock: what life is counted in.
+        events: maintenance that the store has kept.
+        components: all that the twin tells of, for names in the column ``maintenance``.
+
+    Raises:
+        DataError: a column is missing, or a row can be read in two ways; with its line.
+    """
+    name, value, unit = _value(rule, table)
+    counted = _counted(table, clock)
+    sigma = _sigma(table, name, rule)
+    whose = component_of(rule)
+    marks, told = maintenance_of(table, whose, counted.at, {whose, *components})
+    order = np.argsort(counted.at, kind="stable")
+    notes = (*counted.notes, *told, *_unsorted(table, counted))
+    keep, twice = _once(table, name, counted, order, value)
+    usage = None if rule.usage is None else _usage(table, rule.usage, keep)
+    warm = {} if rule.warm_up is None else warm_of(rule, table.column("since_start")[keep])
+    marks += marks_of(whose, events, clock)
+    return Observed(
+        counted.at[keep], value[keep], sigma[keep],
+        {c: table.column(c)[keep] for c in rule.covariates},
+        {c: table.column(c)[keep] for c in rule.factors} | warm,
+        usage, tuple(sorted(marks, key=lambda m: m.at)), (*notes, *twice), unit,
+    )  # fmt: skip
+
+
+def _value(rule: IndicatorSpec, table: Table) -> tuple[str, Vector, str]:
+    """The indicator's column, its values, and their unit as far as the file says it."""
+    wanted = [n for n in (rule.column, rule.name, rule.parameter) if n]
+    there = (*table.names, *table.text)
+    name = next((n for n in wanted if n in there), None)
+    if name is None:
+        try:
+            position(there, wanted[0], "column")
+        except UsageError as error:
+            raise DataError(
+                f"{table.name}: indicator {rule.name}: {error}: name it so, or name the column in "
+                "the twin file with column = …"
+            ) from error
+    name = str(name)
+    value = table.column(name)
+    unit = table.units.get(name, "")
+    if not unit or not rule.unit:
+        return name, value, unit
+    if not compatible(unit, rule.unit):
+        raise DataError(
+            f"{table.name}: {name}: expected a unit like {rule.unit}, got one like {unit}: correct "
+            "the heading, or unit in the twin file"
+        )
+    return name, np.asarray(from_si(value, rule.unit), dtype=np.float64), rule.unit
+
+
+def _counted(table: Table, clock: str) -> Counted:
+    """The column that life is counted by; time in its unit."""
+    there = (*table.names, *table.text)
+    if clock not in UNITS:
+        by = _found((clock, "run", "cycle"), there)
+        return _by_row(table, clock) if by is None else Counted(_whole(table, by), by)
+    by = _found((clock, *TIMES), there)
+    if by is None:
+        raise DataError(
+            f"{table.name}: expected a column {clock!r}, or one of {', '.join(TIMES)}, to count "
+            f"life by; got {', '.join(there)}: add one, or count runs with [prognosis] clock"
+        )
+    at = _whole(table, by)
+    return Counted(at if by == clock else at / UNITS[clock], by)
+
+
+def _found(words: tuple[str, ...], there: tuple[str, ...]) -> str | None:
+    """The first of ``words`` that is there; with capitals too, but T is no t."""
+    return next(
+        (n for word in words for n in there if word in (n, n.lower() if len(n) > 1 else n)), None
+    )
+
+
+def _by_row(table: Table, clock: str) -> Counted:
+    """One row after the other, or date after date."""
+    dates = _found(TIMES, tuple(table.dates))
+    said = f"{table.name}: no column {clock!r}: its {table.rows} rows were counted"
+    if dates is None:
+        return Counted(np.arange(1.0, table.rows + 1.0), "", (said,))
+    at = _whole(table, dates)
+    rank = np.empty(table.rows)
+    rank[np.argsort(at, kind="stable")] = np.arange(1.0, table.rows + 1.0)
+    said = f"{said} in the order of {dates}; [prognosis] clock = 'd' would count days"
+    return Counted(rank, "", (said,))
+
+
+def _whole(table: Table, name: str) -> Vector:
+    """A clock: every row has it."""
+    at = table.column(name)
+    if name in DATES and name not in table.dates:
+        raise DataError(
+            f"{table.name}:{table.lines[0]}: {name}: expected dates as in 2027-03-01, got "
+            f"{at[0]:.10g}: write it so, or name a column of seconds t"
+        )
+    if not np.isfinite(at).all():
+        line = table.lines[int(np.argmin(np.isfinite(at)))]
+        raise DataError(
+            f"{table.name}:{line}: {name}: expected when the row was, got an empty cell: fill it "
+            "in, or delete the row"
+        )
+    return at
+
+
+def _sigma(table: Table, name: str, rule: IndicatorSpec) -> Vector:
+    """Standard deviations in the unit of the values; NaN where none is known."""
+    there = (*table.names, *table.text)
+    column = next((c for c in (f"{name}.sigma", "sigma") if c in there), None)
+    if column is None:
+        return np.full(table.rows, np.nan)
+    sigma = table.column(column)
+    if (sigma <= 0.0).any():
+        k = int(np.argmax(sigma <= 0.0))
+        raise DataError(
+            f"{table.name}:{table.lines[k]}: {column}: expected a standard deviation above 0, got "
+            f"{sigma[k]:g}: leave the cell empty where it is not known"
+        )
+    if (name in table.units) != (column in table.units):
+        raise DataError(
+            f"{table.name}: expected a unit in both headings, {name} and {column}, or in none"
+        )
+    return sigma / conversion(rule.unit)[0] if rule.unit and column in table.units else sigma
+
+
+def _unsorted(table: Table, counted: Counted) -> tuple[str, ...]:
+    """A note where rows are out of order."""
+    falls = np.flatnonzero(np.diff(counted.at) < 0.0)
+    if not counted.by or not len(falls):
+        return ()
+    first, more = int(falls[0]), len(falls) - 1
+    said = f"row {table.lines[first + 1]} is earlier than row {table.lines[first]}"
+    also = f", and {more} more" if more else ""
+    return (f"{table.name}: rows were sorted by {counted.by}: {said}{also}",)
+
+
+def _once(
+    table: Table, name: str, counted: Counted, order: np.ndarray, value: Vector
+) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Rows in order, one value for each moment; a row that says the same again is left out.
+
+    Raises:
+        DataError: two values for one moment.
+    """
+    valued = order[np.isfinite(value[order])]
+    same = np.flatnonzero(np.diff(counted.at[valued]) == 0.0)
+    first, second = valued[same], valued[same + 1]
+    differ = np.flatnonzero(value[first] != value[second])
+    if len(differ):
+        i, j = int(first[differ[0]]), int(second[differ[0]])
+        more = f", and {len(differ) - 1} more such rows" if len(differ) > 1 else ""
+        raise DataError(
+            f"{table.name}:{table.lines[j]}: expected one {name} for each {counted.by}, got "
+            f"{value[j]:g}, and {value[i]:g} for the same one in row {table.lines[i]}{more}: "
+            "delete one, or write their mean"
+        )
+    again = ", ".join(str(table.lines[k]) for k in second[:5].tolist())
+    more = f" and {len(second) - 5} more" if len(second) > 5 else ""
+    note = f"{table.name}: rows that stand there twice were left out: {again}{more}"
+    return order[~np.isin(order, second)], ((note,) if len(second) else ())
+
+
+def _usage(table: Table, name: str, keep: np.ndarray) -> Vector:
+    """Work done so far; never falls.
+
+    Raises:
+        DataError: it does, or a cell is empty.
+    """
+    usage: Vector = table.column(name)[keep]
+    wrong = ~np.isfinite(usage) | (np.diff(usage, prepend=usage[:1]) < 0.0)
+    if wrong.any():
+        k = int(np.argmax(wrong))
+        raise DataError(
+            f"{table.name}:{table.lines[keep[k]]}: {name}: expected the work done so far, which "
+            f"never falls, got {usage[k]:g}"
+            + (f" after {usage[k - 1]:g}" if k else "") + ": correct the counter, or begin with "
+            "the row of the replacement"
+        )  # fmt: skip
+    return usage

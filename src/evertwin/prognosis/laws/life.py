@@ -1,0 +1,232 @@
+"""Remaining useful life: a distribution, never a bare number.
+
+`Life` holds the quantiles of the time that remains until the indicator passes its limit. A quantile
+may be infinite (the limit may never be passed), it is never negative and never NaN. Where the data
+say nothing yet the answer is `NotEnough`, with what would be enough.
+
+>>> life = Life.of("h", LEVELS, 100.0 * LEVELS)
+>>> life.median, life.interval80
+(50.0, (10.0, 90.0))
+>>> round(life.probability_before(25.0), 3)
+0.25
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from jaxtyping import Float64
+
+from evertwin.errors import UsageError
+from evertwin.prognosis.laws.workload import Workload
+
+__all__ = ["LEVELS", "Life", "NotEnough", "Onset", "first_of"]
+
+LEVELS: Float64[np.ndarray, " k"] = np.round(
+    np.concatenate([[0.001, 0.0025], np.arange(1, 200) / 200.0, [0.9975, 0.999]]), 6
+)
+"""Probabilities at which a life keeps its quantiles."""
+
+
+@dataclass(frozen=True)
+class Onset:
+    """The warning that wear has begun.
+
+    >>> Onset(120.0, 131.0, "above", 1e-4).begin
+    120.0
+    """
+
+    begin: float
+    """When wear began, as estimated, on the indicator's clock."""
+    told: float
+    """When it could be told."""
+    side: str
+    false_alarms: float
+    """False alarms per value that the test allows."""
+
+
+@dataclass(frozen=True)
+class NotEnough:
+    """The data do not say how long the component will last.
+
+    >>> NotEnough("at least 6 values").verdict
+    'not enough data'
+    """
+
+    needs: str
+    """What would be enough, in words."""
+    reason: str = ""
+    onset: Onset | None = None
+    laws: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def verdict(self) -> str:
+        """The word of the JSON document."""
+        return "not enough data"
+
+    def document(self) -> dict[str, object]:
+        """The part ``life`` of ``evertwin.life/1``."""
+        return {"verdict": self.verdict, "needs": self.needs}
+
+
+@dataclass(frozen=True)
+class Life:
+    """Quantiles of the remaining life. Build with `Life.of`.
+
+    >>> Life.of("h", [0.1, 0.9], [4.0, 8.0]).quantile(0.5)
+    6.0
+    """
+
+    unit: str
+    remaining: Float64[np.ndarray, " k"]
+    """Time from now at `LEVELS`: ≥ 0, not falling, may end in infinity."""
+    now: float = 0.0
+    """The moment of the prediction on the indicator's clock."""
+    laws: Mapping[str, float] = field(default_factory=dict)
+    """Weight of each law."""
+    onset: Onset | None = None
+    passed: float | None = None
+    """When the limit was passed, on the indicator's clock; None: not yet."""
+
+    @classmethod
+    def of(
+        cls, unit: str, levels: Sequence[float] | np.ndarray,
+        remaining: Sequence[float] | np.ndarray, now: float = 0.0,
+    ) -> Life:  # fmt: skip
+        """From quantiles at any levels; linear between them, held beyond the outermost."""
+        p, r = np.asarray(levels, dtype=np.float64), np.asarray(remaining, dtype=np.float64)
+        if p.shape != r.shape or len(p) == 0 or np.any(np.isnan(r)) or np.any(r < 0.0):
+            raise UsageError("life: expected quantiles ≥ 0 that are numbers, one per level")
+        if np.any(np.diff(p) <= 0.0) or np.any(r[1:] < r[:-1]):
+            raise UsageError("life: expected rising levels and quantiles that do not fall")
+        return cls(unit, interpolated(LEVELS, p, r), now)
+
+    def through(self, workload: Workload, unit: str) -> Life:
+        """The life as a time, where ``remaining`` is work and this much of it is planned."""
+        return replace(self, unit=unit, remaining=workload.time_of(self.remaining))
+
+    def quantile(self, p: float) -> float:
+        """Time within which life ends with probability ``p``; infinite if it may never."""
+        return float(interpolated(np.array([p]), LEVELS, self.remaining)[0])
+
+    @property
+    def median(self) -> float:
+        """As probable before as after."""
+        return self.quantile(0.5)
+
+    @property
+    def interval80(self) -> tuple[float, float]:
+        """Holds the end of life with 80 %."""
+        return self.quantile(0.1), self.quantile(0.9)
+
+    @property
+    def interval95(self) -> tuple[float, float]:
+        """Holds the end of life with 95 %."""
+        return self.quantile(0.025), self.quantile(0.975)
+
+    @property
+    def not_before(self) -> float:
+        """With 95 % life does not end before this time from now."""
+        return self.quantile(0.05)
+
+    @property
+    def law(self) -> str:
+        """The law of most weight; empty if none is known."""
+        return max(self.laws, key=lambda name: self.laws[name]) if self.laws else ""
+
+    @property
+    def bounded(self) -> bool:
+        """Whether the 95 % interval ends."""
+        return bool(np.isfinite(self.interval95[1]))
+
+    @property
+    def steepness(self) -> float:
+        """k ≥ 1: below its first quantile the distribution falls as (time)^k.
+
+        That is how the distribution of a smallest life falls (Weibull); k is taken from the first
+        two quantiles: 1 if life may end at any moment, large if it surely lasts for a while.
+        """
+        r, p = self.remaining[:2], LEVELS[:2]
+        if not r[0] > 0.0 or not np.isfinite(r[1]):
+            return 1.0
+        width = float(np.log(r[1] / r[0]))
+        return max(float(np.log(p[1] / p[0])) / width, 1.0) if width > 0.0 else float("inf")
+
+    def probability_before(self, time: float) -> float:
+        """Probability that life ends within ``time`` from now."""
+        known = np.isfinite(self.remaining)
+        r, p = self.remaining[known], LEVELS[known]
+        if time < 0.0 or len(r) == 0:
+            return 0.0
+        if time < r[0]:
+            return float(p[0] * (time / r[0]) ** self.steepness)
+        return float(p[np.searchsorted(r, time, side="right") - 1]) if time >= r[-1] else float(
+            np.interp(time, r, p)
+        )  # fmt: skip
+
+    def sample(self, n: int, rng: np.random.Generator) -> Float64[np.ndarray, " n"]:
+        """``n`` remaining lives drawn from the distribution."""
+        return interpolated(rng.random(n), LEVELS, self.remaining)
+
+    def document(self) -> dict[str, object]:
+        """The part ``life`` of ``evertwin.life/1``; infinity is null."""
+        return {
+            "median": _finite(self.median),
+            "interval80": [_finite(x) for x in self.interval80],
+            "interval95": [_finite(x) for x in self.interval95],
+            "not_before": _finite(self.not_before),
+            "unit": self.unit,
+            "passed_at": self.passed,
+        }
+
+
+def first_of(lives: Sequence[Life]) -> Life:
+    """Life of a machine that ends with the first of its components, taken as independent.
+
+    Raises `UsageError` if there is none, or if their units differ.
+
+    >>> one = Life.of("h", LEVELS, 100.0 * LEVELS)
+    >>> round(first_of([one, one]).median, 1)
+    29.3
+    """
+    units = {life.unit for life in lives}
+    if len(units) != 1:
+        raise UsageError(f"first_of: expected lives of one unit, got {sorted(units) or 'none'}")
+    nodes = np.unique(np.concatenate([life.remaining for life in lives]))
+    nodes = nodes[np.isfinite(nodes)]
+    survival = np.ones(len(nodes))
+    for life in lives:
+        survival *= 1.0 - np.array([life.probability_before(x) for x in nodes])
+    remaining = quantiles(nodes, 1.0 - survival)
+    return Life(lives[0].unit, remaining, max(life.now for life in lives))
+
+
+def quantiles(
+    nodes: Float64[np.ndarray, " m"], cdf: Float64[np.ndarray, " m"]
+) -> Float64[np.ndarray, " k"]:
+    """Quantiles at `LEVELS` of a distribution function on ``nodes``; infinite beyond its last."""
+    if len(nodes) == 0:
+        return np.full(len(LEVELS), np.inf)
+    rising = np.maximum.accumulate(np.clip(cdf, 0.0, 1.0))
+    inner = np.interp(LEVELS, rising, nodes)
+    return np.maximum.accumulate(np.where(rising[-1] >= LEVELS, np.maximum(inner, 0.0), np.inf))
+
+
+def interpolated(
+    p: Float64[np.ndarray, " n"], levels: Float64[np.ndarray, " k"],
+    values: Float64[np.ndarray, " k"],
+) -> Float64[np.ndarray, " n"]:  # fmt: skip
+    """Linear between levels; infinite as soon as the upper neighbour is."""
+    found: Float64[np.ndarray, " n"]
+    known = np.isfinite(values)
+    if not known.any():
+        return np.full(len(p), np.inf)
+    found = np.interp(p, levels[known], values[known])
+    found[p > levels[known][-1]] = np.inf if not known.all() else values[known][-1]
+    return found
+
+
+def _finite(x: float) -> float | None:
+    return x if np.isfinite(x) else None

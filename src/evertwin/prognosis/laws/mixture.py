@@ -1,0 +1,168 @@
+"""The mixture: the distribution of the remaining life over all hypotheses, each with its share.
+
+A planner looks at a component at some moment of its life, at no special one: before any data its
+life T, in ages, has the density 1/T² beyond now (the share of life that has passed is even between
+0 and 1), or that of a fleet of like machines. The flat prior of the growth b that the bank uses is
+turned into this one by the factor
+
+    ρ(T) = p(T)·|dT/db| = p(T)·G(T)²/(D·G'(T))
+
+with D the distance from the start to the limit. The no-onset hypothesis, level without growth, has
+the prior weight that the onset lies still ahead; its life is not known, so its share of the
+probability lies at infinity.
+
+>>> from evertwin.prognosis.laws.indicator import Indicator, Limit
+>>> from evertwin.prognosis.laws.hypotheses import every_look
+>>> from evertwin.prognosis.laws.scaled import scaled
+>>> rng = np.random.default_rng(0)
+>>> t = np.arange(50.0)
+>>> wear = Indicator.of("wear", "mm", Limit(1.0), t, 0.01 * t + 0.01 * rng.standard_normal(50))
+>>> problem = scaled(wear)
+>>> found = mixture(problem, every_look(problem, ("linear",), Fleet()), COARSE, uninformed)
+>>> round(found.laws["linear"], 3), bool(found.cdf[-1] > 0.99)
+(1.0, True)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float64
+from scipy.special import stdtr
+
+from evertwin.prognosis.laws import jumps
+from evertwin.prognosis.laws.bank import Posterior, without_growth
+from evertwin.prognosis.laws.fleet import Fleet
+from evertwin.prognosis.laws.hypotheses import Look
+from evertwin.prognosis.laws.passage import path, process
+from evertwin.prognosis.laws.scaled import Problem
+
+__all__ = ["COARSE", "Density", "Mixture", "density_of", "fine_nodes", "mixture", "uninformed"]
+
+COARSE: Float64[np.ndarray, " m"] = np.concatenate([[0.0], np.logspace(-4.0, 3.0, 49)])
+"""Remaining life, in ages, where the mixture is looked at first."""
+FINE = 140
+"""Nodes over the part that holds the probability."""
+TAIL = 2e-4
+
+Density = Callable[[np.ndarray], np.ndarray]
+
+
+class Mixture(NamedTuple):
+    """The distribution on nodes, and each law's share.
+
+    >>> Mixture._fields[:2]
+    ('nodes', 'cdf')
+    """
+
+    nodes: Float64[np.ndarray, " m"]
+    """Remaining life, in ages."""
+    cdf: Float64[np.ndarray, " m"]
+    share: Float64[np.ndarray, " h"]
+    """Probability of each hypothesis."""
+    laws: dict[str, float]
+    unknown: float
+    """Probability that wear has not begun."""
+    passed: float
+    """Probability that the limit is passed already."""
+
+
+def uninformed(age: np.ndarray) -> np.ndarray:
+    """1/T²: any share of the life may have passed."""
+    out: np.ndarray = 1.0 / (age * age)
+    return out
+
+
+def density_of(prior: Fleet, age: float) -> Density:
+    """Density of the life in ages now, given that it lasts until now."""
+    if not prior.knows_lives:
+        return uninformed
+    beyond = max(prior.beyond(age), 1e-12)
+    return lambda ages: prior.density(ages * age) * age / beyond
+
+
+def fine_nodes(cdf: Float64[np.ndarray, " m"]) -> Float64[np.ndarray, " fine"]:
+    """Nodes over the part of `COARSE` that holds the probability."""
+    before = int(np.flatnonzero(cdf <= TAIL)[-1])
+    after = int(np.flatnonzero(cdf >= cdf[-1] * (1.0 - TAIL))[0])
+    if after <= before:  # nearly all of it at infinity: anywhere may matter
+        before, after = 1, len(COARSE) - 1
+    low, high = COARSE[max(before, 1)], COARSE[after]
+    return np.concatenate([[0.0], np.geomspace(low, max(high, low * 1.001), FINE)])
+
+
+def mixture(
+    problem: Problem, looks: Sequence[Look], nodes: Float64[np.ndarray, " m"], density: Density
+) -> Mixture:
+    """The posterior distribution of the remaining life on ``nodes``."""
+    middle = 1.0 + 0.5 * (nodes[1:] + nodes[:-1])
+    still = no_onset(problem)
+    weight = np.concatenate([x.weight for x in looks])
+    top = max(float(weight.max(initial=-np.inf)), still)
+    mass = np.concatenate(
+        [
+            np.diff(first_passage(problem, x, nodes), axis=1)
+            * life_prior(problem, x, middle, density)
+            for x in looks
+        ]
+    )
+    scale = np.exp(weight - top)
+    part = scale[:, None] * mass
+    none = float(np.exp(still - top))
+    total = max(float(part.sum()) + none, 1e-300)
+    share = part.sum(axis=1) / total
+    labels = np.concatenate([np.full(len(x.weight), x.family.label) for x in looks])
+    laws = {str(law): float(share[labels == law].sum()) for law in dict.fromkeys(labels)}
+    ahead = np.concatenate([already(x.posterior, problem.limit) for x in looks])
+    return Mixture(
+        nodes,
+        np.concatenate([[0.0], np.cumsum(part.sum(axis=0))]) / total,
+        share,
+        laws,
+        none / total,
+        float((scale * ahead).sum() / max(float(scale.sum()), 1e-300)),
+    )
+
+
+def first_passage(
+    problem: Problem, x: Look, nodes: Float64[np.ndarray, " m"]
+) -> Float64[np.ndarray, "h m"]:
+    """P(passed within each node) per hypothesis."""
+    if x.family.law == "gamma":
+        grown, span = float(problem.y[-1] - problem.y[0]), float(problem.s[-1] - problem.s[0])
+        left = problem.limit - float(problem.y[-1])
+        return jumps.passed(x.q, grown, span, left, nodes)
+    clock = x.clocks.at(1.0 + nodes)
+    distance = clock - clock[:, :1]
+    if x.family.random:
+        return process(x.posterior, x.q, problem.limit, distance)
+    return path(x.posterior, problem.limit, distance)
+
+
+def already(posterior: Posterior, limit: float) -> np.ndarray:
+    """P(level now is beyond the limit)."""
+    spread = np.sqrt(np.maximum(posterior.cov[:, 0] * posterior.square / posterior.dof, 1e-300))
+    out: np.ndarray = stdtr(posterior.dof, (posterior.now - limit) / spread)
+    return out
+
+
+def life_prior(
+    problem: Problem, x: Look, age: Float64[np.ndarray, " m"], density: Density
+) -> Float64[np.ndarray, "h m"]:
+    """p(T)·|dT/db| at each age, the factor of the module."""
+    if x.family.law == "gamma":  # its own prior is 1/T² already
+        return np.tile(density(age) * age * age, (len(x.q), 1))
+    distance = np.maximum(problem.limit - x.posterior.level, 1e-3)[:, None]
+    clock, slope = x.clocks.at(age), x.clocks.slope(age)
+    factor = density(age) * clock * clock / (distance * np.maximum(slope, 1e-300))
+    if x.family.label == "two-phase":
+        factor = factor / age
+    out: Float64[np.ndarray, "h m"] = factor * x.family.support(x.clocks, age)
+    return out
+
+
+def no_onset(problem: Problem) -> float:
+    """Log weight of a level without growth: half of the two-phase law's prior lies ahead."""
+    return without_growth(problem.y, problem.omega, problem.fixed) + float(np.log(0.5))

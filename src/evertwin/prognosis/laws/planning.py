@@ -1,0 +1,301 @@
+"""The maintenance plan: dates of all components, chosen together, with what the operator said.
+
+Each component has a date of least cost per time of use (`evertwin.prognosis.laws.renewal`). Where a
+stop costs something whatever is done in it, components whose dates lie close are done in one stop
+(`evertwin.prognosis.laws.grouping`). What the operator said binds: a confirmed date is fixed, a
+postponed one is sought no earlier, a declined one shares no stop. Probability and cost are those of
+the date that results.
+
+>>> from evertwin.prognosis.laws.life import LEVELS
+>>> life = Life.of("h", LEVELS, 80.0 + 40.0 * LEVELS)
+>>> item = cheapest("gearbox", life, age=400.0, cost=Cost(10_000.0, 1_000.0))
+>>> 79.0 < item.after < 90.0, item.probability < 0.2
+(True, True)
+>>> parts = {name: Part(life, 400.0, Cost(10_000.0, 1_000.0)) for name in ("gearbox", "motor")}
+>>> stops = planned(parts, visit=200.0)[1]
+>>> stops[0].components, round(stops[0].saving)
+(('gearbox', 'motor'), 200)
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from evertwin.errors import UsageError
+from evertwin.prognosis.laws.grouping import Group, Member, together
+from evertwin.prognosis.laws.life import Life
+from evertwin.prognosis.laws.renewal import Cost, Renewal, Windows
+
+__all__ = ["HEADINGS", "Decision", "Part", "Plan", "PlanItem", "Stop", "cheapest", "planned"]
+
+HEADINGS = (
+    "component", "after", "unit", "window", "probability_before", "cost_rate",
+    "cost_rate_run_to_failure", "median_life", "decision", "reason", "stop", "stop_saving", "note",
+)  # fmt: skip
+LATE = 0.5
+"""A date is too late if a failure before it is likelier than this."""
+
+
+class Part(NamedTuple):
+    """A component that is planned for.
+
+    >>> Part._fields
+    ('life', 'age', 'cost')
+    """
+
+    life: Life
+    age: float
+    """Time in use so far, in the life's unit."""
+    cost: Cost
+
+
+class Decision(NamedTuple):
+    """What the operator says to a planned date.
+
+    >>> Decision("postponed", "spare part late", 40.0).until
+    40.0
+    """
+
+    verdict: Literal["open", "confirmed", "postponed", "declined"]
+    reason: str = ""
+    until: float = 0.0
+    """Not before this time from now (postponed), or at this time (confirmed); may have passed."""
+
+
+OPEN = Decision("open")
+
+
+@dataclass(frozen=True)
+class PlanItem:
+    """One component's date.
+
+    >>> PlanItem("pump", "h", 10.0, 0.01, 2.0, 3.0, 50.0).decision.verdict
+    'open'
+    """
+
+    component: str
+    unit: str
+    after: float
+    """Time from now; infinite: run to failure."""
+    probability: float
+    """That it fails before."""
+    rate: float
+    """Cost per time of use with this date, its share of the stop included; infinite where life was
+    over before any use."""
+    rate_to_failure: float
+    """Cost per time of use without any maintenance in time. What may never end is counted as
+    failing at the last quantile known, so that it may be less."""
+    median: float
+    """Of the remaining life."""
+    window: int | None = None
+    """Number of the maintenance window from now, 0 the next one."""
+    decision: Decision = OPEN
+    note: str = ""
+    """What is wrong with the date."""
+
+
+class Stop(NamedTuple):
+    """One stop of the machine, and what is done in it.
+
+    >>> Stop(20.0, ("pump",)).saving
+    0.0
+    """
+
+    after: float
+    components: tuple[str, ...]
+    window: int | None = None
+    saving: float = 0.0
+    """Cost that is saved by one stop for all, on the mean: against the best dates with a stop for
+    each."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Every component's date, the earliest first.
+
+    >>> Plan("press", "h", ()).to_csv().splitlines()[0][:15]
+    'component,after'
+    """
+
+    name: str
+    unit: str
+    items: tuple[PlanItem, ...]
+    without: Mapping[str, str] = field(default_factory=dict)
+    """Components without a date, and why."""
+    stops: tuple[Stop, ...] = ()
+    """In the order of their dates."""
+    notes: tuple[str, ...] = ()
+    """What may surprise."""
+
+    @property
+    def saving(self) -> float:
+        """What common stops save in all."""
+        return sum(stop.saving for stop in self.stops)
+
+    def to_csv(self) -> str:
+        """One line per component; an infinite date is an empty cell."""
+        out = io.StringIO()
+        writer = csv.writer(out, lineterminator="\n")
+        writer.writerow(HEADINGS)
+        numbers = {name: k for k, stop in enumerate(self.stops) for name in stop.components}
+        for one in self.items:
+            number = numbers.get(one.component)
+            saving = "" if number is None else _cell(self.stops[number].saving)
+            writer.writerow([
+                _safe(one.component), _cell(one.after), one.unit,
+                "" if one.window is None else one.window, _cell(one.probability),
+                _cell(one.rate), _cell(one.rate_to_failure), _cell(one.median),
+                one.decision.verdict, _safe(one.decision.reason),
+                "" if number is None else number + 1, saving, _safe(one.note),
+            ])  # fmt: skip
+        return out.getvalue()
+
+
+def _cell(x: float) -> str:
+    return f"{x:.6g}" if np.isfinite(x) else ""
+
+
+def _safe(text: str) -> str:
+    """A cell that a spreadsheet takes for text, not for a formula."""
+    return f"'{text}" if text[:1] in ("=", "+", "-", "@", "\t", "\r") else text
+
+
+def cheapest(
+    component: str, life: Life, age: float, cost: Cost, windows: Windows | None = None
+) -> PlanItem:
+    """The date of least cost per time of use of one component.
+
+    Args:
+        component: its name.
+        life: its remaining life.
+        age: its age so far, in the life's unit.
+        cost: of a failure and of maintenance.
+        windows: possible dates; None: any time.
+
+    Raises:
+        UsageError: a negative age or cost.
+    """
+    return planned({component: Part(life, age, cost)}, windows)[0][0]
+
+
+def planned(
+    parts: Mapping[str, Part], windows: Windows | None = None, visit: float = 0.0,
+    said: Mapping[str, Decision] | None = None,
+) -> tuple[tuple[PlanItem, ...], tuple[Stop, ...]]:  # fmt: skip
+    """Dates of several components and their stops, the earliest first.
+
+    Args:
+        parts: component → remaining life, age, cost.
+        windows: possible dates; None: any time.
+        visit: cost of one stop, whatever is done in it.
+        said: component → what the operator said.
+
+    Raises:
+        UsageError: a negative age or cost.
+    """
+    said = said or {}
+    members: dict[str, Member] = {}
+    items = []
+    for name, part in parts.items():
+        if np.isfinite(part.life.remaining[0]):
+            members[name] = _member(name, part, (windows, visit), said.get(name, OPEN))
+        else:
+            never = PlanItem(name, part.life.unit, np.inf, 0.0, 0.0, 0.0, np.inf)
+            items.append(replace(never, decision=said.get(name, OPEN)))
+    sharing = [one for name, one in members.items() if not _apart(said.get(name, OPEN))]
+    apart = [one for name, one in members.items() if _apart(said.get(name, OPEN))]
+    groups = together(sharing, windows, visit)
+    lonely = tuple(group for one in apart for group in together((one,), windows, visit))
+    for group in (*groups, *lonely):
+        for name in group.names:
+            share = _share(group, name, members, visit)
+            decision = said.get(name, OPEN)
+            items.append(_item(members[name], parts[name], group.after, share, windows, decision))
+    stops = tuple(
+        Stop(group.after, group.names, _window(windows, group.after), group.saving)
+        for group in groups if np.isfinite(group.after)
+    )  # fmt: skip
+    return tuple(sorted(items, key=lambda one: (one.after, one.component))), stops
+
+
+def _apart(decision: Decision) -> bool:
+    return decision.verdict == "declined"
+
+
+def _member(
+    name: str, part: Part, stop: tuple[Windows | None, float], decision: Decision
+) -> Member:
+    windows, visit = stop
+    try:
+        paid = Cost(part.cost.failure, part.cost.maintenance + visit)
+        renewal = Renewal.of(part.life, part.age, paid)
+    except UsageError as error:
+        raise UsageError(f"plan of {name}: {error}") from error
+    own, rate = renewal.best(windows)
+    earliest, exact = 0.0, None
+    if decision.verdict == "postponed":
+        earliest = max(decision.until, 0.0)
+    if decision.verdict == "confirmed":
+        exact = max(decision.until, 0.0)
+    elif renewal.over and earliest <= own:
+        exact = own  # nothing is gained by waiting
+    if decision.verdict == "postponed" and not np.isfinite(own) and earliest > 0.0:
+        own = earliest if windows is None else float(windows.near(np.array([earliest]))[-1])
+    return Member(name, renewal, own, rate, earliest, exact)
+
+
+def _share(group: Group, name: str, members: Mapping[str, Member], visit: float) -> float:
+    """A component's share of the cost of its stop, if it lasts until then."""
+    if visit == 0.0 or not np.isfinite(group.after):
+        return 0.0
+    at = np.array([group.after])
+    failed = {n: float(members[n].renewal.failure(at)[0]) for n in group.names}
+    lasting = sum(1.0 - p for p in failed.values())
+    return visit * (1.0 - float(np.prod([*failed.values()]))) / lasting if lasting > 0.0 else 0.0
+
+
+def _item(
+    member: Member, part: Part, after: float, share: float, windows: Windows | None,
+    decision: Decision,
+) -> PlanItem:  # fmt: skip
+    renewal = member.renewal
+    rate = renewal.to_failure
+    if np.isfinite(after):
+        paid = Cost(part.cost.failure, part.cost.maintenance + share)
+        rate = float(replace(renewal, cost=paid).rate(np.array([after]))[0])
+    return PlanItem(
+        member.name, part.life.unit, after, renewal.probability(after), rate, renewal.to_failure,
+        part.life.median, _window(windows, after), decision,
+        _note(renewal, after, windows, part.life, decision),
+    )  # fmt: skip
+
+
+def _window(windows: Windows | None, after: float) -> int | None:
+    return None if windows is None or not np.isfinite(after) else windows.number(after)
+
+
+def _note(
+    renewal: Renewal, after: float, windows: Windows | None, life: Life, decision: Decision
+) -> str:
+    unit = life.unit
+    if decision.verdict == "confirmed" and decision.until < 0.0:
+        return f"the confirmed date passed {-decision.until:.4g} {unit} ago"
+    if renewal.over:
+        return "its life is over"
+    chance = renewal.probability(after)
+    if decision.verdict in ("confirmed", "postponed") and chance > LATE:
+        return f"a failure before the {decision.verdict} date is likely ({chance:.0%})"
+    free = renewal.best()[0]
+    late = not np.isfinite(after) or chance > LATE
+    if windows is not None and np.isfinite(free) and late and windows.first > free:
+        return (
+            f"no window comes in time: the first is in {windows.first:.4g} {unit}, half the lives "
+            f"end within {life.median:.4g}; at any time it would be after {free:.4g} {unit}"
+        )
+    return ""

@@ -1,0 +1,235 @@
+"""From an indicator to numbers of order one: age 1 is now, distance 1 is the limit.
+
+Only the current life counts, absent values are dropped, and long series are averaged over blocks. A
+value that stands apart from the line through its neighbours (an outlier, a capacity that recovered
+for a few cycles) keeps little weight: its variance is multiplied by (|z|/3)⁴ where its distance z,
+in robust standard deviations, exceeds 3.
+
+>>> from evertwin.prognosis.laws.indicator import Limit
+>>> wear = Indicator.of("wear", "mm", Limit(2.0), np.arange(11.0), np.linspace(0.0, 1.0, 11))
+>>> problem = scaled(wear)
+>>> float(problem.s[-1]), round(problem.limit, 3)
+(1.0, 1.0)
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float64
+from numba import njit
+
+from evertwin.prognosis.laws.indicator import Indicator
+
+__all__ = ["LEAST", "MOST", "Problem", "scaled"]
+
+LEAST = 6
+"""Values at different times that a prediction needs."""
+MOST = 384
+"""Values that are kept; a longer series is averaged over blocks."""
+TINY = 1e-150
+"""Distances below this are none: their square vanishes in double precision."""
+REACH = 3
+"""Neighbours on each side with which a value is compared."""
+APART = 3.0
+"""Robust standard deviations from which a value loses weight."""
+TAUS = 40
+"""Time constants of warm-up that are tried."""
+ROUNDS = 3
+"""Rounds in which level and warm-up are told apart."""
+LEVEL = 15
+"""Values over which the level is taken that warm-up multiplies."""
+
+
+class Problem(NamedTuple):
+    """The scaled series of the current life.
+
+    >>> Problem._fields[:3]
+    ('y', 's', 'omega')
+    """
+
+    y: Float64[np.ndarray, " n"]
+    """Values, growing towards the limit, in distances from the median value to it."""
+    s: Float64[np.ndarray, " n"]
+    """Ages, now = 1."""
+    omega: Float64[np.ndarray, " n"]
+    """Relative variance of each value's noise."""
+    fixed: Float64[np.ndarray, "n k"]
+    """Columns: constant, shifts at adjustments, covariates."""
+    base: Float64[np.ndarray, " k"]
+    """The columns under which the limit holds."""
+    limit: float
+    age: float
+    """Age now on the law's own clock (usage if there is any)."""
+    now: float
+    scale: float
+    """Indicator's units per distance."""
+
+
+def scaled(indicator: Indicator, most: int = MOST) -> Problem | str:
+    """The problem with at most ``most`` values (0: all), or what is missing, in words."""
+    life = indicator.since_replaced()
+    clock = life.at if life.usage is None else life.usage
+    good = np.isfinite(life.value)
+    for array in (*life.covariates.values(), life.since_start):
+        good &= True if array is None else np.isfinite(array)
+    different = len(np.unique(clock[good]))
+    if different < LEAST:
+        return (
+            f"at least {LEAST} values at different times since the component was new or replaced, "
+            f"{LEAST - different} more than there are"
+        )
+    origin = clock[good][0] if life.origin is None or life.usage is not None else life.origin
+    age = float(clock[-1] - origin)
+    raw = life.limit.sign * life.value[good]
+    limit = life.limit.sign * life.limit.value
+    middle = float(np.median(raw))
+    scale = max(abs(limit - middle), float(np.median(np.abs(raw - middle))), 1e-12 * abs(limit))
+    scale = scale if scale > TINY else 1.0
+    y = np.clip((raw - middle) / scale, -1e6, 1e6)
+    s = (clock[good] - origin) / age
+    omega = noise(life.sigma[good]) * apart(y)
+    fixed, base = columns(life, good)
+    problem = Problem(
+        y, s, omega, fixed, base, (limit - middle) / scale, age, float(life.at[-1]), scale
+    )
+    return thinned(problem, most) if 0 < most < len(y) else problem
+
+
+def noise(sigma: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
+    """Variances relative to their median; 1 where none is known."""
+    known = np.isfinite(sigma) & (sigma > 0.0)
+    if not known.any():
+        return np.ones(len(sigma))
+    share: np.ndarray = np.clip(sigma / np.median(sigma[known]), 1e-2, 1e4) ** 2
+    return np.where(known, share, 1.0)
+
+
+def apart(y: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
+    """Factor on the variance of values that stand apart from their neighbours."""
+    rest = np.empty(len(y))
+    neighbours(y, REACH, rest)
+    size = np.abs(rest)
+    scale = 1.4826 * np.median(size)
+    if scale <= 1e-9 * max(size.max(), 1e-300):
+        scale = float(size.mean())
+    if scale == 0.0:
+        return np.ones(len(y))
+    out: np.ndarray = np.minimum(np.maximum(size / scale / APART, 1.0) ** 4, 1e12)
+    return out
+
+
+def noise_of(y: Float64[np.ndarray, " n"]) -> float:
+    """Standard deviation of the values around their neighbours, outliers apart."""
+    rest = np.empty(len(y))
+    neighbours(y, REACH, rest)
+    # The median of six neighbours scatters as well, with about a quarter of one value's variance.
+    return float(1.4826 * np.median(np.abs(rest)) / np.sqrt(1.25))
+
+
+@njit(cache=True)
+def neighbours(y: Any, reach: int, rest: Any) -> None:
+    """Each value less the median of its neighbours, moved along their median step."""
+    n = len(y)
+    for i in range(n):
+        start, stop = max(0, i - reach), min(n, i + reach + 1)
+        start, stop = max(0, min(start, n - 2 * reach - 1)), min(n, max(stop, 2 * reach + 1))
+        steps = np.empty(stop - start - 1)
+        for j in range(start, stop - 1):
+            steps[j - start] = y[j + 1] - y[j]
+        step = np.median(steps)
+        others = np.empty(stop - start - 1)
+        at = 0
+        for j in range(start, stop):
+            if j != i:
+                others[at] = y[j] - step * (j - i)
+                at += 1
+        rest[i] = y[i] - np.median(others)
+
+
+def columns(life: Indicator, good: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(fixed columns, base): covariates are centred where the limit holds."""
+    names = list(life.covariates)
+    fixed, base = [np.ones(int(good.sum()))], [1.0]
+    for mark in life.maintenance:
+        if mark.kind == "adjusted":
+            fixed.append((life.at[good] >= mark.at).astype(np.float64))
+            base.append(1.0)
+    for name in names:
+        x = life.covariates[name][good]
+        centre = life.reference.get(name, float(np.median(x)))
+        spread = float(np.std(x))
+        fixed.append((x - centre) / spread if spread > 0.0 else np.zeros(len(x)))
+        base.append(0.0)
+    if life.since_start is not None:
+        warm = warm_up(life.value[good], life.since_start[good], np.stack(fixed, axis=1))
+        fixed += list(warm.T)
+        base += [0.0, 0.0]
+    return np.stack(fixed, axis=1), np.array(base)
+
+
+def warm_up(
+    value: Float64[np.ndarray, " n"], since: Float64[np.ndarray, " n"],
+    fixed: Float64[np.ndarray, "n k"],
+) -> Float64[np.ndarray, "n 2"]:  # fmt: skip
+    """The column level·e^(−t/τ): warm-up multiplies what is there, friction above all.
+
+    A second column is its derivative to log τ: the data may move τ a little, and what they do not
+    know of it widens the life.
+
+    The level is a median over neighbours once the warm-up found so far is divided out; τ is that of
+    `TAUS` even steps (in the logarithm) between the shortest and the longest time since start under
+    which values deviate least from a bent line.
+    """
+    n, some = len(value), since[since > 0.0]
+    if not len(some):
+        return np.zeros((n, 2))
+    longest = float(some.max())
+    taus = np.geomspace(max(float(some.min()), 1e-3 * longest), longest, TAUS)
+    cold = np.exp(-np.maximum(since, 0.0) / taus[:, None])
+    order = np.linspace(-1.0, 1.0, n)
+    level, pair = np.ones(n), np.zeros((n, 2))
+    for _ in range(ROUNDS):
+        best, share = np.inf, np.zeros(n)
+        for tau, shape in zip(taus, cold):
+            x = np.column_stack([fixed, order, order * order, level * shape])
+            effect = np.linalg.lstsq(x, value, rcond=None)[0]
+            off = float(np.abs(value - x @ effect).sum())
+            if off < best:
+                best, share = off, effect[-1] * shape
+                pair = level[:, None] * np.stack([shape, shape * since / tau], axis=1)
+        level = level_of(value, share)
+    spread = pair.std(axis=0)
+    return pair / np.where(spread > 0.0, spread, np.inf)
+
+
+def level_of(
+    value: Float64[np.ndarray, " n"], share: Float64[np.ndarray, " n"]
+) -> Float64[np.ndarray, " n"]:
+    """The level without warm-up over neighbours, in its median; 1 where it changes its sign."""
+    middle = float(np.median(value))
+    if abs(middle) <= 1e-9 * float(np.abs(value).max()):
+        return np.ones(len(value))
+    warm = value / np.maximum(1.0 + share / middle, 0.2)
+    half = LEVEL // 2
+    level = np.array([np.median(warm[max(0, i - half) : i + half + 1]) for i in range(len(warm))])
+    level /= middle
+    return level if np.all(level > 0.0) else np.ones(len(value))
+
+
+def thinned(problem: Problem, most: int) -> Problem:
+    """Averages over blocks, weighted, so that at most ``most`` values remain."""
+    n = len(problem.y)
+    edges = np.unique(np.linspace(0, n, most + 1).astype(np.int64))[:-1]
+    weight = 1.0 / problem.omega
+    total = np.add.reduceat(weight, edges)
+
+    def mean(x: np.ndarray) -> np.ndarray:
+        out: np.ndarray = np.add.reduceat(x * weight, edges) / total
+        return out
+
+    fixed = np.stack([mean(column) for column in problem.fixed.T], axis=1)
+    return problem._replace(
+        y=mean(problem.y), s=mean(problem.s), omega=n / most / total, fixed=fixed
+    )

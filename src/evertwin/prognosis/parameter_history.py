@@ -1,0 +1,226 @@
+"""The parameter history as series on one clock: what the store has kept of every fit.
+
+A run of the twin counts its tasks and its time from zero, so runs are joined: where the count does
+not rise a new run has begun, and goes on after the last. Stamps are taken as they are where they
+rise with the time in tasks; recordings that each begin at zero are counted by the time in tasks.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from evertwin.errors import ConfigError
+from evertwin.fold import Answer, Event
+from evertwin.prognosis.labels import Label, labels, notes, standing
+from evertwin.store import Estimate, Store
+from evertwin.types import Vector
+
+__all__ = ["History", "Moment", "dated", "history", "unit_seconds"]
+
+UNITS = {"s": 1.0, "h": 3600.0, "d": 86400.0}
+BETWEEN = 0.5
+"""A mark set after run n stands at n + ½."""
+
+
+def unit_seconds(clock: str) -> float:
+    """Seconds in a unit of a clock of time."""
+    return UNITS[clock]
+
+
+@dataclass(frozen=True)
+class Moment:
+    """One fit: when it was, what it found, and how far the outputs had been off before.
+
+    >>> Moment(1.0, {"Fc": (12.0, 0.1)}, {}).found["Fc"][0]
+    12.0
+    """
+
+    at: float
+    """On the clock."""
+    found: Mapping[str, tuple[float, float]]
+    """Parameter → value and standard deviation (NaN: not known); only what could be told."""
+    deviation: Mapping[str, float]
+    """Output → rms(residual) / rms(measured) before the fit."""
+    since_start: float = 0.0
+    """Time in the run [s]."""
+
+
+@dataclass(frozen=True)
+class History:
+    """Every fit that a store has kept, on one clock.
+
+    >>> History((), "run", ()).now
+    0.0
+    """
+
+    moments: tuple[Moment, ...]
+    clock: str
+    events: tuple[Event, ...]
+    """Maintenance and decisions that count, in order."""
+    labels: tuple[Label, ...] = ()
+    """All that was ever said or done."""
+    stamp: int = 0
+    """Of the newest fit [ns]."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Every parameter that was ever tuned."""
+        return tuple(dict.fromkeys(name for moment in self.moments for name in moment.found))
+
+    @property
+    def now(self) -> float:
+        """The newest moment."""
+        return self.moments[-1].at if self.moments else 0.0
+
+    @property
+    def after(self) -> float:
+        """Where a mark stands that is set now: after the newest moment, before the next one."""
+        return self.now + self.between
+
+    @property
+    def counts(self) -> bool:
+        """Does the clock count tasks, and not time?"""
+        return self.clock not in UNITS
+
+    @property
+    def between(self) -> float:
+        """From a value to a mark that is set after it."""
+        return BETWEEN if self.counts else 1e-3
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """On labels that do not count."""
+        return notes(self.labels, self.clock)
+
+    def series(self, names: Sequence[str]) -> tuple[Vector, dict[str, Vector], dict[str, Vector]]:
+        """Times at which all ``names`` are known, their newest values and standard deviations."""
+        at, values, sigmas = [], [], []
+        newest: dict[str, tuple[float, float]] = {}
+        for moment in self.moments:
+            newest |= {n: moment.found[n] for n in names if n in moment.found}
+            if len(newest) == len(names) and any(n in moment.found for n in names):
+                at.append(moment.at)
+                values.append([newest[n][0] for n in names])
+                sigmas.append([newest[n][1] for n in names])
+        v = np.array(values, dtype=np.float64).reshape(len(at), len(names))
+        s = np.array(sigmas, dtype=np.float64).reshape(len(at), len(names))
+        return (
+            np.array(at, dtype=np.float64), {n: v[:, k] for k, n in enumerate(names)},
+            {n: s[:, k] for k, n in enumerate(names)},
+        )  # fmt: skip
+
+    def beside(self, name: str, at: Vector) -> Vector:
+        """The newest value of another parameter at each of some moments; NaN before its first.
+
+        Raises:
+            ConfigError: it was never tuned.
+        """
+        times, values, _ = self.series((name,))
+        if not len(times):
+            raise ConfigError(
+                f"covariate {name!r}: expected a tuned parameter, or a column of a history file"
+            )
+        place = np.searchsorted(times, at, side="right") - 1
+        return np.where(place >= 0, values[name][np.maximum(place, 0)], np.nan)
+
+    def since_start(self, at: Vector) -> Vector:
+        """Time in the run at each of some moments [s]."""
+        known = {moment.at: moment.since_start for moment in self.moments}
+        return np.array([known[x] for x in at.tolist()], dtype=np.float64)
+
+
+def history(store: Store, clock: str) -> History:
+    """What the store has kept, on ``clock`` (run, cycle, s, h or d)."""
+    fits = [r for r in store.read("estimate") if isinstance(r, Estimate)]
+    deviations = _deviations(store)
+    groups = _groups(fits)
+    at = _clock([group[0] for group in groups], clock)
+    moments = tuple(
+        Moment(moment, _found(group), deviations.get(_key(group[0]), {}), group[0].elapsed * 1e-9)
+        for moment, group in zip(at, groups, strict=True)
+    )
+    said = labels([e for e in store.read("event") if isinstance(e, Event)], clock)
+    stamp = fits[-1].time if fits else 0
+    return History(moments, clock, standing(said), said, stamp)
+
+
+def dated(store: Store) -> bool:
+    """Do the stamps of the recordings rise from run to run, so that they tell the date?"""
+    fits = [r for r in store.read("estimate") if isinstance(r, Estimate)]
+    return _stamps_rise([group[0] for group in _groups(fits)])
+
+
+def _key(one: Estimate) -> tuple[int, int, int, int]:
+    return one.row, one.time, one.task, one.elapsed
+
+
+def _groups(fits: Iterable[Estimate]) -> list[list[Estimate]]:
+    """Estimates of one fit together, in the order of the log."""
+    groups: list[list[Estimate]] = []
+    for one in fits:
+        same = groups and _key(groups[-1][0]) == _key(one)
+        if same and one.name not in {other.name for other in groups[-1]}:
+            groups[-1].append(one)
+        else:
+            groups.append([one])
+    return groups
+
+
+def _found(group: Sequence[Estimate]) -> dict[str, tuple[float, float]]:
+    found = {}
+    for one in group:
+        if one.verdict == "not":
+            continue  # its value is what was assumed before
+        half = (one.high - one.low) / (2 * 1.96)
+        found[one.name] = (one.value, half if np.isfinite(half) and half > 0 else np.nan)
+    return found
+
+
+def _deviations(store: Store) -> dict[tuple[int, int, int, int], dict[str, float]]:
+    """Deviation of each output before each fit, by the fit's time, task and time in tasks."""
+    found: dict[tuple[int, int, int, int], dict[str, float]] = {}
+    rows = iter(r for r in store.read("estimate") if isinstance(r, Estimate))
+    keys = [_key(group[0]) for group in _groups(rows)]
+    answers = [r.content for r in store.read("answer") if isinstance(r, Answer)]
+    fits: list[Any] = [content for content in answers if content.get("fit")]
+    for key, content in zip(keys, fits, strict=False):
+        outputs = content["fit"].get("outputs", {})
+        shares = {name: item.get("deviation_before") for name, item in outputs.items()}
+        found[key] = {name: float(v) for name, v in shares.items() if v is not None}
+    return found
+
+
+def _clock(fits: Sequence[Estimate], clock: str) -> list[float]:
+    """When each fit was; never falls."""
+    at: list[float] = []
+    stamped = clock in UNITS and _stamps_rise(fits)
+    begun, last = 0.0, 0.0
+    before: Estimate | None = None
+    for one in fits:
+        if before is not None and (one.elapsed, one.row) <= (before.elapsed, before.row):
+            begun = last  # a new run counts from zero
+        if clock not in UNITS:
+            now = max(begun, float(one.tasks_before)) + one.task + 1.0
+        elif stamped:
+            now = one.time * 1e-9 / UNITS[clock]
+        else:
+            passed = one.elapsed_before * 1e-9 / UNITS[clock]
+            now = max(begun, passed) + one.elapsed * 1e-9 / UNITS[clock]
+        last = max(now, last)
+        at.append(last)
+        before = one
+    return at
+
+
+def _stamps_rise(fits: Sequence[Estimate]) -> bool:
+    """Do stamps rise at least as fast as the time in tasks? Else they begin anew with each."""
+    for a, b in itertools.pairwise(fits):
+        needed = max(b.elapsed_before + b.elapsed - a.elapsed_before - a.elapsed, 0)
+        if b.time - a.time < 0.99 * needed or b.time < a.time:
+            return False
+    return bool(fits) and all(one.time > 0 for one in fits)

@@ -1,0 +1,241 @@
+"""The lives of a machine's components, from the parameter history to dates and alarms.
+
+Each ``[[indicator]]`` gets its series, its limit and its life. Where several tell of one component
+the most urgent stands for it. The machine lasts as long as the first of its critical components.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from evertwin.ahead.basis import Basis
+from evertwin.ahead.columns import Table, read_table
+from evertwin.ahead.whatif import Today, today
+from evertwin.config.prognosis import IndicatorSpec, PrognosisSpec
+from evertwin.errors import ConfigError
+from evertwin.loop.feed import Data
+from evertwin.prognosis.component import ComponentLife, said
+from evertwin.prognosis.course import Course, course
+from evertwin.prognosis.from_now import seen, unless_overdue
+from evertwin.prognosis.health import check_names, indicator_of, series_of
+from evertwin.prognosis.history_file import of_table
+from evertwin.prognosis.laws import (
+    Fleet,
+    Indicator,
+    Life,
+    Limit,
+    NotEnough,
+    first_of,
+    learn,
+    predict_life,
+)
+from evertwin.prognosis.laws.alarms import alarm_of
+from evertwin.prognosis.laws.families import LAWS
+from evertwin.prognosis.limits import accuracy_limit, breakdown_limits, limit_of
+from evertwin.prognosis.lives import Lives
+from evertwin.prognosis.observed_series import Observed, component_of
+from evertwin.prognosis.parameter_history import History, history
+from evertwin.prognosis.wear import wears
+from evertwin.prognosis.workplan import Plan, past_cycles, plan_of, workload
+from evertwin.signals.units import to_si
+
+__all__ = ["Prospect"]
+
+UNKEPT = (
+    "the twin file names no store, so that no run is remembered: set [store] path, run the twin, "
+    "and ask again; or give --history"
+)
+
+
+@dataclass(frozen=True)
+class Prospect:
+    """Everything that lives are told from.
+
+    >>> Prospect.__name__
+    'Prospect'
+    """
+
+    basis: Basis
+    data: Data = None
+    """Recordings, for what needs the newest task."""
+    table: Table | None = None
+    """A history file in place of the store's."""
+
+    @property
+    def rule(self) -> PrognosisSpec:
+        """The section ``[prognosis]``."""
+        return self.basis.setup.spec.prognosis
+
+    @property
+    def folder(self) -> Path:
+        """Where file names start from."""
+        return Path(self.basis.setup.spec.folder)
+
+    @cached_property
+    def history(self) -> History:
+        """The store's."""
+        return history(self.basis.store, self.rule.clock)
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Every component that an indicator tells of."""
+        return tuple(component_of(rule) for rule in self.basis.setup.spec.indicator)
+
+    @cached_property
+    def today(self) -> Today:
+        """The newest recorded task."""
+        return today(self.basis, self.data)
+
+    @cached_property
+    def planned(self) -> Plan:
+        """The work ahead, ready to be simulated."""
+        return plan_of(self.basis, self.today, self.basis.setup.spec.work)
+
+    @cached_property
+    def broken_down(self) -> dict[str, Limit]:
+        """Limits of the breakdown file."""
+        name = self.rule.breakdown
+        return {} if name is None else breakdown_limits(self.folder / name)
+
+    def indicator(self, rule: IndicatorSpec) -> Indicator:
+        """An indicator with its limit.
+
+        Raises:
+            ConfigError: nothing says where its life ends, or it names what is not known.
+            DataError: its history cannot be read.
+        """
+        if self.table is None:
+            check_names(rule, self.basis.model, self.history)
+        known = series_of(rule, self.history, self.table, self.folder, self.parts)
+        limit = limit_of(rule, self.broken_down, self._felt(rule, known))
+        parameters = self.basis.model.parameters
+        found = indicator_of(rule, known, limit, self.rule.clock, parameters)
+        kept = self.table is not None or rule.file or self.history.moments
+        if kept or self.basis.setup.spec.store.path is not None:
+            return found
+        return found.with_(notes=(*found.notes, UNKEPT))
+
+    @property
+    def now(self) -> float:
+        """The moment that all lives are counted from."""
+        return max((float(one.at[-1]) for one in self.series if len(one.at)), default=0.0)
+
+    def _felt(self, rule: IndicatorSpec, known: Observed) -> float | None:
+        if rule.accuracy is None or rule.limit is not None or rule.parameter is None:
+            return None
+        first = [to_si(x, rule.unit) if rule.unit else x for x in known.value[:1].tolist()]
+        new = first[0] if first else self.basis.setup.model.parameters[rule.parameter].value
+        case = self.today.case
+        return accuracy_limit(case.model, case.p, case.future, rule, new)
+
+    def fleet(self, rule: IndicatorSpec, limit: Limit) -> Fleet | None:
+        """What like machines tell of an indicator; None without any."""
+        if not self.rule.fleet:
+            return None
+        parameters = self.basis.model.parameters
+        lived = [
+            indicator_of(
+                rule,
+                of_table(rule, read_table(self.folder / name), self.rule.clock, (), self.parts),
+                limit, self.rule.clock, parameters,
+            )
+            for name in self.rule.fleet
+        ]  # fmt: skip
+        return learn(lived, rule.laws or LAWS)
+
+    @cached_property
+    def series(self) -> tuple[Indicator, ...]:
+        """Every indicator, each seen from the same moment: the newest that any of them knows."""
+        found = [self.indicator(rule) for rule in self.basis.setup.spec.indicator]
+        newest = [float(one.at[-1]) for one in found if len(one.at)]
+        now = max([*newest, 0.0 if self.table is not None else self.history.now])
+        return tuple(seen(one, now) for one in found)
+
+    def life(self, rule: IndicatorSpec, *, drawn: bool = False) -> ComponentLife:
+        """The life that one indicator tells; ``drawn``: with its course."""
+        indicator = self.series[self.basis.setup.spec.indicator.index(rule)]
+        laws, fleet = rule.laws or LAWS, self.fleet(rule, indicator.limit)
+        before = life = unless_overdue(indicator, predict_life(indicator, laws, fleet))
+        formula = wears(rule, self.basis.model)
+        way, alone, work = None, dict[str, Course](), None
+        if drawn and isinstance(life, Life):
+            way = course(indicator, life, laws, fleet)
+            alone = self._alone(indicator, life)
+        if self.basis.setup.spec.work and isinstance(life, Life):
+            work = workload(formula, self.planned, past_cycles(self.rule, indicator))
+            life = life.through(work, life.unit)
+            way = None if way is None else way.through(work)
+            alone = {law: one.through(work) for law, one in alone.items()}
+        return ComponentLife(
+            component_of(rule), rule, indicator, life, before, formula, work, way, alone
+        )
+
+    def _alone(self, indicator: Indicator, life: Life) -> dict[str, Course]:
+        """The courses of the laws of most weight, each taken for certain."""
+        first = sorted(life.laws, key=lambda law: -life.laws[law])[:3]
+        found = {}
+        for law in first:
+            own = predict_life(indicator, (law,))
+            way = course(indicator, own, (law,), None) if isinstance(own, Life) else None
+            if way is not None:
+                found[law] = way
+        return found
+
+    def lives(self, *, drawn: bool = False) -> Lives:
+        """All components.
+
+        Raises:
+            ConfigError: the twin file names no indicator.
+        """
+        spec = self.basis.setup.spec
+        if not spec.indicator:
+            raise ConfigError(
+                f"{spec.name}: expected an [[indicator]] in the twin file: it says what tells wear "
+                "and where life ends"
+            )
+        every = tuple(self.life(rule, drawn=drawn) for rule in spec.indicator)
+        components: dict[str, ComponentLife] = {}
+        for one in every:
+            old = components.get(one.component)
+            if old is None or one.urgency < old.urgency:
+                components[one.component] = one
+        due = (
+            alarm_of(name, one.indicator, one.life, self.rule.ahead, self.rule.risk)
+            for name, one in components.items()
+        )
+        return Lives(
+            spec.name, self.rule.clock, components, self._machine(components),
+            tuple(alarm for alarm in due if alarm is not None), dates=self.dates,
+            indicators=every, left_out=self.history.notes, now=self.now,
+        )  # fmt: skip
+
+    @property
+    def dates(self) -> tuple[float, ...]:
+        """Times from now at which probabilities are told: windows, else the time ahead."""
+        rule = self.rule
+        if rule.windows is None:
+            return (rule.ahead,)
+        dates = (rule.window + k * rule.windows for k in range(5))
+        return tuple(date for date in dates if date > 0.0)[:4]
+
+    def _machine(self, components: Mapping[str, ComponentLife]) -> Life | NotEnough | None:
+        costs = self.rule.components
+        unknown = set(costs) - {component_of(rule) for rule in self.basis.setup.spec.indicator}
+        if unknown:
+            raise ConfigError(
+                f"[prognosis.components]: no [[indicator]] tells of {', '.join(sorted(unknown))}"
+            )
+        critical = {
+            name: one.life
+            for name, one in components.items()
+            if name not in costs or costs[name].critical
+        }
+        known = [life for life in critical.values() if isinstance(life, Life)]
+        unknown_lives = [name for name, life in critical.items() if isinstance(life, NotEnough)]
+        if not unknown_lives:
+            return first_of(known) if known else None
+        bound = f"the others last {said(first_of(known))}" if known else ""
+        return NotEnough(f"the life of {', '.join(unknown_lives)}", bound)

@@ -1,0 +1,59 @@
+"""Reports: each is one self-contained HTML file. Pictures are inside, nothing is loaded."""
+
+from __future__ import annotations
+
+import base64
+import io
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, select_autoescape
+from matplotlib.figure import Figure
+
+from evertwin.errors import UsageError
+from evertwin.files import write_whole
+
+__all__ = ["encoded", "shown", "write_page"]
+
+
+def write_page(template: str, path: Path, content: Mapping[str, Any]) -> None:
+    """Renders a template of ``report/templates`` into a file.
+
+    Raises:
+        UsageError: the file cannot be written, or is there and no page.
+    """
+    if path.is_file() and path.read_bytes()[:14].lower() not in (b"", b"<!doctype html"):
+        raise UsageError(f"{path}: is there and is no report: choose another name, or delete it")
+    environment = Environment(
+        loader=PackageLoader("evertwin.report", "templates"), autoescape=select_autoescape()
+    )
+    environment.filters["shown"] = shown
+    page = environment.get_template(template).render(content)
+    write_whole(path, page)
+
+
+def shown(value: Any) -> str:
+    """A figure as a person reads it.
+
+    >>> shown(0.12345678), shown(1.9e7), shown([]), shown(None), shown("x"), shown(30)
+    ('0.1235', '1.9e+07', 'none', '-', 'x', '30')
+    """
+    if value is None:
+        return "-"
+    if isinstance(value, bool | str | int):
+        return str(value)
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key} {shown(item)}" for key, item in value.items()) or "none"
+    return ", ".join(shown(item) for item in value) or "none"
+
+
+def encoded(figure: Figure) -> str:
+    """The figure as a data address; small figures stay sharp, tall ones small."""
+    buffer = io.BytesIO()
+    tall = float(figure.get_figheight())
+    figure.savefig(buffer, format="png", dpi=min(120.0, 120.0 * math.sqrt(8.0 / max(tall, 8.0))))
+    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")

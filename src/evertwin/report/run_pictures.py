@@ -1,0 +1,169 @@
+"""Pictures of results, with Matplotlib. Nothing here opens a window: figures are returned.
+
+Colours are those of Okabe and Ito, which colour-blind readers can tell apart; a mark or a dash says
+the same as the colour.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from evertwin.types import Vector
+
+if TYPE_CHECKING:
+    from evertwin.loop.result import RunResult
+
+__all__ = ["draw_deviation", "draw_intervals", "draw_rounds", "draw_run", "draw_table"]
+
+MEASURED, PREDICTED, UPDATE, BAND = "#000000", "#0072B2", "#D55E00", "#56B4E9"
+
+
+def _figure(rows: int = 1, height: float = 2.2) -> tuple[Figure, Any]:
+    figure = Figure(figsize=(9.0, height * rows), layout="constrained")
+    return figure, figure.subplots(rows, 1, squeeze=False)[:, 0]
+
+
+def _legend(axis: Any) -> None:
+    """Above the axes, where it covers nothing."""
+    axis.legend(
+        loc="lower left", bbox_to_anchor=(0.0, 1.0), fontsize=8, ncols=6, frameon=False,
+        borderaxespad=0.2,
+    )  # fmt: skip
+
+
+def _seconds(trace: Mapping[str, np.ndarray]) -> Vector:
+    """Time from the start [s], without the gaps between tasks."""
+    t = trace["t"] * 1e-9
+    steps = np.diff(t, prepend=t[0])
+    typical = float(np.median(steps[1:])) if len(steps) > 1 else 1.0
+    opens = np.diff(trace["task"], prepend=trace["task"][0]) != 0
+    return np.asarray(np.cumsum(np.where(opens | (steps < 0), typical, steps)))
+
+
+def draw_run(result: RunResult, output: str | None = None) -> Figure:
+    """Measured and predicted with position updates marked, and the residual with its band."""
+    names = result.model.outputs.names
+    k = 0 if output is None else result.model.outputs.index(output)
+    trace, unit = result.trace, result.model.outputs.units[k]
+    figure, (above, below) = _figure(2, 2.4)
+    t = _seconds(trace)
+    above.plot(t, trace["measured"][:, k], ".", ms=2, color=MEASURED, label="measured")
+    above.plot(t, trace["predicted"][:, k], "-", lw=0.9, color=PREDICTED, label="predicted")
+    updated = trace["update"][:, int(result.model.outputs.group_of[k])] == 1
+    if updated.any():
+        above.plot(
+            t[updated], trace["measured"][updated, k], "x", color=UPDATE, ms=5,
+            label=f"position update ({int(updated.sum())})",
+        )  # fmt: skip
+    above.set_ylabel(f"{names[k]} [{unit}]")
+    _legend(above)
+    sigma = np.where(np.isfinite(trace["sigma"][:, k]), trace["sigma"][:, k], np.nan)
+    below.fill_between(t, -1.96 * sigma, 1.96 * sigma, color=BAND, alpha=0.35, label="95 % band")
+    known = np.isfinite(trace["residual"][:, k])
+    below.plot(t[known], trace["residual"][known, k], "-", lw=0.7, color=MEASURED, label="residual")
+    for row in _switches(result):
+        at = t[min(int(np.searchsorted(trace["row"], row)), len(t) - 1)]
+        for axis in (above, below):
+            axis.axvline(at, color=UPDATE, ls="--", lw=1)
+    below.set_ylabel(f"residual [{unit}]")
+    below.set_xlabel("time [s]")
+    _legend(below)
+    return figure
+
+
+def _switches(result: RunResult) -> list[int]:
+    return [e.row for e in result.events if e.kind in ("promoted", "rolled_back")]
+
+
+def draw_deviation(result: RunResult, output: str, before: bool, limit: float) -> Figure:
+    """Deviation of the newest 100 measured samples; those that made a position update are marked.
+
+    Before: the first champion; after: the last one, over the same samples. ``limit`` is the
+    tolerance, in the output's unit.
+    """
+    k = result.model.outputs.names.index(output)
+    group = int(result.model.outputs.group_of[k])
+    trace, unit = result.trace, result.model.outputs.units[k]
+    known = np.flatnonzero(np.isfinite(trace["measured"][:, k]))[-100:]
+    updated = trace["first_update" if before else "update"][known, group] == 1
+    deviation = np.abs(
+        trace["measured"][known, k] - trace["first" if before else "predicted"][known, k]
+    )
+    figure, (axis,) = _figure(1, 2.6)
+    place = np.arange(len(known))
+    axis.bar(place[~updated], deviation[~updated], color=PREDICTED, label="no update")
+    if updated.any():
+        axis.bar(
+            place[updated], deviation[updated], color=UPDATE, hatch="//",
+            label=f"position update ({int(updated.sum())})",
+        )  # fmt: skip
+    if np.isfinite(limit):
+        axis.axhline(limit, color=MEASURED, ls="--", lw=1, label=f"tolerance {limit:g} {unit}")
+    axis.set_ylabel(f"|deviation| of {output} [{unit}]")
+    axis.set_xlabel("measured sample, newest last")
+    _legend(axis)
+    return figure
+
+
+def draw_table(table: Mapping[str, Any], unit: str) -> Figure:
+    """The translation from set-point to effective value; open dots where nothing was seen."""
+    levels, values = np.array(table["levels"]), np.array(table["values"])
+    learned = np.array(table["learned"], dtype=np.bool_)
+    figure, (axis,) = _figure(1, 3.4)
+    axis.plot(levels, levels, ":", color=MEASURED, label="as commanded")
+    axis.step(levels, values, where="mid", color=PREDICTED, lw=1, label="translation")
+    axis.plot(levels[learned], values[learned], "o", ms=4, color=PREDICTED, label="learned")
+    axis.plot(levels[~learned], values[~learned], "o", ms=4, mfc="none", color=UPDATE,
+              label="not seen")  # fmt: skip
+    axis.set_xlabel(f"set-point {table['channel']} [{unit}]")
+    axis.set_ylabel(f"simulated with [{unit}]")
+    _legend(axis)
+    return figure
+
+
+def draw_rounds(
+    measured: np.ndarray, rounds: Sequence[tuple[str, np.ndarray]], names: Sequence[str], t: Vector
+) -> Figure:
+    """Measured outputs and the prediction of each round (label, (n, ny)), one axis an output."""
+    figure, axes = _figure(len(names), 1.7)
+    for k, (axis, name) in enumerate(zip(axes, names, strict=True)):
+        axis.plot(t, measured[:, k], ".", ms=2, color=MEASURED, label="measured")
+        for number, (label, predicted) in enumerate(rounds):
+            last = number == len(rounds) - 1
+            share = number / max(len(rounds) - 1, 1)
+            axis.plot(
+                t, predicted[:, k], "-" if last else "--", lw=1.3 if last else 0.8,
+                color=PREDICTED if last else UPDATE, alpha=1.0 if last else 1.0 - 0.6 * share,
+                label=label,
+            )  # fmt: skip
+        axis.set_ylabel(name, fontsize=8)
+        axis.set_xlim(float(t[0]), float(t[-1]) or 1.0)
+        axis.tick_params(labelsize=7)
+    _legend(axes[0])
+    axes[-1].set_xlabel("time [s]")
+    return figure
+
+
+def draw_intervals(parameters: Mapping[str, Mapping[str, Any]]) -> Figure | None:
+    """Values with their 95 % intervals; None where no parameter has one."""
+    known = {
+        name: item for name, item in parameters.items()
+        if item.get("interval95") and None not in item["interval95"]
+    }  # fmt: skip
+    if not known:
+        return None
+    figure, (axis,) = _figure(1, 0.8 + 0.28 * len(known))
+    for place, (_name, item) in enumerate(reversed(known.items())):
+        low, high = item["interval95"]
+        size = max(abs(item["value"]), abs(low), abs(high), 1e-12)
+        axis.plot([100 * (low - item["value"]) / size, 100 * (high - item["value"]) / size],
+                  [place, place], "-", lw=3, color=BAND)  # fmt: skip
+        axis.plot([0], [place], "o", ms=4, color=PREDICTED)
+    axis.set_yticks(range(len(known)), list(reversed(known)), fontsize=8)
+    axis.set_xlabel("95 % interval, % of the value (of its larger end, where that is more)")
+    axis.axvline(0, color=MEASURED, lw=0.5)
+    return figure

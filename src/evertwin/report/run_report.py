@@ -1,0 +1,170 @@
+"""The report of a run: decisions, evidence, parameters, pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from evertwin.fold import Event, plain
+from evertwin.loop.result import RunResult
+from evertwin.loop.setup import Setup
+from evertwin.models import Model
+from evertwin.models.form import Version
+from evertwin.report.html import encoded, write_page
+from evertwin.report.run_pictures import (
+    draw_deviation,
+    draw_intervals,
+    draw_rounds,
+    draw_run,
+    draw_table,
+)
+from evertwin.types import Outputs, ParameterVector
+
+__all__ = ["write_report"]
+
+MOST = 8
+"""Outputs that are drawn."""
+ROUNDS = 8
+"""Versions or rounds in one picture at most: the first ones and the last."""
+WORDS = {
+    "segments": "segments of unseen data",
+    "deviation_live": "mean deviation, live version",
+    "deviation_other": "mean deviation, challenger",
+    "rms_live": "rms deviation, live version",
+    "rms_other": "rms deviation, challenger",
+    "gain": "relative gain",
+    "e_value": "e-value for the challenger",
+    "e_value_against": "e-value against it",
+    "segments_per_block": "segments per independent block",
+    "missed": "demands not met",
+    "version": "version",
+    "hash": "hash of the version",
+}
+"""Evidence of a trial, in words."""
+Picture = tuple[str, str, str]
+"""Title, caption, image."""
+
+
+def write_report(result: RunResult, setup: Setup, path: Path) -> None:
+    """Writes the report of a run.
+
+    Raises:
+        UsageError: the file cannot be written.
+    """
+    content: Any = result.to_dict()
+    write_page("report.html", path, {
+        "run": content,
+        "name": result.name,
+        "relative": setup.relative,
+        "updating": _updating(result, setup),
+        "pictures": list(_pictures(result, setup, content)),
+        "trials": [_trial(e) for e in result.of_kind("promoted", "rolled_back", "rejected")],
+        "tuned": {k: v for k, v in content["parameters"].items() if v["verdict"] != "not tuned"},
+        "kept": {k: v for k, v in content["parameters"].items() if v["verdict"] == "not tuned"},
+        "outputs": result.model.outputs.names,
+    })  # fmt: skip
+
+
+def _trial(event: Event) -> dict[str, Any]:
+    evidence: Any = plain(event.evidence)
+    known = [(WORDS[key], evidence[key]) for key in WORDS if key in evidence]
+    return {"row": event.row, "kind": event.kind, "reason": event.reason, "evidence": known}
+
+
+def _updating(result: RunResult, setup: Setup) -> bool:
+    return setup.spec.arbiter.use == "tolerance" or any(result.position_updates)
+
+
+def _pictures(result: RunResult, setup: Setup, content: Any) -> Iterator[Picture]:
+    """(title, caption, image) of each picture."""
+    names = result.model.outputs.names[:MOST]
+    for event in result.of_kind("corrected"):
+        yield from _table(result, event)
+    if _updating(result, setup):
+        yield from _updates(result, setup)
+    if setup.static:
+        yield from _rounds(result)
+    figure = draw_intervals(content["parameters"])
+    if figure is not None:
+        yield "Parameters", "Tuned values with their 95 % intervals.", encoded(figure)
+    caption = (
+        "Above: measured and predicted, position updates marked. Below: the residual with its 95 % "
+        "band. Dashed: a change of the live version."
+    )
+    for name in names:
+        yield f"Run: {name}", caption, encoded(draw_run(result, name))
+
+
+def _table(result: RunResult, event: Event) -> Iterator[Picture]:
+    """The translation table that a correction learned, although a law may have replaced it."""
+    table: Any = event.evidence.get("table")
+    if not table:
+        return
+    inputs = result.model.inputs
+    unit = inputs.units[inputs.index(table["channel"])]
+    caption = f"Learned at row {event.row}, level by level. What was made of it: {event.reason}."
+    yield "Translation table", caption, encoded(draw_table(table, unit))
+
+
+def _updates(result: RunResult, setup: Setup) -> Iterator[Picture]:
+    """Deviation of the newest samples by the first and by the last champion."""
+    outputs = result.model.outputs
+    group = outputs.channels[0].group
+    rule = setup.track(result.model).arbiter.rule_of(group)
+    for channel in outputs:
+        if channel.group != group:
+            continue
+        limit = rule.tolerance_angle if channel.kind == "angle" else rule.tolerance
+        for before in (True, False):
+            when = "before" if before else "after"
+            title = f"Deviation of {channel.name} {when} self-improvement"
+            caption = (
+                f"{'First model' if before else 'Live version'}, newest 100 measured samples. A "
+                "position update happens when any output of the group exceeds its tolerance."
+            )
+            figure = draw_deviation(result, channel.name, before, limit)
+            yield title, caption, encoded(figure)
+
+
+def _rounds(result: RunResult) -> Iterator[Picture]:
+    """The last task as every version, and every round of tuning, predicts it."""
+    trace = result.trace
+    last = trace["task"] == trace["task"][-1]
+    u = np.ascontiguousarray(trace["input"][last])
+    t = (trace["t"][last] - trace["t"][last][0]) * 1e-9
+    names, measured = result.model.outputs.names, trace["measured"][last]
+    versions = [
+        (f"version {v.number}", _predicted(result.model_of(v), v.p, u)) for v in result.versions
+    ]
+    figure = draw_rounds(measured, _few(versions), names, t)
+    caption = "The last task, measured and as the versions predict it."
+    what = "Torque per axis" if "Nm" in result.model.outputs.units else "Each output"
+    yield f"{what} and version", caption, encoded(figure)
+    if not result.rounds:
+        return
+    rounds = [
+        (f"round {k}", _predicted(*_of_round(result, item), u))
+        for k, item in enumerate(result.rounds)
+    ]
+    figure = draw_rounds(measured, _few(rounds), names, t)
+    caption = "The last task, measured and as each round of tuning predicts it."
+    yield f"{what} and round", caption, encoded(figure)
+
+
+def _few(items: Sequence[tuple[str, Outputs]]) -> list[tuple[str, Outputs]]:
+    return [*items[: ROUNDS - 1], items[-1]] if len(items) > ROUNDS else list(items)
+
+
+def _of_round(result: RunResult, item: Mapping[str, Any]) -> tuple[Model, ParameterVector]:
+    version: Version = result.versions[item["version"]]
+    model = result.model_of(version)
+    parameters = model.parameters.with_values(version.p).with_values(item["values"])
+    return model, parameters.values
+
+
+def _predicted(model: Model, p: ParameterVector, u: np.ndarray) -> Outputs:
+    _, y = model.simulate(model.initial(p), u, np.zeros(len(u)), p)
+    return y

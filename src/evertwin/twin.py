@@ -1,0 +1,397 @@
+"""The twin: open it, run it beside recorded data, fit it, ask it.
+
+    twin = Twin.open("arm.toml")
+    result = twin.run(["monday.csv", "tuesday.csv"])
+    result.outputs["tau1"].relative_rms_after
+
+The same without a file: ``Twin(TwinSpec(name=…, model=ModelSpec(kind=…)))``, or with a model of
+your own as second argument.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from evertwin.ahead.basis import Basis
+from evertwin.ahead.columns import read_table
+from evertwin.ahead.docking import dock
+from evertwin.ahead.forecast import Forecast, forecast
+from evertwin.ahead.future import Mode
+from evertwin.ahead.paths import rows_of_file
+from evertwin.ahead.whatif import WhatIf
+from evertwin.config import TwinSpec, read
+from evertwin.config.scenario import ScenarioSpec, read_scenario
+from evertwin.doctor import Diagnosis, diagnose
+from evertwin.engineering.validation import Validation, validated
+from evertwin.errors import StoreError, UsageError
+from evertwin.export import Written, values_in, write
+from evertwin.export.content import exported
+from evertwin.fold import Block, Event
+from evertwin.loop.compare import Comparison, compare
+from evertwin.loop.configured_model import model_of
+from evertwin.loop.feed import Data, Feed
+from evertwin.loop.fitting import FitResult, Watch, fit
+from evertwin.loop.ledger import Ledger
+from evertwin.loop.observer import Observer
+from evertwin.loop.result import RunResult
+from evertwin.loop.run import Run
+from evertwin.loop.setup import Setup
+from evertwin.loop.tasks import check_units
+from evertwin.loop.versions import Versions
+from evertwin.models import Model, Parameters
+from evertwin.models.form import Version
+from evertwin.prognosis.alarm_log import alarmed
+from evertwin.prognosis.laws.planning import Plan
+from evertwin.prognosis.lives import Lives
+from evertwin.prognosis.prospect import Prospect
+from evertwin.prognosis.scenario_lives import run_scenario
+from evertwin.prognosis.upkeep import Verdict, label, maintenance, plan
+from evertwin.store import SqliteStore, Store
+
+__all__ = ["Twin"]
+
+_RUNAWAY = np.errstate(over="ignore", invalid="ignore")
+"""A simulation that runs away is infinite: fits and marks say so, no warning is needed."""
+Progress = Callable[[int, float], None]
+"""``progress(rows so far, seconds of data so far)``."""
+
+
+class Twin:
+    """A model that is kept true to its machine.
+
+    >>> import numpy as np
+    >>> from evertwin.config.spec import ModelSpec, PredictionSpec
+    >>> twin = Twin(TwinSpec("robot", ModelSpec("robot1d"), prediction=PredictionSpec(horizon=1.0)))
+    >>> t = np.arange(50) * 0.1
+    >>> result = twin.run({"t": t, "v": np.full(50, 0.2), "x": 0.2 * t})
+    >>> result.samples, result.outputs["x"].rms_after < 1e-9
+    (50, True)
+    """
+
+    def __init__(
+        self, spec: TwinSpec, model: Model | None = None, store: Store | None = None
+    ) -> None:
+        self.spec = spec
+        self._given = model is not None
+        self.model = model_of(spec, model)
+        check_units(spec, self.model)
+        self.setup = Setup(spec, self.model)
+        path = spec.store.path
+        where = ":memory:" if path is None else str(Path(spec.folder) / path)
+        self.store: Store = store or SqliteStore(where)
+        self._versions = Versions(self.model)
+        try:
+            self._ledger = Ledger(self.store, self._versions, spec.name)
+        except StoreError:
+            self.store.close()
+            raise
+
+    @classmethod
+    def open(cls, path: str | Path) -> Twin:
+        """The twin of a file.
+
+        Raises:
+            ConfigError: the file does not say what it must; with file, line and nearest key.
+            StoreLocked: another process works with its store.
+        """
+        return cls(read(path))
+
+    def close(self) -> None:
+        """Lets go of the store."""
+        self.store.close()
+
+    def __enter__(self) -> Twin:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def versions(self) -> tuple[Version, ...]:
+        """All versions so far; the first is the model as configured."""
+        return tuple(self._versions)
+
+    @property
+    def champion(self) -> Version:
+        """The version that is live."""
+        return self._versions[self._ledger.champion]
+
+    def version(self, number: int) -> Version:
+        """One version by number."""
+        return self._versions[number]
+
+    def parameters_of(self, number: int) -> Parameters:
+        """The parameters of a version, with its values."""
+        return self._versions.model(number).parameters.with_values(self._versions[number].p)
+
+    @property
+    def pinned(self) -> bool:
+        """Is the champion pinned?"""
+        return self._ledger.pinned
+
+    @property
+    def decides(self) -> bool:
+        """Is anything tuned or corrected: is there a requirement, a schedule, or a stream?"""
+        rule = self.spec.tuning
+        return bool(
+            np.isfinite(self.setup.requirement) or np.isfinite(rule.every)
+            or rule.method == "recursive"
+        )  # fmt: skip
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """Everything that was decided, in order."""
+        return tuple(r for r in self.store.read("event") if isinstance(r, Event))
+
+    def blocks(self, data: Data = None) -> tuple[Block, ...]:
+        """The rows of recordings, one block a task."""
+        return tuple(Feed(self.spec, self.model).blocks(data))
+
+    @_RUNAWAY
+    def run(self, data: Data = None, progress: Progress | None = None, every: int = 0) -> RunResult:
+        """Runs the twin beside recorded data: follow, judge, tune, correct, try, promote.
+
+        Args:
+            data: files, columns by name with ``t`` [s], blocks; None: the twin file's recordings.
+            progress: called now and then with rows and seconds of data.
+            every: rows from checkpoint to checkpoint, for `resume`; 0: one at the end alone.
+
+        Raises:
+            DataError: a recording cannot be read.
+        """
+        return self._runner.run(data, Observer(self.setup, progress), every, again=False)
+
+    @_RUNAWAY
+    def resume(
+        self, data: Data = None, progress: Progress | None = None, every: int = 0
+    ) -> RunResult:
+        """Goes on from the newest checkpoint of a run that was cut off.
+
+        The end is that of a run without a break: an open request is answered from the rows in the
+        checkpoint. Trace and events of the result begin with the checkpoint.
+
+        Args:
+            data: the same data, from its first row; rows before the checkpoint are passed over.
+            progress: as in `run`.
+            every: as in `run`.
+
+        Raises:
+            UsageError: the store holds no checkpoint.
+        """
+        return self._runner.run(data, Observer(self.setup, progress), every, again=True)
+
+    @property
+    def _runner(self) -> Run:
+        return Run(self.setup, self._versions, self._ledger, self.store)
+
+    @_RUNAWAY
+    def fit(
+        self, train: Data = None, test: Sequence[Any] = (), watch: Watch | None = None,
+        workers: int | None = None,
+    ) -> FitResult:  # fmt: skip
+        """Tunes the champion on ``train`` and judges it on each of ``test``; changes nothing live.
+
+        Args:
+            train: recordings to learn from.
+            test: recordings that are not learned from, each judged alone and all together.
+            watch: called with evaluations and cost while a search runs; False ends it, as Ctrl-C
+                does, with the best values so far.
+            workers: processes that differences are simulated in, for a model whose rows are slow
+                Python; by default those of ``[tuning] workers``.
+
+        Raises:
+            UsageError: more than one worker for a model that was given as an object.
+        """
+        data, count = (train, tuple(test)), workers or self.spec.tuning.workers
+        if count > 1 and self._given:
+            raise UsageError(
+                "workers: expected a model that the twin file names, since each process builds it "
+                'anew, got an object: put it into a Python file (kind = "python")'
+            )
+        return fit(self.setup, self._versions, self.champion.number, data, watch, count)
+
+    @_RUNAWAY
+    def doctor(self, data: Data = None) -> Diagnosis:
+        """What is wrong, or will be: units, lag, excitation, what is not identifiable."""
+        return diagnose(self.setup, self._versions, self.champion.number, data)
+
+    @_RUNAWAY
+    def validate(self, test: Sequence[Any] = (), train: Data = None) -> Validation:
+        """Verifies the champion (other engines, laws) and validates it on held-out recordings.
+
+        Args:
+            test: recordings that it was not tuned on; none: those that the twin file names.
+            train: recordings that it is tuned on first; None: it is taken as it is.
+        """
+        return validated(self.setup, self._versions, self.champion.number, tuple(test), train)
+
+    @_RUNAWAY
+    def compare(self, a: int, b: int, data: Data = None) -> Comparison:
+        """Two versions over the same data."""
+        return compare(self.setup, self._versions, (a, b), data)
+
+    # ------------------------------------------------------------------ looking ahead
+
+    def prospect(self, history: str | Path | None = None, data: Data = None) -> Prospect:
+        """What lives and scenarios are told from: the live version, its history, recordings."""
+        basis = Basis(self.setup, self._versions, self.store, self.champion.number)
+        return Prospect(basis, data, None if history is None else read_table(history))
+
+    @_RUNAWAY
+    def forecast(
+        self, horizon: float, data: Data = None, mode: Mode = "repeat",
+        inputs: str | Path | None = None,
+    ) -> Forecast:  # fmt: skip
+        """What the machine will do from the end of its recordings on, with bands.
+
+        Args:
+            horizon: how far [s]; with ``inputs``: as far as these reach.
+            data: recordings up to now; None: the twin file's.
+            mode: ``repeat`` the newest inputs, or ``hold`` the last ones.
+            inputs: CSV with ``t`` and the inputs to come.
+        """
+        basis = self.prospect().basis
+        told = None if inputs is None else rows_of_file(basis.model, Path(inputs))[0]
+        return forecast(basis, horizon, data, mode, told)
+
+    @_RUNAWAY
+    def life(
+        self, history: str | Path | None = None, data: Data = None, *, drawn: bool = False
+    ) -> Lives:
+        """The remaining life of each component; alarms that are due go into the log.
+
+        Args:
+            history: CSV in place of the store's parameter history; then nothing is logged.
+            data: recordings, where a limit or the work ahead is simulated.
+            drawn: also the course of each indicator, for pictures.
+        """
+        prospect = self.prospect(history, data)
+        lives = prospect.lives(drawn=drawn)
+        if history is not None:
+            return lives
+        lives, events = alarmed(self.store, lives, prospect.rule)
+        for event in events:
+            self._ledger.add(event, event.row)
+        return lives
+
+    @_RUNAWAY
+    def whatif(
+        self, scenario: str | Path | ScenarioSpec, data: Data = None,
+        history: str | Path | None = None,
+    ) -> WhatIf:  # fmt: skip
+        """A scenario (file) beside today, simulated with the live version."""
+        told = scenario if isinstance(scenario, ScenarioSpec) else read_scenario(scenario)
+        prospect = self.prospect(history, data)
+        found = run_scenario(prospect, told)
+        if told.docking is None:
+            return found
+        with Twin.open(Path(told.folder) / told.docking.machine) as second:
+            docked = dock(prospect.basis, second.prospect().basis, told.docking, data)
+        return replace(found, docking=docked.to_dict())
+
+    @_RUNAWAY
+    def plan(self, history: str | Path | None = None, data: Data = None) -> Plan:
+        """The cheapest date of maintenance for each component, with what the operator said."""
+        prospect = self.prospect(history, data)
+        return plan(prospect, prospect.lives())
+
+    @_RUNAWAY
+    def decide(
+        self, component: str, verdict: Verdict, reason: str, after: float | None = None,
+        history: str | Path | None = None,
+    ) -> Event:  # fmt: skip
+        """Keeps what the operator says to a planned date; ``withdrawn`` takes the newest word back.
+
+        Args:
+            component: whose date.
+            verdict: what is said to it.
+            reason: why.
+            after: postponed until, or confirmed for, this time from now.
+            history: CSV that the plan is made from, in place of the store's history.
+        """
+        event = label(self.prospect(history), component, verdict, reason, after)
+        self._ledger.add(event, event.row)
+        return event
+
+    def maintained(
+        self, component: str, reason: str, kind: str = "replaced", at: float | None = None,
+        history: str | Path | None = None,
+    ) -> Event:  # fmt: skip
+        """Keeps maintenance that was done: a new life begins (``adjusted``: a shifted level)."""
+        event = maintenance(self.prospect(history), component, reason, kind, at)
+        self._ledger.add(event, event.row)
+        return event
+
+    @_RUNAWAY
+    def export(
+        self, path: str | Path, form: str, number: int | None = None, data: Data = None
+    ) -> Written:
+        """Writes a version to a file.
+
+        Args:
+            path: file to write.
+            form: ``json``, ``mat``, ``urdf``, or another of `evertwin.export.FORMATS`.
+            number: version; None: the champion.
+            data: recordings that go along with what the version predicts of them; None: none.
+        """
+        chosen = self.champion.number if number is None else number
+        windows = () if data is None else self.blocks(data)
+        out = exported(self.setup, self._versions, self.store, chosen, windows)
+        return write(out, form, Path(path))
+
+    def load(self, path: str | Path, reason: str = "") -> Version:
+        """A new version with the parameter values of a JSON or MAT file; nothing goes live.
+
+        The form is the champion's; what the file does not name stays as the champion has it.
+
+        Raises:
+            DataError: the file holds no parameters, or one that the model has not.
+            UsageError: a value lies outside its bounds.
+        """
+        file, live = Path(path), self.champion
+        values = values_in(file, live.names)
+        self.parameters_of(live.number).with_values(values)
+        version = self._versions.add(
+            live.form, values, parent=live.number, reason=reason or f"loaded from {file.name}"
+        )
+        self._ledger.keep_versions()
+        return version
+
+    # ------------------------------------------------------------------ the operator's hand
+
+    def promote(self, number: int, reason: str = "by hand") -> Event:
+        """Makes a version live, whatever the gate says; an event tells so.
+
+        Raises:
+            UsageError: there is no such version, or another one is pinned.
+        """
+        self._refuse_pinned(number)
+        return self._ledger.switch(self._versions[number].number, "promoted", reason)
+
+    def rollback(self, reason: str = "by hand") -> Event:
+        """Makes the champion before the present one live again.
+
+        Raises:
+            UsageError: there was none before, or the present one is pinned.
+        """
+        before = self._ledger.before
+        if before is None:
+            raise UsageError("roll back: no other version has been live before this one")
+        self._refuse_pinned(before)
+        return self._ledger.switch(before, "rolled_back", reason)
+
+    def _refuse_pinned(self, number: int) -> None:
+        if self.pinned and number != self.champion.number:
+            raise UsageError(
+                f"version {self.champion.number} is pinned and stays live: unpin it first, or pin "
+                f"version {number}"
+            )
+
+    def pin(self, number: int | None, reason: str = "by hand") -> Event:
+        """Keeps a version live until it is unpinned (None): no promotion happens."""
+        return self._ledger.pin(number, reason)

@@ -1,8 +1,0 @@
-"""The doctor: looks at a twin and its data before anything is tuned, one file for each look."""
-
-from __future__ import annotations
-
-from evertwin.twin.doctor.diagnose import Diagnosis, diagnose
-from evertwin.twin.doctor.finding import Finding
-
-__all__ = ["Diagnosis", "Finding", "diagnose"]

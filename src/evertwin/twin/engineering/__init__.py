@@ -1,1 +1,0 @@
-"""From a breakdown file to a twin file."""

@@ -1,0 +1,175 @@
+"""The doctor names what was planted, and nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evertwin.config.spec import (
+    AnomalySpec,
+    ArbiterSpec,
+    CorrectionSpec,
+    ModelSpec,
+    ParameterSpec,
+    PredictionSpec,
+    TuningSpec,
+    TwinSpec,
+)
+from evertwin.doctor import Diagnosis
+from evertwin.models import FunctionModel, Parameter, Parameters
+from evertwin.signals import Layout
+from evertwin.twin import Twin
+
+SPEC = TwinSpec(
+    "robot", ModelSpec("robot1d"), prediction=PredictionSpec(horizon=1.0),
+    arbiter=ArbiterSpec(use="tolerance", tolerance=0.03),
+    anomaly=AnomalySpec(requirement=0.01, relative=False),
+)  # fmt: skip
+
+
+def drive(
+    rows: int = 1500, gain: float = 0.9, noise: float = 0.001, lag: float = 0.0
+) -> dict[str, Any]:
+    """A robot on a line at 10 Hz; ``lag`` delays its response by whole seconds' parts."""
+    rng = np.random.default_rng(5)
+    t = 0.1 * np.arange(rows)
+
+    def command(at: np.ndarray) -> np.ndarray:
+        return np.asarray(0.1 * np.sin(0.9 * at) + 0.08 * np.sin(2.3 * at) + 0.02)
+
+    fine = np.arange(rows * 20) * 0.005
+    held = command(np.floor((fine - lag) / 0.1 + 1e-9) * 0.1)
+    x = np.concatenate([[0.0], np.cumsum(0.005 * gain * held[:-1])])[::20]
+    return {"t": t, "v": command(t), "x": x + rng.normal(0.0, noise, rows)}
+
+
+def kinds(found: Diagnosis) -> list[str]:
+    return [item.kind for item in found.findings]
+
+
+def test_a_sound_twin_has_no_findings() -> None:
+    found = Twin(SPEC).doctor(drive())
+    assert found.findings == ()
+    assert found.figures["noise"]["x"] == pytest.approx(0.001, rel=0.3)
+    assert found.figures["parameters"]["gain"]["verdict"] == "identifiable"
+    assert abs(found.figures["lag"]["x"].seconds) < 0.05
+    assert found.rows == 1500 and "0 findings" in str(found)
+
+
+def test_a_lag_is_given_with_its_figure() -> None:
+    found = Twin(SPEC).doctor(drive(lag=0.3))
+    (finding,) = found.of_kind("lag")
+    assert finding.evidence["x"]["seconds"] == pytest.approx(0.3, abs=0.03)
+    assert "offset" in finding.step and "ms" in finding.reason
+
+
+def test_a_horizon_within_the_noise() -> None:
+    spec = replace(SPEC, prediction=PredictionSpec(horizon=0.1))
+    found = Twin(spec).doctor(drive(noise=0.02))
+    assert {"horizon", "tolerance", "requirement"} <= set(kinds(found))
+    (finding,) = found.of_kind("horizon")
+    assert "longer horizon" in finding.step
+
+
+def test_too_little_data_for_a_trial() -> None:
+    (finding,) = Twin(SPEC).doctor(drive(rows=120)).of_kind("horizon")
+    assert finding.evidence["segments"] == 11
+
+
+def test_a_table_whose_steps_are_too_coarse() -> None:
+    rule = CorrectionSpec(channels=("v",), terms=("table",), quantum=0.2)
+    spec = replace(SPEC, correction=rule)
+    data = drive(gain=0.3)
+    (finding,) = Twin(spec).doctor(data).of_kind("range")
+    assert "quantum" in finding.reason
+
+
+def test_start_on_a_bound_needs_no_data() -> None:
+    model = ModelSpec("robot1d", parameters={"gain": ParameterSpec(value=0.2)})
+    found = Twin(replace(SPEC, model=model)).doctor()
+    assert kinds(found) == ["at_bound"] and found.rows == 0
+
+
+def tank(unused: bool = False) -> FunctionModel:
+    items = [Parameter("area", 1.0, "m^2", low=0.1), Parameter("outflow", 0.1, "m^2/s", low=0.0)]
+    if unused:
+        items.append(Parameter("colour", 1.0, "1"))
+
+    def step(x: Any, u: Any, dt: float, p: Any) -> Any:
+        level = x[0] + dt * (u[0] - p[1] * x[0]) / p[0]
+        return [level], [level]
+
+    line = Layout.of(level="m")
+    return FunctionModel(step, Layout.of(inflow="m^3/s"), line, line, Parameters(tuple(items)))
+
+
+def filling(rows: int = 400) -> dict[str, Any]:
+    rng = np.random.default_rng(2)
+    t = 1.0 * np.arange(rows)
+    u = 0.05 + 0.04 * np.sign(np.sin(0.05 * t))
+    x = np.empty(rows)
+    x[0] = 0.5
+    for i in range(1, rows):
+        x[i] = x[i - 1] + (u[i - 1] - 0.1 * x[i - 1]) / 1.0
+    return {"t": t, "inflow": u, "level": x + rng.normal(0, 1e-3, rows)}
+
+
+def test_a_knob_that_is_not_connected() -> None:
+    spec = TwinSpec("tank", ModelSpec("python"), prediction=PredictionSpec(horizon=10.0))
+    found = Twin(spec, tank(unused=True)).doctor(filling())
+    (finding,) = found.of_kind("not_connected")
+    assert finding.subject == "colour"
+    assert set(found.figures["parameters"]) == {"area", "outflow"}
+
+
+def test_motion_in_one_direction_names_the_missing_motion() -> None:
+    axis = FunctionModel(
+        lambda x, u, dt, p: ([], [p[0] * np.sign(u[0]) + p[1] + p[2] * u[0]]),
+        Layout.of(speed="rad/s"), Layout.of(torque="Nm"),
+        parameters=Parameters.of(Fc=(1.0, "Nm"), offset=(0.1, "Nm"), Fv=(1.0, "Nms/rad")),
+    )  # fmt: skip
+    rng = np.random.default_rng(1)
+    t = 0.1 * np.arange(600)
+    speed = 1.5 + np.sin(t)
+    torque = 1.0 + 0.1 + speed + rng.normal(0, 0.02, 600)
+    found = Twin(TwinSpec("axis", ModelSpec("python")), axis).doctor(
+        {"t": t, "speed": speed, "torque": torque}
+    )
+    (finding,) = found.findings
+    assert finding.kind == "not_identifiable"
+    assert finding.evidence["parameters"] == ["Fc", "offset"]
+    assert "speed in both directions" in finding.step
+    assert found.figures["parameters"]["Fv"]["verdict"] == "identifiable"
+    assert found.to_dict()["schema"] == "evertwin.doctor/1"
+
+
+def test_editable_parameters_come_from_the_twin_file() -> None:
+    spec = replace(SPEC, tuning=TuningSpec(editable=("gain",)))
+    assert list(Twin(spec).doctor(drive()).figures["parameters"]) == ["gain"]
+
+
+def test_rows_that_are_not_used_are_counted() -> None:
+    data = drive()
+    data["v"][200:700] = np.nan
+    found = Twin(SPEC).doctor(data)
+    # a held command is the newest known one, so the rows stay: nothing is lost
+    assert "lost" not in kinds(found)
+    data["x"][200:700] = np.inf
+    found = Twin(SPEC).doctor(data)
+    assert {"absurd", "lost"} <= set(kinds(found))
+
+
+def test_celsius_taken_for_kelvin() -> None:
+    t = 1.0 * np.arange(300)
+    data = {"t": t, "heater": (t // 50) % 2, "room": np.full(300, 20.0), "box": 20 + 0.01 * t}
+    spec = TwinSpec("box", ModelSpec("thermal"), prediction=PredictionSpec(horizon=20.0))
+    found = Twin(spec).doctor(data)
+    assert any("degC" in item.step for item in found.of_kind("unit"))
+
+
+def test_it_shows_itself_in_a_notebook() -> None:
+    shown = Twin(SPEC).doctor(drive(lag=0.3))._repr_html_()
+    assert "<table>" in shown and "lag" in shown

@@ -1,0 +1,248 @@
+"""Every transition of a twin's decisions, from states that lead to it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from evertwin.config.spec import AnomalySpec, CorrectionSpec, TuningSpec
+from evertwin.fold import Answer, Event, Request, copy, make_block
+from evertwin.loop.configured_model import model_of
+from evertwin.loop.driver import Driver
+from evertwin.loop.follow import EMPTY
+from evertwin.loop.setup import Setup
+from evertwin.loop.twin_state import CORRECT, FIT, PROBATION, TRIAL, WATCH, TwinState
+from evertwin.loop.versions import Versions
+from evertwin.models.form import Form, Term
+
+from .machines import robot
+
+TABLE = Form((Term("lag", "v"),))
+
+
+class Step(NamedTuple):
+    """The outcome of one beat."""
+
+    state: TwinState
+    events: list[Event]
+    requests: list[Request]
+
+    @property
+    def kinds(self) -> list[str]:
+        return [event.kind for event in self.events]
+
+
+class Bench:
+    """A driver whose state is brought to a phase by hand."""
+
+    def __init__(self, *, pinned: bool = False, rows: int = 50, **changes: Any) -> None:
+        spec = replace(robot().spec, **changes)
+        self.setup = Setup(spec, model_of(spec, None))
+        self.versions = Versions(self.setup.model)
+        self.log: list[Any] = []
+        self.driver = Driver(
+            self.setup, self.versions, lambda row, record: self.log.append(record), pinned=pinned
+        )
+        t = np.arange(rows) * 10**9
+        v = np.full(rows, 0.1)
+        block = make_block(t=t, u=v[:, None], y=(0.1 * np.arange(rows))[:, None])
+        self.state = self.driver.run([block])
+
+    def challenger(self, phase: int) -> TwinState:
+        """Version 1 on trial, or live in probation with version 0 as the other."""
+        self.versions.add(Form(), {"gain": 1.1}, parent=0, reason="tuned")
+        lane = self.driver.follow.lane(1, tracked=phase == PROBATION)
+        state = self.state
+        if phase == PROBATION:
+            other = state.live._replace(track=())
+            state = state._replace(live=lane, first=copy(state.live), other=copy(other),
+                                   trial=self.setup.probation.init())  # fmt: skip
+        else:
+            state = state._replace(other=lane)
+        return state._replace(agenda=state.agenda._replace(phase=phase))
+
+    def beat(self, state: TwinState, answer: Answer | None = None, *, end: bool = False) -> Step:
+        return Step(*self.driver.decide.step(state, answer, end))
+
+
+def losses(live: float, other: float, n: int = 400) -> np.ndarray:
+    noise = np.random.default_rng(0).normal(size=n) ** 2
+    return np.stack([live * noise, other * noise], axis=1)
+
+
+def test_a_better_challenger_goes_live_in_probation() -> None:
+    bench = Bench()
+    state = bench.challenger(TRIAL)
+    bench.setup.trial.step(state.trial, losses(4.0, 1.0))
+    done = bench.beat(state)
+    assert done.kinds == ["promoted"]
+    assert (done.state.live.version, done.state.other.version) == (1, 0)
+    assert done.state.first.version == 0
+    assert done.state.agenda.phase == PROBATION
+    assert done.state.scores.live.samples.sum() == 0
+    assert done.events[0].evidence["version"] == 1
+
+
+def test_a_worse_challenger_is_rejected_and_waited_after() -> None:
+    bench = Bench()
+    state = bench.challenger(TRIAL)
+    bench.setup.trial.step(state.trial, losses(1.0, 9.0, 2500))
+    done = bench.beat(state)
+    assert done.kinds == ["rejected"]
+    assert done.state.other is EMPTY
+    assert done.state.agenda.phase == WATCH
+    assert done.state.agenda.hold == done.state.row + bench.setup.spec.trial.holdoff
+
+
+def test_a_pinned_champion_stays() -> None:
+    bench = Bench(pinned=True)
+    state = bench.challenger(TRIAL)
+    bench.setup.trial.step(state.trial, losses(4.0, 1.0))
+    done = bench.beat(state)
+    assert done.kinds == []
+    assert done.state.live.version == 0
+
+
+def test_an_undecided_challenger_makes_room_for_newer_data() -> None:
+    bench = Bench(anomaly=AnomalySpec(requirement=1e-12, relative=False, window=10))
+    state = bench.challenger(TRIAL)
+    bench.setup.trial.step(state.trial, losses(1.0, 1.0, 5 * bench.setup.trial.least + 1))
+    state.scores.watch.residual[:] = 1.0
+    state.scores.watch.samples[:] = 50
+    done = bench.beat(state)
+    assert done.kinds == ["rejected", "suspected"]
+    assert "superseded" in done.events[0].reason
+    assert [request.kind for request in done.requests] == ["fit"]
+    assert done.state.agenda.phase == FIT
+
+
+def test_a_champion_that_does_worse_is_rolled_back() -> None:
+    bench = Bench()
+    state = bench.challenger(PROBATION)
+    bench.setup.probation.step(state.trial, losses(9.0, 1.0))
+    done = bench.beat(state)
+    assert done.kinds == ["rolled_back"]
+    assert done.state.live.version == 0
+    assert done.state.first.version == -1
+    assert done.state.agenda.phase == WATCH
+    assert done.state.agenda.hold > done.state.row
+
+
+def test_a_champion_that_lasts_is_kept() -> None:
+    bench = Bench()
+    state = bench.challenger(PROBATION)
+    bench.setup.probation.step(state.trial, losses(1.0, 4.0, bench.setup.probation.limit + 1))
+    done = bench.beat(state)
+    assert done.kinds == []
+    assert (done.state.live.version, done.state.other.version) == (1, -1)
+    assert done.state.agenda.phase == WATCH
+
+
+def test_a_deviation_asks_for_a_fit() -> None:
+    bench = Bench(anomaly=AnomalySpec(requirement=0.01, relative=False, window=40))
+    bench.state.scores.watch.residual[:], bench.state.scores.watch.samples[:] = 1.0, 50
+    done = bench.beat(bench.state)
+    assert done.kinds == ["suspected"]
+    assert done.requests[0].window == (0, 50)
+    assert done.requests[0].due == 50 + bench.setup.latency
+    assert done.state.scores.watch.samples.sum() == 0
+
+
+def test_too_few_rows_say_nothing_before_the_task_ends() -> None:
+    rule = AnomalySpec(requirement=0.01, relative=False, window=98)
+    bench = Bench(anomaly=rule)
+    bench.state.scores.watch.residual[:] = 1.0
+    assert bench.beat(copy(bench.state)).kinds == []
+    assert bench.beat(bench.state, end=True).kinds == ["suspected"]
+
+
+def test_a_schedule_asks_without_suspicion() -> None:
+    bench = Bench(tuning=TuningSpec(every=30.0, window=120))
+    requests = [record for record in bench.log if isinstance(record, Request)]
+    assert [(r.row, r.detail) for r in requests] == [(35, {"reason": "scheduled"})]
+    assert "suspected" not in [r.kind for r in bench.log if isinstance(r, Event)]
+
+
+def asked(bench: Bench, phase: int) -> TwinState:
+    desk = bench.state.agenda._replace(phase=phase, open=1, due=50, stop=50, asked=1)
+    return bench.state._replace(agenda=desk)
+
+
+def test_an_answer_about_another_version_is_ignored() -> None:
+    bench = Bench()
+    done = bench.beat(asked(bench, FIT), Answer(1, 7, {"events": []}))
+    assert (done.state.agenda.phase, done.state.agenda.open) == (FIT, 1)
+
+
+def test_an_answer_without_candidate_is_waited_after() -> None:
+    bench = Bench()
+    said = {"kind": "not_identifiable", "signal": "gain", "reason": "constant", "evidence": {}}
+    done = bench.beat(asked(bench, FIT), Answer(1, 0, {"events": [said], "tuned": True}))
+    assert done.kinds == ["not_identifiable"]
+    assert done.state.agenda.tunings == 1
+    assert done.state.agenda.hold == 50 + bench.setup.spec.trial.holdoff
+
+
+def test_an_answer_may_ask_for_a_correction() -> None:
+    bench = Bench()
+    done = bench.beat(asked(bench, FIT), Answer(1, 0, {"events": [], "next": "correct"}))
+    assert [request.kind for request in done.requests] == ["correct"]
+    assert done.state.agenda.phase == CORRECT
+
+
+def test_a_candidate_goes_on_trial() -> None:
+    bench = Bench()
+    candidate = {"form": {"terms": [], "variant": []}, "values": {"gain": 0.9}, "scale": [0.01],
+                 "reason": "tuned gain", "watched": []}  # fmt: skip
+    done = bench.beat(asked(bench, FIT), Answer(1, 0, {"events": [], "candidate": candidate}))
+    assert done.state.agenda.phase == TRIAL
+    assert done.state.other.version == 1
+    assert done.state.agenda.versions == 2
+    assert done.state.scores.scale.tolist() == [0.01]
+    assert bench.versions[1].reason == "tuned gain"
+
+
+def test_leaving_the_range_of_a_correction_starts_new_training() -> None:
+    rule = CorrectionSpec(channels=("v",), terms=("lag",), watch=("v",), window=120)
+    bench = Bench(correction=rule)
+    bench.versions.add(TABLE, {}, parent=0, reason="learned")
+    state = bench.state._replace(
+        live=bench.driver.follow.lane(1, tracked=True), watched=np.array([[0.2, 0.4]])
+    )
+    done = bench.beat(state)
+    assert done.kinds == ["training_restarted"]
+    assert done.events[0].signal == "v"
+    assert done.state.agenda.since == 50
+    assert done.state.agenda.retrain == 50 + bench.setup.spec.anomaly.window
+    later = bench.beat(done.state._replace(row=done.state.agenda.retrain))
+    assert [request.kind for request in later.requests] == ["correct"]
+    assert later.requests[0].window[0] == 50
+
+
+def test_within_the_range_nothing_happens() -> None:
+    rule = CorrectionSpec(channels=("v",), terms=("lag",), watch=("v",), window=120)
+    bench = Bench(correction=rule)
+    bench.versions.add(TABLE, {}, parent=0, reason="learned")
+    state = bench.state._replace(
+        live=bench.driver.follow.lane(1, tracked=True), watched=np.array([[0.0, 0.4]])
+    )
+    assert bench.beat(state).kinds == []
+
+
+def test_the_end_of_the_data_answers_what_is_open() -> None:
+    bench = Bench(anomaly=AnomalySpec(requirement=1e-9, relative=False, window=40))
+    bench.state.scores.watch.residual[:], bench.state.scores.watch.samples[:] = 1.0, 50
+    state = bench.beat(bench.state).state
+    assert state.agenda.open == 1
+    done = bench.driver.finish(state)
+    assert done.agenda.open == 0
+    assert [r.id for r in bench.log if isinstance(r, Answer)][:1] == [1]
+
+
+@pytest.mark.parametrize("relative", [True, False])
+def test_a_deviation_is_shown_in_its_unit(relative: bool) -> None:
+    bench = Bench(anomaly=AnomalySpec(requirement=0.01, relative=relative, window=40))
+    assert bench.setup.shown(0, 0.05) == ("5.0 %" if relative else "0.05 m")

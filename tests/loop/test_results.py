@@ -1,0 +1,196 @@
+"""Results turn into tables, labelled arrays, pictures and text; all show the same figures."""
+
+from __future__ import annotations
+
+import json
+import logging
+import math
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+from evertwin.config.spec import (
+    AnomalySpec,
+    ArbiterSpec,
+    ModelSpec,
+    PredictionSpec,
+    StoreSpec,
+    TuningSpec,
+    TwinSpec,
+)
+from evertwin.errors import MissingExtra, UsageError
+from evertwin.loop.fitting import FitResult
+from evertwin.loop.result import RunResult
+from evertwin.report import draw_run
+from evertwin.twin import Twin
+
+
+def spec(folder: str = ".", path: str | None = None) -> TwinSpec:
+    return TwinSpec(
+        "robot <1>", ModelSpec("robot1d"), prediction=PredictionSpec(horizon=1.0),
+        arbiter=ArbiterSpec(use="tolerance", tolerance=0.03), beat=10,
+        anomaly=AnomalySpec(requirement=0.005, relative=False, window=100),
+        tuning=TuningSpec(window=600), store=StoreSpec(path), folder=folder,
+    )  # fmt: skip
+
+
+def drive(rows: int = 1200, gain: float = 0.9, seed: int = 1) -> dict[str, Any]:
+    rng = np.random.default_rng(seed)
+    t = 0.1 * np.arange(rows)
+    v = 0.1 * np.sign(np.sin(0.4 * t)) + 0.05 * np.sin(1.3 * t)
+    x = np.concatenate([[0.0], np.cumsum(0.1 * gain * v[:-1])])
+    return {"t": t, "v": v, "x": x + rng.normal(0.0, 0.001, rows)}
+
+
+@pytest.fixture(scope="module")
+def twin() -> Iterator[Twin]:
+    with Twin(spec()) as twin:
+        yield twin
+
+
+@pytest.fixture(scope="module")
+def result(twin: Twin) -> RunResult:
+    return twin.run(drive())
+
+
+@pytest.fixture(scope="module")
+def fitted() -> FitResult:
+    return Twin(spec()).fit(drive(), [drive(seed=2), drive(seed=3)])
+
+
+def test_a_run_as_a_table(result: RunResult) -> None:
+    table = result.to_pandas()
+    assert list(table.columns) == ["t", "x.measured", "x.predicted", "x.residual"]
+    assert len(table) == 1200 and table.index.name == "row"
+    assert table["t"].iloc[-1] == pytest.approx(119.9)
+    known = table.dropna()
+    assert len(known) > 1000
+    assert np.allclose(known["x.measured"] - known["x.predicted"], known["x.residual"])
+
+
+def test_a_run_as_labelled_arrays_holds_the_same_rows(result: RunResult) -> None:
+    data, table = result.to_xarray(), result.to_pandas()
+    assert dict(data.sizes) == {"row": 1200, "output": 1}
+    assert data["unit"].values.tolist() == ["m"]
+    for kind in ("measured", "predicted", "residual"):
+        column = data[kind].sel(output="x").values
+        assert np.array_equal(column, table[f"x.{kind}"].to_numpy(), equal_nan=True)
+
+
+@pytest.mark.parametrize(("package", "verb"), [("pandas", "to_pandas"), ("xarray", "to_xarray")])
+def test_what_is_not_installed_is_named(
+    result: RunResult, monkeypatch: pytest.MonkeyPatch, package: str, verb: str
+) -> None:
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(MissingExtra, match=r"evertwin\[analysis\]"):
+        getattr(result, verb)()
+
+
+def test_a_run_as_plain_content(result: RunResult) -> None:
+    content: Any = json.loads(json.dumps(result.to_dict(), allow_nan=False))
+    assert content["schema"] == "evertwin.run/1"
+    gain = content["parameters"]["gain"]
+    assert gain["value"] == pytest.approx(0.9, abs=0.01)
+    assert gain["interval95"][0] < gain["value"] < gain["interval95"][1]
+    assert content["champion"]["hash"] == result.champion.hash
+    assert result.model_of(result.champion).outputs.names == ("x",)
+
+
+def test_a_run_draws_and_shows_itself(result: RunResult) -> None:
+    figure = draw_run(result, "x")
+    assert len(figure.axes) >= 2
+    plt.close(figure)
+    shown = result._repr_html_()
+    assert "robot &lt;1&gt;: version" in shown and "promoted" in shown
+    assert "position updates" in str(result)
+    with pytest.raises(UsageError):
+        draw_run(result, "y")
+
+
+def test_two_versions_are_compared(twin: Twin, result: RunResult) -> None:
+    other = drive(seed=4)
+    found = twin.compare(0, result.champion.number, other)
+    first, second = (d[0] for d in found.deviations)
+    assert second.rms < 0.5 * first.rms and found.better > 0.6
+    content: Any = found.to_dict()
+    assert [v["version"] for v in content["versions"]] == [0, result.champion.number]
+    assert "is nearer at" in str(found)
+    same = twin.compare(0, 0, other)
+    assert same.better == 0.0 and same.deviations[0] == same.deviations[1]
+
+
+def test_a_fit_as_plain_content(fitted: FitResult) -> None:
+    content: Any = json.loads(json.dumps(fitted.to_dict(), allow_nan=False))
+    assert content["schema"] == "evertwin.fit/1" and len(content["tests"]) == 2
+    gain = content["parameters"]["gain"]
+    assert gain["verdict"] == "identifiable"
+    assert gain["interval95"][0] < 0.9 < gain["interval95"][1]
+    x = content["outputs"]["x"]
+    each = [t["outputs"]["x"] for t in content["tests"]]
+    # the deviation over all tests together, from each alone
+    rms = math.sqrt(
+        sum(t["rms"] ** 2 * t["samples"] for t in each) / sum(t["samples"] for t in each)
+    )
+    assert x["rms_test"] == pytest.approx(rms)
+    assert x["rms_test"] < 0.0025
+    assert "all tests" in str(fitted) and "<pre>" in fitted._repr_html_()
+
+
+def test_without_tests_there_are_no_test_figures() -> None:
+    content: Any = json.loads(json.dumps(Twin(spec()).fit(drive()).to_dict()))
+    x = content["outputs"]["x"]
+    assert content["tests"] == [] and x["rms_test"] is None and x["moving"] > 0
+
+
+def test_the_operators_hand_outlives_the_process(tmp_path: Path) -> None:
+    kept = spec(str(tmp_path), "robot.db")
+    with Twin(kept) as first:
+        first.run(drive())
+        best = first.champion.number
+        assert best > 0
+        first.promote(0, "to see")
+        assert first.champion.number == 0
+        assert first.rollback().evidence["version"] == best
+        first.pin(0)
+    with Twin(kept) as second:
+        assert second.pinned and second.champion.number == 0
+        assert [e.kind for e in second.events][-3:] == ["promoted", "rolled_back", "pinned"]
+        assert len(second.versions) > best
+        assert second.parameters_of(best)["gain"].value == pytest.approx(0.9, abs=0.01)
+        again = second.run(drive(seed=5))
+        assert again.champion.number == 0 and not again.of_kind("promoted")
+        with pytest.raises(UsageError, match="version 0 is pinned and stays live"):
+            second.promote(best)
+        with pytest.raises(UsageError, match="pinned"):
+            second.rollback()
+        second.pin(None)
+        assert not second.pinned
+        with pytest.raises(UsageError, match="there are versions 0 to"):
+            second.pin(99)
+        with pytest.raises(UsageError, match="version: there are 0 to"):
+            second.promote(99)
+
+
+def test_nothing_is_there_to_roll_back_to() -> None:
+    with Twin(spec()) as fresh, pytest.raises(UsageError, match="no other version has been live"):
+        fresh.rollback()
+
+
+def test_the_library_is_silent_until_it_is_asked(caplog: pytest.LogCaptureFixture) -> None:
+    script = (
+        "import logging, evertwin; log = logging.getLogger('evertwin');"
+        "log.warning('nobody asked'); log.error('nobody asked')"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    with caplog.at_level(logging.INFO, logger="evertwin"):
+        Twin(spec()).run(drive())
+    told = [record.getMessage() for record in caplog.records if record.name == "evertwin"]
+    assert any("promoted" in line for line in told)
+    assert any("1200 rows in" in line for line in told)

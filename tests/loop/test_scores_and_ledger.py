@@ -1,0 +1,300 @@
+"""The twin's small parts, each against a plain computation."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from evertwin.config.spec import AnomalySpec
+from evertwin.errors import DataError, StoreError, UsageError
+from evertwin.fold import Answer, Event, make_block, take
+from evertwin.fold.state import equal
+from evertwin.loop.detectors import Detect
+from evertwin.loop.deviation import add, deviation, new_sums
+from evertwin.loop.ledger import Ledger
+from evertwin.loop.residual_filter import Pass, ZeroPhase
+from evertwin.loop.ring import Ring
+from evertwin.loop.scores import Released, accumulate, new_scores
+from evertwin.loop.trace import Trace
+from evertwin.loop.versions import Versions
+from evertwin.models import FunctionModel, Parameters
+from evertwin.models.form import Form
+from evertwin.signals import Layout
+from evertwin.signals.filters import Butterworth
+from evertwin.store import SqliteStore
+
+CUTS = st.lists(st.integers(1, 99), max_size=8)
+
+
+def pieces(cuts: list[int], n: int = 100) -> list[slice]:
+    edges = [0, *sorted(set(cuts)), n]
+    return [slice(a, b) for a, b in pairwise(edges)]
+
+
+def released(seed: int = 0, n: int = 100, ny: int = 2) -> Released:
+    rng = np.random.default_rng(seed)
+
+    def values() -> np.ndarray:
+        v = rng.normal(size=(n, ny))
+        v[rng.random((n, ny)) < 0.2] = np.nan
+        return v
+
+    return Released(
+        np.arange(n), np.arange(n) * 10**7, np.zeros(n, dtype=np.int64), rng.normal(size=(n, ny)),
+        values(), values(), values(), rng.random((n, ny)) < 0.5, np.arange(n) % 10 == 9,
+    )  # fmt: skip
+
+
+def part(rows: Released, where: slice) -> Released:
+    return Released(*(column[where] for column in rows))
+
+
+# ------------------------------------------------------------------ books
+
+
+@settings(max_examples=20, deadline=None)
+@given(CUTS)
+def test_books_are_plain_sums_wherever_rows_are_cut(cuts: list[int]) -> None:
+    rows = released()
+    books, pairs = new_scores(2, np.zeros(2, np.int64), 0, np.array([1.0, 2.0])), []
+    for where in pieces(cuts):
+        books, found = accumulate(books, part(rows, where))
+        pairs.append(found)
+    known = ~np.isnan(rows.live)
+    moving = known & rows.moving
+    assert books.live.samples.tolist() == known.sum(axis=0).tolist()
+    assert books.watch.samples.tolist() == moving.sum(axis=0).tolist()
+    np.testing.assert_allclose(books.live.residual, np.nansum(rows.live**2, axis=0))
+    np.testing.assert_allclose(books.first.residual, np.nansum(rows.first**2, axis=0))
+    np.testing.assert_allclose(
+        books.live_moving.measured, np.where(moving, rows.measured**2, 0.0).sum(axis=0)
+    )
+    both = known & ~np.isnan(rows.other)
+    size = np.array([1.0, 2.0])
+    count = both.reshape(10, -1).sum(axis=1)
+    squares = [np.where(both, (r / size) ** 2, 0.0) for r in (rows.live, rows.other)]
+    loss = [square.reshape(10, -1).sum(axis=1) / count for square in squares]
+    np.testing.assert_allclose(np.concatenate(pairs), np.stack(loss, axis=1))
+
+
+def test_books_do_not_depend_on_cuts_by_a_bit() -> None:
+    rows = released(1)
+
+    def end(cuts: list[int]) -> object:
+        books = new_scores(2, np.zeros(2, np.int64), 0, np.ones(2))
+        for where in pieces(cuts):
+            books, _ = accumulate(books, part(rows, where))
+        return books
+
+    assert equal(end([]), end(list(range(1, 100))))
+
+
+def test_sums_without_rows_have_no_deviation() -> None:
+    sums = add(new_sums(1), np.array([[np.nan]]), np.array([[1.0]]))
+    assert np.isnan(deviation(sums, relative=True)).all()
+    sums = add(sums, np.array([[3.0], [4.0]]), np.array([[5.0], [5.0]]))
+    assert deviation(sums, relative=False)[0] == pytest.approx(np.sqrt(12.5))
+    assert deviation(sums, relative=True)[0] == pytest.approx(np.sqrt(0.5))
+
+
+# ------------------------------------------------------------------ newest rows
+
+
+@settings(max_examples=20, deadline=None)
+@given(CUTS, st.integers(1, 130))
+def test_a_ring_keeps_the_newest_rows(cuts: list[int], capacity: int) -> None:
+    task = np.repeat([0, 1], 50)
+    rows = make_block(t=np.arange(100), u=np.arange(100.0)[:, None], y=np.ones((100, 1)), task=task)
+    ring = Ring(capacity, 1, 1)
+    state = ring.init()
+    for where in pieces(cuts):
+        state = ring.push(state, take(rows, where.start, where.stop))
+    found = ring.between(state, 20, 90)
+    first = max(20, 100 - capacity)
+    if first >= 90:
+        assert found == ()
+        return
+    assert np.concatenate([b.u[:, 0] for b in found]).tolist() == list(range(first, 90))
+    assert [b.task[0] for b in found] == sorted({int(t) for t in task[first:90]})
+    assert found[0].row == first
+
+
+def test_a_ring_needs_room() -> None:
+    with pytest.raises(UsageError, match="at least 1 row"):
+        Ring(0, 1, 1)
+
+
+# ------------------------------------------------------------------ trace
+
+
+@settings(max_examples=30, deadline=None)
+@given(CUTS, st.integers(1, 120))
+def test_a_trace_keeps_every_nth_row_wherever_cut(cuts: list[int], most: int) -> None:
+    trace, x = Trace(most=most), np.arange(200.0).reshape(100, 2)
+    for where in pieces(cuts):
+        trace.add({"row": np.arange(100)[where], "x": x[where]})
+    kept = trace.columns()
+    step = next(2**k for k in range(8) if -(-100 // 2**k) <= most)
+    assert (trace.step, kept["row"].tolist()) == (step, list(range(0, 100, step)))
+    assert kept["x"].tolist() == x[::step].tolist()
+    assert np.arange(7, 50)[trace.places(7)].tolist() == [k for k in range(7, 50) if k % step == 0]
+
+
+def test_an_empty_trace_has_no_columns() -> None:
+    assert Trace().columns() == {}
+
+
+# ------------------------------------------------------------------ one filter for both sides
+
+
+def test_without_a_filter_rows_pass() -> None:
+    rows = released()
+    state, out = Pass().step(Pass().init(), rows)
+    assert out is rows
+    assert Pass().flush(state) == ((), None)
+
+
+@settings(max_examples=10, deadline=None)
+@given(CUTS)
+def test_filtered_rows_leave_when_their_task_ends(cuts: list[int]) -> None:
+    rows = released(2)
+    whole = rows._replace(live=np.cumsum(np.nan_to_num(rows.live), axis=0))
+    stage = ZeroPhase(100.0, 10.0, 2, 2, capacity=100)
+    state = stage.init()
+    for where in pieces(cuts):
+        state, none = stage.step(state, part(whole, where))
+        assert len(none.row) == 0
+    state, out = stage.flush(state)
+    assert out is not None
+    np.testing.assert_array_equal(out.live, Butterworth(10.0, 100.0, 2)(whole.live))
+    np.testing.assert_array_equal(np.isnan(out.first), np.isnan(whole.first))
+    assert out.row.tolist() == whole.row.tolist()
+    assert stage.flush(state)[1] is None
+
+
+def test_a_task_longer_than_the_filter_holds_is_refused() -> None:
+    stage = ZeroPhase(100.0, 10.0, 2, 2, capacity=60)
+    with pytest.raises(DataError, match="at most 60 rows"):
+        stage.step(stage.init(), released())
+
+
+def test_rows_without_residuals_are_not_released() -> None:
+    stage, empty = ZeroPhase(100.0, 10.0, 2, 2, capacity=100), released()
+    none = np.full((100, 2), np.nan)
+    rows = empty._replace(measured=none, live=none, first=none, other=none)
+    state, _ = stage.step(stage.init(), rows)
+    assert stage.flush(state)[1] is None
+
+
+# ------------------------------------------------------------------ detectors
+
+
+def test_detectors_begin_silent_and_tell_a_shift() -> None:
+    rng, n = np.random.default_rng(4), 3000
+    stage = Detect.of(
+        AnomalySpec(snr=6.0, calibration=1200.0), ("a", "b"), np.array([True, False]), 1
+    )
+    live = rng.normal(size=(n, 2))
+    live[2000:, 0] += 6.0
+    state, alarms, told = stage.init(), [], []
+    for start in range(0, n, 100):
+        at = slice(start, start + 100)
+        rows = Released(
+            np.arange(n)[at], (np.arange(n) * 10**9)[at], np.zeros(100, np.int64), live[at],
+            live[at], live[at], live[at], np.ones((100, 2), np.bool_), np.zeros(100, np.bool_),
+        )  # fmt: skip
+        state, events = stage.step(state, rows)
+        told += events
+        state, alarm, _ = stage.beat(state)
+        alarms.append(alarm)
+    assert not any(alarms[:20])
+    assert any(alarms[20:])
+    assert {event.signal for event in told if event.kind == "suspected"} == {"a"}
+    assert state.drift.calibration.ready
+
+
+# ------------------------------------------------------------------ versions and book
+
+
+def model(gain: float = 1.0) -> FunctionModel:
+    return FunctionModel(
+        lambda x, u, dt, p: ([], [p[0] * u[0]]), Layout.of(u="1"), Layout.of(y="1"), Layout(),
+        Parameters.of(gain=(gain, "1")),
+    )  # fmt: skip
+
+
+def test_versions_are_numbered_for_ever() -> None:
+    versions = Versions(model())
+    first = versions.add(Form(), {"gain": 2.0}, parent=0, reason="tuned", row=5)
+    with pytest.raises(UsageError, match="no parameters"):
+        versions.add(Form(), {"mass": 1.0}, parent=0, reason="tuned")
+    with pytest.raises(UsageError, match="there are 0 to 1"):
+        _ = versions[2]
+    assert versions.values(1) == {"gain": 2.0}
+    assert [v.number for v in versions] == [0, 1]
+    versions.rewind(1)
+    assert versions.add(Form(), {"gain": 2.0}, parent=0, reason="tuned", row=5) == first
+    assert len(versions) == 2
+    versions.rewind(1)
+    other = versions.add(Form(), {"gain": 3.0}, parent=0, reason="tuned", row=5)
+    assert (other.number, len(versions)) == (2, 3)
+
+
+def test_a_book_opens_as_it_was_left(tmp_path: Path) -> None:
+    path = tmp_path / "twin.db"
+    store = SqliteStore(path)
+    ledger = Ledger(store, versions := Versions(model()))
+    versions.add(Form(), {"gain": 2.0}, parent=0, reason="tuned", row=5)
+    ledger.add(Event(9, 90, "promoted", "", "better", {"version": 1}), 9)
+    ledger.pin(None, "hands off")
+    ledger.pin(0, "trusted")
+    assert (ledger.champion, ledger.before, ledger.pinned) == (0, 1, True)
+    store.close()
+    store = SqliteStore(path)
+    again = Ledger(store, versions := Versions(model()))
+    assert (again.champion, again.before, again.pinned) == (0, 1, True)
+    assert versions.values(1) == {"gain": 2.0}
+    store.close()
+
+
+def test_a_changed_twin_file_opens_another_version(tmp_path: Path) -> None:
+    path = tmp_path / "twin.db"
+    store = SqliteStore(path)
+    Ledger(store, Versions(model()))
+    store.close()
+    store = SqliteStore(path)
+    ledger = Ledger(store, versions := Versions(model(gain=1.5)))
+    assert (ledger.champion, len(versions)) == (1, 2)
+    assert versions.values(1) == {"gain": 1.5}
+    store.close()
+
+
+def test_a_store_belongs_to_one_twin() -> None:
+    store = SqliteStore(":memory:")
+    Ledger(store, Versions(model()), "cart")
+    Ledger(store, Versions(model()), "cart")
+    with pytest.raises(StoreError, match="that of the twin 'cart', and this is 'lift'"):
+        Ledger(store, Versions(model()), "lift")
+
+
+def test_a_book_refuses_what_names_no_version() -> None:
+    ledger = Ledger(SqliteStore(":memory:"), Versions(model()))
+    with pytest.raises(UsageError, match="versions 0 to 0"):
+        ledger.pin(4, "no such")
+    with pytest.raises(StoreError, match="names no known version"):
+        ledger.add(Event(0, 0, "promoted", "", "?", {"version": 7}), 0)
+
+
+def test_a_book_keeps_the_history_of_parameters() -> None:
+    store = SqliteStore(":memory:")
+    ledger = Ledger(store, Versions(model()))
+    item = {"value": 2.0, "interval95": [None, 2.5], "verdict": "weak"}
+    ledger.add(Answer(1, 0, {"fit": {"parameters": {"gain": item}}}), 3)
+    ledger.add(Answer(2, 0, {"events": []}), 4)
+    (kept,) = store.read("estimate")
+    assert (kept.name, kept.low, kept.high) == ("gain", -np.inf, 2.5)  # type: ignore[union-attr]

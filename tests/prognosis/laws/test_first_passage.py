@@ -1,0 +1,212 @@
+"""The closed forms against simulation, against each other, and compiled code against plain."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import gamma as gamma_law
+from scipy.stats import invgauss
+
+from evertwin.errors import UsageError
+from evertwin.prognosis.laws import bank, jumps, onset, passage, problem
+from evertwin.prognosis.laws.bank import Posterior, evaluate, without_growth
+from evertwin.prognosis.laws.clocks import Clocks
+from evertwin.prognosis.laws.families import LAWS, families
+from evertwin.prognosis.laws.life import LEVELS, Life
+from evertwin.prognosis.laws.metrics import crps, dummy, horizon, relative_accuracy, within
+from evertwin.prognosis.laws.simulate import Steps, simulate_lives
+
+
+def certain(now: float, growth: float, s2: float, cov: tuple[float, float, float]) -> Posterior:
+    """A posterior of one hypothesis with a known variance."""
+    dof = 1e6
+    one = np.ones(1)
+    return Posterior(
+        0.0 * one, 0.0 * one, now * one, growth * one, np.array([cov]), s2 * dof * one, dof
+    )
+
+
+R = np.linspace(0.0, 3.0, 31)
+
+
+def test_a_known_drift_gives_the_inverse_gaussian() -> None:
+    drift, sigma2, left = 1.0, 0.04, 0.7
+    found = passage.process(
+        certain(0.3, drift, sigma2, (0.0, 0.0, 0.0)), np.ones(1), 1.0, R[None, :]
+    )[0]
+    mean, shape = left / drift, left**2 / sigma2
+    assert np.allclose(found, invgauss.cdf(R, mean / shape, scale=shape), atol=1e-4)
+
+
+@pytest.mark.parametrize("cov", [(0.0, 0.0, 4.0), (1.0, 0.5, 2.0), (0.3, 0.0, 0.5)])
+def test_an_uncertain_start_and_drift_agree_with_simulation(
+    cov: tuple[float, float, float],
+) -> None:
+    rng = np.random.default_rng(0)
+    s2, q = 0.01, 4.0
+    found = passage.process(certain(0.2, 1.0, s2, cov), np.array([q]), 1.0, R[None, :])[0]
+    spread = s2 * np.array([[cov[0], cov[1]], [cov[1], cov[2]]])
+    now, drift = rng.multivariate_normal([0.2, 1.0], spread, 40_000).T
+    step, lives = 0.01, np.full(len(now), np.inf)
+    # One sample after the other has its own drift: simulated as increments of its own clock.
+    for part in np.array_split(np.argsort(drift), 40):
+        speed = float(drift[part].mean())
+        lives[part] = simulate_lives(
+            lambda x, t, speed=speed: np.full(len(x), speed), now[part], 1.0,
+            Steps(step, 3.0, np.sqrt(s2 * q)), rng,
+        )  # fmt: skip
+    counted = np.searchsorted(np.sort(lives), R, side="right") / len(lives)
+    assert np.abs(found - counted)[1:].max() < 0.012
+
+
+def test_a_path_is_passed_when_its_level_lies_above() -> None:
+    spread = (0.5, 0.1, 0.3)
+    known = certain(0.2, 1.0, 0.01, spread)
+    found = passage.path(known, 1.0, R[None, :])[0]
+    rng = np.random.default_rng(1)
+    cov = 0.01 * np.array([[0.5, 0.1], [0.1, 0.3]])
+    now, growth = rng.multivariate_normal([0.2, 1.0], cov, 100_000).T
+    counted = [(now + growth * r >= 1.0).mean() for r in R]
+    assert np.abs(found - counted).max() < 0.006
+
+
+def test_jumps_pass_as_the_gamma_law_says() -> None:
+    alpha, r = np.array([1e5]), np.array([0.5, 1.0, 2.0])
+    # With so many jumps behind it the rate is known: growth over r is Gamma(α·r, rate α/X).
+    found = jumps.passed(alpha, 0.5, 1.0, 0.5, r)[0]
+    rate = (alpha[0] - 1.0) / 0.5
+    told = gamma_law.sf(0.5, alpha[0] * r, scale=1.0 / rate)
+    assert np.allclose(found[[0, 2]], told[[0, 2]], atol=1e-6)
+    assert found[1] == pytest.approx(0.5, abs=0.01)
+
+
+def test_evidence_is_the_product_of_predictions() -> None:
+    """log p(y₁…yₙ) grows by the Student density of the next value."""
+    from scipy.stats import t as student
+
+    rng = np.random.default_rng(2)
+    s = np.linspace(0.1, 1.0, 12)
+    y = s + 0.1 * rng.standard_normal(12)
+    omega, fixed, clock, q = np.ones(12), np.ones((12, 1)), Clocks.linear().at(s), np.zeros(1)
+    base = np.ones(1)
+
+    def of(n: int) -> Posterior:
+        return evaluate(y[:n], omega[:n], fixed[:n], clock[:, :n], q, base)
+
+    x = np.column_stack([fixed[:, 0], s])
+    a = x[:11].T @ x[:11]
+    theta = np.linalg.solve(a, x[:11].T @ y[:11])
+    before = of(11)
+    scale = np.sqrt(before.square[0] / before.dof * (1.0 + x[11] @ np.linalg.solve(a, x[11])))
+    told = student.logpdf(y[11], before.dof, loc=x[11] @ theta, scale=scale)
+    assert of(12).evidence[0] - before.evidence[0] == pytest.approx(told, abs=1e-6)
+
+
+def test_a_level_without_growth_is_preferred_where_there_is_none() -> None:
+    rng = np.random.default_rng(3)
+    s, fixed = np.linspace(0.0, 1.0, 60), np.ones((60, 1))
+    for growth, preferred in ((0.0, True), (0.5, False)):
+        y = growth * s + 0.1 * rng.standard_normal(60)
+        args = y, np.ones(60), fixed
+        grown = evaluate(*args, Clocks.linear().at(s), np.zeros(1), np.ones(1)).evidence[0]
+        assert (without_growth(*args) > grown) == preferred
+
+
+@pytest.mark.parametrize("form", ["linear", "power", "exponential", "two_phase"])
+def test_clocks_are_one_now_and_their_slope_is_right(form: str) -> None:
+    c, o = np.array([0.5, 1.0, 3.0]), np.array([0.0, 0.2, 0.6])
+    clocks = {
+        "linear": Clocks.linear(3), "power": Clocks.power(c),
+        "exponential": Clocks.exponential(c), "two_phase": Clocks.two_phase(c, o),
+    }[form]  # fmt: skip
+    assert np.allclose(clocks.at(np.ones(1)), 1.0)
+    s, d = np.array([0.7, 1.0, 2.0]), 1e-6
+    assert np.allclose(clocks.slope(s), (clocks.at(s + d) - clocks.at(s - d)) / (2 * d), rtol=1e-5)
+
+
+def test_every_law_has_its_families() -> None:
+    assert {family.label for family in families()} == set(LAWS) - {"gamma"}
+    for family in families():
+        clocks, q = family.hypotheses()
+        assert clocks.at(np.linspace(0, 1, 4)).shape == (len(q), 4)
+        weight = np.exp(family.prior()) * len(q)
+        # Exponents over the observed part of the life reach lower than those over all of it.
+        assert 0.2 < weight < 2.5
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+def test_simulated_lives_follow_the_law(noise: float) -> None:
+    rng = np.random.default_rng(4)
+    lives = simulate_lives(
+        lambda x, t: np.full(len(x), 0.01), np.zeros(20_000), 1.0, Steps(5.0, 600.0, noise), rng
+    )
+    if noise == 0.0:
+        assert np.allclose(lives, 100.0)
+        return
+    told = invgauss.ppf([0.1, 0.5, 0.9], 100.0 / (1.0 / noise**2), scale=1.0 / noise**2)
+    assert np.allclose(np.quantile(lives, [0.1, 0.5, 0.9]), told, rtol=0.03)
+
+
+def test_simulated_lives_end_at_the_horizon_or_before_they_begin() -> None:
+    rng = np.random.default_rng(5)
+    lives = simulate_lives(lambda x, t: 0.0 * x, np.array([0.0, 2.0]), 1.0, Steps(1.0, 10.0), rng)
+    assert lives.tolist() == [np.inf, 0.0]
+    with pytest.raises(UsageError, match="step and a horizon"):
+        simulate_lives(lambda x, t: x, np.zeros(1), 1.0, Steps(0.0, 1.0), rng)
+
+
+def test_the_onset_test_keeps_its_false_alarms() -> None:
+    rng = np.random.default_rng(6)
+    rate, n, runs = 1e-3, 300, 300
+    ones = np.ones((n, 1))
+    rung = sum(
+        onset.first_alarm(rng.standard_normal(n), ones, rate) is not None for _ in range(runs)
+    )
+    told = runs * -np.expm1(-rate * n)
+    assert 0.3 * told < rung < told + 3.0 * np.sqrt(told)
+
+
+@pytest.mark.parametrize("kernel", ["grams", "drifting", "watch", "neighbours"])
+def test_compiled_code_does_what_plain_code_does(kernel: str) -> None:
+    rng = np.random.default_rng(7)
+    y, fixed = rng.standard_normal(40), np.ones((40, 2))
+    fixed[:, 1] = rng.standard_normal(40)
+    clock, q = np.sort(rng.random((3, 40)), axis=1), np.array([0.0, 1.0, 50.0])
+
+    def arrays() -> tuple[np.ndarray, ...]:
+        return np.empty((3, 4, 4)), np.empty(3), np.empty((3, 4)), np.empty(3)
+
+    def run(module: object, plain: bool) -> list[np.ndarray]:
+        function = getattr(module, kernel)
+        function = function.py_func if plain else function
+        if kernel == "grams":
+            out = arrays()
+            function(y, np.ones(40), fixed, clock, q, *out)
+            return list(out)
+        if kernel == "drifting":
+            found = np.zeros((3, len(R)))
+            cov = np.array([[0.1, 0.05, 0.2], [1e-6, 0.0, 0.1], [2.0, 1.0, 2.0]])
+            function(np.array([0.5, 0.4, -0.1]), np.ones(3), cov, np.full(3, 0.4),
+                     np.array([1.0, 5.0, 2.0]), np.array([0.02, 0.03]), np.tile(R, (3, 1)),
+                     passage.NODES, passage.SHARES, found)  # fmt: skip
+            return [found]
+        if kernel == "watch":
+            return [np.array(function(y, fixed, 0.3, 10, onset.scores(), onset.STEP, 3.0, 0.5))]
+        rest = np.empty(40)
+        function(y, 3, rest)
+        return [rest]
+
+    module = {"grams": bank, "drifting": passage, "watch": onset, "neighbours": problem}[kernel]
+    for compiled, plain in zip(run(module, False), run(module, True), strict=True):
+        assert np.allclose(compiled, plain, rtol=1e-12, atol=1e-14)
+
+
+def test_metrics_tell_good_from_bad() -> None:
+    sharp, wide = (Life.of("h", LEVELS, 50.0 + w * (LEVELS - 0.5)) for w in (4.0, 60.0))
+    assert crps(sharp, 50.0) < crps(wide, 50.0) < crps(sharp, 80.0)
+    assert within(sharp, 55.0) and not within(sharp, 70.0) and not within(np.inf, 70.0)
+    assert relative_accuracy(np.inf, 10.0) == -np.inf and relative_accuracy(10.0, 10.0) == 1.0
+    assert horizon([10.0, 50.0], [np.inf, np.inf], 100.0) == 0.0
+    assert horizon([10.0, 50.0], [85.0, 45.0], 100.0) == 90.0
+    assert dummy(100.0, 40.0) == 60.0
+    assert crps(Life("h", np.full(len(LEVELS), np.inf)), 1.0) == np.inf
