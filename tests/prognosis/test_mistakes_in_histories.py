@@ -18,7 +18,7 @@ from evertwin.prognosis.health import indicator_of
 from evertwin.prognosis.history_file import of_table
 from evertwin.prognosis.laws import Life, Limit, NotEnough, predict_life
 from evertwin.prognosis.limits import limit_of
-from evertwin.prognosis.observed_series import Known, in_unit
+from evertwin.prognosis.observed_series import Observed, in_unit
 from evertwin.signals.units import si_unit
 
 WEAR = IndicatorSpec("wear", component="gearbox1", unit="Nm", limit=9.0)
@@ -41,7 +41,7 @@ direction = "below"
 """
 
 
-def told(text: str, clock: str = "run", rule: IndicatorSpec = WEAR) -> Known:
+def told(text: str, clock: str = "run", rule: IndicatorSpec = WEAR) -> Observed:
     return of_table(rule, parse(text.splitlines(), "h.csv"), clock, (), PARTS)
 
 
@@ -188,7 +188,7 @@ def test_a_limit_in_another_unit_than_si_is_that_of_the_values(tmp_path: Path) -
 
 def test_what_the_twin_tuned_is_told_in_the_unit_of_the_indicator() -> None:
     rule = IndicatorSpec("wear", parameter="Fc", unit="kNm", limit=9000.0)  # settings are SI
-    plain = Known(
+    plain = Observed(
         np.arange(2.0), np.array([1000.0, 2000.0]), np.array([10.0, 10.0]), {}, {}, None, ()
     )
     found = in_unit(rule, plain)

@@ -8,7 +8,7 @@ from scipy.stats import gamma as gamma_law
 from scipy.stats import invgauss
 
 from evertwin.errors import UsageError
-from evertwin.prognosis.laws import bank, jumps, onset, passage, problem
+from evertwin.prognosis.laws import bank, jumps, onset, passage, scaled
 from evertwin.prognosis.laws.bank import Posterior, evaluate, without_growth
 from evertwin.prognosis.laws.clocks import Clocks
 from evertwin.prognosis.laws.families import LAWS, families
@@ -196,7 +196,7 @@ def test_compiled_code_does_what_plain_code_does(kernel: str) -> None:
         function(y, 3, rest)
         return [rest]
 
-    module = {"grams": bank, "drifting": passage, "watch": onset, "neighbours": problem}[kernel]
+    module = {"grams": bank, "drifting": passage, "watch": onset, "neighbours": scaled}[kernel]
     for compiled, plain in zip(run(module, False), run(module, True), strict=True):
         assert np.allclose(compiled, plain, rtol=1e-12, atol=1e-14)
 
