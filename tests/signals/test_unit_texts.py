@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import time
+
 import pytest
 
 from evertwin.errors import UsageError
 from evertwin.signals import si_unit
-from evertwin.signals.units import compatible, to_si
+from evertwin.signals.units import compatible, conversion, to_si
 
 NONE = ["Ns/mm/", "m/(s", "m**", "*m", "m)", "1/", "m**s", "'", "#", "€", "(m//s)/K"]
 PASSED_OVER = ["m//s", "m;", "m%", "m,s", "m!", "m&s", "m..s", "Nm/√s", "m\u200bs", "m+", "m'"]
@@ -36,3 +38,30 @@ def test_a_unit_may_be_spelt_in_many_ways(unit: str, factor: float) -> None:
 def test_torques_and_impulses_may_be_prefixed(unit: str, factor: float) -> None:
     assert to_si(1.0, unit) == pytest.approx(factor)
     assert compatible(unit, "Nms" if unit == "Nms" else "Nm")
+
+
+HOSTILE = [
+    "9^999999999", "9**9**9**9", "m/0", "1/0", "0 m", "degC/0", "m^999999999", "m^-999999999",
+    "m/" * 2000 + "s", "(m" * 300, "m" * 5000, "(((((m)))))", "m^(9^9^9)", "10^400 m", "Ym^13",
+    "1e400", "1__0 m", "__import__", "m+s", "2 m", "[m]", "ℵ₀", "m^²",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("text", HOSTILE)
+def test_no_text_is_evaluated(text: str) -> None:
+    began = time.process_time()
+    with pytest.raises(UsageError, match="is not known") as error:
+        conversion(text)
+    assert time.process_time() - began < 1.0
+    assert len(str(error.value)) < 150
+
+
+def test_a_factor_that_no_number_holds_is_refused() -> None:
+    with pytest.raises(UsageError, match="too large or too small"):
+        conversion("Ym^12 Ym^12")
+
+
+@pytest.mark.parametrize("unit", ["dB", "dBm", "dBW", "Np", "dB/m", "octave"])
+def test_a_logarithmic_unit_is_refused_with_the_way_out(unit: str) -> None:
+    with pytest.raises(UsageError, match=r"logarithmic.*10\^\(x/10\)"):
+        conversion(unit)

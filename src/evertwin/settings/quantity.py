@@ -19,7 +19,12 @@ from evertwin.signals.units import compatible, conversion, si_unit
 
 __all__ = ["Measured", "as_number", "in_unit", "number", "written"]
 
-_TEXT = re.compile(r"\s*([+-]?(?:\d[\d_]*\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf)\s*(.*?)\s*$")
+LONGEST = 100
+"""Signs of the longest text that is read as a quantity."""
+_TEXT = re.compile(
+    r"\s*([+-]?(?:\d+(?:_\d+)*\.?\d*|\.\d+)(?:[eE][+-]?\d{1,4})?|[+-]?inf)\s*(.*?)\s*$"
+)
+_TOO_LARGE = "expected a number of at most 1e308, got a larger one"
 
 
 class Measured(float):
@@ -51,10 +56,28 @@ def written(text: str) -> tuple[float, str]:
     >>> written("0.3 m"), written("-5")
     ((0.3, 'm'), (-5.0, ''))
     """
-    found = _TEXT.match(text)
+    found = _TEXT.match(text) if len(text) <= LONGEST else None
     if not found:
-        raise UsageError(f"expected a number or text such as '2 cm', got {text!r}")
-    return float(found[1]), found[2]
+        shown = text if len(text) <= LONGEST else f"{text[:37]}..."
+        raise UsageError(f"expected a number or text such as '2 cm', got {shown!r}")
+    return _finite(found[1]), found[2]
+
+
+def _finite(number: str | float) -> float:
+    """A number, which is infinite only where it is written so.
+
+    Raises:
+        UsageError: it is not a number, or larger than any that can be reckoned with.
+    """
+    try:
+        size = float(number)
+    except OverflowError:  # a whole number of more digits than any double
+        raise UsageError(_TOO_LARGE) from None
+    if math.isnan(size):
+        raise UsageError("expected a number, got nan")
+    if math.isinf(size) and "inf" not in str(number):
+        raise UsageError(_TOO_LARGE)
+    return size
 
 
 def number(
@@ -72,7 +95,7 @@ def number(
         UsageError: no number in front, an unknown unit, or one that measures something else.
     """
     text = value.written if isinstance(value, Measured) else value
-    size, given = written(text) if isinstance(text, str) else (float(text), "")
+    size, given = written(text) if isinstance(text, str) else (_finite(text), "")
     used = given or bare
     if not used:
         return size
@@ -100,7 +123,9 @@ def in_unit(what: str, value: float | str, unit: str) -> float:
 def _written_digits(size: float, factor: float, offset: float) -> float:
     """5 cm is 0.05 m, not 0.050000000000000003: take the short number where both mean the same."""
     si = size * factor + offset
-    if not math.isfinite(si):
+    if math.isinf(si):
+        if math.isfinite(size):
+            raise UsageError(_TOO_LARGE)
         return si
     short = float(f"{si:.14g}")
     return short if abs(short - si) <= 4e-16 * max(abs(si), abs(offset)) else si
@@ -112,7 +137,7 @@ def as_number(text: str) -> float | str:
     >>> as_number("30 cm"), as_number("6 axes"), as_number("ur5"), as_number("5")
     (0.3, '6 axes', 'ur5', '5')
     """
-    found = _TEXT.match(text)
+    found = _TEXT.match(text) if len(text) <= LONGEST else None
     if not found or not found[2]:
         return text
     try:

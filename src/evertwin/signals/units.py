@@ -11,26 +11,17 @@ is done by `pint`; angles count as dimensionless radians.
 
 from __future__ import annotations
 
-import re
-from functools import cache
-from tokenize import TokenError
+import math
+from functools import cache, lru_cache
 from typing import Any
 
 import pint
 
 from evertwin.errors import UsageError
+from evertwin.signals.unit_text import factors
 
 __all__ = ["compatible", "conversion", "from_si", "powers", "si_unit", "to_si"]
 
-_REFUSED = (
-    pint.errors.PintError, ValueError, TypeError, AttributeError, AssertionError, SyntaxError,
-    IndexError, KeyError, TokenError,
-)  # fmt: skip
-"""What pint raises for a text that is no unit."""
-_SPELLINGS = {
-    "kgm2": "kg*m**2", "kgm^2": "kg*m**2",
-    "1": "dimensionless", "%": "percent", "°C": "degC", "°": "degree", "deg": "degree",
-}  # fmt: skip
 _SI = {
     "Nm": "Nm", "Nms/rad": "Nms/rad", "Nms": "Nms", "kgm2": "kgm2", "Ns/m": "Ns/m", "Nm/A": "Nm/A",
 }  # fmt: skip
@@ -41,68 +32,72 @@ def _registry() -> pint.UnitRegistry[Any]:
     return pint.UnitRegistry(autoconvert_offset_to_baseunit=True, cache_folder=None)
 
 
-_POWER = r"(?:\s*(?:\*\*|\^)\s*[+-]?\d+(?:\.\d+)?|⁻?[⁰¹²³⁴⁵⁶⁷⁸⁹]+)?"
-_FACTOR = rf"(?:[°Δ]*[^\W\d]\w*|°|%|\d+(?:\.\d+)?){_POWER}"
-_PRODUCT = re.compile(rf"\s*{_FACTOR}(?:(?:\s*[*/·.]\s*|\s+){_FACTOR})*\s*")
-_BRACKETS = re.compile(r"\(([^()]*)\)")
-
-
-def _written(text: str) -> bool:
-    """Factors with powers, one sign or space between two of them: pint passes over other signs."""
-    inside = _BRACKETS.search(text)
-    while inside is not None:
-        if not _PRODUCT.fullmatch(inside[1]):
-            return False
-        text = f"{text[: inside.start()]} 1{text[inside.end() :]}"
-        inside = _BRACKETS.search(text)
-    return bool(_PRODUCT.fullmatch(text))
-
-
-_NEWTONS = re.compile(r"([Mkcmµu]?N)(mm|ms|m|s)")
-_ARMS = {"mm": "mm", "ms": "m*s", "m": "m", "s": "s"}
-"""Written without a sign between, which pint takes for others: ``kNm`` for a yarn's fineness."""
-
-
-def _spelt(part: str) -> str:
-    """One factor as pint spells it."""
-    found = _NEWTONS.fullmatch(part)
-    if found is not None:
-        return f"{found[1]}*{_ARMS[found[2]]}"
-    return _SPELLINGS.get(part, part)
-
-
-@cache
+@lru_cache(4096)
 def _parse(unit: str) -> Any:
     if not unit:
         raise UsageError(
             "unit: expected a unit such as 'm/s', got none: write '1' for a pure number"
         )
-    parts = unit.replace("·", "*").split("/")
-    text = "/".join(_spelt(part.strip()) for part in parts)
+    found = factors(unit)
+    if found is None:
+        raise _unknown(unit)
+    powers: dict[str, float] = {}
+    for symbol, power in found:
+        name = _name(symbol, unit)
+        powers[name] = powers.get(name, 0.0) + power
+    alone = list(powers.values()) == [1.0]
+    registry = _registry()
+    units = {
+        name if alone or registry._units[name].is_multiplicative else f"delta_{name}": power
+        for name, power in powers.items()
+        if power
+    }
+    return registry.Unit(registry.UnitsContainer(units))
+
+
+@lru_cache(4096)
+def _name(symbol: str, unit: str) -> str:
+    """What pint calls one symbol: the only text of a unit that it is given."""
+    registry = _registry()
     try:
-        if not _written(text):
-            raise ValueError(text)
-        return _registry().Unit(text)
-    except _REFUSED as error:
+        name = str(registry.get_name(symbol))
+    except pint.errors.PintError:
+        raise _unknown(unit) from None
+    if registry._units[name].is_logarithmic:
         raise UsageError(
-            f"unit: {unit!r} is not known; write it as in 'm/s', 'rad', 'Nm', 'degC', '1'"
-        ) from error
+            f"unit: {unit!r} is logarithmic: turn the values into a linear unit first, x dB of a "
+            "power into 10^(x/10), of an amplitude into 10^(x/20)"
+        )
+    return name
 
 
-@cache
+def _unknown(unit: str) -> UsageError:
+    shown = unit if len(unit) <= 40 else f"{unit[:37]}..."
+    return UsageError(
+        f"unit: {shown!r} is not known; write it as in 'm/s', 'rad', 'Nm', 'degC', '1'"
+    )
+
+
+@lru_cache(4096)
 def conversion(unit: str) -> tuple[float, float]:
     """(factor, offset) such that ``si = value * factor + offset``.
 
     Raises:
-        UsageError: the unit is not known.
+        UsageError: the unit is not known, or logarithmic.
     """
     registry = _registry()
-    zero = registry.Quantity(0.0, _parse(unit)).to_base_units().magnitude
-    one = registry.Quantity(1.0, _parse(unit)).to_base_units().magnitude
-    return float(one - zero), float(zero)
+    parsed = _parse(unit)
+    try:
+        zero = float(registry.Quantity(0.0, parsed).to_base_units().magnitude)
+        factor = float(registry.Quantity(1.0, parsed).to_base_units().magnitude) - zero
+    except OverflowError:
+        factor = math.inf
+    if not (factor and math.isfinite(factor)):
+        raise UsageError(f"unit: {unit!r} is too large or too small for any number")
+    return factor, zero
 
 
-@cache
+@lru_cache(4096)
 def si_unit(unit: str) -> str:
     """The SI unit that values in ``unit`` are stored in. Readable names are kept when they are SI.
 
