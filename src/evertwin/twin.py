@@ -32,6 +32,7 @@ from evertwin.errors import StoreError, UsageError
 from evertwin.export import Written, values_in, write
 from evertwin.export.content import exported
 from evertwin.fold import Block, Event
+from evertwin.loop.channels import check_units
 from evertwin.loop.compare import Comparison, compare
 from evertwin.loop.configured_model import model_of
 from evertwin.loop.feed import Data, Feed
@@ -41,7 +42,6 @@ from evertwin.loop.observer import Observer
 from evertwin.loop.result import RunResult
 from evertwin.loop.run import Run
 from evertwin.loop.setup import Setup
-from evertwin.loop.tasks import check_units
 from evertwin.loop.versions import Versions
 from evertwin.models import Model, Parameters
 from evertwin.models.form import Version

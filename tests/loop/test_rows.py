@@ -1,7 +1,8 @@
-"""One task's recorded channels become rows: derived channels, grid, filter, crop, held inputs."""
+"""Samples of recorded channels become rows: derived channels, grid, filter, crop, held inputs."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -17,10 +18,15 @@ from evertwin.config.spec import (
     TwinSpec,
 )
 from evertwin.errors import ConfigError, DataError
-from evertwin.fold import Block
-from evertwin.loop.tasks import Series, rows_of_task
+from evertwin.fold import Block, Chunk, concatenate
+from evertwin.loop.alignment import Alignment
+from evertwin.loop.crop import cropped
+from evertwin.loop.feed import Feed
 from evertwin.machines.mobile import Robot1D
+from evertwin.sources.merge import merge
+from evertwin.sync import Feed as Brings
 
+Series = Mapping[str, tuple[np.ndarray, np.ndarray]]
 SPEC = TwinSpec("robot", ModelSpec("robot1d"))
 T = np.arange(200) * 10_000_000
 SECONDS = T * 1e-9
@@ -29,9 +35,14 @@ A, B = RNG.normal(size=200), RNG.normal(size=200)
 
 
 def rows(spec: TwinSpec, series: Series) -> Block:
-    block = rows_of_task(series, spec, Robot1D(), 0, 0)
-    assert block is not None
-    return block
+    """The rows of channels, each a source of its own."""
+    way = Alignment.of(spec, Robot1D(), [Brings(name, (name,)) for name in series])
+    state, found = way.init(), []
+    for name, (t, v) in series.items():
+        state, block, _ = way.step(state, Chunk(name, t.astype(np.int64), v[:, None].astype(float)))
+        found.append(block)
+    found.append(way.flush(state)[1])
+    return concatenate([block for block in found if block is not None])
 
 
 @pytest.mark.parametrize(
@@ -50,27 +61,39 @@ def rows(spec: TwinSpec, series: Series) -> Block:
 def test_a_derived_channel_is_what_its_operation_says(
     op: str, value: float, expected: np.ndarray
 ) -> None:
-    derive = DeriveSpec("x", op, ("a", "b"), value=value)  # type: ignore[arg-type]
+    sources = ("a",) if op in ("scale", "middle") else ("a", "b")
+    derive = DeriveSpec("x", op, sources, value=value)  # type: ignore[arg-type]
     block = rows(replace(SPEC, derive=(derive,)), {n: (T, c) for n, c in zip("abv", (A, B, A))})
     assert block.y[:, 0] == pytest.approx(expected)
+
+
+def test_an_operation_says_how_many_channels_it_takes() -> None:
+    derive = DeriveSpec("x", "scale", ("a", "b"))
+    with pytest.raises(ConfigError, match="scale takes 1 channels in 'from', got 2"):
+        rows(replace(SPEC, derive=(derive,)), dict.fromkeys("abv", (T, A)))
 
 
 @pytest.mark.parametrize(("op", "value"), [("derivative", 0.0), ("slope", 0.05)])
 def test_derivatives_of_a_cubic(op: str, value: float) -> None:
     curve = SECONDS**3 - 2.0 * SECONDS
     derive = DeriveSpec("x", op, ("a",), value=value)  # type: ignore[arg-type]
-    block = rows(replace(SPEC, derive=(derive,)), {"a": (T, curve), "v": (T, A)})
-    inner = slice(2, -2)
+    spec = replace(SPEC, derive=(derive,), clock=ClockSpec(rate=100.0))
+    block = rows(spec, {"a": (T, curve), "v": (T, A)})
+    inner = slice(2, -2) if op == "derivative" else slice(None)
     exact = 3.0 * SECONDS**2 - 2.0
     # central differences of a cubic are off by h²
     bound = 1.1e-4 if op == "derivative" else 1e-9
     assert np.abs(block.y[:, 0] - exact)[inner].max() < bound
 
 
-def test_a_slope_needs_enough_rows() -> None:
-    derive = DeriveSpec("x", "slope", ("a",), value=0.01)
-    with pytest.raises(ConfigError, match="a cubic needs 5 to 200"):
-        rows(replace(SPEC, derive=(derive,)), {"a": (T, A), "v": (T, A)})
+@pytest.mark.parametrize(
+    ("value", "rate", "said"), [(0.01, 100.0, "needs 5 to 4097"), (1.0, None, "clock. rate")]
+)
+def test_a_slope_needs_enough_rows_at_a_rate(value: float, rate: float | None, said: str) -> None:
+    derive = DeriveSpec("x", "slope", ("a",), value=value)
+    spec = replace(SPEC, derive=(derive,), clock=ClockSpec(rate=rate))
+    with pytest.raises(ConfigError, match=said):
+        rows(spec, {"a": (T, A), "v": (T, A)})
 
 
 def test_a_grid_interpolates_and_leaves_gaps_out() -> None:
@@ -85,9 +108,9 @@ def test_a_grid_interpolates_and_leaves_gaps_out() -> None:
 
 
 def test_sources_that_do_not_overlap_are_refused() -> None:
-    spec = replace(SPEC, clock=ClockSpec(rate=50.0))
+    chunk = Chunk("x", T + 10**12, B[:, None])
     with pytest.raises(DataError, match="do not overlap in time"):
-        rows(spec, {"v": (T, A), "x": (T + 10**12, A)})
+        list(merge([iter([Chunk("v", T, A[:, None])]), iter([chunk])]))
 
 
 def test_a_filtered_input_has_lost_its_noise() -> None:
@@ -100,7 +123,10 @@ def test_a_filtered_input_has_lost_its_noise() -> None:
     block = rows(spec, {"v": (T, noisy), "x": (T, A)})
     inner = slice(30, -30)
     assert np.abs(block.u[:, 0] - slow)[inner].max() < 0.01
-    with pytest.raises(ConfigError, match=r"needs a \[clock\] rate"):
+    # what a filter makes of an end is compared with nothing
+    ends = np.isnan(block.y[:, 0])
+    assert ends[:30].all() and ends[-30:].all() and not ends[60:-60].any()
+    with pytest.raises(ConfigError, match=r"set rate in \[clock\]"):
         rows(replace(spec, clock=ClockSpec()), {"v": (T, noisy), "x": (T, A)})
 
 
@@ -108,29 +134,37 @@ def test_a_crop_keeps_from_the_first_to_the_last_motion() -> None:
     v = np.where((SECONDS > 0.5) & (SECONDS < 1.5), 1.0, 0.0)
     crop = CropSpec(("v",), above=0.5, inside=0.095)
     spec = replace(SPEC, clock=ClockSpec(crop=crop))
-    block = rows(spec, {"v": (T, v), "x": (T, A)})
-    assert block.t[0] * 1e-9 == pytest.approx(0.61) and block.t[-1] * 1e-9 == pytest.approx(1.39)
-    still = rows_of_task({"v": (T, 0.0 * v), "x": (T, A)}, spec, Robot1D(), 0, 0)
-    assert still is None
+    (block,) = Feed(spec, Robot1D()).blocks({"t": SECONDS, "v": v, "x": A})
+    # a command acts over the interval that follows its stamp
+    assert block.t[0] * 1e-9 == pytest.approx(0.62) and block.t[-1] * 1e-9 == pytest.approx(1.4)
+    whole = rows(spec, {"v": (T, 0.0 * v), "x": (T, A)})
+    assert len(whole.t) == 200 and cropped(whole, spec, Robot1D()) is None
 
 
 def test_start_and_stop_cut_the_task() -> None:
     spec = replace(SPEC, clock=ClockSpec(start=0.2, stop=0.4))
     block = rows(spec, {"v": (T, A), "x": (T, B)})
     assert len(block.t) == 21 and np.array_equal(block.y[:, 0], B[20:41])
+    assert block.dt[0] == 0.0 and block.gap.tolist() == [True] + [False] * 20
 
 
 def test_a_command_acts_from_its_stamp_on() -> None:
-    commands = np.array([0, 5, 10]) * 10_000_000
-    block = rows(SPEC, {"v": (commands, np.array([1.0, 2.0, 3.0])), "x": (T[:13], B[:13])})
-    assert block.u[:, 0].tolist() == [1.0] * 6 + [2.0] * 5 + [3.0] * 2
+    commands = np.array([0, 5, 12]) * 10_000_000
+    series = {"v": (commands, np.array([1.0, 2.0, 3.0])), "x": (T[:13], B[:13])}
+    assert rows(SPEC, series).u[:, 0].tolist() == [1.0] * 6 + [2.0] * 7
     measured = replace(SPEC, signals={"v": SignalSpec(hold=False)})
-    block = rows(measured, {"v": (commands, np.array([1.0, 2.0, 3.0])), "x": (T[:11], B[:11])})
-    assert block.u[:, 0] == pytest.approx(np.linspace(1.0, 3.0, 11))
+    line = rows(measured, series).u[:, 0]
+    assert line == pytest.approx(np.r_[np.linspace(1.0, 2.0, 6), 2.0 + np.arange(1, 8) / 7])
+
+
+def test_a_derived_command_acts_from_its_stamp_on() -> None:
+    spec = replace(SPEC, derive=(DeriveSpec("v", "scale", ("a",), value=2.0),))
+    block = rows(spec, {"a": (T, A), "x": (T, B)})
+    assert np.array_equal(block.u[:, 0], np.r_[2 * A[0], 2 * A[:-1]])
 
 
 def test_a_missing_channel_is_named_with_those_that_there_are() -> None:
-    with pytest.raises(ConfigError, match=r"channel 'x' is neither recorded nor derived.*v, speed"):
+    with pytest.raises(ConfigError, match=r"channel 'x' is neither recorded nor derived.*speed, v"):
         rows(SPEC, {"v": (T, A), "speed": (T, B)})
     spec = replace(SPEC, signals={"x": SignalSpec(source="speed")})
     assert np.array_equal(rows(spec, {"v": (T, A), "speed": (T, B)}).y[:, 0], B)
@@ -141,3 +175,21 @@ def test_a_long_interval_is_marked_as_a_gap() -> None:
     late[100:] += 10**9
     block = rows(replace(SPEC, clock=ClockSpec(gap=0.5)), {"v": (late, A), "x": (late, B)})
     assert np.flatnonzero(block.gap).tolist() == [0, 100]
+
+
+def derived(op: str, x: list[float], heading: float) -> list[float]:
+    n = len(x)
+    t = np.arange(n, dtype=np.int64) * 10**9
+    spec = replace(SPEC, derive=(DeriveSpec("x", op, ("px", "py", "a")),))  # type: ignore[arg-type]
+    series = {"px": np.array(x), "py": np.zeros(n), "a": np.full(n, heading), "v": np.zeros(n)}
+    return list(rows(spec, {name: (t, v) for name, v in series.items()}).y[:, 0])
+
+
+def test_along_counts_forwards_and_backwards() -> None:
+    assert derived("along", [0.0, 1.0, 0.5], 0.0) == pytest.approx([0.0, 1.0, 0.5])
+    assert derived("along", [0.0, 1.0], np.pi) == pytest.approx([0.0, -1.0])
+
+
+def test_way_is_the_length_of_the_path_with_the_sign_of_each_step() -> None:
+    assert derived("way", [0.0, 1.0, 0.5], 0.0) == pytest.approx([0.0, 1.0, 0.5])
+    assert derived("way", [0.0, -1.0, -1.5], 0.0) == pytest.approx([0.0, -1.0, -1.5])

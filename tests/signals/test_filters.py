@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scipy.signal
+from evertwin.signals.smooth import Smooth
+from evertwin.signals.smooth_kernel import slide
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import Block, Mark, check_online, fold, make_block, take
 from evertwin.signals.filters import Butterworth, SavitzkyGolay, by_segment
-from evertwin.signals.smooth import Smooth
-from evertwin.signals.smooth_kernel import slide
 
 RNG = np.random.default_rng(0)
 PERIOD = 10_000_000

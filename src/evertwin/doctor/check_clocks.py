@@ -22,7 +22,7 @@ from evertwin.doctor.examination import View
 from evertwin.doctor.finding import Finding
 from evertwin.errors import DataError
 from evertwin.fold import Block, take
-from evertwin.loop.tasks import recorded_as
+from evertwin.loop.channels import recorded_as
 from evertwin.models import roll
 from evertwin.models.function import kernel_of
 from evertwin.signals import Layout, wrap

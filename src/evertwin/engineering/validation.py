@@ -166,7 +166,7 @@ def _rules(setup: Setup) -> Rules:
     silent = tuple(n for n in outputs.names if n in spec.signals and not spec.signals[n].judge)
     rule, every, kept = spec.filter, 1, None
     if rule is not None:
-        every = max(1, round(setup.rate / (2.0 * rule.cutoff)))
+        every = max(1, round((spec.clock.rate or 0.0) / (2.0 * rule.cutoff)))
         kept = {"kind": rule.kind, "order": rule.order, "cutoff": rule.cutoff}
     return Rules(
         outputs.names, outputs.units, setup.model.inputs.names, setup.requirement, setup.relative,

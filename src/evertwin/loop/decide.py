@@ -253,6 +253,8 @@ class Decide:
         return state._replace(
             live=lane, first=first, other=other, scores=scores,
             trial=follow.setup.probation.init(), detect=follow.setup.detect.init(),
+            # what waits for its filter is of the version that goes
+            waiting=follow.setup.residual_filter.init(),
         )  # fmt: skip
 
     def _taken_over(self, number: int, state: TwinState) -> Any:

@@ -25,7 +25,7 @@ from evertwin.anomaly import (
 )
 from evertwin.config.spec import AnomalySpec
 from evertwin.fold import Event, Record
-from evertwin.loop.scores import Released
+from evertwin.loop.released import Released
 
 __all__ = ["Detect", "DetectState"]
 

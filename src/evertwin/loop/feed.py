@@ -1,13 +1,14 @@
-"""From recordings to blocks: the rows that a twin folds, task by task.
+"""From recordings to rows: files become chunks, and chunks rows by the one alignment.
 
-Where a twin needs whole tasks (a rate, a filter, derived channels, a crop) one task is in memory at
-a time; otherwise rows are folded as they are read (`evertwin.loop.stream`).
+A fold takes the rows as they come (`Feed.stream`), in bounded memory. A fit takes whole tasks
+(`Feed.blocks`), from the first to the last motion where the twin file asks for that.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -16,124 +17,168 @@ import numpy as np
 from evertwin.config import TwinSpec, files_of
 from evertwin.config.spec import SourceSpec
 from evertwin.errors import DataError, UsageError
-from evertwin.fold import Block, Chunk
-from evertwin.loop.stream import Plan, stream
-from evertwin.loop.tasks import Table, is_held, is_measured, recorded_as, rows_of_task
+from evertwin.fold import Block, Chunk, Event, concatenate, take
+from evertwin.loop.alignment import Alignment
+from evertwin.loop.crop import cropped
 from evertwin.models import Model
 from evertwin.sources.dialect import Stated
 from evertwin.sources.excerpt import Excerpt
+from evertwin.sources.merge import merge
 from evertwin.sources.recorded import Cell, Clock, Recorded
 from evertwin.sources.tally import Tally
+from evertwin.sync import Feed as Brings
 
-__all__ = ["Data", "Feed"]
+__all__ = ["COLUMNS", "Data", "Feed", "chunk_of"]
 
-Data: TypeAlias = "Sequence[str | Path] | Mapping[str, Any] | Iterable[Block] | None"
-"""Files or parts of them (``FILE@START:STOP``), columns by name (with ``t`` in seconds), ready
-blocks, or None: the twin file's own."""
+Data: TypeAlias = (
+    "str | Path | Sequence[str | Path] | Mapping[str, Any] | Block | Iterable[Block] | None"
+)
+"""A file, files or parts of them (``FILE@START:STOP``), columns by name (with ``t`` in seconds; a
+DataFrame too), ready blocks, or None: the twin file's own recordings."""
+COLUMNS = "columns"
+"""Name of the source of columns that were given by name."""
 
 
-Series: TypeAlias = dict[str, tuple[np.ndarray, np.ndarray]]
-"""Channel → (stamps, values) of one task."""
+def chunk_of(columns: Mapping[str, Any], source: str = COLUMNS, task: int = 0) -> Chunk:
+    """Columns by name, ``t`` in seconds or as datetimes, as one chunk.
+
+    Raises:
+        DataError: there is no ``t``, or a column of another length.
+
+    >>> chunk_of({"t": [0.0, 0.5], "v": [1.0, 2.0]}).t.tolist()
+    [0, 500000000]
+    """
+    if "t" not in columns:
+        raise DataError("columns: expected a column 't' with seconds from the start")
+    t = np.asarray(columns["t"])
+    if t.dtype.kind == "M":
+        stamps = t.astype("datetime64[ns]").astype(np.int64)
+    else:
+        stamps = np.rint(np.asarray(t, dtype=np.float64) * 1e9).astype(np.int64)
+    values = {k: np.asarray(v, dtype=np.float64) for k, v in columns.items() if k != "t"}
+    for name, column in values.items():
+        if column.shape != stamps.shape:
+            raise DataError(
+                f"column {name!r}: expected {len(stamps)} values as 't' has, got shape "
+                f"{column.shape}"
+            )
+    return Chunk(source, stamps, np.stack(list(values.values()), axis=1), task)
 
 
 @dataclass
 class Feed:
     """The rows of recordings for one twin; ``tally`` counts what was wrong with them.
 
-    >>> Feed.__name__
-    'Feed'
+    >>> from evertwin.config.spec import ModelSpec
+    >>> from evertwin.machines.mobile import Robot1D
+    >>> feed = Feed(TwinSpec("cart", ModelSpec("robot1d")), Robot1D())
+    >>> [len(block.t) for block in feed.blocks({"t": [0, 1], "v": [0, 0], "x": [0, 0]})]
+    [2]
     """
 
     spec: TwinSpec
     model: Model
     tally: Tally = field(default_factory=Tally)
+    events: list[Event] = field(default_factory=list)
+    """What the alignment said of the samples so far."""
 
     def blocks(self, data: Data = None) -> Iterator[Block]:
-        """The rows in order; row numbers and tasks run on over all of them.
+        """One block a task, cropped; row numbers and tasks run on over all of them.
 
         Raises:
             DataError: a file cannot be read, or holds no row that can be used.
         """
-        if data is not None and not isinstance(data, Sequence | Mapping):
-            yield from data
+        ready = _ready(data)
+        if ready is not None:
+            yield from ready
             return
-        if _are_blocks(data):
-            yield from data  # type: ignore[misc]
-            return
-        row, task = 0, 0
-        for series in self._tasks(data):
-            block = rows_of_task(series, self.spec, self.model, row, task)
-            if block is not None:
-                yield block
-                row, task = row + len(block.t), task + 1
+        row, number = 0, 0
+        for task in _tasks(self.stream(data)):
+            kept = cropped(task, self.spec, self.model)
+            if kept is not None:
+                yield kept._replace(row=row, task=np.full(len(kept.t), number))
+                row, number = row + len(kept.t), number + 1
         if row == 0:
             raise DataError(
                 "no row is left of the data: check [clock] crop, start and stop, and @START:STOP"
             )
 
     def stream(self, data: Data = None) -> Iterator[Block]:
-        """The same rows for a fold, in bounded memory where nothing needs a whole task.
+        """The rows as they come, for a fold.
 
         Raises:
             DataError: a file cannot be read, or holds no row that can be used.
         """
-        if self._needs_tasks(data):
-            yield from self.blocks(data)
+        ready = _ready(data)
+        if ready is not None:
+            yield from ready
             return
-        sources = self._sources(
-            files_of(self.spec, [Excerpt.parse(str(p)).path for p in data or ()])
-        )
-        specs = [spec for _, spec in sources]
-        chunks, widths = [_chunks(*one) for one in sources], [len(s.channels) for s in specs]
-        block = None
-        for block in stream(chunks, widths, self._plan(specs)):
+        alignment = Alignment.of(self.spec, self.model, self.brings(data))
+        state, empty = alignment.init(), True
+        for chunk in self.chunks(data):
+            empty = False
+            state, block, events = alignment.step(state, chunk)
+            self.events += events
+            if block is not None:
+                yield block
+        if empty:
+            raise DataError(
+                "no row is left of the data: its files hold none, or none is in @START:STOP"
+            )
+        state, block, events = alignment.flush(state)
+        self.events += events
+        if block is not None:
             yield block
-        if block is None:
-            raise DataError("no row is left of the data: its files hold none")
 
-    def _needs_tasks(self, data: Any) -> bool:
-        spec, clock = self.spec, self.spec.clock
-        cropped = clock.crop is not None or clock.start > 0.0 or clock.stop < float("inf")
-        whole = cropped or clock.rate is not None or spec.filter is not None or bool(spec.derive)
-        whole = whole or not all(is_measured(spec, name) for name in self.model.outputs.names)
-        files = data is None or (isinstance(data, Sequence) and not _are_blocks(data))
-        return whole or not files or not all(Excerpt.parse(item).whole for item in data or ())
+    def brings(self, data: Data = None) -> tuple[Brings, ...]:
+        """What each source brings."""
+        columns = _named(data)
+        if columns is not None:
+            return (Brings(COLUMNS, tuple(name for name in columns if name != "t")),)
+        return tuple(Brings(s.name, tuple(s.channels)) for s in self._wanted(data))
 
-    def _plan(self, sources: Sequence[SourceSpec]) -> Plan:
-        spec, model = self.spec, self.model
-        names = [name for source in sources for name in source.channels]
-        table = Table(np.zeros(1, np.int64), {n: np.array([float(k)]) for k, n in enumerate(names)})
-        inputs = [int(table.column(recorded_as(spec, n))[0]) for n in model.inputs.names]
-        outputs = [int(table.column(recorded_as(spec, n))[0]) for n in model.outputs.names]
-        held = np.array([is_held(spec, n, len(model.states) > 0) for n in model.inputs.names])
-        columns = np.array(inputs, dtype=np.int64)
-        return Plan(
-            np.where(held, columns, -1), np.where(held, -1, columns), len(inputs),
-            np.array(outputs, dtype=np.int64), spec.clock.gap,
-        )  # fmt: skip
+    def chunks(self, data: Data = None) -> Iterator[Chunk]:
+        """The samples of all sources, merged by stamp.
 
-    def _tasks(self, data: Any) -> Iterator[Series]:
-        """Channel → (stamps, values), one task after another."""
-        if isinstance(data, Mapping):
-            yield _columns(data)
+        Raises:
+            DataError: a file cannot be read.
+        """
+        columns = _named(data)
+        if columns is not None:
+            yield chunk_of(columns)
             return
-        parts = [Excerpt.parse(item) for item in data or ()]
-        if not all(part.whole for part in parts):
-            yield from self._parts(parts)
+        parts = _parts(data)
+        if all(part.whole for part in parts):
+            yield from self._merged(files_of(self.spec, [part.path for part in parts]))
             return
-        yield from self._of_files(files_of(self.spec, [part.path for part in parts]))
+        task = 0
+        for files, part in self._recordings(parts):
+            newest = task
+            for chunk in part.of(self._merged(files)):
+                newest = task + chunk.task + 1
+                yield chunk._replace(task=task + chunk.task)
+            task = newest
 
-    def _of_files(self, files: Mapping[int, tuple[Path, ...]]) -> Iterator[Series]:
-        yield from _by_task([_gathered(source, spec) for source, spec in self._sources(files)])
-
-    def _sources(self, files: Mapping[int, tuple[Path, ...]]) -> list[tuple[Recorded, SourceSpec]]:
+    def _merged(self, files: Mapping[int, tuple[Path, ...]]) -> Iterator[Chunk]:
         if not any(files.values()):
             raise UsageError(
                 f"{self.spec.name}: no data: name files in [[source]] or give them (--data FILE)"
             )
-        return [self._recorded(self.spec.source[i], paths) for i, paths in files.items() if paths]
+        sources = [
+            _chunks(self._recorded(self.spec.source[i], paths), self.spec.source[i])
+            for i, paths in files.items()
+            if paths
+        ]
+        return merge(sources)
 
-    def _parts(self, parts: Sequence[Excerpt]) -> Iterator[Series]:
+    def _wanted(self, data: Any) -> list[SourceSpec]:
+        """The sources that have files."""
+        files = files_of(self.spec, [part.path for part in _parts(data)])
+        return [self.spec.source[i] for i, paths in files.items() if paths]
+
+    def _recordings(
+        self, parts: Sequence[Excerpt]
+    ) -> Iterator[tuple[dict[int, tuple[Path, ...]], Excerpt]]:
         """Parts of recordings: the k-th files of all sources together are one recording."""
         found: dict[int, list[Excerpt]] = {}
         for part in parts:
@@ -145,17 +190,9 @@ class Feed:
             if len({(part.start, part.stop) for part in together}) > 1:
                 named = ", ".join(str(part.path) for part in together)
                 raise UsageError(f"{named}: files of one recording: give each the same @START:STOP")
-            origin: int | None = None
-            for series in self._of_files(
-                {i: (part.path,) for i, part in zip(found, together, strict=True)}
-            ):
-                opens = min(int(t[0]) for t, _ in series.values())
-                origin = opens if origin is None else origin
-                kept = together[0].of(series, origin)
-                if all(len(t) for t, _ in kept.values()):
-                    yield kept
+            yield {i: (p.path,) for i, p in zip(found, together, strict=True)}, together[0]
 
-    def _recorded(self, spec: SourceSpec, paths: tuple[Path, ...]) -> tuple[Recorded, SourceSpec]:
+    def _recorded(self, spec: SourceSpec, paths: tuple[Path, ...]) -> Recorded:
         cells = [
             Cell(name, c.column, c.unit, c.scale, c.offset, c.sentinels)
             for name, c in spec.channels.items()
@@ -164,73 +201,60 @@ class Feed:
         time = spec.time
         clock = Clock(time.column, time.unit, time.rate, round(spec.offset * 1e9))
         stated = Stated(spec.header, spec.delimiter, spec.decimal)
-        recorded = Recorded(
+        return Recorded(
             spec.name, paths, tuple(cells), clock, spec.task, self.tally, stated, spec.format
         )
-        return recorded, spec
 
 
-def _are_blocks(data: Any) -> bool:
-    return isinstance(data, Sequence) and len(data) > 0 and isinstance(data[0], Block)
+def _ready(data: Any) -> Iterable[Block] | None:
+    """Blocks that were given as such."""
+    if isinstance(data, Block):
+        return (data,)
+    if data is None or isinstance(data, str | Path) or _named(data) is not None:
+        return None
+    if isinstance(data, Sequence):
+        return data if len(data) > 0 and isinstance(data[0], Block) else None
+    return data  # type: ignore[no-any-return]
 
 
-def _columns(data: Mapping[str, Any]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    if "t" not in data:
-        raise DataError("columns: expected a column 't' with seconds from the start")
-    t = np.rint(np.asarray(data["t"], dtype=np.float64) * 1e9).astype(np.int64)
-    return {k: (t, np.asarray(v, dtype=np.float64)) for k, v in data.items() if k != "t"}
+def _named(data: Any) -> Mapping[str, Any] | None:
+    """Columns that were given by name; of a DataFrame its index is the time where no ``t`` is."""
+    if isinstance(data, Mapping):
+        return data
+    if not hasattr(data, "columns") or not hasattr(data, "index"):
+        return None
+    columns = {str(name): data[name].to_numpy() for name in data.columns}
+    return columns if "t" in columns else {"t": data.index.to_numpy(), **columns}
 
 
-def _gathered(
-    source: Recorded, spec: SourceSpec
-) -> Iterator[tuple[int, dict[str, tuple[np.ndarray, np.ndarray]]]]:
-    """(task, its channels) of one source."""
-    waiting: list[Chunk] = []
-    for chunk in source.read():
-        if waiting and chunk.task != waiting[0].task:
-            yield waiting[0].task, _joined(waiting, spec)
-            waiting = []
-        waiting.append(chunk)
+def _parts(data: Any) -> list[Excerpt]:
+    listed = [data] if isinstance(data, str | Path) else data or ()
+    return [Excerpt.parse(item) for item in listed]
+
+
+def _tasks(blocks: Iterable[Block]) -> Iterator[Block]:
+    """The same rows, one block a task."""
+    waiting: list[Block] = []
+    for block in blocks:
+        edges = [0, *(np.flatnonzero(np.diff(block.task)) + 1).tolist(), len(block.t)]
+        for start, stop in pairwise(edges):
+            piece = take(block, start, stop)
+            if waiting and int(piece.task[0]) != int(waiting[0].task[0]):
+                yield concatenate(waiting)
+                waiting = []
+            waiting.append(piece)
     if waiting:
-        yield waiting[0].task, _joined(waiting, spec)
+        yield concatenate(waiting)
 
 
 def _chunks(source: Recorded, spec: SourceSpec) -> Iterator[Chunk]:
-    """The wanted rows of the channels alone."""
-    for chunk in source.read():
-        t, v = _wanted(chunk.t, chunk.v, spec) if spec.where else (chunk.t, chunk.v)
-        if len(t):
-            yield chunk._replace(t=t, v=v[:, : len(spec.channels)])
-
-
-def _joined(chunks: list[Chunk], spec: SourceSpec) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    t = np.concatenate([chunk.t for chunk in chunks])
-    v = np.concatenate([chunk.v for chunk in chunks])
-    t, v = _wanted(t, v, spec)
-    return {name: (t, v[:, k].copy()) for k, name in enumerate(spec.channels)}
-
-
-def _wanted(t: np.ndarray, v: np.ndarray, spec: SourceSpec) -> tuple[np.ndarray, np.ndarray]:
     """The rows whose columns have one of the values that ``where`` names."""
-    names = [*spec.channels, *(f"?{column}" for column in spec.where)]
-    keep = np.ones(len(t), dtype=np.bool_)
-    for column, wanted in spec.where.items():
-        keep &= np.isin(v[:, names.index(f"?{column}")], np.array(wanted, dtype=np.float64))
-    return t[keep], v[keep]
-
-
-def _by_task(
-    sources: list[Iterator[tuple[int, dict[str, tuple[np.ndarray, np.ndarray]]]]],
-) -> Iterator[dict[str, tuple[np.ndarray, np.ndarray]]]:
-    """The k-th tasks of all sources together."""
-    while True:
-        parts = [next(source, None) for source in sources]
-        if all(part is None for part in parts):
-            return
-        if any(part is None for part in parts):
-            raise DataError("the sources have different numbers of tasks: give each the same files")
-        together: dict[str, tuple[np.ndarray, np.ndarray]] = {}
-        for part in parts:
-            together.update(part[1])  # type: ignore[index]
-        if all(len(t) for t, _ in together.values()):
-            yield together
+    width = len(spec.channels)
+    for chunk in source.read():
+        keep = np.ones(len(chunk.t), dtype=np.bool_)
+        for k, wanted in enumerate(spec.where.values()):
+            keep &= np.isin(chunk.v[:, width + k], np.array(wanted, dtype=np.float64))
+        if keep.all():
+            yield chunk._replace(v=chunk.v[:, :width])
+        elif keep.any():
+            yield chunk._replace(t=chunk.t[keep], v=chunk.v[keep, :width])

@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evertwin.fold import Block, Event, Record
-from evertwin.loop.scores import Released, accumulate
+from evertwin.loop.released import Released
+from evertwin.loop.scores import accumulate
 from evertwin.loop.setup import Setup
 from evertwin.loop.twin_state import PROBATION, TRIAL, Lane, TwinState
 from evertwin.loop.versions import Versions
@@ -91,13 +92,13 @@ class Follow:
             none if b is None else b.residual, none if c is None else c.residual,
             self.setup.moving(piece.u), a.end,
         )  # fmt: skip
-        smooth, released = self.setup.smooth.step(state.smooth, rows)
+        waiting, released = self.setup.residual_filter.step(state.waiting, rows)
         opens = state.row == 0 or int(piece.task[0]) != state.task
         before_piece = int(piece.t[0]) if opens else state.time
         state = state._replace(
             elapsed=state.elapsed + int(piece.t[-1]) - before_piece,
             row=piece.row + len(piece.t), task=int(piece.task[-1]), time=int(piece.t[-1]),
-            live=live, first=first, other=other, smooth=smooth,
+            live=live, first=first, other=other, waiting=waiting,
             ring=self.setup.ring.push(state.ring, judged),
         )  # fmt: skip
         state, found = self._judge(state, released)
@@ -105,8 +106,8 @@ class Follow:
 
     def end_task(self, state: TwinState) -> tuple[TwinState, tuple[Event, ...]]:
         """What waits for the end of its task is released. Consumes ``state``."""
-        smooth, released = self.setup.smooth.flush(state.smooth)
-        state = state._replace(smooth=smooth)
+        waiting, released = self.setup.residual_filter.flush(state.waiting)
+        state = state._replace(waiting=waiting)
         return (state, ()) if released is None else self._judge(state, released)
 
     def _judge(self, state: TwinState, rows: Released) -> tuple[TwinState, tuple[Event, ...]]:

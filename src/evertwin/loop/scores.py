@@ -6,40 +6,16 @@ loss of champion and challenger, which is handed on where a segment ends.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numba import njit
 
 from evertwin.loop.deviation import new_sums
+from evertwin.loop.released import Released
 from evertwin.loop.twin_state import Scores
-from evertwin.types import Bools, Outputs
 
-__all__ = ["Released", "accumulate", "new_scores"]
-
-
-class Released(NamedTuple):
-    """Rows that are ready to be judged; filtered where the twin has a filter.
-
-    >>> Released._fields
-    ('row', 't', 'phase', 'measured', 'live', 'first', 'other', 'moving', 'end')
-    """
-
-    row: np.ndarray
-    """Row numbers, int64, (n,)."""
-    t: np.ndarray
-    """Stamps [ns], (n,)."""
-    phase: np.ndarray
-    """Phase of each row, int64, (n,)."""
-    measured: Outputs
-    live: Outputs
-    """Residuals of the champion, (n, ny); NaN where unknown."""
-    first: Outputs
-    other: Outputs
-    moving: np.ndarray
-    """True where the output counts as moving, (n, ny)."""
-    end: Bools
-    """A segment ends with this row, (n,)."""
+__all__ = ["accumulate", "new_scores"]
 
 
 def new_scores(outputs: int, updates: np.ndarray, row: int, scale: np.ndarray) -> Scores:

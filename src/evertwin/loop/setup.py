@@ -12,13 +12,14 @@ import numpy as np
 
 from evertwin.anomaly import Regimes
 from evertwin.config.spec import TwinSpec
-from evertwin.errors import ConfigError, UsageError
+from evertwin.errors import UsageError
 from evertwin.fold import Beat
+from evertwin.loop.alignment import low_pass
+from evertwin.loop.channels import is_measured
 from evertwin.loop.detectors import Detect
 from evertwin.loop.plausibility import arbiter_of
-from evertwin.loop.residual_filter import Pass, Smooth, ZeroPhase
+from evertwin.loop.residual_filter import ResidualFilter
 from evertwin.loop.ring import Ring
-from evertwin.loop.tasks import is_measured
 from evertwin.models import Model
 from evertwin.sync import Track
 from evertwin.sync.horizon import nanoseconds
@@ -85,31 +86,16 @@ class Setup:
         return Ring(size, len(self.model.inputs), len(self.model.outputs))
 
     @cached_property
-    def smooth(self) -> Smooth:
+    def residual_filter(self) -> ResidualFilter:
         """The filter over released rows."""
-        rule = self.spec.filter
-        if rule is None:
-            return Pass()
-        capacity = self.ring.capacity
-        return ZeroPhase(self.rate, rule.cutoff, rule.order, len(self.model.outputs), capacity)
-
-    @cached_property
-    def rate(self) -> float:
-        """Rate of the rows [Hz]; needed by a filter.
-
-        Raises:
-            ConfigError: the twin file gives none.
-        """
-        rate = self.spec.clock.rate
-        if rate is None:
-            raise ConfigError("[filter]: a filter needs rows at a fixed rate: set rate in [clock]")
-        return rate
+        low = None if self.spec.filter is None else low_pass(self.spec)
+        return ResidualFilter(low, len(self.model.outputs))
 
     @cached_property
     def smooth_window(self) -> Callable[[np.ndarray], np.ndarray] | None:
-        """The same filter over the columns of a task in memory; None without one."""
-        smooth = self.smooth
-        return smooth.smooth if isinstance(smooth, ZeroPhase) else None
+        """The same filter over the columns of a window in memory; None without one."""
+        low = self.residual_filter.low_pass
+        return None if low is None else low.smooth
 
     def moving(self, u: np.ndarray) -> np.ndarray:
         """Which rows count as moving, per output, (n, ny); all where nothing is said of one."""

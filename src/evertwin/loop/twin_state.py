@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evertwin.loop.deviation import Sums
+from evertwin.loop.released import Waiting
 from evertwin.loop.ring import Rows
 
 __all__ = ["CORRECT", "FIT", "PROBATION", "TRIAL", "WATCH", "Agenda", "Lane", "Scores", "TwinState"]
@@ -110,7 +111,8 @@ class TwinState(NamedTuple):
     """The first champion, while another one is live."""
     other: Lane
     """The challenger on trial, or the last champion during probation."""
-    smooth: Any
+    waiting: Waiting
+    """Rows that the residual filter holds back."""
     detect: Any
     trial: Any
     scores: Scores

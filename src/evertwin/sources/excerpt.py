@@ -11,19 +11,14 @@ Excerpt(path=PosixPath('run.csv'), start=10.0, stop=20.5)
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeAlias
-
-import numpy as np
 
 from evertwin.errors import UsageError
+from evertwin.fold import Chunk
 
-__all__ = ["Excerpt", "Recorded"]
-
-Recorded: TypeAlias = Mapping[str, tuple[np.ndarray, np.ndarray]]
-"""Channel → (stamps [ns], values)."""
+__all__ = ["Excerpt"]
 
 
 @dataclass(frozen=True)
@@ -69,11 +64,14 @@ class Excerpt:
         """Is it the whole recording?"""
         return math.isinf(self.start) and math.isinf(self.stop)
 
-    def of(self, series: Recorded, origin: int) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """The part's rows of channels whose recording begins at stamp ``origin`` [ns]."""
-        kept = {}
-        for name, (t, values) in series.items():
-            seconds = (t - origin) * 1e-9
-            inside = np.asarray((seconds >= self.start) & (seconds < self.stop))
-            kept[name] = (t[inside], values[inside])
-        return kept
+    def of(self, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
+        """The part's samples; seconds count from the first stamp of all sources together."""
+        origin: int | None = None
+        for chunk in chunks:
+            origin = int(chunk.t[0]) if origin is None else origin
+            seconds = (chunk.t - origin) * 1e-9
+            inside = (seconds >= self.start) & (seconds < self.stop)
+            if inside.all():
+                yield chunk
+            elif inside.any():
+                yield chunk._replace(t=chunk.t[inside], v=chunk.v[inside])

@@ -1,9 +1,10 @@
 """Several recorded sources as one stream, merged by stamp.
 
 Chunks leave in windows: up to the earliest of the sources' newest stamps, each source gives what it
-has. So no source runs ahead of another by more than a piece, and memory stays bounded. Tasks are
-merged one by one; a task whose stamps do not lie after the task before (files that all count from
-zero) is moved behind it by one common shift, so that the sources of a task keep their alignment.
+has, `MOST` samples at a time. So no source runs ahead of another by more than that, and memory
+stays bounded. Tasks are merged one by one; a task whose stamps do not lie after the task before
+(files that all count from zero) is moved behind it by one common shift, so that the sources of a
+task keep their alignment.
 
 >>> import numpy as np
 >>> a = [Chunk("a", np.array([0, 2, 4]), np.zeros((3, 1)))]
@@ -16,12 +17,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from evertwin.errors import DataError
 from evertwin.fold import Chunk
 
 __all__ = ["merge"]
 
 GAP = 10 * 10**9
 """Distance that a moved task keeps from the one before [ns]."""
+MOST = 2048
+"""Samples of a source in one window."""
 
 
 def merge(sources: Sequence[Iterator[Chunk]], gap: int = GAP) -> Iterator[Chunk]:
@@ -30,29 +34,42 @@ def merge(sources: Sequence[Iterator[Chunk]], gap: int = GAP) -> Iterator[Chunk]
     Args:
         sources: one iterator per source, each in order of task and stamp.
         gap: distance [ns] from the end of a task to the start of one that had to be moved.
+
+    Raises:
+        DataError: the sources have different numbers of tasks, or do not overlap in time.
     """
     heads = [_Head(source) for source in sources]
     end: int | None = None
     while any(head.chunk for head in heads):
-        task = min(head.chunk.task for head in heads if head.chunk)
-        start = min(int(h.chunk.t[0]) for h in heads if h.chunk and h.chunk.task == task)
+        tasks = {head.chunk.task for head in heads if head.chunk}
+        if len(tasks) > 1 or not all(head.chunk for head in heads):
+            raise DataError("the sources have different numbers of tasks: give each the same files")
+        start = min(int(h.chunk.t[0]) for h in heads if h.chunk)
         shift = 0 if end is None or start > end else end + gap - start
-        for chunk in _one_task(heads, task):
+        for chunk in _one_task(heads, tasks.pop()):
             moved = chunk._replace(t=chunk.t + shift) if shift else chunk
             end = int(moved.t[-1]) if end is None else max(end, int(moved.t[-1]))
             yield moved
 
 
 def _one_task(heads: Sequence[_Head], task: int) -> Iterator[Chunk]:
+    opens = max(head.first for head in heads)
+    ends = dict.fromkeys(range(len(heads)), 0)
     while True:
         ready = [h for h in heads if h.chunk and h.chunk.task == task]
         if not ready:
-            return
-        edge = min(int(h.chunk.t[-1]) for h in ready if h.chunk)
-        for head in ready:
+            break
+        ends |= {k: int(h.chunk.t[-1]) for k, h in enumerate(heads) if h in ready and h.chunk}
+        if len(heads) == 1:
+            yield ready[0].rest()
+            continue
+        edge = min(head.edge for head in ready)
+        for head in sorted(ready, key=lambda head: head.first):
             part = head.until(edge)
             if part is not None:
                 yield part
+    if min(ends.values()) < opens:
+        raise DataError("the sources of this task do not overlap in time: check their clocks")
 
 
 class _Head:
@@ -62,14 +79,31 @@ class _Head:
         self.source = source
         self.chunk: Chunk | None = next(source, None)
 
+    @property
+    def first(self) -> int:
+        """Stamp of its first sample, so that what was earliest leaves first."""
+        assert self.chunk is not None
+        return int(self.chunk.t[0])
+
+    @property
+    def edge(self) -> int:
+        """Stamp of its last sample in this window."""
+        assert self.chunk is not None
+        return int(self.chunk.t[min(len(self.chunk.t), MOST) - 1])
+
+    def rest(self) -> Chunk:
+        """All of it."""
+        assert self.chunk is not None
+        chunk, self.chunk = self.chunk, next(self.source, None)
+        return chunk
+
     def until(self, edge: int) -> Chunk | None:
         """The samples up to ``edge`` [ns]; the rest stays ready."""
         chunk = self.chunk
         if chunk is None:
             return None
-        n = int((chunk.t <= edge).sum())
+        n = int(chunk.t.searchsorted(edge, side="right"))
         if n == len(chunk.t):
-            self.chunk = next(self.source, None)
-            return chunk
+            return self.rest()
         self.chunk = chunk._replace(t=chunk.t[n:], v=chunk.v[n:])
         return chunk._replace(t=chunk.t[:n], v=chunk.v[:n]) if n else None

@@ -27,8 +27,8 @@ True
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -134,14 +134,17 @@ class Align:
     on like that, its clock was set anew and is followed."""
     depth: int = 4096
     """Samples per source that may wait."""
+    recorded: Mapping[str, str] = field(default_factory=dict)
+    """Channel → what its source calls it; one that is not named is called the same."""
 
     def __post_init__(self) -> None:
         names = [name for feed in self.feeds for name in feed.channels]
         for name in (*self.inputs.names, *self.outputs.names):
-            if names.count(name) != 1:
+            called = self.recorded.get(name, name)
+            if names.count(called) != 1:
                 raise UsageError(
-                    f"channel {name!r}: expected exactly one source for it, got "
-                    f"{names.count(name)}: the sources bring {', '.join(names)}"
+                    f"channel {called!r}: expected exactly one source for it, got "
+                    f"{names.count(called)}: the sources bring {', '.join(names)}"
                 )
         for name in self.lines:
             self.inputs.index(name)
@@ -164,7 +167,8 @@ class Align:
             table.append((*self._place(channel.name), loop.MEASURED, channel.kind == "angle"))
         return np.array(plan, dtype=np.int64), np.array(table, dtype=np.int64)
 
-    def _place(self, name: str) -> tuple[int, int]:
+    def _place(self, channel: str) -> tuple[int, int]:
+        name = self.recorded.get(channel, channel)
         s = next(s for s, feed in enumerate(self.feeds) if name in feed.channels)
         return s, self.feeds[s].channels.index(name)
 

@@ -1,0 +1,51 @@
+"""Which recorded channel is which channel of the model, and how it comes onto a row."""
+
+from __future__ import annotations
+
+from evertwin.config.spec import TwinSpec
+from evertwin.errors import ConfigError
+from evertwin.models import Model
+from evertwin.signals.units import compatible
+
+__all__ = ["check_units", "is_held", "is_measured", "recorded_as"]
+
+
+def is_measured(spec: TwinSpec, name: str) -> bool:
+    """Is an output recorded? A virtual sensor is not."""
+    rule = spec.signals.get(name)
+    return rule is None or rule.measured
+
+
+def is_held(spec: TwinSpec, name: str, dynamic: bool) -> bool:
+    """Is an input a command, held from its stamp on? Usually that of a ``dynamic`` model is."""
+    rule = spec.signals.get(name)
+    return dynamic if rule is None or rule.hold is None else rule.hold
+
+
+def recorded_as(spec: TwinSpec, name: str) -> str:
+    """The recorded or derived channel that is a channel of the model."""
+    rule = spec.signals.get(name)
+    return name if rule is None or rule.source is None else rule.source
+
+
+def check_units(spec: TwinSpec, model: Model) -> None:
+    """Does each channel measure what the model takes or gives? A pure number may be anything.
+
+    Raises:
+        ConfigError: names the channel and both units.
+    """
+    derived = {one.name for one in spec.derive}
+    for channel in (*model.inputs, *model.outputs):
+        name = recorded_as(spec, channel.name)
+        for source in spec.source:
+            told = source.channels.get(name)
+            # A scale may turn one quantity into another: a current into a torque.
+            if told is None or name in derived or told.scale != 1.0:
+                continue
+            if compatible(told.unit, channel.unit) or "1" in (told.unit, channel.unit):
+                continue
+            raise ConfigError(
+                f"source {source.name!r}: channel {name!r} is in '{told.unit}', and the model's "
+                f"{channel.name!r} in '{channel.unit}': correct the unit in [source.channels], or "
+                f"say [signals.{channel.name}] source = …"
+            )

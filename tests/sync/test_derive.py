@@ -1,0 +1,69 @@
+"""Computed channels: the compiled loop is its plain-Python twin, bit for bit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from evertwin.errors import ConfigError
+from evertwin.fold.state import equal
+from evertwin.signals.fir import Symmetric
+from evertwin.sync import derive as stage
+from evertwin.sync import derive_loop as loop
+from evertwin.sync.align import Rows
+from evertwin.sync.derive import Derive, Operation, Taken
+
+from .plain import plain
+
+LOW = Symmetric.butterworth(20.0, 100.0)
+ALL = (
+    Operation("x", "filter", ("x",), low_pass=LOW),
+    Operation("v", "derivative", ("x",)),
+    Operation("a", "slope", ("v",), value=0.1),
+    Operation("m", "middle", ("x",)),
+    Operation("along", "along", ("x", "y", "z")),
+    Operation("way", "way", ("x", "y", "z")),
+    *(Operation(op, op, ("x", "y")) for op in ("sum", "mean", "difference", "product", "norm")),
+    Operation("max", "max", ("x", "y", "z")),
+    Operation("scale", "scale", ("z",), value=3.0),
+)
+OUTPUTS = (*(Taken(one.name) for one in ALL), Taken(None))
+PLAIN = plain(loop.advance)
+DERIVE = Derive(("u", "x", "y", "z"), ALL, (Taken("u", "held"), Taken("z", "step")), OUTPUTS, 100.0)
+
+
+def rows(seed: int, n: int = 300) -> Rows:
+    rng = np.random.default_rng(seed)
+    gap = rng.random(n) < 0.02
+    gap[[0, n // 2]] = True
+    steps = np.where(gap, 10**9, 10**7)
+    v = rng.normal(size=(n, 4))
+    v[rng.random((n, 4)) < 0.02] = np.nan
+    mark = np.where(np.isnan(v), np.uint8(1), np.uint8(0))
+    task = (np.arange(n) >= n // 2).astype(np.int64)
+    return Rows(np.arange(n), np.cumsum(steps), steps * 1e-9, v[:, :1], v[:, 1:], mark, task, gap)
+
+
+def folded(seed: int, *, monkeypatch: pytest.MonkeyPatch | None = None) -> list[Rows | None]:
+    if monkeypatch is not None:
+        monkeypatch.setattr(stage.loop, "advance", PLAIN)
+    state, first = DERIVE.step(DERIVE.init(), rows(seed))
+    return [first, DERIVE.flush(state)[1]]
+
+
+def test_compiled_rows_are_those_of_plain_python(monkeypatch: pytest.MonkeyPatch) -> None:
+    compiled = [folded(seed) for seed in range(3)]
+    with np.errstate(all="ignore"):
+        assert equal(tuple(map(tuple, compiled)), tuple(
+            tuple(folded(seed, monkeypatch=monkeypatch)) for seed in range(3)
+        ))  # fmt: skip
+
+
+def test_every_row_leaves_once() -> None:
+    parts = [part for part in folded(7) if part is not None]
+    assert np.concatenate([part.number for part in parts]).tolist() == list(range(300))
+
+
+def test_a_column_that_is_not_there_is_named() -> None:
+    with pytest.raises(ConfigError, match=r"'nothing' is neither recorded nor derived: .* x, y"):
+        Derive(("x", "y"), (Operation("z", "sum", ("nothing",)),), (), ()).init()
