@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from evertwin.fold import Block, check_online, make_block
     from evertwin.loop.fitting import FitResult
     from evertwin.loop.result import RunResult
+    from evertwin.machines.friction.check import check_friction
     from evertwin.models import (
         FunctionModel,
         Model,
@@ -43,6 +44,7 @@ __all__ = [
     "RunResult",
     "Twin",
     "TwinSpec",
+    "check_friction",
     "check_model",
     "check_online",
     "check_source",
@@ -63,6 +65,7 @@ _ROOMS = {
     "RunResult": "loop.result",
     "Twin": "twin",
     "TwinSpec": "config",
+    "check_friction": "machines.friction.check",
     "check_model": "models",
     "check_online": "fold",
     "check_source": "sources",

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from evertwin.errors import UsageError
-from evertwin.machines import friction
-from evertwin.machines.friction import COLUMNS, INERTIA, Law, features, force
+from evertwin.machines.friction import Law
+from evertwin.machines.friction.kernel import features, force, record_of, switch
 
 TERMS = ("direction", "stribeck", "root", "load")
 NAMES = [
@@ -24,20 +24,17 @@ NAMES = [
 def test_force_is_features_times_coefficients(name: str) -> None:
     law = Law.parse(name)
     assert str(law) == name
-    items = law.parameters("2")
-    names = tuple(item.name for item in items)
-    table = np.array(law.table(names, "2"))
+    record, linear = record_of(law, 0), len(law.coefficients)
     rng = np.random.default_rng(1)
-    linear = [names[i] for i in table[:COLUMNS] if i >= 0]
-    p = np.array([rng.normal() if item.name in linear else item.value for item in items])
+    p = np.array([item.value for item in law.parameters("2")])
+    p[:linear] = rng.normal(size=linear)
     v, load = rng.uniform(-1, 1, 20), rng.uniform(-50, 50, 20)
     v[0] = 0.0
-    expected = features(law, v, load) @ p[[i for i in table[:INERTIA] if i >= 0]]
-    pairs = zip(v, load, strict=True)
-    found = [force(table, 0, p, a, b, law.standstill) for a, b in pairs]
+    expected = features(law, v, load) @ p[:linear]
+    rows = [(record, 0, p, a, b, np.nan, np.nan, law.standstill) for a, b in zip(v, load)]
+    found = [force(*row) for row in rows]
     np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
-    plain = [force.py_func(table, 0, p, a, b, law.standstill) for a, b in zip(v, load, strict=True)]
-    np.testing.assert_array_equal(found, plain)
+    np.testing.assert_array_equal(found, [force.py_func(*row) for row in rows])
 
 
 def test_every_term_dissipates() -> None:
@@ -58,8 +55,8 @@ def test_rungs_lead_up_to_the_law() -> None:
 
 
 def test_standstill_counts_as_rest() -> None:
-    assert friction.switch(5e-4, 0.0, 1e-3) == 0.0
-    assert friction.switch(-2e-3, 0.0, 1e-3) == -1.0
+    assert switch(5e-4, 0.0, 1e-3) == 0.0
+    assert switch(-2e-3, 0.0, 1e-3) == -1.0
 
 
 @pytest.mark.parametrize("name", ["sign+wind", "coulomb", ""])
@@ -70,4 +67,4 @@ def test_unknown_laws_are_refused(name: str) -> None:
 
 def test_shapes_must_be_above_zero() -> None:
     with pytest.raises(UsageError, match="width > 0"):
-        Law(width=0.0)
+        Law.parse("tanh").shaped({"width": 0.0})

@@ -9,7 +9,6 @@ a parameter means the same in both readings.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -74,7 +73,7 @@ def controlled(
     if isinstance(found, Arm):
         if found.coupling is not None:
             return "path error: not told, coupled motors have no forward reading"
-        own, names = _components(found, said.options), {name: _name(name) for name in names}
+        own, names = _components(found, said.options), _names(found)
     elif said.kind == "assembly":
         there: Any = said.options.get("components", ())
         own = list(there)
@@ -119,23 +118,27 @@ def _components(arm: Arm, options: Mapping[str, Any]) -> list[Line]:
             lines.append({"name": f"motor{j}", "kind": "motor", "axis": j, "drive": drive})
         lines.append({
             "name": f"gearbox{j}", "kind": "gearbox", "axis": j, "friction": str(law),
-            "width": law.width, "vs": law.vs, "standstill": law.standstill,
+            **law.shape,
         })  # fmt: skip
     return lines
 
 
-def _name(name: str) -> str:
-    """What a parameter of an arm is called among its components.
+def _names(arm: Arm) -> dict[str, str]:
+    """What each parameter of an arm is called among its components.
 
-    >>> _name("Ia2"), _name("Fc3"), _name("K1"), _name("payload.m"), _name("wrist.mx")
-    ('motor2.J', 'gearbox3.Fc', 'motor1.k', 'payload.m', 'arm.wrist.mx')
+    >>> names = _names(Arm.of("ur5_like", motor=[10.0] * 6, payload=True))
+    >>> [names[name] for name in ("Ia2", "Fc3", "K1", "payload.m")]
+    ['motor2.J', 'gearbox3.Fc', 'motor1.k', 'payload.m']
     """
-    drive = re.fullmatch(r"([A-Za-z_]+)(\d+)", name)
-    if drive is None:
-        return name if name.startswith("payload.") else f"arm.{name}"
-    what, axis = drive.groups()
-    inside = {"Ia": f"motor{axis}.J", "K": f"motor{axis}.k"}
-    return inside.get(what, f"gearbox{axis}.{what}")
+    own: dict[str, str] = {}
+    for j, law in enumerate(arm.laws, start=1):
+        inside = (item.name for item in law.parameters())
+        own |= {f"Ia{j}": f"motor{j}.J", f"K{j}": f"motor{j}.k"}
+        own |= {f"{name}{j}": f"gearbox{j}.{name}" for name in inside}
+    return {
+        name: own.get(name, name if name.startswith("payload.") else f"arm.{name}")
+        for name in arm.parameters.names
+    }
 
 
 def _added(path: PathSpec, n: int) -> list[Line]:

@@ -17,8 +17,9 @@ from jaxtyping import Float64
 
 from evertwin.ahead.basis import draws, through
 from evertwin.ahead.changes import Case
-from evertwin.ahead.paths import chain_of
+from evertwin.ahead.paths import chain_of, inner
 from evertwin.ahead.spread import Spread
+from evertwin.machines.friction import Rubbing
 from evertwin.models import Model
 from evertwin.signals import Layout, wrap
 from evertwin.signals.units import compatible
@@ -259,11 +260,10 @@ def friction_work(case: Case) -> dict[str, float]:
     pairs = {name: speed for name, speed in speeds.items() if speed in model.inputs.names}
     if not pairs:
         return {}
-    parts = ("Fc", "Fv", "Fv_back", "Fs", "Fr", "Fl")
+    machine = inner(model)
     bare = case.p.copy()
-    for k, name in enumerate(model.parameters.names):
-        if name.rstrip("0123456789") in parts:
-            bare[k] = 0.0
+    if isinstance(machine, Rubbing):
+        bare[model.parameters.indices(machine.rubbing)] = 0.0
     u, dt = case.future
     x = model.initial(case.p)
     lost = model.simulate(x, u, dt, case.p)[1] - model.simulate(x, u, dt, bare)[1]

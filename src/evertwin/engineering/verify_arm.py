@@ -158,10 +158,15 @@ def _first(arm: Arm) -> int:
 
 def _bare(arm: Arm, p: ParameterVector) -> ParameterVector:
     """Without friction and delay."""
-    names, out = arm.parameters.names, p.copy()
-    for k, name in enumerate(names):
-        friction = name.startswith(("Fv", "Fc", "offset", "Fs", "Fr", "Fl")) or name == "delay"
-        out[k] = 0.0 if friction and "." not in name else out[k]
+    out = _unbiased(arm, p)
+    out[arm.parameters.indices(arm.rubbing)] = 0.0
+    return out
+
+
+def _unbiased(arm: Arm, p: ParameterVector) -> ParameterVector:
+    """Without constant forces and delay."""
+    out = p.copy()
+    out[arm.parameters.indices((*arm.biases, *(["delay"] if arm.delay else [])))] = 0.0
     return out
 
 
@@ -291,12 +296,8 @@ def _free_motion(rigid: Rigid, rng: np.random.Generator) -> Check:
 
 def _friction(arm: Arm, p: ParameterVector, rows: Inputs) -> Check:
     """Power that friction gives out; an offset is no friction and left out."""
-    names, n = arm.parameters.names, arm.chain.n
-    rubbed = p.copy()
-    for k, name in enumerate(names):
-        if name == "delay" or (name.startswith("offset") and "." not in name):
-            rubbed[k] = 0.0
-    torque = _torques(arm, rows, rubbed) - _torques(arm, rows, _bare(arm, p))
+    n = arm.chain.n
+    torque = _torques(arm, rows, _unbiased(arm, p)) - _torques(arm, rows, _bare(arm, p))
     power = torque * _motors(arm, rows)[:, n : 2 * n]
     worst, joint = max(0.0, float(-power.min())), int(np.argmin(power.min(axis=0)))
     limit = 1e-9 * max(1.0, float(np.abs(power).max()))

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from evertwin.engineering.verification import Check
-from evertwin.machines.drive import TWO_SIDED, Drive, DriveForce
+from evertwin.machines.drive import Drive, DriveForce
 from evertwin.machines.mobile import Differential, Odometer, Omni, Robot1D
 from evertwin.machines.thermal import ThermalBox
 from evertwin.models import Model
@@ -74,11 +74,16 @@ def _second_law(box: ThermalBox, p: ParameterVector) -> Check:
     return Check("heat flows from warm to cold", "law", beyond, 1e-9, "K", "6000 s, heater off")
 
 
+def _unbiased(drive: Drive | DriveForce, p: ParameterVector) -> ParameterVector:
+    """Without a constant force."""
+    free = p.copy()
+    free[drive.parameters.indices(drive.law.biases())] = 0.0
+    return free
+
+
 def _slowing(drive: Drive, p: ParameterVector) -> Check:
     """A drive that nothing pushes only becomes slower, but for its constant force."""
-    free = p.copy()
-    if "offset" in drive.parameters.names:
-        free[drive.parameters.index("offset")] = 0.0
+    free = _unbiased(drive, p)
     worst, rows = 0.0, 2000
     for speed in (0.5, -0.5):
         _, y = drive.simulate(
@@ -91,9 +96,7 @@ def _slowing(drive: Drive, p: ParameterVector) -> Check:
 
 def _rubbing(drive: DriveForce, p: ParameterVector) -> Check:
     """At constant speed the force pushes along the motion, but for its constant share."""
-    free = p.copy()
-    if "offset" in drive.parameters.names:
-        free[drive.parameters.index("offset")] = 0.0
+    free = _unbiased(drive, p)
     speeds = np.linspace(-1.0, 1.0, 201)
     u = np.stack([speeds, np.zeros(201)], axis=1)
     _, force = drive.simulate(drive.initial(free), u, np.zeros(201), free)
@@ -105,9 +108,8 @@ def _rubbing(drive: DriveForce, p: ParameterVector) -> Check:
 
 def _both_ways(drive: Drive | DriveForce, p: ParameterVector) -> Check:
     """The force that a motion needs, put into the drive, makes that motion: forwards, backwards."""
-    two_sided = drive.context[TWO_SIDED] >= 0
     law = replace(drive.law, standstill=0.0)
-    forward, inverse = Drive(law, two_sided), DriveForce(law, two_sided)
+    forward, inverse = Drive(law), DriveForce(law)
     rows, dt, rate = 2000, 1e-3, np.pi
     t = dt * (np.arange(rows) + 0.5)
     worst = 0.0

@@ -25,12 +25,15 @@ from evertwin.machines.arm.inertia import Body, Matrix, matrix
 from evertwin.machines.arm.layout import base_items, payload_map
 from evertwin.machines.arm.physical import checked
 from evertwin.machines.arm.rnea import BODY
+from evertwin.machines.friction.terms.coulomb import COULOMB
+from evertwin.machines.friction.terms.viscous import VISCOUS
 
 __all__ = ["urdf_bytes"]
 
 JOINT = 13
 """Numbers of the geometry per joint: rotation, position, kind."""
-KEPT = ("Fv", "Fc")
+KEPT = tuple(term.coefficients[0].name for term in (VISCOUS, COULOMB))
+"""Friction that a URDF has a place for: damping and friction."""
 
 
 def urdf_bytes(out: Exported) -> bytes:

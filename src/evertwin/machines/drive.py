@@ -18,9 +18,8 @@ from motion to force: static and linear in the parameters, so that tuning solves
 Where the free run starts: position and speed of the first row are adopted from the measurement,
 the speed by `edge_speed` or from a channel that was differentiated by the same rule.
 
-Coulomb friction by direction is offered too (``two_sided``), because recorded motion often seems to
-ask for it. While the axis moves it cannot be told from an offset: the rank says so over moving
-samples, and the fit keeps one of the two (see `evertwin.tuning`).
+``two_sided`` adds `evertwin.machines.friction.terms.two_sided`, which only the rows near rest tell
+from an offset: the rank over moving samples says so, and a fit keeps one of the two.
 """
 
 from __future__ import annotations
@@ -34,52 +33,43 @@ import numpy as np
 from jaxtyping import Float64, Int64
 from numba import cfunc, njit
 
-from evertwin.errors import DataError, UsageError
-from evertwin.machines.friction import (
-    BACKWARD,
-    COULOMB,
-    INERTIA,
-    SLOTS,
-    VISCOUS,
-    VS,
+from evertwin.errors import DataError
+from evertwin.machines.friction import Law, Rung
+from evertwin.machines.friction.kernel import (
+    FEATURE,
+    SHAPE,
     WIDTH,
-    Law,
-    Rung,
+    behind,
+    columns_of,
     feature,
     force,
-    sliding,
+    record_of,
+    steepness,
     switch,
+    width_of,
 )
+from evertwin.machines.friction.terms.two_sided import TWO_SIDED
 from evertwin.models import OBSERVE, STEP, Compiled, Parameter, Parameters
 from evertwin.signals import Layout
 from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector, Vector
 
 __all__ = ["Drive", "DriveForce", "edge_speed"]
 
-TWO_SIDED = SLOTS
-"""Place in the context, after the law's table, of the extra Coulomb friction backwards."""
+INERTIA, STANDSTILL, LAW = range(3)
+"""Places in the context: of the mass in ``p``, the standstill [nm/s], then the law's record."""
 PARTS = 1000
 
 
 @njit(cache=True)
-def _friction(context: Any, p: Any, v: float, standstill: float) -> float:
+def _friction(context: Any, p: Any, v: float, q: float, standstill: float) -> float:
     """Friction at speed ``v`` [N], positive against positive motion."""
-    total = force(context, 0, p, v, 0.0, standstill)
-    extra = context[TWO_SIDED]
-    if extra >= 0:
-        width = p[context[WIDTH]] if context[WIDTH] >= 0 else 0.0
-        total += p[extra] * min(switch(v, width, standstill), 0.0)
-    return float(total)
+    return float(force(context, LAW, p, v, math.nan, math.nan, q, standstill))
 
 
 @njit(cache=True)
 def _parts(context: Any, dt: float, p: Any) -> int:
     """Parts of a step such that each is at most a tenth of the time constant; 0: too many."""
-    steep = abs(p[context[VISCOUS]])
-    if context[BACKWARD] >= 0:
-        steep = max(steep, abs(p[context[VISCOUS]] + p[context[BACKWARD]]))
-    if context[WIDTH] >= 0:
-        steep += abs(p[context[COULOMB]]) / p[context[WIDTH]]
+    steep = steepness(context, LAW, p, math.nan, math.nan)
     parts = math.ceil(10.0 * dt * steep / p[context[INERTIA]])
     if not 0.0 <= parts <= PARTS:
         return 0
@@ -87,18 +77,18 @@ def _parts(context: Any, dt: float, p: Any) -> int:
 
 
 @njit(cache=True)
-def _acceleration(context: Any, p: Any, v: float, pull: float) -> float:
+def _acceleration(context: Any, p: Any, q: float, v: float, pull: float) -> float:
     """dv/dt under the force ``pull``; a drive at rest stays so within its Coulomb friction."""
     speed = v
-    if v == 0.0 and context[WIDTH] < 0:
+    if v == 0.0 and context[LAW + WIDTH] < 0:
         tiny = 1e-300
-        if pull > _friction(context, p, tiny, 0.0):
+        if pull > _friction(context, p, tiny, q, 0.0):
             speed = tiny
-        elif pull < _friction(context, p, -tiny, 0.0):
+        elif pull < _friction(context, p, -tiny, q, 0.0):
             speed = -tiny
         else:
             return 0.0
-    return float((pull - _friction(context, p, speed, 0.0)) / p[context[INERTIA]])
+    return float((pull - _friction(context, p, speed, q, 0.0)) / p[context[INERTIA]])
 
 
 @cfunc(STEP, cache=True)
@@ -110,8 +100,8 @@ def step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) ->
     h = dt / parts
     q, v = x[0], x[1]
     for _ in range(parts):
-        after = v + h * _acceleration(context, p, v, u[0])
-        if v * after < 0.0 and context[WIDTH] < 0:
+        after = v + h * _acceleration(context, p, q, v, u[0])
+        if v * after < 0.0 and context[LAW + WIDTH] < 0:
             after = 0.0
         q += h * 0.5 * (v + after)
         v = after
@@ -134,7 +124,8 @@ def observe(context: Any, x: Any, y: Any) -> int:
 @cfunc(STEP, cache=True)
 def force_step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) -> int:
     """One row backwards: the force of a motion."""
-    y[0] = p[context[INERTIA]] * u[1] + _friction(context, p, u[0], context[TWO_SIDED + 1] * 1e-9)
+    standstill = context[STANDSTILL] * 1e-9
+    y[0] = p[context[INERTIA]] * u[1] + _friction(context, p, u[0], math.nan, standstill)
     return 0
 
 
@@ -145,37 +136,29 @@ def force_observe(context: Any, x: Any, y: Any) -> int:
 
 
 @njit(cache=True)
-def _regressor(context: Any, slots: Any, u: Any, p: Any, phi: Any) -> None:
-    """Fills ``phi`` (n, 1, m): mass, the law's linear terms, the extra backwards friction."""
-    width = p[context[WIDTH]] if context[WIDTH] >= 0 else 0.0
-    vs = p[context[VS]] if context[VS] >= 0 else 1.0
+def _regressor(context: Any, terms: Any, u: Any, p: Any, phi: Any) -> None:
+    """Fills ``phi`` (n, 1, m): mass, then the law's linear terms."""
+    width = width_of(context, LAW, p)
     for i in range(u.shape[0]):
-        s = switch(u[i, 0], width, context[TWO_SIDED + 1] * 1e-9)
-        for j in range(slots.shape[0]):
-            if slots[j] == INERTIA:
-                phi[i, 0, j] = u[i, 1]
-            elif slots[j] == TWO_SIDED:
-                phi[i, 0, j] = min(s, 0.0)
-            else:
-                phi[i, 0, j] = feature(slots[j], u[i, 0], s, 0.0, vs)
+        v = u[i, 0]
+        s = switch(v, width, context[STANDSTILL] * 1e-9)
+        phi[i, 0, 0] = u[i, 1]
+        for j in range(len(terms)):
+            own = behind(p, terms[j, SHAPE])
+            phi[i, 0, 1 + j] = feature(terms[j, FEATURE], v, s, math.nan, math.nan, math.nan, own)
 
 
 def _build(
-    law: Law | str, two_sided: bool, standstill: float
+    law: Law | str, two_sided: bool, standstill: float, known: tuple[str, ...]
 ) -> tuple[Law, Parameters, tuple[int, ...]]:
-    """The law, the parameters and the context that both forms share."""
+    """The law, the parameters and the context that both forms share; ``known``: besides speed."""
     form = Law.parse(law) if isinstance(law, str) else law
-    form = replace(form, standstill=standstill)
-    if form.load:
-        raise UsageError("drive: expected a law without 'load': a drive transmits no load torque")
-    items = [Parameter("mass", 1.0, "kg", 1e-6, 1e9), *map(sliding, form.parameters())]
+    form = replace(form, standstill=standstill).known_to("drive", known)
     if two_sided:
-        items.append(Parameter("Fc_minus", 0.0, "N"))
-    parameters = Parameters(tuple(items))
-    table = form.table(parameters.names)
-    table[INERTIA] = 0
-    extra = parameters.index("Fc_minus") if two_sided else -1
-    return form, parameters, (*table, extra, round(form.standstill * 1e9))
+        form = form.plus(TWO_SIDED)
+    mass = Parameter("mass", 1.0, "kg", 1e-6, 1e9)
+    parameters = Parameters((mass, *form.parameters(slides=True)))
+    return form, parameters, (0, round(form.standstill * 1e9), *record_of(form, 1).tolist())
 
 
 class Drive(Compiled):
@@ -186,11 +169,16 @@ class Drive(Compiled):
     """
 
     def __init__(self, law: Law | str = "sign", two_sided: bool = False) -> None:
-        self.law, parameters, context = _build(law, two_sided, 0.0)
+        self.law, parameters, context = _build(law, two_sided, 0.0, ("q",))
         motion = Layout.of(position="m", speed="m/s")
         super().__init__(
             Layout.of(force="N"), motion, motion, parameters, step.address, observe.address, context
         )
+
+    @property
+    def rubbing(self) -> tuple[str, ...]:
+        """Friction's coefficients."""
+        return self.law.rubbing()
 
     def rungs(self) -> tuple[Rung, ...]:
         """Steps up the ladder of friction laws; each has to pay on unseen data."""
@@ -217,7 +205,7 @@ class DriveForce(Compiled):
     def __init__(
         self, law: Law | str = "sign", two_sided: bool = False, standstill: float = 0.0
     ) -> None:
-        form, parameters, context = _build(law, two_sided, standstill)
+        form, parameters, context = _build(law, two_sided, standstill, ())
         super().__init__(
             Layout.of(speed="m/s", acceleration="m/s**2"),
             Layout.of(force="N"),
@@ -229,6 +217,11 @@ class DriveForce(Compiled):
         )
         object.__setattr__(self, "law", form)
 
+    @property
+    def rubbing(self) -> tuple[str, ...]:
+        """Friction's coefficients."""
+        return self.law.rubbing()
+
     def rungs(self) -> tuple[Rung, ...]:
         """Steps up the ladder of friction laws; each has to pay on unseen data."""
         return self.law.rungs()
@@ -238,22 +231,17 @@ class DriveForce(Compiled):
         return str(self.law.only(terms))
 
     @property
-    def _slots(self) -> Int64[np.ndarray, " m"]:
-        linear = [s for s in (INERTIA, *range(INERTIA), TWO_SIDED) if self.context[s] >= 0]
-        return np.array(linear, dtype=np.int64)
-
-    @property
     def columns(self) -> Int64[np.ndarray, "1 m"]:
-        """Index into ``p`` of each regressor column."""
-        return np.array([[self.context[slot] for slot in self._slots]], dtype=np.int64)
+        """Index into ``p`` of each regressor column: mass and friction lie first."""
+        return np.arange(1 + len(self.law.coefficients), dtype=np.int64)[None]
 
     def regressor(
         self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
     ) -> tuple[Outputs, Float64[np.ndarray, "n 1 m"]]:
         """Zeros and the compact regressor."""
-        slots = self._slots
-        phi = np.empty((len(u), 1, len(slots)))
-        _regressor(self._context, slots, np.ascontiguousarray(u), np.ascontiguousarray(p), phi)
+        phi = np.empty((len(u), 1, self.columns.shape[1]))
+        rows, p = np.ascontiguousarray(u), np.ascontiguousarray(p)
+        _regressor(self._context, columns_of(self.law, 1), rows, p, phi)
         return np.zeros((len(u), 1)), phi
 
 

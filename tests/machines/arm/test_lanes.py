@@ -10,7 +10,7 @@ import pytest
 from evertwin.machines.arm import Arm, lanes, mass
 from evertwin.machines.arm.mass import KEPT, mass_matrix
 from evertwin.machines.arm.rnea import JOINT, batch
-from evertwin.machines.friction import switch
+from evertwin.machines.friction.kernel import switch
 
 ARM = Arm.of("ur5_like", law="tanh")
 

@@ -163,7 +163,7 @@ def test_another_law_keeps_what_both_have() -> None:
 def test_laws_for_all_joints_keep_their_widths() -> None:
     arm = Arm.of("ur5_like", law="tanh", width=0.05)
     richer = arm.with_laws("tanh+load")
-    assert {(str(law), law.width) for law in richer.laws} == {("tanh+load", 0.05)}
+    assert {(str(law), law.shape["width"]) for law in richer.laws} == {("tanh+load", 0.05)}
     mixed = arm.with_laws(["sign", "tanh", "sign+load", "tanh", "sign", "sign"])
     assert [str(law) for law in mixed.laws][:3] == ["sign", "tanh", "sign+load"]
 

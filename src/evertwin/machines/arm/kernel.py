@@ -10,26 +10,31 @@ inertia and friction then belong to the motors and follow their motion θ.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from numba import cfunc, njit
 
 from evertwin.machines.arm.memory import reals, scratch
 from evertwin.machines.arm.rnea import BODY, joint_torques
-from evertwin.machines.friction import INERTIA, SLOTS, force
+from evertwin.machines.friction.kernel import force
 from evertwin.models import OBSERVE, STEP
 
-__all__ = ["HEAD", "adopt", "bodies", "carry", "felt", "moved_motion", "step", "turned"]
+__all__ = ["DRIVE", "HEAD", "adopt", "bodies", "carry", "felt", "moved_motion", "step", "turned"]
 
 N, GEOMETRY, INERTIAS, OTHERS, CHOSEN, PAYLOAD, DELAY, MOTOR, SHARED, COUPLED = range(10)
 HEAD = 10
-"""Places of single integers; then n tables of `SLOTS`, then ``CHOSEN`` pairs (number, index in p).
+"""Places of single integers; then n drives of `DRIVE`, then ``CHOSEN`` pairs (number, index in p),
+then the friction laws' records.
 
 ``PAYLOAD``, ``DELAY``, ``MOTOR``: index in ``p`` or −1. ``SHARED``: 1 when the friction's load is
 the same torque as the rigid bodies', so that it is computed once. ``COUPLED``: 0, or 1 where the
 motion comes from the joints, 2 where it comes from the motors. ``OTHERS``: standstill of each
 joint, the payload's map (100), then C and its inverse (n²) where coupled.
 """
+INERTIA, LAW = range(2)
+DRIVE = 2
+"""Integers of a drive: place of the rotor inertia in ``p`` or −1, where its law's record begins."""
 
 
 @njit(cache=True)
@@ -47,7 +52,7 @@ def bodies(context: Any, inertias: Any, others: Any, p: Any, out: Any) -> None:
     n = context[N]
     for k in range(BODY * n):
         out[k] = inertias[k]
-    at = HEAD + SLOTS * n
+    at = HEAD + DRIVE * n
     for k in range(context[CHOSEN]):
         out[context[at + 2 * k]] = p[context[at + 2 * k + 1]]
     if context[PAYLOAD] >= 0:
@@ -110,11 +115,12 @@ def step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) ->
         felt(n, others, at, y, kept)
         felt(n, others, at, load, kept)
     for j in range(n):
-        table = HEAD + SLOTS * j
+        drive = HEAD + DRIVE * j
         carried = y[j] if context[SHARED] == 1 else load[j]
-        y[j] += force(context, table, p, motion[n + j], carried, others[j])
-        if context[table + INERTIA] >= 0:
-            y[j] += p[context[table + INERTIA]] * motion[2 * n + j]
+        v, q = motion[n + j], motion[j]
+        y[j] += force(context, context[drive + LAW], p, v, carried, math.nan, q, others[j])
+        if context[drive + INERTIA] >= 0:
+            y[j] += p[context[drive + INERTIA]] * motion[2 * n + j]
         if context[MOTOR] >= 0:
             y[j] /= p[context[MOTOR] + j]
     return 0

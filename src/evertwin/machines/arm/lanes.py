@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit
 
 from evertwin.machines.arm.rnea import BODY, JOINT
-from evertwin.machines.friction import switch
+from evertwin.machines.friction.kernel import switch
 
 __all__ = ["W", "batch", "switches"]
 
@@ -189,7 +189,7 @@ def _smooth(v: Any, width: float, out: Any) -> None:
 
 @njit(cache=True)
 def switches(u: Any, width: Any, standstill: Any) -> Any:
-    """`evertwin.machines.friction.switch` of every row and joint, (rows, n).
+    """`evertwin.machines.friction.kernel.switch` of every row and joint, (rows, n).
 
     Args:
         u: rows of q, q̇, q̈, (rows, 3 n).

@@ -8,7 +8,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -16,24 +16,25 @@ from jaxtyping import Float64, Int64
 from evertwin.machines.arm import inertia
 from evertwin.machines.arm.chain import Chain
 from evertwin.machines.arm.coupling import Coupling
-from evertwin.machines.arm.kernel import HEAD
+from evertwin.machines.arm.kernel import DRIVE, HEAD
 from evertwin.machines.arm.rnea import BODY
-from evertwin.machines.friction import INERTIA, SLOTS, Law
+from evertwin.machines.friction import Law
+from evertwin.machines.friction.kernel import columns_of, record_of
 from evertwin.models import Parameter, Parameters
 from evertwin.signals import Channel, Layout
 
 __all__ = [
+    "Drives",
     "base_items",
     "context_of",
     "drive_items",
+    "drives_of",
     "inputs_of",
     "outputs_of",
     "payload_map",
     "payload_parameters",
-    "tables_of",
 ]
 
-_FORCE = {"Nm": "N", "Nms/rad": "Ns/m", "N*m*s**0.5": "N*s**0.5/m**0.5", "rad/s": "m/s"}
 _SLACK = 1.05
 """How far a recording may pass the limits of the description before it cannot be true."""
 
@@ -69,14 +70,9 @@ def drive_items(chain: Chain, laws: Sequence[Law], rotor: bool) -> list[Paramete
     """Rotor inertia and friction of every joint, from the base outwards."""
     items: list[Parameter] = []
     for j, law in enumerate(laws):
-        own = [Parameter(f"Ia{j + 1}", 0.0, "kgm2")] if rotor else []
-        own += law.parameters(str(j + 1))
-        if chain.sliding[j]:
-            own = [
-                replace(i, unit=_FORCE.get(i.unit, "kg" if i.unit == "kgm2" else i.unit))
-                for i in own
-            ]
-        items += own
+        slides = chain.sliding[j]
+        items += [Parameter(f"Ia{j + 1}", 0.0, "kg" if slides else "kgm2")] if rotor else []
+        items += law.parameters(str(j + 1), slides)
     return items
 
 
@@ -106,31 +102,52 @@ def payload_map(chain: Chain) -> Float64[np.ndarray, "10 10"]:
     return np.stack(columns, axis=1)
 
 
-def tables_of(laws: Sequence[Law], names: tuple[str, ...]) -> Int64[np.ndarray, "ny slots"]:
-    """Where in ``p`` each slot of each joint's drive lies, −1 where it has none."""
-    tables = np.array([law.table(names, str(j + 1)) for j, law in enumerate(laws)])
-    for j in range(len(laws)):
-        if f"Ia{j + 1}" in names:
-            tables[j, INERTIA] = names.index(f"Ia{j + 1}")
-    return tables.astype(np.int64)
+class Drives(NamedTuple):
+    """Where the numbers of each joint's drive lie.
+
+    >>> Drives._fields
+    ('inertia', 'laws', 'terms')
+    """
+
+    inertia: tuple[int, ...]
+    """Place in ``p`` of each rotor inertia; −1: none."""
+    laws: tuple[Int64[np.ndarray, " k"], ...]
+    """Record of each friction law (`evertwin.machines.friction.kernel`)."""
+    terms: tuple[Int64[np.ndarray, "k 4"], ...]
+    """Columns of each friction law."""
+
+
+def drives_of(laws: Sequence[Law], names: tuple[str, ...]) -> Drives:
+    """The drives of an arm whose parameters have these names."""
+    rotors = [f"Ia{j + 1}" for j in range(len(laws))]
+    first = [names.index(law.parameters(str(j + 1))[0].name) for j, law in enumerate(laws)]
+    return Drives(
+        tuple(names.index(rotor) if rotor in names else -1 for rotor in rotors),
+        tuple(map(record_of, laws, first)),
+        tuple(map(columns_of, laws, first)),
+    )
 
 
 def context_of(
     chain: Chain,
     base: Sequence[int],
-    tables: Int64[np.ndarray, "ny slots"],
+    drives: Drives,
     parameters: Parameters,
     addresses: tuple[int, int, int],
     coupling: Coupling | None,
 ) -> Int64[np.ndarray, " k"]:
     """The kernel's integers, as `evertwin.machines.arm.kernel` reads them."""
     names = parameters.names
-    at = [names.index(n) if n in names else -1 for n in ("payload.m", "delay", "K1")]
+    single = [names.index(n) if n in names else -1 for n in ("payload.m", "delay", "K1")]
     first = names.index(base_items(chain, base)[0].name) if base else 0
     pairs = [value for k, flat in enumerate(base) for value in (flat, first + k)]
-    shared = int(not base and at[0] < 0)
+    shared = int(not base and single[0] < 0)
     coupled = 0 if coupling is None else 2 if coupling.motors else 1
-    head = [chain.n, *addresses, len(base), *at, shared, coupled]
-    if len(head) != HEAD or tables.shape != (chain.n, SLOTS):
+    head = [chain.n, *addresses, len(base), *single, shared, coupled]
+    if len(head) != HEAD:
         raise AssertionError("arm: the context does not match its kernel")
-    return np.array([*head, *tables.ravel().tolist(), *pairs], dtype=np.int64)
+    at, own = HEAD + DRIVE * chain.n + len(pairs), list[int]()
+    for rotor, law in zip(drives.inertia, drives.laws, strict=True):
+        own += [rotor, at]
+        at += len(law)
+    return np.array([*head, *own, *pairs, *np.concatenate(drives.laws)], dtype=np.int64)

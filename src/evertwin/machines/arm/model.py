@@ -41,7 +41,8 @@ from evertwin.machines.arm.dh import robot_of, vector
 from evertwin.machines.arm.lanes import batch, switches
 from evertwin.machines.arm.rnea import BODY
 from evertwin.machines.arm.urdf import Robot, parse, read
-from evertwin.machines.friction import WIDTH, Law, Rung, shape_of
+from evertwin.machines.friction import Law, Rung, shape_of
+from evertwin.machines.friction.kernel import width_of
 from evertwin.models import Kernel, Parameter, Parameters, Restart, roll
 from evertwin.models.given import check_options
 from evertwin.models.static import StaticMap
@@ -125,6 +126,8 @@ class Arm(StaticMap):
             raise UsageError(f"arm: expected {n} friction laws and 0 or {n} torque constants")
         if self.coupling is not None and len(self.coupling.rows) != n:
             raise UsageError(f"coupling: expected {n} rows of {n} numbers, one for each joint")
+        for law in self.laws:
+            law.known_to("arm", ("load", "q"))
         if not len(self.parameters):
             object.__setattr__(self, "parameters", self._proposal())
 
@@ -158,7 +161,7 @@ class Arm(StaticMap):
         chain = serial(_described(urdf, more), **where)
         texts = [law] * chain.n if isinstance(law, str) else list(law)
         shape = shape_of({key: more[key] for key in ("width", "vs", "standstill") if key in more})
-        laws = tuple(replace(Law.parse(text), **shape) for text in texts)
+        laws = tuple(Law.parse(text).shaped(shape) for text in texts)
         rotor, coupling = bool(more.get("rotor", True)), _coupling(more)
         chosen = base_parameters(chain.geometry, rotor, coupling) if base else ()
         return cls(
@@ -187,8 +190,8 @@ class Arm(StaticMap):
         return layout.outputs_of(self.chain, bool(self.motor))
 
     @cached_property
-    def _tables(self) -> Int64[np.ndarray, "ny slots"]:
-        return layout.tables_of(self.laws, self.parameters.names)
+    def _drives(self) -> layout.Drives:
+        return layout.drives_of(self.laws, self.parameters.names)
 
     @cached_property
     def _standstill(self) -> Float64[np.ndarray, " ny"]:
@@ -207,7 +210,7 @@ class Arm(StaticMap):
         kept = (self.chain.geometry.copy(), self.chain.inertia.copy(), others)
         addresses = (kept[0].ctypes.data, kept[1].ctypes.data, kept[2].ctypes.data)
         context = layout.context_of(
-            self.chain, self.base, self._tables, self.parameters, addresses, self.coupling
+            self.chain, self.base, self._drives, self.parameters, addresses, self.coupling
         )
         return Kernel(compiled.step.address, compiled.adopt.address, context, kept)
 
@@ -231,7 +234,7 @@ class Arm(StaticMap):
         first = names.index(layout.base_items(self.chain, self.base)[0].name) if self.base else 0
         carried = names.index("payload.m") if self.payload else -1
         carries = range(self.chain.n) if self.coupling is None else self.coupling.first
-        return linear.columns_of(self._tables, self.base, first, carried, tuple(carries))
+        return linear.columns_of(self._drives, self.base, first, carried, tuple(carries))
 
     @property
     def columns(self) -> Int64[np.ndarray, "ny m"]:
@@ -254,10 +257,9 @@ class Arm(StaticMap):
         whole = self.chain.inertia
         load = self._felt(batch(self.chain.geometry, whole, joints)) if self.base else y0
         phi = np.empty((len(u), n, self.columns.shape[1]))
-        tables, code = self._tables, self._linear.code
-        widths = np.where(tables[:, WIDTH] >= 0, p[tables[:, WIDTH]], 0.0)
+        widths = np.array([width_of(law, 0, p) for law in self._drives.laws])
         s = switches(motors, widths, self._standstill)
-        linear.fill(tables, code, p, motors, s, load, self._felt(self._bodies(joints)), phi)
+        linear.fill(self._linear, p, motors, s, load, self._felt(self._bodies(joints)), phi)
         if self.motor:
             at = self.parameters.index("K1")
             y0, phi = y0 / p[at : at + n], phi / p[at : at + n, None]
@@ -294,6 +296,16 @@ class Arm(StaticMap):
         """What the description leaves out, or cannot mean."""
         return self.chain.notes
 
+    @property
+    def rubbing(self) -> tuple[str, ...]:
+        """Friction's coefficients."""
+        return tuple(n for j, law in enumerate(self.laws) for n in law.rubbing(str(j + 1)))
+
+    @property
+    def biases(self) -> tuple[str, ...]:
+        """Constant forces of the drives."""
+        return tuple(n for j, law in enumerate(self.laws) for n in law.biases(str(j + 1)))
+
     def rungs(self) -> tuple[Rung, ...]:
         """Steps up the ladder of friction laws, joint by joint; each has to pay on unseen data."""
         return tuple(
@@ -313,7 +325,7 @@ class Arm(StaticMap):
         """
         given = [laws] * self.chain.n if isinstance(laws, Law | str) else list(laws)
         shaped = [
-            replace(old, **_terms(law)) if isinstance(law, str) else law
+            Law.parse(law).shaped(old.shape) if isinstance(law, str) else law
             for old, law in zip(self.laws, given, strict=True)
         ]
         bare = replace(self, laws=tuple(shaped), parameters=Parameters())
@@ -332,11 +344,3 @@ class Arm(StaticMap):
             return np.abs(own[:, n : 2 * n]) > threshold
 
         return faster
-
-
-def _terms(law: str) -> dict[str, Any]:
-    """Switch and terms of a law's name; widths stay as they are."""
-    parsed = Law.parse(law)
-    return {
-        key: getattr(parsed, key) for key in ("switch", "direction", "stribeck", "root", "load")
-    }

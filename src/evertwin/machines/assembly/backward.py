@@ -115,8 +115,8 @@ def row(context: Any, x: Any, u: Any, p: Any, bus: Any) -> None:
         at, b = HEAD + AXIS * n + RUB * f, QUANTITIES * n + RUBS * f
         j = context[at + OWN]
         q = QUANTITIES * j
-        v, t = bus[q + SPEED], warmth(context, at, u, x, p)
-        drag = rub(context, at, p, v, carried[j], standstill[AGILITY + n + f], t)
+        v, t, rest = bus[q + SPEED], warmth(context, at, u, x), standstill[AGILITY + n + f]
+        drag = rub(context, at, p, (bus[q + POSITION], v), carried[j], t, rest)
         bus[b + RUB_FORCE], bus[b + HEAT], bus[b + TEMPERATURE] = drag, drag * v, t
         bus[q + EFFORT] += drag
     for k in range(context[NB]):

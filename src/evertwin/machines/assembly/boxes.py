@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numba import carray, cfunc, njit
 
-from evertwin.machines.assembly.plan import AXIS, CHOSEN, HEAD, NB, NF, NY, RUB, N
+from evertwin.machines.assembly.plan import END, NB, NF, N
 from evertwin.machines.assembly.shared import QUANTITIES, RUBS
 from evertwin.models.kernel import STEP, call_step
 
@@ -38,20 +38,15 @@ def address(pointer: Any) -> int:
 
 
 @njit(cache=True)
-def _first(context: Any) -> int:
-    return int(HEAD + AXIS * context[N] + RUB * context[NF] + 2 * context[CHOSEN] + context[NY])
-
-
-@njit(cache=True)
 def box_axis(context: Any, k: int) -> int:
     """Axis that box ``k`` acts on."""
-    return int(context[_first(context) + BOX * k + BOX_AXIS])
+    return int(context[context[END] + BOX * k + BOX_AXIS])
 
 
 @njit(cache=True)
 def run_boxes(context: Any, x: int, u: Any, dt: float, p: int, ahead: int, bus: Any) -> int:
     """One step of every box; ``x``, ``p`` and ``ahead`` by address. 0: fine."""
-    first, n, failed = _first(context), context[N], 0
+    first, n, failed = context[END], context[N], 0
     for k in range(context[NB]):
         at = first + BOX * k
         values = np.empty(context[at + INPUTS])

@@ -12,17 +12,16 @@ from __future__ import annotations
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from numba import njit
 
 from evertwin.machines.arm import layout
 from evertwin.machines.arm.base import body_columns
 from evertwin.machines.arm.lanes import batch
 from evertwin.machines.arm.rnea import BODY
 from evertwin.machines.assembly import shared
-from evertwin.machines.assembly.join import Axis, Train
-from evertwin.machines.assembly.plan import Places, friction_tables
+from evertwin.machines.assembly.join import Axis, Rub, Train
+from evertwin.machines.assembly.plan import Places, friction_columns
 from evertwin.machines.assembly.shared import QUANTITIES, RUBS
-from evertwin.machines.friction import COLUMNS, INERTIA, VS, WIDTH, feature, switch
+from evertwin.machines.friction.kernel import PLACE, fill
 from evertwin.types import Inputs, ParameterVector, Vector
 
 __all__ = ["Column", "axis_columns", "features", "scales"]
@@ -64,9 +63,8 @@ def axis_columns(train: Train, axis: Axis) -> tuple[Column, ...]:
         found.append(Column(train.at(axis.motor, "J"), "rotor", ("rotor", j)))
     for f, rub in enumerate(train.rubs):
         if rub.axis == j:
-            for heat, table in enumerate(friction_tables(train, rub)):
-                slots = [s for s in range(COLUMNS) if table[s] >= 0 and s != INERTIA]
-                found += [Column(table[s], f"rub {f}", ("rub", f, s, heat)) for s in slots]
+            for number, term in enumerate(friction_columns(train, rub)):
+                found.append(Column(int(term[PLACE]), f"rub {f}", ("rub", f, number)))
     if train.arm is not None and train.base:
         first = train.parameters.names.index(_first_base(train))
         for k, flat in enumerate(train.base):
@@ -117,31 +115,32 @@ def features(train: Train, places: Places, u: Inputs, p: ParameterVector) -> dic
     load = np.zeros((len(u), len(train.axes)))
     if train.chain is not None:
         motion = np.ascontiguousarray(u[:, : 3 * train.chain.n])
-        if any(rub.law.load for rub in train.rubs):
+        if any("load" in rub.law.reads for rub in train.rubs):
             load = batch(train.chain.geometry, train.chain.inertia, motion)
         found |= _bodies(train, motion)
     for f, rub in enumerate(train.rubs):
-        speed = np.ascontiguousarray(u[:, places.columns[rub.axis].speed])
-        table, warm = friction_tables(train, rub)
-        width = float(p[table[WIDTH]]) if table[WIDTH] >= 0 else 0.0
-        vs = float(p[table[VS]]) if table[VS] >= 0 else 1.0
-        above = _above(train, f, places, u, p)
-        for heat, own in enumerate((table, warm)):
-            for slot in (s for s in range(COLUMNS) if own[s] >= 0 and s != INERTIA):
-                out = np.empty(len(u))
-                shape = (width, vs, rub.law.standstill)
-                _feature(slot, speed, np.ascontiguousarray(load[:, rub.axis]), shape, out)
-                found["rub", f, slot, heat] = out * above if heat else out
+        own = places.columns[rub.axis]
+        nothing = np.full(len(u), np.nan)
+        rows = np.stack([
+            u[:, own.speed], load[:, rub.axis], _or(u, places.heat_inputs[f], nothing),
+            _or(u, own.position, nothing),
+        ])  # fmt: skip
+        width = _width(train, rub, p)
+        for number, term in enumerate(friction_columns(train, rub)):
+            out = np.empty(len(u))
+            fill(term, p, rows, rub.law.standstill, width, out)
+            found["rub", f, number] = out
     return found
 
 
-def _above(train: Train, f: int, places: Places, u: Inputs, p: ParameterVector) -> Vector:
-    """Temperature of a friction above its reference [K]."""
-    column = places.heat_inputs[f]
-    if column < 0:
-        return np.zeros(len(u))
-    name = f"{train.rubs[f].name}.T0"
-    return np.asarray(u[:, column] - p[train.parameters.names.index(name)])
+def _width(train: Train, rub: Rub, p: ParameterVector) -> float:
+    """Width of a friction's switch; 0: a sign."""
+    name = f"{rub.name}.width"
+    return float(p[train.parameters.names.index(name)]) if rub.law.switch == "tanh" else 0.0
+
+
+def _or(u: Inputs, column: int, instead: Vector) -> Vector:
+    return u[:, column] if column >= 0 else instead
 
 
 def _bodies(train: Train, motion: Inputs) -> dict[Key, Vector]:
@@ -156,11 +155,3 @@ def _bodies(train: Train, motion: Inputs) -> dict[Key, Vector]:
         carried = body_columns(geometry, last, motion) @ layout.payload_map(train.chain)
         found |= {("carried", k, j): carried[:, j, k] for k in range(BODY) for j in range(n)}
     return found
-
-
-@njit(cache=True)
-def _feature(slot: int, v: Any, load: Any, shape: Any, out: Any) -> None:
-    """One feature over rows; ``shape``: width, vs, standstill."""
-    for i in range(v.shape[0]):
-        s = switch(v[i], shape[0], shape[2])
-        out[i] = feature(slot, v[i], s, load[i], shape[1])

@@ -116,7 +116,7 @@ def _check(train: Train) -> None:
                 f"component {rub.name!r}: expected a smooth law in an arm that moves forward, "
                 f"'tanh' instead of 'sign', got {str(rub.law)!r}"
             )
-        if rub.law.load and (train.chain is None or rub.inside):
+        if "load" in rub.law.reads and (train.chain is None or rub.inside):
             raise UsageError(
                 f"component {rub.name!r}: forward, friction takes a share of the load only at the "
                 "joints of an arm without springs; take 'load' out of its law"

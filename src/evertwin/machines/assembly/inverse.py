@@ -117,6 +117,7 @@ class Inverse:
             own = list(layout.inputs_of(train.chain))
         else:
             reads = {box.axis for box in train.boxes if "position" in box.inputs}
+            reads |= {rub.axis for rub in train.rubs if "q" in rub.law.reads}
             for order, name in enumerate(("q", "qd", "qdd")):
                 for axis in train.axes:
                     unit = ("m" if axis.slides else "rad") + ("", "/s", "/s**2")[order]

@@ -27,13 +27,16 @@ class Laddered:
 
     train: Train
 
+    @property
+    def rubbing(self) -> tuple[str, ...]:
+        """Friction's coefficients."""
+        return tuple(f"{rub.name}.{n}" for rub in self.train.rubs for n in rub.law.rubbing())
+
     def rungs(self) -> tuple[Rung, ...]:
         """Steps up the ladders; each has to pay on unseen data of its axis' output."""
         found: list[Rung] = []
         for rub in _first(self.train).values():
-            steps = list(rub.law.rungs())
-            steps += [Rung("temperature", ("Fv_T", "Fc_T"))] if rub.temperature else []
-            for step in steps:
+            for step in rub.law.rungs():
                 names = tuple(f"{rub.name}.{name}" for name in step.add)
                 found.append(Rung(step.name, names, rub.axis))
         return tuple(found)
@@ -43,8 +46,7 @@ class Laddered:
         rub = _first(self.train).get(output)
         if rub is None:
             return ""
-        warm = "+temperature" if "temperature" in terms else ""
-        return f"{rub.law.only(terms)}{warm}"
+        return str(rub.law.only(terms))
 
     @property
     def joints(self) -> tuple[str, ...]:

@@ -1,9 +1,10 @@
 """The forward reading, compiled: one row in fixed sub-steps.
 
-How many parts a row is cut into follows from its interval and the parameters alone, so where rows
-are cut changes no bit: as many as the fastest rate of the assembly asks for (friction, spring,
-winding, controller), and none longer than the largest step allowed. Smooth assemblies go by
-Runge-Kutta of fourth order, those with a sign by Euler with an exact standstill.
+How many parts a row is cut into follows from its interval, the parameters and the temperatures at
+its beginning alone, so where rows are cut changes no bit: as many as the fastest rate of the
+assembly asks for (friction, spring, winding, controller), and none longer than the largest step
+allowed. Smooth assemblies go by Runge-Kutta of fourth order, those with a sign by Euler with an
+exact standstill.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from evertwin.machines.assembly.plan import (
     KI,
     KP,
     KV,
+    LAW,
     MASS,
     MODE,
     NB,
@@ -63,9 +65,10 @@ from evertwin.machines.assembly.shared import (
     ratio,
     reflected,
     show,
+    warmth,
 )
 from evertwin.machines.assembly.slopes import slopes
-from evertwin.machines.friction import BACKWARD, COULOMB, STRIBECK, VISCOUS, WIDTH
+from evertwin.machines.friction.kernel import steepness
 from evertwin.models import OBSERVE, STEP
 
 __all__ = ["adopt", "parts_of", "step"]
@@ -75,27 +78,18 @@ PARTS = 4000
 
 
 @njit(cache=True)
-def _steep(context: Any, j: int, inside: int, p: Any) -> float:
-    """Largest slope of the friction on one side of axis ``j``."""
+def _steep(context: Any, j: int, inside: int, x: Any, u: Any, p: Any) -> float:
+    """Largest slope of the friction on one side of axis ``j``; no load is known yet."""
     total = 0.0
     for f in range(context[NF]):
         at = HEAD + AXIS * context[N] + RUB * f
-        if context[at + OWN] != j or context[at + INSIDE] != inside:
-            continue
-        own = abs(p[context[at + VISCOUS]])
-        if context[at + BACKWARD] >= 0:
-            own = max(own, abs(p[context[at + VISCOUS]] + p[context[at + BACKWARD]]))
-        if context[at + WIDTH] >= 0:
-            dry = abs(p[context[at + COULOMB]])
-            if context[at + STRIBECK] >= 0:
-                dry += abs(p[context[at + STRIBECK]])
-            own += dry / p[context[at + WIDTH]]
-        total += own
+        if context[at + OWN] == j and context[at + INSIDE] == inside:
+            total += steepness(context, context[at + LAW], p, 0.0, warmth(context, at, u, x))
     return float(total)
 
 
 @njit(cache=True)
-def _rate(context: Any, j: int, p: Any) -> float:
+def _rate(context: Any, j: int, x: Any, u: Any, p: Any) -> float:
     """The fastest rate of axis ``j`` [1/s]; negative: a spring without a rotor."""
     at, rotor = HEAD + AXIS * j, reflected(context, HEAD + AXIS * j, p)
     elastic = context[at + STIFF] >= 0
@@ -107,14 +101,14 @@ def _rate(context: Any, j: int, p: Any) -> float:
         body = p[context[at + MASS]] + (0.0 if elastic else rotor)
         if context[at + CARRIED] >= 0:
             body += p[context[at + CARRIED]]
-    rate = _steep(context, j, 0, p) / body
+    rate = _steep(context, j, 0, x, u, p) / body
     driven = body
     if elastic:
         if not rotor > 0.0:
             return -1.0
         driven = rotor
         both = 1.0 / rotor + 1.0 / body
-        rate += _steep(context, j, 1, p) / rotor
+        rate += _steep(context, j, 1, x, u, p) / rotor
         rate += p[context[at + DAMP]] * both + math.sqrt(p[context[at + STIFF]] * both)
     gain = 1.0
     if context[at + MODE] != FORCE:
@@ -132,11 +126,11 @@ def _rate(context: Any, j: int, p: Any) -> float:
 
 
 @njit(cache=True)
-def parts_of(context: Any, dt: float, p: Any) -> int:
+def parts_of(context: Any, x: Any, u: Any, dt: float, p: Any) -> int:
     """Parts of a row; 0: too many, or something without a mass."""
     fastest = 0.0
     for j in range(context[N]):
-        rate = _rate(context, j, p)
+        rate = _rate(context, j, x, u, p)
         if not rate >= 0.0:
             return 0
         fastest = max(fastest, rate)
@@ -201,7 +195,7 @@ def _slow(context: Any, x: Any, h: float, pace: float, p: Any, bus: Any) -> None
 @cfunc(STEP, cache=True)
 def step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) -> int:
     """One row."""  # pragma: compiled
-    parts, nx, n = parts_of(context, dt, p), context[NX], context[N]
+    parts, nx, n = parts_of(context, x, u, dt, p), context[NX], context[N]
     if parts == 0:
         return 1
     h = dt / parts

@@ -1,7 +1,7 @@
 """Where the kernels of an assembly find everything: integers in a context, reals behind addresses.
 
 >>> HEAD, AXIS, RUB
-(19, 28, 28)
+(20, 28, 9)
 """
 
 from __future__ import annotations
@@ -15,24 +15,25 @@ from jaxtyping import Int64
 from evertwin.machines.arm import layout
 from evertwin.machines.arm.lanes import batch
 from evertwin.machines.assembly.join import Axis, Rub, Train
-from evertwin.machines.friction import SLOTS, WIDTH, warm_table
+from evertwin.machines.friction.kernel import columns_of, record_of
 
-__all__ = ["AXIS", "HEAD", "RUB", "Columns", "Places", "context_of", "friction_tables"]
+__all__ = ["AXIS", "HEAD", "RUB", "Columns", "Places", "context_of", "friction_columns"]
 
 (N, ARM, GEOMETRY, INERTIAS, MAP, REALS, CHOSEN, PAYLOAD, NF, NB, NY, NX, SHARED, DRY,
- PATH, PATH_ROWS, PATH_X, OVERRIDE, BOXED) = range(19)  # fmt: skip
-HEAD = 19
-"""Single integers; then n axes of `AXIS`, nf frictions of `RUB`, the chosen pairs, the codes."""
+ PATH, PATH_ROWS, PATH_X, OVERRIDE, BOXED, END) = range(20)  # fmt: skip
+HEAD = 20
+"""Single integers; then n axes of `AXIS`, nf frictions of `RUB`, the chosen pairs, the codes, the
+friction laws' records up to ``END``."""
 (MASS, CARRIED, RATIO, SCREW, ROTOR, K, R, L, STIFF, DAMP, KP, KV, KI, FEED, TOP, LIMIT, JOINT,
  MODE, U_Q, U_V, U_A, U_C, X_Q, X_V, X_QM, X_VM, X_I, X_L) = range(28)  # fmt: skip
 AXIS = 28
 """Integers of an axis: places in ``p``, switches, columns of ``u``, places in ``x``."""
 FORCE, TORQUE, CURRENT, VOLTAGE = range(4)
 """What a command is: effort at the joint, motor torque, motor current, motor voltage."""
-WARM = SLOTS
-OWN, INSIDE, T_U, T_X, T0, CAPACITY, CONDUCTANCE, AMBIENT = range(2 * SLOTS, 2 * SLOTS + 8)
-RUB = 2 * SLOTS + 8
-"""Integers of a friction: table, warm table, axis, side, temperature, heat balance."""
+LAW, OWN, INSIDE, SHARES, T_U, T_X, CAPACITY, CONDUCTANCE, AMBIENT = range(9)
+RUB = 9
+"""Integers of a friction: where its law's record begins, axis, side, does it read the load,
+temperature, heat balance."""
 STEP_MAX, PATH_RATE = range(2)
 AGILITY = 2
 """Reals: largest step, rate of the path, agility of each axis, standstill of each friction."""
@@ -79,15 +80,13 @@ class Places:
     rate: float = 1.0
 
 
-def friction_tables(train: Train, rub: Rub) -> tuple[list[int], list[int]]:
-    """Where in ``p`` a friction's slots lie, and those of its change with temperature."""
-    names = tuple(item.name for item in rub.law.parameters())
-    first = train.parameters.names.index(f"{rub.name}.{names[0]}")
-    table = [first + k if k >= 0 else -1 for k in rub.law.table(names)]
-    if not rub.temperature:
-        return table, [-1] * SLOTS
-    at = train.parameters.names.index(f"{rub.name}.Fv_T")
-    return table, warm_table(table, at, at + 1)
+def friction_columns(train: Train, rub: Rub) -> Int64[np.ndarray, "k 4"]:
+    """A friction law's coefficients (`evertwin.machines.friction.kernel`)."""
+    return columns_of(rub.law, _first_friction(train, rub))
+
+
+def _first_friction(train: Train, rub: Rub) -> int:
+    return train.parameters.names.index(f"{rub.name}.{rub.law.parameters()[0].name}")
 
 
 def _mode(axis: Axis) -> int:
@@ -113,11 +112,11 @@ def _axis(train: Train, axis: Axis, columns: Columns, states: Sequence[int]) -> 
     ]  # fmt: skip
 
 
-def _rub(train: Train, rub: Rub, column: int, state: int) -> list[int]:
-    table, warm = friction_tables(train, rub)
+def _rub(train: Train, rub: Rub, law: int, column: int, state: int) -> list[int]:
     part = next(part for part in train.components if part.name == rub.name)
-    heat = [train.at(part, name) for name in ("T0", "capacity", "conductance", "ambient")]
-    return [*table, *warm, rub.axis, int(rub.inside), column, state, *heat]
+    heat = [train.at(part, name) for name in ("capacity", "conductance", "ambient")]
+    shares = int("load" in rub.law.reads)
+    return [law, rub.axis, int(rub.inside), shares, column, state, *heat]
 
 
 def _agility(train: Train) -> list[float]:
@@ -151,31 +150,31 @@ def context_of(train: Train, places: Places) -> tuple[Int64[np.ndarray, " k"], t
     payload = train.at(train.load, "m")
     # the load that friction takes its share of is the described one: it must not depend on p
     shared = int(not train.base and payload < 0)
-    dry = int(any(rub.law.table(_bare(rub))[WIDTH] < 0 for rub in train.rubs))
+    dry = int(any(rub.law.switch == "sign" for rub in train.rubs))
+    laws = [record_of(rub.law, _first_friction(train, rub)) for rub in train.rubs]
+    at = HEAD + AXIS * n + RUB * len(laws) + 2 * len(train.base) + len(places.codes)
     first = -1 if train.arm is None or not train.base else _first(train)
     head = [
         n, int(chain is not None), geometry.ctypes.data, inertias.ctypes.data,
         carried.ctypes.data, reals.ctypes.data, len(train.base), payload, len(train.rubs),
         len(train.boxes), len(places.codes), places.nx, shared, dry, motion.ctypes.data,
         0 if places.motion is None else len(motion), places.path, places.override,
-        places.boxed,
+        places.boxed, at + sum(len(law) for law in laws),
     ]  # fmt: skip
     states = places.states or ((-1,) * 6,) * n
     body: list[int] = []
-    for axis, columns, at in zip(train.axes, places.columns, states, strict=True):
-        body += _axis(train, axis, columns, at)
+    for axis, columns, own in zip(train.axes, places.columns, states, strict=True):
+        body += _axis(train, axis, columns, own)
     heat = (-1,) * len(train.rubs)
     both = zip(places.heat_inputs or heat, places.heat_states or heat, strict=True)
-    for rub, (column, state) in zip(train.rubs, both, strict=True):
-        body += _rub(train, rub, column, state)
+    for rub, law, (column, state) in zip(train.rubs, laws, both, strict=True):
+        body += _rub(train, rub, at, column, state)
+        at += len(law)
     for k, flat in enumerate(train.base):
         body += [flat, first + k]
     numbers = np.array([*head, *body, *places.codes], dtype=np.int64)
+    numbers = np.concatenate([numbers, *laws])
     return numbers, (geometry, inertias, carried, reals, motion)
-
-
-def _bare(rub: Rub) -> tuple[str, ...]:
-    return tuple(item.name for item in rub.law.parameters())
 
 
 def _first(train: Train) -> int:

@@ -16,7 +16,8 @@ from typing import Any
 
 from evertwin.errors import UsageError
 from evertwin.machines.assembly.parts import Component
-from evertwin.machines.friction import Law, shape_of, sliding, warm_parameters
+from evertwin.machines.friction import Law, shape_of
+from evertwin.machines.friction.terms.temperature import TEMPERATURE
 from evertwin.models import Parameter
 from evertwin.settings.quantity import in_unit
 from evertwin.signals.channels import position
@@ -28,13 +29,21 @@ _NONE = ("", "none")
 
 
 def law_of(component: Component) -> Law | None:
-    """The friction of a component; None where it has none."""
-    text = str(component.option("friction"))
+    """The friction of a component, which knows no load yet; None where it has none."""
+    text, temperature = (str(component.option(key)) for key in ("friction", "temperature"))
+    if temperature not in ("", "input", "state"):
+        raise UsageError(
+            f"component {component.name!r}: expected temperature = 'input' or 'state', "
+            f"got {temperature!r}"
+        )
     if text in _NONE:
         return None
     try:
         shape = shape_of({key: component.option(key) for key in ("width", "vs", "standstill")})
-        return replace(Law.parse(text), **shape)
+        law = Law.parse(text).shaped(shape)
+        if temperature:
+            return law.plus(TEMPERATURE)
+        return law.known_to("without temperature = 'input' or 'state'", ("load", "q"))
     except UsageError as error:
         raise UsageError(f"component {component.name!r}: {error}") from error
 
@@ -53,22 +62,16 @@ def _fixed(name: str, value: float, unit: str, low: float, high: float = HUGE) -
 
 def _rub(component: Component, slides: bool) -> list[Parameter]:
     law = law_of(component)
-    items = [] if law is None else list(law.parameters())
-    temperature = str(component.option("temperature"))
-    if temperature not in ("", "input", "state"):
-        raise UsageError(
-            f"component {component.name!r}: expected temperature = 'input' or 'state', "
-            f"got {temperature!r}"
-        )
-    if temperature and law is not None:
-        items += warm_parameters()
-    if temperature == "state" and law is not None:
+    if law is None:
+        return []
+    items = list(law.parameters(slides=slides))
+    if str(component.option("temperature")) == "state":
         items += [
             _fixed("capacity", 1000.0, "J/K", 1e-6),
             _fixed("conductance", 1.0, "W/K", 0.0),
             _fixed("ambient", 293.15, "K", 1.0, 2000.0),
         ]
-    return [sliding(item) for item in items] if slides else items
+    return items
 
 
 def _gearbox(component: Component, slides: bool) -> list[Parameter]:

@@ -22,6 +22,7 @@ from evertwin.machines.assembly.plan import (
     CONDUCTANCE,
     HEAD,
     INERTIAS,
+    LAW,
     MAP,
     NB,
     NF,
@@ -31,15 +32,13 @@ from evertwin.machines.assembly.plan import (
     ROTOR,
     RUB,
     SCREW,
-    T0,
     T_U,
     T_X,
-    WARM,
     K,
     N,
     R,
 )
-from evertwin.machines.friction import force, warm_force
+from evertwin.machines.friction.kernel import force
 
 __all__ = [
     "QUANTITIES",
@@ -88,25 +87,26 @@ def reflected(context: Any, at: int, p: Any) -> float:
 
 
 @njit(cache=True)
-def rub(
-    context: Any, at: int, p: Any, v: float, load: float, standstill: float, warmth: float
-) -> float:
-    """Friction of one component at speed ``v``; ``at``: its integers, ``warmth``: temperature."""
-    total = force(context, at, p, v, load, standstill)
-    if context[at + T0] >= 0:
-        above = warmth - p[context[at + T0]]
-        total += warm_force(context, at + WARM, p, v, above, standstill)
-    return float(total)
+def rub(context: Any, at: int, p: Any, motion: Any, load: float, T: float, rest: float) -> float:
+    """Friction of one component.
+
+    Args:
+        at: where its integers begin.
+        motion: position and speed.
+        rest: speed below which it stands still.
+    """
+    q, v = motion
+    return float(force(context, context[at + LAW], p, v, load, T, q, rest))
 
 
 @njit(cache=True)
-def warmth(context: Any, at: int, u: Any, x: Any, p: Any) -> float:
-    """Temperature of a friction: measured, from its heat balance, or its reference [K]."""
+def warmth(context: Any, at: int, u: Any, x: Any) -> float:
+    """Temperature of a friction [K]: measured, or from its heat balance; NaN: nobody asks."""
     if context[at + T_U] >= 0:
         return float(u[context[at + T_U]])
     if context[at + T_X] >= 0:
         return float(x[context[at + T_X]])
-    return float(p[context[at + T0]]) if context[at + T0] >= 0 else 0.0
+    return math.nan
 
 
 @njit(cache=True)

@@ -40,6 +40,7 @@ from evertwin.machines.assembly.plan import (
     NF,
     OWN,
     RUB,
+    SHARES,
     STIFF,
     X_Q,
     X_QM,
@@ -64,7 +65,6 @@ from evertwin.machines.assembly.shared import (
     rub,
     warmth,
 )
-from evertwin.machines.friction import LOAD as SHARE
 
 __all__ = ["slopes"]
 
@@ -76,11 +76,12 @@ ROUNDS, SETTLED = 20, 1e-9
 @njit(cache=True)
 def _drag(context: Any, j: int, inside: int, x: Any, u: Any, p: Any, v: float) -> float:
     """Friction of axis ``j`` on one side of its spring, without a standstill."""
-    total = 0.0
+    total, axis = 0.0, HEAD + AXIS * j
+    q = x[context[axis + X_QM]] if inside == 1 else x[context[axis + X_Q]]
     for f in range(context[NF]):
         at = HEAD + AXIS * context[N] + RUB * f
         if context[at + OWN] == j and context[at + INSIDE] == inside:
-            total += rub(context, at, p, v, 0.0, 0.0, warmth(context, at, u, x, p))
+            total += rub(context, at, p, (q, v), 0.0, warmth(context, at, u, x), 0.0)
     return float(total)
 
 
@@ -158,7 +159,7 @@ def _shares(context: Any) -> bool:
     """Does a friction take a share of the load?"""
     found = False
     for f in range(context[NF]):
-        found |= context[HEAD + AXIS * context[N] + RUB * f + SHARE] >= 0
+        found |= context[HEAD + AXIS * context[N] + RUB * f + SHARES] == 1
     return found
 
 
@@ -181,10 +182,10 @@ def _share(context: Any, x: Any, u: Any, p: Any, known: Any, net: Any, carried: 
         for f in range(context[NF]):
             at = HEAD + AXIS * n + RUB * f
             j = context[at + OWN]
-            if context[at + SHARE] >= 0:
-                v, warm = motion[n + j], warmth(context, at, u, x, p)
-                whole = rub(context, at, p, v, carried[j], 0.0, warm)
-                now[j] += whole - rub(context, at, p, v, 0.0, 0.0, warm)
+            if context[at + SHARES] == 1:
+                here, warm = (motion[j], motion[n + j]), warmth(context, at, u, x)
+                whole = rub(context, at, p, here, carried[j], warm, 0.0)
+                now[j] += whole - rub(context, at, p, here, 0.0, warm, 0.0)
         moved = 0.0
         for j in range(n):
             moved = max(moved, abs(now[j] - taken[j]))
@@ -257,8 +258,9 @@ def slopes(context: Any, x: Any, u: Any, clock: float, p: Any, dx: Any, bus: Any
         bus[first + ACCELERATION] = net[j]
     for f in range(nf):
         at, b = HEAD + AXIS * n + RUB * f, QUANTITIES * n + RUBS * f
-        own = HEAD + AXIS * context[at + OWN]
-        v = x[context[own + X_VM]] if context[at + INSIDE] == 1 else x[context[own + X_V]]
-        t = warmth(context, at, u, x, p)
-        drag = rub(context, at, p, v, carried[context[at + OWN]], 0.0, t)
+        own, inside = HEAD + AXIS * context[at + OWN], context[at + INSIDE] == 1
+        v = x[context[own + X_VM]] if inside else x[context[own + X_V]]
+        q = x[context[own + X_QM]] if inside else x[context[own + X_Q]]
+        t = warmth(context, at, u, x)
+        drag = rub(context, at, p, (q, v), carried[context[at + OWN]], t, 0.0)
         bus[b + RUB_FORCE], bus[b + HEAT], bus[b + TEMPERATURE] = drag, drag * v, t

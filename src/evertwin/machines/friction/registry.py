@@ -1,0 +1,78 @@
+"""Every friction term by its name: those of the package, and those that other packages add.
+
+Another package registers a `FrictionTerm` under the entry point group ``evertwin.friction``, by the
+term's own name. It is looked up when a law names it.
+
+>>> term("load").coefficients[0].name
+'Fl'
+>>> term("wind")
+Traceback (most recent call last):
+evertwin.errors.UsageError: friction: no term 'wind'; there are direction, stribeck, root, load...
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+
+from evertwin.errors import UsageError
+from evertwin.machines.friction.contract import FrictionTerm
+from evertwin.machines.friction.terms.coulomb import COULOMB
+from evertwin.machines.friction.terms.direction import DIRECTION
+from evertwin.machines.friction.terms.load import LOAD
+from evertwin.machines.friction.terms.offset import OFFSET
+from evertwin.machines.friction.terms.root import ROOT
+from evertwin.machines.friction.terms.stribeck import STRIBECK
+from evertwin.machines.friction.terms.temperature import TEMPERATURE
+from evertwin.machines.friction.terms.two_sided import TWO_SIDED
+from evertwin.machines.friction.terms.viscous import VISCOUS
+
+__all__ = ["ALWAYS", "GROUP", "ordered", "term"]
+
+GROUP = "evertwin.friction"
+_BUILT_IN = (
+    VISCOUS, DIRECTION, COULOMB, OFFSET, STRIBECK, ROOT, LOAD, TWO_SIDED, TEMPERATURE,
+)  # fmt: skip
+"""In the order of a law's parameters, and of the ladder."""
+ALWAYS = (VISCOUS, COULOMB, OFFSET)
+"""What every law has."""
+
+
+def ordered(terms: Iterable[FrictionTerm]) -> tuple[FrictionTerm, ...]:
+    """Each term once, the package's in their order, others behind them."""
+    given = tuple(dict.fromkeys(terms))
+    return (
+        *(item for item in _BUILT_IN if item in given),
+        *(item for item in given if item not in _BUILT_IN),
+    )
+
+
+@cache
+def term(name: str) -> FrictionTerm:
+    """The term of that name.
+
+    Raises:
+        UsageError: there is none, or what a package registered is none.
+    """
+    own = {item.name: item for item in _BUILT_IN if not item.always}
+    if name in own:
+        return own[name]
+    others = {point.name: point for point in entry_points(group=GROUP)}
+    if name in others:
+        return _loaded(others[name])
+    raise UsageError(f"friction: no term {name!r}; there are {', '.join((*own, *others))}")
+
+
+def _loaded(point: EntryPoint) -> FrictionTerm:
+    found = point.load()
+    if not isinstance(found, FrictionTerm) or found.name != point.name:
+        raise UsageError(
+            f"friction: {point.value} is registered as {point.name!r}: expected a FrictionTerm of "
+            f"that name, got {found!r}"
+        )
+    taken = {name for item in _BUILT_IN for name in item.parameters}
+    for name in found.parameters:
+        if name in taken:
+            raise UsageError(f"friction term {found.name!r}: the name {name!r} is taken")
+    return found

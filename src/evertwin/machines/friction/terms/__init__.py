@@ -1,0 +1,1 @@
+"""The friction terms that come with the package, one in each file."""

@@ -1,0 +1,32 @@
+"""The Stribeck peak ``Fs·s(v)·exp(−(v / vs)²)``: what sticks at rest slides once it moves.
+
+A fit may give the peak more than its share and take it from viscous and Coulomb friction: where a
+recording has few slow rows, only their sum is known.
+"""
+
+from __future__ import annotations
+
+import math
+
+from evertwin.machines.friction.contract import Coefficient, FrictionTerm, Numbers, Shape
+
+__all__ = ["STRIBECK", "feature", "slope"]
+
+
+def feature(v: float, s: float, load: float, T: float, q: float, k: Numbers) -> float:
+    """The switch, fallen to 1/e at the speed ``vs``."""
+    return s * math.exp(-((v / k[0]) ** 2))
+
+
+def slope(width: float, load: float, T: float, k: Numbers) -> float:
+    """The steeper of the switch at rest and of the fall; where one rises, the other falls."""
+    fall = math.sqrt(2.0 / math.e) / k[0]
+    return max(1.0 / width, fall) if width > 0.0 else fall
+
+
+STRIBECK = FrictionTerm(
+    "stribeck",
+    (Coefficient("Fs", "Nm", "N", feature, slope),),
+    (Shape("vs", 0.2, "rad/s", "m/s"),),
+    confused_with=("viscous", "coulomb"),
+)
