@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import entry_points
 
 from evertwin.errors import UsageError
 from evertwin.machines.friction.contract import FrictionTerm
@@ -60,19 +60,19 @@ def term(name: str) -> FrictionTerm:
         return own[name]
     others = {point.name: point for point in entry_points(group=GROUP)}
     if name in others:
-        return _loaded(others[name])
+        return _checked(others[name].load(), name, others[name].value)
     raise UsageError(f"friction: no term {name!r}; there are {', '.join((*own, *others))}")
 
 
-def _loaded(point: EntryPoint) -> FrictionTerm:
-    found = point.load()
-    if not isinstance(found, FrictionTerm) or found.name != point.name:
+def _checked(found: object, name: str, where: str) -> FrictionTerm:
+    """What another package registered, if it is a term that can stand beside the package's own."""
+    if not isinstance(found, FrictionTerm) or found.name != name:
         raise UsageError(
-            f"friction: {point.value} is registered as {point.name!r}: expected a FrictionTerm of "
-            f"that name, got {found!r}"
+            f"friction: {where} is registered as {name!r}: expected a FrictionTerm of that name, "
+            f"got {found!r}"
         )
-    taken = {name for item in _BUILT_IN for name in item.parameters}
-    for name in found.parameters:
-        if name in taken:
-            raise UsageError(f"friction term {found.name!r}: the name {name!r} is taken")
+    taken = {other for item in _BUILT_IN for other in item.parameters}
+    for one in found.parameters:
+        if one in taken:
+            raise UsageError(f"friction term {name!r}: the name {one!r} is taken")
     return found

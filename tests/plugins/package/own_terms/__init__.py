@@ -1,0 +1,1 @@
+"""Terms of a package that is not evertwin."""
