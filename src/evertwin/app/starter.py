@@ -26,8 +26,9 @@ from evertwin.loop.configured_model import model_of
 from evertwin.machines.catalog import machine
 from evertwin.models import Model
 from evertwin.signals import Layout
-from evertwin.sources.description import Info, TableInfo
+from evertwin.sources.description import ColumnInfo, Info, TableInfo
 from evertwin.sources.info import inspect
+from evertwin.sources.names import unit_problem
 from evertwin.sources.propose import Match, Proposal, propose
 
 __all__ = ["write_starter"]
@@ -74,6 +75,14 @@ def write_starter(
     show(content, draft.summary(), as_json)
     for name in draft.missing:
         typer.echo(f"evertwin: no column was found for {name}: name it in {out}", err=True)
+    units = {column.name: column.unit for one in info.tables for column in one.columns}
+    for match in proposal.matches:
+        problem = unit_problem(units[match.column])
+        if problem:
+            typer.echo(
+                f"evertwin: {file.name}: column {match.column!r}: the unit {problem}: {out} takes "
+                f"its numbers as '{match.unit}'", err=True,
+            )  # fmt: skip
 
 
 def _options(kind: str, urdf: Path | None, own: Path) -> dict[str, Any]:
@@ -100,10 +109,15 @@ def _first_two(table: TableInfo) -> Proposal:
     columns.sort(key=lambda c: c.low == c.high)  # what is constant can drive nothing
     places = "assumed: the first that varies", "assumed: the second that varies"
     matches = tuple(
-        Match(name, table.name, column.name, column.unit or "1", 0.0, place)
+        Match(name, table.name, column.name, _unit(column), 0.0, place)
         for name, column, place in zip(("u", "y"), columns, places, strict=False)
     )
     return Proposal(matches, (), tuple(c.name for c in columns[2:]))
+
+
+def _unit(column: ColumnInfo) -> str:
+    """The unit that the file states, where it is one."""
+    return column.unit if column.unit and not unit_problem(column.unit) else "1"
 
 
 @dataclass(frozen=True)

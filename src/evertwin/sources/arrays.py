@@ -8,10 +8,11 @@ refused beyond a gigabyte: Parquet streams. Object arrays are pickles inside and
 
 from __future__ import annotations
 
+import re
 import zipfile
-import zlib
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,13 +20,18 @@ from typing import Any
 import numpy as np
 
 from evertwin.errors import DataError
-from evertwin.sources.names import distinct
-from evertwin.sources.table import Column, Recording, Rows
+from evertwin.sources.foreign import Damaged, foreign
+from evertwin.sources.names import distinct, listed
+from evertwin.sources.table import WIDEST, Column, Recording, Rows
 
-__all__ = ["ArrayTable", "numbers_of", "open_npy", "open_npz", "table_of"]
+__all__ = ["ArrayTable", "bounded", "numbers_of", "open_npy", "open_npz", "table_of"]
 
 LARGEST = 1 << 30
 """Bytes that a file may unpack to."""
+CALM = 1 << 28
+"""Bytes up to which it does not matter from how few they come."""
+SQUEEZED = 100
+"""Beyond them, how many times its own size a file may unpack to: measured data never does."""
 PIECE = 1 << 16
 """Rows read at once."""
 Array = np.ndarray[Any, Any]
@@ -92,7 +98,8 @@ def table_of(path: Path, arrays: Mapping[str, Array], kind: str, notes: Sequence
     flat: dict[str, Array] = {}
     for name, array in arrays.items():
         squeezed = array.reshape(-1) if array.ndim == 2 and 1 in array.shape else array
-        if array.dtype.kind not in "fiubMSU" or array.ndim > 2 or squeezed.size < 2:
+        wide = squeezed.ndim > 1 and squeezed.shape[-1] > WIDEST
+        if array.dtype.kind not in "fiubMSU" or array.ndim > 2 or squeezed.size < 2 or wide:
             left_out.append(f"{name}: {array.dtype} of shape {array.shape} is no column")
         elif squeezed.dtype.names or squeezed.ndim == 1:
             flat[name] = squeezed
@@ -101,7 +108,7 @@ def table_of(path: Path, arrays: Mapping[str, Array], kind: str, notes: Sequence
     if not flat:
         raise DataError(
             f"{path.name}: expected arrays of at least two rows, got none "
-            f"({'; '.join(left_out) or 'the file is empty'}): save each signal as a vector"
+            f"({listed(left_out) or 'the file is empty'}): save each signal as a vector"
         )
     length = Counter(len(a) for a in flat.values()).most_common(1)[0][0]
     short = [n for n, a in flat.items() if len(a) != length]
@@ -121,12 +128,37 @@ def named_fields(name: str, array: Array) -> dict[str, Array]:
     return {field: array[field] for field in array.dtype.names}
 
 
-def _refusal(path: Path, error: Exception) -> DataError:
-    if "allow_pickle" in str(error) or "Object arrays" in str(error):
-        return DataError(
+@contextmanager
+def _unpickled(path: Path) -> Iterator[None]:
+    """`foreign`, with the sentence for what would have to be unpickled."""
+    try:
+        with foreign(path.name):
+            yield
+    except Damaged as error:
+        if not re.search("allow_pickle|Object arrays|Python objects", error.reason):
+            raise
+        raise DataError(
             f"{path.name}: holds Python objects, which are never loaded: save numbers as float64"
+        ) from None
+
+
+def bounded(path: Path, size: float, packed: float) -> None:
+    """Refuses a file that unpacks to more than fits, or to far more than data ever does.
+
+    Args:
+        path: the file.
+        size: bytes that it says it unpacks to.
+        packed: bytes that it has.
+
+    Raises:
+        DataError: too large.
+    """
+    if size > LARGEST or size > max(CALM, SQUEEZED * packed):
+        raise DataError(
+            f"{path.name}: {packed:.0f} bytes unpack to {size:.0f}: expected at most {LARGEST}, "
+            f"and beyond {CALM} at most {SQUEEZED} times as many: save it as Parquet, which is "
+            "read in pieces"
         )
-    return DataError(f"{path.name}: damaged or cut off ({error}): copy or record the file again")
 
 
 def open_npy(path: Path) -> Recording:
@@ -135,10 +167,8 @@ def open_npy(path: Path) -> Recording:
     Raises:
         DataError: damaged, cut off, or an object array.
     """
-    try:
+    with _unpickled(path):
         array = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (ValueError, OSError, EOFError, SyntaxError, TypeError, OverflowError) as error:
-        raise _refusal(path, error) from None
     return table_of(path, named_fields("c", array), "npy", ())
 
 
@@ -149,28 +179,19 @@ def open_npz(path: Path) -> Recording:
         DataError: damaged, cut off, too large, another kind of archive, or with object arrays.
     """
     arrays: dict[str, Array] = {}
-    try:
-        with zipfile.ZipFile(path) as archive:
-            members = archive.infolist()
-            others = [m.filename for m in members if not m.filename.endswith(".npy")]
-            if others or not members:
-                raise DataError(
-                    f"{path.name}: expected an npz archive, got a zip with "
-                    f"{others[0] if others else 'nothing'!r}: save the table as CSV or npz"
-                )
-            size = sum(m.file_size for m in members)
-            if size > LARGEST or len(members) > 10_000:
-                raise DataError(
-                    f"{path.name}: unpacks to {size} bytes in {len(members)} arrays, the limit is "
-                    f"{LARGEST} in 10000: save it as Parquet, which is read in pieces"
-                )
-            for member in members:
-                with archive.open(member) as file:
-                    array = np.lib.format.read_array(file, allow_pickle=False)
-                arrays.update(named_fields(member.filename.removesuffix(".npy"), array))
-    except (
-        ValueError, OSError, EOFError, SyntaxError, TypeError, OverflowError, MemoryError,
-        zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError,
-    ) as error:  # fmt: skip
-        raise _refusal(path, error) from None
+    with _unpickled(path), zipfile.ZipFile(path) as archive:
+        members = archive.infolist()
+        others = [m.filename for m in members if not m.filename.endswith(".npy")]
+        if others or not members:
+            raise DataError(
+                f"{path.name}: expected an npz archive, got a zip with "
+                f"{others[0] if others else 'nothing'!r}: save the table as CSV or npz"
+            )
+        if len(members) > WIDEST:
+            raise DataError(f"{path.name}: {len(members)} arrays, the limit is {WIDEST}")
+        bounded(path, sum(m.file_size for m in members), path.stat().st_size)
+        for member in members:
+            with archive.open(member) as file:
+                array = np.lib.format.read_array(file, allow_pickle=False)
+            arrays.update(named_fields(member.filename.removesuffix(".npy"), array))
     return table_of(path, arrays, "npz", ())

@@ -7,20 +7,21 @@ bytes of a message are not decoded here.
 from __future__ import annotations
 
 import bz2
+import dataclasses
 import io
 import sqlite3
 import struct
-import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from evertwin.errors import DataError, MissingExtra
+from evertwin.errors import DataError
+from evertwin.sources.foreign import Damaged, each, foreign
 from evertwin.sources.optional import load
 
 __all__ = ["Connection", "Cut", "Message", "messages"]
 
-LARGEST = 1 << 28
+LARGEST = 1 << 27
 """Bytes of the largest record that is believed."""
 
 
@@ -67,27 +68,59 @@ def messages(path: Path, kind: str) -> Iterator[Message | Cut]:
     Raises:
         DataError: not even its beginning can be read.
     """
-    return {"mcap": _mcap, "ros1": _ros1, "db3": _db3}[kind](path)
+    try:
+        yield from each(path.name, {"mcap": _mcap, "ros1": _ros1, "db3": _db3}[kind](path))
+    except Damaged as error:
+        yield Cut(error.reason)
 
 
-def _mcap(path: Path) -> Iterator[Message | Cut]:
+def _mcap(path: Path) -> Iterator[Message]:
     reader = load("mcap.stream_reader")
     records = load("mcap.records")
-    exceptions = load("mcap.exceptions")
     schemas: dict[int, Any] = {}
     connections: dict[int, Connection] = {}
     with path.open("rb") as file:
-        stream = reader.StreamReader(file, validate_crcs=True, record_size_limit=LARGEST)
-        try:
-            for record in stream.records:
-                if isinstance(record, records.Schema):
-                    schemas[record.id] = record
-                elif isinstance(record, records.Channel):
-                    connections[record.id] = _mcap_connection(record, schemas)
-                elif isinstance(record, records.Message):
-                    yield Message(connections[record.channel_id], record.log_time, record.data)
-        except _damage(exceptions.McapError) as error:
-            yield Cut(f"{type(error).__name__}: {error}")
+        for record in _mcap_records(reader, file):
+            if isinstance(record, records.Schema):
+                schemas[record.id] = record
+            elif isinstance(record, records.Channel):
+                connections[record.id] = _mcap_connection(record, schemas)
+            elif isinstance(record, records.Message):
+                yield Message(connections[record.channel_id], record.log_time, record.data)
+
+
+def _mcap_records(reader: Any, file: io.BufferedReader) -> Iterator[Any]:
+    """The records, those of a chunk unpacked to no more than it states."""
+    stream = reader.StreamReader(
+        file, emit_chunks=True, validate_crcs=True, record_size_limit=LARGEST
+    )
+    for record in stream.records:
+        if hasattr(record, "uncompressed_size") and hasattr(record, "data"):
+            data = _unpacked(record.compression, record.data, record.uncompressed_size)
+            plain = dataclasses.replace(record, compression="", data=data)
+            yield from reader.breakup_chunk(plain, validate_crc=True)
+        else:
+            yield record
+
+
+def _unpacked(how: str, data: bytes, size: int) -> bytes:
+    """A packed chunk of ``size`` bytes; never more of it."""
+    if size > LARGEST:
+        raise ValueError(f"a chunk of {size} bytes")
+    if how in ("", "none"):
+        return data
+    if how == "bz2":
+        out = bz2.BZ2Decompressor().decompress(data, size)
+    elif how == "lz4":
+        out = load("lz4.frame").LZ4FrameDecompressor().decompress(data, max_length=size)
+    elif how == "zstd":
+        unpacker = load("zstandard").ZstdDecompressor(max_window_size=LARGEST)
+        out = unpacker.stream_reader(data).read(size)
+    else:
+        raise ValueError(f"a chunk packed by {how!r}")
+    if len(out) < size:
+        raise EOFError(f"{len(out)} bytes left of a chunk of {size}")
+    return bytes(out)
 
 
 def _mcap_connection(channel: Any, schemas: dict[int, Any]) -> Connection:
@@ -97,26 +130,11 @@ def _mcap_connection(channel: Any, schemas: dict[int, Any]) -> Connection:
     return Connection(channel.topic, name, channel.message_encoding, text)
 
 
-def _damage(*more: type[Exception]) -> tuple[type[Exception], ...]:
-    """What a decoder raises on damaged bytes."""
-    codecs: tuple[type[Exception], ...] = (RuntimeError,)
-    for module, name in (("zstandard", "ZstdError"), ("lz4.block", "LZ4BlockError")):
-        try:
-            codecs += (getattr(load(module), name),)
-        except MissingExtra:
-            continue
-    return (EOFError, OSError, ValueError, KeyError, IndexError, struct.error, zlib.error,
-            OverflowError, MemoryError, *codecs, *more)  # fmt: skip
-
-
-def _ros1(path: Path) -> Iterator[Message | Cut]:
+def _ros1(path: Path) -> Iterator[Message]:
     connections: dict[int, Connection] = {}
     with path.open("rb") as file:
         file.readline()
-        try:
-            yield from _ros1_records(file, connections, depth=0)
-        except _damage() as error:
-            yield Cut(f"{type(error).__name__}: {error}")
+        yield from _ros1_records(file, connections, depth=0)
 
 
 def _ros1_records(
@@ -145,13 +163,8 @@ def _ros1_records(
 
 
 def _ros1_chunk(header: dict[bytes, bytes], data: bytes) -> io.BufferedIOBase:
-    size = _size(header[b"size"])
-    unpack: dict[bytes, Callable[[bytes], bytes]] = {
-        b"none": bytes,
-        b"bz2": lambda packed: bz2.BZ2Decompressor().decompress(packed, size),
-        b"lz4": lambda packed: bytes(load("lz4.frame").decompress(packed)),
-    }
-    return io.BytesIO(unpack[header[b"compression"]](data))
+    how = header[b"compression"].decode("ascii", "replace")
+    return io.BytesIO(_unpacked(how, data, _size(header[b"size"])))
 
 
 def _ros1_connection(header: dict[bytes, bytes], data: bytes) -> Connection:
@@ -185,28 +198,39 @@ def _exactly(file: io.BufferedIOBase, size: int) -> bytes:
     return data
 
 
-def _db3(path: Path) -> Iterator[Message | Cut]:
+def _db3(path: Path) -> Iterator[Message]:
     """A ROS 2 database, opened read-only; a write-ahead log beside it is read with it."""
     log = path.with_name(f"{path.name}-wal")
     still = "" if log.is_file() and log.stat().st_size else "&immutable=1"
     link = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro{still}", uri=True)
     try:
-        connections = {
-            row[0]: Connection(row[1], row[2], row[3], "") for row in _topics(link, path)
-        }
+        topics = _topics(link, path)
         query = "SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp, id"
         for topic, stamp, data in link.execute(query):
-            yield Message(connections[topic], int(stamp), bytes(data))
-    except (sqlite3.Error, KeyError, TypeError, ValueError) as error:
-        yield Cut(f"{type(error).__name__}: {error}")
+            if not (isinstance(stamp, int) and isinstance(data, bytes)):
+                raise TypeError(f"a message of {type(data).__name__} at {type(stamp).__name__}")
+            yield Message(topics[topic], stamp, data)
     finally:
         link.close()
 
 
-def _topics(link: sqlite3.Connection, path: Path) -> list[tuple[int, str, str, str]]:
+def _topics(link: sqlite3.Connection, path: Path) -> dict[int, Connection]:
+    """The topics; a view in place of a table would run whatever it likes.
+
+    Raises:
+        DataError: it is no bag.
+    """
     try:
-        return link.execute("SELECT id, name, type, serialization_format FROM topics").fetchall()
-    except sqlite3.Error as error:
+        with foreign(path.name):
+            link.execute("PRAGMA trusted_schema = OFF")
+            tables = link.execute("SELECT name FROM sqlite_master WHERE type = 'table'").fetchall()
+            if not {("topics",), ("messages",)} <= set(tables):
+                raise DataError(
+                    f"{path.name}: no ROS 2 database: expected tables 'topics' and 'messages'"
+                )
+            rows = link.execute("SELECT id, name, type, serialization_format FROM topics")
+            return {i: Connection(str(n), str(t), str(e), "") for i, n, t, e in rows}
+    except Damaged as error:
         raise DataError(
-            f"{path.name}: no ROS 2 database ({error}): expected a table 'topics'"
+            f"{path.name}: no ROS 2 database ({error.reason}): expected a table 'topics'"
         ) from None

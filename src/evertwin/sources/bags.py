@@ -15,7 +15,8 @@ import numpy as np
 
 from evertwin.errors import DataError
 from evertwin.sources.bag_files import Cut, Message, messages
-from evertwin.sources.ros_messages import Decoder, flat, stamp_of
+from evertwin.sources.names import listed
+from evertwin.sources.ros_messages import Content, Decoder
 from evertwin.sources.sniff import sniff
 from evertwin.sources.stamps import NO_STAMP
 from evertwin.sources.table import Column, Problem, Recording, Rows
@@ -47,7 +48,7 @@ def open_bag(path: Path, kind: str) -> Recording:
     tables = tuple(TopicTable(files, path, topic, c) for topic, c in columns.items() if c)
     left_out = tuple(f"{topic} {reason}" for topic, reason in notes.items())
     if not tables:
-        reason = "; ".join(left_out) or "no messages: were the QoS settings of the recorder right?"
+        reason = listed(left_out) or "no messages: were the QoS settings of the recorder right?"
         raise DataError(f"{path.name}: no topic with numbers ({reason})")
     return Recording(path, _KINDS[files[0][1]], tables, left_out)
 
@@ -75,17 +76,17 @@ def _learn(
     topic = message.connection.topic
     columns[topic] = ()
     try:
-        content = decoder.decode(message)
+        content = decoder.read(message)
     except DataError as error:
         notes[topic] = f"left out: {error}"
         return
-    names = [f"{topic}.{name}" for name, _ in flat(content)]
+    names = [f"{topic}.{name}" for name in content.cells]
     if not names:
         notes[topic] = f"left out: {message.connection.type or 'its type'} holds no short numbers"
         return
-    clocks = ["stamp"] if stamp_of(content) is not None else []
+    clocks = ["stamp"] if content.stamp is not None else []
     times = tuple(Column(f"{topic}.{clock}", "time", "ns") for clock in [*clocks, "logged"])
-    columns[topic] = (*times, *(Column(name, "number") for name in dict.fromkeys(names)))
+    columns[topic] = (*times, *(Column(name, "number") for name in names))
 
 
 @dataclass(frozen=True)
@@ -128,34 +129,42 @@ class _Batch:
         self.wanted = [name[self.prefix :] for name in numbers]
         self.time = None if time is None else time[self.prefix :]
         self.order: list[int] = []
-        self.stamps: list[int] = []
+        self.stamps: list[float] = []
         self.values: list[list[float]] = []
         self.problems: list[Problem] = []
 
     def add(self, message: Message, decoder: Decoder, order: int) -> None:
         try:
-            content = decoder.decode(message)
+            content = decoder.read(message)
         except DataError as error:
             self.problems.append(Problem("damaged", order + 1, str(error)))
             return
-        cells = dict(flat(content))
-        absent = [name for name in self.wanted if name not in cells]
+        absent = [name for name in self.wanted if name not in content.cells]
         if absent:
             self.problems.append(
                 Problem("truncated", order + 1, f"no {absent[0]!r} in the message")
             )
             return
-        stamp = stamp_of(content) if self.time == "stamp" else message.time
-        if self.time not in ("stamp", "logged", None):
-            raise DataError(f"time of a topic is its 'stamp' or 'logged', got {self.time!r}")
         self.order.append(order)
-        self.stamps.append(NO_STAMP if stamp is None or abs(stamp) >= 2**63 else stamp)
-        self.values.append([cells[name] for name in self.wanted])
+        self.stamps.append(self._stamp(message, content))
+        self.values.append([content.cells[name] for name in self.wanted])
+
+    def _stamp(self, message: Message, content: Content) -> float:
+        """The logging time or the message's own stamp [ns], or any of its numbers."""
+        if self.time in ("logged", None):
+            stamp: int | None = message.time
+        elif self.time == "stamp":
+            stamp = content.stamp
+        else:
+            return content.cells.get(self.time or "", float("nan"))
+        return NO_STAMP if stamp is None or abs(stamp) >= 2**63 else stamp
 
     def rows(self) -> Rows:
         if not self.order:
             return Rows.empty(len(self.wanted), tuple(self.problems))
         order = np.array(self.order, dtype=np.int64)
-        stamps = order if self.time is None else np.array(self.stamps, dtype=np.int64)
+        own = self.time in ("logged", "stamp")
+        stamps = np.array(self.stamps, dtype=np.int64 if own else np.float64)
         values = np.array(self.values, dtype=np.float64).reshape(len(order), len(self.wanted))
-        return Rows(order + 1, order, stamps, values, tuple(self.problems))
+        time = order if self.time is None else stamps
+        return Rows(order + 1, order, time, values, tuple(self.problems))

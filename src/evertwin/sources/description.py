@@ -82,6 +82,8 @@ class ColumnInfo:
     """(value, line) far outside the rest; at most ten to either side."""
     sentinels: tuple[float, ...] = ()
     """Extremes that are common words for "no measurement"."""
+    also: tuple[str, ...] = ()
+    """Further names that the file gives it."""
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ A decimal comma is only believed where another sign delimits; ``1,5,2,5`` under 
 refused, because it can be read in two ways.
 
 >>> d = detect([b"# drive", b"t [s];v", b"0;1,5", b"1;1,6"])
->>> d.delimiter, d.decimal_comma, d.headings, d.skip
+>>> d.delimiter, d.decimal_comma, d.headings.names, d.skip
 (b';', True, ('t [s]', 'v'), 2)
 """
 
@@ -18,6 +18,15 @@ from dataclasses import dataclass
 from typing import Literal
 
 from evertwin.errors import DataError, UsageError
+from evertwin.sources.headings import (
+    MOST,
+    Headings,
+    encoding_of,
+    named_in_comment,
+    read_headings,
+    reconciled,
+    shown,
+)
 
 __all__ = ["COMMENTS", "FOUND", "MISSING", "TRUTH", "Dialect", "Stated", "cells_of", "detect"]
 
@@ -32,24 +41,20 @@ _WORDS: dict[str, bytes | None] = {"auto": None, "blank": None, "tab": b"\t"}
 _NUMBER = re.compile(rb"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$|[+-]?inf(inity)?$", re.IGNORECASE)
 _COMMA_NUMBER = re.compile(rb"[+-]?\d*,\d+([eE][+-]?\d+)?$")
 _DATE = re.compile(rb"\d{4}[-./]\d\d?[-./]\d\d?[T ._]\d")
-_WORD = re.compile(r"[^\W\d_]")
 
 
 @dataclass(frozen=True)
 class Dialect:
     """How a text table is written.
 
-    >>> Dialect(b",", False, ("t", "x"), ("", ""), 1, 2, "ab").fields
+    >>> Dialect(b",", False, Headings(("t", "x")), 1, 2, "ab").fields
     2
     """
 
     delimiter: bytes | None
     """One byte; None for runs of blanks."""
     decimal_comma: bool
-    headings: tuple[str, ...]
-    """Column headings, empty for a table without."""
-    units: tuple[str, ...]
-    """Units of a second heading line, empty strings where there is none."""
+    headings: Headings
     skip: int
     """Lines before the first row of data, blank ones included."""
     fields: int
@@ -58,6 +63,8 @@ class Dialect:
     """One letter a column, from the first rows: n number, b boolean, d date, t text, ? empty."""
     even: float = 1.0
     """Share of the first rows that have so many cells."""
+    encoding: str = "utf-8"
+    """Of the headings."""
 
 
 def cells_of(line: bytes, delimiter: bytes | None) -> list[bytes]:
@@ -70,16 +77,9 @@ def cells_of(line: bytes, delimiter: bytes | None) -> list[bytes]:
         return line.split()
     if b'"' not in line:
         return line.split(delimiter)
-    out, cell, inside = [], bytearray(), False
-    for byte in line:
-        if byte == 34:
-            inside = not inside
-        elif byte == delimiter[0] and not inside:
-            out.append(bytes(cell))
-            cell.clear()
-        else:
-            cell.append(byte)
-    return [*out, bytes(cell)]
+    parts = line.split(b'"')
+    parts[1::2] = [inside.replace(delimiter, b"\0") for inside in parts[1::2]]
+    return [cell.replace(b"\0", delimiter) for cell in b"".join(parts).split(delimiter)]
 
 
 def kind_of_cell(cell: bytes, decimal_comma: bool) -> str:
@@ -155,19 +155,17 @@ def detect(lines: Sequence[bytes], stated: Stated = FOUND) -> Dialect:
         raise DataError("headings but no row of data: the recording may have been cut off")
     body = Counter(len(row) for row in table[headed:])
     fields = body.most_common(1)[0][0]
-    headings = tuple(_text(c) for c in table[0]) if headed else ()
+    encoding = encoding_of(lines[: data[headed][0]])
+    headings = read_headings([[shown(c, encoding) for c in row] for row in table[:headed]])
     if not headed:
-        headings = _from_comment(lines[: data[0][0]], delimiter, fields)
-    if headings and len(headings) != fields:
-        headings, fields = _reconciled(headings, fields, table[headed:])
-    units = tuple(_text(c) for c in table[1]) if headed == 2 else ()
+        above = [shown(line, encoding) for line in lines[: data[0][0]]]
+        sign = delimiter.decode("latin-1") if delimiter else None
+        headings = Headings(named_in_comment(above, sign, fields))
+    if headings.names and len(headings.names) != fields:
+        headings, fields = reconciled(headings, fields, table[headed:])
     columns = _kinds_of_columns(kinds[headed:], fields)
     even = body[fields] / body.total()
-    return Dialect(delimiter, comma, headings, units, data[headed][0], fields, columns, even)
-
-
-def _text(cell: bytes) -> str:
-    return cell.decode("utf-8", "replace").strip().strip('"')
+    return Dialect(delimiter, comma, headings, data[headed][0], fields, columns, even, encoding)
 
 
 def _delimiter(lines: Sequence[bytes]) -> tuple[bytes | None, bool]:
@@ -195,49 +193,11 @@ def _has_decimal_comma(cells: Sequence[bytes]) -> bool:
 
 
 def _heading_lines(kinds: Sequence[str]) -> int:
-    """0 without headings, 1 with, 2 with a line of units below."""
-
-    def wordy(kind: str) -> bool:
-        return "t" in kind and not set(kind) & set("nbd")
-
-    if not wordy(kinds[0]):
-        return 0
-    if len(kinds) > 2 and wordy(kinds[1]) and not wordy(kinds[2]):
-        return 2
+    """How many lines of words the table opens with; a table of words alone has one."""
+    for count, kind in enumerate(kinds[: MOST + 1]):
+        if "t" not in kind or set(kind) & set("nbd"):
+            return count
     return 1
-
-
-def _from_comment(
-    comments: Sequence[bytes], delimiter: bytes | None, fields: int
-) -> tuple[str, ...]:
-    """Headings from the last comment line, where it has as many parts as the data."""
-    for line in reversed(comments):
-        text = _text(line.lstrip(b"#%/ \t"))
-        parts = re.split(r"\s{2,}|\t", text) if delimiter in (None, b"\t") else None
-        if parts is None or len(parts) != fields:
-            parts = text.split(delimiter.decode() if delimiter else None)
-        if text:
-            named = len(parts) == fields and all(_WORD.search(part) for part in parts)
-            return tuple(part.strip() for part in parts) if named else ()
-    return ()
-
-
-def _reconciled(
-    headings: tuple[str, ...], fields: int, body: Sequence[Sequence[bytes]]
-) -> tuple[tuple[str, ...], int]:
-    """Headings and rows of different length: a closing delimiter is forgiven, nothing else."""
-    full = [row for row in body if len(row) == fields]
-    if fields == len(headings) + 1 and all(not row[-1] for row in full):
-        return (*headings, ""), fields
-    if len(headings) == fields + 1 and not headings[-1]:
-        return headings[:-1], fields
-    if any(len(row) == len(headings) for row in body):
-        return headings, len(headings)
-    hint = "a decimal comma with commas between the columns? " if fields > len(headings) else ""
-    raise DataError(
-        f"{len(headings)} headings but {fields} cells in a row: {hint}"
-        "give every column one heading, and write decimal points or ';' between columns"
-    )
 
 
 def _kinds_of_columns(kinds: Sequence[str], fields: int) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from evertwin.sources.description import ColumnInfo, TableInfo, TimeInfo
+from evertwin.sources.names import unit_problem
 
 __all__ = ["column_findings", "table_findings"]
 
@@ -71,6 +72,9 @@ def column_findings(column: ColumnInfo, table: TableInfo) -> list[str]:
 
 
 def _values(column: ColumnInfo) -> Iterator[str]:
+    unclear = unit_problem(column.unit)
+    if unclear and column.kind == "number":
+        yield f"its unit {unclear}"
     if column.missing and column.kind != "text":
         yield f"{column.missing} empty cells"
     if column.infinite:

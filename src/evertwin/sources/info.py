@@ -69,7 +69,7 @@ def _table(table: Table) -> TableInfo:
             _add_stamps(rows, unit, clock, tally)
     words = _words(tally)
     columns = {c.name: _column(c, s, words) for c, s in zip(numbers, stats, strict=True)}
-    listed = tuple(columns.get(c.name, ColumnInfo(c.name, c.kind, c.unit, count, 0, 0))
+    listed = tuple(columns.get(c.name, ColumnInfo(c.name, c.kind, c.unit, count, 0, 0, also=c.also))
                    for c in table.columns)  # fmt: skip
     described = None if time is None or unit is None else _time(time, unit, clock, tally)
     clocks = () if time is None else other_clocks(table, time)
@@ -112,7 +112,7 @@ def _column(column: Column, s: ColumnStatistics, words: dict[str, int]) -> Colum
         s.lows[0][0] if s.lows else float("nan"),
         s.highs[0][0] if s.highs else float("nan"),
         s.mean, s.std, s.longest, s.longest_line, s.changes, absurd,
-        tuple(sorted(extremes & _SENTINELS)),
+        tuple(sorted(extremes & _SENTINELS)), column.also,
     )  # fmt: skip
 
 

@@ -6,13 +6,14 @@ are no numbers and are left out by name. Links to other files are never followed
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from evertwin.errors import DataError
-from evertwin.sources.arrays import LARGEST, Array, table_of
+from evertwin.sources.arrays import Array, bounded, table_of
+from evertwin.sources.foreign import foreign
 from evertwin.sources.optional import load
 from evertwin.sources.table import Recording
 
@@ -24,7 +25,6 @@ _NUMERIC = {
     "double", "single", "logical",
     "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64",
 }  # fmt: skip
-_DAMAGE = (OSError, RuntimeError, ValueError, TypeError, KeyError, EOFError, MemoryError)
 
 
 def open_mat73(path: Path) -> Recording:
@@ -37,23 +37,13 @@ def open_mat73(path: Path) -> Recording:
     h5py = load("h5py")
     notes: list[str] = []
     arrays: dict[str, Array] = {}
-    try:
-        with h5py.File(path, "r") as file:
-            found = dict(_datasets(h5py, file, "", notes, 0))
-            size = sum(8.0 * float(np.prod([float(n) for n in d.shape])) for d in found.values())
-            if size > LARGEST:
-                raise DataError(
-                    f"{path.name}: unpacks to {size:.0f} bytes, the limit is {LARGEST}: save it "
-                    "as Parquet, which is read in pieces"
-                )
-            for name, dataset in found.items():
-                value = np.asarray(dataset[()]).T
-                arrays[name] = value.astype(np.bool_) if _class(dataset) == "logical" else value
-    except _DAMAGE as error:
-        raise DataError(
-            f"{path.name}: damaged or cut off ({type(error).__name__}: {error}): copy or save it "
-            "again"
-        ) from None
+    with foreign(path.name), h5py.File(path, "r") as file:
+        found = dict(_datasets(h5py, file, "", notes, 0))
+        size = sum(8.0 * math.prod(float(n) for n in d.shape) for d in found.values())
+        bounded(path, size, path.stat().st_size)
+        for name, dataset in found.items():
+            value = np.asarray(dataset[()]).T
+            arrays[name] = value.astype(np.bool_) if _class(dataset) == "logical" else value
     return table_of(path, arrays, "mat", notes)
 
 

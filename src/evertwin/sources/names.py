@@ -13,7 +13,10 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 
-__all__ = ["closest", "distinct", "split_unit"]
+from evertwin.errors import UsageError
+from evertwin.signals.units import conversion
+
+__all__ = ["closest", "distinct", "listed", "split_unit", "unit_problem"]
 
 _BRACKETS = re.compile(r"^(.*\S)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))$")
 
@@ -27,6 +30,19 @@ def split_unit(heading: str) -> tuple[str, str]:
     return found[1].strip(), (found[2] if found[2] is not None else found[3]).strip()
 
 
+def unit_problem(unit: str) -> str:
+    """Why a unit that a file states cannot be converted; empty where it can, or where none is.
+
+    >>> unit_problem("cm"), unit_problem("ticks")[:26]
+    ('', "'ticks' is not known; writ")
+    """
+    try:
+        conversion(unit or "1")
+    except UsageError as error:
+        return str(error).removeprefix("unit: ")
+    return ""
+
+
 def closest(name: str, known: Sequence[str]) -> str:
     """The phrase that helps after a wrong name."""
     lower = {k.lower(): k for k in known}
@@ -35,6 +51,16 @@ def closest(name: str, known: Sequence[str]) -> str:
         return f"did you mean {lower[near[0]]!r}?"
     shown = ", ".join(known[:12])
     return f"there is {shown}{', …' if len(known) > 12 else ''}" if known else "there is none"
+
+
+def listed(items: Sequence[str], most: int = 5) -> str:
+    """The first items of a list for a message, each of bounded length.
+
+    >>> listed(["a", "b", "c"], most=2)
+    'a; b; … (3 in all)'
+    """
+    shown = [item if len(item) <= 80 else f"{item[:77]}..." for item in items[:most]]
+    return "; ".join([*shown, *([f"… ({len(items)} in all)"] if len(items) > most else [])])
 
 
 def distinct(names: Sequence[str]) -> tuple[str, ...]:

@@ -12,9 +12,10 @@ import numpy as np
 
 from evertwin.errors import DataError
 from evertwin.sources.arrays import numbers_of
+from evertwin.sources.foreign import each, foreign
 from evertwin.sources.names import split_unit
 from evertwin.sources.optional import load
-from evertwin.sources.stamps import NO_STAMP
+from evertwin.sources.stamps import NO_STAMP, texts
 from evertwin.sources.table import Column, Recording, Rows
 
 __all__ = ["ParquetTable", "open_parquet"]
@@ -52,7 +53,7 @@ class ParquetTable:
     @cached_property
     def schema(self) -> Any:
         """The file's own schema."""
-        with self._open() as file:
+        with foreign(self.path.name), self._open() as file:
             if file.metadata.num_rows == 0:
                 raise DataError(f"{self.path.name}: no rows: the recording may have been cut off")
             return file.schema_arrow
@@ -70,11 +71,13 @@ class ParquetTable:
 
     def rows(self, numbers: Sequence[str], time: str | None, strict: bool = True) -> Iterator[Rows]:
         """See `Table`."""
+        yield from each(self.path.name, self._pieces(numbers, time))
+
+    def _pieces(self, numbers: Sequence[str], time: str | None) -> Iterator[Rows]:
         wanted = list(dict.fromkeys([*numbers, *([] if time is None else [time])]))
         start = 0
         with self._open() as file:
-            batches = file.iter_batches(PIECE, columns=wanted, use_threads=False)
-            for batch in self._guarded(batches):
+            for batch in file.iter_batches(PIECE, columns=wanted, use_threads=False):
                 order = np.arange(start, start + batch.num_rows, dtype=np.int64)
                 start += batch.num_rows
                 values = [
@@ -86,24 +89,7 @@ class ParquetTable:
                 yield Rows(order + 1, order, stamps, stacked)
 
     def _open(self) -> Any:
-        arrow, parquet = load("pyarrow"), load("pyarrow.parquet")
-        try:
-            return parquet.ParquetFile(self.path, buffer_size=1 << 20, pre_buffer=False)
-        except (arrow.ArrowException, OSError, ValueError) as error:
-            raise self._damaged(error) from None
-
-    def _guarded(self, batches: Any) -> Iterator[Any]:
-        arrow = load("pyarrow")
-        try:
-            yield from batches
-        except (arrow.ArrowException, OSError, ValueError) as error:
-            raise self._damaged(error) from None
-
-    def _damaged(self, error: Exception) -> DataError:
-        return DataError(
-            f"{self.path.name}: damaged or cut off ({str(error).splitlines()[0]}): "
-            "copy or record the file again"
-        )
+        return load("pyarrow.parquet").ParquetFile(self.path, buffer_size=1 << 20, pre_buffer=False)
 
     def _numpy(self, batch: Any, name: str) -> Any:
         arrow = load("pyarrow")
@@ -124,7 +110,7 @@ class ParquetTable:
             column = column.cast(arrow.int64()).fill_null(NO_STAMP)
         raw = column.to_numpy(zero_copy_only=False)
         if raw.dtype.kind in "OU":
-            return np.array([str(cell or "").encode() for cell in raw])
+            return texts([str(cell or "").encode() for cell in raw])
         return raw
 
 

@@ -25,6 +25,7 @@ from dataclasses import dataclass
 from evertwin.errors import UsageError
 from evertwin.signals import Channel, Layout, compatible
 from evertwin.sources.description import ColumnInfo, Info, TableInfo
+from evertwin.sources.names import unit_problem
 
 __all__ = ["Match", "Proposal", "propose"]
 
@@ -130,7 +131,12 @@ def _words(name: str) -> list[str]:
 
 
 def _score(channel: Channel, table: TableInfo, column: ColumnInfo) -> float:
-    mine, theirs = _words(channel.name), _words(column.name.removeprefix(table.name))
+    names = (column.name.removeprefix(table.name), *column.also)
+    return max(_alike(channel, _words(name), column) for name in names)
+
+
+def _alike(channel: Channel, theirs: list[str], column: ColumnInfo) -> float:
+    mine = _words(channel.name)
     numbers = [w for w in mine if w.isdigit()], [w for w in theirs if w.isdigit()]
     if mine != theirs and numbers[0][-1:] != numbers[1][-1:]:
         return 0.0
@@ -158,7 +164,7 @@ def _same_kind(a: str, b: str) -> bool:
 
 
 def _unit(channel: Channel, column: ColumnInfo) -> tuple[str, str]:
-    if column.unit:
+    if column.unit and not unit_problem(column.unit):
         return column.unit, "stated by the file"
     suffix = _words(column.name)[-1:]
     for word, unit in (("deg", "deg"), ("rad", "rad"), ("mm", "mm"), ("cm", "cm"), ("mps", "m/s")):

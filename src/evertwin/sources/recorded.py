@@ -249,7 +249,7 @@ def _column(table: Table, key: str | int) -> Column:
                 f"{table.path.name}: no column {key}: there are {len(columns)}, counted from 0"
             )
         return columns[key]
-    named = [c for c in columns if c.name == key]
+    named = [c for c in columns if c.name == key] or [c for c in columns if c.called(key)]
     if not named:
         names = [c.name for c in columns]
         raise DataError(

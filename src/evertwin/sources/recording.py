@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -17,11 +18,12 @@ from evertwin.errors import DataError
 from evertwin.sources.arrays import open_npy, open_npz
 from evertwin.sources.bags import open_bag
 from evertwin.sources.dialect import FOUND, Stated
+from evertwin.sources.foreign import foreign
 from evertwin.sources.mat import open_mat
 from evertwin.sources.mat73 import open_mat73
 from evertwin.sources.parquet import open_parquet
 from evertwin.sources.sniff import sniff
-from evertwin.sources.table import Recording
+from evertwin.sources.table import WIDEST, Recording, Table
 from evertwin.sources.text import TextTable
 
 __all__ = ["open_recording"]
@@ -48,10 +50,13 @@ _OWN = frozenset(
     )
 )
 """Endings that no other package reads."""
+LONGEST = 200
+"""Signs of the longest name of a column."""
 
 
 def _opened(reader: Callable[[Path], Recording], path: Path) -> Recording:
-    found = reader(path)
+    with foreign(path.name):
+        found = reader(path)
     if not isinstance(found, Recording):
         raise DataError(
             f"{path.name}: its reader {reader.__module__}.{reader.__qualname__} gave "
@@ -72,16 +77,40 @@ def open_recording(path: Path | str, stated: Stated = FOUND) -> Recording:
         MissingExtra: the library that reads it is not installed.
     """
     path = Path(path)
+    recording = _recording(path, stated)
+    for table in recording.tables:
+        _check(table)
+    return recording
+
+
+def _recording(path: Path, stated: Stated) -> Recording:
     ending = path.suffix.lower().removeprefix(".")
     if ending not in _OWN and path.is_file():
         for point in entry_points(group="evertwin.sources", name=ending):
             return _opened(point.load(), path)
     kind = sniff(path)
     if kind == "text":
-        table = TextTable(path, stated=stated)
-        if len(table.columns) == 0:
-            raise DataError(f"{path.name}: no columns")
-        return Recording(path, "csv", (table,))
+        return Recording(path, "csv", (TextTable(path, stated=stated),))
     if kind in _OPEN:
         return _OPEN[kind](path)
     return open_bag(path, kind)
+
+
+def _check(table: Table) -> None:
+    """Columns that can be told apart and shown.
+
+    Raises:
+        DataError: none, too many, two of one name, or a name that is none.
+    """
+    names = [column.name for column in table.columns]
+    where = f"{table.path.name}: {table.name}".removesuffix(": ")
+    if not 0 < len(names) <= WIDEST:
+        raise DataError(f"{where}: {len(names)} columns, expected 1 to {WIDEST}")
+    for name, count in Counter(names).items():
+        if len(name) > LONGEST or not name.isprintable():
+            raise DataError(
+                f"{where}: column {names.index(name)}: expected a name of up to {LONGEST} signs "
+                f"that can be shown, got {name[:40]!r}"
+            )
+        if count > 1:
+            raise DataError(f"{where}: {count} columns are called {name!r}: rename them")

@@ -9,58 +9,80 @@ from __future__ import annotations
 
 import json
 import math
-import struct
 from collections.abc import Iterator, Mapping
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from evertwin.errors import DataError
 from evertwin.sources.bag_files import Connection, Message
+from evertwin.sources.foreign import Damaged, foreign
 from evertwin.sources.optional import load
 
-__all__ = ["Decoder", "flat", "stamp_of"]
+__all__ = ["Content", "Decoder", "flat", "stamp_of"]
 
 WIDEST = 16
 """Entries of the longest array that becomes columns."""
+_ARRAYS = (list, tuple, np.ndarray)
+DEEPEST = 16
+"""Messages within messages that are looked into."""
+
+
+class Content(NamedTuple):
+    """What a message says: its numbers by name, and its own stamp [ns].
+
+    >>> Content({"data": 1.5}, None).cells
+    {'data': 1.5}
+    """
+
+    cells: Mapping[str, float]
+    stamp: int | None
 
 
 class Decoder:
-    """Bytes of a message → an object or a dictionary.
+    """Bytes of a message → its numbers and its stamp.
 
-    >>> Decoder().decode(Message(Connection("/v", "", "json", ""), 5, b'{"data": 1.5}'))
-    {'data': 1.5}
+    >>> Decoder().read(Message(Connection("/v", "", "json", ""), 5, b'{"data": 1.5}'))
+    Content(cells={'data': 1.5}, stamp=None)
     """
 
     def __init__(self) -> None:
         self._own: dict[str, Any] = {}
         self._known: dict[tuple[str, str], Any] = {}
 
-    def decode(self, message: Message) -> Any:
-        """The message.
+    def read(self, message: Message) -> Content:
+        """The numbers and the stamp of a message.
 
         Raises:
             DataError: an encoding or a type that is not known, or damaged bytes.
         """
+        try:
+            with foreign(message.connection.topic):
+                content = self._decoded(message)
+                return Content(dict(flat(content)), stamp_of(content))
+        except Damaged as error:
+            kind = message.connection.type or message.connection.encoding
+            raise DataError(f"damaged message of type {kind!r} ({error.reason})") from None
+
+    def _decoded(self, message: Message) -> Any:
         connection = message.connection
         if connection.encoding == "json":
-            return _json(message.data)
+            content = json.loads(message.data)
+            if not isinstance(content, dict):
+                raise DataError(f"expected a JSON object, got {type(content).__name__}")
+            return content
         if connection.encoding not in ("cdr", "ros1"):
             raise DataError(
                 f"encoding {connection.encoding or 'none'!r}: expected cdr, ros1 or json"
             )
-        store = self._store(connection)
-        name = _full(connection.type)
-        decode = store.deserialize_cdr if connection.encoding == "cdr" else store.deserialize_ros1
-        try:
-            return decode(message.data, name)
-        except KeyError:
+        store, name = self._store(connection), _full(connection.type)
+        if name not in store.fielddefs:
             raise DataError(
                 f"type {connection.type!r} is not known and the bag carries no definition of it"
-            ) from None
-        except _serde_errors() as error:
-            raise DataError(f"damaged message of type {connection.type!r} ({error})") from None
+            )
+        decode = store.deserialize_cdr if connection.encoding == "cdr" else store.deserialize_ros1
+        return decode(message.data, name)
 
     def _store(self, connection: Connection) -> Any:
         """The standard types, or a store of this decoder's own where the bag defines more."""
@@ -76,10 +98,11 @@ class Decoder:
         kind = connection.encoding
         store = self._own.setdefault(kind, _standard.__wrapped__(kind))
         try:
-            types = typesys.get_types_from_msg(connection.definition, _full(connection.type))
-            store.register({k: v for k, v in types.items() if k not in store.fielddefs})
-        except (typesys.TypesysError, ValueError, KeyError, TypeError, AssertionError) as error:
-            raise DataError(f"definition of {connection.type!r}: {error}") from None
+            with foreign(connection.topic):
+                types = typesys.get_types_from_msg(connection.definition, _full(connection.type))
+                store.register({k: v for k, v in types.items() if k not in store.fielddefs})
+        except Damaged as error:
+            raise DataError(f"definition of {connection.type!r}: {error.reason}") from None
         return store
 
 
@@ -89,22 +112,6 @@ def _standard(encoding: str) -> Any:
     typesys = load("rosbags.typesys")
     which = typesys.Stores.ROS1_NOETIC if encoding == "ros1" else typesys.Stores.ROS2_HUMBLE
     return typesys.get_typestore(which)
-
-
-def _serde_errors() -> tuple[type[Exception], ...]:
-    serde: type[Exception] = load("rosbags.serde").SerdeError
-    return (ValueError, IndexError, AssertionError, TypeError, OverflowError, MemoryError,
-            struct.error, serde)  # fmt: skip
-
-
-def _json(data: bytes) -> Any:
-    try:
-        content = json.loads(data)
-    except (ValueError, RecursionError) as error:
-        raise DataError(f"damaged JSON ({error})") from None
-    if not isinstance(content, dict):
-        raise DataError(f"expected a JSON object, got {type(content).__name__}")
-    return content
 
 
 def _full(type_: str) -> str:
@@ -122,40 +129,53 @@ def _members(value: Any) -> list[tuple[str, Any]] | None:
     return [(k, getattr(value, k)) for k in fields if not k.startswith("__")]
 
 
-def flat(message: Any, prefix: str = "") -> Iterator[tuple[str, float]]:
+def _numbers(values: Any) -> list[float]:
+    """Numbers as float64; empty where one is something else."""
+    out = []
+    for value in values:
+        if not isinstance(value, bool | int | float | np.number | np.bool_):
+            return []
+        try:
+            out.append(float(value))
+        except OverflowError:  # a whole number with more digits than any double
+            out.append(math.inf)
+    return out
+
+
+def flat(message: Any, prefix: str = "", depth: int = 0) -> Iterator[tuple[str, float]]:
     """The numeric leaves of a decoded message, in its own order.
 
     >>> dict(flat({"p": {"x": 1, "on": True}, "name": ["a", "b"], "position": [0.5, 0.7]}))
     {'p.x': 1.0, 'p.on': 1.0, 'position.a': 0.5, 'position.b': 0.7}
     """
-    members = _members(message) or []
-    names = [str(n) for n in dict(members).get("name", ()) if isinstance(n, str)]
-    fields = {name for name, _ in members}
-    for name, value in members:
+    members = dict(_members(message) or [])
+    named = members.get("name")
+    names = [n for n in named if isinstance(n, str)] if isinstance(named, _ARRAYS) else []
+    for name, value in members.items():
         path = f"{prefix}{name}"
-        if name == "header" or "covariance" in name:
+        if name == "header" or "covariance" in name or depth > DEEPEST:
             continue
-        if isinstance(value, bool | int | float | np.number | np.bool_):
-            yield path, float(value)
-        elif isinstance(value, str | bytes) or value is None:
-            continue
-        elif _members(value) is not None:
-            yield from flat(value, f"{path}.")
-        elif isinstance(value, np.ndarray | list | tuple) and len(value) <= WIDEST:
-            yield from _array(path, value, names)
-    if {"x", "y", "z", "w"} <= fields:
-        x, y, z, w = (float(dict(members)[axis]) for axis in "xyzw")
+        if _members(value) is not None:
+            yield from flat(value, f"{path}.", depth + 1)
+        elif isinstance(value, _ARRAYS):
+            yield from _array(path, value, names, depth) if len(value) <= WIDEST else ()
+        else:
+            yield from ((path, number) for number in _numbers([value]))
+    turn = _numbers(members.get(axis) for axis in "xyzw")
+    if turn:
+        x, y, z, w = turn
         yield f"{prefix}yaw", math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 
-def _array(path: str, value: Any, names: list[str]) -> Iterator[tuple[str, float]]:
-    numeric = all(isinstance(v, bool | int | float | np.number | np.bool_) for v in value)
+def _array(path: str, value: Any, names: list[str], depth: int) -> Iterator[tuple[str, float]]:
     labels = names if len(names) == len(value) else [str(i + 1) for i in range(len(value))]
+    numbers = _numbers(value)
+    if numbers:
+        yield from ((f"{path}.{n}", v) for n, v in zip(labels, numbers, strict=True))
+        return
     for label, item in zip(labels, value, strict=True):
-        if numeric:
-            yield f"{path}.{label}", float(item)
-        elif _members(item) is not None:
-            yield from flat(item, f"{path}.{label}.")
+        if _members(item) is not None:
+            yield from flat(item, f"{path}.{label}.", depth + 1)
 
 
 def stamp_of(message: Any) -> int | None:
@@ -165,7 +185,7 @@ def stamp_of(message: Any) -> int | None:
     parts = dict(_members(stamp) or []) if stamp is not None else {}
     seconds = parts.get("sec", parts.get("secs"))
     nanos = parts.get("nanosec", parts.get("nsec", parts.get("nsecs")))
-    if seconds is None or nanos is None:
+    if not (isinstance(seconds, int | np.integer) and isinstance(nanos, int | np.integer)):
         return None
     total = int(seconds) * 10**9 + int(nanos)
     return total or None

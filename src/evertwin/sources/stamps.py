@@ -16,7 +16,8 @@ into whole and fractional seconds first, so that nothing more is lost than the f
 from __future__ import annotations
 
 import re
-from decimal import Decimal, InvalidOperation
+from collections.abc import Sequence
+from decimal import Decimal
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,7 @@ import numpy as np
 from evertwin.errors import DataError, UsageError
 from evertwin.types import Stamps
 
-__all__ = ["NO_STAMP", "UNITS", "to_ns"]
+__all__ = ["NO_STAMP", "UNITS", "texts", "to_ns"]
 
 NO_STAMP = int(np.iinfo(np.int64).min)
 """Stands for a stamp that is empty, not a number, or beyond the years 1677 to 2262."""
@@ -38,7 +39,19 @@ _ISO = re.compile(
     rb"\s*(\d{4})[-./](\d\d?)[-./](\d\d?)[T ._](\d\d?)[:.](\d\d)(?:[:.](\d\d)(?:[.,](\d+))?)?"
     rb"\s*(Z|UTC|[+-]\d\d:?(?:\d\d)?)?\s*$"
 )
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?", re.ASCII)
 _LIMIT = 2**63 - 1
+LONGEST = 60
+"""Bytes of the longest cell that can be a stamp."""
+
+
+def texts(cells: Sequence[bytes]) -> np.ndarray[Any, Any]:
+    """Cells as one array; one that is too long for a stamp is cut into what is none.
+
+    >>> texts([b"1.5", b"1" * 70])[1][-4:]
+    b'1...'
+    """
+    return np.array([c if len(c) <= LONGEST else c[: LONGEST - 3] + b"..." for c in cells])
 
 
 def to_ns(raw: np.ndarray[Any, Any], unit: str) -> Stamps:
@@ -125,12 +138,9 @@ def _decimal(cell: bytes, power: int, position: int, factor: int = 1) -> int:
     text = cell.decode("utf-8", "replace").strip()
     if text.lower() in {"", "nan", "na", "n/a", "null", "none", "inf", "-inf"}:
         return NO_STAMP
-    try:
-        if "_" in text:
-            raise InvalidOperation
-        number = (Decimal(text) * factor).scaleb(power).to_integral_value()
-    except InvalidOperation:
-        raise _not_a_stamp(text, position) from None
+    if not _NUMBER.fullmatch(text):
+        raise _not_a_stamp(text, position)
+    number = (Decimal(text) * factor).scaleb(power).to_integral_value()
     return int(number) if abs(number) <= _LIMIT else NO_STAMP
 
 

@@ -21,7 +21,10 @@ from jaxtyping import Float64, Int64
 from evertwin.errors import DataError
 from evertwin.sources.names import closest
 
-__all__ = ["Column", "Problem", "Recording", "Rows", "Table"]
+__all__ = ["WIDEST", "Column", "Problem", "Recording", "Rows", "Table"]
+
+WIDEST = 4096
+"""Columns of the widest table that is read."""
 
 
 class Problem(NamedTuple):
@@ -52,6 +55,12 @@ class Column:
     """number, boolean, time (calendar stamps) or text."""
     unit: str = ""
     """Unit stated by the file itself, empty where it states none."""
+    also: tuple[str, ...] = ()
+    """Further names that the file gives it."""
+
+    def called(self, name: str) -> bool:
+        """Whether this is one of its names."""
+        return name == self.name or name in self.also
 
 
 class Rows(NamedTuple):
@@ -132,7 +141,9 @@ class Recording:
         Raises:
             DataError: no table holds it (the nearest names are given), or several do.
         """
-        hits = [(t, c) for t in self.tables for c in t.columns if c.name == column]
+        every = [(t, c) for t in self.tables for c in t.columns]
+        hits = [(t, c) for t, c in every if c.name == column]
+        hits = hits or [(t, c) for t, c in every if c.called(column)]
         if len(hits) == 1:
             return hits[0]
         if hits:

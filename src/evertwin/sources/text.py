@@ -33,6 +33,7 @@ from evertwin.sources.dialect import (
     detect,
 )
 from evertwin.sources.names import distinct, split_unit
+from evertwin.sources.stamps import texts
 from evertwin.sources.table import Column, Problem, Rows
 
 __all__ = ["TextTable"]
@@ -55,7 +56,7 @@ class TextTable:
     >>> _ = file.write_text("t,v [m/s]\\n0,1.5\\n1,\\n2,3,4\\n")
     >>> table = TextTable(file)
     >>> table.columns[1]
-    Column(name='v', kind='number', unit='m/s')
+    Column(name='v', kind='number', unit='m/s', also=())
     >>> rows = next(table.rows(["v"], "t"))
     >>> rows.line.tolist(), rows.values[:, 0].tolist(), rows.problems[0].kind
     ([2, 3], [1.5, nan], 'overlong')
@@ -83,12 +84,15 @@ class TextTable:
     def columns(self) -> tuple[Column, ...]:
         """Columns with the units that the headings state."""
         d = self.dialect
-        headings = d.headings or tuple("" for _ in range(d.fields))
-        split = [split_unit(heading) for heading in headings]
-        units = d.units or tuple(unit for _, unit in split)
+        split = [split_unit(name) for name in d.headings.names or ("",) * d.fields]
+        stated = d.headings.units or tuple(unit for _, unit in split)
+        units = (*stated, *("",) * (d.fields - len(stated)))
+        also = (*d.headings.also, *((),) * (d.fields - len(d.headings.also)))
         names = distinct([name for name, _ in split])
         kinds = [_KINDS[letter] for letter in d.kinds]
-        return tuple(map(Column, names, kinds, (*units, *("",) * (d.fields - len(units)))))
+        found = tuple(map(Column, names, kinds, units, also))
+        closed = bool(d.headings.names) and not split[-1][0] and d.kinds[-1] == "?"
+        return found[:-1] if closed else found  # each line ends with a delimiter
 
     def rows(self, numbers: Sequence[str], time: str | None, strict: bool = True) -> Iterator[Rows]:
         """See `Table`."""
@@ -191,7 +195,7 @@ class _Piece:
             return Rows.empty(len(use), tuple(problems))
         line, order = np.array(where, dtype=np.int64).T
         values = self._values(kept, use, line, problems)
-        stamps = order if clock is None else np.array(self._column(kept, clock))
+        stamps = order if clock is None else texts(self._column(kept, clock))
         return Rows(line, order, stamps, values, tuple(problems))
 
     def _misfit(self, line: int, count: int, binary: bool) -> Problem:

@@ -118,8 +118,8 @@ def time_column(table: Table) -> Column | None:
         if column.kind == "time":
             return column
     for column in columns:
-        words = [w for w in re.split(r"[^a-z]+", column.name.lower()) if w]
-        if words and words[0] in NAMES and column.kind == "number":
+        every = (re.split(r"[^a-z]+", name.lower().strip()) for name in (column.name, *column.also))
+        if column.kind == "number" and any(words[0] in NAMES for words in every):
             return column
     numeric = [c.name for c in columns if c.kind == "number"]
     if len(numeric) < 2 or columns[0].name != numeric[0]:
