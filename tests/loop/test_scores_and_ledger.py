@@ -65,7 +65,7 @@ def test_books_are_plain_sums_wherever_rows_are_cut(cuts: list[int]) -> None:
     rows = released()
     books, pairs = new_scores(2, np.zeros(2, np.int64), 0, np.array([1.0, 2.0])), []
     for where in pieces(cuts):
-        books, found = accumulate(books, part(rows, where))
+        books, found, _ = accumulate(books, part(rows, where))
         pairs.append(found)
     known = ~np.isnan(rows.live)
     moving = known & rows.moving
@@ -90,7 +90,7 @@ def test_books_do_not_depend_on_cuts_by_a_bit() -> None:
     def end(cuts: list[int]) -> object:
         books = new_scores(2, np.zeros(2, np.int64), 0, np.ones(2))
         for where in pieces(cuts):
-            books, _ = accumulate(books, part(rows, where))
+            books, _, _ = accumulate(books, part(rows, where))
         return books
 
     assert equal(end([]), end(list(range(1, 100))))

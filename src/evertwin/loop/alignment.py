@@ -83,9 +83,10 @@ class Alignment:
             Layout(tuple(Channel(name, "1", _kind(name, angles)) for name in some))
             for some in (columns.inputs, columns.outputs)
         )
+        lines = tuple(name for name in columns.inputs if not name.startswith(HELD))
         clock = spec.clock
         align = Align(
-            held, measured, tuple(feeds), tuple(n for n in columns.inputs if not n.startswith(HELD)),
+            held, measured, tuple(feeds), lines,
             clock.gap, clock.rate, recorded={n: n.removeprefix(HELD) for n in columns.inputs},
         )  # fmt: skip
         span = tuple(

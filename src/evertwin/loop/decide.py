@@ -72,6 +72,12 @@ class Decide:
         self._watch(decision, task_end)
         return decision.state, decision.events, decision.requests
 
+    def quiet(self, state: TwinState) -> bool:
+        """Is nothing going on but watching, so that a beat decides only what rows bring up?"""
+        agenda, detect = state.agenda, self.follow.setup.detect
+        idle = agenda.phase == WATCH and agenda.open == 0 and agenda.retrain == 0
+        return idle and len(state.watched) == 0 and detect.quiet(state.detect)
+
     # ------------------------------------------------------------------ is the twin still true?
 
     def _watch(self, decision: Decision, task_end: bool) -> None:

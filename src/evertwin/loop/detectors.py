@@ -118,6 +118,10 @@ class Detect:
                 told[k] = record.row
         return tuple(kept)
 
+    def quiet(self, state: DetectState) -> bool:
+        """Has a beat nothing to do for the detectors until one of them alarms?"""
+        return state.cusum.calibration.ready and state.drift.calibration.ready and not state.pending
+
     def beat(
         self, state: DetectState, task_end: bool = False
     ) -> tuple[DetectState, str, tuple[str, int]]:

@@ -13,9 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.fold import Answer, Block, Record, Request
+from evertwin.fold import Answer, Block, Record, Request, copy, take
 from evertwin.loop.decide import Decide
 from evertwin.loop.follow import EMPTY, Follow, Followed
+from evertwin.loop.ring import NO_ROWS
 from evertwin.loop.scores import new_scores
 from evertwin.loop.setup import Setup
 from evertwin.loop.twin_state import CORRECT, Agenda, Lane, TwinState
@@ -25,6 +26,12 @@ from evertwin.store import Store
 
 __all__ = ["Driver"]
 
+STRIDE = 4096
+"""Most rows that are folded at once."""
+WORTH = 3
+"""Beats from which on it pays to fold over them at once."""
+CAREFUL = 16
+"""Beats that are taken one by one after one that decided something."""
 Watcher = Callable[[TwinState, Block, Followed], None]
 
 
@@ -107,14 +114,59 @@ class Driver:
         return state
 
     def step(self, state: TwinState, block: Block) -> TwinState:
-        """One block, cut at its beats."""
-        for at_beat, piece in self.setup.beat.pieces(block, state.task):
-            if at_beat and state.row > 0:
-                state = self.beat(state, task_end=int(piece.task[0]) != state.task)
-            state, out = self.follow.step(state, piece)
-            for event in out.events:
-                self.log(event.row, event)
-            self.watch(state, piece, out)
+        """One block, cut at its beats; over many beats at once while nothing has to be decided."""
+        beats, end = self.setup.beat.rows(block, state.task), block.row + len(block.t)
+        at, careful = block.row, block.row
+        while at < end:
+            rest = take(block, at - block.row, len(block.t))
+            if at >= careful:
+                state, careful = self._stride(state, rest, beats[beats >= at])
+                if state.row > at:
+                    at = state.row
+                    continue
+            if state.row > 0 and at in beats:
+                state = self.beat(state, task_end=int(rest.task[0]) != state.task)
+            later = beats[beats > at]
+            stop = int(later[0]) if len(later) else end
+            state, out = self.follow.step(state, take(rest, 0, stop - at))
+            state = self._seen(state, take(rest, 0, stop - at), out)
+            at = stop
+        return state
+
+    def _stride(self, state: TwinState, rest: Block, beats: np.ndarray) -> tuple[TwinState, int]:
+        """Rows over beats at which nothing is decided, and up to which row no more can be tried.
+
+        They are folded on a copy, which counts unless a beat turns out to decide something; then
+        they are folded up to that beat alone, and the beats after it are taken one by one.
+        """
+        at, task = rest.row, int(rest.task[0])
+        opens = np.flatnonzero(rest.task != task)
+        n = min(int(opens[0]) if len(opens) else len(rest.t), STRIDE)
+        due = self.setup.schedule - (state.elapsed - state.agenda.fitted)
+        if not self.decide.quiet(state) or task != state.task or state.row == 0:
+            return state, at
+        n = min(n, int(np.searchsorted(rest.t, state.time + due)))
+        inside = beats[beats < at + n]
+        if len(inside) < WORTH:
+            return state, at
+        tried = copy(state._replace(ring=NO_ROWS))._replace(ring=state.ring)
+        piece = take(rest, 0, n)
+        tried, out = self.follow.step(tried, piece, inside)
+        stop = out.stop
+        if stop < 0:
+            return self._seen(tried, piece, out), at + n
+        if stop > at:
+            piece = take(rest, 0, stop - at)
+            state, out = self.follow.step(state, piece, inside[inside < stop])
+            state = self._seen(state, piece, out)
+        return state, stop + CAREFUL * self.setup.spec.beat
+
+    def _seen(self, state: TwinState, piece: Block, out: Followed) -> TwinState:
+        """Rows that are folded for good: kept for slow work, told, shown."""
+        state = self.follow.keep(state, out.judged)
+        for event in out.events:
+            self.log(event.row, event)
+        self.watch(state, piece, out)
         return state
 
     def beat(self, state: TwinState, *, task_end: bool) -> TwinState:

@@ -13,7 +13,7 @@ import numpy as np
 
 from evertwin.fold import Block, Event, Record
 from evertwin.loop.released import Released
-from evertwin.loop.scores import accumulate
+from evertwin.loop.scores import NEVER, accumulate
 from evertwin.loop.setup import Setup
 from evertwin.loop.twin_state import PROBATION, TRIAL, Lane, TwinState
 from evertwin.loop.versions import Versions
@@ -23,22 +23,25 @@ from evertwin.sync import Horizon, Track
 __all__ = ["EMPTY", "Follow", "Followed"]
 
 EMPTY = Lane(-1, (), ())
+NONE = np.zeros(0, dtype=np.int64)
 
 
 class Followed(NamedTuple):
     """What came out of a piece: the displayed rows, and what became known.
 
     >>> Followed._fields
-    ('rows', 'first', 'mark', 'events')
+    ('rows', 'first', 'judged', 'events', 'stop')
     """
 
     rows: Any
     """Rows of the champion's `Track`."""
     first: Any
     """Rows of the first champion's `Track`; None while it is live."""
-    mark: np.ndarray
-    """Marks of inputs and outputs after judging, (n, nu + ny)."""
+    judged: Block
+    """The piece with the marks of inputs and outputs after judging."""
     events: tuple[Event, ...]
+    stop: int = -1
+    """Row of the first beat at which something has to be decided; −1: there is none."""
 
 
 @dataclass(frozen=True)
@@ -73,8 +76,14 @@ class Follow:
         state.x[:] = state.x0
         return Lane(number, followed, state)
 
-    def step(self, state: TwinState, piece: Block) -> tuple[TwinState, Followed]:
-        """The piece through all lanes. Consumes ``state``."""
+    def step(
+        self, state: TwinState, piece: Block, beats: np.ndarray = NONE
+    ) -> tuple[TwinState, Followed]:
+        """The piece through all lanes. Consumes ``state``, but for its newest rows (`keep`).
+
+        ``beats``: rows of the piece before which nothing has to be decided unless `Followed.stop`
+        says so; then the state is of no use.
+        """
         track, _ = self.stages(state.live.version)
         tracked, out = track.step(state.live.track, piece)
         mark = np.concatenate([piece.mark[:, : piece.u.shape[1]], out.rows.mark], axis=1)
@@ -99,29 +108,43 @@ class Follow:
             elapsed=state.elapsed + int(piece.t[-1]) - before_piece,
             row=piece.row + len(piece.t), task=int(piece.task[-1]), time=int(piece.t[-1]),
             live=live, first=first, other=other, waiting=waiting,
-            ring=self.setup.ring.push(state.ring, judged),
         )  # fmt: skip
-        state, found = self._judge(state, released)
-        return state, Followed(out.rows, before, mark, _events(out.records) + found)
+        state, found, stop = self._judge(state, released, beats)
+        events = _by_beat(_events(out.records), found, beats, self.setup.residual_filter.delay)
+        return state, Followed(out.rows, before, judged, events, stop)
+
+    def keep(self, state: TwinState, judged: Block) -> TwinState:
+        """The newest rows are kept for slow work. Consumes ``state``."""
+        return state._replace(ring=self.setup.ring.push(state.ring, judged))
 
     def end_task(self, state: TwinState) -> tuple[TwinState, tuple[Event, ...]]:
         """What waits for the end of its task is released. Consumes ``state``."""
         waiting, released = self.setup.residual_filter.flush(state.waiting)
         state = state._replace(waiting=waiting)
-        return (state, ()) if released is None else self._judge(state, released)
+        return (state, ()) if released is None else self._judge(state, released, NONE)[:2]
 
-    def _judge(self, state: TwinState, rows: Released) -> tuple[TwinState, tuple[Event, ...]]:
-        """Released rows into scores, detectors and the trial."""
+    def _judge(
+        self, state: TwinState, rows: Released, beats: np.ndarray
+    ) -> tuple[TwinState, tuple[Event, ...], int]:
+        """Released rows into scores, detectors and the trial; the first beat that must decide."""
         if len(rows.row) == 0:
-            return state, ()
-        scores, pairs = accumulate(state.scores, rows)
+            return state, (), -1
+        delay = self.setup.residual_filter.delay
+        watch = self.setup.watch(beats - delay) if len(beats) else NEVER
+        scores, pairs, off = accumulate(state.scores, rows, watch)
         detect, found = self.setup.detect.step(state.detect, rows)
+        stop = -1 if off < 0 else int(beats[off])
+        if len(beats) and detect.pending:
+            alarmed = min(event.row for event in found) + delay
+            after = beats[beats > alarmed]
+            if len(after) and (stop < 0 or after[0] < stop):
+                stop = int(after[0])
         trial, phase = state.trial, state.agenda.phase
         if len(pairs) and phase == TRIAL:
             trial, _ = self.setup.trial.step(trial, pairs)
         elif len(pairs) and phase == PROBATION:
             trial, _ = self.setup.probation.step(trial, pairs)
-        return state._replace(scores=scores, detect=detect, trial=trial), found
+        return state._replace(scores=scores, detect=detect, trial=trial), found, stop
 
     def _track(self, lane: Lane, piece: Block) -> tuple[Lane, Any]:
         if lane.version < 0:
@@ -146,3 +169,15 @@ class Follow:
 
 def _events(records: tuple[Record, ...]) -> tuple[Event, ...]:
     return tuple(record for record in records if isinstance(record, Event))
+
+
+def _by_beat(
+    judged: tuple[Event, ...], detected: tuple[Event, ...], beats: np.ndarray, delay: int
+) -> tuple[Event, ...]:
+    """In the order in which pieces between beats would have told them."""
+    if len(beats) == 0 or not judged or not detected:
+        return judged + detected
+    known = [(event.row, event) for event in judged]
+    known += [(event.row + delay, event) for event in detected]
+    known.sort(key=lambda one: int(np.searchsorted(beats, one[0], side="right")))
+    return tuple(event for _, event in known)

@@ -50,7 +50,7 @@ class Observer:
         columns = {
             "row": np.arange(piece.row, piece.row + len(piece.t)), "t": piece.t,
             "task": piece.task, "input": piece.u, "measured": piece.y, "predicted": out.rows.y,
-            "sigma": out.rows.sigma, "mark": out.mark[:, nu:], "update": out.rows.update,
+            "sigma": out.rows.sigma, "mark": out.judged.mark[:, nu:], "update": out.rows.update,
             "first": before.y, "first_update": before.update,
         }  # fmt: skip
         kept = {name: column[at] for name, column in columns.items()}

@@ -18,7 +18,7 @@ import numpy as np
 from evertwin.errors import UsageError
 from evertwin.fold import Block, take
 
-__all__ = ["Ring", "Rows", "split"]
+__all__ = ["NO_ROWS", "Ring", "Rows", "split"]
 
 
 class Rows(NamedTuple):
@@ -90,3 +90,7 @@ def split(block: Block) -> tuple[Block, ...]:
     opens = np.flatnonzero(np.diff(block.task)) + 1
     edges: Any = [0, *opens.tolist(), len(block.t)]
     return tuple(take(block, a, b) for a, b in pairwise(edges))
+
+
+NO_ROWS = Ring(capacity=1, nu=0, ny=0).init()
+"""In place of newest rows that are not copied."""

@@ -6,16 +6,17 @@ loss of champion and challenger, which is handed on where a segment ends.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from jaxtyping import Bool, Int64
 from numba import njit
 
 from evertwin.loop.deviation import new_sums
 from evertwin.loop.released import Released
 from evertwin.loop.twin_state import Scores
 
-__all__ = ["accumulate", "new_scores"]
+__all__ = ["NEVER", "Watch", "accumulate", "new_scores"]
 
 
 def new_scores(outputs: int, updates: np.ndarray, row: int, scale: np.ndarray) -> Scores:
@@ -24,11 +25,49 @@ def new_scores(outputs: int, updates: np.ndarray, row: int, scale: np.ndarray) -
     return Scores(watch, live, first, live_moving, first_moving, updates, row, np.zeros(3), scale)
 
 
+class Watch(NamedTuple):
+    """When the champion's deviation is judged, and against what.
+
+    >>> Watch(np.array([10]), 5, 0.1, False, np.array([True])).limit
+    0.1
+    """
+
+    beats: Int64[np.ndarray, " beats"]
+    """Row numbers before which it is judged."""
+    least: int
+    """Samples of an output that it needs."""
+    limit: float
+    """Largest deviation; infinite: it is never judged."""
+    relative: bool
+    outputs: Bool[np.ndarray, " ny"]
+    """Outputs that are held to it."""
+
+
 @njit(cache=True)
-def _accumulate(rows: Any, sums: Any, pair: Any, scale: Any, pairs: Any) -> int:
+def judged(sums: Any, watch: Watch) -> bool:
+    """May the twin go on? Then sums that were enough to say so begin anew."""
+    residual, measured, samples = sums
+    if samples.max() < watch.least or not np.isfinite(watch.limit):
+        return True
+    for k in range(samples.shape[0]):
+        base = measured[k] if watch.relative else float(samples[k])
+        if watch.outputs[k] and samples[k] > 0 and np.sqrt(residual[k] / base) > watch.limit:
+            return False
+    residual[:], measured[:], samples[:] = 0.0, 0.0, 0
+    return True
+
+
+@njit(cache=True)
+def _accumulate(
+    number: Any, rows: Any, sums: Any, pair: Any, scale: Any, pairs: Any, watch: Watch
+) -> tuple[int, int]:
     measured, live, first, other, moving, end = rows
-    count = 0
+    count, beat = 0, 0
     for i in range(live.shape[0]):
+        while beat < watch.beats.shape[0] and watch.beats[beat] <= number[i]:
+            if not judged(sums[0], watch):
+                return count, beat
+            beat += 1
         for k in range(live.shape[1]):
             y, a, b, c = measured[i, k], live[i, k], first[i, k], other[i, k]
             for s in range(5):
@@ -48,16 +87,29 @@ def _accumulate(rows: Any, sums: Any, pair: Any, scale: Any, pairs: Any) -> int:
             count += 1
         if end[i]:
             pair[:] = 0.0
-    return count
+    while beat < watch.beats.shape[0]:
+        if not judged(sums[0], watch):
+            return count, beat
+        beat += 1
+    return count, -1
 
 
-def accumulate(scores: Scores, rows: Released) -> tuple[Scores, np.ndarray]:
+NEVER = Watch(np.zeros(0, np.int64), 1, np.inf, False, np.zeros(0, np.bool_))
+"""Nothing is judged on the way."""
+
+
+def accumulate(
+    scores: Scores, rows: Released, watch: Watch = NEVER
+) -> tuple[Scores, np.ndarray, int]:
     """The scores with more rows, and the paired losses of the segments that ended, (m, 2).
 
     Consumes ``scores``. A loss is the mean of (residual / scale)² over the segment's rows and
-    outputs at which both versions have one.
+    outputs at which both versions have one. Last: the first of ``watch``'s beats at which the
+    champion is off by more than its limit, where the rows after it were left; −1: there is none.
     """
     pairs = np.empty((int(np.count_nonzero(rows.end)), 2))
     sums = (scores.watch, scores.live, scores.first, scores.live_moving, scores.first_moving)
-    count = _accumulate(rows[3:], tuple(tuple(s) for s in sums), scores.pair, scores.scale, pairs)
-    return scores, pairs[:count]
+    count, stop = _accumulate(
+        rows.row, rows[3:], tuple(tuple(s) for s in sums), scores.pair, scores.scale, pairs, watch
+    )
+    return scores, pairs[:count], stop

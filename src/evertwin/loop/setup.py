@@ -20,6 +20,7 @@ from evertwin.loop.detectors import Detect
 from evertwin.loop.plausibility import arbiter_of
 from evertwin.loop.residual_filter import ResidualFilter
 from evertwin.loop.ring import Ring
+from evertwin.loop.scores import Watch
 from evertwin.models import Model
 from evertwin.sync import Track
 from evertwin.sync.horizon import nanoseconds
@@ -142,6 +143,10 @@ class Setup:
         for name in names:
             self.model.outputs.index(name)
         return np.array([name in names for name in self.model.outputs.names])
+
+    def watch(self, beats: np.ndarray) -> Watch:
+        """How the champion is judged before the rows ``beats``."""
+        return Watch(beats, self.spec.anomaly.window, self.requirement, self.relative, self.watched)
 
     least: int = 30
     """Fewest rows that a deviation is judged on when a task ends."""
