@@ -12,12 +12,12 @@ FIND := for p in python3.11 python3.12 python3.13 python3.14 python3; do \
 PYTHON ?= $(shell $(FIND))
 NEEDS := pyproject.toml constraints.txt
 
-.PHONY: help venv demo test lint types docs notebooks bench prove wheel clean
+.PHONY: help venv demo test lint types reference docs notebooks bench prove wheel clean
 .DEFAULT_GOAL := help
 
 help:
 	@sed -n 's/^#   //p' Makefile
-	@echo "also: venv lint types docs notebooks bench prove wheel clean"
+	@echo "also: venv lint types reference docs notebooks bench prove wheel clean"
 
 .venv/pyvenv.cfg:
 	@test -n "$(PYTHON)" || { echo "No Python 3.11 or newer with venv was found: install it" \
@@ -52,6 +52,9 @@ lint: .venv/.has-dev
 
 types: .venv/.has-dev
 	$(BIN)/mypy
+
+reference: .venv/.has-dev
+	$(BIN)/python tools/write_reference.py
 
 docs: .venv/.has-dev
 	$(BIN)/sphinx-build -W --keep-going -q -b html docs docs/_build/html

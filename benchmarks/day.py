@@ -28,6 +28,7 @@ from evertwin.config.spec import (
     ParameterSpec,
     PredictionSpec,
     SourceSpec,
+    Span,
     TimeSpec,
     TwinSpec,
 )
@@ -53,7 +54,7 @@ def spec(hours: int, path: Path) -> TwinSpec:
     return TwinSpec(
         "arm", ModelSpec("arm", {"urdf": "ur5_like", "law": "tanh"},
                          {f"Fc{k}": ParameterSpec(value=5.0) for k in range(1, 7)}),
-        source=(source,), beat=1000, arbiter=ArbiterSpec(gate=12.0),
+        source=(source,), beat=Span(1000), arbiter=ArbiterSpec(gate=12.0),
         prediction=PredictionSpec(horizon=1.0),
         moving=MovingSpec(channels={f"tau{k}": f"qd{k}" for k in range(1, 7)}, above=0.05),
     )  # fmt: skip

@@ -26,6 +26,7 @@ from evertwin.config.spec import (
     MovingSpec,
     ParameterSpec,
     PredictionSpec,
+    Span,
     TrialSpec,
     TuningSpec,
     TwinSpec,
@@ -62,10 +63,10 @@ def robot(rows: int) -> tuple[TwinSpec, Block, str, float]:
     pose += rng.normal(0.0, [0.002, 0.002, 0.002], pose.shape)
     pose[np.arange(rows) % 5 != 0] = np.nan
     spec = TwinSpec(
-        "robot", ModelSpec("differential"), beat=500,
+        "robot", ModelSpec("differential"), beat=Span(500),
         arbiter=ArbiterSpec(use="tolerance", tolerance=0.02, tolerance_angle=0.02),
         prediction=PredictionSpec(horizon=1.0), trial=TrialSpec(limit=NEVER),
-        tuning=TuningSpec(window=20_000),
+        tuning=TuningSpec(window=Span(20_000)),
     )  # fmt: skip
     block = make_block(t=np.arange(rows) * 20_000_000, u=np.stack([v, w], axis=1), y=pose)
     return spec, block, "gain", 1e6
@@ -82,10 +83,10 @@ def arm(rows: int) -> tuple[TwinSpec, Block, str, float]:
     names = tuple(f"Fc{k}" for k in range(1, 7))
     spec = TwinSpec(
         "arm", ModelSpec("arm", {"urdf": "ur5_like", "law": "tanh"},
-                         {name: ParameterSpec(value=5.0) for name in names}), beat=1000,
+                         {name: ParameterSpec(value=5.0) for name in names}), beat=Span(1000),
         arbiter=ArbiterSpec(gate=12.0), prediction=PredictionSpec(horizon=1.0),
         moving=MovingSpec(channels={f"tau{k}": f"qd{k}" for k in range(1, 7)}, above=0.05),
-        trial=TrialSpec(limit=NEVER), tuning=TuningSpec(window=20_000),
+        trial=TrialSpec(limit=NEVER), tuning=TuningSpec(window=Span(20_000)),
     )  # fmt: skip
     model = model_of(spec, None)
     _, tau = model.simulate(np.zeros(0), u, np.zeros(rows), model.parameters.values)

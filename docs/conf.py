@@ -8,9 +8,6 @@ import shutil
 from pathlib import Path
 
 import evertwin
-from evertwin.config.page import page
-from evertwin.engineering.form import page as breakdown_page
-from evertwin.machines.assembly import page as components
 
 project = "evertwin"
 author = "the evertwin authors"
@@ -106,15 +103,7 @@ def write_api(app: object) -> None:
         (API / f"{room}.md").write_text("\n".join(text), encoding="utf-8")
 
 
-def write_twin_file(app: object) -> None:
-    """The pages of both files' settings and of the kinds of components."""
-    (API.parent / "twin-file.md").write_text(page(), encoding="utf-8")
-    (API.parent / "breakdown-file.md").write_text(breakdown_page(), encoding="utf-8")
-    (API.parent / "components.md").write_text(components.page(), encoding="utf-8")
-
-
 def setup(app: object) -> None:
     """Register the steps."""
     app.connect("autodoc-process-docstring", as_rst)  # type: ignore[attr-defined]
     app.connect("builder-inited", write_api)  # type: ignore[attr-defined]
-    app.connect("builder-inited", write_twin_file)  # type: ignore[attr-defined]

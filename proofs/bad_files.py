@@ -301,9 +301,9 @@ def diverging(root: Path) -> bool:
         data = {"t": t, drive: rng.normal(0, 1, 3000), "x": np.cumsum(rng.normal(0, 0.1, 3000))}
         with np.errstate(all="ignore"), Twin(
             TwinSpec(
-                "blow-up", spec.ModelSpec("python"), beat=50,
+                "blow-up", spec.ModelSpec("python"), beat=spec.Span(50),
                 prediction=spec.PredictionSpec(horizon=1.0),
-                anomaly=spec.AnomalySpec(requirement=0.05, relative=False, window=300),
+                anomaly=spec.AnomalySpec(requirement=0.05, relative=False, window=spec.Span(300)),
             ),
             model,
         ) as twin:  # fmt: skip

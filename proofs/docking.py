@@ -23,8 +23,8 @@ from proofs._verdict import chance, ended, holds
 
 from evertwin import Twin, TwinSpec
 from evertwin.ahead.docking import Docking, dock
+from evertwin.ahead.spec import DockSpec
 from evertwin.config import read, spec
-from evertwin.config.scenario import DockSpec
 from evertwin.errors import UsageError
 from evertwin.worlds.drive import WORLDS, positions
 

@@ -25,9 +25,13 @@ DUMMY = (1.2816, 1.96)
 
 def cart() -> Twin:
     """A twin that has seen nothing."""
-    rule = spec.AnomalySpec(requirement=0.01, relative=False, window=100)
+    rule = spec.AnomalySpec(requirement=0.01, relative=False, window=spec.Span(100))
     near = spec.PredictionSpec(horizon=5.0)
-    return Twin(TwinSpec("cart", spec.ModelSpec("robot1d"), beat=20, prediction=near, anomaly=rule))
+    return Twin(
+        TwinSpec(
+            "cart", spec.ModelSpec("robot1d"), beat=spec.Span(20), prediction=near, anomaly=rule
+        )
+    )
 
 
 def world(seed: int) -> dict[str, np.ndarray]:

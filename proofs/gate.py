@@ -19,6 +19,7 @@ from evertwin.config.spec import (
     ModelSpec,
     ParameterSpec,
     PredictionSpec,
+    Span,
     TuningSpec,
     TwinSpec,
 )
@@ -32,7 +33,7 @@ def spec() -> TwinSpec:
     return TwinSpec(
         "robot", ModelSpec("robot1d", parameters={"gain": ParameterSpec(value=1.0)}),
         arbiter=ArbiterSpec(use="blend", sigma=SIGMA), prediction=PredictionSpec(horizon=2.0),
-        tuning=TuningSpec(every=60.0, window=600),
+        tuning=TuningSpec(every=60.0, window=Span(600)),
     )  # fmt: skip
 
 

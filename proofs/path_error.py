@@ -34,8 +34,8 @@ from evertwin.ahead.changes import Case
 from evertwin.ahead.future import Future
 from evertwin.ahead.path_error import apart, followed
 from evertwin.ahead.simulated import PathError
+from evertwin.ahead.spec import PathSpec
 from evertwin.config import read, spec
-from evertwin.config.scenario import PathSpec
 from evertwin.errors import UsageError
 from evertwin.machines.arm import Arm
 from evertwin.machines.arm.mjcf import mjcf_of

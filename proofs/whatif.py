@@ -24,8 +24,8 @@ from proofs._verdict import chance, ended, holds
 from evertwin import Twin
 from evertwin.ahead.basis import Basis
 from evertwin.ahead.columns import read_table
+from evertwin.ahead.spec import SCENARIO
 from evertwin.config import read, spec
-from evertwin.config.scenario import SCENARIO
 from evertwin.loop.versions import Versions
 from evertwin.models.form import Form
 from evertwin.prognosis.prospect import Prospect

@@ -23,9 +23,9 @@ from evertwin.ahead.docking import dock
 from evertwin.ahead.forecast import Forecast, forecast
 from evertwin.ahead.future import Mode
 from evertwin.ahead.paths import rows_of_file
+from evertwin.ahead.spec import ScenarioSpec, read_scenario
 from evertwin.ahead.whatif import WhatIf
 from evertwin.config import TwinSpec, read
-from evertwin.config.scenario import ScenarioSpec, read_scenario
 from evertwin.doctor import Diagnosis, diagnose
 from evertwin.engineering.validation import Validation, validated
 from evertwin.errors import StoreError, UsageError

@@ -9,8 +9,8 @@ import pytest
 
 from evertwin import Twin, TwinSpec
 from evertwin.ahead.docking import Partner, cosimulate
+from evertwin.ahead.spec import SCENARIO, ScenarioSpec
 from evertwin.config import spec
-from evertwin.config.scenario import SCENARIO, ScenarioSpec
 from evertwin.errors import ConfigError, EvertwinError, UsageError
 
 CARRIAGE = 'schema = 1\nname = "carriage"\n[model]\nkind = "robot1d"\n'

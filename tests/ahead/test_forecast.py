@@ -19,9 +19,9 @@ from evertwin.fold import make_block
 def cart() -> Twin:
     return Twin(
         TwinSpec(
-            "cart", spec.ModelSpec("robot1d"), beat=20,
+            "cart", spec.ModelSpec("robot1d"), beat=spec.Span(20),
             prediction=spec.PredictionSpec(horizon=5.0),
-            anomaly=spec.AnomalySpec(requirement=0.01, relative=False, window=100),
+            anomaly=spec.AnomalySpec(requirement=0.01, relative=False, window=spec.Span(100)),
         )
     )  # fmt: skip
 

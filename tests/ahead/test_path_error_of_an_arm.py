@@ -11,9 +11,9 @@ import pytest
 from evertwin import Twin, TwinSpec
 from evertwin.ahead.changes import changed
 from evertwin.ahead.path_error import apart, followed
+from evertwin.ahead.spec import SCENARIO, ScenarioSpec
 from evertwin.ahead.whatif import WhatIf, today
 from evertwin.config import spec
-from evertwin.config.scenario import SCENARIO, ScenarioSpec
 from evertwin.errors import ConfigError, UsageError
 
 LOAD = '[load]\nmass = "3 kg"'

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from evertwin import Twin, TwinSpec
+from evertwin.ahead.spec import SCENARIO, ScenarioSpec, read_scenario
 from evertwin.config import spec
-from evertwin.config.scenario import SCENARIO, ScenarioSpec, read_scenario
 from evertwin.errors import ConfigError, DataError, UsageError
 from evertwin.settings.schema import schema
 
@@ -123,7 +123,7 @@ def test_mistakes_are_named_with_their_line() -> None:
         told("[path]\nrate = 50")
     with pytest.raises(ConfigError, match="one of value, factor or add"):
         told("[parameters]\nFc1 = { factor = 2, add = 1 }")
-    content = schema(ScenarioSpec, 1, "scenario")
+    content = schema(SCENARIO)
     assert content["additionalProperties"] is False
 
 

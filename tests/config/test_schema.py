@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import jsonschema
 import pytest
 
-from evertwin.config import read
-from evertwin.config.page import page
-from evertwin.config.schema import schema, sections
-from evertwin.settings.fields import field_docs, section_doc, settings
+from evertwin.ahead.spec import SCENARIO
+from evertwin.config import TWIN, read, spec
+from evertwin.engineering.breakdown import BREAKDOWN
+from evertwin.settings.form import Form
+from evertwin.settings.page import page
+from evertwin.settings.schema import schema
+from evertwin.settings.section import Section, settings
 
 ROOT = Path(__file__).parent.parent.parent
 TWINS = sorted((ROOT / "twins").glob("*.toml"))
@@ -20,7 +25,7 @@ TWINS = sorted((ROOT / "twins").glob("*.toml"))
 
 @pytest.fixture(scope="module")
 def validator() -> jsonschema.Draft202012Validator:
-    content = schema()
+    content = schema(TWIN)
     jsonschema.Draft202012Validator.check_schema(content)
     return jsonschema.Draft202012Validator(content)
 
@@ -60,22 +65,30 @@ def test_every_shipped_twin_file_fits(
     assert read(path).name
 
 
-def test_every_setting_is_explained() -> None:
-    silent = [
-        f"{kind.__name__}.{setting.name}"
-        for kind in sections()
-        for setting in settings(kind)
-        if not field_docs(kind).get(setting.name)
-    ]
-    assert not silent
-    assert all(section_doc(kind) for kind in sections())
+@pytest.mark.parametrize("form", [TWIN, BREAKDOWN, SCENARIO], ids=lambda form: form.title)
+def test_every_setting_is_explained(form: Form[Any]) -> None:
+    content, text = schema(form), page(form)
+    for section in (content, *content["$defs"].values()):
+        assert section["description"]
+        table = section.get("anyOf", [section])[0]
+        for key, node in table.get("properties", {}).items():
+            assert node["description"], key
+            assert f"| `{key}` |" in text
 
 
-def test_every_setting_stands_on_the_page() -> None:
-    text = page()
-    for kind in sections():
-        for setting in settings(kind):
-            assert f"| `{setting.key}` |" in text
+@pytest.mark.parametrize("form", [TWIN, BREAKDOWN, SCENARIO], ids=lambda form: form.title)
+def test_every_size_has_an_upper_bound(form: Form[Any]) -> None:
+    """A number that sets how much is allocated or how often something runs is bounded."""
+
+    def unbounded(node: object, place: str) -> list[str]:
+        if isinstance(node, list):
+            return [found for item in node for found in unbounded(item, place)]
+        if not isinstance(node, dict):
+            return []
+        own = [place] if node.get("type") == "integer" and "maximum" not in node else []
+        return own + [found for key, item in node.items() for found in unbounded(item, key)]
+
+    assert not unbounded(schema(form), "")
 
 
 def test_every_setting_is_read_by_the_loop() -> None:
@@ -84,11 +97,14 @@ def test_every_setting_is_read_by_the_loop() -> None:
     code = "\n".join(
         path.read_text(encoding="utf-8")
         for path in package.rglob("*.py")
-        if "config" not in path.relative_to(package).parts
+        if path.name != "spec.py" and "config" not in path.relative_to(package).parts
     )
+    kinds = [kind for _, kind in inspect.getmembers(spec, inspect.isclass)]
+    sections = [kind for kind in kinds if issubclass(kind, Section) and kind is not Section]
+    assert len(sections) >= 24
     read_nowhere = [
         f"{kind.__name__}.{setting.name}"
-        for kind in sections()
+        for kind in sections
         for setting in settings(kind)
         if not re.search(rf"\.{setting.name}\b", code)
     ]

@@ -192,7 +192,7 @@ def test_the_arms_breakdown_is_a_twin_that_tunes_like_the_arm() -> None:
     arm = read(TWINS / "arm.toml")
     parameters = {name: config.ParameterSpec(**said) for name, said in plan.parameters.items()}  # type: ignore[arg-type]
     own = config.ModelSpec(plan.kind, dict(plan.options), parameters)
-    tuning = config.TuningSpec(editable=("gearbox*.Fc",), window=690)
+    tuning = config.TuningSpec(editable=("gearbox*.Fc",), window=config.Span(690))
     data = welded()
     with Twin(arm) as one:
         expected = one.fit(data)

@@ -18,6 +18,7 @@ from evertwin.config.spec import (
     MovingSpec,
     ParameterSpec,
     PredictionSpec,
+    Span,
     TuningSpec,
     TwinSpec,
 )
@@ -50,12 +51,12 @@ class Run(NamedTuple):
 def robot() -> Case:
     """The longitudinal robot: dead zone and cap, learned as a table of 1 cm/s steps."""
     spec = TwinSpec(
-        "robot", ModelSpec("robot1d", {}, {"gain": ParameterSpec(editable=True)}), beat=5,
+        "robot", ModelSpec("robot1d", {}, {"gain": ParameterSpec(editable=True)}), beat=Span(5),
         arbiter=ArbiterSpec(use="tolerance", tolerance=0.02),
         prediction=PredictionSpec(horizon=1.0),
-        anomaly=AnomalySpec(requirement=0.01, relative=False, window=98),
-        tuning=TuningSpec(window=120),
-        correction=CorrectionSpec(channels=("v",), terms=("table",), quantum=0.01, window=120,
+        anomaly=AnomalySpec(requirement=0.01, relative=False, window=Span(98)),
+        tuning=TuningSpec(window=Span(120)),
+        correction=CorrectionSpec(channels=("v",), terms=("table",), quantum=0.01, window=Span(120),
                                   refine=False),
     )  # fmt: skip
     columns = light(3, "w1", Plan(3, 5, 150))
@@ -78,10 +79,11 @@ def arm() -> Case:
     truth = {f"Fc{k + 1}": f for k, f in enumerate((12.0, 14.0, 10.0, 3.0, 3.0, 2.5))}
     start = {name: ParameterSpec(value=0.5 * f, low=0.0, high=100.0) for name, f in truth.items()}
     spec = TwinSpec(
-        "arm", ModelSpec("arm", options, start), beat=40, arbiter=ArbiterSpec(gate=12.0),
+        "arm", ModelSpec("arm", options, start), beat=Span(40), arbiter=ArbiterSpec(gate=12.0),
         moving=MovingSpec(channels={f"tau{k}": f"qd{k}" for k in range(1, 7)}, above=0.05),
-        prediction=PredictionSpec(horizon=1.0), anomaly=AnomalySpec(requirement=0.05, window=300),
-        tuning=TuningSpec(editable=("Fc*",), window=320),
+        prediction=PredictionSpec(horizon=1.0),
+        anomaly=AnomalySpec(requirement=0.05, window=Span(300)),
+        tuning=TuningSpec(editable=("Fc*",), window=Span(320)),
     )  # fmt: skip
     model = model_of(spec, None)
     p = model.parameters.with_values(truth).values

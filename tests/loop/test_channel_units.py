@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from evertwin.config import TwinSpec
-from evertwin.config.data import ChannelSpec, DeriveSpec, SourceSpec
-from evertwin.config.spec import ModelSpec
+from evertwin.config.spec import ChannelSpec, DeriveSpec, ModelSpec, SourceSpec
 from evertwin.errors import ConfigError
 from evertwin.models import FunctionModel, Parameters
 from evertwin.signals import Layout

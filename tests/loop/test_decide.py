@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from evertwin.config.spec import AnomalySpec, CorrectionSpec, TuningSpec
+from evertwin.config.spec import AnomalySpec, CorrectionSpec, Span, TuningSpec
 from evertwin.fold import Answer, Event, Request, copy, make_block
 from evertwin.loop.configured_model import model_of
 from evertwin.loop.driver import Driver
@@ -94,7 +94,7 @@ def test_a_worse_challenger_is_rejected_and_waited_after() -> None:
     assert done.kinds == ["rejected"]
     assert done.state.other is EMPTY
     assert done.state.agenda.phase == WATCH
-    assert done.state.agenda.hold == done.state.row + bench.setup.spec.trial.holdoff
+    assert done.state.agenda.hold == done.state.row + bench.setup.holdoff
 
 
 def test_a_pinned_champion_stays() -> None:
@@ -107,7 +107,7 @@ def test_a_pinned_champion_stays() -> None:
 
 
 def test_an_undecided_challenger_makes_room_for_newer_data() -> None:
-    bench = Bench(anomaly=AnomalySpec(requirement=1e-12, relative=False, window=10))
+    bench = Bench(anomaly=AnomalySpec(requirement=1e-12, relative=False, window=Span(10)))
     state = bench.challenger(TRIAL)
     bench.setup.trial.step(state.trial, losses(1.0, 1.0, 5 * bench.setup.trial.least + 1))
     state.scores.watch.residual[:] = 1.0
@@ -142,7 +142,7 @@ def test_a_champion_that_lasts_is_kept() -> None:
 
 
 def test_a_deviation_asks_for_a_fit() -> None:
-    bench = Bench(anomaly=AnomalySpec(requirement=0.01, relative=False, window=40))
+    bench = Bench(anomaly=AnomalySpec(requirement=0.01, relative=False, window=Span(40)))
     bench.state.scores.watch.residual[:], bench.state.scores.watch.samples[:] = 1.0, 50
     done = bench.beat(bench.state)
     assert done.kinds == ["suspected"]
@@ -152,7 +152,7 @@ def test_a_deviation_asks_for_a_fit() -> None:
 
 
 def test_too_few_rows_say_nothing_before_the_task_ends() -> None:
-    rule = AnomalySpec(requirement=0.01, relative=False, window=98)
+    rule = AnomalySpec(requirement=0.01, relative=False, window=Span(98))
     bench = Bench(anomaly=rule)
     bench.state.scores.watch.residual[:] = 1.0
     assert bench.beat(copy(bench.state)).kinds == []
@@ -160,7 +160,7 @@ def test_too_few_rows_say_nothing_before_the_task_ends() -> None:
 
 
 def test_a_schedule_asks_without_suspicion() -> None:
-    bench = Bench(tuning=TuningSpec(every=30.0, window=120))
+    bench = Bench(tuning=TuningSpec(every=30.0, window=Span(120)))
     requests = [record for record in bench.log if isinstance(record, Request)]
     assert [(r.row, r.detail) for r in requests] == [(35, {"reason": "scheduled"})]
     assert "suspected" not in [r.kind for r in bench.log if isinstance(r, Event)]
@@ -183,7 +183,7 @@ def test_an_answer_without_candidate_is_waited_after() -> None:
     done = bench.beat(asked(bench, FIT), Answer(1, 0, {"events": [said], "tuned": True}))
     assert done.kinds == ["not_identifiable"]
     assert done.state.agenda.tunings == 1
-    assert done.state.agenda.hold == 50 + bench.setup.spec.trial.holdoff
+    assert done.state.agenda.hold == 50 + bench.setup.holdoff
 
 
 def test_an_answer_may_ask_for_a_correction() -> None:
@@ -206,7 +206,7 @@ def test_a_candidate_goes_on_trial() -> None:
 
 
 def test_leaving_the_range_of_a_correction_starts_new_training() -> None:
-    rule = CorrectionSpec(channels=("v",), terms=("lag",), watch=("v",), window=120)
+    rule = CorrectionSpec(channels=("v",), terms=("lag",), watch=("v",), window=Span(120))
     bench = Bench(correction=rule)
     bench.versions.add(TABLE, {}, parent=0, reason="learned")
     state = bench.state._replace(
@@ -216,14 +216,14 @@ def test_leaving_the_range_of_a_correction_starts_new_training() -> None:
     assert done.kinds == ["training_restarted"]
     assert done.events[0].signal == "v"
     assert done.state.agenda.since == 50
-    assert done.state.agenda.retrain == 50 + bench.setup.spec.anomaly.window
+    assert done.state.agenda.retrain == 50 + bench.setup.spec.anomaly.window.rows
     later = bench.beat(done.state._replace(row=done.state.agenda.retrain))
     assert [request.kind for request in later.requests] == ["correct"]
     assert later.requests[0].window[0] == 50
 
 
 def test_within_the_range_nothing_happens() -> None:
-    rule = CorrectionSpec(channels=("v",), terms=("lag",), watch=("v",), window=120)
+    rule = CorrectionSpec(channels=("v",), terms=("lag",), watch=("v",), window=Span(120))
     bench = Bench(correction=rule)
     bench.versions.add(TABLE, {}, parent=0, reason="learned")
     state = bench.state._replace(
@@ -233,7 +233,7 @@ def test_within_the_range_nothing_happens() -> None:
 
 
 def test_the_end_of_the_data_answers_what_is_open() -> None:
-    bench = Bench(anomaly=AnomalySpec(requirement=1e-9, relative=False, window=40))
+    bench = Bench(anomaly=AnomalySpec(requirement=1e-9, relative=False, window=Span(40)))
     bench.state.scores.watch.residual[:], bench.state.scores.watch.samples[:] = 1.0, 50
     state = bench.beat(bench.state).state
     assert state.agenda.open == 1
@@ -244,5 +244,5 @@ def test_the_end_of_the_data_answers_what_is_open() -> None:
 
 @pytest.mark.parametrize("relative", [True, False])
 def test_a_deviation_is_shown_in_its_unit(relative: bool) -> None:
-    bench = Bench(anomaly=AnomalySpec(requirement=0.01, relative=relative, window=40))
+    bench = Bench(anomaly=AnomalySpec(requirement=0.01, relative=relative, window=Span(40)))
     assert bench.setup.shown(0, 0.05) == ("5.0 %" if relative else "0.05 m")

@@ -68,8 +68,9 @@ def recording(model: Model, rows: int, values: dict[str, float], gain: float = 1
 def twin_of(kind: str, model: Model, **changes: Any) -> Twin:
     return Twin(
         TwinSpec(
-            "mass", spec.ModelSpec(kind), beat=50, prediction=spec.PredictionSpec(horizon=0.5),
-            anomaly=spec.AnomalySpec(requirement=0.02, relative=False, window=300),
+            "mass", spec.ModelSpec(kind), beat=spec.Span(50),
+            prediction=spec.PredictionSpec(horizon=0.5),
+            anomaly=spec.AnomalySpec(requirement=0.02, relative=False, window=spec.Span(300)),
             **changes,
         ),
         model,
@@ -116,8 +117,9 @@ def test_a_table_of_measured_data_is_tuned_and_promoted() -> None:
     flow = 0.85 * pump.look_up(u[:, None])[:, 0] + rng.normal(0, 0.05, 6500)
     with Twin(
         TwinSpec(
-            "pump", spec.ModelSpec("table"), beat=50, prediction=spec.PredictionSpec(horizon=0.5),
-            anomaly=spec.AnomalySpec(requirement=0.5, relative=False, window=300),
+            "pump", spec.ModelSpec("table"), beat=spec.Span(50),
+            prediction=spec.PredictionSpec(horizon=0.5),
+            anomaly=spec.AnomalySpec(requirement=0.5, relative=False, window=spec.Span(300)),
         ),
         pump,
     ) as twin:  # fmt: skip

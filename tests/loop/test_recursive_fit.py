@@ -14,6 +14,7 @@ from evertwin.config.spec import (
     ModelSpec,
     MovingSpec,
     PredictionSpec,
+    Span,
     TuningSpec,
     TwinSpec,
 )
@@ -29,8 +30,8 @@ SPEC = TwinSpec(
     clock=ClockSpec(rate=RATE),
     moving=MovingSpec(above=0.05, channels={f"tau{k}": f"qd{k}" for k in range(1, 7)}),
     prediction=PredictionSpec(horizon=1.0),
-    anomaly=AnomalySpec(requirement=0.02, window=400),
-    tuning=TuningSpec(editable=FRICTION, window=2000),
+    anomaly=AnomalySpec(requirement=0.02, window=Span(400)),
+    tuning=TuningSpec(editable=FRICTION, window=Span(2000)),
 )
 
 

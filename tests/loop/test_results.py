@@ -20,6 +20,7 @@ from evertwin.config.spec import (
     ArbiterSpec,
     ModelSpec,
     PredictionSpec,
+    Span,
     StoreSpec,
     TuningSpec,
     TwinSpec,
@@ -34,9 +35,9 @@ from evertwin.twin import Twin
 def spec(folder: str = ".", path: str | None = None) -> TwinSpec:
     return TwinSpec(
         "robot <1>", ModelSpec("robot1d"), prediction=PredictionSpec(horizon=1.0),
-        arbiter=ArbiterSpec(use="tolerance", tolerance=0.03), beat=10,
-        anomaly=AnomalySpec(requirement=0.005, relative=False, window=100),
-        tuning=TuningSpec(window=600), store=StoreSpec(path), folder=folder,
+        arbiter=ArbiterSpec(use="tolerance", tolerance=0.03), beat=Span(10),
+        anomaly=AnomalySpec(requirement=0.005, relative=False, window=Span(100)),
+        tuning=TuningSpec(window=Span(600)), store=StoreSpec(path), folder=folder,
     )  # fmt: skip
 
 

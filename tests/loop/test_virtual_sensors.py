@@ -38,9 +38,9 @@ def twin_of(measured: bool) -> Twin:
             config.ModelSpec("assembly", options),
             signals={name: config.SignalSpec(measured=measured) for name in SHOWN},
             moving=config.MovingSpec(above=0.05, channels={"tau1": "qd1"}),
-            anomaly=config.AnomalySpec(requirement=0.05, window=500),
-            tuning=config.TuningSpec(editable=("screw.Fc",), window=500),
-            beat=100,
+            anomaly=config.AnomalySpec(requirement=0.05, window=config.Span(500)),
+            tuning=config.TuningSpec(editable=("screw.Fc",), window=config.Span(500)),
+            beat=config.Span(100),
         )
     )
 
@@ -78,7 +78,7 @@ def test_the_twin_climbs_to_the_temperature_only_where_it_pays() -> None:
         "axis",
         config.ModelSpec("assembly", {"components": lines}),
         tuning=config.TuningSpec(
-            editable=("guide.Fv*", "guide.Fc*"), ladder=("temperature",), window=4000
+            editable=("guide.Fv*", "guide.Fc*"), ladder=("temperature",), window=config.Span(4000)
         ),
     )
     for change, law in ((-0.2, "tanh+temperature"), (0.0, "tanh")):

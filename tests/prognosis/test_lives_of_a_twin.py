@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from evertwin import Twin, TwinSpec
+from evertwin.ahead.spec import SCENARIO
 from evertwin.config import spec
-from evertwin.config.scenario import SCENARIO
 from evertwin.errors import ConfigError, DataError, UsageError
 from evertwin.prognosis.formula import Formula
 from evertwin.prognosis.laws import Life, NotEnough
@@ -26,7 +26,7 @@ GEARBOX = spec.IndicatorSpec(
 def cart(*indicators: spec.IndicatorSpec, **more: Any) -> Twin:
     return Twin(
         TwinSpec(
-            "cart", spec.ModelSpec("robot1d"), beat=50,
+            "cart", spec.ModelSpec("robot1d"), beat=spec.Span(50),
             prediction=spec.PredictionSpec(horizon=1.0), tuning=spec.TuningSpec(every=15.0),
             indicator=indicators or (GEARBOX,), **more,
         )

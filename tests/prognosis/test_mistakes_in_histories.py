@@ -10,8 +10,8 @@ import pytest
 
 from evertwin import Twin
 from evertwin.ahead.columns import parse, read_table
+from evertwin.ahead.spec import SCENARIO
 from evertwin.config.prognosis import IndicatorSpec
-from evertwin.config.scenario import SCENARIO
 from evertwin.errors import ConfigError, DataError
 from evertwin.models import Parameters
 from evertwin.prognosis.health import indicator_of

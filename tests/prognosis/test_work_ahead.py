@@ -12,9 +12,9 @@ import pytest
 from evertwin import Twin, TwinSpec
 from evertwin.ahead.changes import Case
 from evertwin.ahead.future import Future
+from evertwin.ahead.spec import SCENARIO
 from evertwin.ahead.whatif import WhatIf
 from evertwin.config import spec
-from evertwin.config.scenario import SCENARIO
 from evertwin.errors import ConfigError, DataError, UsageError
 from evertwin.loop.configured_model import model_of
 from evertwin.models import Model

@@ -17,7 +17,7 @@ import numpy as np
 from evertwin.ahead.basis import Basis
 from evertwin.ahead.future import Future
 from evertwin.ahead.paths import chain_of, motion_of_moves, rows_of_file
-from evertwin.config.scenario import LoadSpec, PathSpec, ScenarioSpec
+from evertwin.ahead.spec import LoadSpec, PathSpec, ScenarioSpec
 from evertwin.errors import ConfigError, UsageError
 from evertwin.loop.configured_model import model_of
 from evertwin.machines.arm.inertia import NAMES, point

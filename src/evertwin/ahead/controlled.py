@@ -18,7 +18,7 @@ from jaxtyping import Float64
 from evertwin.ahead.basis import Basis
 from evertwin.ahead.changes import Case
 from evertwin.ahead.paths import inner
-from evertwin.config.scenario import PathSpec
+from evertwin.ahead.spec import PathSpec
 from evertwin.errors import UsageError
 from evertwin.machines.arm import Arm
 from evertwin.machines.assembly import Forward

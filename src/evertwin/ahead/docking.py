@@ -21,8 +21,8 @@ import numpy as np
 from scipy.optimize import brentq
 
 from evertwin.ahead.basis import Basis, draws, state_after
+from evertwin.ahead.spec import DockSpec
 from evertwin.ahead.spread import spread
-from evertwin.config.scenario import DockSpec
 from evertwin.errors import UsageError
 from evertwin.loop.feed import Data
 from evertwin.models import Model

@@ -22,7 +22,7 @@ from evertwin.ahead.changes import Case
 from evertwin.ahead.controlled import controlled
 from evertwin.ahead.paths import chain_of
 from evertwin.ahead.simulated import PathError
-from evertwin.config.scenario import PathSpec
+from evertwin.ahead.spec import PathSpec
 from evertwin.errors import UsageError
 from evertwin.machines.arm.chain import Chain
 from evertwin.machines.assembly.kinematics import tips

@@ -16,7 +16,7 @@ from scipy.interpolate import CubicSpline
 
 from evertwin.ahead.columns import Table, read_table
 from evertwin.ahead.future import Future
-from evertwin.config.scenario import PathSpec
+from evertwin.ahead.spec import PathSpec
 from evertwin.errors import DataError, UsageError
 from evertwin.machines.arm.chain import Chain
 from evertwin.machines.assembly.path import Limits, moves_of, plan

@@ -18,8 +18,8 @@ from evertwin.ahead.changes import Case, changed
 from evertwin.ahead.future import coming
 from evertwin.ahead.path_error import followed
 from evertwin.ahead.simulated import PathError, Simulated, simulated
+from evertwin.ahead.spec import ScenarioSpec
 from evertwin.ahead.spread import Spread, spread
-from evertwin.config.scenario import ScenarioSpec
 from evertwin.errors import DataError
 from evertwin.fold import plain, take
 from evertwin.loop.feed import Data

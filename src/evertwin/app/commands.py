@@ -5,18 +5,20 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import typer
 
-import evertwin.settings.schema as forms
+from evertwin.ahead.spec import SCENARIO
 from evertwin.app.console import Progress, Search, show
-from evertwin.config.scenario import ScenarioSpec
-from evertwin.config.schema import schema
-from evertwin.engineering.form import schema as breakdown_schema
+from evertwin.config import TWIN
+from evertwin.engineering.breakdown import BREAKDOWN
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import plain
 from evertwin.models.form import Version
 from evertwin.report.run_report import write_report
+from evertwin.settings.form import Form
+from evertwin.settings.schema import schema
 from evertwin.sources.excerpt import Excerpt
 from evertwin.sources.info import inspect
 from evertwin.sources.info_text import render
@@ -97,10 +99,8 @@ def compare_versions(twin: Path, pair: tuple[int, int], data: Files, as_json: bo
 def show_schema(form: str, as_json: bool) -> None:
     """``evertwin schema``: of a twin, breakdown or scenario; with ``--json`` it names itself as
     every other document does."""
-    if form == "scenario":
-        found = forms.schema(ScenarioSpec, 1, "evertwin scenario")
-    else:
-        found = breakdown_schema() if form == "breakdown" else schema()
+    forms: dict[str, Form[Any]] = {"twin": TWIN, "breakdown": BREAKDOWN, "scenario": SCENARIO}
+    found = schema(forms[form])
     content = {"schema": "evertwin.schema/1", **found} if as_json else found
     typer.echo(json.dumps(content, indent=2))
 

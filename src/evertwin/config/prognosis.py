@@ -6,15 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
-from evertwin.config.data import Amount, Seconds
-from evertwin.config.scenario import ChangeSpec
+from annotated_types import Ge, Gt, Le
+
 from evertwin.errors import UsageError
-from evertwin.settings.fields import Limits, Quantity, Section
+from evertwin.models.spec import ChangeSpec
+from evertwin.settings.kinds import Amount, Duration, Fraction, Positive
+from evertwin.settings.notes import Quantity
+from evertwin.settings.section import Section
 
 __all__ = ["AccuracySpec", "CostSpec", "IndicatorSpec", "PrognosisSpec", "WorkSpec"]
-
-Positive = Annotated[float, Limits(above=0.0)]
-Share = Annotated[float, Limits(above=0.0, below=1.0)]
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class IndicatorSpec(Section):
     parameters."""
     factors: tuple[str, ...] = ()
     """What multiplies the value without wear, named as covariates are."""
-    warm_up: Annotated[Seconds, Limits(above=0.0)] | None = None
+    warm_up: Duration | None = None
     """Time constant τ of warm-up: the value is divided by 1 + a·e^(−t/τ), a found from the history,
     t the time since start: the time in the run, or the column ``since_start``."""
     reference: Mapping[str, float] = field(default_factory=dict)
@@ -82,7 +82,7 @@ class IndicatorSpec(Section):
     """Wear per second of a simulated cycle, as in ``"abs(tau1) ** 3 * abs(qd1)"``: inputs, outputs,
     states (``state.x`` where another has its name), parameters, and ``x.rate`` for the change of x
     per second. Absent: effort times speed at a joint, else the way, else time."""
-    exponent: Annotated[float, Limits(above=0.0, at_most=20.0)] = 1.0
+    exponent: Annotated[float, Gt(0.0), Le(20.0)] = 1.0
     """How the wear of a joint grows with its load: 1 for sliding, 3 for ball bearings."""
     laws: tuple[Literal["linear", "exponential", "power", "wiener", "gamma", "two-phase"], ...] = ()
     """Laws that are weighed against each other; absent: all."""
@@ -114,9 +114,9 @@ class CostSpec(Section):
     True
     """
 
-    failure: Annotated[float, Limits(at_least=0.0)] | None = None
+    failure: Annotated[float, Ge(0.0)] | None = None
     """Cost of a failure in service; absent: no date is planned."""
-    maintenance: Annotated[float, Limits(above=0.0)] | None = None
+    maintenance: Positive | None = None
     """Cost of maintenance in time, without the stop itself (``[prognosis] visit``)."""
     critical: bool = True
     """Does its failure stop the machine?"""
@@ -138,15 +138,15 @@ class WorkSpec(Section):
 
     name: str
     """Name in messages."""
-    cycles: Annotated[float, Limits(at_least=0.0)]
+    cycles: Annotated[float, Ge(0.0)]
     """How often, per unit of the prognosis' clock; 0: rest."""
-    begin: Annotated[float, Limits(at_least=0.0)] = 0.0
+    begin: Annotated[float, Ge(0.0)] = 0.0
     """From when on, in units of the prognosis' clock from now."""
     until: Positive | None = None
     """Until when; absent: for ever."""
     speed: Positive = 1.0
     """Faster (above 1) or slower than recorded."""
-    load: Annotated[float, Quantity("kg"), Limits(at_least=0.0)] = 0.0
+    load: Annotated[float, Quantity("kg"), Ge(0.0)] = 0.0
     """Payload at the tip."""
     path: str | None = None
     """Motion of one cycle: CSV with the model's inputs; absent: the newest recorded task."""
@@ -171,7 +171,7 @@ class PrognosisSpec(Section):
 
     clock: Literal["run", "cycle", "s", "h", "d"] = "run"
     """What life is counted in: tasks (``run``, ``cycle``), or time by the recordings' stamps."""
-    past: Annotated[float, Limits(above=0.0)] | None = None
+    past: Positive | None = None
     """Work of the past per unit of the clock, in cycles of the newest task; absent: one a run or
     cycle, else as many as the indicator's ``usage`` counts."""
     breakdown: str | None = None
@@ -182,14 +182,14 @@ class PrognosisSpec(Section):
     """Cost of failure and of maintenance by component."""
     windows: Positive | None = None
     """Time from one possible maintenance to the next; absent: any time."""
-    window: Annotated[float, Limits(at_least=0.0)] = 0.0
+    window: Annotated[float, Ge(0.0)] = 0.0
     """Time from now to the first possible maintenance."""
-    visit: Annotated[float, Limits(at_least=0.0)] = 0.0
+    visit: Annotated[float, Ge(0.0)] = 0.0
     """Cost of one stop for maintenance, whatever is done in it: components whose dates lie close
     share one. It comes on top of their ``maintenance``."""
     ahead: Positive = 20.0
     """An alarm is due when a failure within this time is likelier than ``risk``."""
-    risk: Share = 0.1
+    risk: Fraction = 0.1
     """Probability of failure that is not accepted."""
     alarms: Positive = 1.0
     """Budget: alarms per day of the recordings' stamps, per run where these begin at zero. That a

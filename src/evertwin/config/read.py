@@ -18,12 +18,23 @@ from pathlib import Path
 
 from evertwin.config.spec import SCHEMA, TwinSpec
 from evertwin.errors import ConfigError, DataError, UsageError
-from evertwin.settings.convert import expand
-from evertwin.settings.text import Form
+from evertwin.settings.form import Form
+from evertwin.settings.notes import expand
 
-__all__ = ["files_of", "read", "reads"]
+__all__ = ["TWIN", "files_of", "read", "reads"]
 
-_FORM = Form(TwinSpec, SCHEMA, "twin file")
+_ABOUT = """# The twin file
+
+A twin file is TOML: one section a concept, one key a setting. A quantity is a number in SI, or text
+with its unit (`"2 cm"`). `${NAME}` and `${NAME:-default}` are replaced from the environment;
+`"q{1..6}"` stands for six entries ([patterns](../how-to/twin-files.md)). An unknown key is an error
+that names the nearest one and its line; numbers outside their range are refused.
+
+The JSON schema for editors comes from `evertwin schema`.
+"""
+
+TWIN = Form(TwinSpec, SCHEMA, "twin file", _ABOUT)
+"""How twin files are read."""
 
 
 def read(path: str | Path) -> TwinSpec:
@@ -33,7 +44,7 @@ def read(path: str | Path) -> TwinSpec:
         ConfigError: the file cannot be read, or does not say what it must; the message has one line
             for each problem, ``file:line: what was expected, what came``.
     """
-    twin = _FORM.parse(_FORM.load(path), str(path))
+    twin = TWIN.parse(TWIN.load(path), str(path))
     return dataclasses.replace(twin, folder=str(Path(path).resolve().parent))
 
 
@@ -43,7 +54,7 @@ def reads(text: str, name: str = "twin file") -> TwinSpec:
     Raises:
         ConfigError: as `read`.
     """
-    return _FORM.parse(text, name)
+    return TWIN.parse(text, name)
 
 
 def files_of(twin: TwinSpec, given: Sequence[str | Path] = ()) -> dict[int, tuple[Path, ...]]:

@@ -1,8 +1,9 @@
 """What a twin file says, as frozen dataclasses. `Twin` can be built from them without a file.
 
 Every section of the file is one class, every key one field; the JSON schema, the checks and the
-reference page are generated from here. A quantity may be written as a number in SI or as text with
-its unit (``"2 cm"``); its value is always SI.
+reference page are generated from here. Each room owns its settings; here they make one file. A
+quantity may be written as a number in SI or as text with its unit (``"2 cm"``); its value is always
+SI.
 
 >>> TwinSpec(name="robot", model=ModelSpec(kind="robot1d")).prediction.horizon
 inf
@@ -10,32 +11,12 @@ inf
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from evertwin.config.data import (
-    Amount,
-    ChannelSpec,
-    ClockSpec,
-    CropSpec,
-    DeriveSpec,
-    FilterSpec,
-    MovingSpec,
-    SignalSpec,
-    SourceSpec,
-    Spread,
-    TimeSpec,
-)
-from evertwin.config.loop import (
-    AnomalySpec,
-    ArbiterSpec,
-    CorrectionSpec,
-    CutSpec,
-    PredictionSpec,
-    TrialSpec,
-    TuningSpec,
-)
+from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.prognosis import (
     AccuracySpec,
     CostSpec,
@@ -43,8 +24,25 @@ from evertwin.config.prognosis import (
     PrognosisSpec,
     WorkSpec,
 )
-from evertwin.settings.fields import Free, Hidden, Limits, Quantity, Section, Shorthand
-from evertwin.types import Json
+from evertwin.correction.spec import CorrectionSpec, SarsaSpec
+from evertwin.errors import UsageError
+from evertwin.fold.span import Span
+from evertwin.models.spec import ModelSpec, ParameterSpec
+from evertwin.settings.notes import Hidden, Path, PlacedError, Rows, dotted
+from evertwin.settings.section import Section, settings
+from evertwin.sources.spec import ChannelSpec, SourceSpec, TimeSpec
+from evertwin.store.spec import StoreSpec
+from evertwin.sync.spec import (
+    ArbiterSpec,
+    ClockSpec,
+    CropSpec,
+    DeriveSpec,
+    FilterSpec,
+    MovingSpec,
+    SignalSpec,
+)
+from evertwin.trial.spec import TrialSpec
+from evertwin.tuning.spec import CutSpec, PredictionSpec, TuningSpec
 
 __all__ = [
     "SCHEMA",
@@ -65,9 +63,10 @@ __all__ = [
     "ParameterSpec",
     "PredictionSpec",
     "PrognosisSpec",
-    "Quantity",
+    "SarsaSpec",
     "SignalSpec",
     "SourceSpec",
+    "Span",
     "StoreSpec",
     "TimeSpec",
     "TrialSpec",
@@ -78,60 +77,6 @@ __all__ = [
 
 SCHEMA = 1
 """Version of the twin file that this evertwin reads."""
-
-
-@dataclass(frozen=True)
-class ParameterSpec(Section):
-    """``[model.parameters.NAME]``: what differs from the model's own proposal.
-
-    >>> ParameterSpec(value=1.0).editable is None
-    True
-    """
-
-    shorthand = Shorthand("value")
-
-    value: Amount | None = None
-    """Start value."""
-    unit: str | None = None
-    """Unit of the bare numbers of this table; absent: SI."""
-    low: Amount | None = None
-    """Lower bound."""
-    high: Amount | None = None
-    """Upper bound."""
-    sigma: Spread | None = None
-    """Standard deviation of the prior around the value."""
-    editable: bool | None = None
-    """May tuning change it?"""
-    source: str | None = None
-    """Where the value comes from: data sheet, literature, experiment."""
-
-
-@dataclass(frozen=True)
-class ModelSpec(Section):
-    """``[model]``: which model, with which options.
-
-    >>> ModelSpec(kind="thermal").options
-    {}
-    """
-
-    kind: str
-    """Name of a built-in model or of an entry point in the group ``evertwin.models``."""
-    options: Annotated[Mapping[str, Json], Free()] = field(default_factory=dict)
-    """Keywords of the model's factory."""
-    parameters: Mapping[str, ParameterSpec] = field(default_factory=dict)
-    """Parameters by name; those not named stay as the model proposes them."""
-
-
-@dataclass(frozen=True)
-class StoreSpec(Section):
-    """``[store]``: where versions, events and checkpoints are kept.
-
-    >>> StoreSpec().path is None
-    True
-    """
-
-    path: str | None = None
-    """SQLite file, relative to the twin file; absent: in memory."""
 
 
 @dataclass(frozen=True)
@@ -180,7 +125,28 @@ class TwinSpec(Section):
     """How lives are counted and maintenance is planned."""
     work: tuple[WorkSpec, ...] = ()
     """The work that lies ahead, one ``[[work]]`` each; absent: as it was."""
-    beat: Annotated[int, Limits(at_least=1)] = 100
-    """Rows from decision to decision."""
+    beat: Annotated[Span, Rows()] = Span(100)
+    """Rows, or time, from decision to decision."""
     folder: Annotated[str, Hidden()] = field(default=".", compare=False)
     """Folder of the twin file; set when it is read."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        sections = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
+        for name, section in {"": self, **sections}.items():
+            for setting in settings(type(section)) if isinstance(section, Section) else ():
+                rows = setting.note(Rows)
+                if rows is not None:
+                    place = (name, setting.key) if name else (setting.key,)
+                    self._spans(rows, getattr(section, setting.name), place)
+
+    def _spans(self, rows: Rows, span: Span, place: Path) -> None:
+        """A time is so many rows of the clock."""
+        try:
+            count = span.at(self.clock.rate)
+        except UsageError as error:
+            raise PlacedError(f"{dotted(place)} = {error}", place) from error
+        if not rows.least <= count <= rows.most:
+            raise PlacedError(
+                f"{dotted(place)}: expected {rows.least} to {rows.most} rows, got {span}", place
+            )

@@ -30,14 +30,26 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, NamedTuple
 
+from annotated_types import Ge, Le
+
 from evertwin.engineering.parts import Component, ModelPart, Requirements, Sensor
 from evertwin.errors import UsageError
-from evertwin.settings.fields import Free, Hidden, Limits, PlacedError, Quantity, Section
-from evertwin.settings.lines import Path
-from evertwin.settings.text import Form
+from evertwin.settings.form import Form
+from evertwin.settings.kinds import Duration
+from evertwin.settings.notes import Free, Hidden, Path, PlacedError
+from evertwin.settings.section import Section
 from evertwin.types import Json
 
-__all__ = ["SCHEMA", "Breakdown", "Place", "Subsystem", "System", "read_breakdown", "reads"]
+__all__ = [
+    "BREAKDOWN",
+    "SCHEMA",
+    "Breakdown",
+    "Place",
+    "Subsystem",
+    "System",
+    "read_breakdown",
+    "reads",
+]
 
 SCHEMA = 1
 """Version of the breakdown file that this evertwin reads."""
@@ -107,9 +119,9 @@ class Breakdown(Section):
     history: str | None = None
     """Maintenance history (CSV: ``date``, ``component``, ``downtime [h]``), relative to this file;
     proneness to failure is computed from it where no grade is given."""
-    history_span: Annotated[float | None, Quantity("s"), Limits(above=0.0)] = None
+    history_span: Duration | None = None
     """Time that the history covers; absent: from its first entry to its last."""
-    critical_from: Annotated[float, Limits(at_least=1.0, at_most=25.0)] = 10.0
+    critical_from: Annotated[float, Ge(1.0), Le(25.0)] = 10.0
     """Effect × proneness from which a component is critical."""
     model: ModelPart = ModelPart()
     """How the components make up the model."""
@@ -213,10 +225,12 @@ class Breakdown(Section):
     def parameter_name(self, component: Component, name: str) -> str:
         """What the model calls a component's parameter.
 
-        >>> from evertwin.engineering.parts import ModelPart
-        >>> arm = Breakdown("arm", model=ModelPart("arm", names="{parameter}{axis}"))
-        >>> arm.parameter_name(Component("gearbox 1", axis=1), "Fc")
-        'Fc1'
+                >>> from annotated_types import Ge, Le
+
+        from evertwin.engineering.parts import ModelPart
+                >>> arm = Breakdown("arm", model=ModelPart("arm", names="{parameter}{axis}"))
+                >>> arm.parameter_name(Component("gearbox 1", axis=1), "Fc")
+                'Fc1'
         """
         return self.model.names.format(
             component=component.name, parameter=name, axis=component.axis
@@ -275,7 +289,24 @@ def _short(old: Any, value: Any) -> Any:
     return {**old, "value": value} if isinstance(old, Mapping) and number else value
 
 
-_FORM = Form(Breakdown, SCHEMA, "breakdown file")
+_ABOUT = """# The breakdown file
+
+A breakdown file is TOML: machine → systems → sub-systems → components, and what is known of each.
+`evertwin engineer` makes a twin file of it. A quantity is a number in SI, or text with its unit
+(`"400 ms"`, `"30 %"`). What holds of several components alike is said once, under `[like.NAME]`; a
+component with `like = "NAME"` says only what differs. An unknown key is an error that names the
+nearest one and its line.
+
+Grades go from 1 to 5. Effect on the machine's health: 1 none, 2 little, 3 quality suffers, 4 the
+machine runs badly, 5 it stops. Proneness to failure: 1 never, 2 once in its life, 3 every few
+years, 4 every year, 5 more often. Where no grade is given it is computed from the maintenance
+history, a CSV with the columns `date`, `component` and `downtime [h]`.
+
+The JSON schema for editors comes from `evertwin schema --breakdown`.
+"""
+
+BREAKDOWN = Form(Breakdown, SCHEMA, "breakdown file", _ABOUT)
+"""How breakdown files are read."""
 
 
 def read_breakdown(path: str | pathlib.Path) -> Breakdown:
@@ -285,7 +316,7 @@ def read_breakdown(path: str | pathlib.Path) -> Breakdown:
         ConfigError: the file cannot be read, or does not say what it must; the message has one line
             for each problem, ``file:line: what was expected, what came``.
     """
-    found = _FORM.parse(_FORM.load(path), str(path))
+    found = BREAKDOWN.parse(BREAKDOWN.load(path), str(path))
     return dataclasses.replace(found, folder=str(pathlib.Path(path).resolve().parent))
 
 
@@ -295,4 +326,4 @@ def reads(text: str, name: str = "breakdown file") -> Breakdown:
     Raises:
         ConfigError: as `read_breakdown`.
     """
-    return _FORM.parse(text, name)
+    return BREAKDOWN.parse(text, name)

@@ -34,7 +34,6 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -49,7 +48,7 @@ from evertwin.errors import ConfigError, UsageError
 from evertwin.machines.assembly import KINDS, join, sensors_of
 from evertwin.machines.catalog import located, machine
 from evertwin.models import Model
-from evertwin.settings.lines import Lines
+from evertwin.settings.document import Document
 from evertwin.types import Json
 
 __all__ = ["Built", "ModelPlan", "compile_model", "levels_of"]
@@ -264,9 +263,9 @@ def _located(message: str, file: str | Path | None) -> str:
     named = _NAMED.search(message)
     if file is None or named is None:
         return message
-    text = Path(file).read_text(encoding="utf-8-sig")
-    place = _place(tomllib.loads(text).get("system", []), named[1])
-    return message if place is None else f"{file}:{Lines(text).of(place)}: {message}"
+    written = Document(Path(file).read_text(encoding="utf-8-sig"), str(file))
+    place = _place(written.table.get("system", []), named[1])
+    return message if place is None else f"{file}:{written.line(place)}: {message}"
 
 
 def _place(systems: list[Any], name: str) -> tuple[str | int, ...] | None:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -27,6 +26,7 @@ from evertwin.loop.feed import Data, Feed
 from evertwin.loop.setup import Setup
 from evertwin.loop.versions import Versions
 from evertwin.loop.work import Work
+from evertwin.settings.document import Document
 from evertwin.tuning import Problem
 
 __all__ = ["Engineered", "engineer"]
@@ -99,7 +99,8 @@ def _settings(file: str | Path, breakdown: Breakdown, out: Path) -> dict[str, An
     Raises:
         ConfigError: it decides what the breakdown decides elsewhere.
     """
-    table = tomllib.loads(Path(file).read_text(encoding="utf-8-sig")).get("twin", {})
+    text = Path(file).read_text(encoding="utf-8-sig")
+    table = Document(text, str(file)).table.get("twin", {})
     for section, keys in OURS.items():
         for key in keys:
             if key in table.get(section, {}):

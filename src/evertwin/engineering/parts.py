@@ -11,8 +11,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Literal, TypeAlias
 
+from annotated_types import Ge, Gt, Le, Lt
+
 from evertwin.errors import UsageError
-from evertwin.settings.fields import Free, Key, Limits, Quantity, Section, Shorthand
+from evertwin.settings.kinds import Amount, Duration, Positive, Size, Spread
+from evertwin.settings.notes import Free, Key, Quantity, Shorthand
+from evertwin.settings.section import Section
 from evertwin.types import Json
 
 __all__ = [
@@ -34,9 +38,8 @@ __all__ = [
 DataKind: TypeAlias = Literal["structural", "kinematic", "dynamic"]
 Level: TypeAlias = Literal["white", "grey", "black"]
 Role: TypeAlias = Literal["critical", "supporting"]
-Grade: TypeAlias = Annotated[float, Limits(at_least=1.0, at_most=5.0)]
-Share: TypeAlias = Annotated[float, Quantity("1"), Limits(at_least=0.0)]
-Amount: TypeAlias = Annotated[float, Quantity()]
+Grade: TypeAlias = Annotated[float, Ge(1.0), Le(5.0)]
+Share: TypeAlias = Annotated[float, Quantity("1"), Ge(0.0)]
 
 
 @dataclass(frozen=True)
@@ -87,7 +90,7 @@ class ParameterOverride(Section):
     """Why; it stays in the file and in the report."""
     editable: bool | None = None
     """Tune it, whatever is proposed?"""
-    weight: Annotated[float | None, Limits(above=0.0, at_most=1.0)] = None
+    weight: Annotated[float, Gt(0.0), Le(1.0)] | None = None
     """How often: 1 at every tuning, 0.5 at every second one."""
 
 
@@ -115,9 +118,9 @@ class ParameterPart(Section):
     """Lower bound."""
     high: Amount | None = None
     """Upper bound."""
-    sigma: Annotated[float | None, Quantity(difference=True), Limits(at_least=0.0)] = None
+    sigma: Spread | None = None
     """Standard deviation of what is known of the value."""
-    uncertain: Annotated[float, Quantity("1"), Limits(above=0.0)] = 0.5
+    uncertain: Annotated[float, Quantity("1"), Gt(0.0)] = 0.5
     """Relative range around the value for the sensitivity analysis."""
     limit: Amount | None = None
     """Limit of health: at this value the component is worn out."""
@@ -156,9 +159,9 @@ class CostPart(Section):
     8000.0
     """
 
-    failure: Annotated[float, Limits(at_least=0.0)]
+    failure: Annotated[float, Ge(0.0)]
     """Cost of a failure in service."""
-    maintenance: Annotated[float, Limits(above=0.0)]
+    maintenance: Positive
     """Cost of maintenance in time."""
 
 
@@ -178,7 +181,7 @@ class Component(Section):
     """What it does."""
     kind: str = ""
     """Kind of model component; absent: it is not part of the model."""
-    axis: Annotated[int | None, Limits(at_least=1)] = None
+    axis: Annotated[int, Ge(1), Le(1_000)] | None = None
     """Number of its axis, where the machine has axes."""
     options: Annotated[Mapping[str, Json], Free()] = field(default_factory=dict)
     """Options of the model component."""
@@ -264,13 +267,13 @@ class Requirements(Section):
     0.05
     """
 
-    accuracy: Annotated[float, Quantity("1"), Limits(above=0.0)] = 0.05
+    accuracy: Annotated[float, Quantity("1"), Gt(0.0)] = 0.05
     """Largest relative deviation of every output, moving."""
-    run_time: Annotated[float | None, Quantity("s"), Limits(above=0.0)] = None
+    run_time: Duration | None = None
     """Longest time that one tuning may take."""
-    interval: Annotated[float, Quantity("s"), Limits(above=0.0)] = 86400.0
+    interval: Duration = 86400.0
     """Time from one tuning to the next."""
-    negligible: Annotated[float, Limits(above=0.0, below=1.0)] = 0.05
+    negligible: Annotated[float, Gt(0.0), Lt(1.0)] = 0.05
     """Sobol share below which a parameter's effect on every output is negligible."""
     identify: tuple[str, ...] = ()
     """Parameters, by the model's names, whose initial values a first fit finds; ``*`` matches any
@@ -289,7 +292,7 @@ class Sensor(Section):
     """What it measures, and where."""
     unit: str | None = None
     """Unit of the bare numbers of this table; absent: SI."""
-    noise: Annotated[float | None, Quantity(difference=True), Limits(above=0.0)] = None
+    noise: Size | None = None
     """Standard deviation of its noise; absent: estimated from the recordings."""
     trouble: str = ""
     """What may undermine it: temperature, humidity, mounting."""

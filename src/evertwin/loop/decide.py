@@ -130,7 +130,7 @@ class Decide:
                 evidence = {"now": now, "range": state.watched}
                 decision.say("training_restarted", name, reason, evidence)
                 decision.state = state._replace(watched=np.zeros((0, 2)))
-                retrain = state.row + setup.spec.anomaly.window
+                retrain = state.row + setup.rows(setup.spec.anomaly.window)
                 decision.remember(since=state.row, retrain=retrain)
         agenda = decision.state.agenda
         if agenda.retrain and state.row >= agenda.retrain and self._free(decision.state):
@@ -141,7 +141,7 @@ class Decide:
         """(None, …) when it is too early to say, ("", …) when within the requirement."""
         setup, watch = self.follow.setup, state.scores.watch
         enough = watch.samples.max(initial=0) >= (
-            setup.least if task_end else setup.spec.anomaly.window
+            setup.least if task_end else setup.rows(setup.spec.anomaly.window)
         )
         if not np.isfinite(setup.requirement) or not enough:
             return None, "", {}
@@ -190,7 +190,7 @@ class Decide:
         elif content.get("next") == "correct":
             self._ask(decision, "correct", CORRECT, {})
         else:
-            decision.remember(hold=decision.state.row + self.follow.setup.spec.trial.holdoff)
+            decision.remember(hold=decision.state.row + self.follow.setup.holdoff)
 
     def _challenge(self, decision: Decision, candidate: Mapping[str, Any]) -> None:
         state, follow = decision.state, self.follow
@@ -218,7 +218,7 @@ class Decide:
         elif verdict == "reject":
             decision.say("rejected", "", f"version {number} is not better on unseen data", evidence)
             decision.state = decision.state._replace(other=EMPTY)
-            decision.remember(phase=WATCH, hold=state.row + self.follow.setup.spec.trial.holdoff)
+            decision.remember(phase=WATCH, hold=state.row + self.follow.setup.holdoff)
 
     def _promote(self, decision: Decision, evidence: Mapping[str, Any]) -> None:
         state = decision.state
@@ -240,7 +240,7 @@ class Decide:
             reason = f"version {state.live.version} does worse than {old}: {evidence['sentence']}"
             decision.say("rolled_back", "", reason, self._switched(evidence, old))
             decision.state = self._live(state, old, EMPTY, state.first)
-            decision.remember(phase=WATCH, hold=state.row + self.follow.setup.spec.trial.holdoff)
+            decision.remember(phase=WATCH, hold=state.row + self.follow.setup.holdoff)
 
     def _live(self, state: TwinState, number: int, other: Any, first: Any) -> TwinState:
         """``number`` goes live from the state it has run to; the scores begin anew."""

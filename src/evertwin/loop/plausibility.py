@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 
-from evertwin.config.spec import ArbiterSpec, TwinSpec
+from evertwin.config.spec import TwinSpec
 from evertwin.models import Model
 from evertwin.signals import Layout
 from evertwin.sync import Arbiter, Phases, Rule
+from evertwin.sync.spec import GroupSpec
 
 __all__ = ["arbiter_of"]
 
@@ -26,7 +27,7 @@ def _phases(spec: TwinSpec) -> Phases | None:
     return Phases(channel, tuple(borders))
 
 
-def _rule(spec: ArbiterSpec, outputs: Layout, group: str) -> Rule:
+def _rule(spec: GroupSpec, outputs: Layout, group: str) -> Rule:
     """A tolerance is in the unit of the channels it is about: angles have their own."""
     inside = [c for c in outputs if not group or c.group == group]
     angles_only = bool(inside) and all(c.kind == "angle" for c in inside)

@@ -14,6 +14,7 @@ from evertwin.anomaly import Regimes
 from evertwin.config.spec import TwinSpec
 from evertwin.errors import UsageError
 from evertwin.fold import Beat
+from evertwin.fold.span import Span
 from evertwin.loop.alignment import low_pass
 from evertwin.loop.channels import is_measured
 from evertwin.loop.detectors import Detect
@@ -77,13 +78,13 @@ class Setup:
     @cached_property
     def beat(self) -> Beat:
         """Where decisions may happen."""
-        return Beat(self.spec.beat)
+        return Beat(self.rows(self.spec.beat))
 
     @cached_property
     def ring(self) -> Ring:
         """The newest rows, as many as slow work may look at."""
         # a request is answered up to `latency` rows later, from rows that must still be there
-        size = max(self.spec.tuning.window, self.spec.correction.window) + self.latency + 1
+        size = max(self.window("fit"), self.window("correct")) + self.latency + 1
         return Ring(size, len(self.model.inputs), len(self.model.outputs))
 
     @cached_property
@@ -159,11 +160,21 @@ class Setup:
     @cached_property
     def latency(self) -> int:
         """Rows that slow work may take before a file run waits for it."""
-        return self.spec.beat
+        return self.beat.every
 
     def window(self, kind: str) -> int:
         """Newest rows that a kind of request looks at."""
-        return self.spec.tuning.window if kind == "fit" else self.spec.correction.window
+        rule = self.spec.tuning if kind == "fit" else self.spec.correction
+        return self.rows(rule.window)
+
+    @property
+    def holdoff(self) -> int:
+        """Rows after a rejection before the next candidate."""
+        return self.rows(self.spec.trial.holdoff)
+
+    def rows(self, span: Span) -> int:
+        """The rows of a span, at the rate of the clock."""
+        return span.at(self.spec.clock.rate)
 
     def shown(self, output: int, value: float) -> str:
         """A deviation in words."""

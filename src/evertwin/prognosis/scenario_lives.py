@@ -7,9 +7,10 @@ from dataclasses import replace
 from typing import Any
 
 from evertwin.ahead.changes import Case, changed
+from evertwin.ahead.spec import ScenarioSpec
 from evertwin.ahead.whatif import WhatIf, beside, today
-from evertwin.config.scenario import ChangeSpec, ScenarioSpec
 from evertwin.errors import UsageError
+from evertwin.models.spec import ChangeSpec
 from evertwin.prognosis.component import ComponentLife
 from evertwin.prognosis.laws import Life, Workload
 from evertwin.prognosis.parameter_history import UNITS

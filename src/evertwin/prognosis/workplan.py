@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 from evertwin.ahead.basis import Basis
 from evertwin.ahead.changes import Case, changed
+from evertwin.ahead.spec import LoadSpec, PathSpec, ScenarioSpec, SpeedSpec
 from evertwin.ahead.whatif import Today
 from evertwin.config.prognosis import PrognosisSpec, WorkSpec
-from evertwin.config.scenario import LoadSpec, PathSpec, ScenarioSpec, SpeedSpec
 from evertwin.errors import ConfigError, DataError, UsageError
 from evertwin.prognosis.formula import Formula
 from evertwin.prognosis.laws import Indicator, Workload

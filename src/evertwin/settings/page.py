@@ -1,95 +1,120 @@
-"""The reference page of a file, from the same classes that read it.
+"""The reference page of a file, from its JSON schema.
 
 >>> from dataclasses import dataclass
+>>> from evertwin.settings.section import Section
 >>> @dataclass(frozen=True)
 ... class Pump(Section):
+...     schema: int = 1
 ...     speed: float = 1.0
->>> "| `speed` | number | `1.0` |" in page(Pump, "# The pump file")
+>>> "| `speed` | number | `1.0` |" in page(Form(Pump, 1, "pump file"))
 True
 """
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Mapping
-from typing import Any, Literal, get_args, get_origin
+from collections.abc import Iterator
+from typing import Any, TypeAlias
 
-from evertwin.settings.fields import (
-    Free,
-    Limits,
-    Quantity,
-    Section,
-    Setting,
-    field_docs,
-    last,
-    options,
-    section_doc,
-    settings,
-    split,
-)
-from evertwin.settings.schema import sections
+from evertwin.settings.form import Form
+from evertwin.settings.schema import content
 
 __all__ = ["page"]
 
-_WORDS = {str: "text", int: "whole number", float: "number", bool: "true or false"}
+Node: TypeAlias = "dict[str, Any]"
+_WORDS = {
+    "string": "text",
+    "integer": "whole number",
+    "number": "number",
+    "boolean": "true or false",
+}
+_BOUNDS = {
+    "exclusiveMinimum": "above",
+    "minimum": "at least",
+    "maximum": "at most",
+    "exclusiveMaximum": "below",
+}
 
 
-def page(root: type[Section], opening: str) -> str:
-    """Markdown: the opening, then one table for each section of the file ``root``."""
-    parts = [opening]
-    for kind in sections(root):
-        title = "The whole file" if kind is root else section_doc(kind).split(":")[0]
-        title = title.replace("``", "`")
-        about = "" if kind is root else section_doc(kind).partition(": ")[2]
-        parts.append(f"## {title}\n\n{about[:1].upper() + about[1:]}\n\n{_table(kind)}")
+def page(form: Form[Any]) -> str:
+    """Markdown: what the file is, then one table for each section."""
+    whole = content(form)
+    parts = [form.about, f"## The whole file\n\n{_table(whole)}"]
+    for name in dict.fromkeys(_references(whole, whole.get("$defs", {}))):
+        section = whole["$defs"][name]
+        title, _, about = _text(section).partition(": ")
+        parts.append(f"## {title}\n\n{about[:1].upper() + about[1:]}\n\n{_table(section)}")
     return "\n\n".join(parts) + "\n"
 
 
-def _table(kind: type[Section]) -> str:
-    docs = field_docs(kind)
+def _references(node: Any, definitions: Node) -> Iterator[str]:
+    """Names of the sections below, each before those that it holds."""
+    if isinstance(node, list):
+        for item in node:
+            yield from _references(item, definitions)
+    elif isinstance(node, dict):
+        if "$ref" in node:
+            name = node["$ref"].rpartition("/")[2]
+            yield name
+            yield from _references(definitions[name], definitions)
+        for key, item in node.items():
+            yield from _references(item, definitions) if key != "$defs" else ()
+
+
+def _table(section: Node) -> str:
+    table = section.get("anyOf", [section])[0]
     rows = [
-        f"| `{s.key}` | {_kind(s.type, s.notes)} | {_default(s)} | {_cell(docs.get(s.name, ''))} |"
-        for s in settings(kind)
+        f"| `{key}` | {_kind(node)} | {_default(key, node, table)} | {_text(node)} |"
+        for key, node in table["properties"].items()
     ]
     return "\n".join(["| key | value | default | meaning |", "|---|---|---|---|", *rows])
 
 
-def _cell(text: str) -> str:
-    return " ".join(inspect.cleandoc(text).split()).replace("``", "`").replace("|", "\\|")
+def _text(node: Node) -> str:
+    return str(node.get("description", "")).replace("``", "`").replace("|", "\\|")
 
 
-def _default(setting: Setting) -> str:
-    value = setting.default
-    if setting.required:
+def _default(key: str, node: Node, table: Node) -> str:
+    if key in table.get("required", ()):
         return "**needed**"
-    if value is None or value in ((), {}) or isinstance(value, Section | Mapping):
+    value = node.get("default", node.get("x-default"))
+    if value is None:
         return "absent"
     return f"`{str(value).lower() if isinstance(value, bool) else value}`"
 
 
-def _kind(hint: Any, notes: tuple[object, ...]) -> str:
-    if last(Free, notes):
-        return "table"
-    members = [split(m) for m in options(hint) if m is not type(None)]
-    if len(members) > 1:
-        return " or ".join(_kind(kind, (*notes, *more)) for kind, more in members)
-    kind, more = members[0]
-    notes = (*notes, *more)
-    origin = get_origin(kind)
-    if origin is Literal:
-        return ", ".join(f"`{word}`" for word in get_args(kind))
-    if origin is tuple:
-        return f"array of {_kind(*split(get_args(kind)[0]))}"
-    if origin is not None:
-        return f"table: name = {_kind(*split(get_args(kind)[1]))}"
-    if isinstance(kind, type) and issubclass(kind, Section):
+def _kind(node: Node) -> str:
+    """What may be written, in words."""
+    if "$ref" in node:
         return "section"
-    return _number(kind, notes)
+    if "const" in node:
+        return f"`{node['const']}`"
+    if "enum" in node:
+        return ", ".join(f"`{word}`" for word in node["enum"])
+    if "x-unit" in node:
+        return _quantity(node)
+    if "anyOf" in node:
+        return " or ".join(_kind(choice) for choice in node["anyOf"])
+    if node.get("type") == "array":
+        return f"array of {_kind(node['items'])}"
+    inner = node.get("additionalProperties")
+    if isinstance(inner, dict):
+        return f"table: name = {_kind(inner)}"
+    return _bounded(_WORDS.get(node.get("type", ""), "table"), node)
 
 
-def _number(kind: Any, notes: tuple[object, ...]) -> str:
-    quantity, limits = last(Quantity, notes), str(last(Limits, notes) or "")
-    word = _WORDS[kind]
-    if quantity is not None:
-        word = f"quantity in {quantity.unit}" if quantity.unit else "quantity"
-    return f"{word}, {limits}" if limits else word
+def _quantity(node: Node) -> str:
+    plain, unit = node["anyOf"][0], node["x-unit"]
+    if plain["type"] == "integer":
+        return f"{_bounded('rows', plain)}, or a time"
+    return _bounded(f"quantity in {unit}" if unit else "quantity", plain | node)
+
+
+def _bounded(word: str, node: Node) -> str:
+    bounds = " and ".join(
+        f"{said} {_plain(node[key])}" for key, said in _BOUNDS.items() if key in node
+    )
+    return f"{word}, {bounds}" if bounds else word
+
+
+def _plain(number: float) -> str:
+    return str(number) if isinstance(number, int) else f"{number:g}"

@@ -80,23 +80,19 @@ def _finite(number: str | float) -> float:
     return size
 
 
-def number(
-    value: float | str, unit: str = "", *, bare: str = "", difference: bool = False
-) -> float:
+def number(value: float | str, unit: str = "", *, difference: bool = False) -> float:
     """``value`` in SI.
 
     Args:
         value: a number, or a number with its unit as text (or read from one: `Measured`).
         unit: what is expected, any compatible unit will do; empty: any unit.
-        bare: unit of a number without one; empty: SI.
         difference: a span or spread: an offset between scales (°C, K) does not count.
 
     Raises:
         UsageError: no number in front, an unknown unit, or one that measures something else.
     """
     text = value.written if isinstance(value, Measured) else value
-    size, given = written(text) if isinstance(text, str) else (_finite(text), "")
-    used = given or bare
+    size, used = written(text) if isinstance(text, str) else (_finite(text), "")
     if not used:
         return size
     factor, offset = conversion(used)

@@ -1,4 +1,4 @@
-"""The JSON schema of a file, for editors: from the same classes that read it.
+"""The JSON schema of a file, for editors: pydantic makes it of the same classes that read it.
 
 An editor that knows TOML schemas completes keys and marks mistakes while typing.
 
@@ -6,8 +6,9 @@ An editor that knows TOML schemas completes keys and marks mistakes while typing
 >>> @dataclass(frozen=True)
 ... class Pump(Section):
 ...     name: str
+...     schema: int = 2
 ...     speed: float = 1.0
->>> content = schema(Pump, 2, "pump file")
+>>> content = schema(Form(Pump, 2, "pump file"))
 >>> content["required"], content["properties"]["speed"]["default"]
 (['schema', 'name'], 1.0)
 """
@@ -15,135 +16,72 @@ An editor that knows TOML schemas completes keys and marks mistakes while typing
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any, Literal, get_args, get_origin
+from typing import Any
 
-from evertwin.settings.fields import (
-    Free,
-    Inherit,
-    Limits,
-    Quantity,
-    Section,
-    Setting,
-    Shorthand,
-    field_docs,
-    last,
-    options,
-    section_doc,
-    settings,
-    split,
-)
-from evertwin.types import Json
+from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
+from pydantic_core import core_schema
 
-__all__ = ["schema", "sections"]
+from evertwin.fold.span import Span
+from evertwin.settings.decode import adapter
+from evertwin.settings.form import Form
+from evertwin.settings.section import Section
 
-_WORDS = {str: "string", int: "integer", float: "number", bool: "boolean"}
-_LIMITS = {
-    "above": "exclusiveMinimum",
-    "at_least": "minimum",
-    "at_most": "maximum",
-    "below": "exclusiveMaximum",
+__all__ = ["content", "schema"]
+
+_PATTERN = {
+    "type": "string",
+    "pattern": r"\{.+(,|\.\.).+\}",
+    "description": "A pattern such as `{1..6}` or `{a, b, c}`, in step with that of its entry.",
 }
 
 
-def schema(root: type[Section], version: int, title: str) -> Mapping[str, Json]:
-    """The schema (draft 2020-12), as plain values.
+class _Plain(GenerateJsonSchema):
+    """Without titles and without ``null`` (TOML has none); defaults as they would be written."""
 
-    Args:
-        root: the class of the whole file.
-        version: what the file's key ``schema`` must say.
-        title: what the file is called.
-    """
-    body: dict[str, Any] = _section(root)
-    body["properties"]["schema"] = {
-        "const": version,
-        "description": "Version of the file's form.",
-    }
-    body["required"] = ["schema", *(key for key in body["required"] if key != "schema")]
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": title,
-        **body,
-        "$defs": {kind.__name__: _definition(kind) for kind in sections(root) if kind is not root},
-    }
+    def field_title_should_be_set(self, schema: object) -> bool:
+        return False
 
+    def nullable_schema(self, schema: core_schema.NullableSchema) -> JsonSchemaValue:
+        return self.generate_inner(schema["schema"])
 
-def sections(root: type[Section]) -> tuple[type[Section], ...]:
-    """Every section that a file can hold, the whole file first."""
-    found: list[type[Section]] = []
+    def default_schema(self, schema: core_schema.WithDefaultSchema) -> JsonSchemaValue:
+        default, inner = schema.get("default"), self.generate_inner(schema["schema"])
+        if isinstance(default, Span):
+            default = default.rows if default.seconds is None else str(default)
+        if default in (None, ()) or isinstance(default, Section):
+            return inner
+        if isinstance(default, float) and math.isinf(default):
+            return {**inner, "x-default": str(default)}  # JSON has no word for it
+        return {**inner, "default": list(default) if isinstance(default, tuple) else default}
 
-    def visit(kind: type[Section]) -> None:
-        if kind not in found:
-            found.append(kind)
-            for setting in settings(kind):
-                for inner in _inner(setting.type):
-                    visit(inner)
-
-    visit(root)
-    return tuple(found)
+    def sort(self, value: JsonSchemaValue, parent_key: str | None = None) -> JsonSchemaValue:
+        return value
 
 
-def _inner(hint: Any) -> list[type[Section]]:
-    kind, _ = split(hint)
-    if isinstance(kind, type) and not get_args(kind):
-        return [kind] if issubclass(kind, Section) else []
-    return [found for part in get_args(kind) for found in _inner(part)]
+def schema(form: Form[Any]) -> dict[str, Any]:
+    """The schema (draft 2020-12) of a kind of file, as plain values."""
+    found: dict[str, Any] = _patterned(content(form))
+    return {**found, "$defs": {**found.get("$defs", {}), "Pattern": _PATTERN}}
 
 
-def _definition(kind: type[Section]) -> dict[str, Any]:
-    table = _section(kind)
-    short = getattr(kind, "shorthand", None)
-    if not isinstance(short, Shorthand):
-        return table
-    (setting,) = (s for s in settings(kind) if s.key == short.key)
-    return {"anyOf": [table, _type(setting.type, setting.notes)]}
+def _patterned(node: Any) -> Any:
+    """With a pattern wherever a number or a word is."""
+    if isinstance(node, list):
+        return [_patterned(item) for item in node]
+    if not isinstance(node, dict):
+        return node
+    inner = {key: _patterned(item) for key, item in node.items()}
+    if "enum" not in node and node.get("type") not in ("integer", "number"):
+        return inner
+    about = {key: inner.pop(key) for key in ("default", "description") if key in inner}
+    return {"anyOf": [inner, {"$ref": "#/$defs/Pattern"}], **about}
 
 
-def _section(kind: type[Section]) -> dict[str, Any]:
-    docs = field_docs(kind)
-    return {
-        "type": "object",
-        "description": section_doc(kind),
-        "properties": {s.key: _property(s, docs.get(s.name, "")) for s in settings(kind)},
-        "required": [s.key for s in settings(kind) if s.required],
-        "additionalProperties": False,
-    }
-
-
-def _property(setting: Setting, doc: str) -> dict[str, Any]:
-    found = {"type": "object"} if setting.has(Free) else _type(setting.type, setting.notes)
-    text = {"description": " ".join(doc.split())} if doc else {}
-    default = setting.default
-    plain = isinstance(default, bool | int | float | str) and default not in (math.inf, -math.inf)
-    return {**found, **text, **({"default": default} if plain else {})}
-
-
-def _type(hint: Any, notes: tuple[object, ...]) -> dict[str, Any]:
-    members = [split(m) for m in options(hint) if m is not type(None)]
-    if len(members) > 1:
-        return {"anyOf": [_type(kind, (*notes, *more)) for kind, more in members]}
-    kind, more = members[0]
-    notes = (*notes, *more)
-    origin = get_origin(kind)
-    if origin is tuple:
-        return {"type": "array", "items": _type(*split(get_args(kind)[0]))}
-    if origin is Literal:
-        return {"enum": list(get_args(kind))}
-    if isinstance(kind, type) and issubclass(kind, Section):
-        return {"$ref": f"#/$defs/{kind.__name__}"}
-    if origin is not None:
-        inner = _type(*split(get_args(kind)[1]))
-        if last(Inherit, notes):
-            inner = {"$ref": inner["$ref"]}
-        return {"type": "object", "additionalProperties": inner}
-    return _scalar(kind, notes)
-
-
-def _scalar(kind: Any, notes: tuple[object, ...]) -> dict[str, Any]:
-    limits = last(Limits, notes) or Limits()
-    given = {word: getattr(limits, name) for name, word in _LIMITS.items()}
-    bounds = {word: value for word, value in given.items() if value is not None}
-    plain = {"type": _WORDS[kind], **bounds}
-    if last(Quantity, notes) is None:
-        return plain
-    return {"anyOf": [plain, {"type": "string", "pattern": r"^\s*([+-]?[\d.]|[+-]?inf)"}]}
+def content(form: Form[Any]) -> dict[str, Any]:
+    """The schema of what is read when patterns are written out."""
+    body = adapter(form.root).json_schema(schema_generator=_Plain)
+    version = {"const": form.version, "description": "Version of the file's form."}
+    body["properties"]["schema"] = version
+    body["required"] = ["schema", *(key for key in body.get("required", ()) if key != "schema")]
+    head = {"$schema": GenerateJsonSchema.schema_dialect, "title": f"evertwin {form.title}"}
+    return head | body

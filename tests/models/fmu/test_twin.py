@@ -33,9 +33,9 @@ def recording(rows: int, values: dict[str, float], gain: float = 1.0) -> dict[st
 def twin_of(model: Fmu, **changes: Any) -> Twin:
     return Twin(
         TwinSpec(
-            "mass", spec.ModelSpec("fmu"), beat=50,
+            "mass", spec.ModelSpec("fmu"), beat=spec.Span(50),
             prediction=spec.PredictionSpec(horizon=0.5),
-            anomaly=spec.AnomalySpec(requirement=0.02, relative=False, window=300),
+            anomaly=spec.AnomalySpec(requirement=0.02, relative=False, window=spec.Span(300)),
             **changes,
         ),
         model,

@@ -14,18 +14,21 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeAlias
 
-from evertwin.config.data import Amount, Seconds
+from annotated_types import Ge, Gt, Le
+
 from evertwin.errors import UsageError
-from evertwin.settings.fields import Free, Hidden, Limits, Quantity, Section, Shorthand
-from evertwin.settings.text import Form
+from evertwin.models.spec import ChangeSpec
+from evertwin.settings.form import Form
+from evertwin.settings.kinds import Amount, Duration, Hertz
+from evertwin.settings.notes import Free, Hidden, Quantity, Shorthand
+from evertwin.settings.section import Section
 from evertwin.types import Json
 
 __all__ = ["SCENARIO", "ScenarioSpec", "read_scenario"]
 
-Metres = Annotated[float, Quantity("m")]
-Radians = Annotated[float, Quantity("rad")]
+Metres: TypeAlias = Annotated[float, Quantity("m")]
 
 
 @dataclass(frozen=True)
@@ -36,7 +39,7 @@ class SpeedSpec(Section):
     1.2
     """
 
-    factor: Annotated[float, Limits(above=0.0, at_most=100.0)]
+    factor: Annotated[float, Gt(0.0), Le(100.0)]
     """Above 1: faster."""
 
 
@@ -48,7 +51,7 @@ class LoadSpec(Section):
     (0.0, 0.0, 0.0)
     """
 
-    mass: Annotated[float, Quantity("kg"), Limits(at_least=0.0)]
+    mass: Annotated[float, Quantity("kg"), Ge(0.0)]
     """Mass at the tip."""
     centre: tuple[Metres, ...] = (0.0, 0.0, 0.0)
     """Its centre in the tip's frame."""
@@ -79,7 +82,7 @@ class PathSpec(Section):
     """Highest speed of each joint; absent: the description's."""
     acceleration: tuple[float, ...] = ()
     """Highest acceleration of each joint; absent: 2 rad/s²."""
-    rate: Annotated[float, Quantity("Hz"), Limits(above=0.0)] = 100.0
+    rate: Hertz = 100.0
     """Rows a second."""
     profile: Literal["trapezoid", "quintic"] = "trapezoid"
     """How each move speeds up and slows down."""
@@ -102,29 +105,6 @@ class PathSpec(Section):
 
 
 @dataclass(frozen=True)
-class ChangeSpec(Section):
-    """``[parameters]``: another value of a parameter.
-
-    >>> ChangeSpec(factor=1.2).value is None
-    True
-    """
-
-    shorthand = Shorthand("value")
-
-    value: Amount | None = None
-    """The new value."""
-    factor: float | None = None
-    """Times the value of today."""
-    add: float | None = None
-    """More than today, SI."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if sum(x is not None for x in (self.value, self.factor, self.add)) != 1:
-            raise UsageError("expected one of value, factor or add")
-
-
-@dataclass(frozen=True)
 class DockSpec(Section):
     """``[docking]``: the mobile robot drives to a second machine and docks.
 
@@ -140,21 +120,21 @@ class DockSpec(Section):
     """Metres that the dock moves per unit of that output."""
     dock: tuple[float, ...] = (2.0, 0.0, 0.0)
     """Where the dock is when that output is zero: x, y [m], heading [rad]."""
-    speed: Annotated[float, Quantity("m/s"), Limits(above=0.0)] = 0.1
+    speed: Annotated[float, Quantity("m/s"), Gt(0.0)] = 0.1
     """Highest speed of the approach."""
-    turn: Annotated[float, Quantity("rad/s"), Limits(above=0.0)] = 0.5
+    turn: Annotated[float, Quantity("rad/s"), Gt(0.0)] = 0.5
     """Highest turn rate of the approach."""
-    step: Annotated[Seconds, Limits(above=0.0)] = 0.1
+    step: Duration = 0.1
     """Time from one exchange of poses to the next."""
-    limit: Annotated[Seconds, Limits(above=0.0)] = 120.0
+    limit: Duration = 120.0
     """Longest approach."""
-    tolerance: Annotated[float, Quantity("m"), Limits(above=0.0)] = 0.02
+    tolerance: Annotated[float, Quantity("m"), Gt(0.0)] = 0.02
     """Largest position error of a docking that holds."""
     command: Mapping[str, float] = field(default_factory=dict)
     """Inputs of the second machine while the robot is under way; absent: zero."""
     arrived: Mapping[str, float] = field(default_factory=dict)
     """Its inputs from when the robot is within ``near`` of the dock."""
-    near: Annotated[float, Quantity("m"), Limits(at_least=0.0)] = 0.0
+    near: Annotated[float, Quantity("m"), Ge(0.0)] = 0.0
     """Distance at which the second machine is told that the robot comes."""
 
     def __post_init__(self) -> None:
@@ -177,7 +157,7 @@ class ScenarioSpec(Section):
     """Name of the scenario."""
     schema: int = 1
     """Version of the file's form."""
-    horizon: Annotated[Seconds, Limits(above=0.0)] | None = None
+    horizon: Duration | None = None
     """How long is simulated; absent: the newest recorded task."""
     speed: SpeedSpec | None = None
     """The same motion, faster or slower."""
@@ -189,9 +169,9 @@ class ScenarioSpec(Section):
     """Other values of parameters; ``*`` matches any text."""
     components: Mapping[str, Mapping[str, Amount]] = field(default_factory=dict)
     """Components that are replaced: values of the new one; absent: as the twin file says."""
-    wear: Annotated[Amount, Limits(above=0.0)] | None = None
+    wear: Annotated[Amount, Gt(0.0)] | None = None
     """Wear of all components this far ahead, on the clock of the prognosis."""
-    limits: Mapping[str, Annotated[Amount, Limits(above=0.0)]] = field(default_factory=dict)
+    limits: Mapping[str, Annotated[Amount, Gt(0.0)]] = field(default_factory=dict)
     """Largest size of a channel (torque, speed, current) that the machine can give."""
     docking: DockSpec | None = None
     """Docking at a second machine."""
@@ -199,7 +179,15 @@ class ScenarioSpec(Section):
     """Folder of the scenario file; set when it is read."""
 
 
-SCENARIO = Form(ScenarioSpec, 1, "scenario")
+_ABOUT = """# The scenario file
+
+A scenario file is TOML and says what is different from today; `evertwin whatif` simulates it.
+Everything else stays as the twin file says.
+
+The JSON schema for editors comes from `evertwin schema --scenario`.
+"""
+
+SCENARIO = Form(ScenarioSpec, 1, "scenario", _ABOUT)
 """How scenario files are read."""
 
 

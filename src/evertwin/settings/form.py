@@ -15,24 +15,18 @@ evertwin.errors.ConfigError: pump.toml:3: unknown key 'sped', did you mean 'spee
 
 from __future__ import annotations
 
-import re
-import tomllib
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Generic, TypeVar
 
 from evertwin.errors import ConfigError
-from evertwin.settings.convert import Reader
-from evertwin.settings.fields import Section
-from evertwin.settings.lines import Lines
+from evertwin.settings.decode import decode
+from evertwin.settings.document import LARGEST, Document
+from evertwin.settings.section import Section
 
 __all__ = ["Form"]
 
 S = TypeVar("S", bound=Section)
-_NOT_TOML = re.compile(r"^(.*?) \(at (?:line (\d+), column \d+|end of document)\)$")
-LARGEST = 1_000_000
-"""Bytes of the largest file: a recording given by mistake is refused at once."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +39,8 @@ class Form(Generic[S]):
     """Version of the form that this evertwin reads; the file states its own as ``schema``."""
     title: str = "file"
     """What such a file is called in messages."""
+    about: str = ""
+    """What opens its reference page (Markdown)."""
 
     def load(self, path: str | Path) -> str:
         """The text of the file at ``path``.
@@ -71,15 +67,8 @@ class Form(Generic[S]):
             ConfigError: it does not say what it must; the message has one line for each problem,
                 ``name:line: what was expected, what came``.
         """
-        try:
-            table = tomllib.loads(text)
-        except tomllib.TOMLDecodeError as error:
-            found = re.search(
-                r"^(.*?) \(at (?:line (\d+), column \d+|end of document)\)$", str(error)
-            )
-            line = found[2] if found and found[2] else len(text.splitlines())
-            raise ConfigError(f"{name}:{line}: not TOML: {found[1] if found else error}") from error
-        version = table.get("schema")
+        document = Document(text, name, self.title)
+        version = document.table.get("schema")
         if version is None:
             raise ConfigError(
                 f"{name}:1: needs 'schema = {self.version}': the version of the file's form"
@@ -89,11 +78,4 @@ class Form(Generic[S]):
                 f"{name}: has schema {version}, this evertwin reads up to {self.version}: "
                 "upgrade evertwin"
             )
-        reader = Reader(name, Lines(text), written=partial(self.root.written, table))
-        content = reader.section(self.root, table, ())
-        if content is None or reader.problems:
-            ordered = sorted(
-                set(reader.problems), key=lambda text: int(text[len(name) + 1 :].split(":")[0])
-            )
-            raise ConfigError("\n".join(ordered))
-        return content
+        return decode(self.root, document)

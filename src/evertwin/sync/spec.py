@@ -1,125 +1,29 @@
-"""Where the data comes from and what is done to it before the loop sees it."""
+"""Settings of the rows that the loop sees, and of how their measurements are judged."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Literal
+
+from annotated_types import Ge, Le
 
 from evertwin.errors import UsageError
-from evertwin.settings.fields import Key, Late, Limits, Quantity, Section, Shorthand
-from evertwin.signals.units import conversion
+from evertwin.settings.kinds import Amount, Duration, Hertz, Positive, Radians, Seconds, Spread
+from evertwin.settings.notes import Inherit, Key, Quantity, Shorthand
+from evertwin.settings.section import Section
 
 __all__ = [
-    "Amount",
-    "ChannelSpec",
+    "ArbiterSpec",
     "ClockSpec",
-    "Column",
     "CropSpec",
     "DeriveSpec",
     "FilterSpec",
-    "Hertz",
+    "GroupSpec",
     "MovingSpec",
-    "Seconds",
     "SignalSpec",
-    "SourceSpec",
-    "Spread",
-    "TimeSpec",
 ]
-
-Column: TypeAlias = str | Annotated[int, Limits(at_least=0)]
-Seconds: TypeAlias = Annotated[float, Quantity("s", difference=True)]
-Hertz: TypeAlias = Annotated[float, Quantity("Hz"), Limits(above=0.0)]
-Amount: TypeAlias = Annotated[float, Quantity()]
-Spread: TypeAlias = Annotated[float, Quantity(difference=True), Limits(at_least=0.0)]
-
-
-@dataclass(frozen=True)
-class ChannelSpec(Section):
-    """``[source.channels]``: one channel of a source.
-
-    >>> ChannelSpec(column="v", unit="cm/s").scale
-    1.0
-    """
-
-    column: Column
-    """Name in the header, or position from 0."""
-    unit: str
-    """Unit in the file; "1" for a pure number."""
-    scale: float = 1.0
-    """Multiplies the file's value before its unit is converted (a motor constant, a sign)."""
-    offset: float = 0.0
-    """Added after ``scale``, in the file's unit."""
-    sentinels: tuple[float, ...] = ()
-    """Values of the file that mean "no value"."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        conversion(self.unit)
-        if self.scale == 0.0:
-            raise UsageError("scale: expected a factor other than 0: it would erase the channel")
-
-
-@dataclass(frozen=True)
-class TimeSpec(Section):
-    """``time``: where a source's stamps come from.
-
-    >>> TimeSpec(column="t").unit
-    's'
-    """
-
-    shorthand = Shorthand("column")
-
-    column: Column | None = None
-    """Name in the header, or position from 0; absent: ``rate``."""
-    unit: Literal["s", "ms", "us", "ns", "min", "h", "iso", "auto"] = "s"
-    """Unit of the stamps; ``iso`` for dates as text; ``auto``: told from each file's stamps."""
-    rate: Hertz | None = None
-    """Rate of a recording without time column."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if (self.column is None) == (self.rate is None):
-            raise UsageError(
-                "expected either a column with stamps or a rate, as in "
-                "{ column = 't', unit = 's' } or { rate = '100 Hz' }"
-            )
-
-
-@dataclass(frozen=True)
-class SourceSpec(Section):
-    """``[[source]]``: one recorded source.
-
-    >>> SourceSpec(name="log", channels={}).format
-    'auto'
-    """
-
-    name: str
-    """Name in messages."""
-    channels: Mapping[str, ChannelSpec]
-    """Channel name to its column: ``v = { column = "v", unit = "m/s" }``."""
-    files: tuple[Annotated[str, Late()], ...] = ()
-    """Recordings or patterns, each file a task; relative to the twin file. ``--data`` replaces
-    them."""
-    match: str = "*"
-    """Which files given with ``--data`` belong to this source (file name pattern)."""
-    format: Literal["auto", "csv", "text", "mat", "parquet", "mcap", "bag", "numpy"] = "auto"
-    """Kind of the files, others are refused; ``auto``: any, told from the content."""
-    header: bool | None = None
-    """Does a table open with headings? Absent: found from its first lines."""
-    delimiter: str = "auto"
-    """Sign between the cells of a table, ``tab``, ``blank`` for runs of blanks, or ``auto``."""
-    decimal: Literal["auto", ".", ","] = "auto"
-    """Decimal sign of a table; ``auto``: found from its first lines."""
-    time: TimeSpec = TimeSpec(column=0)
-    """Where the stamps come from."""
-    task: Column | None = None
-    """Column whose change opens a new task."""
-    where: Mapping[str, tuple[float | str, ...]] = field(default_factory=dict)
-    """Only rows whose column has one of these values."""
-    offset: Seconds = 0.0
-    """Known offset of the source's clock, added to its stamps."""
 
 
 @dataclass(frozen=True)
@@ -190,9 +94,9 @@ class CropSpec(Section):
 
     channels: tuple[str, ...]
     """Channels that show motion."""
-    above: Annotated[float, Quantity(), Limits(at_least=0.0)]
+    above: Annotated[float, Quantity(), Ge(0.0)]
     """Smallest absolute value, of any of the channels, that counts as motion."""
-    inside: Annotated[Seconds, Limits(at_least=0.0)] = 0.0
+    inside: Annotated[Seconds, Ge(0.0)] = 0.0
     """Left out at both ends."""
 
 
@@ -206,7 +110,7 @@ class ClockSpec(Section):
 
     rate: Hertz | None = None
     """Resample each task onto a uniform grid; absent: the union of the stamps."""
-    gap: Annotated[Seconds, Limits(above=0.0)] = math.inf
+    gap: Duration = math.inf
     """Longest interval that is simulated over."""
     start: Seconds = -math.inf
     """Leave out what lies before, from the start of each task."""
@@ -231,7 +135,7 @@ class FilterSpec(Section):
 
     kind: Literal["butterworth", "savgol"] = "butterworth"
     """``butterworth``: zero-phase over a task; ``savgol``: symmetric, in the stream."""
-    order: Annotated[int, Limits(at_least=1, at_most=12)] = 4
+    order: Annotated[int, Ge(1), Le(12)] = 4
     """Order of the filter, or of the polynomial of ``savgol``."""
     cutoff: Hertz = 5.0
     """Cut-off frequency; ``savgol``: the window is the odd number of rows nearest to
@@ -248,9 +152,52 @@ class MovingSpec(Section):
     {}
     """
 
-    above: Annotated[float, Quantity(), Limits(at_least=0.0)]
+    above: Annotated[float, Quantity(), Ge(0.0)]
     """Moving where the deciding channel's absolute value exceeds this."""
     channels: Mapping[str, str] = field(default_factory=dict)
     """Output to the input channel that decides for it."""
     tune: bool = False
     """Tune on moving rows only: for friction, which at standstill is not determined."""
+
+
+@dataclass(frozen=True)
+class GroupSpec(Section):
+    """``[arbiter.groups.NAME]``: how the measurements of a group of signals are judged, where that
+    differs from ``[arbiter]``.
+
+    >>> GroupSpec().vote
+    8
+    """
+
+    gate: Positive = 4.0
+    """Innovation gate in standard deviations."""
+    vote: Annotated[int, Ge(2), Le(10_000)] = 8
+    """Samples of a group in the vote; longer than the longest credible burst."""
+    use: Literal["none", "tolerance", "blend"] = "none"
+    """What happens with a trusted measurement."""
+    tolerance: Spread = math.inf
+    """``tolerance``: adopt it when it differs by more."""
+    sigma: Spread = 0.0
+    """Standard deviation of the measurement; 0: learned from the residuals."""
+    tolerance_angle: Radians = math.inf
+    """The same for the angles of a group, such as the heading of a pose."""
+    sigma_angle: Annotated[float, Quantity("rad"), Ge(0.0)] = 0.0
+    """Standard deviation of a measured angle; 0: learned."""
+    growth: Spread = 0.0
+    """Growth of the prediction's standard deviation per √s while it predicts; 0: learned."""
+    frozen: Annotated[int, Ge(0), Le(1_000_000)] = 5
+    """Equal values in a row, while motion is predicted, that make a sensor frozen; 0: never."""
+    timeout: Duration = math.inf
+    """Without a trusted measurement for this long, the state is shown as not valid."""
+
+
+@dataclass(frozen=True)
+class ArbiterSpec(GroupSpec):
+    """``[arbiter]``: how measurements are judged.
+
+    >>> ArbiterSpec(vote=8).groups
+    {}
+    """
+
+    groups: Annotated[Mapping[str, GroupSpec], Inherit()] = field(default_factory=dict)
+    """What differs for one group of signals."""

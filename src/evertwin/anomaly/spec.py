@@ -1,0 +1,58 @@
+"""Settings of suspicion: when the twin is said to differ from its machine."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any
+
+from annotated_types import Ge
+
+from evertwin.errors import UsageError
+from evertwin.fold.span import Span
+from evertwin.settings.kinds import Positive, Seconds, Size
+from evertwin.settings.notes import Rows
+from evertwin.settings.quantity import written
+from evertwin.settings.section import Section
+from evertwin.signals.units import compatible
+
+__all__ = ["AnomalySpec"]
+
+
+@dataclass(frozen=True)
+class AnomalySpec(Section):
+    """``[anomaly]``: when the twin is suspected to differ from its machine.
+
+    >>> AnomalySpec(requirement=0.05).relative
+    True
+    """
+
+    requirement: Size = math.inf
+    """Largest deviation: relative to the rms of the measurement, or in the output's unit."""
+    relative: bool = True
+    """Is ``requirement`` a share? By default true for a bare number, false with a unit."""
+    snr: Annotated[float, Ge(0.0)] = 0.0
+    """Signal-to-noise threshold; 0: not used."""
+    false_alarms_per_month: Positive = 1.0
+    """Over all outputs together; sets the detectors' limits."""
+    calibration: Annotated[Seconds, Ge(0.0)] = 0.0
+    """Calm data that sets the run-length limits; 0: as soon as it suffices; inf: the whole first
+    task, and further ones only if it does not suffice."""
+    phases: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    """Input to the borders (SI, rising) that divide its range: each regime has its own limits."""
+    outputs: tuple[str, ...] = ()
+    """Outputs that are watched; empty: all."""
+    window: Annotated[Span, Rows()] = Span(600)
+    """Rows, or time, that the requirement is judged over (the task, where it ends earlier)."""
+
+    @classmethod
+    def prepare(cls, table: Mapping[str, Any]) -> Mapping[str, Any]:
+        """A requirement with a unit is absolute: "2 cm" is never 2 % of anything."""
+        value = table.get("requirement")
+        unit = written(value)[1] if isinstance(value, str) else ""
+        if not unit or compatible(unit, "1"):
+            return table
+        if table.get("relative") is True:
+            raise UsageError(f"requirement {value!r} has a unit, so it is not relative")
+        return {"relative": False, **table}

@@ -1,0 +1,49 @@
+"""A length of the stream: so many rows, or so much time.
+
+What is said in time means the same at any rate of the rows; what is said in rows is exact.
+
+>>> Span(600).at(None), Span(seconds=30.0).at(10.0), str(Span(seconds=30.0))
+(600, 300, '30 s')
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from evertwin.errors import UsageError
+
+__all__ = ["Span"]
+
+
+@dataclass(frozen=True)
+class Span:
+    """Either rows or seconds.
+
+    >>> Span(seconds=0.25).at(10.0)
+    3
+    """
+
+    rows: int | None = None
+    seconds: float | None = None
+
+    def __post_init__(self) -> None:
+        if (self.rows is None) == (self.seconds is None):
+            raise UsageError("expected a span of rows or of seconds, got both or neither")
+
+    def at(self, rate: float | None) -> int:
+        """Its rows at ``rate`` [Hz]: all that begin in it.
+
+        Raises:
+            UsageError: it is a time, and there is no rate.
+        """
+        if self.rows is not None:
+            return self.rows
+        if rate is None:
+            raise UsageError(
+                f"{self}: a time needs rows at a fixed rate: set rate in [clock], or say it in rows"
+            )
+        return math.ceil((self.seconds or 0.0) * rate * (1 - 1e-12))
+
+    def __str__(self) -> str:
+        return f"{self.seconds:g} s" if self.rows is None else f"{self.rows} rows"

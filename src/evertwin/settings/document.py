@@ -1,0 +1,106 @@
+"""A TOML text within bounds, its patterns written out, and the line of everything in it.
+
+What comes from a stranger is bounded before it is read: size, depth, length of arrays, digits.
+
+>>> document = Document('name = "axis"\\n["q{1..2}"]\\ncolumn = "{0..1}"', "a.toml")
+>>> document.table
+{'name': 'axis', 'q1': {'column': 0}, 'q2': {'column': 1}}
+>>> document.line(("q2", "column"))
+3
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any
+
+from evertwin.errors import ConfigError
+from evertwin.settings.lines import Lines, tokens
+from evertwin.settings.notes import Path, PlacedError
+from evertwin.settings.patterns import written_out
+
+__all__ = ["DEEPEST", "LARGEST", "LONGEST", "Document"]
+
+LARGEST = 1_000_000
+"""Bytes of the largest text: a recording given by mistake is refused at once."""
+DEEPEST = 32
+"""Tables and arrays inside one another."""
+LONGEST = 10_000
+"""Elements of an array, keys of a table."""
+DIGITS = 400
+"""A longer number is a mistake; the longest double has 309."""
+_PLACE = re.compile(r"^(.*?) \(at (?:line (\d+), column \d+|end of document)\)$")
+
+
+class Document:
+    """The values of a text. See the module for an example.
+
+    Raises:
+        ConfigError: it is no TOML, too large, or a pattern does not fit; with name and line.
+    """
+
+    def __init__(self, text: str, name: str, title: str = "file of settings") -> None:
+        self.text = text
+        self.name = name
+        if len(text) > LARGEST:
+            raise ConfigError(f"{name}: over {LARGEST} characters: expected a {title}")
+        self._look()
+        try:
+            self._table = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            found = _PLACE.match(str(error))
+            line = found[2] if found and found[2] else len(text.splitlines())
+            raise ConfigError(f"{name}:{line}: not TOML: {found[1] if found else error}") from error
+        try:
+            _bounded(self._table, ())
+            self.table, self._from = written_out(self._table)
+        except PlacedError as error:
+            raise ConfigError(f"{name}:{self._lines.of(error.path)}: {error}") from error
+
+    def line(self, path: Path) -> int:
+        """The line on which the setting at ``path`` stands, or the nearest table around it."""
+        return self._lines.of(self.written(path))
+
+    def written(self, path: Path) -> Path:
+        """The setting at ``path`` as the text names it, patterns and all."""
+        for length in range(len(path), 0, -1):
+            if path[:length] in self._from:
+                return (*self._from[path[:length]], *path[length:])
+        return path
+
+    @cached_property
+    def _lines(self) -> Lines:
+        return Lines(self.text)
+
+    def _look(self) -> None:
+        """Depth and digits, before a parser goes down into them."""
+        depth = dots = 0
+        for token in tokens(self.text):
+            depth += (token.text in ("[", "{")) - (token.text in ("]", "}"))
+            dots = dots + 1 if token.text == "." else 0 if token.text in "[]{}\n=," else dots
+            if depth > DEEPEST or dots > DEEPEST:
+                raise ConfigError(
+                    f"{self.name}:{token.line}: expected at most {DEEPEST} tables and arrays "
+                    "inside one another, got more"
+                )
+            if len(token.text) > DIGITS and token.text[0] in "+-0123456789":
+                raise ConfigError(
+                    f"{self.name}:{token.line}: expected a number of at most {DIGITS} digits, got "
+                    f"{len(token.text)} characters"
+                )
+
+
+def _bounded(node: Any, path: Path) -> None:
+    if isinstance(node, Mapping | list):
+        if len(path) > DEEPEST:
+            raise PlacedError(f"expected at most {DEEPEST} tables and arrays inside another", path)
+        if len(node) > LONGEST:
+            kind = "elements" if isinstance(node, list) else "keys"
+            raise PlacedError(f"expected at most {LONGEST} {kind}, got {len(node)}", path)
+        for key, item in node.items() if isinstance(node, Mapping) else enumerate(node):
+            _bounded(item, (*path, key))
+    elif isinstance(node, int) and not -(2**63) <= node < 2**63:
+        raise PlacedError("expected a whole number of 64 bits, got a larger one", path)

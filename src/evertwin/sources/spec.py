@@ -1,0 +1,106 @@
+"""Settings of recorded sources: which files, and which column is which channel."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Literal, TypeAlias
+
+from annotated_types import Ge, Le
+
+from evertwin.errors import UsageError
+from evertwin.settings.kinds import Hertz, Seconds
+from evertwin.settings.notes import Late, Shorthand
+from evertwin.settings.section import Section
+from evertwin.signals.units import conversion
+
+__all__ = ["ChannelSpec", "Column", "SourceSpec", "TimeSpec"]
+
+Column: TypeAlias = str | Annotated[int, Ge(0), Le(1_000_000)]
+
+
+@dataclass(frozen=True)
+class ChannelSpec(Section):
+    """``[source.channels]``: one channel of a source.
+
+    >>> ChannelSpec(column="v", unit="cm/s").scale
+    1.0
+    """
+
+    column: Column
+    """Name in the header, or position from 0."""
+    unit: str
+    """Unit in the file; "1" for a pure number."""
+    scale: float = 1.0
+    """Multiplies the file's value before its unit is converted (a motor constant, a sign)."""
+    offset: float = 0.0
+    """Added after ``scale``, in the file's unit."""
+    sentinels: tuple[float, ...] = ()
+    """Values of the file that mean "no value"."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        conversion(self.unit)
+        if self.scale == 0.0:
+            raise UsageError("scale: expected a factor other than 0: it would erase the channel")
+
+
+@dataclass(frozen=True)
+class TimeSpec(Section):
+    """``time``: where a source's stamps come from.
+
+    >>> TimeSpec(column="t").unit
+    's'
+    """
+
+    shorthand = Shorthand("column")
+
+    column: Column | None = None
+    """Name in the header, or position from 0; absent: ``rate``."""
+    unit: Literal["s", "ms", "us", "ns", "min", "h", "iso", "auto"] = "s"
+    """Unit of the stamps; ``iso`` for dates as text; ``auto``: told from each file's stamps."""
+    rate: Hertz | None = None
+    """Rate of a recording without time column."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if (self.column is None) == (self.rate is None):
+            raise UsageError(
+                "expected either a column with stamps or a rate, as in "
+                "{ column = 't', unit = 's' } or { rate = '100 Hz' }"
+            )
+
+
+@dataclass(frozen=True)
+class SourceSpec(Section):
+    """``[[source]]``: one recorded source.
+
+    >>> SourceSpec(name="log", channels={}).format
+    'auto'
+    """
+
+    name: str
+    """Name in messages."""
+    channels: Mapping[str, ChannelSpec]
+    """Channel name to its column: ``v = { column = "v", unit = "m/s" }``."""
+    files: tuple[Annotated[str, Late()], ...] = ()
+    """Recordings or patterns, each file a task; relative to the twin file. ``--data`` replaces
+    them."""
+    match: str = "*"
+    """Which files given with ``--data`` belong to this source (file name pattern)."""
+    format: Literal["auto", "csv", "text", "mat", "parquet", "mcap", "bag", "numpy"] = "auto"
+    """Kind of the files, others are refused; ``auto``: any, told from the content."""
+    header: bool | None = None
+    """Does a table open with headings? Absent: found from its first lines."""
+    delimiter: str = "auto"
+    """Sign between the cells of a table, ``tab``, ``blank`` for runs of blanks, or ``auto``."""
+    decimal: Literal["auto", ".", ","] = "auto"
+    """Decimal sign of a table; ``auto``: found from its first lines."""
+    time: TimeSpec = TimeSpec(column=0)
+    """Where the stamps come from."""
+    task: Column | None = None
+    """Column whose change opens a new task."""
+    where: Mapping[str, tuple[float | str, ...]] = field(default_factory=dict)
+    """Only rows whose column has one of these values."""
+    offset: Seconds = 0.0
+    """Known offset of the source's clock, added to its stamps."""

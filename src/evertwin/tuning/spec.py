@@ -1,0 +1,89 @@
+"""Settings of tuning: which parameters, how, when, and over which horizon."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+from annotated_types import Ge, Gt, Le
+
+from evertwin.fold.span import Span
+from evertwin.settings.kinds import Duration, Positive, Size
+from evertwin.settings.notes import Rows
+from evertwin.settings.section import Section
+
+__all__ = ["CutSpec", "PredictionSpec", "TuningSpec"]
+
+
+@dataclass(frozen=True)
+class PredictionSpec(Section):
+    """``[prediction]``: over which horizon models are compared and tuned.
+
+    >>> PredictionSpec().horizon
+    inf
+    """
+
+    horizon: Duration = math.inf
+    """Predictions restart from the measured state after this time; inf: once a task."""
+    scale: Mapping[str, Size] = field(default_factory=dict)
+    """Output to the size that counts as 1 in a loss; absent: the rms of its first residuals."""
+
+
+@dataclass(frozen=True)
+class CutSpec(Section):
+    """``[tuning.cut]``: a fit predicts over windows of its recordings, not over whole tasks.
+
+    >>> CutSpec(length=4.0).step is None
+    True
+    """
+
+    length: Duration
+    """Length of a window; each starts anew from the measured state."""
+    step: Duration | None = None
+    """From one window's start to the next; absent: ``length``, so that they do not overlap."""
+
+
+@dataclass(frozen=True)
+class TuningSpec(Section):
+    """``[tuning]``: which parameters, how, when.
+
+    >>> TuningSpec().method
+    'auto'
+    """
+
+    editable: tuple[str, ...] | None = None
+    """Parameters that may be tuned; absent: what the model proposes. ``*`` matches any text."""
+    method: Literal["auto", "recursive", "iteration"] = "auto"
+    """``auto``: solved at once; ``recursive``: in the stream; ``iteration``: relaxed rounds."""
+    every: Duration = math.inf
+    """Also tune on a schedule, not only when suspected."""
+    window: Annotated[Span, Rows(least=2)] = Span(6000)
+    """Newest rows, or time, that a fit looks at."""
+    loss: Literal["linear", "soft_l1", "huber", "cauchy", "arctan"] = "linear"
+    """How large residuals are weighed."""
+    starts: Annotated[int, Ge(1), Le(10_000)] = 1
+    """Starts of a nonlinear search: the given values, then points spread over the bounds."""
+    workers: Annotated[int, Ge(1), Le(256)] = 1
+    """``fit``: processes that differences are simulated in, for models in slow Python."""
+    weights: Mapping[str, Annotated[float, Ge(0.0)]] = field(default_factory=dict)
+    """Parameter to how often it is tuned, relative to the others."""
+    ladder: tuple[str, ...] = ()
+    """Variants of the model, simplest first, climbed while held-out error falls."""
+    cut: CutSpec | None = None
+    """Windows that ``fit`` cuts its recordings into; absent: whole tasks."""
+    causes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    """Cause to its parameters; competing refits name the cause of a deviation."""
+    relaxation: Annotated[float, Gt(0.0), Le(1.0)] = 0.4
+    """Step of the iteration mode."""
+    follow: tuple[str, ...] = ()
+    """``recursive``: tuned parameters that are followed in the stream; empty: all."""
+    learn: Duration = 1.0
+    """``recursive``: predict for so long, then learn."""
+    memory: Duration = 20.0
+    """``recursive``: time constant of forgetting towards the prior."""
+    spread: Positive = 0.1
+    """``recursive``: standard deviation of the prior, relative to the fitted value."""
+    caution: Positive = 3.0
+    """``recursive``: noise that is assumed, in units of the fit's residual."""

@@ -1,0 +1,34 @@
+"""Writes the reference pages that follow from the source: twin, breakdown and scenario file, parts.
+
+    python tools/write_reference.py          # or: make reference
+
+tests/test_reference.py compares them with the source.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from evertwin.ahead.spec import SCENARIO
+from evertwin.config import TWIN
+from evertwin.engineering.breakdown import BREAKDOWN
+from evertwin.machines.assembly import page as components
+from evertwin.settings.page import page
+
+FOLDER = Path(__file__).parent.parent / "docs" / "reference"
+
+
+def pages() -> dict[str, str]:
+    """Name of each page and its text."""
+    return {
+        "twin-file.md": page(TWIN),
+        "breakdown-file.md": page(BREAKDOWN),
+        "scenario-file.md": page(SCENARIO),
+        "components.md": components.page(),
+    }
+
+
+if __name__ == "__main__":
+    for name, text in pages().items():
+        (FOLDER / name).write_text(text, encoding="utf-8")
+        print(FOLDER.name, name)
