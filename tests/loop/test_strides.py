@@ -14,6 +14,7 @@ from evertwin.config.spec import (
     FilterSpec,
     ModelSpec,
     PredictionSpec,
+    Span,
     TuningSpec,
     TwinSpec,
 )
@@ -26,10 +27,10 @@ from evertwin.loop.twin_state import TwinState
 from evertwin.loop.versions import Versions
 
 CART = TwinSpec(
-    "cart", ModelSpec("robot1d"), beat=10, clock=ClockSpec(rate=1.0),
-    prediction=PredictionSpec(horizon=5.0), tuning=TuningSpec(window=300),
+    "cart", ModelSpec("robot1d"), beat=Span(10), clock=ClockSpec(rate=1.0),
+    prediction=PredictionSpec(horizon=5.0), tuning=TuningSpec(window=Span(300)),
     correction=CorrectionSpec(terms=()),
-    anomaly=AnomalySpec(requirement=0.02, relative=False, window=100),
+    anomaly=AnomalySpec(requirement=0.02, relative=False, window=Span(100)),
 )  # fmt: skip
 
 

@@ -109,7 +109,7 @@ def test_lines_of_what_stands_in_an_array() -> None:
         "components = [\n  { name = 'a' },\n  # none\n  { name = 'b',\n    kind = 'c' },\n]\nx = 1"
     )
     lines = Lines(text)
-    places = [("components", 0), ("components", 1), ("components", 1, "k"), ("x",)]
+    places = [("components", 0), ("components", 1), ("components", 1, "kind"), ("x",)]
     assert [lines.of(place) for place in places] == [2, 4, 5, 7]
 
 

@@ -159,7 +159,7 @@ class Driver:
             piece = take(rest, 0, stop - at)
             state, out = self.follow.step(state, piece, inside[inside < stop])
             state = self._seen(state, piece, out)
-        return state, stop + CAREFUL * self.setup.spec.beat
+        return state, stop + CAREFUL * self.setup.beat.every
 
     def _seen(self, state: TwinState, piece: Block, out: Followed) -> TwinState:
         """Rows that are folded for good: kept for slow work, told, shown."""

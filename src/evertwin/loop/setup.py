@@ -147,7 +147,8 @@ class Setup:
 
     def watch(self, beats: np.ndarray) -> Watch:
         """How the champion is judged before the rows ``beats``."""
-        return Watch(beats, self.spec.anomaly.window, self.requirement, self.relative, self.watched)
+        window = self.rows(self.spec.anomaly.window)
+        return Watch(beats, window, self.requirement, self.relative, self.watched)
 
     least: int = 30
     """Fewest rows that a deviation is judged on when a task ends."""
