@@ -111,7 +111,7 @@ def test_an_undecided_challenger_makes_room_for_newer_data() -> None:
     state = bench.challenger(TRIAL)
     bench.setup.trial.step(state.trial, losses(1.0, 1.0, 5 * bench.setup.trial.least + 1))
     state.scores.watch.residual[:] = 1.0
-    state.scores.watch.samples[:] = 50
+    state.scores.watch.samples[:], state.scores.seen[:] = 50, 50
     done = bench.beat(state)
     assert done.kinds == ["rejected", "suspected"]
     assert "superseded" in done.events[0].reason
@@ -144,6 +144,7 @@ def test_a_champion_that_lasts_is_kept() -> None:
 def test_a_deviation_asks_for_a_fit() -> None:
     bench = Bench(anomaly=AnomalySpec(requirement=0.01, relative=False, window=Span(40)))
     bench.state.scores.watch.residual[:], bench.state.scores.watch.samples[:] = 1.0, 50
+    bench.state.scores.seen[:] = 50
     done = bench.beat(bench.state)
     assert done.kinds == ["suspected"]
     assert done.requests[0].window == (0, 50)
@@ -235,6 +236,7 @@ def test_within_the_range_nothing_happens() -> None:
 def test_the_end_of_the_data_answers_what_is_open() -> None:
     bench = Bench(anomaly=AnomalySpec(requirement=1e-9, relative=False, window=Span(40)))
     bench.state.scores.watch.residual[:], bench.state.scores.watch.samples[:] = 1.0, 50
+    bench.state.scores.seen[:] = 50
     state = bench.beat(bench.state).state
     assert state.agenda.open == 1
     done = bench.driver.finish(state)

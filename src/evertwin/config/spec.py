@@ -25,7 +25,6 @@ from evertwin.config.prognosis import (
     WorkSpec,
 )
 from evertwin.correction.spec import CorrectionSpec, SarsaSpec
-from evertwin.errors import UsageError
 from evertwin.fold.span import Span
 from evertwin.models.spec import ModelSpec, ParameterSpec
 from evertwin.settings.notes import Hidden, Path, PlacedError, Rows, dotted
@@ -141,11 +140,10 @@ class TwinSpec(Section):
                     self._spans(rows, getattr(section, setting.name), place)
 
     def _spans(self, rows: Rows, span: Span, place: Path) -> None:
-        """A time is so many rows of the clock."""
-        try:
-            count = span.at(self.clock.rate)
-        except UsageError as error:
-            raise PlacedError(f"{dotted(place)} = {error}", place) from error
+        """A time is so many rows of the clock, where it has a rate."""
+        if span.rows is None and self.clock.rate is None:
+            return
+        count = span.at(self.clock.rate)
         if not rows.least <= count <= rows.most:
             raise PlacedError(
                 f"{dotted(place)}: expected {rows.least} to {rows.most} rows, got {span}", place

@@ -8,7 +8,6 @@ What is said in time means the same at any rate of the rows; what is said in row
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 from evertwin.errors import UsageError
@@ -20,8 +19,8 @@ __all__ = ["Span"]
 class Span:
     """Either rows or seconds.
 
-    >>> Span(seconds=0.25).at(10.0)
-    3
+    >>> Span(seconds=0.25).at(10.0), Span(seconds=30.0).at(1.0003), Span(seconds=0.1).at(1.0)
+    (2, 30, 1)
     """
 
     rows: int | None = None
@@ -32,7 +31,7 @@ class Span:
             raise UsageError("expected a span of rows or of seconds, got both or neither")
 
     def at(self, rate: float | None) -> int:
-        """Its rows at ``rate`` [Hz]: all that begin in it.
+        """Its rows at ``rate`` [Hz], rounded; one at least, unless it is none.
 
         Raises:
             UsageError: it is a time, and there is no rate.
@@ -41,9 +40,9 @@ class Span:
             return self.rows
         if rate is None:
             raise UsageError(
-                f"{self}: a time needs rows at a fixed rate: set rate in [clock], or say it in rows"
+                f"{self}: a time needs the rate of the rows: set rate in [clock], or say it in rows"
             )
-        return math.ceil((self.seconds or 0.0) * rate * (1 - 1e-12))
+        return max(round((self.seconds or 0.0) * rate), int(bool(self.seconds)))
 
     def __str__(self) -> str:
         return f"{self.seconds:g} s" if self.rows is None else f"{self.rows} rows"

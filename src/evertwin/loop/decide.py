@@ -16,7 +16,7 @@ import numpy as np
 
 from evertwin.fold import Answer, Event, Request, copy
 from evertwin.loop.deviation import deviation, new_sums
-from evertwin.loop.follow import EMPTY, Follow
+from evertwin.loop.follow import EMPTY, NONE, Follow
 from evertwin.loop.scores import new_scores
 from evertwin.loop.twin_state import CORRECT, FIT, PROBATION, TRIAL, WATCH, TwinState
 from evertwin.models.form import Form
@@ -76,7 +76,8 @@ class Decide:
         """Is nothing going on but watching, so that a beat decides only what rows bring up?"""
         agenda, detect = state.agenda, self.follow.setup.detect
         idle = agenda.phase == WATCH and agenda.open == 0 and agenda.retrain == 0
-        return idle and len(state.watched) == 0 and detect.quiet(state.detect)
+        watches = len(state.watched) == 0 and detect.quiet(state.detect)
+        return idle and watches and self.follow.here(state)
 
     # ------------------------------------------------------------------ is the twin still true?
 
@@ -84,8 +85,9 @@ class Decide:
         state, setup = decision.state, self.follow.setup
         reason, signal, evidence = self._deviates(state, task_end)
         if reason is not None:
-            watch = new_sums(len(state.scores.watch.samples))
-            decision.state = state._replace(scores=state.scores._replace(watch=watch))
+            watch, seen = new_sums(len(state.scores.watch.samples)), np.zeros(1, dtype=np.int64)
+            scores = state.scores._replace(watch=watch, seen=seen)
+            decision.state = state._replace(scores=scores)
         detect, alarm, failed = setup.detect.beat(decision.state.detect, task_end)
         decision.state = decision.state._replace(detect=detect)
         if failed[0]:
@@ -130,7 +132,7 @@ class Decide:
                 evidence = {"now": now, "range": state.watched}
                 decision.say("training_restarted", name, reason, evidence)
                 decision.state = state._replace(watched=np.zeros((0, 2)))
-                retrain = state.row + setup.rows(setup.spec.anomaly.window)
+                retrain = state.row + setup.enough
                 decision.remember(since=state.row, retrain=retrain)
         agenda = decision.state.agenda
         if agenda.retrain and state.row >= agenda.retrain and self._free(decision.state):
@@ -140,9 +142,8 @@ class Decide:
     def _deviates(self, state: TwinState, task_end: bool) -> tuple[str | None, str, dict[str, Any]]:
         """(None, …) when it is too early to say, ("", …) when within the requirement."""
         setup, watch = self.follow.setup, state.scores.watch
-        enough = watch.samples.max(initial=0) >= (
-            setup.least if task_end else setup.rows(setup.spec.anomaly.window)
-        )
+        samples = watch.samples.max(initial=0)
+        enough = samples >= setup.least if task_end else setup.watch(NONE).enough(state.scores)
         if not np.isfinite(setup.requirement) or not enough:
             return None, "", {}
         values = deviation(watch, relative=setup.relative)
@@ -153,7 +154,7 @@ class Decide:
         name = setup.model.outputs.names[worst]
         shown = [setup.shown(k, values[k]) for k in range(len(values))]
         limit = setup.shown(worst, setup.requirement)
-        evidence = {"deviation": values, "limit": setup.requirement, "rows": watch.samples.max()}
+        evidence = {"deviation": values, "limit": setup.requirement, "rows": samples}
         return f"{name} is off by {shown[worst]} (limit {limit})", name, evidence
 
     def _free(self, state: TwinState) -> bool:
@@ -259,8 +260,8 @@ class Decide:
         return state._replace(
             live=lane, first=first, other=other, scores=scores,
             trial=follow.setup.probation.init(), detect=follow.setup.detect.init(),
-            # what waits for its filter is of the version that goes
-            waiting=follow.setup.residual_filter.init(),
+            # what waits is of the version that goes
+            newest=follow.setup.at_horizon.init(), waiting=follow.setup.residual_filter.init(),
         )  # fmt: skip
 
     def _taken_over(self, number: int, state: TwinState) -> Any:

@@ -67,6 +67,11 @@ class Follow:
             self._of[number] = self._stages[form]
         return self._of[number]
 
+    def here(self, state: TwinState) -> bool:
+        """Are all versions simulated in this process, so that rows may be folded twice?"""
+        lanes = (state.live, state.first, state.other)
+        return all(self.stages(lane.version)[0].here for lane in lanes if lane.version >= 0)
+
     def lane(self, number: int, *, tracked: bool) -> Lane:
         """A version from its start: nothing adopted yet."""
         track, horizon = self.stages(number)
@@ -101,13 +106,14 @@ class Follow:
             none if b is None else b.residual, none if c is None else c.residual,
             self.setup.moving(piece.u), a.end,
         )  # fmt: skip
+        newest, rows = self.setup.at_horizon.step(state.newest, rows)
         waiting, released = self.setup.residual_filter.step(state.waiting, rows)
         opens = state.row == 0 or int(piece.task[0]) != state.task
         before_piece = int(piece.t[0]) if opens else state.time
         state = state._replace(
             elapsed=state.elapsed + int(piece.t[-1]) - before_piece,
             row=piece.row + len(piece.t), task=int(piece.task[-1]), time=int(piece.t[-1]),
-            live=live, first=first, other=other, waiting=waiting,
+            live=live, first=first, other=other, newest=newest, waiting=waiting,
         )  # fmt: skip
         state, found, stop = self._judge(state, released, beats)
         events = _by_beat(_events(out.records), found, beats, self.setup.residual_filter.delay)

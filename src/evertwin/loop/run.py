@@ -17,6 +17,7 @@ from evertwin.loop.driver import Driver
 from evertwin.loop.feed import Data, Feed
 from evertwin.loop.ledger import Ledger
 from evertwin.loop.observer import Observer
+from evertwin.loop.rate import measured
 from evertwin.loop.result import RunResult
 from evertwin.loop.setup import Setup
 from evertwin.loop.twin_state import TwinState
@@ -46,14 +47,15 @@ class Run:
         """
         began = time.perf_counter()
         feed = Feed(self.setup.spec, self.setup.model)
+        rate, blocks = measured(feed.stream(data))
         driver = Driver(
-            self.setup, self.versions, self._keep(observer), observer.watch, self.ledger.champion,
-            self.ledger.pinned,
+            self.setup.at(rate), self.versions, self._keep(observer), observer.watch,
+            self.ledger.champion, self.ledger.pinned,
         )  # fmt: skip
         state = self._restored(driver) if again else driver.init()
         kept = state.row
         self.ledger.begin(state.row, state.time)
-        for block in feed.stream(data):
+        for block in blocks:
             part = block if block.row >= state.row else _rest(block, state.row)
             state = driver.step(state, part) if len(part.t) else state
             if every and state.row - kept >= every:

@@ -22,52 +22,65 @@ __all__ = ["NEVER", "Watch", "accumulate", "new_scores"]
 def new_scores(outputs: int, updates: np.ndarray, row: int, scale: np.ndarray) -> Scores:
     """Empty scores, as at the start and at each change of champion."""
     watch, live, first, live_moving, first_moving = (new_sums(outputs) for _ in range(5))
-    return Scores(watch, live, first, live_moving, first_moving, updates, row, np.zeros(3), scale)
+    return Scores(
+        watch, live, first, live_moving, first_moving, updates, row, np.zeros(1, np.int64),
+        np.zeros(3), scale,
+    )  # fmt: skip
 
 
 class Watch(NamedTuple):
     """When the champion's deviation is judged, and against what.
 
-    >>> Watch(np.array([10]), 5, 0.1, False, np.array([True])).limit
+    >>> Watch(np.array([10]), 5, 3, 0.1, False, np.array([True])).limit
     0.1
     """
 
     beats: Int64[np.ndarray, " beats"]
     """Row numbers before which it is judged."""
+    rows: int
+    """Rows that have to have come since it was last judged."""
     least: int
-    """Samples of an output that it needs."""
+    """Samples of an output that it needs; fewer where there are fewer rows."""
     limit: float
     """Largest deviation; infinite: it is never judged."""
     relative: bool
     outputs: Bool[np.ndarray, " ny"]
     """Outputs that are held to it."""
 
+    def enough(self, scores: Scores) -> bool:
+        """Is there enough to judge it?"""
+        samples = int(scores.watch.samples.max(initial=0))
+        return int(scores.seen[0]) >= self.rows and samples >= min(self.least, self.rows)
+
 
 @njit(cache=True)
-def judged(sums: Any, watch: Watch) -> bool:
+def judged(sums: Any, seen: Any, watch: Watch) -> bool:
     """May the twin go on? Then sums that were enough to say so begin anew."""
     residual, measured, samples = sums
-    if samples.max() < watch.least or not np.isfinite(watch.limit):
+    if seen[0] < watch.rows or samples.max() < min(watch.least, watch.rows):
+        return True
+    if not np.isfinite(watch.limit):
         return True
     for k in range(samples.shape[0]):
         base = measured[k] if watch.relative else float(samples[k])
         if watch.outputs[k] and samples[k] > 0 and np.sqrt(residual[k] / base) > watch.limit:
             return False
-    residual[:], measured[:], samples[:] = 0.0, 0.0, 0
+    residual[:], measured[:], samples[:], seen[:] = 0.0, 0.0, 0, 0
     return True
 
 
 @njit(cache=True)
 def _accumulate(
-    number: Any, rows: Any, sums: Any, pair: Any, scale: Any, pairs: Any, watch: Watch
+    number: Any, rows: Any, sums: Any, seen: Any, pair: Any, scale: Any, pairs: Any, watch: Watch
 ) -> tuple[int, int]:
     measured, live, first, other, moving, end = rows
     count, beat = 0, 0
     for i in range(live.shape[0]):
         while beat < watch.beats.shape[0] and watch.beats[beat] <= number[i]:
-            if not judged(sums[0], watch):
+            if not judged(sums[0], seen, watch):
                 return count, beat
             beat += 1
+        seen[0] += 1
         for k in range(live.shape[1]):
             y, a, b, c = measured[i, k], live[i, k], first[i, k], other[i, k]
             for s in range(5):
@@ -88,13 +101,13 @@ def _accumulate(
         if end[i]:
             pair[:] = 0.0
     while beat < watch.beats.shape[0]:
-        if not judged(sums[0], watch):
+        if not judged(sums[0], seen, watch):
             return count, beat
         beat += 1
     return count, -1
 
 
-NEVER = Watch(np.zeros(0, np.int64), 1, np.inf, False, np.zeros(0, np.bool_))
+NEVER = Watch(np.zeros(0, np.int64), 1, 1, np.inf, False, np.zeros(0, np.bool_))
 """Nothing is judged on the way."""
 
 
@@ -110,6 +123,13 @@ def accumulate(
     pairs = np.empty((int(np.count_nonzero(rows.end)), 2))
     sums = (scores.watch, scores.live, scores.first, scores.live_moving, scores.first_moving)
     count, stop = _accumulate(
-        rows.row, rows[3:], tuple(tuple(s) for s in sums), scores.pair, scores.scale, pairs, watch
+        rows.row,
+        rows[3:],
+        tuple(tuple(s) for s in sums),
+        scores.seen,
+        scores.pair,
+        scores.scale,
+        pairs,
+        watch,
     )
     return scores, pairs[:count], stop

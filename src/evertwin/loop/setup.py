@@ -5,7 +5,7 @@ from __future__ import annotations
 import fnmatch
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,6 +16,7 @@ from evertwin.errors import UsageError
 from evertwin.fold import Beat
 from evertwin.fold.span import Span
 from evertwin.loop.alignment import low_pass
+from evertwin.loop.at_horizon import AtHorizon
 from evertwin.loop.channels import is_measured
 from evertwin.loop.detectors import Detect
 from evertwin.loop.plausibility import arbiter_of
@@ -59,6 +60,12 @@ class Setup:
     spec: TwinSpec
     model: Model
     """The base model, with the twin file's parameters."""
+    measured_rate: float | None = None
+    """Rows per second of the data, for times where ``[clock]`` gives no rate."""
+
+    def at(self, rate: float | None) -> Setup:
+        """The same for data of so many rows per second, unless ``[clock]`` says how many."""
+        return self if self.spec.clock.rate is not None else replace(self, measured_rate=rate)
 
     def track(self, model: Model) -> Track:
         """The stage that follows the machine with a version."""
@@ -86,6 +93,12 @@ class Setup:
         # a request is answered up to `latency` rows later, from rows that must still be there
         size = max(self.window("fit"), self.window("correct")) + self.latency + 1
         return Ring(size, len(self.model.inputs), len(self.model.outputs))
+
+    @cached_property
+    def at_horizon(self) -> AtHorizon:
+        """Which residuals count: those of predictions that have reached their horizon."""
+        wanted = not self.static and math.isfinite(self.horizon) and self.spec.filter is None
+        return AtHorizon(wanted, len(self.model.outputs))
 
     @cached_property
     def residual_filter(self) -> ResidualFilter:
@@ -147,8 +160,12 @@ class Setup:
 
     def watch(self, beats: np.ndarray) -> Watch:
         """How the champion is judged before the rows ``beats``."""
-        window = self.rows(self.spec.anomaly.window)
-        return Watch(beats, window, self.requirement, self.relative, self.watched)
+        return Watch(beats, self.enough, self.least, self.requirement, self.relative, self.watched)
+
+    @cached_property
+    def enough(self) -> int:
+        """Rows that a deviation is judged on."""
+        return self.rows(self.spec.anomaly.window)
 
     least: int = 30
     """Fewest rows that a deviation is judged on when a task ends."""
@@ -174,8 +191,8 @@ class Setup:
         return self.rows(self.spec.trial.holdoff)
 
     def rows(self, span: Span) -> int:
-        """The rows of a span, at the rate of the clock."""
-        return span.at(self.spec.clock.rate)
+        """The rows of a span, at the rate of the clock or of the data."""
+        return span.at(self.spec.clock.rate or self.measured_rate)
 
     def shown(self, output: int, value: float) -> str:
         """A deviation in words."""

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from evertwin.loop.at_horizon import Newest
 from evertwin.loop.deviation import Sums
 from evertwin.loop.released import Waiting
 from evertwin.loop.ring import Rows
@@ -52,6 +53,8 @@ class Scores(NamedTuple):
     """Position updates (live, first) before the champion went live, int64."""
     rows: int
     """Row since which ``live`` and ``first`` count."""
+    seen: np.ndarray
+    """Rows since the deviation was last judged, int64 (1,)."""
     pair: np.ndarray
     """Running segment: Σ loss of champion and of the other, rows; (3,)."""
     scale: np.ndarray
@@ -111,6 +114,8 @@ class TwinState(NamedTuple):
     """The first champion, while another one is live."""
     other: Lane
     """The challenger on trial, or the last champion during probation."""
+    newest: Newest
+    """What the present predictions are off by."""
     waiting: Waiting
     """Rows that the residual filter holds back."""
     detect: Any

@@ -170,16 +170,19 @@ class Work:
             if chosen:
                 refits[cause] = solve(self.problem(version, windows, chosen))
         found = branch(fit, problem, refits, frozenset(self.setup.editable))
-        short = self._short(fit)
+        short = self._short(problem, fit)
         if found.kind == "normal" and short and self._next():
             return replace(found, kind="abnormal", reason=f"{short}: the form does not reach it")
         return found
 
-    def _short(self, fit: Fit) -> str:
+    def _short(self, problem: Problem, fit: Fit) -> str:
         """Which output stays outside the requirement after tuning; empty where all reach it."""
         setup = self.setup
+        after = [one.rms_after for one in fit.residuals]
+        if setup.at_horizon.wanted:
+            after = at_ends(problem, fit.values)
         for k, one in enumerate(fit.residuals):
-            left = fit.moving_after[k] if setup.relative else one.rms_after
+            left = fit.moving_after[k] if setup.relative else after[k]
             if setup.watched[k] and left > setup.requirement:
                 limit = setup.shown(k, setup.requirement)
                 return f"tuned, {one.output} is still off by {setup.shown(k, left)} (limit {limit})"
@@ -246,3 +249,15 @@ class Work:
             return np.zeros((0, 2))
         u = np.concatenate([w.u[:, columns] for w in windows])
         return np.stack([np.nanmin(u, axis=0), np.nanmax(u, axis=0)], axis=1)
+
+
+def at_ends(problem: Problem, values: np.ndarray) -> list[float]:
+    """Rms residual per output where a prediction has reached its horizon."""
+    residual = problem.residuals(values)
+    newest = np.full((len(problem.rows.segments), residual.shape[1]), np.nan)
+    for n, (start, stop) in enumerate(problem.rows.segments):
+        for k in range(residual.shape[1]):
+            known = residual[start:stop, k][~np.isnan(residual[start:stop, k])]
+            newest[n, k] = known[-1] if len(known) else np.nan
+    rows = np.maximum(np.count_nonzero(~np.isnan(newest), axis=0), 1)
+    return [float(size) for size in np.sqrt(np.nansum(np.square(newest), axis=0) / rows)]

@@ -202,6 +202,11 @@ class Track:
                 x[k] = state.x[old.index(name)]
         return state._replace(x=x, p=fresh.p, x0=fresh.x0)
 
+    @property
+    def here(self) -> bool:
+        """Is its model simulated in this process?"""
+        return self._kernel.remote is None
+
     def step(self, state: TrackState, block: Block) -> tuple[TrackState, Out]:
         n, ny = block.y.shape
         ng = len(state.numbers)
