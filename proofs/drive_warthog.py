@@ -21,11 +21,12 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.correction.evidence import gather
-from evertwin.correction.improve import KINDS, Proposal, Selection, improve
+from evertwin.correction.improve import Proposal, Selection, improve
 from evertwin.fold import Block, make_block
 from evertwin.machines.mobile import Odometer
 from evertwin.models.corrected import build
 from evertwin.models.form import Form
+from evertwin.models.terms.registry import KINDS
 from evertwin.trial.gate import Trial
 
 ROWS, STEP, HORIZON = 40, 50_000_000, 1.95

@@ -25,6 +25,7 @@ from evertwin.fold import Block, take
 from evertwin.machines.mobile import Differential
 from evertwin.models.corrected import build
 from evertwin.models.form import Form, Term
+from evertwin.models.terms.rows import Rows
 
 TWIN = Path(__file__).parent.parent / "twins" / "mrclam6.toml"
 HORIZON = 2.0
@@ -74,7 +75,7 @@ def table_on_turn_rate(train: list[Block], test: list[Block]) -> float:
     known = gather(base, train, HORIZON)
     errors = []
     from_lag = build(base, lag.form)
-    table = propose(base, train, ("table",), ("w",), HORIZON)[0]
+    table = propose(Rows(base, train, ("w",), HORIZON), ("table",))[0]
     scored = fit_candidate(stack_of(base, lag.form, lag.p), table, known)
     for model, p in ((from_lag, lag.p), (scored.stack.model, scored.stack.p)):
         seen = gather(model, test, HORIZON, known.scale, p)

@@ -255,13 +255,13 @@ def test_public_functions_have_docstrings() -> None:
 
 @cache
 def contract_verbs() -> frozenset[str]:
-    """Members of every Protocol of the package."""
+    """Members of every Protocol and every abstract base of the package."""
     return frozenset(
         member.name
         for source in sources()
         for node in ast.walk(source.tree)
         if isinstance(node, ast.ClassDef)
-        and any("Protocol" in ast.unparse(base) for base in node.bases)
+        and {"ABC", "Protocol"} & {ast.unparse(base).partition("[")[0] for base in node.bases}
         for member in node.body
         if isinstance(member, AnyFunction)
     )

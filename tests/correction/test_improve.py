@@ -10,7 +10,6 @@ from evertwin.correction.describe import describe
 from evertwin.correction.evidence import gather
 from evertwin.correction.fitting import fit_candidate
 from evertwin.correction.improve import Selection, improve, stack_of
-from evertwin.correction.ranges import propose_levels, quiet_level
 from evertwin.correction.stack import Stack
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import Block, make_block
@@ -18,6 +17,7 @@ from evertwin.machines.mobile import Differential, Odometer, Robot1D
 from evertwin.models import FunctionModel
 from evertwin.models.corrected import Corrected, build
 from evertwin.models.form import Form, Term
+from evertwin.models.terms.rows import Rows, propose_levels, quiet_level
 from evertwin.signals import Layout
 
 DT = 0.1
@@ -151,7 +151,7 @@ def test_every_proposed_candidate_can_be_fitted() -> None:
     rows = drive((LAG,), {"lag.delay": 0.1, "lag.tau": 0.2}, n=800)
     stack, evidence = stack_of(Differential(), Form()), gather(Differential(), (rows,), 2.0)
     kinds = ("lag", "coupling", "law", "table", "surface", "state")
-    candidates = propose(Differential(), (rows,), kinds, ("v", "w", "heading"), 2.0)
+    candidates = propose(Rows(Differential(), (rows,), ("v", "w", "heading"), 2.0), kinds)
     assert {c.term.kind for c in candidates} == set(kinds)
     for candidate in candidates:
         scored = fit_candidate(stack, candidate, evidence)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import inspect
 import math
-from typing import ClassVar
+import types as python_types
+from collections.abc import Iterator
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -12,11 +15,14 @@ from hypothesis import strategies as st
 
 from evertwin.errors import UsageError
 from evertwin.machines.mobile import Differential, Robot1D
-from evertwin.models import check_model, term_kernels
+from evertwin.models import check_model
 from evertwin.models.corrected import Corrected, build
 from evertwin.models.delayed import delayed
 from evertwin.models.form import Form, Term
 from evertwin.models.function import FunctionModel
+from evertwin.models.terms import kernel
+from evertwin.models.terms.contract import Functions
+from evertwin.models.terms.registry import kind
 from evertwin.models.variants import in_variant
 from evertwin.signals import Layout
 
@@ -77,42 +83,55 @@ def test_laws_hold_for_a_whole_stack_and_a_stack_on_a_stack() -> None:
 
 @pytest.mark.parametrize("name", TERMS)
 def test_compiled_equals_plain(name: str) -> None:
-    """Bit for bit: the whole plan, row after row."""
+    """Bit for bit: every term's functions run by Python itself, row after row."""
     model = Corrected(Differential(), (TERMS[name], Term("lag", "*"), TERMS["magnitude"]))
     p, rng = random_parameters(model), np.random.default_rng(1)
-    plan = np.array(model._plan, dtype=np.int64)
     x = model.initial(p)
     for _ in range(40):
         u = rng.choice(np.linspace(-1.2, 1.2, 7), 2)
         dt = float(rng.choice([0.02, 0.3]))
         end, y = model.simulate(x, u[None], np.array([dt]), p)
-        ahead, inputs = np.zeros_like(x), u.copy()
-        assert plain("effective")(plan, inputs, dt, p, x, ahead) == 0
+        ahead, inputs = x.copy(), u.copy()
+        for own, at, grid, q in parts(model):
+            if own.before is not None:
+                memory = ahead[at[kernel.MEMORY - kernel.PLACE] :]
+                assert plain(own.before)(at, grid, inputs, dt, p[q:], memory) == 0
         inner, out = Differential().simulate(x[:3], inputs[None], np.array([dt]), p[:2])
         ahead[:3], row = inner, out[0].copy()
-        plain("exchange")(plan, dt, p, x, ahead, row)
+        for own, at, _, q in parts(model):
+            if own.after is not None:
+                assert plain(own.after)(at, dt, p[q:], x, ahead, row) == 0
         assert np.array_equal(ahead, end)
         assert np.array_equal(row, y[0])
         x = end
     measured = np.array([1.0, np.nan, 0.3])
     adopted, before = model.observe(x, measured), x.copy()
     x[0], x[2] = 1.0, 0.3
-    plain("shift")(plan, before[:3], x)
+    for own, at, _, _ in parts(model):
+        if own.adopted is not None:
+            assert plain(own.adopted)(at, before[:3], x) == 0
     assert np.array_equal(adopted, x)
 
 
-NAMES = ("table", "law", "coupling", "cell", "surface", "remember", "lag")
+def parts(model: Corrected) -> Iterator[tuple[Functions, np.ndarray, np.ndarray, int]]:
+    """Functions, place, grids and first parameter of every term, from the model's plan."""
+    at = kernel.HEADER
+    for term in model.terms:
+        record = model._plan[at : at + model._plan[at]]
+        place, grids = record[kernel.PLACE : kernel.RECORD], record[kernel.RECORD :]
+        functions = kind(term.kind).functions
+        yield functions, place, grids.view(np.float64), int(record[kernel.PARAMETER])
+        at += len(record)
 
 
-def plain(name: str):  # type: ignore[no-untyped-def]
-    """A kernel's source run by Python itself, with the functions that it calls."""
-    import types as python_types
-
-    space = dict(vars(term_kernels))
-    for other in NAMES:
-        function = getattr(term_kernels, other).py_func
-        space[other] = python_types.FunctionType(function.__code__, space, other)
-    return python_types.FunctionType(getattr(term_kernels, name).py_func.__code__, space, name)
+def plain(function: Any) -> Any:
+    """A function run by Python itself, with the compiled ones that it calls."""
+    own = inspect.unwrap(getattr(function, "py_func", function))
+    used = {
+        name: own.__globals__[name] for name in own.__code__.co_names if name in own.__globals__
+    }
+    inside = {n: plain(value) if hasattr(value, "py_func") else value for n, value in used.items()}
+    return python_types.FunctionType(own.__code__, inside)
 
 
 def effective(term: Term, values: list[float], u: np.ndarray, dt: float = 1.0) -> np.ndarray:

@@ -9,9 +9,8 @@ Jacobian J at the optimum and weights W, leaving rows out moves the optimum by
 exact for terms that are linear in their numbers (tables, surfaces; R is their prior), and to first
 order for laws and lags. Every candidate of every kind is scored by this one rule.
 
-A surface has a Gaussian-process prior over its nodes: exp(−d²/2b²) with length b, and symmetric
-where the machine is: odd in its own channel and even in the other ("both"), odd under reversal of
-both ("odd"), or neither. Length, noise and symmetry are those that predict held-out folds best.
+What lies on a grid is solved under a prior; of those that its kind offers (smoothness, noise,
+symmetry) the one that predicts held-out folds best is taken.
 """
 
 from __future__ import annotations
@@ -24,21 +23,14 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.optimize import least_squares
 
-from evertwin.correction.candidates import Candidate
 from evertwin.correction.evidence import Evidence, mean_deviation
 from evertwin.correction.stack import Part, Stack, bounded
 from evertwin.models.corrected import effective_inputs
-from evertwin.models.form import Term
+from evertwin.models.terms.contract import Candidate, GridTerm, Prior
 from evertwin.types import Inputs, Vector
 
 __all__ = ["Scored", "fit_candidate", "refit", "score"]
 
-LENGTHS = (0.3, 0.4, 0.6, 1.0)
-"""Lengths b of a surface's prior, in half ranges."""
-NOISES = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0)
-"""Variance of a residual, in units of the prior's mean variance."""
-MODES = 48
-"""Most modes of a surface."""
 NEAR, PAYS = 0.01, 0.05
 """Held-out deviations this near are equal; a less symmetric prior must gain this much."""
 TRIED = 2
@@ -73,8 +65,9 @@ def fit_candidate(stack: Stack, candidate: Candidate, evidence: Evidence) -> Sco
         candidate.fixed,
     )  # fmt: skip
     grown, at = stack.with_part(part)
-    if candidate.linear:
-        return _fit_linear(grown, at, evidence)
+    own = grown.parts[at].kind
+    if isinstance(own, GridTerm):
+        return _fit_grid(grown, at, own, evidence)
     first = grown.first(at)
     starts = []
     for values in candidate.starts:
@@ -89,18 +82,22 @@ def fit_candidate(stack: Stack, candidate: Candidate, evidence: Evidence) -> Sco
 
 
 def refit(stack: Stack, evidence: Evidence) -> Scored:
-    """All terms with few numbers fitted together; tables and surfaces stay.
+    """All terms with few numbers fitted together; grids stay.
 
-    A table is scored as if it had not seen the fold, too; a surface as it is.
+    A small grid is scored as if it had not seen the fold, too; a large one as it is.
     """
     few = tuple(k for k, part in enumerate(stack.parts) if part.few and part.low)
     if few:
         stack = _solve(stack, _free(stack, few), evidence)[0]
-    tables = tuple(k for k, part in enumerate(stack.parts) if part.term.kind == "table")
-    if not few and not tables:
+    grids = tuple(
+        k
+        for k, part in enumerate(stack.parts)
+        if isinstance(part.kind, GridTerm) and part.kind.rescored
+    )
+    if not few and not grids:
         residual = evidence.residual(stack.model, stack.p)
         return Scored(stack, evidence.deviations(residual))
-    return score(stack, _free(stack, few + tables), evidence)
+    return score(stack, _free(stack, few + grids), evidence)
 
 
 class Free(NamedTuple):
@@ -204,8 +201,8 @@ def _left_out(
     return out.reshape(e.shape)
 
 
-def _fit_linear(stack: Stack, at: int, evidence: Evidence) -> Scored:
-    """A table or a surface: solved at once, for each prior; the best on held-out folds."""
+def _fit_grid(stack: Stack, at: int, own: GridTerm, evidence: Evidence) -> Scored:
+    """A grid: solved at once, for each prior; the best on held-out folds."""
     part = stack.parts[at]
     first = stack.first(at)
     n = len(part.values)
@@ -214,9 +211,9 @@ def _fit_linear(stack: Stack, at: int, evidence: Evidence) -> Scored:
         first + np.arange(n), np.array(part.low), np.array(part.high), np.array(part.typical)
     )
     e = evidence.residual(model, p)
-    columns = _touched(stack, part.term, free, evidence)
-    found: list[tuple[_Prior, Scored]] = []
-    for prior in _priors(part.term):
+    columns = _touched(stack, part, own, free, evidence)
+    found: list[tuple[Prior, Scored]] = []
+    for prior in own.priors(part.term):
         mixed = columns @ prior.modes
         spread = float((mixed**2).sum(axis=1).mean())
         if spread <= 0.0:
@@ -231,7 +228,7 @@ def _fit_linear(stack: Stack, at: int, evidence: Evidence) -> Scored:
     return _simplest(found) if found else Scored(stack, evidence.deviations(e), "no effect")
 
 
-def _simplest(found: Sequence[tuple[_Prior, Scored]]) -> Scored:
+def _simplest(found: Sequence[tuple[Prior, Scored]]) -> Scored:
     """The best prior; a less symmetric one must pay, and of near equals the smoothest wins."""
     best: Scored | None = None
     for rank in sorted({prior.rank for prior, _ in found}):
@@ -246,46 +243,27 @@ def _simplest(found: Sequence[tuple[_Prior, Scored]]) -> Scored:
 
 
 def _touched(
-    stack: Stack, term: Term, free: Free, evidence: Evidence
+    stack: Stack, part: Part, own: GridTerm, free: Free, evidence: Evidence
 ) -> Float64[np.ndarray, "r k"]:
     """The Jacobian, simulated only for numbers that the recorded inputs reach."""
-    names = stack.base.inputs.names
-    u = _as_seen(stack, term, evidence.u)[:, names.index(term.channel)]
-    near = _weights_reached(u, np.array(term.levels))
-    if term.kind == "surface":
-        o = evidence.u[:, names.index(term.source)]
-        near = (near[:, :, None] & _weights_reached(o, np.array(term.levels2))[:, None, :]).reshape(
-            len(u), -1
-        )
-    some = np.flatnonzero(near.any(axis=0))
+    names, term = stack.base.inputs.names, part.term
+    u = _as_seen(stack, part, evidence.u)[:, names.index(term.channel)]
+    source = evidence.u[:, names.index(term.source)] if term.source else None
+    some = np.flatnonzero(own.reached(term, u, source).any(axis=0))
     chosen = Free(*(column[some] for column in free))
     columns = np.zeros((evidence.known.size, len(free.places)))
     columns[:, some] = _jacobian(stack, chosen, evidence, stack.p[chosen.places])
     return columns
 
 
-def _as_seen(stack: Stack, term: Term, u: Inputs) -> Inputs:
-    """The inputs as the static terms before this one leave them."""
+def _as_seen(stack: Stack, part: Part, u: Inputs) -> Inputs:
+    """The inputs as the terms before this one leave them, where they depend on the row alone."""
     inner = Stack(stack.base, stack.inner)
-    for part in stack.parts:
-        if part.term == term or part.term.kind in ("lag", "state"):
+    for other in stack.parts:
+        if other.term == part.term or other.kind.rank > 0:
             break
-        inner = inner.with_part(part)[0]
+        inner = inner.with_part(other)[0]
     return effective_inputs(inner.model, u, inner.p)
-
-
-def _weights_reached(
-    u: Float64[np.ndarray, " n"], levels: Float64[np.ndarray, " levels"]
-) -> np.ndarray:
-    """Which levels have a value nearer than their neighbours, (n, levels)."""
-    step = np.diff(levels)
-    below, above = np.r_[step[:1], step], np.r_[step, step[-1:]]
-    known = np.where(np.isfinite(u), u, levels[0])
-    gap = known[:, None] - levels
-    inside = (gap > -below) & (gap < above)
-    inside[:, 0] |= known <= levels[0]
-    inside[:, -1] |= known >= levels[-1]
-    return np.asarray(inside)
 
 
 def _ridges(
@@ -320,61 +298,3 @@ def _eigen_solve(system: tuple[Any, Any], noise: float, side: Vector) -> Vector:
     """−(A + noise·1)⁻¹·side of a symmetric A given by its eigenvalues and eigenvectors."""
     values, vectors = system
     return np.asarray(-(vectors @ ((vectors.T @ side) / (np.maximum(values, 0.0) + noise))))
-
-
-class _Prior(NamedTuple):
-    """What is believed of a table or surface before: numbers = modes @ z, z of unit variance."""
-
-    modes: Float64[np.ndarray, "n k"]
-    noises: tuple[float, ...]
-    length: float
-    rank: int
-    """0: as symmetric as can be; more: less."""
-    name: str
-
-
-def _priors(term: Term) -> Iterator[_Prior]:
-    n = len(term.levels)
-    if term.kind == "table":
-        yield _Prior(np.eye(n), (1e-6,), 0.0, 0, "levels apart")
-    for length in LENGTHS:
-        own = _modes(np.array(term.levels), length)
-        if term.kind == "table":
-            smooth = own.vectors * np.sqrt(own.variance)
-            yield _Prior(smooth, NOISES, length, 0, f"length {length:g}")
-            continue
-        other = _modes(np.array(term.levels2), length)
-        for rank, symmetry in enumerate(("both", "odd", "none")):
-            modes = _product(own, other, symmetry)
-            yield _Prior(modes, NOISES, length, rank, f"symmetry {symmetry}, length {length:g}")
-
-
-class _Modes(NamedTuple):
-    """Of a prior along one channel."""
-
-    vectors: np.ndarray
-    variance: np.ndarray
-    odd: np.ndarray
-
-
-def _modes(levels: Vector, length: float) -> _Modes:
-    """Eigenvectors of the prior along one channel, their variances, and which are odd."""
-    z = 2.0 * levels / (levels[-1] - levels[0])
-    variance, vectors = np.linalg.eigh(np.exp(-((z[:, None] - z) ** 2) / (2 * length**2)))
-    odd = np.abs(vectors + vectors[::-1]).sum(axis=0) < np.abs(vectors - vectors[::-1]).sum(axis=0)
-    return _Modes(vectors, np.maximum(variance, 0.0), odd)
-
-
-def _product(own: _Modes, other: _Modes, symmetry: str) -> Float64[np.ndarray, "nodes modes"]:
-    """The strongest products of modes that have the symmetry, times their standard deviation."""
-    variance = np.outer(own.variance, other.variance)
-    odd, even = own.odd[:, None], ~other.odd[None, :]
-    if symmetry == "both":
-        variance = variance * (odd & even)
-    elif symmetry == "odd":
-        variance = variance * ((odd & even) | (~odd & ~even))
-    order = np.argsort(variance.ravel())[::-1][:MODES]
-    order = order[variance.ravel()[order] > 1e-4 * variance.max()]
-    i, j = np.unravel_index(order, variance.shape)
-    products = np.einsum("ak,bk->abk", own.vectors[:, i], other.vectors[:, j])
-    return np.asarray(products.reshape(-1, len(order)) * np.sqrt(variance[i, j]))

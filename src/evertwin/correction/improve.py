@@ -35,7 +35,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from evertwin.correction.candidates import FREE, SHAPED, SIMPLE, Candidate, propose
+from evertwin.correction.candidates import propose
 from evertwin.correction.describe import describe
 from evertwin.correction.evidence import Evidence, gather, mean_deviation
 from evertwin.correction.fitting import Scored, fit_candidate, refit
@@ -45,20 +45,17 @@ from evertwin.fold import Block, plain
 from evertwin.models import Model
 from evertwin.models.corrected import Corrected
 from evertwin.models.form import Form, Term
+from evertwin.models.terms.contract import FREE, SIMPLE, Candidate
+from evertwin.models.terms.registry import KINDS, kind
+from evertwin.models.terms.rows import Rows
 from evertwin.models.variants import in_variant
 from evertwin.types import Json, ParameterVector, Vector
 
-__all__ = ["KINDS", "Gain", "Proposal", "Selection", "TooFew", "improve", "prepare", "stack_of"]
+__all__ = ["Gain", "Proposal", "Selection", "TooFew", "improve", "prepare", "stack_of"]
 
-KINDS = ("lag", "coupling", "law", "table", "surface")
 TINY = 1e-12
 NEAR = 0.01
 """Held-out deviations this near are equal: the simpler term wins."""
-_REPLACED = {
-    (SHAPED, "law"): ("law", "table"),
-    (SHAPED, "coupling"): ("coupling",),
-}
-"""Kinds on its channel whose place a term may take, by tier and kind."""
 
 
 class TooFew(DataError):
@@ -80,7 +77,7 @@ class Selection:
     kinds: tuple[str, ...] = KINDS
     """Kinds of term that may be tried."""
     channels: tuple[str, ...] = ()
-    """Inputs (for ``state``: states) that may be corrected; empty: all inputs."""
+    """Inputs (or states, for kinds that couple to one) that may be corrected; empty: all inputs."""
     gain: float = 0.05
     """Least relative gain in held-out deviation that a term must bring."""
     sure: float = 2.5
@@ -196,10 +193,8 @@ def improve(
             f"correction: expected at least {chosen.least} segments of {evidence.horizon:g} s, got "
             f"{evidence.segments}: give more data or a shorter horizon"
         )
-    candidates = propose(
-        stack.base, windows, chosen.kinds, chosen.channels, evidence.horizon, chosen.quantum
-    )
-    search = _Search(evidence, candidates, chosen)
+    rows = Rows(stack.base, tuple(windows), chosen.channels, evidence.horizon, chosen.quantum)
+    search = _Search(evidence, propose(rows, chosen.kinds), chosen)
     return search.proposal(form, stack, search.run(stack))
 
 
@@ -251,7 +246,7 @@ class _Search:
                 if best is None:
                     break
                 now, after = best.scored, level * (1.0 - best.gain)
-                if not best.candidate.linear:
+                if not kind(best.candidate.term.kind).linear:
                     again = refit(now.stack, self.evidence)
                     if again.mean < now.mean:
                         now, after = again, after * again.mean / now.mean
@@ -285,7 +280,7 @@ class _Search:
             found.append(_Option(top, candidate, (), *_compared(fitted, top)))
             simpler = [
                 k for k, part in enumerate(now.stack.parts)
-                if part.term.kind in _REPLACED.get((tier, candidate.term.kind), ())
+                if part.term.kind in candidate.replaces
                 and part.term.channel == candidate.term.channel
             ]  # fmt: skip
             if simpler:

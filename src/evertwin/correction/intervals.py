@@ -45,6 +45,7 @@ from scipy import stats
 
 from evertwin.correction.evidence import Evidence
 from evertwin.models import Model
+from evertwin.models.corrected import Corrected
 from evertwin.tuning.identifiability import grade
 from evertwin.types import ParameterVector, Vector
 
@@ -157,14 +158,10 @@ def _size(model: Model, p: ParameterVector, place: int, evidence: Evidence) -> f
     item = model.parameters[model.parameters.names[place]]
     if item.unit == "s":
         return evidence.horizon
-    words = item.name.replace("#", ".").split(".")
-    if item.name.rpartition(".")[2] in ("threshold", "cap") or words[0] in ("table", "surface"):
-        column = (
-            evidence.u[:, model.inputs.index(words[1])] if words[1] in model.inputs.names else 1.0
-        )
-        known = np.abs(np.asarray(column, dtype=np.float64))
-        known = known[np.isfinite(known)] if known.ndim else known
-        return max(float(known.max()), abs(float(p[place])), 1e-12)
+    own = model.owner(item.name) if isinstance(model, Corrected) else None
+    if own is not None and own.kind.by_channel(own.local):
+        column = np.abs(evidence.u[:, model.inputs.index(own.term.channel)])
+        return max(float(column[np.isfinite(column)].max()), abs(float(p[place])), 1e-12)
     return max(abs(float(p[place])), 1.0)
 
 

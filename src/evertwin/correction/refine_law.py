@@ -43,12 +43,12 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.optimize import least_squares
 
-from evertwin.correction.ranges import inputs_of, quiet_level
 from evertwin.correction.sarsa_table import Table
 from evertwin.errors import DataError
 from evertwin.fold import Block
 from evertwin.models import Kernel, Model, Restart, roll
 from evertwin.models.corrected import Corrected, Term
+from evertwin.models.terms.rows import inputs_of, quiet_level
 from evertwin.sync import residuals, restarts
 from evertwin.types import ParameterVector, Vector
 

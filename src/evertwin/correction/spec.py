@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Gt, Le, Lt
 
 from evertwin.fold.span import Span
+from evertwin.models.terms.registry import check_kind
 from evertwin.settings.kinds import Duration, Radians, Size, Spread
 from evertwin.settings.notes import Rows
 from evertwin.settings.section import Section
@@ -59,8 +60,9 @@ class CorrectionSpec(Section):
 
     channels: tuple[str, ...] = ()
     """Inputs (or states, for ``state``) that may be corrected."""
-    terms: tuple[Literal["lag", "table", "law", "coupling", "surface", "state"], ...] = ()
-    """Kinds of term that may be tried; empty: the form stays."""
+    terms: tuple[str, ...] = ()
+    """Kinds of term that may be tried: lag, coupling, law, table, surface, state, or one that
+    another package brings; empty: the form stays."""
     learner: Literal["full", "replay", "literal"] = "full"
     """How a table is learned: with full information, by replay of the log, sample by sample."""
     quantum: Spread = 0.0
@@ -77,3 +79,8 @@ class CorrectionSpec(Section):
     """``fit`` searches for terms as well, judged on held-out parts of its recordings."""
     horizon: Duration | None = None
     """Length of the predictions that ``fit`` judges terms on; absent: that of ``[prediction]``."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in self.terms:
+            check_kind(name)

@@ -1,7 +1,7 @@
 """A stack of terms with their numbers, on top of a base model: data that grows and shrinks.
 
-Static terms come first, in the order in which they were found; a lag smooths what they make of the
-command; extra states come last.
+Terms that depend on the row alone come first, in the order in which they were found; memory, such
+as a lag's, smooths what they make of the command; extra states come last.
 
 >>> from evertwin.machines.mobile import Robot1D
 >>> stack = Stack(Robot1D(), (1.0,)).plus(Term("lag", "*"), (0.0, 0.1)).plus(
@@ -20,11 +20,11 @@ import numpy as np
 from evertwin.models import Model
 from evertwin.models.corrected import Corrected
 from evertwin.models.form import Term
+from evertwin.models.terms.contract import CorrectionTerm
+from evertwin.models.terms.registry import kind
 from evertwin.types import ParameterVector
 
 __all__ = ["Part", "Stack", "bounded"]
-
-_ORDER = {"lag": 1, "state": 2}
 
 
 @dataclass(frozen=True)
@@ -43,9 +43,14 @@ class Part:
     fixed: tuple[int, ...] = ()
 
     @property
+    def kind(self) -> CorrectionTerm:
+        """The kind of its term."""
+        return kind(self.term.kind)
+
+    @property
     def few(self) -> bool:
         """Has it few numbers, that are refitted together with others?"""
-        return self.term.kind not in ("table", "surface")
+        return not self.kind.linear
 
 
 def bounded(part: Part) -> Part:
@@ -91,8 +96,7 @@ class Stack:
 
     def with_part(self, part: Part) -> tuple[Stack, int]:
         """With one more part, and where it went."""
-        rank = _ORDER.get(part.term.kind, 0)
-        at = sum(_ORDER.get(other.term.kind, 0) <= rank for other in self.parts)
+        at = sum(other.kind.rank <= part.kind.rank for other in self.parts)
         parts = (*self.parts[:at], part, *self.parts[at:])
         return replace(self, parts=parts), at
 

@@ -1,7 +1,7 @@
 """What is known of a correction's numbers: an interval and a verdict for each, as learned.
 
-Numbers with a slope have the interval of a fit; thresholds, delays, nodes of tables and surfaces,
-and what a fit calls undetermined have that of `evertwin.correction.intervals`.
+Numbers with a slope have the interval of a fit; numbers whose cost has steps, nodes of a grid and
+what a fit calls undetermined have that of `evertwin.correction.intervals`.
 """
 
 from __future__ import annotations
@@ -11,20 +11,18 @@ from typing import Any
 
 import numpy as np
 
+from evertwin.correction.describe import describe
 from evertwin.correction.evidence import gather
-from evertwin.correction.improve import Proposal
+from evertwin.correction.improve import Proposal, stack_of
 from evertwin.correction.intervals import parameters, profiled, scattered
 from evertwin.fold import Block, plain
 from evertwin.loop.setup import Setup
 from evertwin.models import Model
+from evertwin.models.corrected import Corrected
 from evertwin.tuning import Problem
 from evertwin.tuning.assemble import Outcome, assemble
 
 __all__ = ["posterior"]
-
-NODES = ("table.", "surface.")
-STEPS = (".threshold", ".delay")
-"""Numbers whose cost has steps."""
 
 
 def posterior(
@@ -39,28 +37,37 @@ def posterior(
     names = tuple(name for name in proposal.names if name not in base)
     if not names:
         return None
-    nodes = tuple(name for name in names if name.startswith(NODES))
+    assert isinstance(model, Corrected)
+    owners = {name: model.owner(name) for name in names}
+    kinds = {name: (own.kind, own.local) for name, own in owners.items() if own is not None}
+    nodes = tuple(name for name, (kind, _) in kinds.items() if kind.linear)
     few = tuple(name for name in names if name not in nodes)
-    content = _fitted(setup, model, proposal, windows, few)
+    slopes = tuple(name for name in few if kinds[name][1] not in kinds[name][0].slopeless)
+    content = _fitted(setup, model, proposal, windows, slopes)
     told: dict[str, Any] = content.setdefault("parameters", {})
     asked = tuple(
         name
         for name in few
-        if name.endswith(STEPS) or name not in told or told[name]["verdict"] == "not"
+        if kinds[name][1] in kinds[name][0].steps
+        or name not in told
+        or told[name]["verdict"] == "not"
     )
     seen = gather(setup.model, windows, setup.horizon, proposal.scale, proposal.p[: len(base)])
     found = profiled(model, proposal.p, asked, few, seen)
     found |= scattered(model, proposal.p, nodes, seen)
     shown: Any = plain(parameters(found, model, proposal.p))
-    return content | {"parameters": told | shown}
+    every = told | shown
+    ends = {name: tuple(item["interval95"]) for name, item in every.items() if name in names}
+    closed = {name: both for name, both in ends.items() if None not in both}
+    said = describe(stack_of(setup.model, proposal.form, proposal.p), closed)
+    return content | {"parameters": every, "describes": list(said)}
 
 
 def _fitted(
     setup: Setup, model: Model, proposal: Proposal, windows: tuple[Block, ...],
-    few: tuple[str, ...],
+    names: tuple[str, ...],
 ) -> dict[str, Any]:  # fmt: skip
     """Intervals of the numbers with a slope, without fitting anything anew."""
-    names = tuple(name for name in few if not name.endswith(".threshold"))
     if not names:
         return {}
     values = model.parameters.with_values(proposal.p)

@@ -25,6 +25,7 @@ from evertwin.loop.workers import formed as formed_far
 from evertwin.models import Model
 from evertwin.models.corrected import Corrected, build
 from evertwin.models.form import Form, Version
+from evertwin.models.terms.rows import Rows
 from evertwin.tuning import Fit, Problem, solve
 from evertwin.types import Json, ParameterVector
 
@@ -127,8 +128,8 @@ def _starts(
     the general starts of each term."""
     rule = setup.spec.correction
     span = max(float(w.t[-1] - w.t[0]) * 1e-9 for w in problem.windows)
-    given = problem.windows, rule.terms, rule.channels, min(horizon, span), rule.quantum
-    general = {candidate.key: candidate for candidate in propose(setup.model, *given)}
+    rows = Rows(setup.model, problem.windows, rule.channels, min(horizon, span), rule.quantum)
+    general = {candidate.key: candidate for candidate in propose(rows, rule.terms)}
     values = dict(zip(proposal.names, proposal.p.tolist(), strict=True))
     corrected, found = Corrected(setup.model, proposal.form.terms), list[dict[str, float]]()
     for number, term in enumerate(proposal.form.terms):

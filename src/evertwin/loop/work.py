@@ -25,6 +25,7 @@ from evertwin.loop.setup import Setup
 from evertwin.loop.twin_state import TwinState
 from evertwin.loop.versions import Versions
 from evertwin.models import Model
+from evertwin.models.corrected import Corrected
 from evertwin.models.form import Form, Version
 from evertwin.trial import admit
 from evertwin.tuning import Fit, Iteration, Problem, Schedule, Settings, solve
@@ -87,9 +88,9 @@ class Work:
     def tunable(self, model: Model) -> tuple[str, ...]:
         """The same of any form of the base model."""
         base = self.setup.model.parameters.names
-        terms = tuple(n for n in model.parameters.editable if n not in base)
-        tabled = tuple(n for n in terms if not n.startswith(("table.", "surface.")))
-        return tuple(n for n in self.setup.editable if n in model.parameters.names) + tabled
+        own = tuple(n for n in model.parameters.editable if n not in base)
+        few = tuple(n for n in own if isinstance(model, Corrected) and not model.on_grid(n))
+        return tuple(n for n in self.setup.editable if n in model.parameters.names) + few
 
     def due(self, version: Version, tunings: int) -> tuple[str, ...]:
         """The parameters whose turn it is."""

@@ -23,27 +23,23 @@ behind the inner one, so that promoting a correction replaces arrays and a shado
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from jaxtyping import Int64
 
-from evertwin.errors import UsageError
-from evertwin.models import term_kernels as kernels
 from evertwin.models.batch import grouped, rolled
 from evertwin.models.compiled import Compiled
 from evertwin.models.contract import BatchModel, Model
 from evertwin.models.form import Form, Term
 from evertwin.models.kernel import Restart
 from evertwin.models.parameters import Parameter, Parameters
-from evertwin.models.term_parameters import (
-    CAPACITY,
-    VARIANTS,
-    check_term,
-    memory,
-    term_parameters,
-)
+from evertwin.models.terms import kernel as kernels
+from evertwin.models.terms.contract import CorrectionTerm, Place
+from evertwin.models.terms.registry import kind
 from evertwin.models.variants import in_variant
 from evertwin.models.wrapper import Wrapper
 from evertwin.signals.channels import Channel, Layout
@@ -57,21 +53,29 @@ from evertwin.types import (
     StateVectors,
 )
 
-__all__ = ["Corrected", "Term", "build", "effective_inputs"]
+__all__ = ["Corrected", "Owner", "Term", "build", "effective_inputs"]
 
-_CODES = {
-    "table": kernels.TABLE,
-    "law": kernels.LAW,
-    "lag": kernels.LAG,
-    "coupling": kernels.COUPLING,
-    "surface": kernels.SURFACE,
-    "state": kernels.STATE,
-}
+
+class Owner(NamedTuple):
+    """Whose number a parameter is.
+
+    >>> Owner._fields
+    ('term', 'kind', 'local')
+    """
+
+    term: Term
+    kind: CorrectionTerm
+    local: str
+    """The parameter's name without that of the term."""
 
 
 @dataclass(frozen=True)
 class Corrected(Wrapper):
     """A Model with terms on top of its inputs. See the module for an example.
+
+    Parameters are called ``kind.channel.name``, with the second channel where there is one
+    (``coupling.v.w.slip``) and a number from the second term of the same kind on
+    (``law.v#2.gain``).
 
     Raises:
         UsageError: a term names a channel that the model has not, or its grid does not rise.
@@ -81,15 +85,28 @@ class Corrected(Wrapper):
     terms: tuple[Term, ...]
 
     def __post_init__(self) -> None:
-        for term in self.terms:
-            check_term(term, self.model)
+        for term, own in zip(self.terms, self._kinds, strict=True):
+            own.check(term, self.model)
+
+    @cached_property
+    def _kinds(self) -> tuple[CorrectionTerm, ...]:
+        return tuple(kind(term.kind) for term in self.terms)
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Of its terms, in order."""
+        return tuple(term.kind for term in self.terms)
+
+    @cached_property
+    def _memory(self) -> tuple[tuple[Channel, ...], ...]:
+        return tuple(
+            tuple(own.memory(term, number, self.model))
+            for number, (term, own) in enumerate(zip(self.terms, self._kinds, strict=True))
+        )
 
     @cached_property
     def states(self) -> Layout:
-        added: list[Channel] = []
-        for number, term in enumerate(self.terms):
-            added += memory(term, number, self.model)
-        return self.model.states + Layout(tuple(added))
+        return self.model.states + Layout(tuple(c for own in self._memory for c in own))
 
     @cached_property
     def parameters(self) -> Parameters:
@@ -99,84 +116,112 @@ class Corrected(Wrapper):
 
     @cached_property
     def _parameters(self) -> tuple[tuple[Parameter, ...], ...]:
-        names: dict[str, int] = {}
+        """Of every term, by their full names."""
+        seen: dict[str, int] = {}
         found = []
-        for term in self.terms:
-            items = term_parameters(term, self.model)
-            stem = items[0].name.rsplit(".", 1)[0]
-            names[stem] = names.get(stem, 0) + 1
-            found.append(term_parameters(term, self.model, names[stem]))
+        for term, items in zip(self.terms, self._local, strict=True):
+            stem = ".".join(x for x in (term.kind, term.channel, term.source) if x not in ("", "*"))
+            seen[stem] = seen.get(stem, 0) + 1
+            again = f"#{seen[stem]}" if seen[stem] > 1 else ""
+            found.append(tuple(replace(p, name=f"{stem}{again}.{p.name}") for p in items))
         return tuple(found)
+
+    @cached_property
+    def _local(self) -> tuple[tuple[Parameter, ...], ...]:
+        """The same by their local names."""
+        units = self.model.inputs.units
+        return tuple(
+            tuple(own.parameters(
+                term, own.unit(term, self.model),
+                units[self.model.inputs.index(term.source)] if term.source else "1",
+            ))
+            for term, own in zip(self.terms, self._kinds, strict=True)
+        )  # fmt: skip
 
     @property
     def initials(self) -> tuple[str, ...]:
         """Parameters that are an unmeasured state at the start of a recording."""
         inner: tuple[str, ...] = getattr(self.model, "initials", ())
-        added = [self.names_of(k)[2] for k, term in enumerate(self.terms) if term.kind == "state"]
+        added = [
+            name
+            for k, own in enumerate(self._kinds)
+            for name, local in zip(self.names_of(k), self.local_names_of(k), strict=True)
+            if local in own.initials
+        ]
         return (*inner, *added)
 
     def names_of(self, number: int) -> tuple[str, ...]:
         """Names of the parameters of term ``number``."""
         return tuple(item.name for item in self._parameters[number])
 
+    def local_names_of(self, number: int) -> tuple[str, ...]:
+        """The same as the kind calls them."""
+        return tuple(item.name for item in self._local[number])
+
+    def owner(self, name: str) -> Owner | None:
+        """Whose number a parameter is; None: the inner model's.
+
+        >>> from evertwin.machines.mobile import Robot1D
+        >>> own = Corrected(Robot1D(), (Term("law", "v"),)).owner("law.v.cap")
+        >>> own.kind.kind, own.local
+        ('law', 'cap')
+        """
+        for k, own in enumerate(self._kinds):
+            if name in self.names_of(k):
+                local = self.local_names_of(k)[self.names_of(k).index(name)]
+                return Owner(self.terms[k], own, local)
+        return None
+
+    def on_grid(self, name: str) -> bool:
+        """Is a parameter a node of a grid?"""
+        own = self.owner(name)
+        return own is not None and own.kind.linear
+
     def initial(self, p: ParameterVector) -> StateVector:
         inner = len(self.model.parameters)
-        x = np.concatenate(
-            [self.model.initial(p[:inner]), np.zeros(len(self.states) - len(self.model.states))]
-        )
-        q, b = inner, len(self.model.states)
-        for number, term in enumerate(self.terms):
-            if term.kind == "state":
-                x[b + 1] = p[q + 2]
-            q += len(self._parameters[number])
-            b += len(memory(term, number, self.model))
-        return x
+        x, q = [self.model.initial(p[:inner])], inner
+        for own, items, memory in zip(self._kinds, self._local, self._memory, strict=True):
+            x.append(own.start(p[q : q + len(items)], len(memory)))
+            q += len(items)
+        return np.concatenate(x)
 
     @cached_property
     def compiled(self) -> Compiled:
         """The kernel; its context holds the plan and points to the inner kernel."""
         return Compiled(
             self.inputs, self.outputs, self.states, self.parameters, kernels.step.address,
-            kernels.adopt.address, tuple(self._plan),
+            kernels.adopt.address, tuple(self._plan.tolist()),
         )  # fmt: skip
 
     @cached_property
-    def _plan(self) -> list[int]:
-        """The terms as integers; see `evertwin.models.term_kernels`."""
+    def _plan(self) -> Int64[np.ndarray, " k"]:
+        """The terms as integers; see `evertwin.models.terms.kernel`."""
         model, inner = self.model, self.inner
-        plan = [
-            0, inner.step, inner.observe, int(inner.context.ctypes.data), len(model.inputs),
-            len(model.states), len(self.states), len(self.parameters), len(model.outputs),
-            len(self.terms),
+        records = list(self._records())
+        head = [
+            kernels.HEADER + sum(map(len, records)), inner.step, inner.observe,
+            int(inner.context.ctypes.data), len(model.inputs), len(model.states), len(self.states),
+            len(self.parameters), len(model.outputs), len(self.terms),
         ]  # fmt: skip
-        q, b = len(model.parameters), len(model.states)
-        for number, term in enumerate(self.terms):
-            grids = np.array(term.levels + term.levels2, dtype=np.float64).view(np.int64).tolist()
-            kind, n1 = _CODES[term.kind], len(term.levels)
-            variant = VARIANTS[term.kind].index(term.variant)
-            if term.kind == "lag":
-                grids, n1 = [], 0
-            plan += [
-                kernels.RECORD + len(grids), kind, variant, self._channel(term),
-                model.inputs.index(term.source) if term.source else -1, q, b, n1,
-                len(term.levels2), self._extra(term), *grids,
-            ]  # fmt: skip
-            q += len(self._parameters[number])
-            b += len(memory(term, number, model))
-        plan[0] = len(plan)
+        plan = np.concatenate([np.array(head, dtype=np.int64), *records])
+        kernels.resolve(plan, self.kinds)
         return plan
 
-    def _channel(self, term: Term) -> int:
-        if term.kind == "state":
-            return self.model.states.index(term.channel)
-        return -1 if term.channel == "*" else self.model.inputs.index(term.channel)
-
-    def _extra(self, term: Term) -> int:
-        """A lag's capacity; the output that shows an extra state's partner."""
-        if term.kind == "lag":
-            return int(term.levels[0]) if term.levels else CAPACITY
-        names = self.model.outputs.names
-        return names.index(term.channel) if term.kind == "state" and term.channel in names else -1
+    def _records(self) -> Iterator[Int64[np.ndarray, " k"]]:
+        """One record a term, without the addresses of its functions."""
+        model = self.model
+        q, b = len(model.parameters), len(model.states)
+        for number, (term, own) in enumerate(zip(self.terms, self._kinds, strict=True)):
+            grids = np.array(term.levels + term.levels2, dtype=np.float64).view(np.int64)
+            place = Place(
+                own.variants.index(term.variant), own.channel(term, model),
+                model.inputs.index(term.source) if term.source else -1, b, len(term.levels),
+                len(term.levels2), own.extra(term, model), len(model.inputs),
+            )  # fmt: skip
+            head = [kernels.RECORD + len(grids), 0, 0, 0, q, *place]
+            yield np.concatenate([np.array(head, dtype=np.int64), grids])
+            q += len(self._local[number])
+            b += len(self._memory[number])
 
     def simulate_batch(
         self, x: StateVectors, u: Inputs, dt: Intervals, p: ParameterVectors,
@@ -185,26 +230,26 @@ class Corrected(Wrapper):
         """Outputs under each row of ``p``; see `evertwin.models.BatchModel`.
 
         The inner model's own batch runs whole stretches under the effective inputs, where it has
-        one. (An extra state needs the inner model's state in every row: it goes row by row.)
+        one. (A term that acts behind the inner model's step needs it row by row.)
         """
         restart = restart or Restart.never(len(u), len(self.outputs))
         model = self.model
-        if not isinstance(model, BatchModel) or any(t.kind == "state" for t in self.terms):
+        behind = any(own.functions.after is not None for own in self._kinds)
+        if behind or not isinstance(model, BatchModel):
             return rolled(self.kernel(), x, (u, dt, restart), p)
         nx, n_p = len(model.states), len(model.parameters)
-        plan = np.array(self._plan, dtype=np.int64)
         u = np.ascontiguousarray(u)
 
         def work(of: list[int]) -> Any:
             first = np.ascontiguousarray(x[of[0]]), np.ascontiguousarray(p[of[0]])
-            given = kernels.effective_run(plan, first[0], u, dt, first[1], restart.code)
+            given = kernels.effective_run(self._plan, first[0], u, dt, first[1], restart.code)
             return model.simulate_batch(x[of, :nx], given, dt, p[of, :n_p], restart)
 
         return grouped(np.concatenate([x[:, nx:], p[:, n_p:]], axis=1), work)
 
 
 def effective_inputs(model: Model, u: Inputs, p: ParameterVector) -> Inputs:
-    """What static terms make of the inputs, row by row, (n, nu); a lag's memory is left out.
+    """What terms without memory make of the inputs, row by row, (n, nu); others are left out.
 
     >>> from evertwin.models.function import FunctionModel
     >>> base = FunctionModel(lambda x, u, dt, p: ([], [u[0]]), Layout.of(v="m/s"), Layout.of(y="m"))
@@ -214,15 +259,11 @@ def effective_inputs(model: Model, u: Inputs, p: ParameterVector) -> Inputs:
     """
     out = np.array(u, dtype=np.float64)
     if isinstance(model, Corrected):
-        fixed = Corrected(
-            model.model, tuple(t for t in model.terms if t.kind not in ("lag", "state"))
-        )
-        kept = [
-            i for k, t in enumerate(model.terms) if t.kind not in ("lag", "state")
-            for i in model.parameters.indices(model.names_of(k)).tolist()
-        ]  # fmt: skip
+        still = [k for k, own in enumerate(model._kinds) if own.rank == 0]
+        fixed = Corrected(model.model, tuple(model.terms[k] for k in still))
+        kept = [i for k in still for i in model.parameters.indices(model.names_of(k)).tolist()]
         values = np.concatenate([p[: len(model.model.parameters)], p[kept]])
-        kernels.effective_rows(np.array(fixed._plan, dtype=np.int64), out, values)
+        kernels.effective_rows(fixed._plan, out, values)
     return out
 
 
@@ -236,7 +277,4 @@ def build(model: Model, form: Form) -> Model:
         model = in_variant(model, dict(form.variant))
     if not form.terms:
         return model
-    states = [number for number, term in enumerate(form.terms) if term.kind == "state"]
-    if states and not model.states.names:
-        raise UsageError("form: expected a model with states for an extra state, got a static map")
     return Corrected(model, form.terms)

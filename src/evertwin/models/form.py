@@ -14,7 +14,7 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -32,17 +32,18 @@ class Term:
     ''
     """
 
-    kind: Literal["table", "law", "lag", "coupling", "surface", "state"]
+    kind: str
+    """Of those in `evertwin.models.terms.registry`."""
     channel: str
-    """Input that it changes (``state``: the state that it couples to)."""
+    """Input that it changes, or the state that it couples to."""
     source: str = ""
-    """Second channel of a coupling or a surface."""
+    """Second channel, of a kind that has one."""
     variant: str = ""
     """Shape, where a kind has several: a law's ``dead zone`` or ``clamp``, …"""
     levels: tuple[float, ...] = ()
-    """Grid of a table or of a surface's first channel."""
+    """Grid, of a kind that has one: of the first channel."""
     levels2: tuple[float, ...] = ()
-    """Grid of a surface's second channel."""
+    """Grid of the second channel."""
 
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> Term:

@@ -40,6 +40,7 @@ __all__ = [
     "Restart",
     "call_observe",
     "call_step",
+    "calling",
     "looped",
     "roll",
 ]
@@ -77,7 +78,7 @@ class Restart(NamedTuple):
 class Layer(NamedTuple):
     """A wrapper's kernel, by name: addresses mean nothing in another process.
 
-    >>> Layer("evertwin.models.term_kernels", np.zeros(4, dtype=np.int64)).plan.tolist()
+    >>> Layer("evertwin.models.terms.kernel", np.zeros(4, dtype=np.int64)).plan.tolist()
     [0, 0, 0, 0]
     """
 
@@ -85,6 +86,8 @@ class Layer(NamedTuple):
     """Holds the compiled ``step`` and ``adopt``."""
     plan: np.ndarray
     """Its context, int64; entries 1 to 3 are the inner step, observe and context."""
+    terms: tuple[str, ...] = ()
+    """Kinds whose functions the plan holds: ``resolve(plan, terms)`` of the module finds them."""
 
 
 class Remote(Protocol):
@@ -131,9 +134,9 @@ class Kernel(NamedTuple):
     layers: tuple[Layer, ...] = ()
     """Kernels of the wrappers around a remote model, innermost first."""
 
-    def over(self, inner: Kernel, module: str, keep: tuple[Any, ...]) -> Kernel:
-        """This kernel, compiled in ``module``, as a wrapper around ``inner``."""
-        layers = (*inner.layers, Layer(module, self.context)) if inner.remote else ()
+    def over(self, inner: Kernel, layer: Layer, keep: tuple[Any, ...]) -> Kernel:
+        """This kernel as the wrapper ``layer`` around ``inner``."""
+        layers = (*inner.layers, layer) if inner.remote else ()
         return self._replace(keep=(*keep, inner), remote=inner.remote, layers=layers)
 
 
@@ -149,7 +152,7 @@ def looped(loop: Callable[..., Any], kernel: Kernel, *arguments: Any) -> Any:
     return loop(kernel.step, kernel.observe, kernel.context, *arguments)
 
 
-def _calling(context: Any, builder: Any, arguments: list[Any], kinds: list[ir.Type]) -> Any:
+def calling(builder: Any, arguments: list[Any], kinds: list[ir.Type]) -> Any:
     """Emits a call of the C function whose address is the first argument."""
     function = ir.FunctionType(ir.IntType(64), kinds)
     pointer = builder.inttoptr(arguments[0], function.as_pointer())
@@ -174,7 +177,7 @@ def call_step(
     signature = types.int64(*integers, types.float64, *[types.int64] * 3)
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return _calling(context, builder, list(arguments), _STEP_KINDS)
+        return calling(builder, list(arguments), _STEP_KINDS)
 
     return signature, code
 
@@ -185,7 +188,7 @@ def call_observe(typing: Any, address: Any, context: Any, x: Any, y: Any) -> Any
     signature = types.int64(types.int64, types.int64, types.int64, types.int64)
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return _calling(context, builder, list(arguments), _OBSERVE_KINDS)
+        return calling(builder, list(arguments), _OBSERVE_KINDS)
 
     return signature, code
 

@@ -16,7 +16,7 @@ from jaxtyping import Float64
 from evertwin.models.compiled import Compiled
 from evertwin.models.contract import Model
 from evertwin.models.function import kernel_of
-from evertwin.models.kernel import Kernel, Restart, roll
+from evertwin.models.kernel import Kernel, Layer, Restart, roll
 from evertwin.models.parameters import Parameters
 from evertwin.models.sizes import sized
 from evertwin.signals.channels import Layout
@@ -67,7 +67,14 @@ class Wrapper(ABC):
 
     def kernel(self) -> Kernel:
         """Addresses for the fused loop; the context points to the inner kernel."""
-        return self.compiled.kernel().over(self.inner, self.around, (self.compiled,))
+        own = self.compiled.kernel()
+        layer = Layer(self.around, own.context, self.kinds)
+        return own.over(self.inner, layer, (self.compiled,))
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Kinds of correction term whose functions the kernel calls."""
+        return ()
 
     def simulate(
         self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector

@@ -94,11 +94,13 @@ class Child:
         """Runs a compiled loop over the FMU and its wrappers."""
         step, observe, context = kernels.step.address, kernels.adopt.address, self.page
         plans = []
-        for name, where in order["layers"]:
+        for name, terms, where in order["layers"]:
             plan = placed(self.shared, where)
             plan[1:4] = step, observe, context.ctypes.data
             plans.append(plan)
             module = importlib.import_module(name)
+            if terms:
+                module.resolve(plan, terms)
             step, observe, context = module.step.address, module.adopt.address, plan
         loop = getattr(importlib.import_module(order["module"]), order["name"])
         arguments = [placed(self.shared, where) for where in order["arguments"]]

@@ -245,7 +245,7 @@ class Worker:
         page[at.FROM] = lost[-1] if len(lost) > _TRIES else -1
         whole = process.ask(
             {"do": "loop", "module": loop.__module__, "name": loop.__name__,
-             "layers": [[layer.module, where] for layer, where in zip(layers, places)],
+             "layers": [[x.module, x.terms, where] for x, where in zip(layers, places)],
              "arguments": places[len(layers) :], "seconds": self.limits.cpu_seconds},
             self.limits.row_seconds, _OUTSIDE,
         )  # fmt: skip

@@ -15,21 +15,87 @@ levels. Otherwise the range is cut evenly.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float64
 
 from evertwin.errors import DataError
 from evertwin.fold import Block
+from evertwin.models.contract import Model
 from evertwin.types import Vector
 
-__all__ = ["LEVELS", "changes_within", "inputs_of", "propose_levels", "quiet_level", "reach_of"]
+__all__ = [
+    "LEVELS",
+    "Rows",
+    "changes_within",
+    "inputs_of",
+    "propose_levels",
+    "quiet_level",
+    "reach_of",
+]
 
 LEVELS = 20
 """Levels of a table over a continuous range: rough on purpose, quantisation is tuned out later."""
 DISTINCT = 41
 """Up to this many distinct commands are taken as the levels themselves."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """What a kind of term looks at before it proposes.
+
+    >>> from evertwin.fold import make_block
+    >>> from evertwin.machines.mobile import Robot1D
+    >>> rows = make_block(t=np.arange(9) * 10**9, u=np.arange(9.0)[:, None], y=np.zeros((9, 1)))
+    >>> seen = Rows(Robot1D(), (rows,), ("v",), 2.0)
+    >>> seen.chosen, seen.span
+    (('v',), 8.0)
+    """
+
+    model: Model
+    """Base model, without terms."""
+    windows: tuple[Block, ...]
+    channels: tuple[str, ...]
+    """Inputs or states that may be corrected; empty: all inputs."""
+    horizon: float
+    """Length of a prediction [s]: no lag is sought beyond it."""
+    quantum: float = 0.0
+    """Step of a table's levels; 0: proposed from the data."""
+
+    @cached_property
+    def reach(self) -> Mapping[str, float]:
+        """Largest size of every input, bar outliers."""
+        return {name: reach_of(self.inputs(name)) for name in self.model.inputs.names}
+
+    @property
+    def chosen(self) -> tuple[str, ...]:
+        """Inputs that may be corrected and that do something."""
+        return tuple(
+            name
+            for name in (self.channels or self.model.inputs.names)
+            if self.reach.get(name, 0.0) > 0.0
+        )
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """States that may be coupled to: those that are named."""
+        return tuple(name for name in self.channels if name in self.model.states.names)
+
+    def others(self, channel: str) -> tuple[str, ...]:
+        """Other inputs that do something."""
+        return tuple(name for name, size in self.reach.items() if name != channel and size > 0.0)
+
+    def inputs(self, channel: str) -> Vector:
+        """Finite values of one input."""
+        return inputs_of(self.windows, self.model.inputs.index(channel))
+
+    @property
+    def span(self) -> float:
+        """Length of the longest window [s]."""
+        return max(float(w.t[-1] - w.t[0]) * 1e-9 for w in self.windows)
 
 
 def inputs_of(windows: Sequence[Block], column: int) -> Vector:

@@ -1,0 +1,110 @@
+"""One input weakens another: a base that turns drives more slowly.
+
+Variants: *proportional*, u − k·s; *magnitude*, |u| falls by k·|s|; *grip*, the limit of |u| falls
+with |s|, as friction does that is used up sideways.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from evertwin.models.form import Term
+from evertwin.models.parameters import Parameter
+from evertwin.models.terms.contract import (
+    NONE,
+    SHAPED,
+    SIMPLE,
+    Candidate,
+    CorrectionTerm,
+    Functions,
+    Intervals,
+    told,
+)
+from evertwin.models.terms.kernel import placed
+from evertwin.models.terms.rows import Rows
+from evertwin.signals.units import si_unit
+
+__all__ = ["KIND", "Coupling"]
+
+
+def before(at: Any, grid: Any, u: Any, dt: float, p: Any, x: Any) -> int:
+    """The coupling, by its variant."""
+    own = placed(at)
+    command, source = u[own.channel], u[own.source]
+    if own.variant == 0:
+        u[own.channel] = command - p[0] * source
+    elif command == 0.0:
+        u[own.channel] = 0.0 * command
+    elif own.variant == 1:
+        u[own.channel] = command - math.copysign(p[0] * abs(source), command)
+    else:
+        slope = p[1] + p[2] * abs(source)
+        limited = math.tanh(p[0] * command * slope) / slope if slope > 1e-12 else p[0] * command
+        u[own.channel] = limited
+    return 0
+
+
+class Coupling(CorrectionTerm):
+    """See the module.
+
+    >>> KIND.say(Term("coupling", "v", "w", "magnitude"), (0.065,), "m/s")
+    'v: falls by 0.065·|w|'
+    """
+
+    kind, pairs, variants = "coupling", True, ("proportional", "magnitude", "grip")
+    functions = Functions(before)
+
+    def parameters(self, term: Term, unit: str, source: str) -> Sequence[Parameter]:
+        if term.variant != "grip":
+            return [Parameter("slip", 0.0, si_unit(f"({unit})/({source})"))]
+        inverse = si_unit(f"1/({unit})")
+        return [
+            Parameter("gain", 1.0, "1", low=0.0),
+            Parameter("inverse_cap", 0.0, inverse, low=0.0, editable=False),
+            Parameter("inverse_grip", 0.0, si_unit(f"1/({unit})/({source})"), low=0.0),
+        ]
+
+    def propose(self, rows: Rows) -> Iterator[Candidate]:
+        for channel in rows.chosen:
+            for source in rows.others(channel):
+                yield from _couplings(channel, source, rows.reach[channel], rows.reach[source])
+
+    def say(
+        self, term: Term, values: Sequence[float], unit: str, intervals: Intervals = NONE
+    ) -> str:
+        c, o = term.channel, term.source
+        if term.variant == "grip":
+            gain, cap, grip = values
+            alone = grip > 0.0 and cap <= 1e-6 * grip
+            both = f"1/({cap:.3g} + {grip:.3g}·|{o}|)"
+            limit = f"{1 / grip:.3g}/|{o}|" if alone else both
+            return f"{c}: gain {told('gain', gain, '', intervals)}, limited to {limit} {unit}"
+        size = f"|{o}|" if term.variant == "magnitude" else o
+        way = "falls" if values[0] >= 0 else "rises"
+        between = intervals.get("slip")
+        told_by = {"slip": _sizes(*between)} if between else NONE
+        return f"{c}: {way} by {told('slip', abs(values[0]), '', told_by)}·{size}"
+
+
+def _sizes(low: float, high: float) -> tuple[float, float]:
+    """The interval of a size, from that of a number of either sign."""
+    return (-high, -low) if low + high < 0.0 else (low, high)
+
+
+def _couplings(c: str, o: str, reach: float, other: float) -> Iterator[Candidate]:
+    slip = reach / other
+    for variant in ("proportional", "magnitude"):
+        yield Candidate(
+            Term("coupling", c, o, variant), SIMPLE, ((0.0,),), (-3 * slip,), (3 * slip,),
+            (0.1 * slip,),
+        )  # fmt: skip
+    cap, grip = 1 / reach, 1 / (reach * other)
+    yield Candidate(
+        Term("coupling", c, o, "grip"), SHAPED, ((1.0, 0.3 * cap, 0.3 * grip),), (0.2, 0.0, 0.0),
+        (3.0, 10 * cap, 30 * grip), (0.1, 0.3 * cap, 0.3 * grip), replaces=("coupling",),
+    )  # fmt: skip
+
+
+KIND = Coupling()

@@ -1,0 +1,230 @@
+"""The arithmetic of correction terms, compiled: from the commanded input to the effective one.
+
+Everything a kernel needs about the terms lies in one int64 array, the *plan*: a header, then one
+record a term with the addresses of its functions (`evertwin.models.terms.contract`), its place in
+the parameters, its `Place` and its grids (as the bits of floats). `evertwin.models.corrected`
+writes the plan.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cache
+from inspect import unwrap
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import carray, cfunc, njit, types
+from numba.core.errors import NumbaError
+from numba.extending import intrinsic
+
+from evertwin.errors import UsageError
+from evertwin.models.kernel import ANEW, OBSERVE, STEP, call_observe, call_step, calling
+from evertwin.models.terms.contract import Place
+from evertwin.models.terms.registry import kind
+
+__all__ = [
+    "HEADER",
+    "RECORD",
+    "adopt",
+    "effective_rows",
+    "effective_run",
+    "placed",
+    "resolve",
+    "step",
+]
+
+# Header: length, inner step, inner observe, inner context, nu, nx inner, nx, np, ny, terms.
+HEADER = 10
+LENGTH, BEFORE, AFTER, ADOPTED, PARAMETER = range(5)
+PLACE = 5
+RECORD = PLACE + len(Place._fields)
+"""Record: its length, three addresses (0: none), first parameter, then its `Place` and grids."""
+MEMORY = PLACE + Place._fields.index("memory")
+
+_REALS, _INTEGERS = types.CPointer(types.float64), types.CPointer(types.int64)
+_SIGNATURES = {
+    "before": types.int64(_INTEGERS, _REALS, _REALS, types.float64, _REALS, _REALS),
+    "after": types.int64(_INTEGERS, types.float64, _REALS, _REALS, _REALS, _REALS),
+    "adopted": types.int64(_INTEGERS, _REALS, _REALS),
+}
+_I, _R, _D = ir.IntType(64).as_pointer(), ir.DoubleType().as_pointer(), ir.DoubleType()
+
+
+@njit(cache=True)
+def placed(at: Any) -> Place:
+    """The term's place, from what its function is given."""
+    return Place(at[0], at[1], at[2], at[3], at[4], at[5], at[6], at[7])
+
+
+def resolve(plan: np.ndarray, names: Sequence[str]) -> None:
+    """Puts the addresses of this process into a plan; ``names``: the kind of each term."""
+    at = HEADER
+    for name in names:
+        plan[at + BEFORE : at + ADOPTED + 1] = addresses(name)
+        at += int(plan[at])
+
+
+@cache
+def addresses(name: str) -> tuple[int, int, int]:
+    """Of the functions of a kind; 0 where it has none."""
+    functions = kind(name).functions
+    found = [getattr(functions, role) for role in _SIGNATURES]
+    before, after, adopted = (
+        0 if function is None else int(_compiled(name, role, function).address)
+        for role, function in zip(_SIGNATURES, found, strict=True)
+    )
+    return before, after, adopted
+
+
+@cache
+def _compiled(name: str, role: str, function: Callable[..., Any]) -> Any:
+    """The C function; the cache keeps it alive."""
+    plain = unwrap(function)
+    kept = Path(plain.__code__.co_filename).is_file()
+    try:
+        return cfunc(_SIGNATURES[role], cache=kept)(plain)
+    except NumbaError as error:
+        raise UsageError(
+            f"correction term {name!r}: its function {role!r} cannot be compiled: expected plain "
+            f"arithmetic; {error}"
+        ) from error
+
+
+@intrinsic
+def _call_before(
+    typing: Any, address: Any, at: Any, grid: Any, u: Any, dt: Any, p: Any, x: Any
+) -> Any:
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return calling(builder, list(arguments), [_I, _R, _R, _D, _R, _R])
+
+    i = types.int64
+    return i(i, i, i, i, types.float64, i, i), code
+
+
+@intrinsic
+def _call_after(
+    typing: Any, address: Any, at: Any, dt: Any, p: Any, x: Any, ahead: Any, y: Any
+) -> Any:
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return calling(builder, list(arguments), [_I, _D, _R, _R, _R, _R])
+
+    i = types.int64
+    return i(i, i, types.float64, i, i, i, i), code
+
+
+@intrinsic
+def _call_adopted(typing: Any, address: Any, at: Any, before: Any, x: Any) -> Any:
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return calling(builder, list(arguments), [_I, _R, _R])
+
+    i = types.int64
+    return i(i, i, i, i), code
+
+
+@njit(cache=True)
+def effective(plan: Any, u: int, dt: float, p: int, x: int) -> int:
+    """Applies the terms in order to the inputs at ``u`` and to their memory, in place.
+
+    Args:
+        u, p, x: addresses of a row's inputs, of the parameters and of the states.
+
+    Returns:
+        0, or 1 where an input is not finite.
+    """
+    at, here = HEADER, plan.ctypes.data
+    for _ in range(plan[9]):
+        if plan[at + BEFORE] != 0:
+            failed = _call_before(
+                plan[at + BEFORE], here + 8 * (at + PLACE), here + 8 * (at + RECORD), u, dt,
+                p + 8 * plan[at + PARAMETER], x + 8 * plan[at + MEMORY],
+            )  # fmt: skip
+            if failed != 0:
+                return 1
+        at += plan[at]
+    return 0
+
+
+@njit(cache=True)
+def effective_rows(plan: Any, u: Any, p: Any) -> None:
+    """Terms without memory over many rows, in place."""
+    none = np.zeros(1)
+    for i in range(u.shape[0]):
+        effective(plan, u[i].ctypes.data, 0.0, p.ctypes.data, none.ctypes.data)
+
+
+@njit(cache=True, nogil=True)
+def effective_run(plan: Any, x: Any, u: Any, dt: Any, p: Any, code: Any) -> Any:
+    """What the terms make of the inputs of a whole roll-out from ``x``, (n, nu).
+
+    NaN where `step` would fail; ``code`` is that of `evertwin.models.kernel.Restart`.
+    """
+    out, now, ahead = u.copy(), x.copy(), x.copy()
+    for i in range(u.shape[0]):
+        if code[i] == ANEW:
+            now[:] = x
+            continue
+        ahead[:] = now
+        if effective(plan, out[i].ctypes.data, dt[i], p.ctypes.data, ahead.ctypes.data) != 0:
+            out[i, :] = np.nan
+        else:
+            now[:] = ahead
+    return out
+
+
+@njit(cache=True)
+def _behind(plan: Any, dt: float, p: int, x: int, ahead: int, y: int) -> int:
+    """What terms do behind the inner model's step; 0: fine."""
+    at, here, failed = HEADER, plan.ctypes.data, 0
+    for _ in range(plan[9]):
+        if plan[at + AFTER] != 0:
+            failed |= _call_after(
+                plan[at + AFTER], here + 8 * (at + PLACE), dt, p + 8 * plan[at + PARAMETER], x,
+                ahead, y,
+            )  # fmt: skip
+        at += plan[at]
+    return failed
+
+
+@njit(cache=True)
+def _adopted(plan: Any, before: int, x: int) -> None:
+    """What terms do once the inner model has adopted a measurement."""
+    at, here = HEADER, plan.ctypes.data
+    for _ in range(plan[9]):
+        if plan[at + ADOPTED] != 0:
+            _call_adopted(plan[at + ADOPTED], here + 8 * (at + PLACE), before, x)
+        at += plan[at]
+
+
+@cfunc(STEP, cache=True)
+def step(context: Any, x: Any, u: Any, dt: float, p: Any, x_next: Any, y: Any) -> Any:
+    """One row: terms, inner step, what terms do behind it."""
+    plan = carray(context, (carray(context, (1,))[0],))
+    now, ahead = carray(x, (plan[6],)), carray(x_next, (plan[6],))
+    numbers, out = carray(p, (plan[7],)), carray(y, (plan[8],))
+    inputs = carray(u, (plan[4],)).copy()
+    first = plan[5]
+    for i in range(first, plan[6]):
+        ahead[i] = now[i]
+    at, given = ahead.ctypes.data, numbers.ctypes.data
+    if effective(plan, inputs.ctypes.data, dt, given, at) != 0:
+        ahead[:] = now
+        out[:] = np.nan
+        return 1
+    failed = call_step(
+        plan[1], plan[3], now.ctypes.data, inputs.ctypes.data, dt, given, at, out.ctypes.data
+    )
+    return failed | _behind(plan, dt, given, now.ctypes.data, at, out.ctypes.data)
+
+
+@cfunc(OBSERVE, cache=True)
+def adopt(context: Any, x: Any, y: Any) -> Any:
+    """The inner model adopts; terms keep what they have to keep."""
+    plan = carray(context, (carray(context, (1,))[0],))
+    now = carray(x, (plan[6],))
+    before = now[: plan[5]].copy()
+    call_observe(plan[2], plan[3], now.ctypes.data, carray(y, (plan[8],)).ctypes.data)
+    _adopted(plan, before.ctypes.data, now.ctypes.data)
+    return 0
