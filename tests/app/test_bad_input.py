@@ -217,3 +217,22 @@ def test_divergence_is_told(call: Command, folder: Path) -> None:
         done = call(*words, "--json")
         assert done.code in (0, 1), done.err
         assert "NaN" not in done.out and "Infinity" not in done.out
+
+
+def test_rows_left_out_are_said_and_are_a_finding(call: Command, folder: Path) -> None:
+    table = columns()
+    n = len(table["t"])
+    assert call("run", "robot.toml", "--data", "robot.csv").out.count("left out") == 0
+    table["t"] = np.round(table["t"] * 1e9)
+    save(folder / "robot.csv", table)
+    (folder / "robot.db").unlink()
+    done = call("run", "robot.toml", "--data", "robot.csv", "--check")
+    assert done.code == 1 and f"of {n} rows left out" in done.out
+    assert "look like ns" in done.out and "10^9 times too long" in done.out
+    (folder / "robot.db").unlink()
+    (lost,) = call("run", "robot.toml", "--data", "robot.csv", "--json").json["left_out"]
+    assert (
+        lost["rows"] == n and lost["finding"] and lost["problems"] == {"no_stamp": lost["left_out"]}
+    )
+    fitted = call("fit", "robot.toml", "--train", "robot.csv", "--check")
+    assert fitted.code == 1 and "look like ns" in fitted.out

@@ -42,7 +42,9 @@ def test_planted_faults_are_found(spoilt: Path) -> None:
     angle = table.columns[1]
     time = table.time
     assert time is not None
-    assert table.rows == N - 1 and table.problems == {"truncated": 1, "text": 1}
+    lost = {"truncated": 1, "repeated": 1, "backward": 1}
+    assert table.rows == N - 1 and table.problems == {**lost, "text": 1, "gap": 1}
+    assert (table.left_out, table.used) == (3, N - 3)
     assert (angle.missing, angle.infinite, angle.text) == (2, 1, 1)
     assert (1e9, 102) in angle.absurd and angle.sentinels == (-9999.0,)
     assert angle.constant_rows == 200 and angle.constant_line == 702
@@ -50,7 +52,7 @@ def test_planted_faults_are_found(spoilt: Path) -> None:
     assert time.gaps >= 1 and time.longest_gap_line == 1002 and 2.9 < time.longest_gap < 3.1
     assert abs(time.rate - 100) < 3 and 0 < time.jitter < 0.002
     text = " ".join(info.findings)
-    for word in ("truncated", "absurd", "gap", "twice", "back", "frozen", "infinite", "empty"):
+    for word in ("truncated", "absurd", "gap", "repeated", "back", "frozen", "infinite", "empty"):
         assert word in text
 
 

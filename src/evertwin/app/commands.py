@@ -55,7 +55,7 @@ def run_twin(twin: Path, data: Files, report: Path | None, as_json: bool, check:
                 "[anomaly] requirement, such as '1 cm' or 0.05 of the rms",
                 err=True,
             )
-    if check and result.of_kind(*FINDINGS):
+    if check and (result.of_kind(*FINDINGS) or any(one.finding for one in result.left_out)):
         raise typer.Exit(1)
 
 
@@ -68,7 +68,8 @@ def fit_twin(
         result = opened.fit(_files(train), [str(_file(path)) for path in test], search)
         search.close()
         show(result.to_dict(), str(result), as_json)
-    if check and (not result.fit.converged or "not" in result.fit.verdict):
+    unsure = not result.fit.converged or "not" in result.fit.verdict
+    if check and (unsure or any(one.finding for one in result.left_out)):
         raise typer.Exit(1)
 
 

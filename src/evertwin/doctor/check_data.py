@@ -9,6 +9,7 @@ import numpy as np
 from evertwin.doctor.examination import View, changes
 from evertwin.doctor.finding import Finding
 from evertwin.fold import Event, Mark
+from evertwin.sources.tally import Tally
 from evertwin.sync.horizon import residuals
 
 __all__ = ["look_data"]
@@ -27,21 +28,30 @@ _CLOCK = {
     "simulated over",
     "no_stamp": "rows without a stamp are dropped: check the column of time",
 }
+_OWN = ("absurd", "gap")
 _ROWS = "the row or cell is left out: look at this line of the file (evertwin info)"
 
 
 def look_data(view: View) -> Iterator[Finding]:
     """What sources and arbiter found, and how much is lost to it."""
-    for kind, line in zip(sorted(view.tally.counts), view.tally.lines(), strict=True):
-        problem = view.tally.first[kind][0]
-        name = "gap" if kind == "gap" else "clock" if kind in _CLOCK else "missing"
-        step = _CLOCK.get(kind, _ROWS)
-        count = {"count": view.tally.counts[kind]}
-        yield Finding(name, kind, line, f"line {problem.line} first", step, count)
+    for tally in view.tallies:
+        yield from _sound(tally)
     yield from _not_finite(view)
     yield from _frozen_inputs(view)
     yield from _faults(view)
     yield from _lost(view)
+
+
+def _sound(tally: Tally) -> Iterator[Finding]:
+    """What was wrong with the rows of one source."""
+    for kind, line in zip(sorted(tally.counts), tally.lines(), strict=True):
+        problem, count = tally.first[kind][0], {"count": tally.counts[kind]}
+        name = kind if kind in _OWN else "clock" if kind in _CLOCK else "missing"
+        where = f"{problem.file} line {problem.line} first"
+        yield Finding(name, kind, line, where, _CLOCK.get(kind, _ROWS), count)
+    lost = {"left_out": tally.left_out, "used": tally.used}
+    for suspicion in tally.suspicions:
+        yield Finding("clock", tally.source, suspicion, "all rows", "correct the twin file", lost)
 
 
 def _not_finite(view: View) -> Iterator[Finding]:

@@ -42,7 +42,7 @@ class View:
     """The same with the arbiter's marks."""
     events: tuple[Event, ...]
     """What the arbiter found."""
-    tally: Tally
+    tallies: tuple[Tally, ...]
     """What the sources found."""
 
     @cached_property
@@ -101,7 +101,7 @@ def view(setup: Setup, versions: Versions, number: int, data: Data) -> View:
         mark = np.concatenate([window.mark[:, : window.u.shape[1]], out.rows.mark], axis=1)
         judged.append(window._replace(mark=mark))
         events += [record for record in out.records if isinstance(record, Event)]
-    return View(setup, versions, version, windows, tuple(judged), tuple(events), feed.tally)
+    return View(setup, versions, version, windows, tuple(judged), tuple(events), feed.left_out)
 
 
 @dataclass(frozen=True)

@@ -67,7 +67,7 @@ def chunk_of(columns: Mapping[str, Any], source: str = COLUMNS, task: int = 0) -
 
 @dataclass
 class Feed:
-    """The rows of recordings for one twin; ``tally`` counts what was wrong with them.
+    """The rows of recordings for one twin; ``tallies`` count what was wrong with them.
 
     >>> from evertwin.config.spec import ModelSpec
     >>> from evertwin.machines.mobile import Robot1D
@@ -78,7 +78,8 @@ class Feed:
 
     spec: TwinSpec
     model: Model
-    tally: Tally = field(default_factory=Tally)
+    tallies: dict[str, Tally] = field(default_factory=dict)
+    """By source, once it is read."""
     events: list[Event] = field(default_factory=list)
     """What the alignment said of the samples so far."""
 
@@ -101,6 +102,7 @@ class Feed:
         if row == 0:
             raise DataError(
                 "no row is left of the data: check [clock] crop, start and stop, and @START:STOP"
+                f"{self._lost()}"
             )
 
     def stream(self, data: Data = None) -> Iterator[Block]:
@@ -124,6 +126,7 @@ class Feed:
         if empty:
             raise DataError(
                 "no row is left of the data: its files hold none, or none is in @START:STOP"
+                f"{self._lost()}"
             )
         state, block, events = alignment.flush(state)
         self.events += events
@@ -158,6 +161,14 @@ class Feed:
                 newest = task + chunk.task + 1
                 yield chunk._replace(task=task + chunk.task)
             task = newest
+
+    @property
+    def left_out(self) -> tuple[Tally, ...]:
+        """The sources of which rows were left out, or something is suspected."""
+        return tuple(tally for tally in self.tallies.values() if str(tally))
+
+    def _lost(self) -> str:
+        return "".join(f"; {tally}" for tally in self.left_out)
 
     def _merged(self, files: Mapping[int, tuple[Path, ...]]) -> Iterator[Chunk]:
         if not any(files.values()):
@@ -202,8 +213,9 @@ class Feed:
         clock = Clock(time.column, time.unit, time.rate, round(spec.offset * 1e9))
         stated = Stated(spec.header, spec.delimiter, spec.decimal)
         return Recorded(
-            spec.name, paths, tuple(cells), clock, spec.task, self.tally, stated, spec.format
-        )
+            spec.name, paths, tuple(cells), clock, spec.task,
+            self.tallies.setdefault(spec.name, Tally(spec.name)), stated, spec.format,
+        )  # fmt: skip
 
 
 def _ready(data: Any) -> Iterable[Block] | None:

@@ -26,6 +26,7 @@ from evertwin.loop.work import Work
 from evertwin.loop.workers import processes
 from evertwin.models import Model, Parameters
 from evertwin.models.form import Form, Version
+from evertwin.sources.tally import Tally
 from evertwin.tuning import Fit, Problem
 from evertwin.tuning.interrupt import Interrupt
 from evertwin.types import Json
@@ -72,6 +73,8 @@ class FitResult:
     """The search for terms, if there was one: held-out errors before and after."""
     starts: tuple[tuple[Mapping[str, float], ...], ...] = ()
     """Per test and task of it: the parameters that belong to a recording, fitted to it."""
+    left_out: tuple[Tally, ...] = ()
+    """What was wrong with the recordings, and the rows left out for it, by source."""
 
     def to_dict(self) -> dict[str, Json]:
         """Plain content, ``schema: "evertwin.fit/1"``."""
@@ -105,6 +108,7 @@ class FitResult:
                 "filter": self.filter,
                 "form": {"terms": self.form.terms, "search": self.search},
                 "friction_law": self.laws,
+                "left_out": [tally.to_dict() for tally in self.left_out],
                 "converged": self.fit.converged,
                 "message": self.fit.message,
                 "method": self.fit.method,
@@ -138,6 +142,7 @@ class FitResult:
         if any(self._starts):
             names = ", ".join(self._starts[0][0])
             lines.append(f"fitted to each test, since they belong to a recording: {names}")
+        lines += map(str, self.left_out)
         return "\n".join(lines)
 
     def _described(self) -> list[str]:
@@ -171,6 +176,8 @@ class Tuned:
     laws: Mapping[str, str]
     tasks: tuple[Block, ...]
     """What it was tuned on."""
+    feed: Feed
+    """What reads recordings, and counts what was wrong with them."""
 
     @property
     def model(self) -> Model:
@@ -179,8 +186,7 @@ class Tuned:
 
     def rows(self, data: Data) -> tuple[Block, ...]:
         """The tasks of recordings, without what cannot be a measurement."""
-        feed = Feed(self.setup.spec, self.setup.model)
-        return screened(self.setup, self.base, self.version.p, feed.blocks(data))
+        return screened(self.setup, self.base, self.version.p, self.feed.blocks(data))
 
     def judged(self, blocks: tuple[Block, ...], own: bool = True) -> Judged:
         """Predictions of tasks; with ``own`` each starts from parameters of its own."""
@@ -209,7 +215,7 @@ def tune(
         problem = replace(problem, settings=replace(problem.settings, far=far))
         problem, laws = climb_laws(setup, _watched(problem, stop, watch))
         formed = with_terms(setup, work, version, problem)
-    return Tuned(setup, base, version, formed, laws, tasks)
+    return Tuned(setup, base, version, formed, laws, tasks, feed)
 
 
 def _watched(problem: Problem, stop: Interrupt, watch: Watch | None) -> Problem:
@@ -247,6 +253,7 @@ def fit(
             tuple({name: p[name] for name in free if name in p} for p in one.values)
             for _, one in tests
         ),
+        done.feed.left_out,
     )  # fmt: skip
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import math
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -14,6 +15,7 @@ from evertwin.errors import MissingExtra
 from evertwin.fold import Event, plain
 from evertwin.models import Model, Parameters
 from evertwin.models.form import Form, Version
+from evertwin.sources.tally import Tally
 from evertwin.types import Json
 
 if TYPE_CHECKING:
@@ -74,8 +76,13 @@ class RunResult:
     trace: Mapping[str, np.ndarray] = field(repr=False)
     rounds: tuple[Mapping[str, Any], ...] = ()
     """Rounds of tuning by iteration: version, deviation per output, tried, frozen, values."""
-    problems: Mapping[str, int] = field(default_factory=dict)
-    """What was wrong with the recordings, counted."""
+    left_out: tuple[Tally, ...] = ()
+    """What was wrong with the recordings, and the rows left out for it, by source."""
+
+    @property
+    def problems(self) -> Mapping[str, int]:
+        """What was wrong with the recordings, counted over all sources."""
+        return sum((Counter(tally.counts) for tally in self.left_out), Counter[str]())
 
     def to_dict(self) -> dict[str, Json]:
         """Plain content, ``schema: "evertwin.run/1"``."""
@@ -98,6 +105,7 @@ class RunResult:
             },
             "parameters": {item.name: self._parameter(item.name) for item in self.parameters},
             "data_problems": self.problems,
+            "left_out": [tally.to_dict() for tally in self.left_out],
             "rounds": self.rounds,
         }
         return plain(content)  # type: ignore[return-value]
@@ -185,6 +193,7 @@ class RunResult:
             f"  {name:<10} rms {b} -> {a} {unit}   relative {rb} -> {ra}"
             for name, unit, b, a, rb, ra in self._lines()
         ]
+        text += [f"  {tally}" for tally in self.left_out]
         text += [f"  row {e.row:>8}  {e.kind:<18} {e.signal:<8} {e.reason}" for e in self.events]
         return "\n".join(text)
 

@@ -68,7 +68,7 @@ class Run:
         seconds = time.perf_counter() - began
         result = observer.result(driver, state, seconds)
         log.info("%s: %d rows in %.2f s", self.setup.spec.name, state.row, seconds)
-        return replace(result, problems=dict(feed.tally.counts))
+        return replace(result, left_out=feed.left_out)
 
     def _restored(self, driver: Driver) -> TwinState:
         state = driver.restored(self.store)

@@ -125,6 +125,19 @@ class TableInfo:
     """The first of each kind, with its line."""
     clocks: tuple[ClockInfo, ...] = ()
     """Further columns of time against the first."""
+    left_out: int = 0
+    """Rows that a twin would not use."""
+    used: int = 0
+    """Rows that it would."""
+    suspicions: tuple[str, ...] = ()
+    """What is probably wrong with the clock."""
+
+    @property
+    def loss(self) -> str:
+        """The rows left out, as a line; empty where there are none."""
+        rows = self.used + self.left_out
+        share = f"{100 * self.left_out / max(rows, 1):.3g} %"
+        return f"{self.left_out} of {rows} rows are left out ({share})" if self.left_out else ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "problems", dict(self.problems or {}))

@@ -19,7 +19,7 @@ _HELD = 20
 def table_findings(table: TableInfo) -> list[str]:
     """What is wrong with the rows and the clock of a table."""
     where = f"{table.name}: " if table.name else ""
-    out = [f"{where}{line}" for line in table.examples if " no_stamp" not in line]
+    out = [f"{where}{line}" for line in (table.loss, *table.examples, *table.suspicions) if line]
     if table.rows == 0:
         out.append(f"{where}no complete row")
     if table.time is None:
@@ -52,12 +52,6 @@ def _clock(time: TimeInfo) -> Iterator[str]:
             f"{time.column}: {time.gaps}{' or more' if time.gaps >= 20 else ''} gaps of over 5 "
             f"periods, the longest {time.longest_gap:.4g} s before line {time.longest_gap_line}"
         )
-    if time.repeated:
-        yield f"{time.column}: {time.repeated} stamps stand twice: the second row is dropped"
-    if time.backward:
-        yield f"{time.column}: {time.backward} steps back in time"
-    if time.no_stamp:
-        yield f"{time.column}: {time.no_stamp} rows without a stamp"
     if time.period and time.jitter > 0.5 * time.period:
         yield (
             f"{time.column}: uneven steps, {time.period_low:.4g} to {time.period_high:.4g} s "

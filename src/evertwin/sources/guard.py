@@ -165,16 +165,19 @@ class Watch:
         elif ahead == 0 or (self.held and t == self.held[-1].t):
             self.problems.append(Problem("repeated", line, "the stamp of the row before again"))
         else:
-            self._drop_held()
+            self._drop_held(t)
             self.held = [row]
 
     def _pass(self, line: Stamps, t: Stamps, v: Outputs) -> None:
         self.last = int(t[-1]) + self.shift
         self.passed.append((line, t + self.shift, v))
 
-    def _drop_held(self) -> None:
+    def _drop_held(self, after: int | None = None) -> None:
+        """What is held was wrong; ``after``: the stamp that shows it, where none was good yet."""
         for row in self.held:
             step = 0 if self.last is None else row.t + self.shift - self.last
+            if self.last is None and after is not None and after < row.t:
+                step = after - row.t
             kind = "backward" if step < 0 else "clock_jump"
             detail = (
                 f"a step of {step * 1e-9:.6g} s" if step else "no row after it shares its clock"

@@ -6,6 +6,7 @@ person should read before any twin does.
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -14,12 +15,15 @@ from evertwin.errors import DataError
 from evertwin.sources.clocks import other_clocks
 from evertwin.sources.description import ColumnInfo, Info, TableInfo, TimeInfo
 from evertwin.sources.findings import column_findings, table_findings
+from evertwin.sources.guard import Guarded, Rules, Watch, typical
 from evertwin.sources.recording import open_recording
 from evertwin.sources.stamps import NO_STAMP, StampError, to_ns
 from evertwin.sources.statistics import ClockStatistics, ColumnStatistics
-from evertwin.sources.table import Column, Problem, Rows, Table
+from evertwin.sources.suspect import order_of_rows
+from evertwin.sources.table import Column, Rows, Table
 from evertwin.sources.tally import Tally
 from evertwin.sources.time_unit import TimeGuess, guess, time_column
+from evertwin.types import Stamps
 
 __all__ = ["inspect"]
 
@@ -55,7 +59,8 @@ def _table(table: Table) -> TableInfo:
     time = time_column(table)
     numbers = [c for c in table.columns if c.kind in ("number", "boolean") and c != time]
     stats = [ColumnStatistics() for _ in numbers]
-    clock, tally, unit, count = ClockStatistics(), Tally(), None, 0
+    tally, unit, count = Tally(), None, 0
+    watched = _Watched(tally)
     names = [column.name for column in numbers]
     for rows in table.rows(names, None if time is None else time.name, strict=False):
         tally.add(rows.problems)
@@ -64,27 +69,55 @@ def _table(table: Table) -> TableInfo:
             continue
         for j, column in enumerate(stats):
             column.add(rows.line, rows.values[:, j])
-        if time is not None:
+        if time is None:
+            tally.used += len(rows.line)
+        else:
             unit = unit or guess(time.name, rows.time[:1000], time.unit)
-            _add_stamps(rows, unit, clock, tally)
+            watched.add(rows, unit)
+    watched.finish()
     words = _words(tally)
     columns = {c.name: _column(c, s, words) for c, s in zip(numbers, stats, strict=True)}
     listed = tuple(columns.get(c.name, ColumnInfo(c.name, c.kind, c.unit, count, 0, 0, also=c.also))
                    for c in table.columns)  # fmt: skip
-    described = None if time is None or unit is None else _time(time, unit, clock, tally)
+    described = None if time is None or unit is None else _time(time, unit, watched.clock, tally)
     clocks = () if time is None else other_clocks(table, time)
-    return TableInfo(table.name, count, described, listed, tally.counts, tally.lines(), clocks)
+    return TableInfo(
+        table.name, count, described, listed, tally.counts, tally.lines(), clocks,
+        tally.left_out, tally.used, tuple(tally.suspicions),
+    )  # fmt: skip
 
 
-def _add_stamps(rows: Rows, unit: TimeGuess, clock: ClockStatistics, tally: Tally) -> None:
-    """Stamps one piece at a time; where a piece holds a word, row by row."""
-    try:
-        t = to_ns(rows.time, unit.unit)
-    except StampError:
-        t = np.array([_stamp(rows.time[i : i + 1], unit.unit) for i in range(len(rows.time))])
-    known = t != NO_STAMP
-    tally.add(Problem("no_stamp", int(at), "no stamp") for at in rows.line[~known])
-    clock.add(rows.line[known], t[known])
+@dataclass
+class _Watched:
+    """The clock of a table: its figures, and what a twin would make of it."""
+
+    tally: Tally
+    clock: ClockStatistics = field(default_factory=ClockStatistics)
+    watch: Watch | None = None
+    top: Stamps = field(default_factory=lambda: np.zeros(0, np.int64))
+
+    def add(self, rows: Rows, unit: TimeGuess) -> None:
+        """Stamps one piece at a time; where a piece holds a word, row by row."""
+        try:
+            t = to_ns(rows.time, unit.unit)
+        except StampError:
+            t = np.array([_stamp(rows.time[i : i + 1], unit.unit) for i in range(len(rows.time))])
+        known = t != NO_STAMP
+        self.clock.add(rows.line[known], t[known])
+        self.top = self.top if len(self.top) else t[:1000]
+        self.watch = self.watch or Watch(Rules(), typical(t))
+        self._count(self.watch.take(rows.line, t, np.zeros((len(t), 0))))
+
+    def finish(self) -> None:
+        """The end of the table."""
+        if self.watch is not None:
+            self._count(self.watch.finish(0))
+        if self.tally.share > self.tally.limit:
+            self.tally.suspect(order_of_rows(self.top))
+
+    def _count(self, out: Guarded) -> None:
+        self.tally.add(out.problems)
+        self.tally.used += len(out.t)
 
 
 def _stamp(cell: np.ndarray, unit: str) -> int:

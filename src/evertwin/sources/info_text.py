@@ -27,7 +27,8 @@ def render(info: Info) -> str:
 
 
 def _table(table: TableInfo) -> list[str]:
-    lines = ["", f"{table.name or 'table'}: {table.rows} rows, {len(table.columns)} columns"]
+    lost = f"; {table.loss}" if table.loss else ""
+    lines = ["", f"{table.name or 'table'}: {table.rows} rows, {len(table.columns)} columns{lost}"]
     if table.time is not None:
         lines += _time(table.time)
         lines += [_clock(clock, table.time) for clock in table.clocks]

@@ -22,16 +22,19 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Bool
 
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import Chunk
+from evertwin.fold.block import LARGEST
 from evertwin.signals import conversion
 from evertwin.sources.dialect import FOUND, Stated
 from evertwin.sources.guard import Guarded, Piece, Rules, Watch, typical
 from evertwin.sources.names import closest
 from evertwin.sources.recording import open_recording
 from evertwin.sources.stamps import StampError, to_ns, zones
-from evertwin.sources.table import Column, Rows, Table
+from evertwin.sources.suspect import order_of_rows, unit_of_channel, unit_of_time
+from evertwin.sources.table import Column, Problem, Rows, Table
 from evertwin.sources.tally import Tally
 from evertwin.sources.time_unit import TimeGuess, guess, time_column
 from evertwin.types import Outputs, Stamps
@@ -143,17 +146,27 @@ class Recorded:
         """
         task = -1
         for path in self.files:
-            for opens, out in self._guarded(path):
+            top = _Top()
+            for opens, out in self._guarded(path, top):
                 task += int(opens)
-                self.tally.add(out.problems)
+                si = self._si(out, path)
                 if len(out.t):
-                    yield Chunk(self.name, out.t, self._si(out.v), task)
+                    yield Chunk(self.name, out.t, si, task)
+            self._suspect(top)
 
-    def _guarded(self, path: Path) -> Iterator[tuple[bool, Guarded]]:
+    def _suspect(self, top: _Top) -> None:
+        """What is probably wrong, where it is evident or rows fell away."""
+        lost = self.tally.share > self.tally.limit
+        if top.looks is not None:
+            self.tally.suspect(unit_of_time(top.looks, top.unit, lost=lost))
+        if lost:
+            self.tally.suspect(order_of_rows(top.t))
+
+    def _guarded(self, path: Path, top: _Top) -> Iterator[tuple[bool, Guarded]]:
         """Clean rows, each task with a watch of its own; True where a task opens."""
         watch: Watch | None = None
         step, code = 0, float("nan")
-        for line, t, v in self._pieces(path):
+        for line, t, v in self._pieces(path, top):
             step = step or typical(t)
             for value, rows in self._parts(v):
                 if watch is None or value != code:
@@ -194,21 +207,26 @@ class Recorded:
                 )
             topic = found.pop()
             table = next(t for t in recording.tables if t.name == topic)
-        wanted = [cell.column for cell in self.cells]
-        wanted += [] if self.task is None else [self.task]
-        numbers = tuple(_column(table, column).name for column in wanted)
-        return _Wiring(table, numbers, _time_column(table, self.clock))
+        columns = [_column(table, cell.column) for cell in self.cells]
+        for cell, column in zip(self.cells, columns, strict=True):
+            if (cell.scale, cell.offset) == (1.0, 0.0):
+                self.tally.suspect(unit_of_channel(cell.channel, column.unit, cell.unit))
+        columns += [] if self.task is None else [_column(table, self.task)]
+        names = tuple(column.name for column in columns)
+        return _Wiring(table, names, _time_column(table, self.clock))
 
-    def _pieces(self, path: Path) -> Iterator[Piece]:
+    def _pieces(self, path: Path, top: _Top) -> Iterator[Piece]:
         table, numbers, time = self._wiring(path)
-        unit = ""
         for rows in table.rows(numbers, None if time is None else time.name):
-            self.tally.add(rows.problems)
+            self.tally.add(rows.problems, path.name)
             if len(rows.line) == 0:
                 continue
-            if time is not None and not unit:
-                unit = _unit(table, time, rows, self.clock.unit)
-            yield rows.line, self._stamps(table, time, rows, unit), rows.values
+            if time is not None and not top.unit:
+                top.looks = guess(time.name, rows.time[:1000], time.unit)
+                top.unit = _unit(table, time, rows, self.clock.unit)
+            t = self._stamps(table, time, rows, top.unit)
+            top.t = top.t if len(top.t) else t[:1000]
+            yield rows.line, t, rows.values
 
     def _stamps(self, table: Table, time: Column | None, rows: Rows, unit: str) -> Stamps:
         if time is None:
@@ -224,14 +242,38 @@ class Recorded:
         known = t != np.iinfo(np.int64).min
         return np.where(known, t + self.clock.offset, t)
 
-    def _si(self, raw: Outputs) -> Outputs:
-        out = np.empty((len(raw), len(self.cells)))
+    def _si(self, out: Guarded, path: Path) -> Outputs:
+        si = np.empty((len(out.t), len(self.cells)))
         for j, cell in enumerate(self.cells):
             factor, zero = conversion(cell.unit)
-            out[:, j] = (raw[:, j] * cell.scale + cell.offset) * factor + zero
-            for sentinel in cell.sentinels:
-                out[raw[:, j] == sentinel, j] = np.inf
-        return out
+            si[:, j] = (out.v[:, j] * cell.scale + cell.offset) * factor + zero
+        absurd = np.abs(si) > LARGEST
+        for j, cell in enumerate(self.cells):
+            sentinel = np.isin(out.v[:, j], cell.sentinels)
+            si[sentinel, j], absurd[sentinel, j] = np.inf, False
+        self._count(out, absurd, path)
+        return si
+
+    def _count(self, out: Guarded, absurd: Bool[np.ndarray, "n k"], path: Path) -> None:
+        """What was left out of these rows, and what of them is used."""
+        rows = np.flatnonzero(absurd.any(axis=1)).tolist()
+        for i in rows:
+            j = int(np.argmax(absurd[i]))
+            detail = f"{self.cells[j].channel}: {out.v[i, j]:.6g}"
+            self.tally.add((Problem("absurd", int(out.line[i]), detail),), path.name)
+        self.tally.add(out.problems, path.name)
+        self.tally.used += len(out.t) - len(rows)
+
+
+@dataclass
+class _Top:
+    """What the first rows of a file say of its clock."""
+
+    unit: str = ""
+    """What the stamps are read in."""
+    looks: TimeGuess | None = None
+    """What they look like."""
+    t: Stamps = field(default_factory=lambda: np.zeros(0, np.int64))
 
 
 class _Wiring(NamedTuple):

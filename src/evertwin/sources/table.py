@@ -40,6 +40,8 @@ class Problem(NamedTuple):
     """Line of a text file, row or message number elsewhere; both count from 1."""
     detail: str
     """One phrase with the figures."""
+    file: str = ""
+    """Name of the file, where there may be several."""
 
 
 @dataclass(frozen=True)

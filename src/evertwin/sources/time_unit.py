@@ -31,6 +31,7 @@ _HINTS = {
     "ms": {"ms", "msec", "millis", "millisecond", "milliseconds"},
     "s": {"s", "sec", "secs", "second", "seconds"},
 }
+_STATED, _EPOCH = "stated in the heading", "counted from 1970"
 _DATE = re.compile(rb"\s*\d{4}[-./]\d\d?[-./]\d")
 _NUMBER = re.compile(rb"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$")
 _FIRST, _LAST = 946_684_800, 4_102_444_800
@@ -48,6 +49,11 @@ class TimeGuess(NamedTuple):
     reason: str
     sure: bool
 
+    @property
+    def evident(self) -> bool:
+        """Whether the file says it, or the years since 1970 do."""
+        return self.reason in (_STATED, _EPOCH)
+
 
 def guess(heading: str, raw: np.ndarray[Any, Any], stated: str = "") -> TimeGuess:
     """The unit of a raw column of time.
@@ -64,7 +70,7 @@ def guess(heading: str, raw: np.ndarray[Any, Any], stated: str = "") -> TimeGues
     words = {stated.lower(), *re.split(r"[^a-zµ]+", heading.lower())}
     for unit, hints in _HINTS.items():
         if words & hints:
-            return TimeGuess(unit, "stated in the heading", True)
+            return TimeGuess(unit, _STATED, True)
     if raw.dtype.kind == "S":
         raw = raw[np.array([_NUMBER.match(cell) is not None for cell in raw.tolist()], np.bool_)]
     stamps = to_ns(raw, "ns" if _whole(raw) else "s")
@@ -81,7 +87,7 @@ def _texts(raw: np.ndarray[Any, Any]) -> list[bytes]:
 def _whole(raw: np.ndarray[Any, Any]) -> bool:
     """True where no stamp has decimals."""
     if raw.dtype.kind == "S":
-        return not any(b"." in c or b"e" in c.lower() for c in raw.tolist())
+        return all(cell.isdigit() or float(cell).is_integer() for cell in raw.tolist())
     if raw.dtype.kind in "iu":
         return True
     finite = raw[np.isfinite(raw)]
@@ -96,7 +102,7 @@ def _by_size(stamps: np.ndarray[Any, Any], whole: bool) -> TimeGuess:
     for unit, factor in (("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)):
         seconds = step / factor
         if _FIRST * factor <= number < _LAST * factor and seconds < 86_400 * 31:
-            return TimeGuess(unit, "counted from 1970", True)
+            return TimeGuess(unit, _EPOCH, True)
     if whole and step >= 10:
         unit = "ms" if step < 1e4 else "us" if step < 1e6 else "ns"
         return TimeGuess(unit, f"whole numbers that advance by {step:g} a row", False)
