@@ -48,7 +48,7 @@ def test_groups_say_only_what_differs(full: TwinSpec) -> None:
 
 def test_mixed_lists_and_mappings_are_kept(full: TwinSpec) -> None:
     assert full.source[0].channels["v"].sentinels == (-1.0, 9.5)
-    assert full.source[1].where == {"mode": ("steady", 1.0)}
+    assert full.source[1].where == {"mode": (1.0, 2.0)}
     assert full.tuning.causes == {"load": ("mass",)}
     assert full.tuning.weights == {"gain": 2.0}
 

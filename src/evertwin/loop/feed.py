@@ -214,7 +214,8 @@ class Feed:
         stated = Stated(spec.header, spec.delimiter, spec.decimal)
         return Recorded(
             spec.name, paths, tuple(cells), clock, spec.task,
-            self.tallies.setdefault(spec.name, Tally(spec.name)), stated, spec.format,
+            self.tallies.setdefault(spec.name, Tally(spec.name, spec.left_out)), stated,
+            spec.format,
         )  # fmt: skip
 
 

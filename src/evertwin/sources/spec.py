@@ -13,6 +13,7 @@ from evertwin.settings.kinds import Hertz, Seconds
 from evertwin.settings.notes import Late, Shorthand
 from evertwin.settings.section import Section
 from evertwin.signals.units import conversion
+from evertwin.sources.tally import LIMIT
 
 __all__ = ["ChannelSpec", "Column", "SourceSpec", "TimeSpec"]
 
@@ -100,7 +101,10 @@ class SourceSpec(Section):
     """Where the stamps come from."""
     task: Column | None = None
     """Column whose change opens a new task."""
-    where: Mapping[str, tuple[float | str, ...]] = field(default_factory=dict)
+    where: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     """Only rows whose column has one of these values."""
     offset: Seconds = 0.0
     """Known offset of the source's clock, added to its stamps."""
+    left_out: Annotated[float, Ge(0.0), Le(1.0)] = LIMIT
+    """Largest share of the rows that may be left out (stamps that go back, repeat or are absurd,
+    damaged lines, absurd values); beyond it that is a finding."""
