@@ -26,10 +26,8 @@ COMPILED = {"cfunc", "intrinsic", "jit", "njit", "overload", "vectorize"}
 BROAD_EXCEPT = {
     ("app/cli.py", "main"): "the last edge: an unforeseen error becomes exit code 101",
     ("sources/foreign.py", "foreign"): "readers of others: no reader says all that it may raise",
-    (
-        "engine.py",
-        "_attempt",
-    ): "work is the user's code: its error is the answer",
+    ("engine/pool.py", "serve"): "what a job raises is raised where its result is taken",
+    ("engine/worker.py", "_outcome"): "what a job raises travels to the parent, which raises it",
     (
         "models/function.py",
         "step",

@@ -9,6 +9,7 @@ is a value of the result (see `evertwin.tuning.Fit`).
     │   └── MissingExtra      exit code 2    an optional package is not installed
     ├── DataError             exit code 4    a recording that cannot be read or trusted
     ├── ModelError            exit code 5    a model that cannot be built or run
+    │   └── WorkLost          exit code 5    work in a process of its own ended without a result
     ├── StoreError            exit code 4    a damaged or foreign store
     │   └── StoreLocked       exit code 75   the store belongs to a running process
     └── LawBroken             exit code 101  an implementation breaks its contract
@@ -29,6 +30,7 @@ __all__ = [
     "StoreError",
     "StoreLocked",
     "UsageError",
+    "WorkLost",
     "nearest",
 ]
 
@@ -92,6 +94,14 @@ class ModelError(EvertwinError):
     """
 
     exit_code = 5
+
+
+class WorkLost(ModelError):
+    """Work in a process of its own ended without a result: too long, too large, or killed.
+
+    >>> WorkLost("it took longer than 600 s").exit_code
+    5
+    """
 
 
 class StoreError(EvertwinError):

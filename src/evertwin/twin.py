@@ -43,6 +43,7 @@ from evertwin.loop.result import RunResult
 from evertwin.loop.run import Run
 from evertwin.loop.setup import Setup
 from evertwin.loop.versions import Versions
+from evertwin.loop.workers import Engines
 from evertwin.models import Model, Parameters
 from evertwin.models.form import Version
 from evertwin.prognosis.alarm_log import alarmed
@@ -77,7 +78,7 @@ class Twin:
         self, spec: TwinSpec, model: Model | None = None, store: Store | None = None
     ) -> None:
         self.spec = spec
-        self._given = model is not None
+        self._engines = Engines(spec, model is not None)
         self.model = model_of(spec, model)
         check_units(spec, self.model)
         self.setup = Setup(spec, self.model)
@@ -102,7 +103,8 @@ class Twin:
         return cls(read(path))
 
     def close(self) -> None:
-        """Lets go of the store."""
+        """Lets go of the store, and of the processes for slow work."""
+        self._engines.close()
         self.store.close()
 
     def __enter__(self) -> Twin:
@@ -202,18 +204,14 @@ class Twin:
             watch: called with evaluations and cost while a search runs; False ends it, as Ctrl-C
                 does, with the best values so far.
             workers: processes that differences are simulated in, for a model whose rows are slow
-                Python; by default those of ``[tuning] workers``.
+                Python; 0: this one; None: as ``[engine] workers`` says.
 
         Raises:
-            UsageError: more than one worker for a model that was given as an object.
+            UsageError: workers for a model that was given as an object.
+            WorkLost: a process died, or its work took more than it may.
         """
-        data, count = (train, tuple(test)), workers or self.spec.tuning.workers
-        if count > 1 and self._given:
-            raise UsageError(
-                "workers: expected a model that the twin file names, since each process builds it "
-                'anew, got an object: put it into a Python file (kind = "python")'
-            )
-        return fit(self.setup, self._versions, self.champion.number, data, watch, count)
+        data, engine = (train, tuple(test)), self._engines.of(workers)
+        return fit(self.setup, self._versions, self.champion.number, data, watch, engine)
 
     @_RUNAWAY
     def doctor(self, data: Data = None) -> Diagnosis:

@@ -10,7 +10,7 @@ import pytest
 
 from evertwin import Twin, TwinSpec
 from evertwin.config import spec
-from evertwin.errors import UsageError
+from evertwin.errors import ConfigError, UsageError, WorkLost
 from evertwin.models import FunctionModel, Parameters
 from evertwin.signals import Layout
 
@@ -63,9 +63,42 @@ def test_processes_give_the_same_fit(folder: Path) -> None:
     data = recorded(60)
     with Twin.open(folder / "tank.toml") as twin:
         here, there = twin.fit(data), twin.fit(data, workers=2)
+        again = twin.fit(data, workers=2)
     assert here.fit.converged and here.form == there.form
-    assert np.array_equal(here.fit.values, there.fit.values)
-    assert here.fit.evaluations == there.fit.evaluations
+    for one in (there, again):
+        assert np.array_equal(here.fit.values, one.fit.values)
+        assert here.fit.evaluations == one.fit.evaluations
+
+
+def test_processes_stay_warm_until_the_twin_is_closed(folder: Path) -> None:
+    with Twin.open(folder / "tank.toml") as twin:
+        twin.fit(recorded(20), workers=1)
+        first = twin._engines.of(1)
+        twin.fit(recorded(20), workers=1)
+        assert twin._engines.of(1) is first
+        twin.fit(recorded(20), workers=0)
+    with pytest.raises(UsageError, match="the pool is closed"):
+        first.map(abs, [1])
+
+
+def test_a_fit_beyond_its_limits_ends_in_words(folder: Path) -> None:
+    file = folder / "tank.toml"
+    file.write_text(f'{TWIN}[engine]\nworkers = 1\ntime = "1 ms"\n')
+    with Twin.open(file) as twin, pytest.raises(WorkLost, match=r"longer than 0\.001 s"):
+        twin.fit(recorded(60))
+
+
+@pytest.mark.parametrize("said", ["workers = -1", "workers = 65", 'time = "0 s"', "memory = 0.01"])
+def test_limits_are_bounded(folder: Path, said: str) -> None:
+    file = folder / "tank.toml"
+    file.write_text(f"{TWIN}[engine]\n{said}\n")
+    with pytest.raises(ConfigError, match=said.split()[0]):
+        Twin.open(file)
+
+
+def test_so_many_processes_are_refused(folder: Path) -> None:
+    with Twin.open(folder / "tank.toml") as twin, pytest.raises(UsageError, match="workers"):
+        twin.fit(recorded(20), workers=1000)
 
 
 def test_a_model_that_no_file_names_is_refused() -> None:

@@ -224,7 +224,7 @@ def filled(seed: int = 0, rows: int = 200) -> Any:
 def test_differences_in_other_processes_give_the_same_fit() -> None:
     problem = Problem(leaking(), (filled(),))
     here = solve(problem)
-    with Pool(workers=1) as pool:
+    with Pool(1) as pool:
         there = solve(problem, settings=Settings(far=Far(pool.map, leaking, "leaking")))
     assert np.array_equal(here.values, there.values)
     assert np.array_equal(here.covariance, there.covariance)

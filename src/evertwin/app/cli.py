@@ -42,6 +42,10 @@ PART = " FILE@START:STOP is the part from START to STOP, in seconds from its fir
 TwinFile = Annotated[Path, typer.Argument(help="Twin file (TOML).", metavar="TWIN.toml")]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
 Check = Annotated[bool, typer.Option("--check", help="Exit with 1 when there are findings.")]
+Workers = Annotated[
+    int | None,
+    typer.Option(help="Processes for slow work; 0: none but this. Default: as the twin file says."),
+]
 DataFiles = Annotated[
     list[Path] | None,
     typer.Option("--data", help="Recordings in place of the twin file's; list several." + PART),
@@ -118,6 +122,7 @@ def fit(
     ] = None,
     as_json: AsJson = False,
     check: Check = False,
+    workers: Workers = None,
 ) -> None:
     """Tune the parameters on recordings and judge them on others; nothing goes live.
 
@@ -125,7 +130,7 @@ def fit(
     """
     from evertwin.app.commands import fit_twin
 
-    fit_twin(twin, train, test or [], as_json, check)
+    fit_twin(twin, (train, test or []), as_json, check, workers)
 
 
 @app.command()

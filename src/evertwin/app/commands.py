@@ -60,12 +60,13 @@ def run_twin(twin: Path, data: Files, report: Path | None, as_json: bool, check:
 
 
 def fit_twin(
-    twin: Path, train: Sequence[Path], test: Sequence[Path], as_json: bool, check: bool
-) -> None:
-    """``evertwin fit``."""
-    search = Search()
+    twin: Path, data: tuple[Sequence[Path], Sequence[Path]], as_json: bool, check: bool,
+    workers: int | None,
+) -> None:  # fmt: skip
+    """``evertwin fit``; ``data``: to learn from, to be judged on."""
+    search, (train, test) = Search(), data
     with Twin.open(twin) as opened:
-        result = opened.fit(_files(train), [str(_file(path)) for path in test], search)
+        result = opened.fit(_files(train), [str(_file(path)) for path in test], search, workers)
         search.close()
         show(result.to_dict(), str(result), as_json)
     unsure = not result.fit.converged or "not" in result.fit.verdict

@@ -25,6 +25,7 @@ from evertwin.config.prognosis import (
     WorkSpec,
 )
 from evertwin.correction.spec import CorrectionSpec, SarsaSpec
+from evertwin.engine import EngineSpec
 from evertwin.fold.span import Span
 from evertwin.models.spec import ModelSpec, ParameterSpec
 from evertwin.settings.notes import Hidden, Path, PlacedError, Rows, dotted
@@ -55,6 +56,7 @@ __all__ = [
     "CropSpec",
     "CutSpec",
     "DeriveSpec",
+    "EngineSpec",
     "FilterSpec",
     "IndicatorSpec",
     "ModelSpec",
@@ -116,6 +118,8 @@ class TwinSpec(Section):
     """How the model's form may be corrected."""
     trial: TrialSpec = TrialSpec()
     """The gate to the live model."""
+    engine: EngineSpec = EngineSpec()
+    """Where slow work runs."""
     store: StoreSpec = StoreSpec()
     """Where versions, events and checkpoints are kept."""
     indicator: tuple[IndicatorSpec, ...] = ()

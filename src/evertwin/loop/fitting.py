@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, TypeAlias
 
+from evertwin.engine import Engine
 from evertwin.fold import Block, plain
 from evertwin.loop.evaluation import Deviation, Prediction, deviations, predict
 from evertwin.loop.feed import Data, Feed
@@ -23,7 +24,7 @@ from evertwin.loop.term_search import Formed, check_initials, initials, own_star
 from evertwin.loop.versions import Versions
 from evertwin.loop.windows import starts, windows_of
 from evertwin.loop.work import Work
-from evertwin.loop.workers import processes
+from evertwin.loop.workers import far_of
 from evertwin.models import Model, Parameters
 from evertwin.models.form import Form, Version
 from evertwin.sources.tally import Tally
@@ -202,17 +203,18 @@ class Tuned:
 
 def tune(
     setup: Setup, versions: Versions, number: int, train: Data, watch: Watch | None = None,
-    workers: int = 1,
+    engine: Engine | None = None,
 ) -> Tuned:  # fmt: skip
-    """Version ``number``, tuned on ``train``; differences in as many processes as ``workers``."""
+    """Version ``number``, tuned on ``train``; differences in the engine's processes, if any."""
     feed, work = Feed(setup.spec, setup.model), Work(setup, versions)
     version, base = versions[number], versions.model(number)
     tasks = screened(setup, base, version.p, feed.blocks(train))
     check_initials(setup, base, tasks)
     windows = starts(setup, windows_of(tasks, setup.spec.tuning.cut))
     problem: Problem = work.problem(version, windows, work.editable(version))
-    with Interrupt() as stop, processes(setup.spec, version.form, workers) as far:
-        problem = replace(problem, settings=replace(problem.settings, far=far))
+    far = None if engine is None else far_of(engine, setup.spec, version.form)
+    problem = replace(problem, settings=replace(problem.settings, far=far))
+    with Interrupt() as stop:
         problem, laws = climb_laws(setup, _watched(problem, stop, watch))
         formed = with_terms(setup, work, version, problem)
     return Tuned(setup, base, version, formed, laws, tasks, feed)
@@ -231,14 +233,14 @@ def _watched(problem: Problem, stop: Interrupt, watch: Watch | None) -> Problem:
 
 def fit(
     setup: Setup, versions: Versions, number: int, data: tuple[Data, tuple[Any, ...]],
-    watch: Watch | None = None, workers: int = 1,
+    watch: Watch | None = None, engine: Engine | None = None,
 ) -> FitResult:  # fmt: skip
     """Tunes version ``number`` on ``data``'s first part, judges it on each of the second.
 
     The first Ctrl-C ends a search with the best values so far, which are then judged.
     """
     train, test = data
-    done = tune(setup, versions, number, train, watch, workers)
+    done = tune(setup, versions, number, train, watch, engine)
     formed, model, found = done.formed, done.model, done.formed.fit
     tests = [(named(item), done.judged(done.rows(listed(item)))) for item in test]
     together = [prediction for _, one in tests for prediction in one.predictions]

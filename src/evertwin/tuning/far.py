@@ -14,8 +14,10 @@ from evertwin.types import Inputs, Intervals
 
 __all__ = ["far_runs"]
 
+KEPT = 8
+"""Models that a process keeps."""
 _BUILT: dict[str, Batch] = {}
-"""Models that this process has built, by their key."""
+"""What this process has built, by key."""
 
 
 def far_runs(
@@ -39,5 +41,7 @@ def far_runs(
 def _part(item: tuple[Any, ...]) -> Any:
     build, key, u, dt, p, restart = item
     if key not in _BUILT:
+        if len(_BUILT) >= KEPT:
+            _BUILT.clear()
         _BUILT[key] = Batch(build())
     return _BUILT[key].run(u, dt, p, restart)

@@ -65,8 +65,6 @@ class TuningSpec(Section):
     """How large residuals are weighed."""
     starts: Annotated[int, Ge(1), Le(10_000)] = 1
     """Starts of a nonlinear search: the given values, then points spread over the bounds."""
-    workers: Annotated[int, Ge(1), Le(256)] = 1
-    """``fit``: processes that differences are simulated in, for models in slow Python."""
     weights: Mapping[str, Annotated[float, Ge(0.0)]] = field(default_factory=dict)
     """Parameter to how often it is tuned, relative to the others."""
     ladder: tuple[str, ...] = ()
