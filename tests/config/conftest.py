@@ -12,7 +12,7 @@ FULL = (
     '[[source]]\nname = "odometry"\ntime = "t"\nfiles = ["${ABSENT_FOLDER}/a.csv"]\n'
     '[source.channels]\nv = { column = 0, unit = "cm/s", sentinels = [-1, 9.5] }\n'
     '[[source]]\nname = "pose"\ntime = { rate = "10 Hz" }\nmatch = "*pose*"\nchannels = {}\n'
-    'where = { mode = [1, 2] }\n'
+    "where = { mode = [1, 2] }\n"
     '[[derive]]\nname = "a"\nop = "derivative"\nfrom = ["v"]\n'
     '[signals]\nv = "v_cmd"\n[signals.heading]\nlow = "-180 deg"\nhigh = "180 deg"\n'
     '[clock]\nrate = "1 kHz"\ngap = "1 min"\n[clock.crop]\nchannels = ["v"]\nabove = "2 cm/s"\n'

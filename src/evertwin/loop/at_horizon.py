@@ -2,7 +2,8 @@
 
 Along a prediction the residual grows, so its mean over all lead times would be another one at
 another rate of the rows. What a twin is judged by is how far it is off after one horizon. Of an
-output that is measured more rarely the newest residual of the prediction counts.
+output that is measured more rarely the newest residual of the prediction counts. Losses of champion
+and challenger are paired over all of a prediction: there the mean has less noise.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ class Newest(NamedTuple):
     """
 
     values: Float64[np.ndarray, " columns"]
-    """measured, live, first, other side by side."""
+    """measured, live, first side by side."""
 
 
 @njit(cache=True)
@@ -51,7 +52,7 @@ class AtHorizon:
     """The stage; ``wanted`` is false where each row is a prediction of its own.
 
     >>> AtHorizon(False, 1).init().values.tolist()
-    [nan, nan, nan, nan]
+    [nan, nan, nan]
     """
 
     wanted: bool
@@ -59,16 +60,16 @@ class AtHorizon:
 
     def init(self) -> Newest:
         """Nothing is known."""
-        return Newest(np.full(4 * self.outputs, np.nan))
+        return Newest(np.full(3 * self.outputs, np.nan))
 
     def step(self, state: Newest, rows: Released) -> tuple[Newest, Released]:
         """The rows, with values where a prediction has ended. Consumes ``state``."""
         if not self.wanted:
             return state, rows
-        columns = np.concatenate([rows.measured, rows.live, rows.first, rows.other], axis=1)
+        columns = np.concatenate([rows.measured, rows.live, rows.first], axis=1)
         carried(columns, rows.end, state.values)
         ny = self.outputs
-        measured, live, first, other = (
-            np.ascontiguousarray(columns[:, i * ny : (i + 1) * ny]) for i in range(4)
+        measured, live, first = (
+            np.ascontiguousarray(columns[:, i * ny : (i + 1) * ny]) for i in range(3)
         )
-        return state, rows._replace(measured=measured, live=live, first=first, other=other)
+        return state, rows._replace(measured=measured, live=live, first=first, paired=rows.live)

@@ -30,6 +30,8 @@ from evertwin.trial import Probation, Trial
 
 __all__ = ["Setup", "matching"]
 
+FEW = 5
+"""Fewest samples that a deviation is judged on at a beat."""
 SEGMENT = 1.0
 """Length of a segment of a static map, and of a free run, when no horizon is given [s]."""
 
@@ -160,7 +162,7 @@ class Setup:
 
     def watch(self, beats: np.ndarray) -> Watch:
         """How the champion is judged before the rows ``beats``."""
-        return Watch(beats, self.enough, self.least, self.requirement, self.relative, self.watched)
+        return Watch(beats, self.enough, FEW, self.requirement, self.relative, self.watched)
 
     @cached_property
     def enough(self) -> int:
