@@ -8,9 +8,10 @@ Names are loaded when they are first used, so that importing the package costs n
 
 from __future__ import annotations
 
-import importlib
 import logging
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from evertwin.surface import surface
 
 if TYPE_CHECKING:
     from evertwin.config import TwinSpec
@@ -52,34 +53,9 @@ __all__ = [
     "make_block",
 ]
 
-_ROOMS = {
-    "Block": "fold",
-    "Channel": "signals",
-    "EvertwinError": "errors",
-    "FitResult": "loop.fitting",
-    "FunctionModel": "models",
-    "Layout": "signals",
-    "Model": "models",
-    "Parameter": "models",
-    "Parameters": "models",
-    "RunResult": "loop.result",
-    "Twin": "twin",
-    "TwinSpec": "config",
-    "check_friction": "machines.friction.check",
-    "check_model": "models",
-    "check_online": "fold",
-    "check_source": "sources",
-    "check_store": "store",
-    "make_block": "fold",
-}
+__getattr__ = surface(__name__)
 
 logging.getLogger("evertwin").addHandler(logging.NullHandler())
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _ROOMS:
-        raise AttributeError(f"module 'evertwin' has no attribute {name!r}")
-    return getattr(importlib.import_module(f"evertwin.{_ROOMS[name]}"), name)
 
 
 def __dir__() -> list[str]:

@@ -20,7 +20,7 @@ import numpy as np
 from evertwin.ahead.basis import Basis
 from evertwin.ahead.columns import read_table
 from evertwin.ahead.docking import dock
-from evertwin.ahead.forecast import Forecast, forecast
+from evertwin.ahead.forecasting import Forecast, forecast
 from evertwin.ahead.future import Mode
 from evertwin.ahead.paths import rows_of_file
 from evertwin.ahead.spec import ScenarioSpec, read_scenario
@@ -33,7 +33,7 @@ from evertwin.export import Written, values_in, write
 from evertwin.export.content import exported
 from evertwin.fold import Block, Event
 from evertwin.loop.channels import check_units
-from evertwin.loop.compare import Comparison, compare
+from evertwin.loop.comparison import Comparison, compare
 from evertwin.loop.configured_model import model_of
 from evertwin.loop.feed import Data, Feed
 from evertwin.loop.fitting import FitResult, Watch, fit

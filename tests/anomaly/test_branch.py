@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from evertwin.anomaly import Rule, branch, explained
-from evertwin.anomaly.score import always, never, score
+from evertwin.anomaly.scoring import always, never, score
 from evertwin.fold import make_block
 from evertwin.machines.drive import DriveForce
 from evertwin.machines.mobile import Robot1D

@@ -27,7 +27,7 @@ from evertwin.loop.alignment import Alignment, AlignmentState
 from evertwin.loop.feed import Feed, chunk_of
 from evertwin.models import FunctionModel, Parameters
 from evertwin.signals import Layout
-from evertwin.sources.merge import merge
+from evertwin.sources.merging import merge
 from evertwin.sync import Feed as Brings
 
 MODEL = FunctionModel(

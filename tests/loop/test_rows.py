@@ -23,7 +23,7 @@ from evertwin.loop.alignment import Alignment
 from evertwin.loop.crop import cropped
 from evertwin.loop.feed import Feed
 from evertwin.machines.mobile import Robot1D
-from evertwin.sources.merge import merge
+from evertwin.sources.merging import merge
 from evertwin.sync import Feed as Brings
 
 Series = Mapping[str, tuple[np.ndarray, np.ndarray]]

@@ -22,8 +22,8 @@ from evertwin.ahead.spec import PathSpec
 from evertwin.errors import UsageError
 from evertwin.machines.arm import Arm
 from evertwin.machines.assembly import Forward
-from evertwin.machines.assembly.join import Axis, Train
 from evertwin.machines.assembly.parts import KINDS
+from evertwin.machines.assembly.train import Axis, Train
 from evertwin.machines.catalog import located, machine
 from evertwin.types import ParameterVector
 

@@ -4,14 +4,21 @@
 phase; `branch` reads a tuned window.
 """
 
-from evertwin.anomaly.branch import Rule, Verdict, branch, explained
-from evertwin.anomaly.calibration import Calibrated, Calibration, Calm, blank, calibrate
-from evertwin.anomaly.cusum import Cusum, CusumState
-from evertwin.anomaly.drift import Drift, DriftState
-from evertwin.anomaly.phases import PhaseState, PhaseStats, Regimes, TaskSteps
-from evertwin.anomaly.residuals import Alarms, Residuals
-from evertwin.anomaly.score import Score, always, never, score
-from evertwin.anomaly.snr import SnrLimit, SnrState
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from evertwin.surface import surface
+
+if TYPE_CHECKING:
+    from evertwin.anomaly.calibration import Calibrated, Calibration, Calm, blank, calibrate
+    from evertwin.anomaly.cusum import Cusum, CusumState
+    from evertwin.anomaly.drift import Drift, DriftState
+    from evertwin.anomaly.phases import PhaseState, PhaseStats, Regimes, TaskSteps
+    from evertwin.anomaly.residuals import Alarms, Residuals
+    from evertwin.anomaly.scoring import Score, always, never, score
+    from evertwin.anomaly.snr import SnrLimit, SnrState
+    from evertwin.anomaly.verdict import Rule, Verdict, branch, explained
 
 __all__ = [
     "Alarms",
@@ -40,3 +47,5 @@ __all__ = [
     "never",
     "score",
 ]
+
+__getattr__ = surface(__name__)

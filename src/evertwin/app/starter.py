@@ -29,7 +29,7 @@ from evertwin.signals import Layout
 from evertwin.sources.description import ColumnInfo, Info, TableInfo
 from evertwin.sources.info import inspect
 from evertwin.sources.names import unit_problem
-from evertwin.sources.propose import Match, Proposal, propose
+from evertwin.sources.proposal import Match, Proposal, propose
 
 __all__ = ["write_starter"]
 

@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
-from evertwin.doctor.diagnose import Diagnosis, diagnose
-from evertwin.doctor.finding import Finding
+from typing import TYPE_CHECKING
+
+from evertwin.surface import surface
+
+if TYPE_CHECKING:
+    from evertwin.doctor.diagnosis import Diagnosis, diagnose
+    from evertwin.doctor.finding import Finding
 
 __all__ = ["Diagnosis", "Finding", "diagnose"]
+
+__getattr__ = surface(__name__)

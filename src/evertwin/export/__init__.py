@@ -8,8 +8,17 @@
 * `back`: parameter values of a JSON or MAT file, to become a version.
 """
 
-from evertwin.export.back import values_in
-from evertwin.export.content import Exported
-from evertwin.export.formats import FORMATS, Written, write
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from evertwin.surface import surface
+
+if TYPE_CHECKING:
+    from evertwin.export.back import values_in
+    from evertwin.export.content import Exported
+    from evertwin.export.formats import FORMATS, Written, write
 
 __all__ = ["FORMATS", "Exported", "Written", "values_in", "write"]
+
+__getattr__ = surface(__name__)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from evertwin.anomaly.branch import Verdict, branch, explained
+from evertwin.anomaly.verdict import Verdict, branch, explained
 from evertwin.correction.improve import Proposal, TooFew
 from evertwin.errors import DataError, ModelError, UsageError
 from evertwin.fold import Answer, Block, Request, plain

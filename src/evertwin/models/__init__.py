@@ -1,11 +1,18 @@
 """Models: the contract, parameters, kernels, wrappers. No particular machine."""
 
-from evertwin.models.check import check_model
-from evertwin.models.compiled import Compiled
-from evertwin.models.contract import BatchModel, KernelModel, LinearModel, Model
-from evertwin.models.function import FunctionModel, kernel_of, python_kernel
-from evertwin.models.kernel import OBSERVE, STEP, Kernel, Restart, roll
-from evertwin.models.parameters import Parameter, Parameters
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from evertwin.surface import surface
+
+if TYPE_CHECKING:
+    from evertwin.models.check import check_model
+    from evertwin.models.compiled import Compiled
+    from evertwin.models.contract import BatchModel, KernelModel, LinearModel, Model
+    from evertwin.models.function import FunctionModel, kernel_of, python_kernel
+    from evertwin.models.kernel import OBSERVE, STEP, Kernel, Restart, roll
+    from evertwin.models.parameters import Parameter, Parameters
 
 __all__ = [
     "OBSERVE",
@@ -25,3 +32,5 @@ __all__ = [
     "python_kernel",
     "roll",
 ]
+
+__getattr__ = surface(__name__)

@@ -4,19 +4,26 @@
 with it; `Recorded` turns files into chunks; `merge` puts several sources in order of their stamps.
 """
 
-from evertwin.sources.contract import Source, check_source
-from evertwin.sources.description import ColumnInfo, Info, TableInfo, TimeInfo
-from evertwin.sources.guard import Rules
-from evertwin.sources.info import inspect
-from evertwin.sources.info_text import render
-from evertwin.sources.merge import merge
-from evertwin.sources.propose import Match, Proposal, propose
-from evertwin.sources.recorded import Cell, Clock, Recorded
-from evertwin.sources.recording import open_recording
-from evertwin.sources.registry import DataSet, FileState, registry, verify
-from evertwin.sources.table import Column, Problem, Recording, Rows, Table
-from evertwin.sources.tally import Tally
-from evertwin.sources.writers import write
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from evertwin.surface import surface
+
+if TYPE_CHECKING:
+    from evertwin.sources.contract import Source, check_source
+    from evertwin.sources.datasets import DataSet, FileState, registry, verify
+    from evertwin.sources.description import ColumnInfo, Info, TableInfo, TimeInfo
+    from evertwin.sources.guard import Rules
+    from evertwin.sources.info import inspect
+    from evertwin.sources.info_text import render
+    from evertwin.sources.merging import merge
+    from evertwin.sources.proposal import Match, Proposal, propose
+    from evertwin.sources.recorded import Cell, Clock, Recorded
+    from evertwin.sources.recording import open_recording
+    from evertwin.sources.table import Column, Problem, Recording, Rows, Table
+    from evertwin.sources.tally import Tally
+    from evertwin.sources.writers import write
 
 __all__ = [
     "Cell",
@@ -48,3 +55,5 @@ __all__ = [
     "verify",
     "write",
 ]
+
+__getattr__ = surface(__name__)

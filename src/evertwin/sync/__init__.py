@@ -3,17 +3,24 @@
 `evertwin.sync.lag` (the transport lag that all axes share) is imported by itself: it needs SciPy.
 """
 
-from evertwin.sync.align import Align, AlignState, Feed, Rows
-from evertwin.sync.arbiter import Arbiter, Phases, Rule
-from evertwin.sync.horizon import (
-    Horizon,
-    HorizonRows,
-    HorizonState,
-    residuals,
-    restarts,
-    trusted,
-)
-from evertwin.sync.track import Track, TrackRows, TrackState
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from evertwin.surface import surface
+
+if TYPE_CHECKING:
+    from evertwin.sync.align import Align, AlignState, Feed, Rows
+    from evertwin.sync.arbiter import Arbiter, Phases, Rule
+    from evertwin.sync.horizon import (
+        Horizon,
+        HorizonRows,
+        HorizonState,
+        residuals,
+        restarts,
+        trusted,
+    )
+    from evertwin.sync.track import Track, TrackRows, TrackState
 
 __all__ = [
     "Align",
@@ -33,3 +40,5 @@ __all__ = [
     "restarts",
     "trusted",
 ]
+
+__getattr__ = surface(__name__)

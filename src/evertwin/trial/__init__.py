@@ -4,8 +4,17 @@
 promotion, `admit` says what it must show before.
 """
 
-from evertwin.trial.admission import admit
-from evertwin.trial.gate import Check, GateState, Trial
-from evertwin.trial.probation import Probation
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from evertwin.surface import surface
+
+if TYPE_CHECKING:
+    from evertwin.trial.admission import admit
+    from evertwin.trial.gate import Check, GateState, Trial
+    from evertwin.trial.probation import Probation
 
 __all__ = ["Check", "GateState", "Probation", "Trial", "admit"]
+
+__getattr__ = surface(__name__)

@@ -5,18 +5,25 @@ where they are linear in some, SciPy's least squares elsewhere. `ClosedForm` is 
 path, `Recursive` the one in the stream, `Iteration` the axis-by-axis rounds, `climb` the ladder.
 """
 
-from evertwin.tuning.advice import advise, rank_windows
-from evertwin.tuning.closed import ClosedForm, Solution
-from evertwin.tuning.fit import Fit, Residual
-from evertwin.tuning.identifiability import Gate, connected, gate
-from evertwin.tuning.iteration import Iterated, Iteration, Round
-from evertwin.tuning.ladder import Climb, climb, held_out
-from evertwin.tuning.problem import Problem
-from evertwin.tuning.recursive import Recursive, RecursiveRows, RecursiveState
-from evertwin.tuning.schedule import Schedule, weights_from_growth
-from evertwin.tuning.settings import Far, Settings
-from evertwin.tuning.solve import solve
-from evertwin.tuning.statistics import Dependence
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from evertwin.surface import surface
+
+if TYPE_CHECKING:
+    from evertwin.tuning.advice import advise, rank_windows
+    from evertwin.tuning.closed import ClosedForm, Solution
+    from evertwin.tuning.fit import Fit, Residual
+    from evertwin.tuning.identifiability import Gate, connected, gate
+    from evertwin.tuning.iteration import Iterated, Iteration, Round
+    from evertwin.tuning.ladder import Climb, climb, held_out
+    from evertwin.tuning.problem import Problem
+    from evertwin.tuning.recursive import Recursive, RecursiveRows, RecursiveState
+    from evertwin.tuning.schedule import Schedule, weights_from_growth
+    from evertwin.tuning.settings import Far, Settings
+    from evertwin.tuning.solver import solve
+    from evertwin.tuning.statistics import Dependence
 
 __all__ = [
     "Climb",
@@ -45,3 +52,5 @@ __all__ = [
     "solve",
     "weights_from_growth",
 ]
+
+__getattr__ = surface(__name__)

@@ -38,7 +38,7 @@ from evertwin.models import Model
 from evertwin.tuning.assemble import rms
 from evertwin.tuning.problem import Problem
 from evertwin.tuning.settings import Settings
-from evertwin.tuning.solve import solve
+from evertwin.tuning.solver import solve
 
 __all__ = ["Climb", "climb", "held_out"]
 

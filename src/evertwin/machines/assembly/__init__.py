@@ -1,22 +1,29 @@
 """Machines put together from components: their ports, their joining, both causal readings."""
 
-from evertwin.machines.assembly.forward import Forward
-from evertwin.machines.assembly.inverse import Inverse, StaticInverse
-from evertwin.machines.assembly.join import Train, join
-from evertwin.machines.assembly.model import assembly
-from evertwin.machines.assembly.parts import KINDS, Component, read_component
-from evertwin.machines.assembly.path import (
-    Circle,
-    Joints,
-    Limits,
-    Line,
-    Motion,
-    Move,
-    Pause,
-    moves_of,
-    plan,
-)
-from evertwin.machines.assembly.sensors import sensors_of
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from evertwin.surface import surface
+
+if TYPE_CHECKING:
+    from evertwin.machines.assembly.forward import Forward
+    from evertwin.machines.assembly.inverse import Inverse, StaticInverse
+    from evertwin.machines.assembly.model import assembly
+    from evertwin.machines.assembly.parts import KINDS, Component, read_component
+    from evertwin.machines.assembly.path import (
+        Circle,
+        Joints,
+        Limits,
+        Line,
+        Motion,
+        Move,
+        Pause,
+        moves_of,
+        plan,
+    )
+    from evertwin.machines.assembly.sensors import sensors_of
+    from evertwin.machines.assembly.train import Train, join
 
 __all__ = [
     "KINDS",
@@ -39,3 +46,5 @@ __all__ = [
     "read_component",
     "sensors_of",
 ]
+
+__getattr__ = surface(__name__)

@@ -1,6 +1,6 @@
 """Black boxes joined into an assembly: their channels, states and places, and their runs.
 
->>> from evertwin.machines.assembly.join import join
+>>> from evertwin.machines.assembly.train import join
 >>> from evertwin.machines.catalog import machine
 >>> lines = [{"name": "table", "kind": "mass", "axis": 1},
 ...          {"name": "brake", "kind": "black_box", "axis": 1, "model": {"kind": "robot1d"},
@@ -15,8 +15,8 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from evertwin.machines.assembly import boxes, shared
-from evertwin.machines.assembly.join import Box, Train
 from evertwin.machines.assembly.shared import QUANTITIES
+from evertwin.machines.assembly.train import Box, Train
 from evertwin.models import Kernel, Parameters, kernel_of
 from evertwin.signals import Channel, Layout
 from evertwin.types import Inputs, Intervals, ParameterVector, StateVector

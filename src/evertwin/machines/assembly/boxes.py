@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numba import carray, cfunc, njit
 
-from evertwin.machines.assembly.plan import END, NB, NF, N
+from evertwin.machines.assembly.context import END, NB, NF, N
 from evertwin.machines.assembly.shared import QUANTITIES, RUBS
 from evertwin.models.kernel import STEP, call_step
 

@@ -18,9 +18,9 @@ from evertwin.machines.arm.base import body_columns
 from evertwin.machines.arm.lanes import batch
 from evertwin.machines.arm.rnea import BODY
 from evertwin.machines.assembly import shared
-from evertwin.machines.assembly.join import Axis, Rub, Train
-from evertwin.machines.assembly.plan import Places, friction_columns
+from evertwin.machines.assembly.context import Places, friction_columns
 from evertwin.machines.assembly.shared import QUANTITIES, RUBS
+from evertwin.machines.assembly.train import Axis, Rub, Train
 from evertwin.machines.friction.kernel import PLACE, fill
 from evertwin.types import Inputs, ParameterVector, Vector
 

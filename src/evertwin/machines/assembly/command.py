@@ -13,7 +13,7 @@ from typing import Any
 from numba import njit
 
 from evertwin.machines.arm.memory import reals
-from evertwin.machines.assembly.plan import (
+from evertwin.machines.assembly.context import (
     CURRENT,
     FEED,
     FORCE,

@@ -5,7 +5,7 @@ What the commands are follows from the components: with a path planner one input
 (reached at the end of their row, at that speed), with a motor alone its current, voltage or torque,
 without one the effort at the joint.
 
->>> from evertwin.machines.assembly.join import join
+>>> from evertwin.machines.assembly.train import join
 >>> axis = join([{"name": "table", "kind": "mass", "axis": 1, "mass": 2.0},
 ...              {"name": "guide", "kind": "guide", "axis": 1, "friction": "sign", "Fc": 1.0}])
 >>> model = forward(axis)
@@ -29,13 +29,13 @@ from jaxtyping import Float64
 from evertwin.errors import UsageError
 from evertwin.machines.assembly import onward, shared
 from evertwin.machines.assembly.boxed import box_channels, box_plan, box_start, box_states
+from evertwin.machines.assembly.context import Columns, Places, context_of
 from evertwin.machines.assembly.inverse import heat_channels
-from evertwin.machines.assembly.join import Axis, Train
 from evertwin.machines.assembly.ladder import Laddered
 from evertwin.machines.assembly.path import Joints, Limits, Motion, moves_of, plan
-from evertwin.machines.assembly.plan import Columns, Places, context_of
 from evertwin.machines.assembly.sensors import Sensor, sensors_of
 from evertwin.machines.assembly.shared import QUANTITIES
+from evertwin.machines.assembly.train import Axis, Train
 from evertwin.models import Kernel, Parameters, Restart, roll
 from evertwin.settings.quantity import in_unit
 from evertwin.signals import Channel, Layout

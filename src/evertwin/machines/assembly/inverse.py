@@ -4,7 +4,7 @@ Without states it is a static map, linear in inertias and friction, so that tuni
 (`StaticInverse`). Thermal states, a black box with states or a measured quantity that is not linear
 make it an `Inverse`, which is tuned by iteration.
 
->>> from evertwin.machines.assembly.join import join
+>>> from evertwin.machines.assembly.train import join
 >>> axis = join([{"name": "motor", "kind": "motor", "axis": 1, "k": 0.5},
 ...              {"name": "screw", "kind": "ballscrew", "axis": 1, "lead": 0.01, "Fc": 20.0},
 ...              {"name": "table", "kind": "mass", "axis": 1, "mass": 100.0}])
@@ -38,11 +38,11 @@ from evertwin.machines.assembly.boxed import (
     run_over_rows,
 )
 from evertwin.machines.assembly.columns import Column, axis_columns, features, scales
-from evertwin.machines.assembly.join import Train
+from evertwin.machines.assembly.context import Columns, Places, context_of
 from evertwin.machines.assembly.ladder import Laddered
-from evertwin.machines.assembly.plan import Columns, Places, context_of
 from evertwin.machines.assembly.sensors import Sensor, sensors_of
 from evertwin.machines.assembly.shared import QUANTITIES
+from evertwin.machines.assembly.train import Train
 from evertwin.models import Kernel, Parameters, Restart, roll
 from evertwin.signals import Channel, Layout
 from evertwin.signals.channels import position

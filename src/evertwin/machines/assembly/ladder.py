@@ -1,6 +1,6 @@
 """The ladder of friction laws of an assembly: steps by component, each for its axis.
 
->>> from evertwin.machines.assembly.join import join
+>>> from evertwin.machines.assembly.train import join
 >>> axis = Laddered()
 >>> axis.train = join([{"name": "table", "kind": "mass", "axis": 1},
 ...     {"name": "guide", "kind": "guide", "axis": 1, "friction": "sign+direction"}])
@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from evertwin.machines.assembly.join import Rub, Train
+from evertwin.machines.assembly.train import Rub, Train
 from evertwin.machines.friction import Rung
 
 __all__ = ["Laddered"]

@@ -13,7 +13,7 @@ from typing import Any
 from evertwin.errors import UsageError
 from evertwin.machines.assembly.forward import Forward, forward
 from evertwin.machines.assembly.inverse import Inverse, inverse
-from evertwin.machines.assembly.join import join
+from evertwin.machines.assembly.train import join
 from evertwin.machines.catalog import machine
 from evertwin.settings.quantity import in_unit
 

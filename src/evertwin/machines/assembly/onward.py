@@ -17,7 +17,7 @@ from numba import cfunc, njit
 
 from evertwin.machines.arm.memory import reals
 from evertwin.machines.assembly.boxes import address, run_boxes
-from evertwin.machines.assembly.plan import (
+from evertwin.machines.assembly.context import (
     AGILITY,
     ARM,
     AXIS,

@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from evertwin.machines.assembly.join import join
 from evertwin.machines.assembly.parts import KINDS, Component
 from evertwin.machines.assembly.quantities import parameters_of
 from evertwin.machines.assembly.sensors import sensors_of
+from evertwin.machines.assembly.train import join
 from evertwin.models import Parameter
 
 __all__ = ["page"]

@@ -5,7 +5,7 @@ A component is created on its own, from one line of a file, before anything is j
     { name = "gearbox1", kind = "stribeck_gearbox", axis = 1, ratio = 100, Fc = 6.0 }
 
 Whatever is not an option of its kind is the start value of one of its parameters. What it passes on
-at its ports decides what it can be joined with (`evertwin.machines.assembly.join`).
+at its ports decides what it can be joined with (`evertwin.machines.assembly.train`).
 
 >>> motor = read_component({"name": "motor1", "kind": "motor", "axis": 1, "k": 0.1})
 >>> motor.takes, motor.gives, motor.given["k"].value

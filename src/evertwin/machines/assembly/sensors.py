@@ -1,6 +1,6 @@
 """Virtual sensors: the quantities inside an assembly, by ``<component>.<quantity>``.
 
->>> from evertwin.machines.assembly.join import join
+>>> from evertwin.machines.assembly.train import join
 >>> train = join([{"name": "table", "kind": "mass", "axis": 1},
 ...               {"name": "guide", "kind": "guide", "axis": 1}])
 >>> sensors_of(train)["guide.friction"].unit
@@ -12,8 +12,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from evertwin.machines.assembly import shared
-from evertwin.machines.assembly.join import Axis, Train
 from evertwin.machines.assembly.shared import QUANTITIES, RUBS
+from evertwin.machines.assembly.train import Axis, Train
 
 __all__ = ["Sensor", "sensors_of"]
 

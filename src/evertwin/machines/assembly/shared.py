@@ -14,7 +14,7 @@ from numba import njit
 from evertwin.machines.arm.kernel import carry
 from evertwin.machines.arm.memory import reals
 from evertwin.machines.arm.rnea import BODY
-from evertwin.machines.assembly.plan import (
+from evertwin.machines.assembly.context import (
     AMBIENT,
     AXIS,
     CAPACITY,

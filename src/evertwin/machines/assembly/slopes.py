@@ -23,7 +23,7 @@ from evertwin.machines.arm.memory import reals
 from evertwin.machines.arm.rnea import BODY, joint_torques
 from evertwin.machines.assembly.boxes import box_axis
 from evertwin.machines.assembly.command import drive, set_points
-from evertwin.machines.assembly.plan import (
+from evertwin.machines.assembly.context import (
     ARM,
     AXIS,
     CARRIED,

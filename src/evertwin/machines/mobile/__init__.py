@@ -15,6 +15,15 @@ Reference: Siegwart, Nourbakhsh, Scaramuzza, "Introduction to Autonomous Mobile 
 [0.637, 0.637, 1.571]
 """
 
-from evertwin.machines.mobile.bases import Differential, Odometer, Omni, Robot1D
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from evertwin.surface import surface
+
+if TYPE_CHECKING:
+    from evertwin.machines.mobile.bases import Differential, Odometer, Omni, Robot1D
 
 __all__ = ["Differential", "Odometer", "Omni", "Robot1D"]
+
+__getattr__ = surface(__name__)

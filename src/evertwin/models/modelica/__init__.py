@@ -4,7 +4,16 @@
 equations over one `graph`) → `reduce` and `solve` (slopes of the states) → `tape` → `kernel`.
 """
 
-from evertwin.models.modelica.compiler import Limits, equations
-from evertwin.models.modelica.model import LIBRARY, Modelica
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from evertwin.surface import surface
+
+if TYPE_CHECKING:
+    from evertwin.models.modelica.compiler import Limits, equations
+    from evertwin.models.modelica.model import LIBRARY, Modelica
 
 __all__ = ["LIBRARY", "Limits", "Modelica", "equations"]
+
+__getattr__ = surface(__name__)

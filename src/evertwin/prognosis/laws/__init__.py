@@ -4,13 +4,20 @@
 with `NotEnough` (and what would be enough).
 """
 
-from evertwin.prognosis.laws.fleet import Fleet
-from evertwin.prognosis.laws.fleet_prior import learn
-from evertwin.prognosis.laws.indicator import Indicator, Limit, Maintenance
-from evertwin.prognosis.laws.life import Life, NotEnough, Onset, first_of
-from evertwin.prognosis.laws.onset import find_onset
-from evertwin.prognosis.laws.predict import predict_life
-from evertwin.prognosis.laws.workload import Workload
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from evertwin.surface import surface
+
+if TYPE_CHECKING:
+    from evertwin.prognosis.laws.fleet import Fleet
+    from evertwin.prognosis.laws.fleet_prior import learn
+    from evertwin.prognosis.laws.indicator import Indicator, Limit, Maintenance
+    from evertwin.prognosis.laws.life import Life, NotEnough, Onset, first_of
+    from evertwin.prognosis.laws.onset import find_onset
+    from evertwin.prognosis.laws.predict import predict_life
+    from evertwin.prognosis.laws.workload import Workload
 
 __all__ = [
     "Fleet",
@@ -26,3 +33,5 @@ __all__ = [
     "learn",
     "predict_life",
 ]
+
+__getattr__ = surface(__name__)

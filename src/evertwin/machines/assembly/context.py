@@ -14,7 +14,7 @@ from jaxtyping import Int64
 
 from evertwin.machines.arm import layout
 from evertwin.machines.arm.lanes import batch
-from evertwin.machines.assembly.join import Axis, Rub, Train
+from evertwin.machines.assembly.train import Axis, Rub, Train
 from evertwin.machines.friction.kernel import columns_of, record_of
 
 __all__ = ["AXIS", "HEAD", "RUB", "Columns", "Places", "context_of", "friction_columns"]
