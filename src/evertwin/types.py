@@ -2,19 +2,35 @@
 
 ``t`` time [ns], ``dt`` interval [s], ``x`` state, ``u`` input, ``y`` output, ``p`` parameters,
 ``r`` residual; sizes ``nx nu ny np``, ``n`` rows. SI units inside.
+
+Shapes are written with jaxtyping and checked in tests, which load it first. Elsewhere it is not
+needed, and an array type is `numpy.ndarray`.
 """
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-from jaxtyping import Bool, Float64, Int64, UInt8
+
+if TYPE_CHECKING or "jaxtyping" in sys.modules:
+    from jaxtyping import Bool, Float64, Int64, UInt8
+else:
+
+    class _Array:
+        def __class_getitem__(cls, item: tuple[type, str]) -> type:
+            return item[0]
+
+    Bool = Float64 = Int64 = UInt8 = _Array
 
 __all__ = [
+    "Bool",
     "Bools",
+    "Float64",
     "Inputs",
+    "Int64",
     "Intervals",
     "Json",
     "Marks",
@@ -26,6 +42,7 @@ __all__ = [
     "StateVector",
     "StateVectors",
     "Tasks",
+    "UInt8",
     "Vector",
 ]
 

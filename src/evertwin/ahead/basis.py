@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.errors import DataError
 from evertwin.fold import Answer, Block
@@ -21,7 +20,7 @@ from evertwin.models.form import Version
 from evertwin.models.function import kernel_of
 from evertwin.store import Store
 from evertwin.sync.horizon import openings, trusted
-from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
+from evertwin.types import Float64, Inputs, Intervals, Outputs, ParameterVector, StateVector
 
 __all__ = ["Basis", "draws", "known_sigmas", "state_after", "through"]
 

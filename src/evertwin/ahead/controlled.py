@@ -13,7 +13,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.ahead.basis import Basis
 from evertwin.ahead.changes import Case
@@ -25,7 +24,7 @@ from evertwin.machines.assembly import Forward
 from evertwin.machines.assembly.parts import KINDS
 from evertwin.machines.assembly.train import Axis, Train
 from evertwin.machines.catalog import located, machine
-from evertwin.types import ParameterVector
+from evertwin.types import Float64, ParameterVector
 
 __all__ = ["Controlled", "controlled"]
 

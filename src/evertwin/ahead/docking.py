@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from evertwin.ahead.basis import Basis, draws, state_after
 from evertwin.ahead.spec import DockSpec
@@ -278,7 +278,7 @@ def _part(plan: _Plan, told: tuple[int, float], left: Callable[[Inputs], float])
             def remaining(size: float, count: int = count) -> float:
                 return sign * left(of(size, count))
 
-            size = float(brentq(remaining, 0.0, top, xtol=1e-9))
+            size = float(scipy.optimize.brentq(remaining, 0.0, top, xtol=1e-9))
             return of(size, count)
     raise UsageError(
         f"docking: the simulated robot does not arrive with {plan.robot.model.inputs.names[column]}"

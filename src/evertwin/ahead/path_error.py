@@ -13,9 +13,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float64, Int64
-from scipy.interpolate import CubicHermiteSpline
-from scipy.spatial import cKDTree
+import scipy
 
 from evertwin.ahead.basis import Basis, draws
 from evertwin.ahead.changes import Case
@@ -27,7 +25,7 @@ from evertwin.errors import UsageError
 from evertwin.machines.arm.chain import Chain
 from evertwin.machines.assembly.kinematics import tips
 from evertwin.models import Model
-from evertwin.types import Inputs, Intervals, ParameterVector, Vector
+from evertwin.types import Float64, Inputs, Int64, Intervals, ParameterVector, Vector
 
 __all__ = ["apart", "followed"]
 
@@ -117,7 +115,7 @@ def _set_points(case: Case, model: Model, n: int) -> _Run:
     u = future.u[:, [names.index(name) for name in wanted]]
     step, parts = float(np.median(future.dt)), max(math.ceil(np.median(future.dt) / FINE), 1)
     # between the rows of the path the set-points go on smoothly, as those of a controller do
-    course: Any = CubicHermiteSpline(future.t, u[:, :n], u[:, n : 2 * n])
+    course: Any = scipy.interpolate.CubicHermiteSpline(future.t, u[:, :n], u[:, n : 2 * n])
     within = np.repeat(future.dt[1:] / parts, parts)
     ends = future.t[0] + np.cumsum(within)
     moving = np.repeat(u[1:], parts, axis=0)
@@ -154,7 +152,8 @@ def apart(
     begin, way = path[:-1], np.diff(path, axis=0)
     length = np.maximum(np.einsum("ij,ij->i", way, way), 1e-300)
     # rests left out, the nearest piece begins or ends at one of the nearest corners
-    near = cKDTree(path).query(points, k=min(NEAREST, len(path)))[1].reshape(len(points), -1)
+    _, near = scipy.spatial.cKDTree(path).query(points, k=min(NEAREST, len(path)))
+    near = near.reshape(len(points), -1)
     pieces = np.clip(np.concatenate([near - 1, near], axis=1), 0, len(way) - 1)
     here = points[:, None, :] - begin[pieces]
     share = np.clip(np.einsum("nij,nij->ni", here, way[pieces]) / length[pieces], 0.0, 1.0)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from evertwin.ahead.columns import Table, read_table
 from evertwin.ahead.future import Future
@@ -73,7 +73,7 @@ def _input(table: Table, t: Vector, name: str) -> Vector:
     order = 2 if name.startswith("qdd") else 1 if name.startswith("qd") else 0
     if name in table.names or order == 0:
         return table.column(name)
-    spline: Any = CubicSpline(t, table.column("q" + name[order + 1 :]))
+    spline: Any = scipy.interpolate.CubicSpline(t, table.column("q" + name[order + 1 :]))
     return np.asarray(spline(t, order))
 
 

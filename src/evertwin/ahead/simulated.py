@@ -13,7 +13,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.ahead.basis import draws, through
 from evertwin.ahead.changes import Case
@@ -23,7 +22,7 @@ from evertwin.machines.friction import Rubbing
 from evertwin.models import Model
 from evertwin.signals import Layout, wrap
 from evertwin.signals.units import compatible
-from evertwin.types import Intervals, Outputs, StateVector, Vector
+from evertwin.types import Float64, Intervals, Outputs, StateVector, Vector
 
 __all__ = ["Exceeded", "OutputSize", "PathError", "Simulated", "friction_work", "simulated"]
 

@@ -23,10 +23,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float64, Int64
+import scipy
 from numpy.random import Generator
-from scipy.optimize import nnls
-from scipy.stats import t as student
 
 from evertwin.errors import DataError
 from evertwin.fold import Block, take
@@ -34,7 +32,7 @@ from evertwin.models import Model, Restart, roll
 from evertwin.models.function import kernel_of
 from evertwin.models.kernel import ADOPT
 from evertwin.sync.horizon import openings, residuals, restarts
-from evertwin.types import Intervals, Outputs, ParameterVector, StateVector, Vector
+from evertwin.types import Float64, Int64, Intervals, Outputs, ParameterVector, StateVector, Vector
 
 __all__ = ["LEVELS", "Spread", "spread"]
 
@@ -208,7 +206,7 @@ def _law(lead: Vector, residual: Vector, static: bool) -> np.ndarray:
     for _ in range(ROUNDS):
         # the variance of a mean square grows with its square: weigh relative errors
         weight = np.sqrt(count) / np.maximum(fitted, fitted.max() * 1e-6)
-        law, _ = nnls(weight[:, None] * basis, weight * square)
+        law, _ = scipy.optimize.nnls(weight[:, None] * basis, weight * square)
         fitted = basis @ law
     return np.asarray(law * unit)
 
@@ -227,7 +225,7 @@ def _factors(scaled: Vector, piece: Int64[np.ndarray, " n"], stretches: int) -> 
     share = min(stretches / ENOUGH, 1.0) if len(scaled) >= 10 else 0.0
     low, high = (
         share * (float(np.quantile(scaled, level)) if share > 0.0 else 0.0)
-        + (1.0 - share) * float(student.ppf(0.5 + level / 2.0, freedom))
+        + (1.0 - share) * float(scipy.stats.t.ppf(0.5 + level / 2.0, freedom))
         for level in LEVELS
     )
     return low, max(high, low, math.ulp(0.0))

@@ -21,8 +21,9 @@ import math
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64
 from numba import njit
+
+from evertwin.types import Float64
 
 __all__ = ["CLOCK", "add", "mean", "new", "width"]
 

@@ -32,13 +32,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.anomaly.residuals import Residuals
 from evertwin.anomaly.run_length import alarms, limit_for, run_length
 from evertwin.anomaly.whiten import autoregression, effective, innovations
 from evertwin.errors import UsageError
-from evertwin.types import Tasks, Vector
+from evertwin.types import Float64, Tasks, Vector
 
 __all__ = ["Calibrated", "Calibration", "Calm", "blank", "calibrate"]
 

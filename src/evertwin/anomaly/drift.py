@@ -23,7 +23,6 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float64, Int64
 from numba import njit
 
 from evertwin.anomaly import adwin
@@ -31,6 +30,7 @@ from evertwin.anomaly.adwin import CLOCK, LEVELS, TOTAL, WIDTH, add
 from evertwin.anomaly.calibration import Calibration, blank
 from evertwin.anomaly.residuals import Residuals
 from evertwin.fold import Event, Out
+from evertwin.types import Float64, Int64
 
 __all__ = ["Drift", "DriftState"]
 

@@ -20,13 +20,12 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float64, Int64
 from numba import njit
 
 from evertwin.anomaly.residuals import Residuals
 from evertwin.errors import UsageError
 from evertwin.fold import Block, Out
-from evertwin.types import Outputs, Tasks
+from evertwin.types import Float64, Int64, Outputs, Tasks
 
 __all__ = ["PhaseState", "PhaseStats", "Regimes", "TaskSteps"]
 

@@ -21,8 +21,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import scipy
 from numba import njit
-from scipy.optimize import brentq
 
 from evertwin.types import Vector
 
@@ -99,7 +99,7 @@ def _cramer(e: Vector, k: float) -> float:
         high *= 1.5
     if high == 1e-3 or high >= STEEPEST:
         return high
-    return float(brentq(excess, high / 1.5, high))
+    return float(scipy.optimize.brentq(excess, high / 1.5, high))
 
 
 def _block(e: Vector) -> int:

@@ -20,14 +20,13 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float64, Int64
 from numba import njit
 
 from evertwin.anomaly.calibration import Calibration, blank
 from evertwin.anomaly.residuals import Alarms, Residuals
 from evertwin.errors import UsageError
 from evertwin.fold import Event, Out
-from evertwin.types import Vector
+from evertwin.types import Float64, Int64, Vector
 
 __all__ = ["SnrLimit", "SnrState"]
 

@@ -21,8 +21,9 @@ from __future__ import annotations
 from typing import TypeAlias
 
 import numpy as np
-from jaxtyping import Float64
 from numpy.lib.stride_tricks import sliding_window_view
+
+from evertwin.types import Float64
 
 __all__ = ["Coefficients", "Series", "autoregression", "effective", "innovations"]
 

@@ -23,14 +23,13 @@ import math
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64, Int64
 
 from evertwin.correction.sarsa import Samples, Sarsa
 from evertwin.correction.sarsa_settings import SarsaSettings
 from evertwin.errors import DataError, MissingExtra
 from evertwin.fold import Block
 from evertwin.models import Model
-from evertwin.types import Bools, ParameterVector
+from evertwin.types import Bools, Float64, Int64, ParameterVector
 
 try:
     import gymnasium

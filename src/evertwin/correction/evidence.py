@@ -21,7 +21,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float64, Int64
 
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import Block
@@ -30,7 +29,16 @@ from evertwin.models.batch import Batch
 from evertwin.models.kernel import ANEW
 from evertwin.signals import wrap
 from evertwin.sync import residuals, restarts
-from evertwin.types import Bools, Inputs, Intervals, Outputs, ParameterVector, Vector
+from evertwin.types import (
+    Bools,
+    Float64,
+    Inputs,
+    Int64,
+    Intervals,
+    Outputs,
+    ParameterVector,
+    Vector,
+)
 
 __all__ = ["Evidence", "gather", "mean_deviation"]
 

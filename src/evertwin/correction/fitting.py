@@ -20,8 +20,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float64
-from scipy.optimize import least_squares
+import scipy
 
 from evertwin.correction.evidence import Evidence, mean_deviation
 from evertwin.correction.stack import Part, Stack, bounded
@@ -157,7 +156,7 @@ def _solve(stack: Stack, free: Free, evidence: Evidence) -> tuple[Stack, float]:
 
     margin = 1e-9 * (1.0 + np.abs(free.typical))
     start = np.clip(p[free.places], free.low + margin, free.high - margin)
-    result = least_squares(
+    result = scipy.optimize.least_squares(
         residual, start, jac=partial(_jacobian, stack, free, evidence),
         bounds=(free.low, free.high), loss="soft_l1", x_scale=free.typical, max_nfev=EVALUATIONS,
         xtol=1e-4, ftol=1e-5,

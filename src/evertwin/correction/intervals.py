@@ -40,14 +40,13 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float64
-from scipy import stats
+import scipy
 
 from evertwin.correction.evidence import Evidence
 from evertwin.models import Model
 from evertwin.models.corrected import Corrected
 from evertwin.tuning.identifiability import grade
-from evertwin.types import ParameterVector, Vector
+from evertwin.types import Float64, ParameterVector, Vector
 
 __all__ = ["Known", "profiled", "scattered"]
 
@@ -203,7 +202,7 @@ class _Scatter(NamedTuple):
     @property
     def quantile(self) -> float:
         """Student's 97.5 % quantile."""
-        return float(stats.t.ppf(0.975, max(self.evidence.segments - 1, 1)))
+        return float(scipy.stats.t.ppf(0.975, max(self.evidence.segments - 1, 1)))
 
 
 def _scatter(e: Residual, evidence: Evidence) -> _Scatter:

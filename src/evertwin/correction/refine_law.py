@@ -40,8 +40,7 @@ from functools import cached_property
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from jaxtyping import Float64
-from scipy.optimize import least_squares
+import scipy
 
 from evertwin.correction.sarsa_table import Table
 from evertwin.errors import DataError
@@ -50,7 +49,7 @@ from evertwin.models import Kernel, Model, Restart, roll
 from evertwin.models.corrected import Corrected, Term
 from evertwin.models.terms.rows import inputs_of, quiet_level
 from evertwin.sync import residuals, restarts
-from evertwin.types import ParameterVector, Vector
+from evertwin.types import Float64, ParameterVector, Vector
 
 __all__ = ["Refined", "refine_law"]
 
@@ -235,7 +234,7 @@ class _Trial:
             q[free] = values
             return self.residual(q)
 
-        result = least_squares(
+        result = scipy.optimize.least_squares(
             residual, np.clip(q[free], low[free], high[free]), bounds=(low[free], high[free]),
             x_scale=typical[free], diff_step=np.full(len(free), 1e-4),
         )  # fmt: skip

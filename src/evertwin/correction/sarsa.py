@@ -27,7 +27,6 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float64, Int64
 
 from evertwin.correction import sarsa_kernels as kernels
 from evertwin.correction.sarsa_settings import SarsaSettings
@@ -35,7 +34,7 @@ from evertwin.correction.sarsa_table import Table, read_table
 from evertwin.fold import Block, Event, Out, copy
 from evertwin.models import Kernel, Model, kernel_of
 from evertwin.models.kernel import looped
-from evertwin.types import ParameterVector, StateVector
+from evertwin.types import Float64, Int64, ParameterVector, StateVector
 
 __all__ = ["Samples", "Sarsa", "SarsaState", "learn_table"]
 

@@ -9,10 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float64, Int64
 
 from evertwin.correction.sarsa_settings import SarsaSettings
-from evertwin.types import Vector
+from evertwin.types import Bool, Float64, Int64, Vector
 
 __all__ = ["Table", "read_table"]
 

@@ -32,7 +32,6 @@ from dataclasses import replace
 from typing import Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.engineering.breakdown import Breakdown
 from evertwin.engineering.compile import ModelPlan
@@ -40,6 +39,7 @@ from evertwin.engineering.parts import Component
 from evertwin.engineering.sensitivity import counted
 from evertwin.models import LinearModel
 from evertwin.tuning import Problem
+from evertwin.types import Float64
 
 __all__ = [
     "Inside",

@@ -35,12 +35,11 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.errors import MissingExtra, ModelError
 from evertwin.fold import Block
 from evertwin.tuning import Problem
-from evertwin.types import Vector
+from evertwin.types import Float64, Vector
 
 try:
     from SALib.analyze import morris as morris_analysis

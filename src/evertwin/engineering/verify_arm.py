@@ -22,8 +22,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float64
-from scipy.integrate import solve_ivp
+import scipy
 
 from evertwin.engineering.verification import Check
 from evertwin.errors import MissingExtra, ModelError
@@ -33,7 +32,7 @@ from evertwin.machines.arm.lanes import batch
 from evertwin.machines.arm.mjcf import central, mjcf_of
 from evertwin.machines.arm.rnea import BODY, JOINT
 from evertwin.machines.catalog import machine
-from evertwin.types import Inputs, Outputs, ParameterVector, Vector
+from evertwin.types import Float64, Inputs, Outputs, ParameterVector, Vector
 
 __all__ = ["verify_arm"]
 
@@ -283,7 +282,7 @@ def _free_motion(rigid: Rigid, rng: np.random.Generator) -> Check:
         bias = rigid.torques(np.concatenate([q, v, np.zeros((1, n))], axis=1))[0]
         return np.concatenate([x[n:], np.linalg.solve(rigid.mass(q)[0], -bias)])
 
-    found = solve_ivp(slope, (0.0, 0.5), start, rtol=1e-10, atol=1e-10)
+    found = scipy.integrate.solve_ivp(slope, (0.0, 0.5), start, rtol=1e-10, atol=1e-10)
     x = found.y.T
     parts = rigid.energy(x[:, :n], x[:, n:])
     at_start = 0.5 * float(start[n:] @ rigid.mass(start[None, :n])[0] @ start[n:])

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import expm
+import scipy
 
 from evertwin.engineering.verification import Check
 from evertwin.machines.drive import Drive, DriveForce
@@ -52,7 +52,7 @@ def _exponential(box: ThermalBox, p: ParameterVector) -> Check:
     whole[:n, n:] = (drive / capacities[:, None])[:n]
     rows, dt, u = 200, 3.0, np.array([1.0, 290.0])
     start = box.initial(p)
-    exact, turn = np.concatenate([start, u]), expm(whole * dt)
+    exact, turn = np.concatenate([start, u]), scipy.linalg.expm(whole * dt)
     expected = np.empty(rows)
     for i in range(rows):
         exact = turn @ exact

@@ -14,13 +14,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.io
-from scipy.io.matlab import MatReadError
+import scipy
 
 from evertwin.errors import DataError
 from evertwin.export.matlab import identifier
 
 __all__ = ["values_in"]
+
+_DAMAGE = (ValueError, TypeError, NotImplementedError, LookupError)
 
 
 def values_in(path: Path, names: Sequence[str]) -> dict[str, float]:
@@ -68,7 +69,7 @@ def _from_mat(path: Path, names: Sequence[str]) -> dict[str, float]:
         content = scipy.io.loadmat(
             str(path), variable_names=["parameters"], simplify_cells=True
         ).get("parameters")
-    except (MatReadError, ValueError, TypeError, NotImplementedError, LookupError) as error:
+    except (scipy.io.matlab.MatReadError, *_DAMAGE) as error:
         raise DataError(
             f"{path.name}: expected JSON or a MAT file of version 5 (save with -v7): {error}"
         ) from error

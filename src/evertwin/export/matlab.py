@@ -15,7 +15,7 @@ import re
 from typing import Any
 
 import numpy as np
-import scipy.io
+import scipy
 
 from evertwin.errors import UsageError
 from evertwin.export.content import Exported

@@ -14,10 +14,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Int64
 
 from evertwin.errors import UsageError
 from evertwin.fold.block import Block
+from evertwin.types import Int64
 
 __all__ = ["Beat"]
 

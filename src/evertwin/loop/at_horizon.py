@@ -12,11 +12,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float64
 from numba import njit
 
 from evertwin.loop.released import Released
-from evertwin.types import Bools
+from evertwin.types import Bools, Float64
 
 __all__ = ["AtHorizon", "Newest"]
 

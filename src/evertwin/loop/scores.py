@@ -9,12 +9,12 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Int64
 from numba import njit
 
 from evertwin.loop.deviation import new_sums
 from evertwin.loop.released import Released
 from evertwin.loop.twin_state import Scores
+from evertwin.types import Bool, Int64
 
 __all__ = ["NEVER", "Watch", "accumulate", "new_scores"]
 

@@ -30,7 +30,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64, Int64
 from numba import cfunc, njit
 
 from evertwin.errors import DataError
@@ -51,7 +50,16 @@ from evertwin.machines.friction.kernel import (
 from evertwin.machines.friction.terms.two_sided import TWO_SIDED
 from evertwin.models import OBSERVE, STEP, Compiled, Parameter, Parameters
 from evertwin.signals import Layout
-from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector, Vector
+from evertwin.types import (
+    Float64,
+    Inputs,
+    Int64,
+    Intervals,
+    Outputs,
+    ParameterVector,
+    StateVector,
+    Vector,
+)
 
 __all__ = ["Drive", "DriveForce", "edge_speed"]
 

@@ -24,13 +24,12 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64
 from numba import njit
 
 from evertwin.models.contract import BatchModel, Model
 from evertwin.models.function import kernel_of
 from evertwin.models.kernel import Kernel, Restart, _roll, roll
-from evertwin.types import Inputs, Intervals
+from evertwin.types import Float64, Inputs, Intervals
 
 __all__ = ["WORTH", "Batch", "grouped", "rolled"]
 

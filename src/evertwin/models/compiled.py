@@ -10,13 +10,12 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64
 from numba import njit
 
 from evertwin.models.kernel import Kernel, Restart, call_observe, roll
 from evertwin.models.parameters import Parameters
 from evertwin.signals.channels import Layout
-from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
+from evertwin.types import Float64, Inputs, Intervals, Outputs, ParameterVector, StateVector
 
 __all__ = ["Compiled"]
 

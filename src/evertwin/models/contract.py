@@ -15,13 +15,14 @@ from __future__ import annotations
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float64, Int64
 
 from evertwin.models.kernel import Kernel, Restart
 from evertwin.models.parameters import Parameters
 from evertwin.signals.channels import Layout
 from evertwin.types import (
+    Float64,
     Inputs,
+    Int64,
     Intervals,
     OutputRuns,
     Outputs,

@@ -29,7 +29,6 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Int64
 
 from evertwin.models.batch import grouped, rolled
 from evertwin.models.compiled import Compiled
@@ -45,6 +44,7 @@ from evertwin.models.wrapper import Wrapper
 from evertwin.signals.channels import Channel, Layout
 from evertwin.types import (
     Inputs,
+    Int64,
     Intervals,
     OutputRuns,
     ParameterVector,

@@ -26,14 +26,13 @@ from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.errors import ModelError
 from evertwin.models.contract import KernelModel, Model
 from evertwin.models.kernel import Kernel
 from evertwin.models.parameters import Parameters
 from evertwin.signals.channels import Layout
-from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
+from evertwin.types import Float64, Inputs, Intervals, Outputs, ParameterVector, StateVector
 
 __all__ = ["FunctionModel", "kernel_of", "python_kernel"]
 

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.signals.channels import Layout
-from evertwin.types import ParameterVector, StateVector
+from evertwin.types import Float64, ParameterVector, StateVector
 
 __all__ = ["StaticMap"]
 

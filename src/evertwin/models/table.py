@@ -25,13 +25,12 @@ from functools import cached_property
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
-from jaxtyping import Float64, Int64
 
 from evertwin.errors import DataError, UsageError
 from evertwin.models.parameters import Parameter, Parameters
 from evertwin.models.static import StaticMap
 from evertwin.signals.channels import Layout
-from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
+from evertwin.types import Float64, Inputs, Int64, Intervals, Outputs, ParameterVector, StateVector
 
 __all__ = ["Beyond", "TableModel"]
 

@@ -11,7 +11,6 @@ from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.models.compiled import Compiled
 from evertwin.models.contract import Model
@@ -20,7 +19,7 @@ from evertwin.models.kernel import Kernel, Layer, Restart, roll
 from evertwin.models.parameters import Parameters
 from evertwin.models.sizes import sized
 from evertwin.signals.channels import Layout
-from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
+from evertwin.types import Float64, Inputs, Intervals, Outputs, ParameterVector, StateVector
 
 __all__ = ["Wrapper"]
 

@@ -11,10 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.prognosis.laws import Fleet, Indicator, Life, Limit, Workload, predict_life
-from evertwin.types import Vector
+from evertwin.types import Float64, Vector
 
 __all__ = ["Course", "course"]
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from evertwin.ahead.future import Future
 from evertwin.config.prognosis import IndicatorSpec
@@ -122,7 +122,7 @@ def accuracy_limit(
     for _ in range(DOUBLINGS):
         far = min(new + step, end) if upwards else max(new + step, end)
         if beyond(far) > 0.0:
-            return float(brentq(beyond, new, far, xtol=1e-12 * max(abs(new), 1.0)))
+            return float(scipy.optimize.brentq(beyond, new, far, xtol=1e-12 * max(abs(new), 1.0)))
         if far == end or not math.isfinite(far):
             return None
         step *= 2.0

@@ -23,14 +23,12 @@ from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-import scipy.interpolate
-import scipy.signal
-from jaxtyping import Float64, Int64
+import scipy
 
 from evertwin.errors import DataError
 from evertwin.signals.filters import SavitzkyGolay
 from evertwin.signals.resample import linear, uniform
-from evertwin.types import Stamps, Vector
+from evertwin.types import Float64, Int64, Stamps, Vector
 
 First: TypeAlias = Float64[np.ndarray, " n"]
 Second: TypeAlias = Float64[np.ndarray, " m"]

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy.signal
+import scipy
 
 from evertwin.errors import DataError, UsageError
 from evertwin.types import Bools, Outputs, Vector

@@ -14,7 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import butter, savgol_coeffs, sosfreqz
+import scipy
 
 from evertwin.errors import UsageError
 from evertwin.signals.fir_kernel import smooth
@@ -56,8 +56,8 @@ class Symmetric:
                 f"filter: expected a cut-off between 0 and half the rate of {rate:g} Hz, got "
                 f"{cutoff:g} Hz"
             )
-        sections = butter(order, cutoff, fs=rate, output="sos")
-        _, response = sosfreqz(sections, worN=LONGEST, whole=True)
+        sections = scipy.signal.butter(order, cutoff, fs=rate, output="sos")
+        _, response = scipy.signal.sosfreqz(sections, worN=LONGEST, whole=True)
         impulse = np.fft.ifft(np.abs(response) ** 2).real[: LONGEST // 2]
         size = np.abs(impulse) * np.r_[1.0, np.full(len(impulse) - 1, 2.0)]
         left = size.sum() - np.cumsum(size)
@@ -80,7 +80,7 @@ class Symmetric:
             raise UsageError(
                 f"savgol: expected an odd window above the degree, got {window} and {degree}"
             )
-        return cls._of(savgol_coeffs(window, degree, use="dot")[window // 2 :])
+        return cls._of(scipy.signal.savgol_coeffs(window, degree, use="dot")[window // 2 :])
 
     @classmethod
     def _of(cls, half: Vector) -> Symmetric:
@@ -111,6 +111,7 @@ def slopes(window: int, rate: float, degree: int = 3) -> Outputs:
     """
     places = range(window // 2 + 1)
     rows = [
-        savgol_coeffs(window, degree, deriv=1, delta=1 / rate, pos=j, use="dot") for j in places
+        scipy.signal.savgol_coeffs(window, degree, deriv=1, delta=1 / rate, pos=j, use="dot")
+        for j in places
     ]
     return np.ascontiguousarray(rows)

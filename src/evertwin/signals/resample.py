@@ -16,11 +16,10 @@ from collections.abc import Sequence
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from jaxtyping import Bool, Float64, Int64
 
 from evertwin.errors import DataError, UsageError
 from evertwin.signals.series import Series
-from evertwin.types import Bools, Stamps
+from evertwin.types import Bool, Bools, Float64, Int64, Stamps
 
 Grid: TypeAlias = Int64[np.ndarray, " m"]
 Values: TypeAlias = Float64[np.ndarray, "n k"]

@@ -18,14 +18,13 @@ import re
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Int64
 
 from evertwin.errors import DataError
 from evertwin.sources.description import ClockInfo
 from evertwin.sources.stamps import NO_STAMP, to_ns
 from evertwin.sources.table import Column, Table
 from evertwin.sources.time_unit import NAMES, guess
-from evertwin.types import Stamps
+from evertwin.types import Int64, Stamps
 
 __all__ = ["Line", "other_clocks"]
 

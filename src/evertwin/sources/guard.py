@@ -25,11 +25,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Int64
 
 from evertwin.sources.stamps import NO_STAMP
 from evertwin.sources.table import Problem
-from evertwin.types import Outputs, Stamps
+from evertwin.types import Int64, Outputs, Stamps
 
 __all__ = ["Guarded", "Rules", "Watch", "guard", "typical"]
 

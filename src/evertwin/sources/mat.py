@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import scipy.io
+import scipy
 
 from evertwin.errors import DataError
 from evertwin.sources.arrays import Array, bounded, table_of

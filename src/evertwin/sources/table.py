@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from jaxtyping import Float64, Int64
 
 from evertwin.errors import DataError
 from evertwin.sources.names import closest
+from evertwin.types import Float64, Int64
 
 __all__ = ["WIDEST", "Column", "Problem", "Recording", "Rows", "Table"]
 

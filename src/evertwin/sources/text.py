@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.errors import DataError
 from evertwin.sources.dialect import (
@@ -35,6 +34,7 @@ from evertwin.sources.dialect import (
 from evertwin.sources.names import distinct, split_unit
 from evertwin.sources.stamps import texts
 from evertwin.sources.table import Column, Problem, Rows
+from evertwin.types import Float64
 
 __all__ = ["TextTable"]
 

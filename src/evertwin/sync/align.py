@@ -33,7 +33,6 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float64, Int64
 
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import Block, Chunk, Event, Out
@@ -41,7 +40,7 @@ from evertwin.signals import Layout
 from evertwin.sync import align_loop as loop
 from evertwin.sync.horizon import nanoseconds
 from evertwin.sync.horizon_loop import NEVER
-from evertwin.types import Bools, Inputs, Intervals, Marks, Outputs, Stamps, Tasks
+from evertwin.types import Bools, Float64, Inputs, Int64, Intervals, Marks, Outputs, Stamps, Tasks
 
 __all__ = ["Align", "AlignState", "Feed", "Rows"]
 

@@ -9,11 +9,22 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float64, Int64, UInt8
 from numba import njit
 
 from evertwin.sync.horizon_loop import wrapped
-from evertwin.types import Bools, Inputs, Intervals, Marks, Outputs, Stamps, Tasks, Vector
+from evertwin.types import (
+    Bools,
+    Float64,
+    Inputs,
+    Int64,
+    Intervals,
+    Marks,
+    Outputs,
+    Stamps,
+    Tasks,
+    UInt8,
+    Vector,
+)
 
 __all__ = ["Counters", "Lines", "Memory", "Program", "Room", "advance"]
 

@@ -27,7 +27,6 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Int64
 
 from evertwin.errors import UsageError
 from evertwin.fold import Block, Mark, Out
@@ -35,7 +34,7 @@ from evertwin.models import Kernel, Model, Restart, kernel_of
 from evertwin.models.kernel import looped
 from evertwin.signals import wrap
 from evertwin.sync.horizon_loop import NEVER, began, plan, run
-from evertwin.types import Bools, Outputs, ParameterVector, StateVector, Vector
+from evertwin.types import Bools, Int64, Outputs, ParameterVector, StateVector, Vector
 
 __all__ = [
     "Horizon",

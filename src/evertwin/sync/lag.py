@@ -23,7 +23,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from evertwin.errors import DataError
 from evertwin.fold import Block
@@ -100,7 +100,7 @@ def agreement(lags: Mapping[str, Lag], step: float) -> SharedLag:
     weight = sigma**-2
     mean = float((weight * seconds).sum() / weight.sum())
     spread = float((((seconds - mean) / sigma) ** 2).sum())
-    if len(sure) > 1 and stats.chi2.sf(spread, len(sure) - 1) < SURE:
+    if len(sure) > 1 and scipy.stats.chi2.sf(spread, len(sure) - 1) < SURE:
         shown = ", ".join(f"{name} {found.seconds:.3g} s" for name, found in lags.items())
         return SharedLag(math.nan, math.inf, False, f"the outputs' lags differ: {shown}", lags)
     reason = f"{len(sure)} of {len(lags)} outputs agree"

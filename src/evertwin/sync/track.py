@@ -30,7 +30,6 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float64, Int64, UInt8
 
 from evertwin.fold import Block, Event, Out
 from evertwin.models import Kernel, Model, kernel_of
@@ -40,7 +39,7 @@ from evertwin.sync.arbiter import Arbiter, Rule, describe, members
 from evertwin.sync.horizon import contiguous
 from evertwin.sync.horizon_loop import NEVER
 from evertwin.sync.track_loop import run
-from evertwin.types import Bools, Outputs, ParameterVector, StateVector
+from evertwin.types import Bools, Float64, Int64, Outputs, ParameterVector, StateVector, UInt8
 
 __all__ = ["Arbiter", "Rule", "Track", "TrackRows", "TrackState"]
 

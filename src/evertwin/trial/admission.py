@@ -14,10 +14,9 @@ True
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.trial.gate import Check
-from evertwin.types import ParameterVector
+from evertwin.types import Float64, ParameterVector
 
 __all__ = ["SPREAD", "admit"]
 

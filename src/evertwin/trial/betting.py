@@ -25,8 +25,9 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float64, Int64
 from numba import njit
+
+from evertwin.types import Float64, Int64
 
 __all__ = ["GRID", "LENGTHS", "Bets", "evidence", "open_bets", "place"]
 

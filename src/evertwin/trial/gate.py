@@ -25,12 +25,11 @@ from functools import cached_property
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Float64, Int64
 
 from evertwin.errors import UsageError
 from evertwin.trial.betting import GRID, LENGTHS, Bets, evidence, open_bets
 from evertwin.trial.gate_loop import OPEN, OTHER, STAYS, run, unsafe
-from evertwin.types import Vector
+from evertwin.types import Float64, Int64, Vector
 
 __all__ = ["Check", "GateState", "Trial", "figures", "new_state", "pass_through"]
 

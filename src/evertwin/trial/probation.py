@@ -19,12 +19,11 @@ from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.errors import UsageError
 from evertwin.trial.gate import GateState, figures, new_state, pass_through
 from evertwin.trial.gate_loop import OPEN, OTHER, STAYS
-from evertwin.types import Vector
+from evertwin.types import Float64, Vector
 
 __all__ = ["Probation"]
 

@@ -22,13 +22,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.fold import Block
 from evertwin.models import Model
 from evertwin.tuning.identifiability import NULL, SHARE, SMALL
 from evertwin.tuning.problem import PerOutput, Problem
-from evertwin.types import Inputs
+from evertwin.types import Float64, Inputs
 
 __all__ = ["advise", "rank_windows"]
 

@@ -16,15 +16,14 @@ import time
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float64
-from scipy import stats
+import scipy
 
 from evertwin.tuning.advice import advise
 from evertwin.tuning.fit import Fit, Residual
 from evertwin.tuning.identifiability import Gate, gate, grade
 from evertwin.tuning.problem import PerOutput, Problem
 from evertwin.tuning.statistics import dependences, effective, ljung_box, spread
-from evertwin.types import Outputs, Vector
+from evertwin.types import Float64, Outputs, Vector
 
 __all__ = ["Outcome", "assemble", "judge", "rms"]
 
@@ -283,7 +282,7 @@ def _covariance(
     factor = np.where(np.isfinite(factor), factor, 1.0)
     covariance = inverse * np.outer(factor, factor)
     degrees = np.where(np.isnan(degrees), np.inf, np.maximum(degrees, 1.0))
-    return covariance, np.asarray(stats.t.ppf(0.975, degrees))
+    return covariance, np.asarray(scipy.stats.t.ppf(0.975, degrees))
 
 
 def _pinv(h: Float64[np.ndarray, "k k"]) -> Float64[np.ndarray, "k k"]:

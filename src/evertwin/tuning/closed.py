@@ -34,13 +34,12 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float64, Int64
 
 from evertwin.errors import UsageError
 from evertwin.models import LinearModel, Parameters
 from evertwin.tuning.gram import FINE, gram, normal
 from evertwin.tuning.problem import Filter, PerOutput
-from evertwin.types import Inputs, Intervals, Outputs, Vector
+from evertwin.types import Float64, Inputs, Int64, Intervals, Outputs, Vector
 
 __all__ = ["ClosedForm", "Solution", "Sums"]
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.models import Restart
 from evertwin.models.batch import Batch
 from evertwin.tuning.settings import Far
-from evertwin.types import Inputs, Intervals
+from evertwin.types import Float64, Inputs, Intervals
 
 __all__ = ["far_runs"]
 

@@ -22,11 +22,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.fold import plain
 from evertwin.tuning.statistics import Dependence
-from evertwin.types import Json, ParameterVector, Vector
+from evertwin.types import Float64, Json, ParameterVector, Vector
 
 __all__ = ["Fit", "Residual"]
 

@@ -29,11 +29,10 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.errors import ModelError
 from evertwin.models import Model
-from evertwin.types import Vector
+from evertwin.types import Float64, Vector
 
 __all__ = ["Gate", "connected", "gate", "grade"]
 

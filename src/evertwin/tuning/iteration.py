@@ -33,14 +33,13 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.errors import UsageError
 from evertwin.tuning.assemble import Outcome, assemble, rms
 from evertwin.tuning.fit import Fit
 from evertwin.tuning.problem import PerOutput, Problem
 from evertwin.tuning.schedule import Schedule
-from evertwin.types import Outputs, Vector
+from evertwin.types import Float64, Outputs, Vector
 
 __all__ = ["Iterated", "Iteration", "Round"]
 

@@ -31,7 +31,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.errors import UsageError
 from evertwin.models import Model
@@ -39,6 +38,7 @@ from evertwin.tuning.assemble import rms
 from evertwin.tuning.problem import Problem
 from evertwin.tuning.settings import Settings
 from evertwin.tuning.solver import solve
+from evertwin.types import Float64
 
 __all__ = ["Climb", "climb", "held_out"]
 

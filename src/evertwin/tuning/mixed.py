@@ -14,7 +14,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy import optimize
+import scipy
 
 from evertwin.models import LinearModel
 from evertwin.tuning.assemble import Outcome
@@ -69,7 +69,7 @@ class Projected(Objective):
         if ((solved < low) | (solved > high)).any():
             start = solved - change
             bounds = (low - start) * size, (high - start) * size
-            change = optimize.lsq_linear(a / size, b, bounds=bounds).x / size
+            change = scipy.optimize.lsq_linear(a / size, b, bounds=bounds).x / size
             values[self.linear] = np.clip(start + change, low, high)
         return values
 

@@ -23,8 +23,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from scipy import optimize
-from scipy.stats import qmc
+import scipy
 
 from evertwin.tuning.assemble import Outcome, noise_of, rms
 from evertwin.tuning.interrupt import Interrupt
@@ -233,7 +232,7 @@ def _starts(objective: Objective) -> list[Vector]:
     low, high = np.maximum(low, -1e6), np.minimum(high, 1e6)
     low = np.where(low > -1e6, low, -1.0)
     high = np.where(high < 1e6, high, 1.0)
-    points = qmc.LatinHypercube(k, seed=objective.settings.seed).random(extra)
+    points = scipy.stats.qmc.LatinHypercube(k, seed=objective.settings.seed).random(extra)
     return [inside, *(low + points * (high - low))]
 
 
@@ -241,7 +240,7 @@ def _run(objective: Objective, z: Vector) -> Any:
     settings, (low, high) = objective.settings, objective.bounds
     # SciPy wants a start strictly inside: one on a bound is moved by a millionth of its size.
     margin = np.minimum(1e-6, 0.25 * (high - low))
-    return optimize.least_squares(
+    return scipy.optimize.least_squares(
         objective,
         np.clip(z, low + margin, high - margin),
         jac=objective.jacobian,

@@ -27,7 +27,6 @@ from itertools import pairwise
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
-from jaxtyping import Bool, Float64
 
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import Block, Mark
@@ -43,7 +42,7 @@ from evertwin.signals import wrap
 from evertwin.sync.horizon import openings, residuals, restarts
 from evertwin.tuning.far import far_runs
 from evertwin.tuning.settings import Settings
-from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, Vector
+from evertwin.types import Bool, Float64, Inputs, Intervals, Outputs, ParameterVector, Vector
 
 __all__ = ["Filter", "Loss", "Moving", "PerOutput", "Problem", "Rows"]
 

@@ -39,13 +39,12 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.errors import UsageError
 from evertwin.fold import Block, Out
 from evertwin.models import LinearModel, Parameters
 from evertwin.tuning.recursive_loop import learn
-from evertwin.types import Outputs, ParameterVector, Vector
+from evertwin.types import Float64, Outputs, ParameterVector, Vector
 
 __all__ = ["Recursive", "RecursiveRows", "RecursiveState"]
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy import optimize
+import scipy
 
 from evertwin.models import LinearModel, Parameters
 from evertwin.tuning.assemble import Outcome, assemble, judge, noise_of
@@ -85,7 +85,9 @@ def _bounded(problem: Problem, j: Any, sigma: PerOutput) -> tuple[Vector, tuple[
     size[size == 0] = 1.0
     low, high = problem.bounds
     bounds = (low - problem.start) * size, (high - problem.start) * size
-    result = optimize.lsq_linear(root[:, :-1] / size, root[:, -1], bounds=bounds, method="bvls")
+    result = scipy.optimize.lsq_linear(
+        root[:, :-1] / size, root[:, -1], bounds=bounds, method="bvls"
+    )
     values = np.clip(problem.start + result.x / size, low, high)
     hit = tuple(n for n, on in zip(problem.names, result.active_mask, strict=True) if on)
     return values, hit

@@ -16,10 +16,9 @@ from __future__ import annotations
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from jaxtyping import Float64
-from scipy import stats
+import scipy
 
-from evertwin.types import Inputs, Outputs, Vector
+from evertwin.types import Float64, Inputs, Outputs, Vector
 
 Series: TypeAlias = Float64[np.ndarray, " n"]
 Lags: TypeAlias = Float64[np.ndarray, " lags"]
@@ -128,7 +127,7 @@ def ljung_box(r: Series) -> float:
         return 1.0
     rho = autocorrelation(r, lags)[1:]
     statistic = n * (n + 2) * float((np.square(rho) / (n - np.arange(1, lags + 1))).sum())
-    return float(stats.chi2.sf(statistic, lags))
+    return float(scipy.stats.chi2.sf(statistic, lags))
 
 
 def dependences(
@@ -176,7 +175,7 @@ def _explained(r: Series, classes: np.ndarray, rho: Lags) -> tuple[float, float]
     if n <= groups + 1 or share >= 1:
         return 1.0, share
     f = share / (groups - 1) / ((1 - share) / (n - groups))
-    return float(stats.f.sf(f, groups - 1, n - groups)), share
+    return float(scipy.stats.f.sf(f, groups - 1, n - groups)), share
 
 
 def _independent(rows: int, classes: np.ndarray, rho: Lags) -> float:

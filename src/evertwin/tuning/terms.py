@@ -36,13 +36,13 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.errors import UsageError
 from evertwin.models import LinearModel
 from evertwin.tuning.closed import ClosedForm, Sums
 from evertwin.tuning.ladder import held_out
 from evertwin.tuning.problem import Problem
+from evertwin.types import Float64
 
 __all__ = ["Ascent", "Step", "Term", "climb_terms"]
 

@@ -14,9 +14,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float64
 
-from evertwin.types import Vector
+from evertwin.types import Float64, Vector
 
 __all__ = ["WORLDS", "Commands", "Drive", "commands", "positions", "sweep", "target"]
 

@@ -16,12 +16,12 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-import scipy.linalg
-from jaxtyping import Float64
+import scipy
 from numba import njit
 
 from evertwin.machines.arm.coupling import Coupling
 from evertwin.machines.arm.rnea import BODY, joint_torques
+from evertwin.types import Float64
 
 __all__ = ["base_parameters", "body_columns"]
 

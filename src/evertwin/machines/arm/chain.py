@@ -16,12 +16,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.errors import ModelError
 from evertwin.machines.arm.inertia import Body, Matrix, Position, moved, of_body
 from evertwin.machines.arm.memory import JOINTS
 from evertwin.machines.arm.urdf import Joint, Robot
+from evertwin.types import Float64
 
 __all__ = ["Chain", "aligned", "serial"]
 

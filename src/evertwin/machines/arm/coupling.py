@@ -18,10 +18,9 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.errors import UsageError
-from evertwin.types import Inputs
+from evertwin.types import Float64, Inputs
 
 __all__ = ["Coupling"]
 

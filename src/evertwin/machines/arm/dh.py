@@ -27,13 +27,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.errors import ModelError, UsageError, nearest
 from evertwin.machines.arm.inertia import Matrix, Position
 from evertwin.machines.arm.physical import checked
 from evertwin.machines.arm.urdf import Joint, Link, Robot, rotation
 from evertwin.settings.quantity import Measured, number
+from evertwin.types import Float64
 
 __all__ = ["CONVENTIONS", "TIP", "robot_of", "vector"]
 

@@ -16,7 +16,8 @@ from __future__ import annotations
 from typing import TypeAlias
 
 import numpy as np
-from jaxtyping import Float64
+
+from evertwin.types import Float64
 
 __all__ = ["NAMES", "UNITS", "Body", "Matrix", "Position", "matrix", "moved", "of_body", "point"]
 

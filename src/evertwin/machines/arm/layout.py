@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float64, Int64
 
 from evertwin.machines.arm import inertia
 from evertwin.machines.arm.chain import Chain
@@ -22,6 +21,7 @@ from evertwin.machines.friction import Law
 from evertwin.machines.friction.kernel import columns_of, record_of
 from evertwin.models import Parameter, Parameters
 from evertwin.signals import Channel, Layout
+from evertwin.types import Float64, Int64
 
 __all__ = [
     "Drives",

@@ -11,12 +11,12 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Int64
 from numba import njit
 
 from evertwin.machines.arm.layout import Drives
 from evertwin.machines.arm.rnea import BODY
 from evertwin.machines.friction.kernel import FEATURE, PLACE, SHAPE, behind, feature
+from evertwin.types import Int64
 
 __all__ = ["Columns", "columns_of", "fill"]
 

@@ -29,7 +29,6 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
-from jaxtyping import Float64, Int64
 
 from evertwin.errors import UsageError
 from evertwin.machines.arm import kernel as compiled
@@ -47,7 +46,7 @@ from evertwin.models import Kernel, Parameter, Parameters, Restart, roll
 from evertwin.models.given import check_options
 from evertwin.models.static import StaticMap
 from evertwin.signals import Layout
-from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
+from evertwin.types import Float64, Inputs, Int64, Intervals, Outputs, ParameterVector, StateVector
 
 __all__ = ["BUILT_IN", "Arm", "robot"]
 

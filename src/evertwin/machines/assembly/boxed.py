@@ -12,14 +12,13 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float64, Int64
 
 from evertwin.machines.assembly import boxes, shared
 from evertwin.machines.assembly.shared import QUANTITIES
 from evertwin.machines.assembly.train import Box, Train
 from evertwin.models import Kernel, Parameters, kernel_of
 from evertwin.signals import Channel, Layout
-from evertwin.types import Inputs, Intervals, ParameterVector, StateVector
+from evertwin.types import Float64, Inputs, Int64, Intervals, ParameterVector, StateVector
 
 __all__ = [
     "box_channels",

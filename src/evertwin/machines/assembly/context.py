@@ -10,12 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Int64
 
 from evertwin.machines.arm import layout
 from evertwin.machines.arm.lanes import batch
 from evertwin.machines.assembly.train import Axis, Rub, Train
 from evertwin.machines.friction.kernel import columns_of, record_of
+from evertwin.types import Int64
 
 __all__ = ["AXIS", "HEAD", "RUB", "Columns", "Places", "context_of", "friction_columns"]
 

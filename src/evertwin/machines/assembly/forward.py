@@ -24,7 +24,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.errors import UsageError
 from evertwin.machines.assembly import onward, shared
@@ -40,7 +39,7 @@ from evertwin.models import Kernel, Parameters, Restart, roll
 from evertwin.settings.quantity import in_unit
 from evertwin.signals import Channel, Layout
 from evertwin.signals.channels import position
-from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
+from evertwin.types import Float64, Inputs, Intervals, Outputs, ParameterVector, StateVector
 
 __all__ = ["Forward", "forward", "planned"]
 

@@ -24,7 +24,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64, Int64
 
 from evertwin.errors import UsageError
 from evertwin.machines.arm import layout
@@ -46,7 +45,7 @@ from evertwin.machines.assembly.train import Train
 from evertwin.models import Kernel, Parameters, Restart, roll
 from evertwin.signals import Channel, Layout
 from evertwin.signals.channels import position
-from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
+from evertwin.types import Float64, Inputs, Int64, Intervals, Outputs, ParameterVector, StateVector
 
 __all__ = ["MEASURES", "Inverse", "StaticInverse", "heat_channels", "inverse"]
 

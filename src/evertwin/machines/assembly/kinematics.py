@@ -9,12 +9,11 @@ Damped least squares: Wampler (1986), Nakamura and Hanafusa (1986).
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.errors import UsageError
 from evertwin.machines.arm.chain import Chain
 from evertwin.machines.arm.rnea import JOINT
-from evertwin.types import Vector
+from evertwin.types import Float64, Vector
 
 __all__ = ["follow", "tips", "tool"]
 

@@ -25,14 +25,13 @@ from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
-from jaxtyping import Float64
-from scipy.interpolate import CubicSpline
+import scipy
 
 from evertwin.errors import UsageError
 from evertwin.machines.arm.chain import Chain
 from evertwin.machines.assembly.kinematics import follow, tool
 from evertwin.settings.quantity import in_unit
-from evertwin.types import Vector
+from evertwin.types import Float64, Vector
 
 __all__ = ["Circle", "Joints", "Limits", "Line", "Motion", "Move", "Pause", "moves_of", "plan"]
 
@@ -242,7 +241,7 @@ def _travel(
     length, places = _places(move, chain, q)
     points = np.linspace(0.0, 1.0, max(8, math.ceil(length / GRID)) + 1)
     joints = follow(chain, q, places(points), tool(chain, q)[0][:3, :3])
-    spline = CubicSpline(points, joints)
+    spline = scipy.interpolate.CubicSpline(points, joints)
     speed, acceleration = move.speed / length, move.acceleration / length
     travelled = _along(spline, _run(speed, acceleration, rate, profile))
     slower = 1.0
@@ -272,7 +271,7 @@ def _places(move: Line | Circle, chain: Chain, q: Vector) -> tuple[float, Any]:
     return max(float(np.linalg.norm(across)) * abs(angle), 1e-9), places
 
 
-def _along(spline: CubicSpline, run: _Run) -> tuple[Any, Any, Any]:
+def _along(spline: scipy.interpolate.CubicSpline, run: _Run) -> tuple[Any, Any, Any]:
     """A path by its share of the way, travelled as a profile says."""
     first, second = spline(run.s, 1), spline(run.s, 2)
     v, a = run.v[:, None], run.a[:, None]

@@ -11,13 +11,12 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from jaxtyping import Int64
 
 from evertwin.errors import LawBroken
 from evertwin.machines.friction.contract import Coefficient, FrictionTerm
 from evertwin.machines.friction.kernel import FEATURE, SLOPE, behind, columns_of, feature, slope
 from evertwin.machines.friction.law import Law
-from evertwin.types import Vector
+from evertwin.types import Int64, Vector
 
 __all__ = ["check_friction"]
 

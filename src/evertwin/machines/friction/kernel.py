@@ -22,7 +22,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64, Int64
 from llvmlite import ir
 from numba import cfunc, njit, types
 from numba.core import cgutils
@@ -41,7 +40,7 @@ from evertwin.machines.friction.terms import (
     stribeck,
     viscous,
 )
-from evertwin.types import Vector
+from evertwin.types import Float64, Int64, Vector
 
 __all__ = [
     "COLUMN",

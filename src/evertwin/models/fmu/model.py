@@ -25,7 +25,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.errors import MissingExtra, ModelError
 from evertwin.models.fmu import slots as at
@@ -41,7 +40,7 @@ from evertwin.models.kernel import Kernel, Restart, roll
 from evertwin.models.parameters import Parameters
 from evertwin.models.sizes import sized
 from evertwin.signals.channels import Layout, position
-from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
+from evertwin.types import Float64, Inputs, Intervals, Outputs, ParameterVector, StateVector
 
 __all__ = ["Fmu", "fmu"]
 

@@ -18,12 +18,11 @@ from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
-from jaxtyping import Float64
 from mujoco import _rollout
 
 from evertwin.errors import ModelError
 from evertwin.models.mujoco.guard import Source
-from evertwin.types import StateVector
+from evertwin.types import Float64, StateVector
 
 __all__ = ["Engine", "Steps", "compiled", "steps_of"]
 

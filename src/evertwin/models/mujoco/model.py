@@ -22,7 +22,6 @@ from typing import Any, Self
 
 import mujoco
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.errors import UsageError
 from evertwin.models.given import check_options
@@ -36,6 +35,7 @@ from evertwin.models.sizes import sized
 from evertwin.settings.quantity import in_unit
 from evertwin.signals.channels import Layout
 from evertwin.types import (
+    Float64,
     Inputs,
     Intervals,
     OutputRuns,

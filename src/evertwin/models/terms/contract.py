@@ -27,7 +27,6 @@ from itertools import pairwise
 from typing import ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
-from jaxtyping import Bool, Float64
 
 from evertwin.errors import UsageError
 from evertwin.models.contract import Model
@@ -35,7 +34,7 @@ from evertwin.models.form import Term
 from evertwin.models.parameters import Parameter
 from evertwin.models.terms.rows import Rows
 from evertwin.signals.channels import Channel
-from evertwin.types import ParameterVector, StateVector, Vector
+from evertwin.types import Bool, Float64, ParameterVector, StateVector, Vector
 
 __all__ = [
     "FREE",

@@ -12,9 +12,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float64
 
-from evertwin.types import Vector
+from evertwin.types import Bool, Float64, Vector
 
 __all__ = ["LENGTHS", "NOISES", "Modes", "modes", "product", "reached"]
 

@@ -11,7 +11,6 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool
 from numba import njit
 
 from evertwin.models.contract import Model
@@ -30,7 +29,7 @@ from evertwin.models.terms.contract import (
 from evertwin.models.terms.kernel import placed
 from evertwin.models.terms.priors import LENGTHS, NOISES, modes, product, reached
 from evertwin.models.terms.rows import Rows
-from evertwin.types import Vector
+from evertwin.types import Bool, Vector
 
 __all__ = ["KIND", "Surface"]
 

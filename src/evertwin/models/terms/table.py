@@ -12,7 +12,6 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool
 
 from evertwin.models.contract import Model
 from evertwin.models.form import Term
@@ -30,7 +29,7 @@ from evertwin.models.terms.contract import (
 from evertwin.models.terms.kernel import placed
 from evertwin.models.terms.priors import LENGTHS, NOISES, modes, reached
 from evertwin.models.terms.rows import LEVELS, Rows, propose_levels
-from evertwin.types import Vector
+from evertwin.types import Bool, Vector
 
 __all__ = ["KIND", "Table"]
 

@@ -24,9 +24,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float64
+import scipy
 from numba import njit
-from scipy.special import gammaln
+
+from evertwin.types import Float64
 
 __all__ = ["Posterior", "evaluate", "without_growth"]
 
@@ -164,6 +165,6 @@ def solved(
         -0.5 * logs
         - 0.5 * np.linalg.slogdet(a)[1]
         - 0.5 * dof * np.log(np.pi * square)
-        + gammaln(0.5 * dof)
+        + scipy.special.gammaln(0.5 * dof)
     )
     return inverse, beta, square, evidence

@@ -22,7 +22,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float64
+
+from evertwin.types import Float64
 
 __all__ = ["FORMS", "Clocks"]
 

@@ -21,9 +21,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.prognosis.laws.indicator import Indicator
+from evertwin.types import Float64
 
 __all__ = ["divided", "without_factors"]
 

@@ -15,10 +15,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.errors import UsageError
 from evertwin.prognosis.laws.clocks import Clocks
+from evertwin.types import Float64
 
 __all__ = ["LAWS", "Family", "families"]
 

@@ -24,10 +24,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Float64
-from scipy.special import log_ndtr
+import scipy
 
 from evertwin.errors import UsageError
+from evertwin.types import Float64
 
 __all__ = ["Fleet"]
 
@@ -82,7 +82,9 @@ class Fleet:
         log = np.sum(-0.5 * z * z - np.log(spread), axis=0)
         young = ages[ages > 0.0]
         if len(young):
-            log = log + log_ndtr((centre - np.log(young)[:, None]) / spread).sum(axis=0)
+            log = log + scipy.special.log_ndtr((centre - np.log(young)[:, None]) / spread).sum(
+                axis=0
+            )
         share = np.exp(log - log.max())
         kept = share > 1e-4
         return cls(centre[kept], spread[kept], share[kept] / share[kept].sum())
@@ -96,7 +98,9 @@ class Fleet:
 
     def beyond(self, age: float) -> float:
         """Probability that a life lasts beyond ``age``."""
-        return float(np.exp(log_ndtr((self.centre - np.log(age)) / self.spread)) @ self.share)
+        return float(
+            np.exp(scipy.special.log_ndtr((self.centre - np.log(age)) / self.spread)) @ self.share
+        )
 
     @property
     def knows_lives(self) -> bool:

@@ -18,11 +18,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float64
-from scipy.optimize import minimize_scalar
+import scipy
 
 from evertwin.prognosis.laws.renewal import Renewal, Windows
-from evertwin.types import Vector
+from evertwin.types import Float64, Vector
 
 __all__ = ["Group", "Member", "together"]
 
@@ -194,7 +193,7 @@ class _Search:
         low, high = dates[max(k - 1, 0)], dates[min(k + 1, len(dates) - 1)]
         if not high > low:
             return dates
-        found = minimize_scalar(
+        found = scipy.optimize.minimize_scalar(
             lambda x: float(self.cost(members, np.array([x]))[0]), bounds=(low, high),
             method="bounded", options={"xatol": 1e-6 * (high - low)},
         )  # fmt: skip

@@ -18,7 +18,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float64, Int64
 
 from evertwin.prognosis.laws import jumps
 from evertwin.prognosis.laws.bank import Posterior, evaluate
@@ -26,6 +25,7 @@ from evertwin.prognosis.laws.clocks import Clocks
 from evertwin.prognosis.laws.families import Family, families
 from evertwin.prognosis.laws.fleet import Fleet
 from evertwin.prognosis.laws.scaled import Problem
+from evertwin.types import Float64, Int64
 
 __all__ = ["Look", "every_look", "look", "sharpened"]
 

@@ -18,9 +18,9 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.errors import DataError, UsageError
+from evertwin.types import Float64
 
 __all__ = ["Indicator", "Limit", "Maintenance"]
 

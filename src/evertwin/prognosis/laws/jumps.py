@@ -13,8 +13,9 @@ Source: van Noortwijk, "A survey of the application of gamma processes in mainte
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float64
-from scipy.special import betainc, gammaln
+import scipy
+
+from evertwin.types import Float64
 
 __all__ = ["ALPHAS", "evidence", "passed"]
 
@@ -44,9 +45,9 @@ def evidence(
     usable = whole > 1.0
     with np.errstate(invalid="ignore", divide="ignore"):
         value = (
-            np.sum((shape - 1.0) * np.log(grown) - gammaln(shape), axis=1)
+            np.sum((shape - 1.0) * np.log(grown) - scipy.special.gammaln(shape), axis=1)
             + np.log(ALPHAS / distance)
-            + gammaln(whole - 1.0)
+            + scipy.special.gammaln(whole - 1.0)
             - (whole - 1.0) * np.log(total)
             - np.log(len(ALPHAS))
         )
@@ -72,5 +73,5 @@ def passed(
     share = distance / (distance + grown)
     shape = alpha[:, None] * r
     rest = np.broadcast_to((alpha * span - 1.0)[:, None], shape.shape)
-    found = 1.0 - betainc(np.maximum(shape, 1e-12), rest, share)
+    found = 1.0 - scipy.special.betainc(np.maximum(shape, 1e-12), rest, share)
     return np.where(shape > 0.0, found, 0.0)

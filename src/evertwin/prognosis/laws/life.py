@@ -17,10 +17,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.errors import UsageError
 from evertwin.prognosis.laws.workload import Workload
+from evertwin.types import Float64
 
 __all__ = ["LEVELS", "Life", "NotEnough", "Onset", "first_of"]
 

@@ -19,9 +19,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.prognosis.laws.life import LEVELS, Life
+from evertwin.types import Float64
 
 __all__ = ["covers", "crps", "dummy", "horizon", "relative_accuracy", "within"]
 

@@ -29,8 +29,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float64
-from scipy.special import stdtr
+import scipy
 
 from evertwin.prognosis.laws import jumps
 from evertwin.prognosis.laws.bank import Posterior, without_growth
@@ -38,6 +37,7 @@ from evertwin.prognosis.laws.fleet import Fleet
 from evertwin.prognosis.laws.hypotheses import Look
 from evertwin.prognosis.laws.passage import path, process
 from evertwin.prognosis.laws.scaled import Problem
+from evertwin.types import Float64
 
 __all__ = ["COARSE", "Density", "Mixture", "density_of", "fine_nodes", "mixture", "uninformed"]
 
@@ -144,7 +144,7 @@ def first_passage(
 def already(posterior: Posterior, limit: float) -> np.ndarray:
     """P(level now is beyond the limit)."""
     spread = np.sqrt(np.maximum(posterior.cov[:, 0] * posterior.square / posterior.dof, 1e-300))
-    out: np.ndarray = stdtr(posterior.dof, (posterior.now - limit) / spread)
+    out: np.ndarray = scipy.special.stdtr(posterior.dof, (posterior.now - limit) / spread)
     return out
 
 

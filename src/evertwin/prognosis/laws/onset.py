@@ -31,14 +31,13 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64
+import scipy
 from numba import njit
-from scipy.optimize import brentq
-from scipy.special import ndtri, stdtr
 
 from evertwin.prognosis.laws.indicator import Indicator
 from evertwin.prognosis.laws.life import Onset
 from evertwin.prognosis.laws.scaled import scaled
+from evertwin.types import Float64
 
 __all__ = ["FALSE_ALARMS", "find_onset", "first_alarm", "limit_of"]
 
@@ -68,7 +67,7 @@ def limit_of(false_alarms: float) -> float:
         a = 2.0 * SHIFT * b
         return math.log((math.exp(a) - a - 1.0) / (2.0 * SHIFT**2)) + math.log(false_alarms)
 
-    return float(brentq(excess, 1e-3, 200.0)) - 1.166
+    return float(scipy.optimize.brentq(excess, 1e-3, 200.0)) - 1.166
 
 
 def find_onset(indicator: Indicator, false_alarms: float = FALSE_ALARMS) -> Onset | None:
@@ -108,8 +107,8 @@ def first_alarm(
 def scores() -> Float64[np.ndarray, "dofs knots"]:
     """Normal scores of Student values, per degrees of freedom; the last row serves all beyond."""
     knots = STEP * np.arange(-1200, 1201)
-    chance = np.clip(stdtr(np.arange(1, 121)[:, None], knots), 1e-12, 1.0 - 1e-12)
-    out: Float64[np.ndarray, "dofs knots"] = np.clip(ndtri(chance), -CUT, CUT)
+    chance = np.clip(scipy.special.stdtr(np.arange(1, 121)[:, None], knots), 1e-12, 1.0 - 1e-12)
+    out: Float64[np.ndarray, "dofs knots"] = np.clip(scipy.special.ndtri(chance), -CUT, CUT)
     return out
 
 

@@ -23,11 +23,11 @@ import math
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64
+import scipy
 from numba import njit
-from scipy.special import chdtri, stdtr
 
 from evertwin.prognosis.laws.bank import Posterior
+from evertwin.types import Float64
 
 __all__ = ["path", "process"]
 
@@ -50,7 +50,7 @@ def path(
         now, both, slope = (posterior.cov[:, i : i + 1] for i in range(3))
         variance = np.maximum(now + 2.0 * both * x + slope * x * x, 1e-300)
         spread = np.sqrt(variance * (posterior.square / posterior.dof)[:, None])
-        found: np.ndarray = stdtr(posterior.dof, mean / spread)
+        found: np.ndarray = scipy.special.stdtr(posterior.dof, mean / spread)
         return found
 
     already = above(np.zeros((len(r), 1)))
@@ -64,7 +64,7 @@ def process(
     """P(passed within clock distance ``r``) of Wiener processes with drift."""
     out = np.zeros_like(r)
     middle = (np.arange(SCALES) + 0.5) / SCALES
-    inverse = 1.0 / chdtri(posterior.dof, middle)
+    inverse = 1.0 / scipy.special.chdtri(posterior.dof, middle)
     drifting(
         limit - posterior.now, posterior.growth, posterior.cov, posterior.square, q, inverse, r,
         NODES, SHARES, out,

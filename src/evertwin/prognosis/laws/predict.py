@@ -20,7 +20,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.prognosis.laws.families import LAWS
 from evertwin.prognosis.laws.fleet import Fleet
@@ -32,6 +31,7 @@ from evertwin.prognosis.laws.onset import find_onset
 from evertwin.prognosis.laws.scaled import Problem, noise_of, scaled
 from evertwin.prognosis.laws.unforeseen import ending, errors, probability
 from evertwin.prognosis.laws.workload import Workload
+from evertwin.types import Float64
 
 __all__ = ["predict_life"]
 

@@ -28,11 +28,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.errors import UsageError
 from evertwin.prognosis.laws.life import LEVELS, Life
-from evertwin.types import Vector
+from evertwin.types import Float64, Vector
 
 __all__ = ["Cost", "Renewal", "Windows"]
 

@@ -17,10 +17,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float64
 from numba import njit
 
 from evertwin.prognosis.laws.indicator import Indicator
+from evertwin.types import Float64
 
 __all__ = ["LEAST", "MOST", "Problem", "scaled"]
 

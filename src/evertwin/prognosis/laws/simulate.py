@@ -25,9 +25,9 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.errors import UsageError
+from evertwin.types import Float64
 
 __all__ = ["Rate", "Steps", "simulate_lives"]
 

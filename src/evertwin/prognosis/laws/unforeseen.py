@@ -30,11 +30,10 @@ West and Harrison, "Bayesian Forecasting and Dynamic Models" (1997), ch. 10, dis
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float64
-from scipy.signal import lfilter
-from scipy.special import expit, gammaln, logsumexp
+import scipy
 
 from evertwin.prognosis.laws.scaled import Problem
+from evertwin.types import Float64
 
 __all__ = ["BEFOREHAND", "ending", "errors", "probability"]
 
@@ -80,8 +79,10 @@ def probability(z: Float64[np.ndarray, " n"], columns: int) -> float:
         return BEFOREHAND
     tried = [foretold(z, columns, lean, keep) for lean in LEANS for keep in KEEPS
              if lean != 0.0 or keep < 1.0]  # fmt: skip
-    odds = float(logsumexp(tried)) - np.log(len(tried)) - foretold(z, columns, 0.0, 1.0)
-    return float(expit(odds + np.log(BEFOREHAND / (1.0 - BEFOREHAND))))
+    odds = (
+        float(scipy.special.logsumexp(tried)) - np.log(len(tried)) - foretold(z, columns, 0.0, 1.0)
+    )
+    return float(scipy.special.expit(odds + np.log(BEFOREHAND / (1.0 - BEFOREHAND))))
 
 
 def foretold(z: Float64[np.ndarray, " n"], columns: int, lean: float, keep: float) -> float:
@@ -90,10 +91,16 @@ def foretold(z: Float64[np.ndarray, " n"], columns: int, lean: float, keep: floa
     new[1:] -= lean * z[:-1]
     counted = (np.arange(len(z)) >= columns).astype(np.float64)
     before = np.stack([counted * new * new, counted])[:, :-1]
-    square, known = lfilter([1.0], [1.0, -keep], before, axis=1)[:, columns + FIRST - 1 :]
+    square, known = scipy.signal.lfilter([1.0], [1.0, -keep], before, axis=1)[
+        :, columns + FIRST - 1 :
+    ]
     rest = new[columns + FIRST :]
     spread = np.maximum(square / known, 1e-300)
-    log = gammaln(0.5 * (known + 1.0)) - gammaln(0.5 * known) - 0.5 * np.log(np.pi * known * spread)
+    log = (
+        scipy.special.gammaln(0.5 * (known + 1.0))
+        - scipy.special.gammaln(0.5 * known)
+        - 0.5 * np.log(np.pi * known * spread)
+    )
     return float(np.sum(log - 0.5 * (known + 1.0) * np.log1p(rest * rest / (known * spread))))
 
 

@@ -15,10 +15,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.errors import UsageError
 from evertwin.prognosis.laws.indicator import Indicator
+from evertwin.types import Float64
 
 __all__ = ["Workload"]
 
