@@ -23,15 +23,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numba import cfunc
 
 from evertwin.fold import make_block
 from evertwin.models import FunctionModel, Model, Parameter, Parameters
 from evertwin.models.compiled import Compiled
 from evertwin.models.fmu import fmu
-from evertwin.models.kernel import OBSERVE, STEP
 from evertwin.models.modelica import Modelica
 from evertwin.models.mujoco import MuJoCo
+from evertwin.models.native import OBSERVE, STEP, cfunc
 from evertwin.signals import Layout
 from evertwin.tuning import Problem, solve
 
@@ -75,7 +74,7 @@ def function() -> Model:
     return FunctionModel(step, Layout.of(force="N"), motion, motion, parameters)
 
 
-@cfunc(STEP, cache=True)
+@cfunc(STEP)
 def compiled_step(context: Any, x: Any, u: Any, dt: Any, p: Any, x_next: Any, y: Any) -> Any:
     """The same mass, compiled."""
     position, v = x[0], x[1]
@@ -89,7 +88,7 @@ def compiled_step(context: Any, x: Any, u: Any, dt: Any, p: Any, x_next: Any, y:
     return 0
 
 
-@cfunc(OBSERVE, cache=True)
+@cfunc(OBSERVE)
 def compiled_observe(context: Any, x: Any, y: Any) -> Any:
     """Both outputs are states."""
     for k in range(2):

@@ -11,10 +11,10 @@ from __future__ import annotations
 import sys
 
 import numpy as np
-from evertwin.ahead.forecasting import forecast
 from proofs._verdict import ended, holds
 
 from evertwin import Twin, TwinSpec
+from evertwin.ahead.forecasting import forecast
 from evertwin.ahead.future import Future
 from evertwin.config import spec
 

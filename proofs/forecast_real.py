@@ -26,11 +26,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from evertwin.ahead.forecasting import forecast
 from proofs._verdict import ended, holds, no_data
 
 from evertwin import Twin
 from evertwin.ahead.basis import Basis
+from evertwin.ahead.forecasting import forecast
 from evertwin.ahead.future import Future
 from evertwin.fold import Block, Mark, take
 from evertwin.loop.versions import Versions

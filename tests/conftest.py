@@ -23,11 +23,13 @@ PACKAGE = ROOT / "src" / "evertwin"
 
 
 def compiles(source: str) -> bool:
-    """True if the module imports Numba or llvmlite."""
+    """True if the module imports Numba, llvmlite, or the decorator of C functions."""
     for node in ast.walk(ast.parse(source)):
         names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
         names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
         if any(name.split(".")[0] in ("numba", "llvmlite") for name in names):
+            return True
+        if isinstance(node, ast.ImportFrom) and any(a.name == "cfunc" for a in node.names):
             return True
     return False
 

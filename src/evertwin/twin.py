@@ -13,46 +13,32 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evertwin.ahead.basis import Basis
-from evertwin.ahead.columns import read_table
-from evertwin.ahead.docking import dock
-from evertwin.ahead.forecasting import Forecast, forecast
-from evertwin.ahead.future import Mode
-from evertwin.ahead.paths import rows_of_file
+import evertwin.ahead as ahead
+import evertwin.doctor as doctor
+import evertwin.engineering as engineering
+import evertwin.export as export
+import evertwin.loop as loop
+import evertwin.prognosis as prognosis
 from evertwin.ahead.spec import ScenarioSpec, read_scenario
-from evertwin.ahead.whatif import WhatIf
 from evertwin.config import TwinSpec, read
-from evertwin.doctor import Diagnosis, diagnose
-from evertwin.engineering.validation import Validation, validated
 from evertwin.errors import StoreError, UsageError
-from evertwin.export import Written, values_in, write
-from evertwin.export.content import exported
 from evertwin.fold import Block, Event
-from evertwin.loop.channels import check_units
-from evertwin.loop.comparison import Comparison, compare
-from evertwin.loop.configured_model import model_of
-from evertwin.loop.feed import Data, Feed
-from evertwin.loop.fitting import FitResult, Watch, fit
-from evertwin.loop.ledger import Ledger
-from evertwin.loop.observer import Observer
-from evertwin.loop.result import RunResult
-from evertwin.loop.run import Run
-from evertwin.loop.setup import Setup
-from evertwin.loop.versions import Versions
-from evertwin.loop.workers import Engines
 from evertwin.models import Model, Parameters
 from evertwin.models.form import Version
-from evertwin.prognosis.alarm_log import alarmed
-from evertwin.prognosis.laws.planning import Plan
-from evertwin.prognosis.lives import Lives
-from evertwin.prognosis.prospect import Prospect
-from evertwin.prognosis.scenario_lives import run_scenario
-from evertwin.prognosis.upkeep import Verdict, label, maintenance, plan
 from evertwin.store import SqliteStore, Store
+
+if TYPE_CHECKING:
+    from evertwin.ahead import Forecast, Mode, WhatIf
+    from evertwin.doctor import Diagnosis
+    from evertwin.engineering import Validation
+    from evertwin.export import Written
+    from evertwin.loop import Comparison, Data, FitResult, RunResult, Watch
+    from evertwin.prognosis import Lives, Prospect, Verdict
+    from evertwin.prognosis.laws.planning import Plan
 
 __all__ = ["Twin"]
 
@@ -78,16 +64,16 @@ class Twin:
         self, spec: TwinSpec, model: Model | None = None, store: Store | None = None
     ) -> None:
         self.spec = spec
-        self._engines = Engines(spec, model is not None)
-        self.model = model_of(spec, model)
-        check_units(spec, self.model)
-        self.setup = Setup(spec, self.model)
+        self._engines = loop.Engines(spec, model is not None)
+        self.model = loop.model_of(spec, model)
+        loop.check_units(spec, self.model)
+        self.setup = loop.Setup(spec, self.model)
         path = spec.store.path
         where = ":memory:" if path is None else str(Path(spec.folder) / path)
         self.store: Store = store or SqliteStore(where)
-        self._versions = Versions(self.model)
+        self._versions = loop.Versions(self.model)
         try:
-            self._ledger = Ledger(self.store, self._versions, spec.name)
+            self._ledger = loop.Ledger(self.store, self._versions, spec.name)
         except StoreError:
             self.store.close()
             raise
@@ -152,7 +138,7 @@ class Twin:
 
     def blocks(self, data: Data = None) -> tuple[Block, ...]:
         """The rows of recordings, one block a task."""
-        return tuple(Feed(self.spec, self.model).blocks(data))
+        return tuple(loop.Feed(self.spec, self.model).blocks(data))
 
     @_RUNAWAY
     def run(self, data: Data = None, progress: Progress | None = None, every: int = 0) -> RunResult:
@@ -166,7 +152,7 @@ class Twin:
         Raises:
             DataError: a recording cannot be read.
         """
-        return self._runner.run(data, Observer(self.setup, progress), every, again=False)
+        return self._runner.run(data, loop.Observer(self.setup, progress), every, again=False)
 
     @_RUNAWAY
     def resume(
@@ -185,11 +171,11 @@ class Twin:
         Raises:
             UsageError: the store holds no checkpoint.
         """
-        return self._runner.run(data, Observer(self.setup, progress), every, again=True)
+        return self._runner.run(data, loop.Observer(self.setup, progress), every, again=True)
 
     @property
-    def _runner(self) -> Run:
-        return Run(self.setup, self._versions, self._ledger, self.store)
+    def _runner(self) -> loop.Run:
+        return loop.Run(self.setup, self._versions, self._ledger, self.store)
 
     @_RUNAWAY
     def fit(
@@ -211,12 +197,12 @@ class Twin:
             WorkLost: a process died, or its work took more than it may.
         """
         data, engine = (train, tuple(test)), self._engines.of(workers)
-        return fit(self.setup, self._versions, self.champion.number, data, watch, engine)
+        return loop.fit(self.setup, self._versions, self.champion.number, data, watch, engine)
 
     @_RUNAWAY
     def doctor(self, data: Data = None) -> Diagnosis:
         """What is wrong, or will be: units, lag, excitation, what is not identifiable."""
-        return diagnose(self.setup, self._versions, self.champion.number, data)
+        return doctor.diagnose(self.setup, self._versions, self.champion.number, data)
 
     @_RUNAWAY
     def validate(self, test: Sequence[Any] = (), train: Data = None) -> Validation:
@@ -226,19 +212,23 @@ class Twin:
             test: recordings that it was not tuned on; none: those that the twin file names.
             train: recordings that it is tuned on first; None: it is taken as it is.
         """
-        return validated(self.setup, self._versions, self.champion.number, tuple(test), train)
+        return engineering.validated(
+            self.setup, self._versions, self.champion.number, tuple(test), train
+        )
 
     @_RUNAWAY
     def compare(self, a: int, b: int, data: Data = None) -> Comparison:
         """Two versions over the same data."""
-        return compare(self.setup, self._versions, (a, b), data)
+        return loop.compare(self.setup, self._versions, (a, b), data)
 
     # ------------------------------------------------------------------ looking ahead
 
     def prospect(self, history: str | Path | None = None, data: Data = None) -> Prospect:
         """What lives and scenarios are told from: the live version, its history, recordings."""
-        basis = Basis(self.setup, self._versions, self.store, self.champion.number)
-        return Prospect(basis, data, None if history is None else read_table(history))
+        basis = ahead.Basis(self.setup, self._versions, self.store, self.champion.number)
+        return prognosis.Prospect(
+            basis, data, None if history is None else ahead.read_table(history)
+        )
 
     @_RUNAWAY
     def forecast(
@@ -254,8 +244,8 @@ class Twin:
             inputs: CSV with ``t`` and the inputs to come.
         """
         basis = self.prospect().basis
-        told = None if inputs is None else rows_of_file(basis.model, Path(inputs))[0]
-        return forecast(basis, horizon, data, mode, told)
+        told = None if inputs is None else ahead.rows_of_file(basis.model, Path(inputs))[0]
+        return ahead.forecast(basis, horizon, data, mode, told)
 
     @_RUNAWAY
     def life(
@@ -272,7 +262,7 @@ class Twin:
         lives = prospect.lives(drawn=drawn)
         if history is not None:
             return lives
-        lives, events = alarmed(self.store, lives, prospect.rule)
+        lives, events = prognosis.alarmed(self.store, lives, prospect.rule)
         for event in events:
             self._ledger.add(event, event.row)
         return lives
@@ -285,18 +275,18 @@ class Twin:
         """A scenario (file) beside today, simulated with the live version."""
         told = scenario if isinstance(scenario, ScenarioSpec) else read_scenario(scenario)
         prospect = self.prospect(history, data)
-        found = run_scenario(prospect, told)
+        found = prognosis.run_scenario(prospect, told)
         if told.docking is None:
             return found
         with Twin.open(Path(told.folder) / told.docking.machine) as second:
-            docked = dock(prospect.basis, second.prospect().basis, told.docking, data)
+            docked = ahead.dock(prospect.basis, second.prospect().basis, told.docking, data)
         return replace(found, docking=docked.to_dict())
 
     @_RUNAWAY
     def plan(self, history: str | Path | None = None, data: Data = None) -> Plan:
         """The cheapest date of maintenance for each component, with what the operator said."""
         prospect = self.prospect(history, data)
-        return plan(prospect, prospect.lives())
+        return prognosis.plan(prospect, prospect.lives())
 
     @_RUNAWAY
     def decide(
@@ -312,7 +302,7 @@ class Twin:
             after: postponed until, or confirmed for, this time from now.
             history: CSV that the plan is made from, in place of the store's history.
         """
-        event = label(self.prospect(history), component, verdict, reason, after)
+        event = prognosis.label(self.prospect(history), component, verdict, reason, after)
         self._ledger.add(event, event.row)
         return event
 
@@ -321,7 +311,7 @@ class Twin:
         history: str | Path | None = None,
     ) -> Event:  # fmt: skip
         """Keeps maintenance that was done: a new life begins (``adjusted``: a shifted level)."""
-        event = maintenance(self.prospect(history), component, reason, kind, at)
+        event = prognosis.maintenance(self.prospect(history), component, reason, kind, at)
         self._ledger.add(event, event.row)
         return event
 
@@ -339,8 +329,8 @@ class Twin:
         """
         chosen = self.champion.number if number is None else number
         windows = () if data is None else self.blocks(data)
-        out = exported(self.setup, self._versions, self.store, chosen, windows)
-        return write(out, form, Path(path))
+        out = export.exported(self.setup, self._versions, self.store, chosen, windows)
+        return export.write(out, form, Path(path))
 
     def load(self, path: str | Path, reason: str = "") -> Version:
         """A new version with the parameter values of a JSON or MAT file; nothing goes live.
@@ -352,7 +342,7 @@ class Twin:
             UsageError: a value lies outside its bounds.
         """
         file, live = Path(path), self.champion
-        values = values_in(file, live.names)
+        values = export.values_in(file, live.names)
         self.parameters_of(live.number).with_values(values)
         version = self._versions.add(
             live.form, values, parent=live.number, reason=reason or f"loaded from {file.name}"

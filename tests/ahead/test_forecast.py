@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from evertwin.ahead.forecasting import forecast
 
 from evertwin import Twin, TwinSpec
+from evertwin.ahead.forecasting import forecast
 from evertwin.ahead.future import Future, coming
 from evertwin.ahead.spread import spread
 from evertwin.config import spec

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from evertwin.app import commands
+from evertwin.app import info
 from evertwin.store import SqliteStore
 
 from .conftest import Command, columns, save
@@ -120,7 +120,7 @@ def test_a_bug_is_told_as_one(call: Command, monkeypatch: pytest.MonkeyPatch) ->
     def broken(*_: Any) -> None:
         raise ZeroDivisionError("planted")
 
-    monkeypatch.setattr(commands, "inspect", broken)
+    monkeypatch.setattr(info, "inspect", broken)
     done = call("info", "robot.csv")
     assert done.code == 101 and "this is a bug" in done.err and "planted" in done.err
 
@@ -129,7 +129,7 @@ def test_an_interrupt_ends_quietly(call: Command, monkeypatch: pytest.MonkeyPatc
     def interrupted(*_: Any) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(commands, "inspect", interrupted)
+    monkeypatch.setattr(info, "inspect", interrupted)
     done = call("info", "robot.csv")
     assert done.code == 130 and "Traceback" not in done.err
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from numba.core.dispatcher import Dispatcher
 
-from evertwin.models.kernel import call_observe, call_step
+from evertwin.models.native import call_observe, call_step
 from evertwin.sync.borrow import borrowed
 
 I64, F64 = ctypes.c_int64, ctypes.c_double

@@ -225,7 +225,7 @@ def _factors(scaled: Vector, piece: Int64[np.ndarray, " n"], stretches: int) -> 
     share = min(stretches / ENOUGH, 1.0) if len(scaled) >= 10 else 0.0
     low, high = (
         share * (float(np.quantile(scaled, level)) if share > 0.0 else 0.0)
-        + (1.0 - share) * float(scipy.stats.t.ppf(0.5 + level / 2.0, freedom))
+        + (1.0 - share) * float(scipy.special.stdtrit(freedom, 0.5 + level / 2.0))
         for level in LEVELS
     )
     return low, max(high, low, math.ulp(0.0))

@@ -143,7 +143,7 @@ def info(
 
     Example: evertwin info run.csv
     """
-    from evertwin.app.commands import show_info
+    from evertwin.app.info import show_info
 
     show_info(file, as_json, check)
 
@@ -204,7 +204,7 @@ def schema(
 
     Example: evertwin schema > evertwin.schema.json
     """
-    from evertwin.app.commands import show_schema
+    from evertwin.app.schemas import show_schema
 
     show_schema("breakdown" if breakdown else "scenario" if scenario else "twin", as_json)
 

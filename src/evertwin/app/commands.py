@@ -2,26 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import typer
 
-from evertwin.ahead.spec import SCENARIO
 from evertwin.app.console import Progress, Search, show
-from evertwin.config import TWIN
-from evertwin.engineering.breakdown import BREAKDOWN
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import plain
 from evertwin.models.form import Version
-from evertwin.report.run_report import write_report
-from evertwin.settings.form import Form
-from evertwin.settings.schema import schema
 from evertwin.sources.excerpt import Excerpt
-from evertwin.sources.info import inspect
-from evertwin.sources.info_text import render
 from evertwin.twin import Twin
 
 __all__ = [
@@ -31,8 +21,6 @@ __all__ = [
     "fit_twin",
     "list_versions",
     "run_twin",
-    "show_info",
-    "show_schema",
     "show_version",
 ]
 
@@ -47,6 +35,8 @@ def run_twin(twin: Path, data: Files, report: Path | None, as_json: bool, check:
         result = opened.run(_files(data), progress)
         progress.close()
         if report is not None:
+            from evertwin.report.run_report import write_report  # draws with Matplotlib
+
             write_report(result, opened.setup, report)
         show(result.to_dict(), str(result), as_json)
         if not opened.decides:
@@ -74,14 +64,6 @@ def fit_twin(
         raise typer.Exit(1)
 
 
-def show_info(file: Path, as_json: bool, check: bool) -> None:
-    """``evertwin info``."""
-    found = inspect(_whole(file))
-    show(found.to_dict(), render(found), as_json)
-    if check and found.findings:
-        raise typer.Exit(1)
-
-
 def examine(twin: Path, data: Files, as_json: bool) -> None:
     """``evertwin doctor``."""
     with Twin.open(twin) as opened:
@@ -96,15 +78,6 @@ def compare_versions(twin: Path, pair: tuple[int, int], data: Files, as_json: bo
     with Twin.open(twin) as opened:
         found = opened.compare(*pair, _files(data))
         show(found.to_dict(), str(found), as_json)
-
-
-def show_schema(form: str, as_json: bool) -> None:
-    """``evertwin schema``: of a twin, breakdown or scenario; with ``--json`` it names itself as
-    every other document does."""
-    forms: dict[str, Form[Any]] = {"twin": TWIN, "breakdown": BREAKDOWN, "scenario": SCENARIO}
-    found = schema(forms[form])
-    content = {"schema": "evertwin.schema/1", **found} if as_json else found
-    typer.echo(json.dumps(content, indent=2))
 
 
 def list_versions(twin: Path, as_json: bool) -> None:
@@ -177,12 +150,6 @@ def _file(path: Path) -> Path:
     if not file.exists():
         raise DataError(f"{file}: no such file")
     return path
-
-
-def _whole(file: Path) -> Path:
-    if not file.exists():
-        raise DataError(f"{file}: no such file")
-    return file
 
 
 def _files(data: Files) -> list[str] | None:

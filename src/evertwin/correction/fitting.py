@@ -26,7 +26,7 @@ from evertwin.correction.evidence import Evidence, mean_deviation
 from evertwin.correction.stack import Part, Stack, bounded
 from evertwin.models.corrected import effective_inputs
 from evertwin.models.terms.contract import Candidate, GridTerm, Prior
-from evertwin.types import Inputs, Vector
+from evertwin.types import Float64, Inputs, Vector
 
 __all__ = ["Scored", "fit_candidate", "refit", "score"]
 

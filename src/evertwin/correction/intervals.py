@@ -202,7 +202,7 @@ class _Scatter(NamedTuple):
     @property
     def quantile(self) -> float:
         """Student's 97.5 % quantile."""
-        return float(scipy.stats.t.ppf(0.975, max(self.evidence.segments - 1, 1)))
+        return float(scipy.special.stdtrit(max(self.evidence.segments - 1, 1), 0.975))
 
 
 def _scatter(e: Residual, evidence: Evidence) -> _Scatter:

@@ -13,7 +13,7 @@ from typing import Any
 
 from numba import njit
 
-from evertwin.models.kernel import call_observe, call_step
+from evertwin.models.native import call_observe, call_step
 
 __all__ = ["CLOSE", "choose", "explore", "learn", "level_of", "remember", "settle"]
 

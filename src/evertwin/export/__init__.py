@@ -16,9 +16,9 @@ from evertwin.surface import surface
 
 if TYPE_CHECKING:
     from evertwin.export.back import values_in
-    from evertwin.export.content import Exported
+    from evertwin.export.content import Exported, exported
     from evertwin.export.formats import FORMATS, Written, write
 
-__all__ = ["FORMATS", "Exported", "Written", "values_in", "write"]
+__all__ = ["FORMATS", "Exported", "Written", "exported", "values_in", "write"]
 
 __getattr__ = surface(__name__)

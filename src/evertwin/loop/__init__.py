@@ -1,2 +1,43 @@
 """The fold of a whole twin: driver, state, decisions, slow work, ledger, result. The only room that
 knows all stages."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from evertwin.surface import surface
+
+if TYPE_CHECKING:
+    from evertwin.loop.channels import check_units
+    from evertwin.loop.comparison import Comparison, compare
+    from evertwin.loop.configured_model import model_of
+    from evertwin.loop.feed import Data, Feed
+    from evertwin.loop.fitting import FitResult, Watch, fit
+    from evertwin.loop.ledger import Ledger
+    from evertwin.loop.observer import Observer
+    from evertwin.loop.result import RunResult
+    from evertwin.loop.run import Run
+    from evertwin.loop.setup import Setup
+    from evertwin.loop.versions import Versions
+    from evertwin.loop.workers import Engines
+
+__all__ = [
+    "Comparison",
+    "Data",
+    "Engines",
+    "Feed",
+    "FitResult",
+    "Ledger",
+    "Observer",
+    "Run",
+    "RunResult",
+    "Setup",
+    "Versions",
+    "Watch",
+    "check_units",
+    "compare",
+    "fit",
+    "model_of",
+]
+
+__getattr__ = surface(__name__)

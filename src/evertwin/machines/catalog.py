@@ -101,10 +101,10 @@ def _factory(kind: str) -> Callable[..., Model]:
         module, path, extra = MACHINES[kind]
         try:
             found: Any = importlib.import_module(module)
+            for name in path.split("."):
+                found = getattr(found, name)
         except ModuleNotFoundError as error:
             raise MissingExtra.of(str(error.name), extra or "all") from error
-        for name in path.split("."):
-            found = getattr(found, name)
         return found  # type: ignore[no-any-return]
     plugins = {point.name: point for point in entry_points(group="evertwin.models")}
     if kind in plugins:

@@ -30,7 +30,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numba import cfunc, njit
+from numba import njit
 
 from evertwin.errors import DataError
 from evertwin.machines.friction import Law, Rung
@@ -48,7 +48,8 @@ from evertwin.machines.friction.kernel import (
     width_of,
 )
 from evertwin.machines.friction.terms.two_sided import TWO_SIDED
-from evertwin.models import OBSERVE, STEP, Compiled, Parameter, Parameters
+from evertwin.models import Compiled, Parameter, Parameters
+from evertwin.models.native import OBSERVE, STEP, cfunc
 from evertwin.signals import Layout
 from evertwin.types import (
     Float64,
@@ -99,7 +100,7 @@ def _acceleration(context: Any, p: Any, q: float, v: float, pull: float) -> floa
     return float((pull - _friction(context, p, speed, q, 0.0)) / p[context[INERTIA]])
 
 
-@cfunc(STEP, cache=True)
+@cfunc(STEP)
 def step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) -> int:
     """One row forwards: Euler for the speed, trapezoid for the position, exact standstill."""
     parts = _parts(context, dt, p)
@@ -120,7 +121,7 @@ def step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) ->
     return 0
 
 
-@cfunc(OBSERVE, cache=True)
+@cfunc(OBSERVE)
 def observe(context: Any, x: Any, y: Any) -> int:
     """Position and speed adopt their measurements."""
     for i in range(2):
@@ -129,7 +130,7 @@ def observe(context: Any, x: Any, y: Any) -> int:
     return 0
 
 
-@cfunc(STEP, cache=True)
+@cfunc(STEP)
 def force_step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) -> int:
     """One row backwards: the force of a motion."""
     standstill = context[STANDSTILL] * 1e-9
@@ -137,7 +138,7 @@ def force_step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: A
     return 0
 
 
-@cfunc(OBSERVE, cache=True)
+@cfunc(OBSERVE)
 def force_observe(context: Any, x: Any, y: Any) -> int:
     """A static map has nothing to adopt."""
     return 0

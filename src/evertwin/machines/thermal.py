@@ -31,9 +31,10 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import cfunc, njit
+from numba import njit
 
-from evertwin.models import OBSERVE, STEP, Compiled, Parameter, Parameters
+from evertwin.models import Compiled, Parameter, Parameters
+from evertwin.models.native import OBSERVE, STEP, cfunc
 from evertwin.signals import Channel, Layout
 from evertwin.types import ParameterVector, StateVector
 
@@ -72,7 +73,7 @@ def _parts(wall: int, dt: float, p: Any) -> int:
     return max(1, int(parts))
 
 
-@cfunc(STEP, cache=True)
+@cfunc(STEP)
 def step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) -> int:
     """One row of the box."""
     wall = context[0]
@@ -101,7 +102,7 @@ def step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) ->
     return 0
 
 
-@cfunc(OBSERVE, cache=True)
+@cfunc(OBSERVE)
 def observe(context: Any, x: Any, y: Any) -> int:
     """The box adopts its measurement; heater and wall run on."""
     if not math.isnan(y[0]):

@@ -11,8 +11,10 @@ if TYPE_CHECKING:
     from evertwin.models.compiled import Compiled
     from evertwin.models.contract import BatchModel, KernelModel, LinearModel, Model
     from evertwin.models.function import FunctionModel, kernel_of, python_kernel
-    from evertwin.models.kernel import OBSERVE, STEP, Kernel, Restart, roll
+    from evertwin.models.kernel import Kernel, Restart
+    from evertwin.models.native import OBSERVE, STEP
     from evertwin.models.parameters import Parameter, Parameters
+    from evertwin.models.rollout import roll
 
 __all__ = [
     "OBSERVE",

@@ -28,7 +28,8 @@ from numba import njit
 
 from evertwin.models.contract import BatchModel, Model
 from evertwin.models.function import kernel_of
-from evertwin.models.kernel import Kernel, Restart, _roll, roll
+from evertwin.models.kernel import Kernel, Restart
+from evertwin.models.rollout import roll, roll_rows
 from evertwin.types import Float64, Inputs, Intervals
 
 __all__ = ["WORTH", "Batch", "grouped", "rolled"]
@@ -43,7 +44,7 @@ def _free(
     x0: Any, out: Any,
 ) -> None:  # fmt: skip
     """The loop of a native kernel, while other threads run theirs."""
-    _roll(step, observe, context, x, u, dt, p, y, code, x0, out)
+    roll_rows(step, observe, context, x, u, dt, p, y, code, x0, out)
 
 
 def _native(kept: Any) -> bool:

@@ -16,7 +16,8 @@ import numpy as np
 from evertwin.errors import LawBroken
 from evertwin.models.contract import BatchModel, KernelModel, LinearModel, Model
 from evertwin.models.function import kernel_of
-from evertwin.models.kernel import ADOPT, ANEW, CONTINUE, Restart, roll
+from evertwin.models.kernel import ADOPT, ANEW, CONTINUE, Restart
+from evertwin.models.rollout import roll
 from evertwin.types import Inputs, Intervals, Outputs
 
 __all__ = ["check_model"]

@@ -5,24 +5,23 @@ A machine then consists of its layouts, its parameters and two compiled function
 
 from __future__ import annotations
 
+import ctypes
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numba import njit
 
-from evertwin.models.kernel import Kernel, Restart, call_observe, roll
+from evertwin.models.kernel import Kernel, Restart
 from evertwin.models.parameters import Parameters
+from evertwin.models.rollout import roll
 from evertwin.signals.channels import Layout
 from evertwin.types import Float64, Inputs, Intervals, Outputs, ParameterVector, StateVector
 
 __all__ = ["Compiled"]
 
 
-@njit(cache=True)
-def _observe(address: int, context: Any, x: Any, y: Any) -> int:
-    return int(call_observe(address, context.ctypes.data, x.ctypes.data, y.ctypes.data))
+_OBSERVE = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 3)
+"""How a compiled observe is called from Python."""
 
 
 @dataclass(frozen=True)
@@ -68,5 +67,6 @@ class Compiled:
     def observe(self, x: StateVector, y: Float64[np.ndarray, " ny"]) -> StateVector:
         """The state that agrees with the outputs in ``y`` that are not NaN."""
         state = np.array(x, dtype=np.float64)
-        _observe(self.adopt, self._context, state, np.ascontiguousarray(y, dtype=np.float64))
+        told = np.ascontiguousarray(y, dtype=np.float64)
+        _OBSERVE(self.adopt)(self._context.ctypes.data, state.ctypes.data, told.ctypes.data)
         return state

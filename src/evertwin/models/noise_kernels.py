@@ -11,9 +11,10 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import carray, cfunc, njit
+from numba import carray, njit
 
-from evertwin.models.kernel import ANEW, OBSERVE, STEP, call_observe, call_step
+from evertwin.models.kernel import ANEW
+from evertwin.models.native import OBSERVE, STEP, call_observe, call_step, cfunc
 
 __all__ = ["HEADER", "adopt", "disturbed", "disturbed_run", "normal", "step"]
 
@@ -62,7 +63,7 @@ def disturbed_run(
             row += 1
 
 
-@cfunc(STEP, cache=True)
+@cfunc(STEP)
 def step(context: Any, x: Any, u: Any, dt: Any, p: Any, x_next: Any, y: Any) -> Any:
     """One row: noise on the inputs, inner step with the drawn parameters, noise on the outputs."""
     plan = carray(context, (carray(context, (1,))[0],))
@@ -82,7 +83,7 @@ def step(context: Any, x: Any, u: Any, dt: Any, p: Any, x_next: Any, y: Any) -> 
     return failed
 
 
-@cfunc(OBSERVE, cache=True)
+@cfunc(OBSERVE)
 def adopt(context: Any, x: Any, y: Any) -> Any:
     """The inner model adopts; the count of rows goes on."""
     plan = carray(context, (HEADER,))

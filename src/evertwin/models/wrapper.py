@@ -15,8 +15,9 @@ import numpy as np
 from evertwin.models.compiled import Compiled
 from evertwin.models.contract import Model
 from evertwin.models.function import kernel_of
-from evertwin.models.kernel import Kernel, Layer, Restart, roll
+from evertwin.models.kernel import Kernel, Layer, Restart
 from evertwin.models.parameters import Parameters
+from evertwin.models.rollout import roll
 from evertwin.models.sizes import sized
 from evertwin.signals.channels import Layout
 from evertwin.types import Float64, Inputs, Intervals, Outputs, ParameterVector, StateVector

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from evertwin.models.kernel import ADOPT, ANEW, call_observe, call_step
+from evertwin.models.kernel import ADOPT, ANEW
+from evertwin.models.native import call_observe, call_step
 
 __all__ = ["NEVER", "SLACK", "began", "is_due", "is_known", "plan", "run", "wrapped"]
 

@@ -100,7 +100,7 @@ def agreement(lags: Mapping[str, Lag], step: float) -> SharedLag:
     weight = sigma**-2
     mean = float((weight * seconds).sum() / weight.sum())
     spread = float((((seconds - mean) / sigma) ** 2).sum())
-    if len(sure) > 1 and scipy.stats.chi2.sf(spread, len(sure) - 1) < SURE:
+    if len(sure) > 1 and scipy.special.chdtrc(len(sure) - 1, spread) < SURE:
         shown = ", ".join(f"{name} {found.seconds:.3g} s" for name, found in lags.items())
         return SharedLag(math.nan, math.inf, False, f"the outputs' lags differ: {shown}", lags)
     reason = f"{len(sure)} of {len(lags)} outputs agree"

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from evertwin.models.kernel import call_observe, call_step
+from evertwin.models.native import call_observe, call_step
 from evertwin.sync import places as at
 from evertwin.sync.arbiter_loop import forget, judge
 from evertwin.sync.borrow import HOT, borrowed

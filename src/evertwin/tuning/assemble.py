@@ -282,7 +282,7 @@ def _covariance(
     factor = np.where(np.isfinite(factor), factor, 1.0)
     covariance = inverse * np.outer(factor, factor)
     degrees = np.where(np.isnan(degrees), np.inf, np.maximum(degrees, 1.0))
-    return covariance, np.asarray(scipy.stats.t.ppf(0.975, degrees))
+    return covariance, np.asarray(scipy.special.stdtrit(degrees, 0.975))
 
 
 def _pinv(h: Float64[np.ndarray, "k k"]) -> Float64[np.ndarray, "k k"]:

@@ -127,7 +127,7 @@ def ljung_box(r: Series) -> float:
         return 1.0
     rho = autocorrelation(r, lags)[1:]
     statistic = n * (n + 2) * float((np.square(rho) / (n - np.arange(1, lags + 1))).sum())
-    return float(scipy.stats.chi2.sf(statistic, lags))
+    return float(scipy.special.chdtrc(lags, statistic))
 
 
 def dependences(
@@ -175,7 +175,7 @@ def _explained(r: Series, classes: np.ndarray, rho: Lags) -> tuple[float, float]
     if n <= groups + 1 or share >= 1:
         return 1.0, share
     f = share / (groups - 1) / ((1 - share) / (n - groups))
-    return float(scipy.stats.f.sf(f, groups - 1, n - groups)), share
+    return float(scipy.special.fdtrc(groups - 1, n - groups, f)), share
 
 
 def _independent(rows: int, classes: np.ndarray, rho: Lags) -> float:

@@ -13,12 +13,12 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from numba import cfunc, njit
+from numba import njit
 
 from evertwin.machines.arm.memory import reals, scratch
 from evertwin.machines.arm.rnea import BODY, joint_torques
 from evertwin.machines.friction.kernel import force
-from evertwin.models import OBSERVE, STEP
+from evertwin.models.native import OBSERVE, STEP, cfunc
 
 __all__ = ["DRIVE", "HEAD", "adopt", "bodies", "carry", "felt", "moved_motion", "step", "turned"]
 
@@ -92,7 +92,7 @@ def felt(n: int, matrix: Any, at: int, tau: Any, kept: Any) -> None:
         tau[i] = total
 
 
-@cfunc(STEP, cache=True)
+@cfunc(STEP)
 def step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) -> int:
     """One row: u = q, q̇, q̈."""  # pragma: compiled
     n = context[N]
@@ -126,7 +126,7 @@ def step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) ->
     return 0
 
 
-@cfunc(OBSERVE, cache=True)
+@cfunc(OBSERVE)
 def adopt(context: Any, x: Any, y: Any) -> int:
     """A static map has no state to adopt anything into."""  # pragma: compiled
     return 0

@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import cfunc, njit
+from numba import njit
 
 from evertwin.machines.arm.memory import reals
 from evertwin.machines.arm.rnea import BODY, joint_torques
@@ -59,7 +59,7 @@ from evertwin.machines.assembly.shared import (
     show,
     warmth,
 )
-from evertwin.models import OBSERVE, STEP
+from evertwin.models.native import OBSERVE, STEP, cfunc
 
 __all__ = ["adopt", "row", "step"]
 
@@ -129,7 +129,7 @@ def row(context: Any, x: Any, u: Any, p: Any, bus: Any) -> None:
         motor_side(context, at, p, bus[q + SPEED], bus[q : q + QUANTITIES])
 
 
-@cfunc(STEP, cache=True)
+@cfunc(STEP)
 def step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) -> int:
     """One row."""  # pragma: compiled
     bus = np.zeros(bus_size(context))
@@ -144,7 +144,7 @@ def step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) ->
     return 0
 
 
-@cfunc(OBSERVE, cache=True)
+@cfunc(OBSERVE)
 def adopt(context: Any, x: Any, y: Any) -> int:
     """Temperatures and black boxes run on: nothing to adopt."""  # pragma: compiled
     return 0

@@ -10,11 +10,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import carray, cfunc, njit
+from numba import carray, njit
 
 from evertwin.machines.assembly.context import END, NB, NF, N
 from evertwin.machines.assembly.shared import QUANTITIES, RUBS
-from evertwin.models.kernel import STEP, call_step
+from evertwin.models.native import STEP, call_step, cfunc
 
 __all__ = ["BOX", "address", "box_axis", "pass_on", "run_boxes"]
 
@@ -24,7 +24,7 @@ BOX = 9
 outputs, the output that is the effort, where its sources begin."""
 
 
-@cfunc(STEP, cache=True)
+@cfunc(STEP)
 def pass_on(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) -> int:
     """Stands for a box whose effort has been simulated already: its output is its input."""
     y[0] = u[0]  # pragma: compiled

@@ -13,7 +13,7 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import cfunc, njit
+from numba import njit
 
 from evertwin.machines.arm.memory import reals
 from evertwin.machines.assembly.boxes import address, run_boxes
@@ -69,7 +69,7 @@ from evertwin.machines.assembly.shared import (
 )
 from evertwin.machines.assembly.slopes import slopes
 from evertwin.machines.friction.kernel import steepness
-from evertwin.models import OBSERVE, STEP
+from evertwin.models.native import OBSERVE, STEP, cfunc
 
 __all__ = ["adopt", "parts_of", "step"]
 
@@ -192,7 +192,7 @@ def _slow(context: Any, x: Any, h: float, pace: float, p: Any, bus: Any) -> None
         x[context[PATH_X]] += h * pace
 
 
-@cfunc(STEP, cache=True)
+@cfunc(STEP)
 def step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) -> int:
     """One row."""  # pragma: compiled
     parts, nx, n = parts_of(context, x, u, dt, p), context[NX], context[N]
@@ -231,7 +231,7 @@ def step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) ->
     return 0
 
 
-@cfunc(OBSERVE, cache=True)
+@cfunc(OBSERVE)
 def adopt(context: Any, x: Any, y: Any) -> int:
     """Positions and speeds adopt their measurements; a spring keeps its deflection."""
     # pragma: compiled

@@ -17,7 +17,16 @@ data falls. Another package adds a term of its own under the entry point ``evert
 'tanh+stribeck+load'
 """
 
-from evertwin.machines.friction.contract import Coefficient, FrictionTerm, Shape
-from evertwin.machines.friction.law import Law, Rubbing, Rung, shape_of
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from evertwin.surface import surface
+
+if TYPE_CHECKING:
+    from evertwin.machines.friction.contract import Coefficient, FrictionTerm, Shape
+    from evertwin.machines.friction.law import Law, Rubbing, Rung, shape_of
 
 __all__ = ["Coefficient", "FrictionTerm", "Law", "Rubbing", "Rung", "Shape", "shape_of"]
+
+__getattr__ = surface(__name__)

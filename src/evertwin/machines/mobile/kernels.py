@@ -7,9 +7,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from numba import cfunc
-
-from evertwin.models import OBSERVE, STEP
+from evertwin.models.native import OBSERVE, STEP, cfunc
 
 __all__ = [
     "line_observe",
@@ -23,7 +21,7 @@ __all__ = [
 ]
 
 
-@cfunc(STEP, cache=True)
+@cfunc(STEP)
 def line_step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) -> int:
     """x' = gain·v."""
     ahead[0] = x[0] + p[0] * u[0] * dt
@@ -31,7 +29,7 @@ def line_step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: An
     return 0
 
 
-@cfunc(OBSERVE, cache=True)
+@cfunc(OBSERVE)
 def line_observe(context: Any, x: Any, y: Any) -> int:
     """The position is adopted."""
     if not math.isnan(y[0]):
@@ -39,7 +37,7 @@ def line_observe(context: Any, x: Any, y: Any) -> int:
     return 0
 
 
-@cfunc(STEP, cache=True)
+@cfunc(STEP)
 def odometer_step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) -> int:
     """travel' = gain·v, heading' = turn_gain·w."""
     ahead[0] = x[0] + p[0] * u[0] * dt
@@ -49,7 +47,7 @@ def odometer_step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y
     return 0
 
 
-@cfunc(OBSERVE, cache=True)
+@cfunc(OBSERVE)
 def pair_observe(context: Any, x: Any, y: Any) -> int:
     """Travel and heading are adopted."""
     for i in range(2):
@@ -58,7 +56,7 @@ def pair_observe(context: Any, x: Any, y: Any) -> int:
     return 0
 
 
-@cfunc(OBSERVE, cache=True)
+@cfunc(OBSERVE)
 def pose_observe(context: Any, x: Any, y: Any) -> int:
     """Position and heading are adopted."""
     for i in range(3):
@@ -67,7 +65,7 @@ def pose_observe(context: Any, x: Any, y: Any) -> int:
     return 0
 
 
-@cfunc(STEP, cache=True)
+@cfunc(STEP)
 def twist_step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) -> int:
     """x' = gain·v·cos θ, y' = gain·v·sin θ, θ' = turn_gain·w."""
     turn = p[1] * u[1] * dt
@@ -81,7 +79,7 @@ def twist_step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: A
     return 0
 
 
-@cfunc(STEP, cache=True)
+@cfunc(STEP)
 def wheel_step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) -> int:
     """The same from wheel speeds: v = r·(left + right)/2, w = r·(right − left)/b."""
     turn = p[0] * (u[1] - u[0]) / p[1] * dt
@@ -95,7 +93,7 @@ def wheel_step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: A
     return 0
 
 
-@cfunc(STEP, cache=True)
+@cfunc(STEP)
 def omni_step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) -> int:
     """x' = gain·vx·cos θ − side_gain·vy·sin θ, y' likewise, θ' = turn_gain·w."""
     turn = p[2] * u[2] * dt

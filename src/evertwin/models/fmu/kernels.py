@@ -12,7 +12,7 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import carray, cfunc, njit
+from numba import carray, njit
 
 from evertwin.models.fmu import slots as at
 from evertwin.models.fmu.calls import (
@@ -25,7 +25,7 @@ from evertwin.models.fmu.calls import (
     do_step3,
     set_time,
 )
-from evertwin.models.kernel import OBSERVE, STEP, call_observe
+from evertwin.models.native import OBSERVE, STEP, call_observe, cfunc
 
 __all__ = ["adopt", "step"]
 
@@ -323,7 +323,7 @@ def advance(page: Any, numbers: Any, now: Any, u: Any, dt: float, p: Any, ahead:
     return read(page, numbers, now, dt, ahead, out)
 
 
-@cfunc(STEP, cache=True)
+@cfunc(STEP)
 def step(context: Any, x: Any, u: Any, dt: Any, p: Any, x_next: Any, y: Any) -> Any:
     """One row. A row that fails keeps the state, and the FMU starts from it again."""
     page = carray(context, (carray(context, (1,))[0],))
@@ -363,7 +363,7 @@ def step(context: Any, x: Any, u: Any, dt: Any, p: Any, x_next: Any, y: Any) -> 
     return 0
 
 
-@cfunc(OBSERVE, cache=True)
+@cfunc(OBSERVE)
 def adopt(context: Any, x: Any, y: Any) -> Any:
     """Outputs that are states' own values are adopted into them."""
     page = carray(context, (carray(context, (1,))[0],))

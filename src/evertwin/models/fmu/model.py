@@ -36,8 +36,9 @@ from evertwin.models.fmu.options import Options
 from evertwin.models.fmu.worker import Worker
 from evertwin.models.fmu.xml import SIZE
 from evertwin.models.function import python_kernel
-from evertwin.models.kernel import Kernel, Restart, roll
+from evertwin.models.kernel import Kernel, Restart
 from evertwin.models.parameters import Parameters
+from evertwin.models.rollout import roll
 from evertwin.models.sizes import sized
 from evertwin.signals.channels import Layout, position
 from evertwin.types import Float64, Inputs, Intervals, Outputs, ParameterVector, StateVector

@@ -16,9 +16,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import carray, cfunc, njit
+from numba import carray, njit
 
-from evertwin.models.kernel import OBSERVE, STEP
+from evertwin.models.native import OBSERVE, STEP, cfunc
 
 __all__ = ["HEAD", "OPS", "WORDS", "observe", "run", "solve_linear", "step"]
 
@@ -306,7 +306,7 @@ def _integrate(tape: Any, r: Any, x: Any, dt: float) -> bool:
     return False
 
 
-@cfunc(STEP, cache=True, error_model="numpy")
+@cfunc(STEP, error_model="numpy")
 def step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) -> int:
     """One row of a model."""
     tape = carray(context, context[END])
@@ -336,7 +336,7 @@ def step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) ->
     return 0
 
 
-@cfunc(OBSERVE, cache=True)
+@cfunc(OBSERVE)
 def observe(context: Any, x: Any, y: Any) -> int:
     """Outputs that are states, up to a sign, adopt their measurements."""
     at = context[ADOPTS]

@@ -14,14 +14,16 @@ from inspect import unwrap
 from pathlib import Path
 from typing import Any
 
+import numba
 import numpy as np
 from llvmlite import ir
-from numba import carray, cfunc, njit, types
+from numba import carray, njit, types
 from numba.core.errors import NumbaError
 from numba.extending import intrinsic
 
 from evertwin.errors import UsageError
-from evertwin.models.kernel import ANEW, OBSERVE, STEP, call_observe, call_step, calling
+from evertwin.models.kernel import ANEW
+from evertwin.models.native import OBSERVE, STEP, call_observe, call_step, calling, cfunc
 from evertwin.models.terms.contract import Place
 from evertwin.models.terms.registry import kind
 
@@ -85,7 +87,7 @@ def _compiled(name: str, role: str, function: Callable[..., Any]) -> Any:
     plain = unwrap(function)
     kept = Path(plain.__code__.co_filename).is_file()
     try:
-        return cfunc(_SIGNATURES[role], cache=kept)(plain)
+        return numba.cfunc(_SIGNATURES[role], cache=kept)(plain)
     except NumbaError as error:
         raise UsageError(
             f"correction term {name!r}: its function {role!r} cannot be compiled: expected plain "
@@ -198,7 +200,7 @@ def _adopted(plan: Any, before: int, x: int) -> None:
         at += plan[at]
 
 
-@cfunc(STEP, cache=True)
+@cfunc(STEP)
 def step(context: Any, x: Any, u: Any, dt: float, p: Any, x_next: Any, y: Any) -> Any:
     """One row: terms, inner step, what terms do behind it."""
     plan = carray(context, (carray(context, (1,))[0],))
@@ -219,7 +221,7 @@ def step(context: Any, x: Any, u: Any, dt: float, p: Any, x_next: Any, y: Any) -
     return failed | _behind(plan, dt, given, now.ctypes.data, at, out.ctypes.data)
 
 
-@cfunc(OBSERVE, cache=True)
+@cfunc(OBSERVE)
 def adopt(context: Any, x: Any, y: Any) -> Any:
     """The inner model adopts; terms keep what they have to keep."""
     plan = carray(context, (carray(context, (1,))[0],))

@@ -24,7 +24,7 @@ import numpy as np
 from evertwin.errors import DataError
 from evertwin.fold import Block
 from evertwin.models.contract import Model
-from evertwin.types import Vector
+from evertwin.types import Float64, Vector
 
 __all__ = [
     "LEVELS",

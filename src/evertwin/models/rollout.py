@@ -1,0 +1,60 @@
+"""Rows simulated by a kernel, in one compiled loop."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from evertwin.models.kernel import ADOPT, ANEW, Kernel, Restart, looped
+from evertwin.models.native import call_observe, call_step
+from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
+
+__all__ = ["roll", "roll_rows"]
+
+
+@njit(cache=True)
+def roll_rows(
+    step: int, observe: int, context: Any, x: Any, u: Any, dt: Any, p: Any, y: Any, code: Any,
+    x0: Any, out: Any,
+) -> None:  # fmt: skip
+    """One pass over the rows: restart (where asked), step, store."""
+    n, nu, ny = u.shape[0], u.shape[1], out.shape[1]
+    ahead = np.empty_like(x)
+    u_at, out_at, y_at = u.ctypes.data, out.ctypes.data, y.ctypes.data
+    c, a, b, parameters = context.ctypes.data, x.ctypes.data, ahead.ctypes.data, p.ctypes.data
+    for i in range(n):
+        if code[i] == ANEW:
+            x[:] = x0
+            out[i, :] = np.nan
+            call_observe(observe, c, a, y_at + 8 * i * ny)
+            continue
+        if code[i] == ADOPT:
+            call_observe(observe, c, a, y_at + 8 * (i - 1) * ny)
+        failed = call_step(step, c, a, u_at + 8 * i * nu, dt[i], parameters, b, out_at + 8 * i * ny)
+        if failed != 0:
+            out[i, :] = np.nan
+        x[:] = ahead
+
+
+def roll(
+    kernel: Kernel,
+    x: StateVector,
+    u: Inputs,
+    dt: Intervals,
+    p: ParameterVector,
+    restart: Restart,
+) -> tuple[StateVector, Outputs]:
+    """Rows simulated by a kernel: (state after the last, outputs (n, ny)).
+
+    A row whose step failed is NaN, and so is a row that starts anew.
+    """
+    state = np.array(x, dtype=np.float64)
+    out = np.empty((len(u), restart.y.shape[1]))
+    looped(
+        roll_rows, kernel, state, np.ascontiguousarray(u), np.ascontiguousarray(dt),
+        np.ascontiguousarray(p), np.ascontiguousarray(restart.y), restart.code,
+        np.array(restart.x0, dtype=np.float64), out,
+    )  # fmt: skip
+    return state, out
