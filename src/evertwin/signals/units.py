@@ -13,22 +13,22 @@ from __future__ import annotations
 
 import math
 from functools import cache, lru_cache
-from typing import Any
-
-import pint
+from typing import TYPE_CHECKING, Any
 
 from evertwin.errors import UsageError
+from evertwin.signals.common_units import common
 from evertwin.signals.unit_text import factors
 
-__all__ = ["compatible", "conversion", "from_si", "powers", "si_unit", "to_si"]
+if TYPE_CHECKING:
+    import pint
 
-_SI = {
-    "Nm": "Nm", "Nms/rad": "Nms/rad", "Nms": "Nms", "kgm2": "kgm2", "Ns/m": "Ns/m", "Nm/A": "Nm/A",
-}  # fmt: skip
+__all__ = ["compatible", "conversion", "from_si", "powers", "si_unit", "to_si"]
 
 
 @cache
 def _registry() -> pint.UnitRegistry[Any]:
+    import pint
+
     return pint.UnitRegistry(autoconvert_offset_to_baseunit=True, cache_folder=None)
 
 
@@ -58,6 +58,8 @@ def _parse(unit: str) -> Any:
 @lru_cache(4096)
 def _name(symbol: str, unit: str) -> str:
     """What pint calls one symbol: the only text of a unit that it is given."""
+    import pint
+
     registry = _registry()
     try:
         name = str(registry.get_name(symbol))
@@ -85,6 +87,9 @@ def conversion(unit: str) -> tuple[float, float]:
     Raises:
         UsageError: the unit is not known, or logarithmic.
     """
+    known = common(unit)
+    if known is not None:
+        return known.factor, known.offset
     registry = _registry()
     parsed = _parse(unit)
     try:
@@ -104,8 +109,11 @@ def si_unit(unit: str) -> str:
     >>> si_unit("deg/s"), si_unit("1"), si_unit("mm")
     ('rad/s', '1', 'm')
     """
+    known = common(unit)
+    if known is not None:
+        return known.si
     if conversion(unit) == (1.0, 0.0):
-        return _SI.get(unit, unit)
+        return unit
     if "deg" in unit and compatible(unit, "degC"):
         return "K"
     base = _registry().Quantity(1.0, _parse(unit)).to_base_units().units
@@ -118,6 +126,9 @@ def compatible(a: str, b: str) -> bool:
     >>> compatible("cm", "m"), compatible("cm", "s")
     (True, False)
     """
+    one, other = common(a), common(b)
+    if one is not None and other is not None:
+        return one.powers | {"rad": 0} == other.powers | {"rad": 0}
     return bool(_parse(a).dimensionality == _parse(b).dimensionality)
 
 
@@ -149,6 +160,9 @@ def powers(unit: str) -> dict[str, int]:
     >>> powers("Nm"), powers("rad")
     ({'kg': 1, 'm': 2, 's': -2}, {'rad': 1})
     """
+    known = common(unit)
+    if known is not None:
+        return dict(known.powers)
     items = _registry().Quantity(1.0, _parse(unit)).to_base_units().unit_items()
     base = {name: float(power.real) for name, power in sorted(items)}
     if not all(power.is_integer() for power in base.values()):

@@ -22,7 +22,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool
 
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import Chunk
@@ -37,7 +36,7 @@ from evertwin.sources.suspect import order_of_rows, unit_of_channel, unit_of_tim
 from evertwin.sources.table import Column, Problem, Rows, Table
 from evertwin.sources.tally import Tally
 from evertwin.sources.time_unit import TimeGuess, guess, time_column
-from evertwin.types import Outputs, Stamps
+from evertwin.types import Bool, Outputs, Stamps
 
 __all__ = ["FORMATS", "Cell", "Clock", "Recorded"]
 
