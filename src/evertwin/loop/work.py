@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -255,8 +256,10 @@ class Work:
 def at_ends(problem: Problem, values: np.ndarray) -> list[float]:
     """Rms residual per output where a prediction has reached its horizon."""
     residual = problem.residuals(values)
-    newest = np.full((len(problem.rows.segments), residual.shape[1]), np.nan)
-    for n, (start, stop) in enumerate(problem.rows.segments):
+    # a prediction goes from one restart to the next
+    bounds = [*np.flatnonzero(problem.rows.code).tolist(), len(residual)]
+    newest = np.full((len(bounds) - 1, residual.shape[1]), np.nan)
+    for n, (start, stop) in enumerate(pairwise(bounds)):
         for k in range(residual.shape[1]):
             known = residual[start:stop, k][~np.isnan(residual[start:stop, k])]
             newest[n, k] = known[-1] if len(known) else np.nan
