@@ -100,7 +100,7 @@ def started(spec: TwinSpec, changed: str) -> tuple[Driver, TwinState]:
     versions = Versions(setup.model)
     value = 1.02 * dict(versions.values(0))[changed]
     versions.add(Form(), {changed: value}, parent=0, reason="challenger")
-    driver = Driver(setup, versions, lambda row, record: None, pinned=True)
+    driver = Driver(setup, versions, lambda row, said: None, pinned=True)
     state = driver.init()
     desk = state.agenda._replace(phase=TRIAL)
     return driver, state._replace(other=driver.follow.lane(1, tracked=False), agenda=desk)

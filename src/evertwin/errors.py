@@ -11,6 +11,7 @@ is a value of the result (see `evertwin.tuning.Fit`).
     ├── ModelError            exit code 5    a model that cannot be built or run
     │   └── WorkLost          exit code 5    work in a process of its own ended without a result
     ├── StoreError            exit code 4    a damaged or foreign store
+    │   ├── StoreDamaged      exit code 4    bytes of a store were changed or are gone
     │   └── StoreLocked       exit code 75   the store belongs to a running process
     └── LawBroken             exit code 101  an implementation breaks its contract
 """
@@ -27,6 +28,7 @@ __all__ = [
     "LawBroken",
     "MissingExtra",
     "ModelError",
+    "StoreDamaged",
     "StoreError",
     "StoreLocked",
     "UsageError",
@@ -112,6 +114,14 @@ class StoreError(EvertwinError):
     """
 
     exit_code = 4
+
+
+class StoreDamaged(StoreError):
+    """Bytes of a store were changed or are gone.
+
+    >>> StoreDamaged("entry 12 does not match its hash").exit_code
+    4
+    """
 
 
 class StoreLocked(StoreError):

@@ -71,6 +71,7 @@ class Twin:
         path = spec.store.path
         where = ":memory:" if path is None else str(Path(spec.folder) / path)
         self.store: Store = store or SqliteStore(where)
+        self._lasting = store is not None or path is not None
         self._versions = loop.Versions(self.model)
         try:
             self._ledger = loop.Ledger(self.store, self._versions, spec.name)
@@ -141,41 +142,29 @@ class Twin:
         return tuple(loop.Feed(self.spec, self.model).blocks(data))
 
     @_RUNAWAY
-    def run(self, data: Data = None, progress: Progress | None = None, every: int = 0) -> RunResult:
+    def run(
+        self, data: Data = None, progress: Progress | None = None, every: int = 0,
+        *, again: bool = False,
+    ) -> RunResult:  # fmt: skip
         """Runs the twin beside recorded data: follow, judge, tune, correct, try, promote.
+
+        With a store that lasts, rows are run once: a run that was cut off goes on where it stopped,
+        rows of runs before are passed over, and where all of them have been run already the result
+        is that of then. Rows are recognised by their content, not by the name of a file.
 
         Args:
             data: files, columns by name with ``t`` [s], blocks; None: the twin file's recordings.
             progress: called now and then with rows and seconds of data.
-            every: rows from checkpoint to checkpoint, for `resume`; 0: one at the end alone.
+            every: rows from checkpoint to checkpoint; 0: about one a second.
+            again: run all rows as a new run, also those that have been run before.
 
         Raises:
             DataError: a recording cannot be read.
+            StoreError: a repeated run says something else than the log has.
         """
-        return self._runner.run(data, loop.Observer(self.setup, progress), every, again=False)
-
-    @_RUNAWAY
-    def resume(
-        self, data: Data = None, progress: Progress | None = None, every: int = 0
-    ) -> RunResult:
-        """Goes on from the newest checkpoint of a run that was cut off.
-
-        The end is that of a run without a break: an open request is answered from the rows in the
-        checkpoint. Trace and events of the result begin with the checkpoint.
-
-        Args:
-            data: the same data, from its first row; rows before the checkpoint are passed over.
-            progress: as in `run`.
-            every: as in `run`.
-
-        Raises:
-            UsageError: the store holds no checkpoint.
-        """
-        return self._runner.run(data, loop.Observer(self.setup, progress), every, again=True)
-
-    @property
-    def _runner(self) -> loop.Run:
-        return loop.Run(self.setup, self._versions, self._ledger, self.store)
+        observer = loop.Observer(self.setup, progress)
+        run = loop.Run(self.setup, self._ledger, observer, every)
+        return run.play(data, anew=again, lasting=self._lasting)
 
     @_RUNAWAY
     def fit(
@@ -263,8 +252,7 @@ class Twin:
         if history is not None:
             return lives
         lives, events = prognosis.alarmed(self.store, lives, prospect.rule)
-        for event in events:
-            self._ledger.add(event, event.row)
+        self._ledger.say(*events)
         return lives
 
     @_RUNAWAY
@@ -303,7 +291,7 @@ class Twin:
             history: CSV that the plan is made from, in place of the store's history.
         """
         event = prognosis.label(self.prospect(history), component, verdict, reason, after)
-        self._ledger.add(event, event.row)
+        self._ledger.say(event)
         return event
 
     def maintained(
@@ -312,7 +300,7 @@ class Twin:
     ) -> Event:  # fmt: skip
         """Keeps maintenance that was done: a new life begins (``adjusted``: a shifted level)."""
         event = prognosis.maintenance(self.prospect(history), component, reason, kind, at)
-        self._ledger.add(event, event.row)
+        self._ledger.say(event)
         return event
 
     @_RUNAWAY
@@ -347,7 +335,7 @@ class Twin:
         version = self._versions.add(
             live.form, values, parent=live.number, reason=reason or f"loaded from {file.name}"
         )
-        self._ledger.keep_versions()
+        self._ledger.say()
         return version
 
     # ------------------------------------------------------------------ the operator's hand

@@ -171,6 +171,10 @@ def test_versions_are_kept_and_switched_by_hand(call: Command) -> None:
     assert (pinned["champion"], pinned["pinned"]) == (0, True)
     again = call("run", "robot.toml", "--data", "robot.csv", "--json").json
     assert again["champion"]["version"] == 0  # a pin always wins
+    repeated = call("run", "robot.toml", "--data", "robot.csv", "--json")
+    assert repeated.json | {"seconds": 0} == again | {"seconds": 0}
+    assert "no row is new" in repeated.err and "--again" in repeated.err
+    assert "no row is new" not in call("run", "robot.toml", "--data", "robot.csv", "--again").err
     compared = call("compare", "robot.toml", "0", "1", "--data", "robot.csv", "--json").json
     first, second = (v["outputs"]["x"]["rms"] for v in compared["versions"])
     assert second < first and compared["better_share"] > 0.5

@@ -17,7 +17,7 @@ from evertwin.export.urdf import _angles
 from evertwin.machines.arm import Arm
 from evertwin.machines.arm.urdf import rotation
 from evertwin.sources import inspect
-from evertwin.store import Estimate
+from evertwin.store import Batch, Estimate
 from evertwin.twin import Twin
 
 ARM = TwinSpec("arm", ModelSpec("arm", {"urdf": "ur5_like", "law": "tanh"}))
@@ -35,8 +35,9 @@ def tuned(spec: TwinSpec, values: dict[str, float]) -> Twin:
     """A twin whose second version has these values, with an interval for each."""
     twin = Twin(spec)
     version = twin._versions.add(twin.champion.form, values, parent=0, reason="tuned")
-    twin._ledger.keep_versions()
-    twin.store.append([Estimate(7, 0, 1, name, v, v - 1.0, v + 1.0) for name, v in values.items()])
+    twin._ledger.say()
+    known = [Estimate(7, 0, 1, name, v, v - 1.0, v + 1.0) for name, v in values.items()]
+    twin.store.commit(Batch(known))
     twin.promote(version.number)
     return twin
 

@@ -118,7 +118,7 @@ def play(case: Case, blocks: Iterable[Block], answers: Iterable[Record] | None =
     """The whole twin over the blocks; slow work from the log where one is given."""
     setup, records = Setup(case.spec, model_of(case.spec, None)), list[Record]()
     versions = Versions(setup.model)
-    driver = Driver(setup, versions, lambda row, record: records.append(record))
+    driver = Driver(setup, versions, lambda row, said: records.extend(said))
     if answers is not None:
         kept = {r.id: r for r in answers if isinstance(r, Answer)}
         driver.work = Logged(kept)  # type: ignore[assignment]

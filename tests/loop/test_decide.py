@@ -44,7 +44,7 @@ class Bench:
         self.versions = Versions(self.setup.model)
         self.log: list[Any] = []
         self.driver = Driver(
-            self.setup, self.versions, lambda row, record: self.log.append(record), pinned=pinned
+            self.setup, self.versions, lambda row, said: self.log.extend(said), pinned=pinned
         )
         t = np.arange(rows) * 10**9
         v = np.full(rows, 0.1)

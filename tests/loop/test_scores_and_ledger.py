@@ -28,7 +28,7 @@ from evertwin.models.form import Form
 from evertwin.signals import Layout
 from evertwin.signals.filters import Butterworth
 from evertwin.signals.fir import Symmetric
-from evertwin.store import SqliteStore
+from evertwin.store import Batch, SqliteStore
 
 CUTS = st.lists(st.integers(1, 99), max_size=8)
 
@@ -253,12 +253,12 @@ def test_versions_are_numbered_for_ever() -> None:
     assert (other.number, len(versions)) == (2, 3)
 
 
-def test_a_book_opens_as_it_was_left(tmp_path: Path) -> None:
+def test_a_ledger_opens_as_it_was_left(tmp_path: Path) -> None:
     path = tmp_path / "twin.db"
     store = SqliteStore(path)
     ledger = Ledger(store, versions := Versions(model()))
     versions.add(Form(), {"gain": 2.0}, parent=0, reason="tuned", row=5)
-    ledger.add(Event(9, 90, "promoted", "", "better", {"version": 1}), 9)
+    ledger.say(Event(9, 90, "promoted", "", "better", {"version": 1}))
     ledger.pin(None, "hands off")
     ledger.pin(0, "trusted")
     assert (ledger.champion, ledger.before, ledger.pinned) == (0, 1, True)
@@ -270,11 +270,25 @@ def test_a_book_opens_as_it_was_left(tmp_path: Path) -> None:
     store.close()
 
 
+def test_a_version_without_its_event_is_configured_again(tmp_path: Path) -> None:
+    """As a process leaves it that is killed between the two, where they are not one decision."""
+    store = SqliteStore(":memory:")
+    store.commit(Batch([Versions(model())[0]]))
+    ledger = Ledger(store, Versions(model()))
+    assert (ledger.champion, ledger.kept) == (0, 1)
+    assert [e.kind for e in store.read("event")] == ["configured"]  # type: ignore[union-attr]
+    assert store.head.length == 2
+
+
 def test_a_changed_twin_file_opens_another_version(tmp_path: Path) -> None:
     path = tmp_path / "twin.db"
     store = SqliteStore(path)
     Ledger(store, Versions(model()))
     store.close()
+    reader = SqliteStore(path, read_only=True)
+    ledger = Ledger(reader, Versions(model(gain=1.5)), reading=True)
+    assert (ledger.champion, reader.head.length) == (1, 2)
+    reader.close()
     store = SqliteStore(path)
     ledger = Ledger(store, versions := Versions(model(gain=1.5)))
     assert (ledger.champion, len(versions)) == (1, 2)
@@ -290,19 +304,22 @@ def test_a_store_belongs_to_one_twin() -> None:
         Ledger(store, Versions(model()), "lift")
 
 
-def test_a_book_refuses_what_names_no_version() -> None:
+def test_a_ledger_refuses_what_names_no_version() -> None:
     ledger = Ledger(SqliteStore(":memory:"), Versions(model()))
     with pytest.raises(UsageError, match="versions 0 to 0"):
         ledger.pin(4, "no such")
+    before = ledger.store.head
     with pytest.raises(StoreError, match="names no known version"):
-        ledger.add(Event(0, 0, "promoted", "", "?", {"version": 7}), 0)
+        ledger.say(Event(0, 0, "promoted", "", "?", {"version": 7}))
+    assert ledger.store.head == before  # nothing of it is kept
 
 
-def test_a_book_keeps_the_history_of_parameters() -> None:
-    store = SqliteStore(":memory:")
-    ledger = Ledger(store, Versions(model()))
+def test_a_ledger_keeps_the_history_of_parameters_with_its_answer() -> None:
+    ledger = Ledger(SqliteStore(":memory:"), Versions(model()))
     item = {"value": 2.0, "interval95": [None, 2.5], "verdict": "weak"}
-    ledger.add(Answer(1, 0, {"fit": {"parameters": {"gain": item}}}), 3)
-    ledger.add(Answer(2, 0, {"events": []}), 4)
-    (kept,) = store.read("estimate")
+    answers = Answer(1, 0, {"fit": {"parameters": {"gain": item}}}), Answer(2, 0, {"events": []})
+    for row, answer in enumerate(answers):
+        ledger.commit(Batch(ledger.batch([answer], row), row))
+    (kept,) = ledger.store.read("estimate")
     assert (kept.name, kept.low, kept.high) == ("gain", -np.inf, 2.5)  # type: ignore[union-attr]
+    assert [entry.kind for entry in ledger.store.entries(2)] == ["answer", "estimate", "answer"]

@@ -48,7 +48,9 @@ def rows(seed: int, n: int = 6_000) -> Block:
 def folded(spec: TwinSpec, block: Block, size: int) -> tuple[TwinState, list[str]]:
     setup = Setup(spec, model_of(spec, None))
     log: list[str] = []
-    driver = Driver(setup, Versions(setup.model), lambda row, said: log.append(canonical(said)))
+    driver = Driver(
+        setup, Versions(setup.model), lambda row, said: log.extend(map(canonical, said))
+    )
     state = driver.init()
     for start in range(0, len(block.t), size):
         state = driver.step(state, take(block, start, min(start + size, len(block.t))))

@@ -16,7 +16,7 @@ from evertwin.errors import ConfigError, DataError, UsageError
 from evertwin.prognosis.formula import Formula
 from evertwin.prognosis.laws import Life, NotEnough
 from evertwin.prognosis.parameter_history import history
-from evertwin.store import Estimate, SqliteStore
+from evertwin.store import Batch, Estimate, SqliteStore
 
 GEARBOX = spec.IndicatorSpec(
     "gain", component="gearbox", parameter="gain", limit=0.7, direction="below"
@@ -166,14 +166,15 @@ def test_runs_are_joined_on_every_clock() -> None:
     for run in range(3):
         for task in range(2):
             end = (task + 1) * 100 * second
-            store.append([Estimate(100 * (task + 1), 90 * second, 1, "Fc", 1.0 + run, 0.9, 1.1,
-                                   "identifiable", task, end)])  # fmt: skip
+            store.commit(Batch([Estimate(100 * (task + 1), 90 * second, 1, "Fc", 1.0 + run, 0.9,
+                                         1.1, "identifiable", task, end)]))  # fmt: skip
     assert [m.at for m in history(store, "run").moments] == [1, 2, 3, 4, 5, 6]
     assert [m.at for m in history(store, "s").moments] == [100, 200, 300, 400, 500, 600]
     stamped = SqliteStore(":memory:")
     for k in range(3):
         time = (10**6 + 86400 * k) * second
-        stamped.append([Estimate(7, time, 1, "Fc", 1.0, 0.9, 1.1, "identifiable", 0, second)])
+        fit = Estimate(7, time, 1, "Fc", 1.0, 0.9, 1.1, "identifiable", 0, second)
+        stamped.commit(Batch([fit]))
     assert np.diff([m.at for m in history(stamped, "d").moments]) == pytest.approx([1.0, 1.0])
 
 

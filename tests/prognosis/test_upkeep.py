@@ -16,7 +16,7 @@ from evertwin.prognosis.alarm_log import alarmed
 from evertwin.prognosis.laws import Life
 from evertwin.prognosis.laws.alarms import Alarm
 from evertwin.prognosis.lives import Lives
-from evertwin.store import Estimate
+from evertwin.store import Batch, Estimate
 
 from .test_lives_of_a_twin import GEARBOX, cart
 
@@ -30,8 +30,8 @@ def worn(twin: Twin, runs: int = 14, start: int = 0, stamp: int = 0) -> None:
         value = 1.0 - 0.01 * run + 2e-4 * (-1) ** run
         when = stamp * (run + 1) + 15 * second
         counts = (0, 15 * second, run, 20 * second * run)
-        twin.store.append([Estimate(150, when, 0, "gain", value, value - 1e-3, value + 1e-3,
-                                    "identifiable", *counts)])  # fmt: skip
+        twin.store.commit(Batch([Estimate(150, when, 0, "gain", value, value - 1e-3, value + 1e-3,
+                                    "identifiable", *counts)]))  # fmt: skip
 
 
 def planned(**more: Any) -> Twin:
@@ -115,9 +115,9 @@ def test_labels_that_cannot_be_read_are_told_and_can_be_withdrawn() -> None:
     twin = planned()
     for kind, more in (("confirmed", {}), ("maintained", {"kind": "replaced"})):
         event = Event(0, 0, kind, "gearbox", "x", {"clock": "run", "at": float("nan"), **more})
-        twin.store.append([event], 0)
+        twin.store.commit(Batch([event]))
     hours = {"clock": "h", "at": 3.0}
-    twin.store.append([Event(0, 0, "confirmed", "gearbox", "y", hours)], 0)
+    twin.store.commit(Batch([Event(0, 0, "confirmed", "gearbox", "y", hours)]))
     plan = twin.plan()
     assert plan.items[0].after == 15.0 and len(plan.notes) == 3
     assert "confirmed (x) was left out, its time is no number" in plan.notes[0]
@@ -174,7 +174,7 @@ def test_what_cleared_and_returns_is_raised_again() -> None:
         lives = Lives("cart", "run", {"gearbox": one}, None, told)
         _, events = alarmed(twin.store, lives, rule)
         for event in events:
-            twin.store.append([event], 0)
+            twin.store.commit(Batch([event]))
         return [event.kind for event in events]
 
     assert look(0.3) == [], "raised already"

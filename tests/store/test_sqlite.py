@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import sqlite3
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +17,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from evertwin.errors import LawBroken, StoreError, StoreLocked
+from evertwin.errors import LawBroken, StoreDamaged, StoreError, StoreLocked, UsageError
+from evertwin.fold import Chunk
 from evertwin.fold.records import Answer, Event, Request
 from evertwin.models.form import Form, Term, Version
-from evertwin.store import Estimate, SqliteStore, check_store
+from evertwin.store import Batch, Checkpoint, Estimate, Head, SqliteStore, check_store
 from evertwin.store.chain import SEED, link
 from evertwin.store.kinds import Kept, decode, encode, kind_of, loads
 
@@ -30,9 +32,10 @@ def event(row: int) -> Event:
 
 def filled(path: Path, count: int = 5) -> Path:
     store = SqliteStore(path)
-    store.append([event(row) for row in range(count)])
-    store.checkpoint((np.arange(4.0),), 3)
-    store.append([Version(1, Form((Term("lag", "v"),)), ("v.tau",), (0.3,), 0, "lag")])
+    store.commit(Batch([event(row) for row in range(count)]))
+    store.commit(Batch(checkpoint=Checkpoint(3, (np.arange(4000.0),))))
+    version = Version(1, Form((Term("lag", "v"),)), ("v.tau",), (0.3,), 0, "lag")
+    store.commit(Batch([version], chunks=[Chunk("pose", np.arange(2), np.ones((2, 3)))]))
     store.close()
     return path
 
@@ -56,14 +59,14 @@ def test_memory_keeps_the_laws() -> None:
 
 
 class Forgetful(SqliteStore):
-    """Loses the last record of every append."""
+    """Loses the last record of every batch."""
 
-    def append(self, records: Sequence[Kept], row: int | None = None) -> None:
-        super().append(list(records)[:-1], row)
+    def commit(self, batch: Batch, *, wait: bool = True) -> Head:
+        return super().commit(replace(batch, records=batch.records[:-1]), wait=wait)
 
 
 def test_the_laws_are_able_to_fail() -> None:
-    with pytest.raises(LawBroken, match="read gives what was appended"):
+    with pytest.raises(LawBroken, match="the end of a batch"):
         check_store(lambda: Forgetful(":memory:"), persistent=False)
     with pytest.raises(LawBroken, match="one owner: expected StoreLocked"):
         check_store(lambda: SqliteStore(":memory:"), persistent=True)
@@ -71,7 +74,7 @@ def test_the_laws_are_able_to_fail() -> None:
 
 def test_a_sound_log_is_sound(tmp_path: Path) -> None:
     store = SqliteStore(filled(tmp_path / "a.db"))
-    assert store.verify() == 7
+    assert store.verify() == 6
     store.close()
 
 
@@ -88,39 +91,65 @@ def test_a_sound_log_is_sound(tmp_path: Path) -> None:
         ),
         ("UPDATE log SET kind = 'answer' WHERE number = 1", "entry 1 (answer, row 0)"),
         ("DELETE FROM log WHERE number = 4", "expected entry 4, got entry 5"),
-        ("DELETE FROM log WHERE number = 7", "ends with entry 6, expected entry 7"),
+        ("DELETE FROM log WHERE number = 6", "ends with entry 5, expected entry 6"),
         ("UPDATE log SET hash = '00' WHERE number = 5", "entry 5 (event, row 4)"),
-        ("INSERT INTO log VALUES (8, 'event', 9, '{}', '00')", "entry 8 (event, row 9)"),
-        ("UPDATE head SET length = 6", "ends with entry 7, expected entry 6"),
+        ("INSERT INTO log VALUES (7, 0, 'event', 9, '{}', '00')", "entry 7 (event, row 9)"),
+        ("UPDATE log SET run = 2 WHERE number = 3", "entry 3 (event, row 2)"),
+        ("UPDATE head SET length = 5", "ends with entry 6, expected entry 5"),
     ],
 )
 def test_the_first_damaged_entry_is_named(tmp_path: Path, statement: str, message: str) -> None:
     path = filled(tmp_path / "a.db")
     damage(path, statement)
-    store = SqliteStore(path)
-    with pytest.raises(StoreError) as error:
+    store = SqliteStore(path, read_only=True)
+    with pytest.raises(StoreDamaged) as error:
         store.verify()
     store.close()
     assert message in str(error.value)
 
 
-def test_a_rewritten_chain_does_not_match_the_kept_end(tmp_path: Path) -> None:
-    """Whoever recomputes all hashes after a change has changed the last one."""
-    path = filled(tmp_path / "a.db")
+def rewrite(path: Path) -> None:
+    """Changes an entry and recomputes every hash behind it, the kept end too."""
     damage(path, "UPDATE log SET row = 4 WHERE number = 2")
     database = sqlite3.connect(path)
     before = SEED
-    for number, kind, row, content in database.execute(
-        "SELECT number, kind, row, content FROM log ORDER BY number"
+    for number, *told in database.execute(
+        "SELECT number, run, kind, row, content FROM log ORDER BY number"
     ).fetchall():
-        before = link(before, number, kind, row, content)
+        before = link(before, number, *told)
         database.execute("UPDATE log SET hash = ? WHERE number = ?", (before, number))
+    database.execute("UPDATE head SET hash = ?", (before,))
     database.commit()
     database.close()
+
+
+def test_a_printed_head_tells_a_rewritten_log(tmp_path: Path) -> None:
+    path = filled(tmp_path / "a.db")
     store = SqliteStore(path)
-    with pytest.raises(StoreError, match="ends with entry 7, expected entry 7 with hash"):
-        store.verify()
+    printed = store.head.printed(b"secret")
     store.close()
+    rewrite(path)
+    store = SqliteStore(path)
+    assert store.verify() == 6  # the chain alone cannot tell
+    with pytest.raises(StoreDamaged, match="the log was rewritten after that head was printed"):
+        store.verify(Head.parse(printed, b"secret"))
+    store.commit(Batch([event(9)]))
+    with pytest.raises(StoreDamaged, match="was rewritten"):
+        store.verify(Head.parse(printed))
+    with pytest.raises(StoreDamaged, match="ends with entry 7, expected 9"):
+        store.verify(Head(9, SEED))
+    store.close()
+
+
+def test_a_head_is_of_its_key_and_of_its_form() -> None:
+    head = Head(3, "ab" * 32)
+    signed = head.printed(b"secret")
+    assert Head.parse(f" {signed}\n", b"secret") == Head.parse(head.printed()) == head
+    for text, key in ((signed, b"other"), (head.printed(), b"secret"), ("9" + signed, b"secret")):
+        with pytest.raises(UsageError, match="its signature is not one of this key"):
+            Head.parse(text, key)
+    with pytest.raises(UsageError, match="expected LENGTH:HASH"):
+        Head.parse("7")
 
 
 def test_the_log_cannot_be_changed_through_sql(tmp_path: Path) -> None:
@@ -131,13 +160,20 @@ def test_the_log_cannot_be_changed_through_sql(tmp_path: Path) -> None:
     database.close()
 
 
-def test_a_forged_version_is_refused(tmp_path: Path) -> None:
+def test_what_is_read_is_checked_against_the_chain(tmp_path: Path) -> None:
     path = filled(tmp_path / "a.db")
     damage(path, "UPDATE log SET content = replace(content, '0.3', '9.9') WHERE kind = 'version'")
-    store = SqliteStore(path)
-    with pytest.raises(StoreError, match="version 1: its content does not match its hash"):
+    store = SqliteStore(path, read_only=True)
+    with pytest.raises(StoreDamaged, match=r"entry 6 \(version, row 0\) does not match its hash"):
         store.read("version")
+    assert len(store.read("event")) == 5
     store.close()
+
+
+def test_a_forged_version_is_refused() -> None:
+    version = json.loads(encode(Version(1, Form(), ("Fc",), (0.3,), 0, "tuned")))
+    with pytest.raises(StoreError, match="version 1: its content does not match its hash"):
+        decode("version", version | {"values": (9.9,)})
 
 
 def test_no_damage_goes_unnoticed(tmp_path: Path) -> None:
@@ -154,10 +190,10 @@ def test_no_damage_goes_unnoticed(tmp_path: Path) -> None:
         path = tmp_path / f"{seed}.db"
         path.write_bytes(raw[:at] + rng.bytes(size) + raw[at + size :])
         try:
-            store = SqliteStore(path)
+            store = SqliteStore(path, read_only=True)
             store.verify()
             kept = store.restore((np.zeros(4),))
-            assert kept is not None and np.array_equal(kept.state[0], np.arange(4.0))
+            assert kept is not None and np.array_equal(kept.state[0], np.arange(4000.0))
             assert store.read("event") == events
         except StoreError:
             told += 1
@@ -166,39 +202,138 @@ def test_no_damage_goes_unnoticed(tmp_path: Path) -> None:
     assert told > 60
 
 
-@pytest.mark.parametrize("flip", range(0, 300, 37))
-def test_a_damaged_checkpoint_is_refused(tmp_path: Path, flip: int) -> None:
-    path = filled(tmp_path / "a.db")
-    database = sqlite3.connect(path)
-    ((state,),) = database.execute("SELECT state FROM checkpoints").fetchall()
-    flipped = bytearray(state)
-    flipped[flip % len(flipped)] ^= 1
-    database.execute("UPDATE checkpoints SET state = ?", (bytes(flipped),))
+def twice(path: Path) -> SqliteStore:
+    """A store with two checkpoints of one run, of which the second is damaged."""
+    store = SqliteStore(path)
+    for row in (3, 6):
+        store.commit(Batch(checkpoint=Checkpoint(row, (np.arange(4000.0) * row,), 1)))
+    return store
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "UPDATE pieces SET content = zeroblob(length(content)) WHERE rowid = "
+        "(SELECT max(rowid) FROM pieces)",
+        "DELETE FROM pieces WHERE rowid = (SELECT max(rowid) FROM pieces)",
+        "UPDATE checkpoints SET row = 7 WHERE number = 2",
+        "UPDATE checkpoints SET layout = replace(layout, 's.0', 's.1') WHERE number = 2",
+    ],
+)
+def test_a_damaged_checkpoint_gives_way_to_the_one_before(tmp_path: Path, statement: str) -> None:
+    twice(tmp_path / "a.db").close()
+    database = sqlite3.connect(tmp_path / "a.db")
+    database.execute(statement)
     database.commit()
     database.close()
-    store = SqliteStore(path)
-    with pytest.raises(StoreError, match="checkpoint before row 3 does not match its hash"):
-        store.restore((np.zeros(4),))
+    store = SqliteStore(tmp_path / "a.db")
+    found = store.restore((np.zeros(0),))
+    assert found is not None and found.row == 3
+    assert np.array_equal(found.state[0], np.arange(4000.0) * 3)
     store.close()
 
 
 def test_a_checkpoint_of_another_form_is_refused() -> None:
     store = SqliteStore(":memory:")
-    store.checkpoint((np.zeros(2), 1), 5)
+    store.commit(Batch(checkpoint=Checkpoint(5, (np.zeros(2), 1))))
     with pytest.raises(StoreError, match=r"expected int64 of rank 1, got float64"):
         store.restore((np.zeros(2, dtype=np.int64), 1))
     with pytest.raises(StoreError, match=r"field s\.2 is missing"):
         store.restore((np.zeros(2), 1, 2.0))
 
 
-def test_only_the_newest_checkpoints_stay() -> None:
+def test_only_the_newest_checkpoints_of_the_newest_run_stay() -> None:
     store = SqliteStore(":memory:")
     for row in range(10):
-        store.checkpoint((float(row),), row)
-    assert store.restore((0.0,)) == (9, (9.0,))
-    assert store.restore((0.0,), before=8) == (7, (7.0,))
-    assert store.restore((0.0,), before=7) is None
-    assert store.verify() == 10
+        store.commit(Batch(checkpoint=Checkpoint(row, (float(row),), 1, shown=shown(row))))
+    rows = {before: store.restore((0.0,), before=before) for before in (None, 8, 7)}
+    assert [None if c is None else c.state for c in rows.values()] == [(9.0,), (7.0,), None]
+    newest = rows[None]
+    assert newest is not None and newest.shown["row"].tolist() == list(range(10))
+    store.commit(Batch(checkpoint=Checkpoint(2, (2.0,), 2)))
+    assert store.restore((0.0,), run=1) is None
+    found = store.restore((0.0,))
+    assert found is not None and found[:3] == (2, (2.0,), 2) and not found.shown
+    assert store.verify() == 0
+
+
+def shown(row: int) -> dict[str, np.ndarray]:
+    return {"row": np.array([row])}
+
+
+def test_only_what_changed_of_a_state_is_written(tmp_path: Path) -> None:
+    store = SqliteStore(tmp_path / "a.db")
+    ring, sizes = np.zeros((20_000, 8)), []
+    for row in range(4):
+        ring[100 * row : 100 * row + 100] = row + 1.0
+        store.commit(Batch(checkpoint=Checkpoint(row, (ring.copy(), row))))
+        with sqlite3.connect(tmp_path / "a.db") as database:
+            sizes.append(database.execute("SELECT sum(length(content)) FROM pieces").fetchone()[0])
+        database.close()
+    found = store.restore((np.zeros((0, 0)), 0))
+    assert found is not None and np.array_equal(found.state[0], ring)
+    assert sizes[0] < 0.1 * ring.nbytes  # pieces that are equal are one piece
+    assert sizes[-1] < 0.2 * ring.nbytes
+    store.close()
+
+
+def test_samples_keep_their_numbers_for_ever() -> None:
+    store = SqliteStore(":memory:")
+    image = np.arange(24, dtype=np.float32).reshape(2, 3, 4)
+    for k in range(250):
+        store.commit(Batch(chunks=[Chunk("camera", np.array([k, k + 1]), image + k, task=2)]))
+    found = dict(store.read_chunks(101, 240))
+    assert list(found) == list(range(101, 240))
+    assert found[120].v.dtype == np.float32 and np.array_equal(found[120].v, image + 119)
+    assert (found[120].source, found[120].task) == ("camera", 2)
+    store.forget_chunks(before=1000)
+    assert list(store.read_chunks()) == []
+    store.commit(Batch(chunks=[Chunk("camera", np.array([0]), image[:1])], checkpoint=(
+        Checkpoint(1, (1.0,)))))  # fmt: skip
+    assert [number for number, _ in store.read_chunks()] == [251]
+    kept = store.restore((0.0,))
+    assert kept is not None and kept.chunks == 251
+
+
+def test_a_backup_is_whole_while_work_goes_on(tmp_path: Path) -> None:
+    store = SqliteStore(filled(tmp_path / "a.db"))
+    store.commit(Batch([event(7)]), wait=False)
+    store.backup(tmp_path / "copy.db")
+    head = store.head
+    store.commit(Batch([event(8)]))
+    copy = SqliteStore(tmp_path / "copy.db")
+    assert copy.head == head and copy.verify(head) == 7
+    copy.close()
+    store.close()
+
+
+def test_a_write_that_fails_is_told_and_nothing_follows_it(tmp_path: Path) -> None:
+    store = SqliteStore(tmp_path / "a.db")
+    store.commit(Batch([event(0)]))
+    with sqlite3.connect(tmp_path / "a.db") as other:
+        other.execute("CREATE TRIGGER full BEFORE INSERT ON log WHEN NEW.row = 1 "
+                      "BEGIN SELECT RAISE(ABORT, 'the disk is full'); END")  # fmt: skip
+    other.close()
+    store.commit(Batch([event(1)]), wait=False)
+    with pytest.raises(StoreError, match="the disk is full"):
+        store.flush()
+    with pytest.raises(StoreError, match="the disk is full"):
+        store.commit(Batch([event(2)]))
+    with pytest.raises(StoreError, match="the disk is full"):
+        store.close()
+    again = SqliteStore(tmp_path / "a.db")
+    assert [record.row for record in again.read("event")] == [0]  # type: ignore[union-attr]
+    again.close()
+
+
+def test_who_forgets_to_close_leaves_no_lock(tmp_path: Path) -> None:
+    for row in range(3):
+        store = SqliteStore(tmp_path / "a.db")
+        store.commit(Batch([event(row)]), wait=False)
+        del store
+    store = SqliteStore(tmp_path / "a.db")
+    assert len(store.read("event")) == 3
+    store.close()
 
 
 def test_a_foreign_file_is_refused_and_left_alone(tmp_path: Path) -> None:
@@ -240,10 +375,10 @@ def test_a_reader_looks_while_another_writes(tmp_path: Path) -> None:
     path = filled(tmp_path / "a.db")
     owner = SqliteStore(path)
     reader = SqliteStore(path, read_only=True)
-    owner.append([event(9)])
-    assert len(reader.read("event")) == 6
+    owner.commit(Batch([event(9)]))
+    assert len(reader.read("event")) == 6 and reader.head == owner.head
     with pytest.raises(StoreError, match="opened read only"):
-        reader.append([event(10)])
+        reader.commit(Batch([event(10)]))
     reader.close()
     owner.close()
 
@@ -265,7 +400,7 @@ class Louder(Event):
 def test_what_is_no_record_is_refused() -> None:
     store = SqliteStore(":memory:")
     with pytest.raises(StoreError, match="expected one of answer, estimate, event"):
-        store.append([Louder(0, 0, "tuned", "", "")])
+        store.commit(Batch([Louder(0, 0, "tuned", "", "")]))
     with pytest.raises(StoreError, match="does not fit its form"):
         decode("event", {"row": 1})
     with pytest.raises(StoreError, match="expected one of"):
@@ -275,13 +410,12 @@ def test_what_is_no_record_is_refused() -> None:
 CHILD = """
 import sys
 from evertwin.fold.records import Event
-from evertwin.store import SqliteStore
+from evertwin.store import Batch, Checkpoint, SqliteStore
 store = SqliteStore(sys.argv[1])
 start = len(store.read("event"))
 for row in range(start, start + 10_000):
-    store.append([Event(row, row, "tuned", "Fc", "x" * 200)])
-    if row % 5 == 4:
-        store.checkpoint((float(row),), row)
+    last = Checkpoint(row, (float(row),)) if row % 5 == 4 else None
+    store.commit(Batch([Event(row, row, "tuned", "Fc", "x" * 200)], checkpoint=last))
     sys.stdout.write(f"{row}\\n")
     sys.stdout.flush()
 """
@@ -351,7 +485,7 @@ RECORDS = st.one_of(
 @given(st.lists(RECORDS, max_size=8))
 def test_every_record_comes_back(records: list[Kept]) -> None:
     store = SqliteStore(":memory:")
-    store.append(records, row=1)
+    store.commit(Batch(records, row=1))
     for kind in ("event", "answer", "request", "estimate", "version"):
         expected = tuple(record for record in records if kind_of(record) == kind)
         assert store.read(kind) == expected

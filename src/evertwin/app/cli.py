@@ -103,14 +103,18 @@ def run(
     report: Annotated[Path | None, typer.Option(help="Write a self-contained HTML report.")] = None,
     as_json: AsJson = False,
     check: Check = False,
+    again: Annotated[
+        bool, typer.Option("--again", help="As a new run, also rows that have been run before.")
+    ] = False,
 ) -> None:
     """Run a twin beside recorded data: judge, tune, correct, try in shadow, promote.
 
+    With [store] path it goes on where it stopped, and runs no row twice.
     Example: evertwin run robot.toml --data monday.csv --report monday.html
     """
     from evertwin.app.commands import run_twin
 
-    run_twin(twin, data, report, as_json, check)
+    run_twin(twin, data, report, (as_json, check), again)
 
 
 @app.command()

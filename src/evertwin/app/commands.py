@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import typer
@@ -10,6 +10,7 @@ import typer
 from evertwin.app.console import Progress, Search, show
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import plain
+from evertwin.loop.result import RunResult
 from evertwin.models.form import Version
 from evertwin.sources.excerpt import Excerpt
 from evertwin.twin import Twin
@@ -28,12 +29,16 @@ Files = Sequence[Path] | None
 FINDINGS = ("measurement_error", "abnormal", "drift", "rolled_back", "not_identifiable")
 
 
-def run_twin(twin: Path, data: Files, report: Path | None, as_json: bool, check: bool) -> None:
-    """``evertwin run``."""
-    progress = Progress()
+def run_twin(
+    twin: Path, data: Files, report: Path | None, shown: tuple[bool, bool], again: bool
+) -> None:
+    """``evertwin run``; ``shown`` as JSON, and with an exit code for findings."""
+    progress, (as_json, check) = Progress(), shown
     with Twin.open(twin) as opened:
-        result = opened.run(_files(data), progress)
+        result = opened.run(_files(data), progress, again=again)
         progress.close()
+        for line in _went_on(result):
+            typer.echo(f"evertwin: {line}", err=True)
         if report is not None:
             from evertwin.report.run_report import write_report  # draws with Matplotlib
 
@@ -47,6 +52,16 @@ def run_twin(twin: Path, data: Files, report: Path | None, as_json: bool, check:
             )
     if check and (result.of_kind(*FINDINGS) or any(one.finding for one in result.left_out)):
         raise typer.Exit(1)
+
+
+def _went_on(result: RunResult) -> Iterator[str]:
+    """Which rows were not run now, because they had been run before."""
+    if result.passed:
+        yield f"{result.passed} rows were passed over: runs before had them"
+    if result.began == result.samples:
+        yield "no row is new: what was found then is shown; --again runs all rows as a new run"
+    elif result.began:
+        yield f"the run was cut off and went on from row {result.began}"
 
 
 def fit_twin(

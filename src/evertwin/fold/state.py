@@ -16,14 +16,14 @@ True
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any, TypeVar, cast
 
 import numpy as np
 
 from evertwin.errors import StoreError
 
-__all__ = ["copy", "equal", "load", "save"]
+__all__ = ["copy", "equal", "filled", "leaves", "load", "save"]
 
 S = TypeVar("S")
 
@@ -42,18 +42,18 @@ def copy(state: S) -> S:
     return state
 
 
-def _leaves(state: object, path: str = "s") -> Iterator[tuple[str, object]]:
+def _walk(state: object, path: str = "s") -> Iterator[tuple[str, object]]:
     if isinstance(state, tuple):
         names = getattr(state, "_fields", range(len(state)))
         for name, item in zip(names, state, strict=True):
-            yield from _leaves(item, f"{path}.{name}")
+            yield from _walk(item, f"{path}.{name}")
     else:
         yield path, state
 
 
 def equal(a: object, b: object) -> bool:
     """Bit for bit equality of two states; NaN equals NaN."""
-    left, right = dict(_leaves(a)), dict(_leaves(b))
+    left, right = dict(_walk(a)), dict(_walk(b))
     if left.keys() != right.keys():
         return False
     return all(_same(left[key], right[key]) for key in left)
@@ -64,20 +64,32 @@ def _same(a: object, b: object) -> bool:
     return x.dtype == y.dtype and x.shape == y.shape and x.tobytes() == y.tobytes()
 
 
+def leaves(state: object) -> dict[str, np.ndarray]:
+    """Every array and scalar of a state by its path.
+
+    >>> list(leaves((1.0, (np.zeros(2), 3))))
+    ['s.0', 's.1.0', 's.1.1']
+
+    Raises:
+        StoreError: a leaf is neither an array nor a plain number, text or None.
+    """
+    arrays: dict[str, np.ndarray] = {}
+    for path, value in _walk(state):
+        array = np.asarray(value if value is not None else np.zeros(0, dtype=np.bool_))
+        if array.dtype.hasobject:
+            raise StoreError(f"{path}: expected an array or a number, got {type(value).__name__}")
+        arrays[path] = array
+    return arrays
+
+
 def save(state: object) -> bytes:
     """The state as an uncompressed ``npz`` file.
 
     Raises:
         StoreError: a leaf is neither an array nor a plain number, text or None.
     """
-    arrays: dict[str, Any] = {}
-    for path, value in _leaves(state):
-        array = np.asarray(value if value is not None else np.zeros(0, dtype=np.bool_))
-        if array.dtype.hasobject:
-            raise StoreError(f"{path}: expected an array or a number, got {type(value).__name__}")
-        arrays[path] = array
     buffer = io.BytesIO()
-    np.savez(buffer, **arrays)
+    np.savez(buffer, **leaves(state))  # type: ignore[arg-type]  # names are no options of savez
     return buffer.getvalue()
 
 
@@ -89,10 +101,19 @@ def load(content: bytes, like: S) -> S:
     """
     with np.load(io.BytesIO(content), allow_pickle=False) as archive:
         arrays = {name: archive[name] for name in archive.files}
+    return filled(like, arrays)
+
+
+def filled(like: S, arrays: Mapping[str, Any]) -> S:
+    """A state in the shape of ``like`` from its `leaves`.
+
+    Raises:
+        StoreError: a field is missing or has another type or rank.
+    """
     return cast(S, _fill(like, arrays, "s"))
 
 
-def _fill(like: object, arrays: dict[str, Any], path: str) -> object:
+def _fill(like: object, arrays: Mapping[str, Any], path: str) -> object:
     if isinstance(like, tuple):
         names = getattr(like, "_fields", range(len(like)))
         parts: list[Any]

@@ -79,6 +79,24 @@ class Decide:
         watches = len(state.watched) == 0 and detect.quiet(state.detect)
         return idle and watches and self.follow.here(state)
 
+    def order(self, state: TwinState, said: Event) -> TwinState:
+        """What an operator said takes effect; the log has it already. Consumes ``state``.
+
+        What was on trial ends; an open request is not answered any more.
+        """
+        number: Any = said.evidence["version"]
+        state = state._replace(agenda=state.agenda._replace(pinned=bool(
+            said.evidence.get("pinned", state.agenda.pinned))))  # fmt: skip
+        if number == state.live.version:
+            return state
+        first = state.live if state.first.version < 0 else state.first
+        state = state._replace(other=self.follow.lane(number, tracked=False))
+        state = self._live(state, number, EMPTY, first)
+        agenda = state.agenda._replace(
+            phase=WATCH, open=0, versions=max(state.agenda.versions, number + 1)
+        )
+        return state._replace(agenda=agenda)
+
     # ------------------------------------------------------------------ is the twin still true?
 
     def _watch(self, decision: Decision, task_end: bool) -> None:

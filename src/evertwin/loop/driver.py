@@ -7,13 +7,13 @@ still in the state, so a checkpoint holds all that is needed to go on.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from evertwin.fold import Answer, Block, Record, Request, copy, take
+from evertwin.fold import Answer, Block, Event, Record, Request, copy, take
 from evertwin.loop.decide import Decide
 from evertwin.loop.follow import EMPTY, Follow, Followed
 from evertwin.loop.ring import NO_ROWS
@@ -22,9 +22,9 @@ from evertwin.loop.setup import Setup
 from evertwin.loop.twin_state import CORRECT, Agenda, Lane, TwinState
 from evertwin.loop.versions import Versions
 from evertwin.loop.work import Work
-from evertwin.store import Store
+from evertwin.store import Checkpoint, Store
 
-__all__ = ["Driver"]
+__all__ = ["Driver", "Outside"]
 
 STRIDE = 4096
 """Most rows that are folded at once."""
@@ -39,6 +39,39 @@ def _ignore(state: TwinState, piece: Block, out: Followed) -> None:
     """No one looks at the rows."""
 
 
+class Outside(Protocol):
+    """What comes into a fold from outside: answers that a log has, and what operators say.
+
+    >>> Driver.__dataclass_fields__["outside"].type
+    'Outside'
+    """
+
+    def answer(self, number: int) -> tuple[int, Answer] | None:
+        """The row and the answer to a request, where it is known beforehand."""
+        ...
+
+    def next_order(self) -> float:
+        """Row from which on the next order is in force; infinite: there is none."""
+        ...
+
+    def heed(self, row: int) -> tuple[Event, ...]:
+        """The orders that are in force from a beat at ``row`` on; each is given once."""
+        ...
+
+
+class _Nobody:
+    """A fold that is left alone."""
+
+    def answer(self, number: int) -> tuple[int, Answer] | None:
+        return None
+
+    def next_order(self) -> float:
+        return np.inf
+
+    def heed(self, row: int) -> tuple[Event, ...]:
+        return ()
+
+
 class _Lanes(NamedTuple):
     """What a checkpoint says of its lanes before their shape is known."""
 
@@ -49,7 +82,7 @@ class _Lanes(NamedTuple):
 
 @dataclass
 class Driver:
-    """A twin at work. ``log`` gets every record in order; ``watch`` sees every piece.
+    """A twin at work. ``log`` gets what each beat or piece said; ``watch`` sees every piece.
 
     >>> Driver.__name__
     'Driver'
@@ -57,11 +90,13 @@ class Driver:
 
     setup: Setup
     versions: Versions
-    log: Callable[[int, Record], None]
+    log: Callable[[int, Sequence[Record]], None]
+    """``log(row, records)``: one decision, to be kept whole or not at all."""
     watch: Watcher = _ignore
     champion: int = 0
     """Version that is live at the start."""
     pinned: bool = False
+    outside: Outside = field(default_factory=_Nobody)
     follow: Follow = field(init=False)
     decide: Decide = field(init=False)
     work: Work = field(init=False)
@@ -82,7 +117,7 @@ class Driver:
             newest=setup.at_horizon.init(), waiting=setup.residual_filter.init(),
             detect=setup.detect.init(), trial=setup.trial.init(),
             scores=new_scores(ny, np.zeros(2, dtype=np.int64), 0, sizes),
-            agenda=Agenda(pinned=self.pinned, versions=len(self.versions)),
+            agenda=Agenda(pinned=self.pinned, versions=self.versions.known),
             watched=np.zeros((0, 2)), ring=setup.ring.init(),
         )  # fmt: skip
 
@@ -94,17 +129,17 @@ class Driver:
         ]
         return self.init()._replace(live=lanes[0], first=lanes[1], other=lanes[2])
 
-    def restored(self, store: Store) -> TwinState | None:
-        """The state of the store's newest checkpoint; None if there is none."""
-        found = store.restore(_Lanes(EMPTY, EMPTY, EMPTY))
+    def restored(self, store: Store, run: int) -> Checkpoint | None:
+        """The newest checkpoint of a run; None if there is none.
+
+        Raises:
+            StoreError: it was saved by another version.
+        """
+        found = store.restore(_Lanes(EMPTY, EMPTY, EMPTY), run)
         if found is None:
             return None
         numbers = [lane.version for lane in found.state]
-        kept = store.restore(self.template(*numbers))
-        assert kept is not None
-        state: TwinState = kept.state
-        self.versions.rewind(state.agenda.versions)
-        return state
+        return store.restore(self.template(*numbers), run, found.row + 1)
 
     def run(self, blocks: Iterable[Block], state: TwinState | None = None) -> TwinState:
         """Folds the blocks; consumes ``state``."""
@@ -146,6 +181,8 @@ class Driver:
         if not self.decide.quiet(state) or task != state.task or state.row == 0:
             return state, at
         n = min(n, int(np.searchsorted(rest.t, state.time + due)))
+        ordered = beats[beats >= self.outside.next_order()]
+        n = min(n, int(ordered[0]) - at) if len(ordered) else n
         inside = beats[beats < at + n]
         if len(inside) < WORTH:
             return state, at
@@ -164,26 +201,27 @@ class Driver:
     def _seen(self, state: TwinState, piece: Block, out: Followed) -> TwinState:
         """Rows that are folded for good: kept for slow work, told, shown."""
         state = self.follow.keep(state, out.judged)
-        for event in out.events:
-            self.log(event.row, event)
+        self._say(state.row, out.events)
         self.watch(state, piece, out)
         return state
 
     def beat(self, state: TwinState, *, task_end: bool) -> TwinState:
         """The decisions before the next row."""
+        for order in self.outside.heed(state.row):
+            state = self.decide.order(state, order)
+        said: list[Record] = []
         if task_end:
             state, found = self.follow.end_task(state)
-            for event in found:
-                self.log(event.row, event)
-        answer = None
-        if state.agenda.open and (state.row >= state.agenda.due):
-            answer = self._answer(state)
-            self.log(state.row, answer)
+            said += found
+        answer = self._answer(state) if state.agenda.open else None
+        said += [] if answer is None else [answer]
         state, events, requests = self.decide.step(state, answer, task_end)
-        said: list[Record] = [*events, *requests]
-        for record in said:
-            self.log(state.row, record)
+        self._say(state.row, [*said, *events, *requests])
         return state
+
+    def _say(self, row: int, records: Sequence[Record]) -> None:
+        if records:
+            self.log(row, records)
 
     def finish(self, state: TwinState) -> TwinState:
         """The end of the data: the last task ends, open work is answered."""
@@ -197,8 +235,14 @@ class Driver:
             state = self.beat(state._replace(agenda=agenda), task_end=False)
         return state
 
-    def _answer(self, state: TwinState) -> Answer:
+    def _answer(self, state: TwinState) -> Answer | None:
+        """The answer to the open request, once it is due."""
         agenda = state.agenda
+        told = self.outside.answer(agenda.open)
+        if state.row < (agenda.due if told is None else told[0]):
+            return None
+        if told is not None:
+            return told[1]
         kind = "correct" if agenda.phase == CORRECT else "fit"
         window = (agenda.start, agenda.stop)
         request = Request(agenda.open, kind, state.live.version, state.row, agenda.due, window)

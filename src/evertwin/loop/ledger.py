@@ -1,73 +1,122 @@
-"""What a twin has in its store: versions, who is live, what happened.
+"""What a twin has in its store: versions, who is live, which runs there were, what was said.
 
 Who is live follows from the log alone (promotions, roll-backs, pins): log and twin cannot differ.
+A decision is one batch: its versions, its records and the parameter history that follows from them
+are durable together or not at all.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from evertwin.errors import StoreError, UsageError
 from evertwin.fold import Answer, Event, Record
 from evertwin.loop.versions import Versions
 from evertwin.models.form import Version
-from evertwin.store import Estimate, Store
+from evertwin.store import Batch, Entry, Estimate, Kept, Store
 
-__all__ = ["Ledger"]
+__all__ = ["Begun", "Ledger"]
 
-SWITCHES = ("promoted", "rolled_back", "configured", "resumed")
+SWITCHES = ("promoted", "rolled_back", "configured")
+ORDERS = (*SWITCHES, "pinned")
+
+
+@dataclass(frozen=True)
+class Begun:
+    """A run that the log tells of.
+
+    >>> Begun(1, 3, {"champion": 0}).over
+    False
+    """
+
+    number: int
+    position: int
+    """Of its first entry in the log."""
+    evidence: dict[str, Any]
+    """What it began with: champion, versions, pinned, settings, tasks and time of runs before."""
+    ended: dict[str, Any] | None = None
+    """What it came to: tasks, their time, rows, their hash."""
+    last: int = 0
+    """Position of its end."""
+
+    @property
+    def over(self) -> bool:
+        """Has it ended, or been given up?"""
+        return self.ended is not None
 
 
 class Ledger:
     """The store of one twin, read once and kept in step.
 
-    >>> Ledger.__name__
-    'Ledger'
+    >>> from evertwin.models import FunctionModel, Parameters
+    >>> from evertwin.signals import Layout
+    >>> from evertwin.store import SqliteStore
+    >>> model = FunctionModel(lambda x, u, dt, p: ([], [p[0] * u[0]]), Layout.of(u="1"),
+    ...     Layout.of(y="1"), Layout(), Parameters.of(gain=(1.0, "1")))
+    >>> ledger = Ledger(SqliteStore(":memory:"), Versions(model), "cart")
+    >>> ledger.champion, ledger.runs
+    (0, [])
     """
 
-    def __init__(self, store: Store, versions: Versions, name: str = "") -> None:
-        """Opens the store.
+    def __init__(
+        self, store: Store, versions: Versions, name: str = "", *, reading: bool = False
+    ) -> None:
+        """Reads the store; what it lacks of the model as configured is added.
 
         Args:
             store: that of this twin alone.
             versions: with the model as configured.
             name: of the twin.
+            reading: nothing is written; a changed model is known to this process alone.
 
         Raises:
-            StoreError: the log was changed, or is that of another twin.
+            StoreError: the log is that of another twin, or names no known version.
         """
-        self._store = store
-        self._versions = versions
+        self.store = store
+        self.versions = versions
         self._name = name
-        self._kept = 0
         self.lives: list[int] = []
         """Versions that have been live, in order; the last one is."""
         self.pinned = False
-        self._runs: list[Event] = []
-        self._before = (0, 0)
-        self._open()
+        self.runs: list[Begun] = []
+        self.orders: list[Event] = []
+        """What was said from outside and no run has heeded yet."""
+        self.spoken = 0
+        """Position of the newest switch from outside of any run."""
+        self.at = 0
+        """Row that a run of this process has come to."""
+        self._open(reading)
 
-    def _open(self) -> None:
-        self._store.verify()  # nothing is built on a log that was changed
-        kept = [r for r in self._store.read("version") if isinstance(r, Version)]
-        configured = self._versions[0]
+    def _open(self, reading: bool) -> None:
+        configured = self.versions[0]
+        entries = self.store.entries(kinds=("event", "version"))
+        records = [(entry, self.store.record(entry)) for entry in entries]
+        kept = [record for _, record in records if isinstance(record, Version)]
+        self.kept = len(kept)
+        """Versions in the log."""
         if kept:
-            self._versions.restore(kept)
-            self._kept = len(kept)
-        for event in self._store.read("event"):
-            if isinstance(event, Event):
-                self._own(event)
-                self._follow(event)
-        newest = [v for v in self._versions if v.parent is None][-1]
+            self.versions.restore(kept)
+        for entry, record in records:
+            if isinstance(record, Event):
+                self._own(record)
+                self._follow(record, entry)
+        newest = [v for v in self.versions if v.parent is None][-1]
         if not kept or newest.hash != configured.hash:
-            number = 0 if not kept else len(self._versions)
+            number = 0 if not kept else len(self.versions)
             if kept:
-                again = [*self._versions, replace(configured, number=number)]
-                self._versions.restore(again)
-            self.keep_versions()
+                again = [*self.versions, replace(configured, number=number)]
+                self.versions.restore(again)
+            self._configured(number, reading)
+        elif not self.lives:
+            self._configured(newest.number, reading)
+
+    def _configured(self, number: int, reading: bool) -> None:
+        if reading:
+            self.lives.append(number)
+        else:
             self.switch(number, "configured", "as the twin file says")
 
     @property
@@ -81,34 +130,74 @@ class Ledger:
         others = [number for number in self.lives if number != self.champion]
         return others[-1] if others else None
 
-    def add(self, record: Record, row: int) -> None:
-        """Keeps a record; what it needs (its version) first."""
-        self.keep_versions()
-        self._store.append([record], row)
-        if isinstance(record, Event):
-            self._follow(record)
-        if isinstance(record, Answer):
-            self._estimates(record, row)
+    @property
+    def unfinished(self) -> Begun | None:
+        """The newest run, if it has not ended."""
+        return self.runs[-1] if self.runs and not self.runs[-1].over else None
 
-    def begin(self, row: int, time: int) -> None:
-        """A run begins, or goes on where one ended at ``row``: counts what was before it."""
-        goes_on = bool(
-            row and self._runs and (self._runs[-1].row, self._runs[-1].time) == (row, time)
-        )
-        before = [event.evidence for event in (self._runs[:-1] if goes_on else self._runs)]
-        self._before = _total(before, "tasks"), _total(before, "elapsed")
+    # ------------------------------------------------------------------ writing
 
-    def end(self, row: int, time: int, tasks: int, elapsed: int) -> None:
-        """A run ends; the next one counts its tasks from here, whether or not it was tuned in."""
-        before = {"tasks_before": self._before[0], "elapsed_before": self._before[1]}
-        evidence = {"tasks": tasks, "elapsed": elapsed, **before}
-        self.add(Event(row, time, "ran", "", f"{tasks} tasks", evidence), row)
+    def batch(self, records: Sequence[Record], row: int, run: int = 0) -> list[Kept]:
+        """What a decision adds to the log: new versions, records, the estimates in answers."""
+        said: list[Kept] = [self.versions[n] for n in range(self.kept, self.versions.known)]
+        for record in records:
+            said.append(record)
+            if isinstance(record, Answer):
+                said += self._estimates(record, row, run)
+        return said
 
-    def keep_versions(self) -> None:
-        """Keeps versions that are new."""
-        new = [self._versions[n] for n in range(self._kept, len(self._versions))]
-        self._store.append(new)
-        self._kept += len(new)
+    def commit(self, batch: Batch, *, wait: bool = True) -> None:
+        """Takes a batch of entries as `batch` gives them; raises before anything is written."""
+        begin = self.store.head.length
+        for record in batch.records:
+            if isinstance(record, Event):
+                self._check(record)
+        self.store.commit(batch, wait=wait)
+        for k, record in enumerate(batch.records):
+            if isinstance(record, Version):
+                self.kept += 1
+            if isinstance(record, Event):
+                self._follow(record, Entry(begin + k + 1, batch.run, "event", record.row, "", ""))
+
+    def say(self, *events: Event) -> None:
+        """Keeps what is said from outside of any run, with versions that are new."""
+        batch = self.batch(events, 0)
+        if batch:
+            self.commit(Batch(batch))
+        self.orders += [e for e in events if e.kind in ORDERS]
+
+    def switch(self, number: int, kind: str, reason: str) -> Event:
+        """Makes a version live by an event."""
+        version = self.versions[number]
+        evidence: dict[str, Any] = {"version": number, "hash": version.hash}
+        if kind == "configured":
+            evidence["twin"] = self._name
+        event = Event(self.row, 0, kind, "", f"version {number}: {reason}", evidence)
+        self.say(event)
+        return event
+
+    def pin(self, number: int | None, reason: str) -> Event:
+        """Pins a version, or lets go."""
+        if number is not None and not 0 <= number < len(self.versions):
+            raise UsageError(f"pin: there are versions 0 to {len(self.versions) - 1}")
+        chosen = self.champion if number is None else number
+        evidence = {"version": chosen, "pinned": number is not None}
+        said = f"version {chosen} pinned: {reason}" if number is not None else f"unpinned: {reason}"
+        event = Event(self.row, 0, "pinned", "", said, evidence)
+        self.say(event)
+        return event
+
+    @property
+    def row(self) -> int:
+        """Row from which on a run heeds what is said now: behind all that it has said and seen."""
+        run, seen = self.unfinished, self.store.progress()
+        if run is None:
+            return 0
+        said = [e.row for e in self.store.entries(run.position - 1) if e.run == run.number]
+        come = seen.rows if seen is not None and seen.run == run.number else 0
+        return max(*said, come - 1, self.at - 1) + 1
+
+    # ------------------------------------------------------------------ following
 
     def _own(self, event: Event) -> None:
         """Refuses the log of another twin: its history would be taken for this one's."""
@@ -119,61 +208,47 @@ class Ledger:
                 "[store] path of its own (a twin keeps its store only under its name)"
             )
 
-    def _follow(self, event: Event) -> None:
+    def _check(self, event: Event) -> None:
         number: Any = event.evidence.get("version")
+        known = isinstance(number, int) and number < len(self.versions)
+        if event.kind in SWITCHES and not known:
+            raise StoreError(f"log: event {event.kind!r} names no known version: {number}")
+
+    def _follow(self, event: Event, entry: Entry) -> None:
+        self._check(event)
+        number: Any = event.evidence.get("version")
+        if event.kind in ORDERS and entry.run == 0:
+            self.spoken = entry.number
         if event.kind in SWITCHES:
-            if not isinstance(number, int) or number >= len(self._versions):
-                raise StoreError(f"log: event {event.kind!r} names no known version: {number}")
             self.lives.append(number)
-        if event.kind == "ran":
-            started = event.evidence["tasks_before"]
-            self._runs = [e for e in self._runs if e.evidence["tasks_before"] != started] + [event]
-        if event.kind == "pinned":
+        elif event.kind == "pinned":
             self.pinned = bool(event.evidence["pinned"])
             if isinstance(number, int) and number != self.champion:
                 self.lives.append(number)
+        elif event.kind == "started":
+            self.runs.append(Begun(entry.run, entry.number, dict(event.evidence)))
+        elif event.kind == "ran":
+            self.runs[-1] = replace(self.runs[-1], ended=dict(event.evidence), last=entry.number)
 
-    def _estimates(self, answer: Answer, row: int) -> None:
+    def _estimates(self, answer: Answer, row: int, run: int) -> list[Estimate]:
         """The parameter history: one entry per tuned parameter."""
         content: Any = answer.content
         fit = content.get("fit")
         if not fit:
-            return
+            return []
         found = []
-        for name, item in fit["parameters"].items():
+        for name, item in sorted(fit["parameters"].items()):  # as an answer from the log has them
             low, high = item["interval95"]
             bounds = (-math.inf if low is None else low, math.inf if high is None else high)
             when = [int(content.get(key, 0)) for key in ("time", "task", "elapsed")]
             value, verdict = item["value"], item["verdict"]
-            counts = (*when[1:], *self._before)
+            counts = (*when[1:], *self.counts(run))
             found.append(
                 Estimate(row, when[0], answer.version, name, value, *bounds, verdict, *counts)
             )
-        self._store.append(found)
+        return found
 
-    def switch(self, number: int, kind: str, reason: str) -> Event:
-        """Makes a version live by an event."""
-        version = self._versions[number]
-        evidence: dict[str, Any] = {"version": number, "hash": version.hash}
-        if kind == "configured":
-            evidence["twin"] = self._name
-        event = Event(
-            version.row, 0, kind, "", f"version {number}: {reason}", evidence
-        )  # fmt: skip
-        self.add(event, version.row)
-        return event
-
-    def pin(self, number: int | None, reason: str) -> Event:
-        """Pins a version, or lets go."""
-        if number is not None and not 0 <= number < len(self._versions):
-            raise UsageError(f"pin: there are versions 0 to {len(self._versions) - 1}")
-        chosen = self.champion if number is None else number
-        evidence = {"version": chosen, "pinned": number is not None}
-        said = f"version {chosen} pinned: {reason}" if number is not None else f"unpinned: {reason}"
-        event = Event(0, 0, "pinned", "", said, evidence)
-        self.add(event, 0)
-        return event
-
-
-def _total(runs: Sequence[Mapping[str, Any]], key: str) -> int:
-    return sum(int(run[key]) for run in runs)
+    def counts(self, run: int) -> tuple[int, int]:
+        """Tasks of the runs before a run, and the time within them [ns]."""
+        ended = [one.ended for one in self.runs if one.ended is not None and one.number < run]
+        return sum(e["tasks"] for e in ended), sum(e["elapsed"] for e in ended)

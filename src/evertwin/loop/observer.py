@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -43,6 +43,13 @@ class Observer:
         self._told = 0
         self._seconds = 0.0
 
+    def restore(self, records: Iterable[Record], shown: Mapping[str, np.ndarray]) -> None:
+        """What was known at a checkpoint."""
+        for record in records:
+            self.record(record)
+        if shown:
+            self.trace.add(shown)
+
     def watch(self, state: TwinState, piece: Block, out: Followed) -> None:
         """One piece between beats."""
         at, nu = self.trace.places(piece.row), piece.u.shape[1]
@@ -72,10 +79,9 @@ class Observer:
             for name, item in fit.get("parameters", {}).items():
                 known = {k: item[k] for k in ("interval95", "verdict", "value")}
                 self.knowledge[name, item["value"]] = known
-            names = tuple(fit.get("parameters", {}))
             for item in content.get("rounds") or ():
                 kept = Round(*item)._asdict()
-                values = dict(zip(names, kept["values"], strict=True))
+                values = dict(zip(content["names"], kept["values"], strict=True))
                 self.rounds.append({"version": record.version, **kept, "values": values})
 
     def _known(self, parameters: Parameters) -> dict[str, dict[str, Any]]:

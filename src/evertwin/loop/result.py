@@ -78,6 +78,10 @@ class RunResult:
     """Rounds of tuning by iteration: version, deviation per output, tried, frozen, values."""
     left_out: tuple[Tally, ...] = ()
     """What was wrong with the recordings, and the rows left out for it, by source."""
+    passed: int = 0
+    """Rows that were passed over: runs before had them."""
+    began: int = 0
+    """Row of the run that it went on from, after it was cut off or at its end."""
 
     @property
     def problems(self) -> Mapping[str, int]:

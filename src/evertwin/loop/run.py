@@ -1,93 +1,228 @@
-"""One run from the first row to the last: blocks into the driver, records into the ledger.
+"""One run of a twin over recorded rows: blocks into the driver, what it says into the store.
 
->>> Run.__name__
-'Run'
+A run is repeated as often as it takes: where the rows are those of a run that the store knows, it
+goes on from its newest checkpoint, and what the log has already is compared with it and passed over
+(`evertwin.loop.seen`, `evertwin.loop.run_log`). Checkpoints are copied at the end of a piece and
+written by the store's thread while the fold goes on.
 """
 
 from __future__ import annotations
 
+import hashlib
 import logging
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, NamedTuple
 
-from evertwin.errors import UsageError
-from evertwin.fold import Block, Event, Record, take
+from evertwin.config import TwinSpec
+from evertwin.errors import StoreError
+from evertwin.fold import Answer, Block, Event, Record, canonical, copy
 from evertwin.loop.driver import Driver
 from evertwin.loop.feed import Data, Feed
-from evertwin.loop.ledger import Ledger
+from evertwin.loop.fingerprint import Followed as Prints
+from evertwin.loop.follow import Followed
+from evertwin.loop.ledger import Begun, Ledger
 from evertwin.loop.observer import Observer
 from evertwin.loop.rate import measured
 from evertwin.loop.result import RunResult
+from evertwin.loop.run_log import RunLog
+from evertwin.loop.seen import Place, find, later, rest
 from evertwin.loop.setup import Setup
 from evertwin.loop.twin_state import TwinState
-from evertwin.loop.versions import Versions
-from evertwin.store import Store
+from evertwin.store import Batch, Checkpoint
 
-__all__ = ["Run"]
+__all__ = ["Run", "settings_hash"]
 
 log = logging.getLogger("evertwin")
+SECONDS = 1.0
+"""Time from checkpoint to checkpoint where no rows are given: what a crash costs at most."""
+SHARE = 20.0
+"""A checkpoint waits at least this many times as long as copying the last one took."""
+ASIDE = {"name", "schema", "source", "derive", "store", "indicator", "prognosis", "work", "folder"}
+"""Settings that do not change what the fold makes of rows."""
 
 
-@dataclass(frozen=True)
+def settings_hash(spec: TwinSpec) -> str:
+    """Hash of all settings that the fold of given rows depends on.
+
+    >>> from evertwin.config.spec import ModelSpec
+    >>> spec = TwinSpec("cart", ModelSpec("robot1d"))
+    >>> settings_hash(spec) == settings_hash(replace(spec, name="lift"))
+    True
+    """
+    told = {f.name: getattr(spec, f.name) for f in fields(spec) if f.name not in ASIDE}
+    return hashlib.sha256(canonical(told).encode()).hexdigest()
+
+
+class _Come(NamedTuple):
+    """What a checkpoint says of how far its run had come."""
+
+    task: int
+    elapsed: int
+
+
+@dataclass
 class Run:
-    """What a run works with. See the module."""
+    """A run at work.
+
+    >>> Run.__name__
+    'Run'
+    """
 
     setup: Setup
-    versions: Versions
     ledger: Ledger
-    store: Store
+    observer: Observer
+    every: int = 0
+    """Rows from checkpoint to checkpoint; 0: by the time they take."""
+    log: RunLog = field(init=False)
+    driver: Driver = field(init=False)
+    _prints: Prints = field(default_factory=Prints, init=False)
+    _from: int = field(default=0, init=False)
+    """Row that the run went on from."""
+    _kept: int = field(default=0, init=False)
+    """Row of the last checkpoint."""
+    _due: float = field(default=0.0, init=False)
+    """When the next one is due."""
+    _lasting: bool = field(default=False, init=False)
+    """Are there any?"""
 
-    def run(self, data: Data, observer: Observer, every: int, *, again: bool) -> RunResult:
-        """Plays ``data``; ``again``: from the newest checkpoint on.
+    def play(self, data: Data, *, anew: bool, lasting: bool) -> RunResult:
+        """The rows of ``data`` that no run has had yet; or the run that has had them, again.
+
+        Args:
+            data: as `Feed` takes it.
+            anew: a run of its own, whatever the store has seen.
+            lasting: does the store outlive this process? Else nothing is looked for.
 
         Raises:
             DataError: a recording cannot be read.
-            UsageError: ``again``, and the store holds no checkpoint.
+            StoreError: the log has something else of this run.
         """
         began = time.perf_counter()
-        feed = Feed(self.setup.spec, self.setup.model)
-        rate, blocks = measured(feed.stream(data))
-        driver = Driver(
-            self.setup.at(rate), self.versions, self._keep(observer), observer.watch,
-            self.ledger.champion, self.ledger.pinned,
-        )  # fmt: skip
-        state = self._restored(driver) if again else driver.init()
-        kept = state.row
-        self.ledger.begin(state.row, state.time)
-        for block in blocks:
-            part = block if block.row >= state.row else _rest(block, state.row)
-            state = driver.step(state, part) if len(part.t) else state
-            if every and state.row - kept >= every:
-                kept = state.row
-                self.store.checkpoint(state, kept)
-        state = driver.finish(state)
-        self.ledger.keep_versions()
-        self.ledger.end(state.row, state.time, state.task + 1, state.elapsed)
-        self.store.checkpoint(state, state.row)
+        looked, feed = self._feed(), self._feed()
+        place, settings = Place(None, 0), settings_hash(self.setup.spec)
+        if lasting and not anew and not isinstance(data, Iterator):
+            place = find(self.ledger, looked.stream(data), settings)
+        self._give_up(place)
+        self._lasting = lasting or self.every > 0
+        self._due = began + SECONDS
+        rate, blocks = measured(later(feed.stream(data), place.offset))
+        self.setup = self.setup.at(rate)
+        state, over = self._begun(place.run, settings)
+        for block in () if over else blocks:
+            state = self._step(state, block)
+        if not over:
+            state = self._finished(state)
+        self.log.end()
         seconds = time.perf_counter() - began
-        result = observer.result(driver, state, seconds)
+        result = self.observer.result(self.driver, state, seconds)
         log.info("%s: %d rows in %.2f s", self.setup.spec.name, state.row, seconds)
-        return replace(result, left_out=feed.left_out)
+        left_out = (looked if over else feed).left_out
+        return replace(result, left_out=left_out, passed=place.offset, began=self._from)
 
-    def _restored(self, driver: Driver) -> TwinState:
-        state = driver.restored(self.store)
-        if state is None:
-            raise UsageError("resume: the store holds no checkpoint: start with run")
-        self.ledger.switch(state.live.version, "resumed", f"from the checkpoint at row {state.row}")
+    def _feed(self) -> Feed:
+        return Feed(self.setup.spec, self.setup.model)
+
+    def _give_up(self, place: Place) -> None:
+        """A run that was cut off ends here when another one begins."""
+        left = self.ledger.unfinished
+        if left is None or place.run is left:
+            return
+        found = self.ledger.store.restore(_Come(-1, 0), left.number)
+        task, elapsed = (-1, 0) if found is None else found.state
+        evidence = {
+            "tasks": task + 1,
+            "elapsed": elapsed,
+            "rows": 0,
+            "digest": "",
+            "given_up": True,
+        }
+        said = f"run {left.number} was cut off and is given up: other rows were run"
+        event = Event(self.ledger.row, 0, "ran", "", said, evidence)
+        self.ledger.commit(Batch([event], run=left.number))
+        log.warning("%s", said)
+
+    def _begun(self, known: Begun | None, settings: str) -> tuple[TwinState, bool]:
+        """The state that the run goes on from; is it that of its end?"""
+        ledger = self.ledger
+        told: dict[str, Any] = {"champion": ledger.champion, "pinned": ledger.pinned}
+        told |= {} if known is None else known.evidence
+        self.driver = Driver(
+            self.setup, ledger.versions, self._say, self._watch, told["champion"], told["pinned"]
+        )
+        if known is None:
+            found, self.log = None, RunLog.begin(ledger, {"settings": settings}, self._prints)
+        else:
+            found = self._restored(known)
+            self.log = RunLog.again(ledger, known, found, self._prints)
+        self.driver.outside = self.log
+        if known is not None and found is not None:
+            self.observer.restore(self._said(known, found.length), found.shown)
+            log.info("run %d goes on from row %d", known.number, found.row)
+        self.observer.trace.remembers = self._lasting
+        state: TwinState = self.driver.init() if found is None else found.state
+        self._kept = self._from = ledger.at = state.row
+        over = known is not None and known.over and found is not None and not self.log.repeats
+        return state, over
+
+    def _restored(self, known: Begun) -> Checkpoint | None:
+        """The newest checkpoint of a run; None: it has to be folded from its first row."""
+        try:
+            return self.driver.restored(self.ledger.store, known.number)
+        except StoreError as error:
+            log.warning("run %d is folded from its first row: %s", known.number, error)
+            return None
+
+    def _said(self, known: Begun, length: int) -> Iterator[Record]:
+        """What a run said up to a position in the log."""
+        store = self.ledger.store
+        for entry in store.entries(known.position, ("event", "answer")):
+            if entry.run == known.number and entry.number <= length:
+                record = store.record(entry)
+                if isinstance(record, Answer) or (
+                    isinstance(record, Event) and record.kind != "ran"
+                ):
+                    yield record
+
+    def _step(self, state: TwinState, block: Block) -> TwinState:
+        self._prints.begin(block)
+        for part in rest([block], state.row):
+            state = self.driver.step(state, part)
         return state
 
-    def _keep(self, observer: Observer) -> Callable[[int, Record], None]:
-        def keep(row: int, record: Record) -> None:
-            self.ledger.add(record, row)
-            observer.record(record)
+    def _say(self, row: int, records: Sequence[Record]) -> None:
+        self.log.say(row, records)
+        for record in records:
+            self.observer.record(record)
             if isinstance(record, Event):
                 log.info("row %d: %s %s: %s", row, record.kind, record.signal, record.reason)
 
-        return keep
+    def _watch(self, state: TwinState, piece: Block, out: Followed) -> None:
+        """After each piece: what is shown of it; a checkpoint where one is due."""
+        self.observer.watch(state, piece, out)
+        self.ledger.at = state.row
+        if not self._lasting or self.log.repeats:
+            return
+        now = time.perf_counter()
+        if state.row - self._kept >= self.every if self.every else now >= self._due:
+            self.log.say(state.row, (), self._of(copy(state)))
+            took = time.perf_counter() - now
+            self._kept, self._due = state.row, now + max(SECONDS, SHARE * took)
 
+    def _of(self, state: TwinState) -> Checkpoint:
+        shown = self.observer.trace.fresh()
+        return Checkpoint(state.row, state, self.log.run.number, shown=shown)
 
-def _rest(block: Block, row: int) -> Block:
-    """The rows of a block from number ``row`` on; none where it ends before."""
-    n = len(block.t)
-    return take(block, min(row - block.row, n), n)
+    def _finished(self, state: TwinState) -> TwinState:
+        """The end of the data, and of the run."""
+        if state.row == 0:
+            return state
+        state = self.driver.finish(state)
+        evidence: dict[str, Any] = {
+            "tasks": state.task + 1, "elapsed": state.elapsed, "rows": state.row,
+            "digest": self._prints.at(state.row), "given_up": False,
+        }  # fmt: skip
+        ran = Event(state.row, state.time, "ran", "", f"{state.task + 1} tasks", evidence)
+        self.log.say(state.row, [ran], self._of(state) if self._lasting else None)
+        return state

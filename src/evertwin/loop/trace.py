@@ -33,8 +33,11 @@ class Trace:
     """Rows kept at most."""
     step: int = 1
     """Every how many rows one is kept."""
+    remembers: bool = False
+    """Is what was added kept for `fresh` too?"""
     _room: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
     _kept: int = 0
+    _fresh: list[dict[str, np.ndarray]] = field(default_factory=list, repr=False)
 
     def places(self, row: int) -> slice:
         """Which rows of a piece that starts at ``row`` are worth handing to `add`."""
@@ -42,6 +45,8 @@ class Trace:
 
     def add(self, columns: Mapping[str, np.ndarray]) -> None:
         """More rows; ``row`` numbers them, increasing."""
+        if self.remembers:
+            self._fresh.append(dict(columns))
         if not self._room:
             # pages that are never written take no memory
             self._room = {
@@ -59,6 +64,12 @@ class Trace:
                 return
             at = int(wanted[len(part)])
             self._thin()
+
+    def fresh(self) -> dict[str, np.ndarray]:
+        """What was added since the last call: adding it to a trace as old makes the same trace."""
+        parts, self._fresh = self._fresh, []
+        names = parts[0] if parts else {}
+        return {name: np.concatenate([part[name] for part in parts]) for name in names}
 
     def _thin(self) -> None:
         """Drops every second row."""

@@ -68,6 +68,11 @@ class Versions:
         self._known = version.number + 1
         return version
 
+    @property
+    def known(self) -> int:
+        """Versions so far, where the fold is; fewer than there are while it repeats itself."""
+        return self._known
+
     def rewind(self, count: int) -> None:
         """As it was with ``count`` versions; later ones keep their numbers."""
         self._known = count

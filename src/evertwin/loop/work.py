@@ -106,7 +106,9 @@ class Work:
             return solve(problem), {}
         limit = self.setup.requirement if np.isfinite(self.setup.requirement) else 0.05
         done = Iteration(limit=limit, relaxation=rule.relaxation).run(problem)
-        return done.fit, {"rounds": done.rounds, "simulations": done.simulations}
+        return done.fit, {
+            "rounds": done.rounds, "names": done.fit.names, "simulations": done.simulations,
+        }  # fmt: skip
 
     def fit(self, version: Version, windows: Windows, tunings: int) -> dict[str, Any]:
         """Tunes, and judges what the residual of the tuned model still says."""

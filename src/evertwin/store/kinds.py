@@ -116,7 +116,7 @@ def row_of(record: Kept, row: int | None) -> int:
     """
     own = getattr(record, "row", row)
     if own is None:
-        raise StoreError(f"{kind_of(record)}: needs the row that it precedes: append(..., row=...)")
+        raise StoreError(f"{kind_of(record)}: needs the row that it precedes: Batch(row=...)")
     return int(own)
 
 

@@ -1,61 +1,82 @@
-"""The store as one SQLite file: write-ahead log, full synchronisation, one transaction an append.
+"""The store as one SQLite file: one transaction a batch, or several batches where more wait.
 
 One table ``log`` holds every record in order, chained by hashes; the views ``events``,
 ``requests``, ``answers``, ``versions`` and ``estimates`` show each kind as columns to any SQLite
-tool. Checkpoints are NumPy archives without pickle.
+tool. States are kept in pieces (`evertwin.store.pieces`). Nothing is ever unpickled.
 
 >>> from evertwin.fold import Event
 >>> store = SqliteStore(":memory:")
->>> store.append([Event(row=7, time=70, kind="tuned", signal="Fc", reason="torque off by 9 %")])
+>>> tuned = Event(row=7, time=70, kind="tuned", signal="Fc", reason="torque off by 9 %")
+>>> store.commit(Batch([tuned])).length
+1
 >>> [event.kind for event in store.read("event", 0, 10)], store.verify()
 (['tuned'], 1)
 """
 
 from __future__ import annotations
 
-import hashlib
-import sqlite3
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+import logging
+import os
+import sys
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
-from evertwin.errors import StoreError
-from evertwin.fold.state import load, save
-from evertwin.store.chain import Entry, Head, link, verify
-from evertwin.store.contract import Checkpoint
+from evertwin.errors import StoreDamaged, StoreError
+from evertwin.fold import Chunk
+from evertwin.store.arrays import pack, unpack
+from evertwin.store.chain import SEED, Entry, Head, chained, link
+from evertwin.store.checkpoints import Checkpoints
+from evertwin.store.contract import Batch, Checkpoint, Progress
+from evertwin.store.database import MEMORY, Database
 from evertwin.store.kinds import KINDS, Kept, decode, encode, kind_of, loads, row_of
 from evertwin.store.lock import Lock
+from evertwin.store.pieces import name_of, proof
+from evertwin.store.writer import Writer
 
 __all__ = ["SqliteStore"]
 
 S = TypeVar("S")
-MEMORY = ":memory:"
-SCHEMA = 1
-APPLICATION = 0x45565457  # "EVTW", in the file's header
-DAMAGE = (sqlite3.DatabaseError, UnicodeDecodeError)
-"""What SQLite raises where a file is damaged: a schema that is no text is not its own error."""
-KEPT = 3
-"""Checkpoints that stay; older ones only as entries of the log."""
+log = logging.getLogger("evertwin")
+LOOKED_AT = 20_000
+"""Entries that are verified when a store is opened: the next ones, again and again around."""
+LINKED = (
+    "SELECT l.number, l.run, l.kind, l.row, l.content, l.hash, p.hash FROM log l "
+    "LEFT JOIN log p ON p.number = l.number - 1 WHERE "
+)
 
-TABLES = """
-CREATE TABLE head (one INTEGER PRIMARY KEY CHECK (one = 1), length INTEGER, hash TEXT);
-CREATE TABLE log (number INTEGER PRIMARY KEY, kind TEXT NOT NULL, row INTEGER NOT NULL,
-                  content TEXT NOT NULL, hash TEXT NOT NULL);
-CREATE INDEX log_kind_row ON log (kind, row);
-CREATE TABLE checkpoints (number INTEGER PRIMARY KEY, row INTEGER NOT NULL, state BLOB NOT NULL);
-CREATE TRIGGER log_is_final BEFORE UPDATE ON log
-    BEGIN SELECT RAISE(ABORT, 'the log is append-only'); END;
-CREATE TRIGGER log_is_kept BEFORE DELETE ON log
-    BEGIN SELECT RAISE(ABORT, 'the log is append-only'); END;
-"""
-VIEWS = {
-    "answer": ("id", "version", "content"),
-    "estimate": ("time", "version", "name", "value", "low", "high", "verdict"),
-    "event": ("time", "kind", "signal", "reason", "evidence"),
-    "request": ("id", "kind", "version", "due", "window", "detail"),
-    "version": ("number", "parent", "hash", "form", "names", "values", "reason"),
-}
+
+class _Job(NamedTuple):
+    """A batch, ready to be written."""
+
+    entries: tuple[Entry, ...]
+    batch: Batch
+
+
+class _Pages:
+    """The tables, written batch by batch."""
+
+    def __init__(self, database: Database, checkpoints: Checkpoints) -> None:
+        self.database = database
+        self.checkpoints = checkpoints
+        self.verified = 0
+
+    def write(self, jobs: list[_Job]) -> None:
+        """Several batches in one transaction."""
+        newest = next((k for k in reversed(range(len(jobs))) if jobs[k].batch.checkpoint), -1)
+        with self.database.transaction() as db:
+            for k, (entries, batch) in enumerate(jobs):
+                db.executemany("INSERT INTO samples VALUES (NULL, ?, ?, ?, ?, ?, ?)",
+                               (_sample(chunk) for chunk in batch.chunks))  # fmt: skip
+                db.executemany("INSERT INTO log VALUES (?, ?, ?, ?, ?, ?)", entries)
+                if entries:
+                    end = (entries[-1].number, entries[-1].hash, self.verified)
+                    db.execute("UPDATE head SET length = ?, hash = ?, verified = ?", end)
+                if batch.progress is not None:
+                    db.execute("INSERT OR REPLACE INTO progress VALUES (1, ?, ?, ?, ?)",
+                               (*batch.progress, proof(*batch.progress)))  # fmt: skip
+                if batch.checkpoint is not None:
+                    self.checkpoints.write(db, batch.checkpoint, whole=k == newest)
 
 
 class SqliteStore:
@@ -64,9 +85,9 @@ class SqliteStore:
     >>> store = SqliteStore(":memory:")
     >>> store.restore((0.0,)) is None
     True
-    >>> store.checkpoint((1.5,), row=10)
-    >>> store.restore((0.0,))
-    Checkpoint(row=10, state=(1.5,))
+    >>> _ = store.commit(Batch(checkpoint=Checkpoint(10, (1.5,))))
+    >>> store.restore((0.0,)).state
+    (1.5,)
     """
 
     def __init__(self, path: str | Path, *, read_only: bool = False) -> None:
@@ -78,7 +99,8 @@ class SqliteStore:
 
         Raises:
             StoreLocked: another process has it.
-            StoreError: it is no store, is damaged, or was written by a newer evertwin.
+            StoreDamaged: it does not match its hashes.
+            StoreError: it is no store, or was written by a newer evertwin.
         """
         self.path = str(path)
         self._read_only = read_only
@@ -87,179 +109,237 @@ class SqliteStore:
         if read_only and not Path(path).is_file():
             raise StoreError(f"{path}: no such store")
         self._lock = Lock(Path(path)) if stored and not read_only else None
-        self._db = self._guarded(self._connect)
         try:
-            self._guarded(self._prepare)
+            self._db = Database(self.path, read_only=read_only)
         except StoreError:
-            self.close()
+            self._release()
+            raise
+        try:
+            self._checkpoints = Checkpoints(self._db)
+            self._pages = _Pages(self._db, self._checkpoints)
+            self._writer = Writer(self._pages, threaded=stored)
+            self._head, self._pages.verified = self._found_head()
+            if not read_only:
+                self.look()
+        except StoreError:
+            self._db.close()
+            self._release()
             raise
 
-    def _connect(self) -> sqlite3.Connection:
-        if not self._read_only:
-            return sqlite3.connect(self.path, timeout=5, isolation_level=None)
-        address = f"{Path(self.path).resolve().as_uri()}?mode=ro"
-        return sqlite3.connect(address, timeout=5, isolation_level=None, uri=True)
+    # ------------------------------------------------------------------ writing
 
-    def _prepare(self) -> None:
-        """Create what is missing, refuse what is foreign."""
-        (version,) = self._db.execute("PRAGMA user_version").fetchone()
-        (application,) = self._db.execute("PRAGMA application_id").fetchone()
-        (tables,) = self._db.execute("SELECT count(*) FROM sqlite_master").fetchone()
-        if tables and application != APPLICATION:
-            raise StoreError(f"{self.path}: a database of another program, expected a store")
-        if version > SCHEMA:
-            raise StoreError(
-                f"{self.path}: written by a newer evertwin (schema {version}, this one reads up to "
-                f"{SCHEMA}): upgrade evertwin"
-            )
-        if not self._read_only:
-            self._db.execute("PRAGMA journal_mode = WAL")
-            self._db.execute("PRAGMA synchronous = FULL")
-        if not tables:
-            self._create()
+    @property
+    def head(self) -> Head:
+        """Where the log ends."""
+        return self._found_head()[0] if self._read_only else self._head
 
-    def _create(self) -> None:
-        with self._transaction():
-            for statement in _statements(TABLES):
-                self._db.execute(statement)
-            for kind, columns in VIEWS.items():
-                fields = ", ".join(f"json_extract(content, '$.{c}') AS \"{c}\"" for c in columns)
-                self._db.execute(
-                    f"CREATE VIEW {kind}s AS SELECT row, {fields} FROM log WHERE kind = '{kind}'"
-                )
-            self._db.execute("INSERT INTO head VALUES (1, ?, ?)", Head())
-            self._db.execute(f"PRAGMA application_id = {APPLICATION}")
-            self._db.execute(f"PRAGMA user_version = {SCHEMA}")
+    def commit(self, batch: Batch, *, wait: bool = True) -> Head:
+        """Takes a batch, after those before it; the head of the log with it."""
+        self._check_open()
+        if self._read_only:
+            raise StoreError(f"{self.path}: opened read only")
+        entries = self._linked(batch)
+        size = sum(len(entry.content) for entry in entries)
+        size += sum(chunk.t.nbytes + chunk.v.nbytes for chunk in batch.chunks)
+        self._writer.put(_Job(entries, batch), size)
+        if entries:
+            self._head = Head(entries[-1].number, entries[-1].hash)
+        if wait:
+            self._writer.flush()
+        return self._head
 
-    def append(self, records: Sequence[Kept], row: int | None = None) -> None:
-        """Add records to the log, in order, all or none; returns when they are durable."""
-        lines = [(kind_of(item), row_of(item, row), encode(item)) for item in records]
-        if not lines:
-            return
-        with self._writing():
-            for kind, known, content in lines:
-                self._add(kind, known, content)
+    def _linked(self, batch: Batch) -> tuple[Entry, ...]:
+        """The batch's records as entries behind the head."""
+        entries, at = [], self._head
+        for record in batch.records:
+            told = (batch.run, kind_of(record), row_of(record, batch.row), encode(record))
+            number = at.length + 1
+            entries.append(Entry(number, *told, link(at.hash, number, *told)))
+            at = Head(number, entries[-1].hash)
+        return tuple(entries)
 
-    def _add(self, kind: str, row: int, content: str) -> None:
-        before = self._head()
-        number = before.length + 1
-        entry = Entry(number, kind, row, content, link(before.hash, number, kind, row, content))
-        self._db.execute("INSERT INTO log VALUES (?, ?, ?, ?, ?)", entry)
-        self._db.execute("UPDATE head SET length = ?, hash = ?", (number, entry.hash))
+    def flush(self) -> None:
+        """Returns when everything is durable."""
+        self._writer.flush()
 
-    def _head(self) -> Head:
-        found = self._query("SELECT length, hash FROM head", ())
-        return Head(*found[0]) if found else Head()
+    def forget_chunks(self, before: int) -> None:
+        """Samples with smaller numbers may go; numbers are never used again."""
+        self.flush()
+        with self._db.transaction() as db:
+            db.execute("DELETE FROM samples WHERE number < ?", (before,))
+
+    # ------------------------------------------------------------------ reading
 
     def read(self, kind: str, start: int = 0, stop: int | None = None) -> tuple[Kept, ...]:
         """Records of one kind whose row is in [start, stop), in the order of the log."""
         if kind not in KINDS:
             raise StoreError(f"expected one of {', '.join(KINDS)}, got {kind!r}")
         end = 2**63 - 1 if stop is None else stop
-        query = "SELECT content FROM log WHERE kind = ? AND row >= ? AND row < ? ORDER BY number"
-        found = self._query(query, (kind, start, end))
-        return tuple(decode(kind, self._parsed(text)) for (text,) in found)
+        where = "l.kind = ? AND l.row >= ? AND l.row < ? ORDER BY l.number"
+        found = self._entries(where, (kind, start, end))
+        return tuple(self.record(entry) for entry in found)
 
-    def _parsed(self, text: str) -> Any:
+    def entries(self, after: int = 0, kinds: Sequence[str] = ()) -> tuple[Entry, ...]:
+        """Entries of the log behind a position, in order; of some kinds, or all."""
+        chosen = f" AND l.kind IN ({', '.join('?' * len(kinds))})" if kinds else ""
+        return self._entries(f"l.number > ?{chosen} ORDER BY l.number", (after, *kinds))
+
+    def _entries(self, where: str, values: Sequence[Any]) -> tuple[Entry, ...]:
+        """Entries, each checked against its hash and the one before."""
+        found = []
+        for *fields, before in self._query(LINKED + where, values):
+            entry = Entry(*fields)
+            known = SEED if entry.number == 1 else before or ""
+            found.append(entry)
+            chained([entry], Head(entry.number - 1, known))
+        return tuple(found)
+
+    def record(self, entry: Entry) -> Kept:
+        """The record that an entry holds."""
         try:
-            return loads(text)
+            return decode(entry.kind, loads(entry.content))
         except ValueError as error:
-            raise StoreError(f"{self.path}: an entry is no JSON text: verify the store") from error
+            raise StoreDamaged(f"{self.path}: entry {entry.number} is no JSON text") from error
 
-    def checkpoint(self, state: Any, row: int) -> None:
-        """Keep ``state`` as it is before ``row``; durable."""
-        content = save(state)
-        digest = hashlib.sha256(content).hexdigest()
-        with self._writing():
-            self._add("checkpoint", row, f'{{"hash":"{digest}","row":{row}}}')
-            number = self._head().length
-            self._db.execute("INSERT INTO checkpoints VALUES (?, ?, ?)", (number, row, content))
-            self._db.execute(
-                "DELETE FROM checkpoints WHERE number NOT IN "
-                f"(SELECT number FROM checkpoints ORDER BY number DESC LIMIT {KEPT})"
-            )
-
-    def restore(self, like: S, before: int | None = None) -> Checkpoint | None:
-        """The newest checkpoint (before a row), in the shape of ``like``; None if there is none."""
+    def read_chunks(self, start: int = 1, stop: int | None = None) -> Iterator[tuple[int, Chunk]]:
+        """Samples by number (from 1, in order of arrival), those in [start, stop) that are kept."""
+        end, at = 2**63 - 1 if stop is None else stop, start
         query = (
-            "SELECT c.row, c.state, l.content FROM checkpoints c LEFT JOIN log l "
-            "ON l.number = c.number AND l.kind = 'checkpoint' "
-            "WHERE c.row < ? ORDER BY c.number DESC LIMIT 1"
+            "SELECT number, source, task, start, stop, content, hash FROM samples "
+            "WHERE number >= ? AND number < ? ORDER BY number LIMIT 100"
         )
-        found = self._query(query, (2**63 - 1 if before is None else before,))
-        if not found:
-            return None
-        row, content, entry = found[0]
-        named = self._parsed(entry)["hash"] if entry else ""
-        if hashlib.sha256(content).hexdigest() != named:
-            raise StoreError(
-                f"{self.path}: the checkpoint before row {row} does not match its hash: restore an "
-                f"earlier one with before={row}, or a backup"
-            )
-        return Checkpoint(row, load(content, like))
+        while found := self._query(query, (at, end)):
+            for number, source, task, first, last, content, digest in found:
+                if proof(source, task, first, last, name_of(content)) != digest:
+                    raise StoreDamaged(f"{self.path}: sample {number} does not match its hash")
+                arrays = unpack(content)
+                yield number, Chunk(source, arrays["t"], arrays["v"], task)
+            at = found[-1][0] + 1
 
-    def verify(self) -> int:
+    def restore(
+        self, like: S, run: int | None = None, before: int | None = None
+    ) -> Checkpoint | None:
+        """The newest sound checkpoint (of a run, before a row) in the shape of ``like``."""
+        self.flush()
+        self._check_open()
+        return self._checkpoints.restore(like, run, before)
+
+    def progress(self) -> Progress | None:
+        """How far the newest run has come; None: not known."""
+        found = self._query("SELECT run, rows, digest, hash FROM progress")
+        sound = found and proof(*found[0][:3]) == found[0][3]
+        return Progress(*found[0][:3]) if sound else None
+
+    # ------------------------------------------------------------------ soundness
+
+    def verify(self, head: Head | None = None) -> int:
         """Number of entries, all of which match the chain; names the first that does not."""
-        # The chain holds the table; what is read through the index must be all of it.
-        ((said, *_), *_) = self._query("PRAGMA integrity_check(1)", ())
+        self._check_pages("1")
+        at, given = Head(), head or Head()
+        while part := self._stored(at.length, LOOKED_AT):
+            inside = [entry for entry in part if entry.number <= given.length]
+            passed = chained(inside, at)
+            if inside and passed.length == given.length and passed.hash != given.hash:
+                raise StoreDamaged(
+                    f"log: entry {given.length} has hash {passed.hash[:12]}, expected "
+                    f"{given.hash[:12]}: the log was rewritten after that head was printed"
+                )
+            at = chained(part[len(inside) :], passed)
+        self._check_end(at)
+        if at.length < given.length:
+            raise StoreDamaged(f"log: it ends with entry {at.length}, expected {given.length}")
+        for _ in self.read_chunks():
+            pass
+        self._checkpoints.verify()
+        return at.length
+
+    def look(self) -> None:
+        """Verifies the entries whose turn it is: all of a short log, a share of a long one.
+
+        Raises:
+            StoreDamaged: names the first that does not match.
+        """
+        begin = self._pages.verified if self._pages.verified < self._head.length else 0
+        before = self._query("SELECT hash FROM log WHERE number = ?", (begin,)) if begin else ()
+        start = Head(begin, before[0][0] if before else SEED)
+        at = chained(self._stored(begin, LOOKED_AT), start)
+        if at.length - begin < LOOKED_AT:
+            self._check_end(at)
+        if self._head.length <= LOOKED_AT:
+            self._check_pages("log")
+        self._pages.verified = at.length
+
+    def _stored(self, after: int, most: int) -> list[Entry]:
+        query = (
+            "SELECT number, run, kind, row, content, hash FROM log WHERE number > ? "
+            "ORDER BY number LIMIT ?"
+        )
+        return [Entry(*fields) for fields in self._query(query, (after, most))]
+
+    def _check_pages(self, what: str) -> None:
+        """The chain holds the table; what is read through the index must be all of it."""
+        ((said, *_), *_) = self._query(f"PRAGMA integrity_check({what})")
         if said != "ok":
-            raise StoreError(f"{self.path}: damaged: {said}: restore a backup")
-        rows = self._query("SELECT number, kind, row, content, hash FROM log ORDER BY number", ())
-        return verify((Entry(*row) for row in rows), self._head())
+            raise StoreDamaged(f"{self.path}: damaged: {said}")
+
+    def _check_end(self, at: Head) -> None:
+        head, _ = self._found_head()
+        if at != head:
+            raise StoreDamaged(
+                f"log: it ends with entry {at.length}, expected entry {head.length} with hash "
+                f"{head.hash[:12]}: the end was cut off or changed"
+            )
+
+    def _found_head(self) -> tuple[Head, int]:
+        found = self._query("SELECT length, hash, verified FROM head")
+        if [type(value) for value in found[:1] and found[0]] != [int, str, int]:
+            raise StoreDamaged(f"{self.path}: where the log ends is lost")
+        length, digest, verified = found[0]
+        return Head(length, digest), verified
+
+    # ------------------------------------------------------------------ the file
+
+    def backup(self, path: Path) -> None:
+        """A copy of everything that is durable, whole or not at all, while work goes on."""
+        self.flush()
+        self._check_open()
+        part = path.with_name(path.name + ".part")
+        part.unlink(missing_ok=True)
+        self._db.copy_to(part)
+        with part.open("rb") as written:
+            os.fsync(written.fileno())
+        part.replace(path)
 
     def close(self) -> None:
-        """Release the store; a second call does nothing."""
+        """Makes all durable and releases the store; a second call does nothing."""
         if self._open:
             self._open = False
+            self._writer.close()
             self._db.close()
-            if self._lock is not None:
-                self._lock.release()
+            self._release()
+            self._writer.check()
 
-    def _query(self, text: str, values: tuple[Any, ...]) -> list[Any]:
+    def __del__(self) -> None:
+        """Who forgot to close it leaves neither a lock nor a thread."""
+        if not sys.is_finalizing() and hasattr(self, "_writer"):
+            self.close()
+
+    def _release(self) -> None:
+        if self._lock is not None:
+            self._lock.release()
+
+    def _query(self, text: str, values: Sequence[Any] = ()) -> list[Any]:
         self._check_open()
-        found: list[Any] = self._guarded(lambda: self._db.execute(text, values).fetchall())
-        return found
+        self.flush()
+        return self._db.query(text, values)
 
     def _check_open(self) -> None:
         if not self._open:
             raise StoreError(f"{self.path}: the store is closed")
 
-    @contextmanager
-    def _writing(self) -> Iterator[None]:
-        self._check_open()
-        if self._read_only:
-            raise StoreError(f"{self.path}: opened read only")
-        try:
-            with self._transaction():
-                yield
-        except DAMAGE as error:
-            raise self._translated(error) from error
 
-    @contextmanager
-    def _transaction(self) -> Iterator[None]:
-        self._db.execute("BEGIN IMMEDIATE")
-        try:
-            yield
-            self._db.execute("COMMIT")
-        finally:
-            if self._db.in_transaction:
-                self._db.execute("ROLLBACK")
-
-    def _guarded(self, make: Callable[[], Any]) -> Any:
-        try:
-            return make()
-        except DAMAGE as error:
-            raise self._translated(error) from error
-
-    def _translated(self, error: Exception) -> StoreError:
-        return StoreError(f"{self.path}: {error}: check the disk, or restore a backup")
-
-
-def _statements(script: str) -> Iterator[str]:
-    """The statements of a script; ``executescript`` would commit on its own."""
-    text = ""
-    for line in script.strip().splitlines():
-        text += line + "\n"
-        if sqlite3.complete_statement(text):
-            yield text
-            text = ""
+def _sample(chunk: Chunk) -> tuple[Any, ...]:
+    """A chunk as a row of the table."""
+    content = pack({"t": chunk.t, "v": chunk.v})
+    told = (chunk.source, chunk.task, int(chunk.t[0]), int(chunk.t[-1]))
+    return (*told, content, proof(*told, name_of(content)))

@@ -1,0 +1,233 @@
+"""A store that outlives runs: rows are run once, whoever stops, and whatever is named again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evertwin.errors import StoreError
+from evertwin.fold import Block, Event, concatenate, take
+from evertwin.fold.span import Span
+from evertwin.loop.result import RunResult
+from evertwin.models.form import Form
+from evertwin.store import Batch, SqliteStore
+from evertwin.twin import Twin
+
+from .machines import robot
+
+Log = list[tuple[int, str, int, str]]
+
+
+class PowerFailure(Exception):
+    """The machine under the twin stops."""
+
+
+def until(rows: Block, stop: int) -> Iterator[Block]:
+    yield take(rows, 0, stop)
+    raise PowerFailure
+
+
+def day(number: int) -> Block:
+    """A day's recording: its stamps are its own."""
+    rows = robot().rows
+    return rows._replace(t=rows.t + number * 86_400 * 10**9, y=rows.y + 1e-9 * number)
+
+
+def both() -> Block:
+    """Monday and Tuesday as one recording of two tasks."""
+    first, second = day(1), day(2)
+    n = len(first.t)
+    gap = second.gap.copy()
+    gap[0] = True
+    return concatenate([first, second._replace(row=n, task=second.task + 1, gap=gap)])
+
+
+def log(store: SqliteStore) -> Log:
+    return [entry[1:5] for entry in store.entries()]
+
+
+def twin(store: SqliteStore, **changes: Any) -> Twin:
+    return Twin(replace(robot().spec, **changes), store=store)
+
+
+def same(a: RunResult, b: RunResult) -> None:
+    """Everything but the time it took."""
+    for one, other in ((a.to_dict(), b.to_dict()),):
+        assert one | {"seconds": 0} == other | {"seconds": 0}  # type: ignore[operator]
+    assert a.trace.keys() == b.trace.keys()
+    for name, column in a.trace.items():
+        assert np.array_equal(column, b.trace[name], equal_nan=column.dtype.kind == "f"), name
+
+
+def test_monday_and_tuesday_are_both_there() -> None:
+    store = SqliteStore(":memory:")
+    for number in (1, 2):
+        result = twin(store).run([day(number)])
+        assert result.samples == len(day(number).t)
+    ran = [e.evidence for e in events(store, "ran")]
+    assert [e["tasks"] for e in ran] == [1, 1]
+    assert [e.evidence["tasks_before"] for e in events(store, "started")] == [0, 1]
+    assert [e.run for e in store.entries() if e.kind == "event" and '"promoted"' in e.content]
+
+
+def test_a_run_that_is_repeated_shows_what_it_showed_and_adds_nothing() -> None:
+    store = SqliteStore(":memory:")
+    first = twin(store).run([day(1)])
+    kept = log(store)
+    same(twin(store).run([day(1)]), first)
+    twin(store).run([day(2)])
+    later = log(store)
+    same_but_versions = twin(store).run([day(1)])  # an older run is folded again, from the log
+    assert same_but_versions.events == first.events and log(store) == later
+    assert kept == later[: len(kept)]
+    again = twin(store).run([day(1)], again=True)
+    assert again.samples == first.samples and len(log(store)) > len(later)
+
+
+def test_rows_of_runs_before_are_passed_over() -> None:
+    one, other = SqliteStore(":memory:"), SqliteStore(":memory:")
+    for number in (1, 2):
+        twin(one).run([day(number)])
+    twin(other).run([day(1)])
+    result = twin(other).run([both()])
+    assert result.samples == len(day(2).t) and log(other) == log(one)
+    twin(other).run([both()])
+    assert log(other) == log(one)
+
+
+@pytest.mark.parametrize("stop", [0.1, 0.5, 0.9])
+def test_an_interrupted_command_repeated_gives_the_unbroken_result(stop: float) -> None:
+    whole, broken = SqliteStore(":memory:"), SqliteStore(":memory:")
+    first = twin(whole).run([day(1)])
+    with pytest.raises(PowerFailure):
+        twin(broken).run(until(day(1), int(stop * len(day(1).t))), every=50)
+    same(twin(broken).run([day(1)]), first)
+    assert log(broken) == log(whole)
+
+
+def test_what_was_cut_off_is_given_up_for_other_rows() -> None:
+    store = SqliteStore(":memory:")
+    with pytest.raises(PowerFailure):
+        twin(store).run(until(day(1), 200), every=50)
+    twin(store).run([day(2)])
+    given_up = events(store, "ran")[0]
+    assert given_up.evidence["given_up"] and given_up.evidence["tasks"] == 1
+    assert "run 1 was cut off and is given up" in given_up.reason
+    assert events(store, "started")[1].evidence["tasks_before"] == 1
+    assert twin(store).run([day(1)]).samples == len(day(1).t)
+    assert [entry.run for entry in store.entries() if '"ran"' in entry.content] == [1, 2, 3]
+
+
+def test_other_settings_run_the_rows_anew() -> None:
+    store = SqliteStore(":memory:")
+    twin(store).run([day(1)])
+    twin(store, beat=Span(10)).run([day(1)])
+    assert len(events(store, "ran")) == 2
+
+
+def test_an_iterator_is_read_once_and_is_always_new() -> None:
+    store = SqliteStore(":memory:")
+    for _ in range(2):
+        twin(store).run(iter([day(1)]))
+    assert len(events(store, "ran")) == 2
+
+
+def test_checkpoints_fall_inside_a_block_too() -> None:
+    store, kept = SqliteStore(":memory:"), list[int]()
+    inner = store.commit
+
+    def commit(batch: Batch, *, wait: bool = True) -> Any:
+        if batch.checkpoint is not None:
+            kept.append(batch.checkpoint.row)
+        return inner(batch, wait=wait)
+
+    store.commit = commit  # type: ignore[method-assign]
+    twin(store).run([day(1)], every=100)
+    n = len(day(1).t)
+    assert kept == [*range(100, n, 100), n]
+
+
+def test_what_the_operator_says_meanwhile_is_heeded_where_it_stands() -> None:
+    """Cut off, pinned by hand, gone on, cut off again, gone on from an older checkpoint."""
+    logs = []
+    for breaks in ((), (160,), (160, 210)):
+        store = SqliteStore(":memory:")
+        with pytest.raises(PowerFailure):
+            twin(store).run(until(day(1), 120), every=50)
+        spoken = twin(store)
+        spoken.pin(0, "hands off")
+        spoken._versions.add(Form(), {"gain": 1.25}, parent=0, reason="by hand")
+        spoken._ledger.say()
+        for stop in breaks:
+            with pytest.raises(PowerFailure):
+                twin(store).run(until_again(store, stop), every=1000)
+        result = twin(store).run([day(1)], every=1000)
+        assert not result.of_kind("promoted") and result.champion.number == 0
+        assert result.samples == len(day(1).t)
+        logs.append(log(store))
+    assert logs[0] == logs[1] == logs[2]
+
+
+class until_again(list[Block]):
+    """The rows up to a stop, as a list that breaks off while it is read for the second time."""
+
+    def __init__(self, store: SqliteStore, stop: int) -> None:
+        super().__init__([take(day(1), 0, stop), take(day(1), stop, len(day(1).t))])
+        self.times = 0
+
+    def __iter__(self) -> Iterator[Block]:
+        self.times += 1
+        yield self[0]
+        if self.times > 1:
+            raise PowerFailure
+        yield self[1]
+
+
+def test_a_promotion_by_hand_reaches_a_run_that_goes_on() -> None:
+    store = SqliteStore(":memory:")
+    kept = twin(store)
+    kept._versions.add(Form(), {"gain": 0.5}, parent=0, reason="by hand")
+    kept._ledger.say()
+
+    def rows() -> Iterator[Block]:
+        yield take(day(1), 0, 72)
+        kept.promote(1, "to see")
+        yield take(day(1), 72, 100)
+
+    result = kept.run(rows())
+    assert result.champion.number == 1
+    assert result.trace["version"].tolist() == [0] * 75 + [1] * 25  # the next beat
+
+
+def test_a_log_that_says_something_else_is_not_gone_on_with() -> None:
+    store = SqliteStore(":memory:")
+    with pytest.raises(PowerFailure):
+        twin(store).run(until(day(1), 205), every=50)
+    run = store.entries()[-1].run
+    odd = Event(199, 0, "suspected", "x", "another evertwin", {})
+    store.commit(Batch([odd], 199, run))
+    with pytest.raises(StoreError, match="run 1 is repeated, and the log has"):
+        twin(store).run([day(1)])
+    assert twin(store).run([day(1)], again=True).samples == len(day(1).t)
+
+
+def test_a_store_on_disk_goes_on_too(tmp_path: Path) -> None:
+    whole = SqliteStore(":memory:")
+    first = twin(whole).run([day(1)])
+    store = SqliteStore(tmp_path / "a.db")
+    with pytest.raises(PowerFailure):
+        twin(store).run(until(day(1), 300), every=100)
+    store.close()
+    store = SqliteStore(tmp_path / "a.db")
+    same(twin(store).run([day(1)]), first)
+    assert log(store) == log(whole)
+    store.close()
+
+
+def events(store: SqliteStore, kind: str) -> list[Any]:
+    return [e for e in store.read("event") if isinstance(e, Event) and e.kind == kind]
