@@ -27,6 +27,7 @@ if TYPE_CHECKING:
         Parameters,
         check_model,
     )
+    from evertwin.models.terms.check import check_term
     from evertwin.signals import Channel, Layout
     from evertwin.sources import check_source
     from evertwin.store import check_store
@@ -50,6 +51,7 @@ __all__ = [
     "check_online",
     "check_source",
     "check_store",
+    "check_term",
     "make_block",
 ]
 

@@ -204,7 +204,7 @@ class Corrected(Wrapper):
             len(self.parameters), len(model.outputs), len(self.terms),
         ]  # fmt: skip
         plan = np.concatenate([np.array(head, dtype=np.int64), *records])
-        kernels.resolve(plan, self.kinds)
+        kernels.address(plan, self._kinds)
         return plan
 
     def _records(self) -> Iterator[Int64[np.ndarray, " k"]]:

@@ -55,7 +55,6 @@ SIMPLE, SHAPED, FREE = 1, 2, 3
 """Tiers: one or two numbers; a law with a shape; a table or a surface. Climbed in this order."""
 Intervals: TypeAlias = Mapping[str, tuple[float, float]]
 """95 % intervals by the local name of a parameter."""
-NONE: Intervals = {}
 
 
 class Place(NamedTuple):
@@ -221,10 +220,13 @@ class CorrectionTerm(ABC):
         return False
 
     @abstractmethod
-    def say(
-        self, term: Term, values: Sequence[float], unit: str, intervals: Intervals = NONE
-    ) -> str:
-        """One sentence: what the machine does with its commands; quantities in SI."""
+    def say(self, term: Term, values: Sequence[float], unit: str, intervals: Intervals) -> str:
+        """One sentence: what the machine does with its commands; quantities in SI.
+
+        Args:
+            unit: of its channel.
+            intervals: what is known of its numbers; empty while nothing is.
+        """
 
 
 class GridTerm(CorrectionTerm):

@@ -13,7 +13,6 @@ from typing import Any
 from evertwin.models.form import Term
 from evertwin.models.parameters import Parameter
 from evertwin.models.terms.contract import (
-    NONE,
     SHAPED,
     SIMPLE,
     Candidate,
@@ -49,7 +48,7 @@ def before(at: Any, grid: Any, u: Any, dt: float, p: Any, x: Any) -> int:
 class Coupling(CorrectionTerm):
     """See the module.
 
-    >>> KIND.say(Term("coupling", "v", "w", "magnitude"), (0.065,), "m/s")
+    >>> KIND.say(Term("coupling", "v", "w", "magnitude"), (0.065,), "m/s", {})
     'v: falls by 0.065·|w|'
     """
 
@@ -71,9 +70,7 @@ class Coupling(CorrectionTerm):
             for source in rows.others(channel):
                 yield from _couplings(channel, source, rows.reach[channel], rows.reach[source])
 
-    def say(
-        self, term: Term, values: Sequence[float], unit: str, intervals: Intervals = NONE
-    ) -> str:
+    def say(self, term: Term, values: Sequence[float], unit: str, intervals: Intervals) -> str:
         c, o = term.channel, term.source
         if term.variant == "grip":
             gain, cap, grip = values
@@ -84,8 +81,8 @@ class Coupling(CorrectionTerm):
         size = f"|{o}|" if term.variant == "magnitude" else o
         way = "falls" if values[0] >= 0 else "rises"
         between = intervals.get("slip")
-        told_by = {"slip": _sizes(*between)} if between else NONE
-        return f"{c}: {way} by {told('slip', abs(values[0]), '', told_by)}·{size}"
+        sizes = {"slip": _sizes(*between)} if between else {}
+        return f"{c}: {way} by {told('slip', abs(values[0]), '', sizes)}·{size}"
 
 
 def _sizes(low: float, high: float) -> tuple[float, float]:

@@ -24,12 +24,13 @@ from numba.extending import intrinsic
 from evertwin.errors import UsageError
 from evertwin.models.kernel import ANEW
 from evertwin.models.native import OBSERVE, STEP, call_observe, call_step, calling, cfunc
-from evertwin.models.terms.contract import Place
+from evertwin.models.terms.contract import CorrectionTerm, Place
 from evertwin.models.terms.registry import kind
 
 __all__ = [
     "HEADER",
     "RECORD",
+    "address",
     "adopt",
     "effective_rows",
     "effective_run",
@@ -63,22 +64,19 @@ def placed(at: Any) -> Place:
 
 def resolve(plan: np.ndarray, names: Sequence[str]) -> None:
     """Puts the addresses of this process into a plan; ``names``: the kind of each term."""
+    address(plan, [kind(name) for name in names])
+
+
+def address(plan: np.ndarray, kinds: Sequence[CorrectionTerm]) -> None:
+    """The same, for kinds."""
     at = HEADER
-    for name in names:
-        plan[at + BEFORE : at + ADOPTED + 1] = addresses(name)
+    for own in kinds:
+        found = [(role, getattr(own.functions, role)) for role in _SIGNATURES]
+        plan[at + BEFORE : at + ADOPTED + 1] = [
+            0 if function is None else int(_compiled(own.kind, role, function).address)
+            for role, function in found
+        ]
         at += int(plan[at])
-
-
-@cache
-def addresses(name: str) -> tuple[int, int, int]:
-    """Of the functions of a kind; 0 where it has none."""
-    functions = kind(name).functions
-    found = [getattr(functions, role) for role in _SIGNATURES]
-    before, after, adopted = (
-        0 if function is None else int(_compiled(name, role, function).address)
-        for role, function in zip(_SIGNATURES, found, strict=True)
-    )
-    return before, after, adopted
 
 
 @cache

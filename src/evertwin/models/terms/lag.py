@@ -16,7 +16,6 @@ from evertwin.models.contract import Model
 from evertwin.models.form import Term
 from evertwin.models.parameters import Parameter
 from evertwin.models.terms.contract import (
-    NONE,
     SIMPLE,
     Candidate,
     CorrectionTerm,
@@ -108,7 +107,7 @@ def before(at: Any, grid: Any, u: Any, dt: float, p: Any, x: Any) -> int:
 class Lag(CorrectionTerm):
     """See the module.
 
-    >>> KIND.say(Term("lag", "*"), (0.1, 0.25), "1")
+    >>> KIND.say(Term("lag", "*"), (0.1, 0.25), "1", {})
     'all inputs: delay of 0.1 s and a first-order lag of 0.25 s'
     """
 
@@ -152,9 +151,7 @@ class Lag(CorrectionTerm):
             (0.0, 1e-3 * horizon), (delay, tau), (0.05 * horizon,) * 2,
         )  # fmt: skip
 
-    def say(
-        self, term: Term, values: Sequence[float], unit: str, intervals: Intervals = NONE
-    ) -> str:
+    def say(self, term: Term, values: Sequence[float], unit: str, intervals: Intervals) -> str:
         who = "all inputs" if term.channel == "*" else term.channel
         smooth = ""
         if len(values) > 1:

@@ -15,7 +15,6 @@ import numpy as np
 from evertwin.models.form import Term
 from evertwin.models.parameters import Parameter
 from evertwin.models.terms.contract import (
-    NONE,
     SHAPED,
     Candidate,
     CorrectionTerm,
@@ -78,9 +77,7 @@ class Law(CorrectionTerm):
         for channel in rows.chosen:
             yield from _laws(channel, rows.inputs(channel), rows.reach[channel])
 
-    def say(
-        self, term: Term, values: Sequence[float], unit: str, intervals: Intervals = NONE
-    ) -> str:
+    def say(self, term: Term, values: Sequence[float], unit: str, intervals: Intervals) -> str:
         said = []
         if term.variant:
             threshold = told("threshold", values[0], unit, intervals)

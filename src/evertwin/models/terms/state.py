@@ -16,7 +16,6 @@ from evertwin.models.contract import Model
 from evertwin.models.form import Term
 from evertwin.models.parameters import Parameter
 from evertwin.models.terms.contract import (
-    NONE,
     SHAPED,
     Candidate,
     CorrectionTerm,
@@ -60,7 +59,7 @@ def adopted(at: Any, before: Any, x: Any) -> int:
 class ExtraState(CorrectionTerm):
     """See the module.
 
-    >>> KIND.say(Term("state", "T"), (0.3, 0.1, -4.0), "K")
+    >>> KIND.say(Term("state", "T"), (0.3, 0.1, -4.0), "K", {})
     'T: exchanges with a hidden state, 0.3 1/s there and 0.1 1/s back, which starts -4 K apart'
     """
 
@@ -102,9 +101,7 @@ class ExtraState(CorrectionTerm):
                 (0.3 * fast[1], 0.3 * fast[1], 1.0),
             )  # fmt: skip
 
-    def say(
-        self, term: Term, values: Sequence[float], unit: str, intervals: Intervals = NONE
-    ) -> str:
+    def say(self, term: Term, values: Sequence[float], unit: str, intervals: Intervals) -> str:
         loss, gain = (
             told(name, value, "1/s", intervals)
             for name, value in zip(("loss", "gain"), values[:2], strict=True)

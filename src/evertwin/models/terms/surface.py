@@ -18,7 +18,6 @@ from evertwin.models.form import Term
 from evertwin.models.parameters import Parameter
 from evertwin.models.terms.contract import (
     FREE,
-    NONE,
     Candidate,
     Functions,
     GridTerm,
@@ -67,7 +66,7 @@ class Surface(GridTerm):
     """See the module.
 
     >>> flat = Term("surface", "v", "w", levels=(0.0, 1.0), levels2=(0.0, 1.0))
-    >>> KIND.say(flat, (0.0, 0.0, -0.02, 0.01), "m/s")
+    >>> KIND.say(flat, (0.0, 0.0, -0.02, 0.01), "m/s", {})
     'v: surface over v and w, up to 0.02 m/s'
     """
 
@@ -110,9 +109,7 @@ class Surface(GridTerm):
                 name = f"symmetry {symmetry}, length {length:g}"
                 yield Prior(product(own, other, symmetry), NOISES, length, rank, name)
 
-    def say(
-        self, term: Term, values: Sequence[float], unit: str, intervals: Intervals = NONE
-    ) -> str:
+    def say(self, term: Term, values: Sequence[float], unit: str, intervals: Intervals) -> str:
         worst, both = max(abs(v) for v in values), f"{term.channel} and {term.source}"
         return f"{term.channel}: surface over {both}, up to {worst:.3g} {unit}"
 

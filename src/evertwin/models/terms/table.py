@@ -18,7 +18,6 @@ from evertwin.models.form import Term
 from evertwin.models.parameters import Parameter
 from evertwin.models.terms.contract import (
     FREE,
-    NONE,
     Candidate,
     Functions,
     GridTerm,
@@ -64,7 +63,7 @@ def before(at: Any, grid: Any, u: Any, dt: float, p: Any, x: Any) -> int:
 class Table(GridTerm):
     """See the module.
 
-    >>> KIND.say(Term("table", "v", levels=(0.0, 0.1)), (0.0, 0.07), "m/s")
+    >>> KIND.say(Term("table", "v", levels=(0.0, 0.1)), (0.0, 0.07), "m/s", {})
     'v: table of 2 levels, changes by up to 0.03 m/s'
     """
 
@@ -104,9 +103,7 @@ class Table(GridTerm):
             smooth = own.vectors * np.sqrt(own.variance)
             yield Prior(smooth, NOISES, length, 0, f"length {length:g}")
 
-    def say(
-        self, term: Term, values: Sequence[float], unit: str, intervals: Intervals = NONE
-    ) -> str:
+    def say(self, term: Term, values: Sequence[float], unit: str, intervals: Intervals) -> str:
         worst = max(abs(v - level) for v, level in zip(values, term.levels, strict=True))
         return f"{term.channel}: table of {len(values)} levels, changes by up to {worst:.3g} {unit}"
 
