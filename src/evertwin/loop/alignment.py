@@ -219,17 +219,24 @@ def _operations(spec: TwinSpec) -> tuple[Operation, ...]:
     filtered = () if spec.filter is None else spec.filter.inputs
     smooth = low_pass(spec) if filtered else None
     first = [Operation(name, "filter", (name,), low_pass=smooth) for name in filtered]
-    return (*first, *(Operation(o.name, o.op, tuple(o.source), o.value) for o in spec.derive))
+    derived = (
+        Operation(
+            o.name, o.op, tuple(o.source), o.value, low_pass(spec) if o.op == "filter" else None
+        )
+        for o in spec.derive
+    )  # fmt: skip
+    return (*first, *derived)
 
 
 def low_pass(spec: TwinSpec) -> Symmetric:
     """The filter of ``[filter]``.
 
     Raises:
-        ConfigError: the twin file gives no rate.
+        ConfigError: the twin file gives no filter, or no rate.
     """
     rule, rate = spec.filter, spec.clock.rate
-    assert rule is not None
+    if rule is None:
+        raise ConfigError('[[derive]] op = "filter": expected a [filter] section that says which')
     if rate is None:
         raise ConfigError("[filter]: a filter needs rows at a fixed rate: set rate in [clock]")
     if rule.kind == "butterworth":

@@ -40,10 +40,11 @@ class DeriveSpec(Section):
         "derivative", "filter", "sum", "mean", "difference", "product", "scale", "norm", "max",
         "along", "way", "middle", "slope",
     ]  # fmt: skip
-    """What is computed. ``middle``: the mean over the interval into the row (of the row and the one
-    before). ``slope``: the derivative of a cubic through the rows within ``value`` seconds
-    (Savitzky-Golay; one-sided at the ends). From x, y and heading of a base: ``along``, the way
-    along its heading; ``way``, the length of its path, negative for a task that went backwards."""
+    """What is computed. ``filter``: as ``[filter]`` says. ``middle``: the mean over the interval
+    into the row (of the row and the one before). ``slope``: the derivative of a cubic through the
+    rows within ``value`` seconds (Savitzky-Golay; one-sided at the ends). From x, y and heading of
+    a base: ``along``, the way along its heading; ``way``, the length of its path, each step with
+    the sign of its direction."""
     source: Annotated[tuple[str, ...], Key("from")]
     """Recorded or derived channels it is computed from."""
     unit: str | None = None
@@ -86,7 +87,7 @@ class SignalSpec(Section):
 
 @dataclass(frozen=True)
 class CropSpec(Section):
-    """``[clock.crop]``: keeps each task from the first to the last motion.
+    """``[clock.crop]``: a fit learns from each task between its first and its last motion.
 
     >>> CropSpec(channels=("qd1",), above=0.02).inside
     0.0
@@ -117,7 +118,7 @@ class ClockSpec(Section):
     stop: Seconds = math.inf
     """Leave out what lies after."""
     crop: CropSpec | None = None
-    """Keep each task from the first to the last motion; absent: all of it."""
+    """What a fit learns from of each task: from the first to the last motion; absent: all of it."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -134,7 +135,8 @@ class FilterSpec(Section):
     """
 
     kind: Literal["butterworth", "savgol"] = "butterworth"
-    """``butterworth``: zero-phase over a task; ``savgol``: symmetric, in the stream."""
+    """Both are symmetric and come late by their length: ``butterworth``, as it is forward and
+    backward over a recording; ``savgol``, a polynomial over a window."""
     order: Annotated[int, Ge(1), Le(12)] = 4
     """Order of the filter, or of the polynomial of ``savgol``."""
     cutoff: Hertz = 5.0
