@@ -10,7 +10,7 @@ your own as second argument.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,7 +26,7 @@ import evertwin.prognosis as prognosis
 from evertwin.ahead.spec import ScenarioSpec, read_scenario
 from evertwin.config import TwinSpec, read
 from evertwin.errors import StoreError, UsageError
-from evertwin.fold import Block, Event
+from evertwin.fold import Block, Chunk, Event
 from evertwin.models import Model, Parameters
 from evertwin.models.form import Version
 from evertwin.store import SqliteStore, Store
@@ -73,6 +73,7 @@ class Twin:
         self.store: Store = store or SqliteStore(where)
         self._lasting = store is not None or path is not None
         self._versions = loop.Versions(self.model)
+        self._live: loop.Live | None = None
         try:
             self._ledger = loop.Ledger(self.store, self._versions, spec.name)
         except StoreError:
@@ -165,6 +166,50 @@ class Twin:
         observer = loop.Observer(self.setup, progress)
         run = loop.Run(self.setup, self._ledger, observer, every)
         return run.play(data, anew=again, lasting=self._lasting)
+
+    @_RUNAWAY
+    def push(self, samples: Chunk | Mapping[str, Any]) -> None:
+        """More samples of one source as they come; they are stored, then folded.
+
+        A run goes on over all pushes until `finish`; after a crash its samples are folded again.
+        What `promote`, `rollback` or `pin` say meanwhile holds from the next beat on.
+
+        Args:
+            samples: of a source of the twin file; or columns by name with ``t`` [s], for a twin
+                file with one source or none.
+
+        Raises:
+            DataError: the source is unknown, or has another number of columns.
+        """
+        if self._live is None:
+            named = () if isinstance(samples, Chunk) else tuple(samples)
+            feeds = loop.Feed(self.spec, self.model).live(tuple(n for n in named if n != "t"))
+            self._live = loop.Live(self.setup, self._ledger, feeds)
+        chunk = samples if isinstance(samples, Chunk) else self._live.chunk(samples)
+        self._live.push(chunk)
+
+    def view(self, rows: int = 1000) -> loop.View:
+        """The newest rows that were pushed: measured, predicted, band, mark, version.
+
+        Raises:
+            UsageError: nothing was pushed.
+        """
+        return self._pushed().view(rows)
+
+    @_RUNAWAY
+    def finish(self) -> RunResult:
+        """Ends the run of the samples that were pushed.
+
+        Raises:
+            UsageError: nothing was pushed.
+        """
+        result, self._live = self._pushed().finish(), None
+        return result
+
+    def _pushed(self) -> loop.Live:
+        if self._live is None:
+            raise UsageError("no samples were pushed: give some with Twin.push first")
+        return self._live
 
     @_RUNAWAY
     def fit(

@@ -11,9 +11,10 @@ if TYPE_CHECKING:
     from evertwin.loop.channels import check_units
     from evertwin.loop.comparison import Comparison, compare
     from evertwin.loop.configured_model import model_of
-    from evertwin.loop.feed import Data, Feed
+    from evertwin.loop.feed import Data, Feed, chunk_of
     from evertwin.loop.fitting import FitResult, Watch, fit
     from evertwin.loop.ledger import Ledger
+    from evertwin.loop.live import Live, View
     from evertwin.loop.observer import Observer
     from evertwin.loop.result import RunResult
     from evertwin.loop.run import Run
@@ -28,13 +29,16 @@ __all__ = [
     "Feed",
     "FitResult",
     "Ledger",
+    "Live",
     "Observer",
     "Run",
     "RunResult",
     "Setup",
     "Versions",
+    "View",
     "Watch",
     "check_units",
+    "chunk_of",
     "compare",
     "fit",
     "model_of",

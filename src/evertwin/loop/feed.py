@@ -140,6 +140,11 @@ class Feed:
             return (Brings(COLUMNS, tuple(name for name in columns if name != "t")),)
         return tuple(Brings(s.name, tuple(s.channels)) for s in self._wanted(data))
 
+    def live(self, named: Sequence[str] = ()) -> tuple[Brings, ...]:
+        """What the sources of a running machine bring; without any, one of columns by name."""
+        sources = tuple(Brings(s.name, tuple(s.channels)) for s in self.spec.source)
+        return sources or (Brings(COLUMNS, tuple(named)),)
+
     def chunks(self, data: Data = None) -> Iterator[Chunk]:
         """The samples of all sources, merged by stamp.
 

@@ -111,15 +111,29 @@ class Run:
         self.setup = self.setup.at(rate)
         state, over = self._begun(place.run, settings)
         for block in () if over else blocks:
-            state = self._step(state, block)
+            state = self.step(state, block)
+        result = self.ended(state, time.perf_counter() - began, over=over)
+        left_out = (looked if over else feed).left_out
+        return replace(result, left_out=left_out, passed=place.offset, began=self._from)
+
+    def ended(self, state: TwinState, seconds: float, *, over: bool = False) -> RunResult:
+        """The end of the run (``over``: it had ended before) and what came of it."""
         if not over:
             state = self._finished(state)
         self.log.end()
-        seconds = time.perf_counter() - began
         result = self.observer.result(self.driver, state, seconds)
         log.info("%s: %d rows in %.2f s", self.setup.spec.name, state.row, seconds)
-        left_out = (looked if over else feed).left_out
-        return replace(result, left_out=left_out, passed=place.offset, began=self._from)
+        return result
+
+    def begin_live(self, settings: str, evidence: dict[str, Any]) -> TwinState:
+        """A run whose samples are pushed: the one that was cut off, from its first row, or anew."""
+        left = self.ledger.unfinished
+        known = left if left is not None and evidence.keys() <= left.evidence.keys() else None
+        self._give_up(Place(known, 0))
+        state, _ = self._begun(known, settings, evidence)
+        if known is None:
+            self.log.say(0, ())  # the run is in the log before its first row
+        return state
 
     def _feed(self) -> Feed:
         return Feed(self.setup.spec, self.setup.model)
@@ -143,16 +157,21 @@ class Run:
         self.ledger.commit(Batch([event], run=left.number))
         log.warning("%s", said)
 
-    def _begun(self, known: Begun | None, settings: str) -> tuple[TwinState, bool]:
+    def _begun(
+        self, known: Begun | None, settings: str, evidence: dict[str, Any] | None = None
+    ) -> tuple[TwinState, bool]:
         """The state that the run goes on from; is it that of its end?"""
         ledger = self.ledger
         told: dict[str, Any] = {"champion": ledger.champion, "pinned": ledger.pinned}
         told |= {} if known is None else known.evidence
         self.driver = Driver(
-            self.setup, ledger.versions, self._say, self._watch, told["champion"], told["pinned"]
+            self.setup, ledger.versions, self.tell, self._watch, told["champion"], told["pinned"]
         )
         if known is None:
-            found, self.log = None, RunLog.begin(ledger, {"settings": settings}, self._prints)
+            found, self.log = (
+                None,
+                RunLog.begin(ledger, {"settings": settings, **(evidence or {})}, self._prints),
+            )
         else:
             found = self._restored(known)
             self.log = RunLog.again(ledger, known, found, self._prints)
@@ -185,13 +204,15 @@ class Run:
                 ):
                     yield record
 
-    def _step(self, state: TwinState, block: Block) -> TwinState:
+    def step(self, state: TwinState, block: Block) -> TwinState:
+        """Further rows."""
         self._prints.begin(block)
         for part in rest([block], state.row):
             state = self.driver.step(state, part)
         return state
 
-    def _say(self, row: int, records: Sequence[Record]) -> None:
+    def tell(self, row: int, records: Sequence[Record]) -> None:
+        """What became known before ``row``: into the log, as one decision."""
         self.log.say(row, records)
         for record in records:
             self.observer.record(record)

@@ -69,6 +69,16 @@ class Setup:
         """The same for data of so many rows per second, unless ``[clock]`` says how many."""
         return self if self.spec.clock.rate is not None else replace(self, measured_rate=rate)
 
+    @property
+    def times(self) -> bool:
+        """Is any window, beat or hold-off a time?"""
+        spec = self.spec
+        spans = (
+            spec.beat, spec.anomaly.window, spec.tuning.window, spec.correction.window,
+            spec.trial.holdoff,
+        )  # fmt: skip
+        return any(span.rows is None for span in spans)
+
     def track(self, model: Model) -> Track:
         """The stage that follows the machine with a version."""
         return Track(model, arbiter_of(self.spec, model))

@@ -1,0 +1,179 @@
+"""A run whose samples are pushed as they come.
+
+They take the way of recorded ones: stored, aligned, folded, each decision one transaction. After a
+crash the samples of the run are folded again from its first, with the answers that the log has, so
+that the twin stands where it stood. The same samples from a file give the same rows, records and
+versions.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from evertwin.errors import DataError
+from evertwin.fold import Block, Chunk, Event
+from evertwin.loop.alignment import Alignment, AlignmentState
+from evertwin.loop.feed import chunk_of
+from evertwin.loop.ledger import Ledger
+from evertwin.loop.observer import Observer
+from evertwin.loop.rate import ENOUGH, rate_of
+from evertwin.loop.result import RunResult
+from evertwin.loop.run import Run, settings_hash
+from evertwin.loop.setup import Setup
+from evertwin.loop.twin_state import TwinState
+from evertwin.store import Batch
+from evertwin.sync import Feed
+from evertwin.types import Marks, Outputs, Stamps
+
+__all__ = ["Live", "View"]
+
+SOURCES = "sources"
+
+
+class View(NamedTuple):
+    """The newest rows of a run.
+
+    >>> View._fields[:3]
+    ('row', 't', 'measured')
+    """
+
+    row: np.ndarray
+    """Numbers, int64 (n,)."""
+    t: Stamps
+    measured: Outputs
+    predicted: Outputs
+    band: Outputs
+    """Standard deviation of what is measured around the prediction, (n, ny)."""
+    mark: Marks
+    """`Mark` of each output, (n, ny)."""
+    version: np.ndarray
+    """Version that predicted the row, int64 (n,)."""
+
+
+@dataclass
+class Live:
+    """The run. ``feeds``: what its sources bring.
+
+    >>> from evertwin import TwinSpec
+    >>> from evertwin.config.spec import ModelSpec
+    >>> from evertwin.loop import Versions, model_of
+    >>> from evertwin.store import SqliteStore
+    >>> spec = TwinSpec("cart", ModelSpec("robot1d"))
+    >>> setup = Setup(spec, model_of(spec, None))
+    >>> ledger = Ledger(SqliteStore(":memory:"), Versions(setup.model), "cart")
+    >>> live = Live(setup, ledger, (Feed("log", ("v", "x")),))
+    >>> live.push(Chunk("log", np.array([0, 10**9]), np.array([[0.1, 0.0], [0.1, 0.1]])))
+    >>> live.view(5).measured[:, 0].tolist()
+    [0.0, 0.1]
+    """
+
+    setup: Setup
+    ledger: Ledger
+    feeds: Sequence[Feed]
+    _observer: Observer = field(init=False)
+    _run: Run | None = field(default=None, init=False)
+    _state: TwinState | None = field(default=None, init=False)
+    _aligned: AlignmentState = field(init=False)
+    _waiting: list[Block] = field(default_factory=list, init=False)
+    """Rows until the rate of the data is known."""
+    _began: float = field(default_factory=time.perf_counter, init=False)
+
+    def __post_init__(self) -> None:
+        self._observer = Observer(self.setup)
+        self._alignment = Alignment.of(self.setup.spec, self.setup.model, self.feeds)
+        self._aligned = self._alignment.init()
+        left = self.ledger.unfinished
+        if left is not None and SOURCES in left.evidence:
+            self._first = int(left.evidence["first_chunk"])
+            for _, chunk in list(self.ledger.store.read_chunks(self._first)):
+                self._fold(chunk)
+        else:
+            numbers = [number for number, _ in self.ledger.store.read_chunks()]
+            self._first = 1 + max(numbers, default=0)
+
+    def push(self, chunk: Chunk) -> None:
+        """More samples of one source, in the order in which they came.
+
+        Raises:
+            DataError: the source is unknown, or has another number of columns.
+            StoreError: they could not be stored; then nothing was folded.
+        """
+        self.ledger.store.commit(Batch(chunks=(chunk,)), wait=False)
+        self._fold(chunk)
+
+    def chunk(self, columns: Mapping[str, Any]) -> Chunk:
+        """Columns by name as samples of the one source.
+
+        Raises:
+            DataError: there are several sources, or a column lacks.
+        """
+        if len(self.feeds) != 1:
+            names = ", ".join(feed.name for feed in self.feeds)
+            raise DataError(f"columns by name: expected one source, there are {names}: push chunks")
+        feed = self.feeds[0]
+        lacking = [name for name in ("t", *feed.channels) if name not in columns]
+        if lacking:
+            raise DataError(f"columns: expected {', '.join(lacking)} too, got {', '.join(columns)}")
+        return chunk_of({name: columns[name] for name in ("t", *feed.channels)}, feed.name)
+
+    def _fold(self, chunk: Chunk) -> None:
+        self._aligned, block, events = self._alignment.step(self._aligned, chunk)
+        self._take(block, events)
+
+    def _take(self, block: Block | None, events: Sequence[Event]) -> None:
+        if block is not None:
+            self._waiting.append(block)
+        rows = sum(len(part.t) for part in self._waiting)
+        known = self.setup.spec.clock.rate is not None or not self.setup.times
+        if self._run is None and rows and (known or rows >= ENOUGH):
+            self._begin()
+        if self._run is not None:
+            self._step()
+            if events:
+                self._run.tell(self._run.ledger.at, events)
+
+    def _begin(self) -> None:
+        setup = self.setup.at(rate_of(self._waiting))
+        self._run = Run(setup, self.ledger, self._observer)
+        settings = settings_hash(setup.spec)
+        evidence = {SOURCES: [feed.name for feed in self.feeds], "first_chunk": self._first}
+        self._state = self._run.begin_live(settings, evidence)
+
+    def _step(self) -> None:
+        assert self._run is not None and self._state is not None
+        for block in self._waiting:
+            self._state = self._run.step(self._state, block)
+        self._waiting.clear()
+
+    def view(self, rows: int = 1000) -> View:
+        """The newest rows: measured, predicted, band, mark, version."""
+        columns = self._observer.trace.columns()
+        if not columns:
+            ny = len(self.setup.model.outputs)
+            none, stamps = np.zeros((0, ny)), np.zeros(0, dtype=np.int64)
+            return View(stamps, stamps, none, none, none, none.astype(np.uint8), stamps)
+        kept = {name: column[-rows:].copy() for name, column in columns.items()}
+        return View(
+            kept["row"], kept["t"], kept["measured"], kept["predicted"], kept["sigma"],
+            kept["mark"], kept["version"],
+        )  # fmt: skip
+
+    def finish(self) -> RunResult:
+        """The end of the samples: what waits is folded, open work is answered.
+
+        Raises:
+            UsageError: nothing was pushed.
+        """
+        self._aligned, block, events = self._alignment.flush(self._aligned)
+        if block is not None:
+            self._waiting.append(block)
+        if self._run is None:
+            self._begin()
+        self._take(None, events)
+        assert self._run is not None and self._state is not None
+        return self._run.ended(self._state, time.perf_counter() - self._began)

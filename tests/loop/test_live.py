@@ -1,0 +1,105 @@
+"""Samples that are pushed give the run that a recording of them gives."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evertwin import Twin, TwinSpec
+from evertwin.config.spec import (
+    AnomalySpec,
+    ChannelSpec,
+    ModelSpec,
+    PredictionSpec,
+    SourceSpec,
+    Span,
+    StoreSpec,
+    TuningSpec,
+)
+from evertwin.errors import DataError, UsageError
+from evertwin.fold import Chunk
+
+SPEC = TwinSpec(
+    "cart", ModelSpec("robot1d"), beat=Span(seconds=10.0), prediction=PredictionSpec(horizon=5.0),
+    anomaly=AnomalySpec(requirement=0.02, relative=False, window=Span(seconds=60.0)),
+    tuning=TuningSpec(window=Span(seconds=200.0)),
+    source=(SourceSpec("log", {n: ChannelSpec(n, unit="1") for n in ("v", "x")}),),
+)  # fmt: skip
+
+
+def drive(n: int = 900) -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(4)
+    v = np.repeat(rng.uniform(0.0, 0.2, n // 10), 10)
+    x = np.r_[0.0, np.cumsum(1.1 * v[:-1])] + rng.normal(0.0, 0.002, n)
+    return {"t": np.arange(n) * 1.0, "v": v, "x": x}
+
+
+def pieces(data: dict[str, np.ndarray], sizes: list[int]) -> list[dict[str, np.ndarray]]:
+    cuts = np.cumsum(sizes * (len(data["t"]) // sum(sizes) + 1))
+    edges = [0, *cuts[cuts < len(data["t"])].tolist(), len(data["t"])]
+    return [{k: c[a:b] for k, c in data.items()} for a, b in pairwise(edges)]
+
+
+def said(twin: Twin) -> list[tuple[int, str, str]]:
+    return [(e.row, e.kind, e.reason) for e in twin.events if e.kind != "started"]
+
+
+@pytest.mark.parametrize("sizes", [[1], [7, 200, 3]], ids=["one by one", "in pieces"])
+def test_pushed_is_recorded(sizes: list[int]) -> None:
+    data = drive()
+    with Twin(SPEC) as recorded, Twin(SPEC) as live:
+        expected = recorded.run(data)
+        for piece in pieces(data, sizes):
+            live.push(piece)
+        view = live.view(50)
+        result = live.finish()
+        assert said(live) == said(recorded) and any(k == "promoted" for _, k, _ in said(live))
+    assert result.champion == expected.champion and result.samples == expected.samples
+    for name in ("measured", "predicted", "mark", "version"):
+        np.testing.assert_array_equal(result.trace[name], expected.trace[name])
+    assert view.row.tolist() == list(range(850, 900)) and view.version[-1] == 1
+
+
+def test_a_twin_that_died_goes_on(tmp_path: Path) -> None:
+    data, spec = drive(), SPEC.__class__(**{**SPEC.__dict__, "store": StoreSpec("twin.db")})
+    spec = spec.__class__(**{**spec.__dict__, "folder": str(tmp_path)})
+    with Twin(SPEC) as unbroken:
+        for piece in pieces(data, [30]):
+            unbroken.push(piece)
+        unbroken.finish()
+        expected = said(unbroken)
+    parts = pieces(data, [30])
+    for number, part in enumerate((parts[:5], parts[5:17], parts[17:])):
+        with Twin(spec) as twin:
+            for piece in part:
+                twin.push(piece)
+            if number == 2:
+                twin.finish()
+                assert said(twin) == expected
+
+
+def test_the_operator_is_heard_while_it_runs() -> None:
+    data = pieces(drive(), [300])
+    with Twin(SPEC) as twin:
+        twin.push(data[0])
+        assert twin.champion.number == 1
+        assert twin.view(1).version.tolist() == [1]
+        twin.pin(0, "it squeaks")
+        twin.push(data[1])
+        assert set(twin.view(280).version.tolist()) == {0}
+        assert [e.reason for e in twin.events if e.kind == "pinned"] == [
+            "version 0 pinned: it squeaks"
+        ]
+
+
+def test_misuse_is_named() -> None:
+    with Twin(SPEC) as twin:
+        with pytest.raises(UsageError, match="no samples were pushed"):
+            twin.view()
+        with pytest.raises(DataError, match="expected x too"):
+            twin.push({"t": [0.0], "v": [0.0]})
+        with pytest.raises(DataError, match="camera"):
+            twin.push(Chunk("camera", np.array([0]), np.zeros((1, 2))))
