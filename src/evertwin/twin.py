@@ -42,8 +42,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Twin"]
 
-_RUNAWAY = np.errstate(over="ignore", invalid="ignore")
-"""A simulation that runs away is infinite: fits and marks say so, no warning is needed."""
+_RUNAWAY = np.errstate(over="ignore", invalid="ignore")  # runs away to infinity: told by marks
 Progress = Callable[[int, float], None]
 """``progress(rows so far, seconds of data so far)``."""
 
@@ -169,40 +168,22 @@ class Twin:
 
     @_RUNAWAY
     def push(self, samples: Chunk | Mapping[str, Any]) -> None:
-        """More samples of one source as they come; they are stored, then folded.
-
-        A run goes on over all pushes until `finish`; after a crash its samples are folded again.
-        What `promote`, `rollback` or `pin` say meanwhile holds from the next beat on.
+        """More samples of one source as they come, stored and folded; the run goes on to `finish`.
 
         Args:
-            samples: of a source of the twin file; or columns by name with ``t`` [s], for a twin
-                file with one source or none.
+            samples: of a source of the twin file; or columns by name with ``t`` [s].
 
-        Raises:
-            DataError: the source is unknown, or has another number of columns.
         """
-        if self._live is None:
-            named = () if isinstance(samples, Chunk) else tuple(samples)
-            feeds = loop.Feed(self.spec, self.model).live(tuple(n for n in named if n != "t"))
-            self._live = loop.Live(self.setup, self._ledger, feeds)
-        chunk = samples if isinstance(samples, Chunk) else self._live.chunk(samples)
-        self._live.push(chunk)
+        self._live = self._live or loop.Live.of(self.setup, self._ledger, samples)
+        self._live.push(samples)
 
     def view(self, rows: int = 1000) -> loop.View:
-        """The newest rows that were pushed: measured, predicted, band, mark, version.
-
-        Raises:
-            UsageError: nothing was pushed.
-        """
+        """The newest rows that were pushed: measured, predicted, band, mark, version."""
         return self._pushed().view(rows)
 
     @_RUNAWAY
     def finish(self) -> RunResult:
-        """Ends the run of the samples that were pushed.
-
-        Raises:
-            UsageError: nothing was pushed.
-        """
+        """Ends the run of the samples that were pushed."""
         result, self._live = self._pushed().finish(), None
         return result
 

@@ -18,6 +18,7 @@ import numpy as np
 from evertwin.errors import DataError
 from evertwin.fold import Block, Chunk, Event
 from evertwin.loop.alignment import Alignment, AlignmentState
+from evertwin.loop.feed import Feed as Recorded
 from evertwin.loop.feed import chunk_of
 from evertwin.loop.ledger import Ledger
 from evertwin.loop.observer import Observer
@@ -96,17 +97,24 @@ class Live:
             numbers = [number for number, _ in self.ledger.store.read_chunks()]
             self._first = 1 + max(numbers, default=0)
 
-    def push(self, chunk: Chunk) -> None:
-        """More samples of one source, in the order in which they came.
+    @classmethod
+    def of(cls, setup: Setup, ledger: Ledger, samples: Chunk | Mapping[str, Any]) -> Live:
+        """The run of a machine's sources; of the first ``samples`` where the twin file has none."""
+        named = () if isinstance(samples, Chunk) else tuple(n for n in samples if n != "t")
+        return cls(setup, ledger, Recorded(setup.spec, setup.model).live(named))
+
+    def push(self, samples: Chunk | Mapping[str, Any]) -> None:
+        """More samples of one source, in the order in which they came; or columns by name.
 
         Raises:
             DataError: the source is unknown, or has another number of columns.
             StoreError: they could not be stored; then nothing was folded.
         """
+        chunk = samples if isinstance(samples, Chunk) else self._chunk(samples)
         self.ledger.store.commit(Batch(chunks=(chunk,)), wait=False)
         self._fold(chunk)
 
-    def chunk(self, columns: Mapping[str, Any]) -> Chunk:
+    def _chunk(self, columns: Mapping[str, Any]) -> Chunk:
         """Columns by name as samples of the one source.
 
         Raises:
