@@ -176,10 +176,6 @@ class Feed:
         return "".join(f"; {tally}" for tally in self.left_out)
 
     def _merged(self, files: Mapping[int, tuple[Path, ...]]) -> Iterator[Chunk]:
-        if not any(files.values()):
-            raise UsageError(
-                f"{self.spec.name}: no data: name files in [[source]] or give them (--data FILE)"
-            )
         sources = [
             _chunks(self._recorded(self.spec.source[i], paths), self.spec.source[i])
             for i, paths in files.items()
@@ -190,6 +186,10 @@ class Feed:
     def _wanted(self, data: Any) -> list[SourceSpec]:
         """The sources that have files."""
         files = files_of(self.spec, [part.path for part in _parts(data)])
+        if not any(files.values()):
+            raise UsageError(
+                f"{self.spec.name}: no data: name files in [[source]] or give them (--data FILE)"
+            )
         return [self.spec.source[i] for i, paths in files.items() if paths]
 
     def _recordings(
