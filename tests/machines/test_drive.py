@@ -41,16 +41,16 @@ def test_compiled_and_plain_step_agree_bit_for_bit(law: str) -> None:
         _, compiled = model.simulate(x, u, dt, p)
         context, ahead, y = np.array(model.context), x.copy(), np.zeros(len(model.outputs))
         for i in range(50):
-            assert step._pyfunc(context, x, u[i], dt[i], p, ahead, y) == 0
+            assert step.py_func(context, x, u[i], dt[i], p, ahead, y) == 0
             x = ahead.copy()
             assert y.tolist() == compiled[i].tolist()
 
 
 def test_observing_adopts_what_was_measured() -> None:
     x = np.array([1.0, 2.0])
-    drive.observe._pyfunc(np.zeros(1), x, np.array([5.0, np.nan]))
+    drive.observe.py_func(np.zeros(1), x, np.array([5.0, np.nan]))
     assert x.tolist() == [5.0, 2.0]
-    assert drive.force_observe._pyfunc(np.zeros(1), x, x) == 0
+    assert drive.force_observe.py_func(np.zeros(1), x, x) == 0
 
 
 @pytest.mark.parametrize("law", LAWS)

@@ -36,13 +36,13 @@ def test_kernel_equals_its_plain_twin(number: int) -> None:
     for _ in range(20):
         u = rng.normal(size=len(base.inputs))
         end, out = base.simulate(x, u[None], np.array([0.07]), p)
-        assert STEPS[number]._pyfunc(context, x, u, 0.07, p, ahead, y) == 0
+        assert STEPS[number].py_func(context, x, u, 0.07, p, ahead, y) == 0
         assert np.array_equal(end, ahead) and np.array_equal(out[0], y)
         x = ahead.copy()
     measured = rng.normal(size=len(base.outputs))
     measured[0] = np.nan
     adopted = base.observe(x, measured)
-    OBSERVES[number]._pyfunc(context, x, measured)
+    OBSERVES[number].py_func(context, x, measured)
     assert np.array_equal(adopted, x)
 
 

@@ -31,12 +31,12 @@ def test_compiled_and_plain_step_agree_bit_for_bit(wall: bool) -> None:
     _, compiled = box.simulate(x, u, dt, p)
     context, ahead, y = np.array(box.context), np.zeros_like(x), np.zeros(1)
     for i in range(len(u)):
-        assert thermal.step._pyfunc(context, x, u[i], dt[i], p, ahead, y) == 0
+        assert thermal.step.py_func(context, x, u[i], dt[i], p, ahead, y) == 0
         x = ahead.copy()
         assert y[0] == compiled[i, 0]
-    thermal.observe._pyfunc(context, x, np.array([np.nan]))
+    thermal.observe.py_func(context, x, np.array([np.nan]))
     assert x[1] == ahead[1]
-    thermal.observe._pyfunc(context, x, np.array([300.0]))
+    thermal.observe.py_func(context, x, np.array([300.0]))
     assert x[1] == 300.0
 
 

@@ -44,7 +44,7 @@ def test_the_kernel_and_its_plain_twin_agree(where: str) -> None:
     _, compiled = arm.simulate(np.zeros(0), u, np.zeros(3), p)
     for row, y in zip(u, compiled, strict=True):
         plain = np.zeros(6)
-        kernel.step._pyfunc(arm.kernel().context, np.zeros(0), row, 0.0, p, np.zeros(0), plain)
+        kernel.step.py_func(arm.kernel().context, np.zeros(0), row, 0.0, p, np.zeros(0), plain)
         np.testing.assert_allclose(plain, y, rtol=1e-14, atol=1e-14)
 
 

@@ -82,7 +82,7 @@ def test_the_kernel_and_its_plain_twin_agree(case: str) -> None:
     _, compiled = arm.simulate(np.zeros(0), u, np.zeros(4), p)
     for row, y in zip(u, compiled, strict=True):
         plain = np.zeros(6)
-        code = kernel.step._pyfunc(
+        code = kernel.step.py_func(
             arm.kernel().context, np.zeros(0), row, 0.0, p, np.zeros(0), plain
         )
         assert code == 0

@@ -81,12 +81,12 @@ def test_the_laws_of_a_model_hold(lines: list[dict[str, Any]]) -> None:
     _, compiled = model.simulate(x, u, dt, p)
     for i in range(12):
         ahead, y = x.copy(), np.zeros(len(model.outputs))
-        assert onward.step._pyfunc(context, x, u[i], dt[i], p, ahead, y) == 0
+        assert onward.step.py_func(context, x, u[i], dt[i], p, ahead, y) == 0
         assert y.tolist() == compiled[i].tolist()
         x = ahead
     y[0] = np.nan
     adopted = x.copy()
-    onward.adopt._pyfunc(context, adopted, y)
+    onward.adopt.py_func(context, adopted, y)
     assert adopted.tolist() == model.observe(x, y).tolist()
 
 

@@ -276,10 +276,10 @@ def test_compiled_and_plain_step_agree_bit_for_bit() -> None:
         _, compiled = model.simulate(x, u, dt, p)
         for i in range(20):
             ahead, y = x.copy(), np.zeros(len(model.outputs))
-            assert backward.step._pyfunc(context, x, u[i], dt[i], p, ahead, y) == 0
+            assert backward.step.py_func(context, x, u[i], dt[i], p, ahead, y) == 0
             assert y.tolist() == compiled[i].tolist()
             x = ahead
-        assert backward.adopt._pyfunc(context, x, y) == 0
+        assert backward.adopt.py_func(context, x, y) == 0
 
 
 def test_it_survives_another_process() -> None:
