@@ -137,10 +137,17 @@ def test_functions_take_few_parameters() -> None:
         # A compiled function takes its arrays one by one, and step(context, x, u, dt, p, x_next, y)
         # is the C interface of the contract, not the author's choice.
         names = [a.arg for a in f.arguments]
-        fixed = bool(COMPILED & decorators(f.node)) or names[:1] in (
-            ["context"],
-            ["_context"],
-            ["_"],
+        # A command's parameters are its options.
+        command = f.source.name.startswith("app/") and "command" in decorators(f.node)
+        fixed = (
+            command
+            or bool(COMPILED & decorators(f.node))
+            or names[:1]
+            in (
+                ["context"],
+                ["_context"],
+                ["_"],
+            )
         )
         return 0 if fixed or len(names) <= PARAMETERS else len(names)
 

@@ -144,7 +144,7 @@ class Twin:
     @_RUNAWAY
     def run(
         self, data: Data = None, progress: Progress | None = None, every: int = 0,
-        *, again: bool = False,
+        *, again: bool = False, workers: int | None = None,
     ) -> RunResult:  # fmt: skip
         """Runs the twin beside recorded data: follow, judge, tune, correct, try, promote.
 
@@ -157,13 +157,16 @@ class Twin:
             progress: called now and then with rows and seconds of data.
             every: rows from checkpoint to checkpoint; 0: about one a second.
             again: run all rows as a new run, also those that have been run before.
+            workers: processes for slow work, which does the same in them; 0: this one; None: as
+                ``[engine] workers`` says.
 
         Raises:
+            UsageError: workers for a model that was given as an object.
             DataError: a recording cannot be read.
             StoreError: a repeated run says something else than the log has.
         """
-        observer = loop.Observer(self.setup, progress)
-        run = loop.Run(self.setup, self._ledger, observer, every)
+        engine, observer = self._engines.of(workers), loop.Observer(self.setup, progress)
+        run = loop.Run(self.setup, self._ledger, observer, engine, every)
         return run.play(data, anew=again, lasting=self._lasting)
 
     @_RUNAWAY

@@ -38,6 +38,20 @@ def test_run_gives_its_document_and_nothing_else_on_stdout(spawn: Command) -> No
     assert set(content["champion"]) >= {"version", "hash", "terms"}
 
 
+def test_workers_change_nothing_but_where_the_work_is_done(call: Command, folder: Path) -> None:
+    run = ("run", "robot.toml", "--data", "robot.csv", "--json")
+    fit = ("fit", "robot.toml", "--train", "robot.csv", "--json")
+    for words in (run, fit):
+        told = []
+        for workers in "01":
+            for file in folder.glob("robot.db*"):
+                file.unlink()
+            told.append(call(*words, "--workers", workers).json | {"seconds": 0})
+        assert told[0] == told[1]
+    refused = call(*run, "--workers", "65")
+    assert refused.code == 2 and "workers: expected a number at least 0 and at most" in refused.err
+
+
 def test_fit_gives_its_document(call: Command, folder: Path) -> None:
     save(folder / "other.csv", columns(seed=2))
     done = call(

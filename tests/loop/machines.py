@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from evertwin.config.spec import (
     TuningSpec,
     TwinSpec,
 )
-from evertwin.fold import Answer, Block, Record, Request, concatenate, make_block, take
+from evertwin.fold import Answer, Block, Event, Record, concatenate, make_block, take
 from evertwin.loop.configured_model import model_of
 from evertwin.loop.driver import Driver
 from evertwin.loop.setup import Setup
@@ -30,6 +30,8 @@ from evertwin.loop.twin_state import TwinState
 from evertwin.loop.versions import Versions
 from evertwin.models.form import Version
 from evertwin.worlds.robot import Plan, light
+
+Answered = dict[int, tuple[int, Answer]]
 
 
 class Case(NamedTuple):
@@ -45,6 +47,8 @@ class Run(NamedTuple):
     state: TwinState
     records: tuple[Record, ...]
     versions: tuple[Version, ...]
+    answered: Answered
+    """Row and answer of each request."""
 
 
 @cache
@@ -100,13 +104,19 @@ def arm() -> Case:
 
 
 @dataclass
-class Logged:
-    """Slow work as it was logged, instead of done again."""
+class Told:
+    """Answers as they were logged, at the rows that they preceded; no order."""
 
-    answers: dict[int, Answer] = field(default_factory=dict)
+    answers: Answered
 
-    def answer(self, request: Request, windows: object, state: object) -> Answer:
-        return self.answers[request.id]
+    def answer(self, number: int) -> tuple[int, Answer] | None:
+        return self.answers.get(number)
+
+    def next_order(self) -> float:
+        return np.inf
+
+    def heed(self, row: int) -> tuple[Event, ...]:
+        return ()
 
 
 def cut(rows: Block, places: Sequence[int]) -> list[Block]:
@@ -114,16 +124,22 @@ def cut(rows: Block, places: Sequence[int]) -> list[Block]:
     return [take(rows, a, b) for a, b in pairwise(edges)]
 
 
-def play(case: Case, blocks: Iterable[Block], answers: Iterable[Record] | None = None) -> Run:
-    """The whole twin over the blocks; slow work from the log where one is given."""
-    setup, records = Setup(case.spec, model_of(case.spec, None)), list[Record]()
+def play(
+    case: Case, blocks: Iterable[Block], answered: Answered | None = None, **how: Any
+) -> Run:  # fmt: skip
+    """The whole twin over the blocks; answers to slow work from a log where one is given."""
+    setup, records, found = Setup(case.spec, model_of(case.spec)), list[Record](), Answered()
     versions = Versions(setup.model)
-    driver = Driver(setup, versions, lambda row, said: records.extend(said))
-    if answers is not None:
-        kept = {r.id: r for r in answers if isinstance(r, Answer)}
-        driver.work = Logged(kept)  # type: ignore[assignment]
+
+    def log(row: int, said: Sequence[Record]) -> None:
+        records.extend(said)
+        found.update({r.id: (row, r) for r in said if isinstance(r, Answer)})
+
+    if answered is not None:
+        how["outside"] = Told(answered)
+    driver = Driver(setup, versions, log, **how)
     state = driver.finish(driver.run(blocks))
-    return Run(state, tuple(records), tuple(versions))
+    return Run(state, tuple(records), tuple(versions), found)
 
 
 @cache

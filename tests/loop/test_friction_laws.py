@@ -58,7 +58,7 @@ def test_a_second_run_is_identical(name: str) -> None:
 @NAMES
 def test_blocks_of_one_end_the_same(name: str) -> None:
     case, run = CASES[name](), whole(name)
-    same(play(case, cut(case.rows, range(len(case.rows.t))), run.records), run)
+    same(play(case, cut(case.rows, range(len(case.rows.t))), run.answered), run)
 
 
 @NAMES
@@ -68,7 +68,7 @@ def test_no_cut_matters(name: str, data: st.DataObject) -> None:
     case, run = CASES[name](), whole(name)
     n = len(case.rows.t)
     places = data.draw(st.lists(st.integers(1, n - 1), max_size=60))
-    same(play(case, cut(case.rows, places), run.records), run)
+    same(play(case, cut(case.rows, places), run.answered), run)
 
 
 @NAMES

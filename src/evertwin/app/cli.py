@@ -106,6 +106,7 @@ def run(
     again: Annotated[
         bool, typer.Option("--again", help="As a new run, also rows that have been run before.")
     ] = False,
+    workers: Workers = None,
 ) -> None:
     """Run a twin beside recorded data: judge, tune, correct, try in shadow, promote.
 
@@ -114,7 +115,7 @@ def run(
     """
     from evertwin.app.commands import run_twin
 
-    run_twin(twin, data, report, (as_json, check), again)
+    run_twin(twin, data, report, (as_json, check), again, workers)
 
 
 @app.command()

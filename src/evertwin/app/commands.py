@@ -30,12 +30,13 @@ FINDINGS = ("measurement_error", "abnormal", "drift", "rolled_back", "not_identi
 
 
 def run_twin(
-    twin: Path, data: Files, report: Path | None, shown: tuple[bool, bool], again: bool
-) -> None:
+    twin: Path, data: Files, report: Path | None, shown: tuple[bool, bool], again: bool,
+    workers: int | None,
+) -> None:  # fmt: skip
     """``evertwin run``; ``shown`` as JSON, and with an exit code for findings."""
     progress, (as_json, check) = Progress(), shown
     with Twin.open(twin) as opened:
-        result = opened.run(_files(data), progress, again=again)
+        result = opened.run(_files(data), progress, again=again, workers=workers)
         progress.close()
         for line in _went_on(result):
             typer.echo(f"evertwin: {line}", err=True)

@@ -25,7 +25,7 @@ from evertwin.config.prognosis import (
     WorkSpec,
 )
 from evertwin.correction.spec import CorrectionSpec, SarsaSpec
-from evertwin.engine import EngineSpec
+from evertwin.engine.spec import EngineSpec
 from evertwin.fold.span import Span
 from evertwin.models.spec import ModelSpec, ParameterSpec
 from evertwin.settings.notes import Hidden, Path, PlacedError, Rows, dotted

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from evertwin.loop.channels import check_units
     from evertwin.loop.comparison import Comparison, compare
     from evertwin.loop.configured_model import model_of
+    from evertwin.loop.engines import Engines
     from evertwin.loop.feed import Data, Feed, chunk_of
     from evertwin.loop.fitting import FitResult, Watch, fit
     from evertwin.loop.ledger import Ledger
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from evertwin.loop.run import Run
     from evertwin.loop.setup import Setup
     from evertwin.loop.versions import Versions
-    from evertwin.loop.workers import Engines
+    from evertwin.loop.work import work_of
 
 __all__ = [
     "Comparison",
@@ -42,6 +43,7 @@ __all__ = [
     "compare",
     "fit",
     "model_of",
+    "work_of",
 ]
 
 __getattr__ = surface(__name__)

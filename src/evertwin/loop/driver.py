@@ -1,8 +1,8 @@
 """The fold of a whole twin: pieces between beats, decisions at beats, slow work when it is due.
 
-The driver cuts blocks where the data sets its beats, so where a source cuts them cannot matter. A
-file run waits for an answer at the row where it is due; an answer is computed from rows that are
-still in the state, so a checkpoint holds all that is needed to go on.
+The driver cuts blocks where the data sets its beats, so where a source cuts them cannot matter.
+Slow work goes out with rows that are in the state (`evertwin.loop.slow_work`), so a checkpoint
+holds all that is needed to go on.
 """
 
 from __future__ import annotations
@@ -13,13 +13,15 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from evertwin.fold import Answer, Block, Event, Record, Request, copy, take
+from evertwin.engine import Engine, InProcess
+from evertwin.fold import Answer, Block, Event, Record, copy, take
 from evertwin.loop.decide import Decide
 from evertwin.loop.follow import EMPTY, Follow, Followed
 from evertwin.loop.ring import NO_ROWS
 from evertwin.loop.scores import new_scores
 from evertwin.loop.setup import Setup
-from evertwin.loop.twin_state import CORRECT, Agenda, Lane, TwinState
+from evertwin.loop.slow_work import SlowWork
+from evertwin.loop.twin_state import Agenda, Lane, TwinState
 from evertwin.loop.versions import Versions
 from evertwin.loop.work import Work
 from evertwin.store import Checkpoint, Store
@@ -97,14 +99,18 @@ class Driver:
     """Version that is live at the start."""
     pinned: bool = False
     outside: Outside = field(default_factory=_Nobody)
+    engine: Engine = field(default_factory=InProcess)
+    """Where slow work runs; it serves one fold at a time."""
+    live: bool = False
+    """Are answers taken when they are there, and never waited for?"""
     follow: Follow = field(init=False)
     decide: Decide = field(init=False)
-    work: Work = field(init=False)
+    slow: SlowWork = field(init=False)
 
     def __post_init__(self) -> None:
         self.follow = Follow(self.setup, self.versions)
         self.decide = Decide(self.follow)
-        self.work = Work(self.setup, self.versions)
+        self.slow = SlowWork(Work(self.setup, self.versions), self.engine)
 
     def init(self) -> TwinState:
         """The state before the first row."""
@@ -205,18 +211,20 @@ class Driver:
         self.watch(state, piece, out)
         return state
 
-    def beat(self, state: TwinState, *, task_end: bool) -> TwinState:
-        """The decisions before the next row."""
+    def beat(self, state: TwinState, *, task_end: bool, ended: bool = False) -> TwinState:
+        """The decisions before the next row; if none comes (``ended``), answers are waited for."""
         for order in self.outside.heed(state.row):
             state = self.decide.order(state, order)
         said: list[Record] = []
         if task_end:
             state, found = self.follow.end_task(state)
             said += found
-        answer = self._answer(state) if state.agenda.open else None
+        answer = self._answer(state, ended) if state.agenda.open else None
         said += [] if answer is None else [answer]
         state, events, requests = self.decide.step(state, answer, task_end)
         self._say(state.row, [*said, *events, *requests])
+        if self.outside.answer(state.agenda.open) is None:
+            self.slow.send(state)
         return state
 
     def _say(self, row: int, records: Sequence[Record]) -> None:
@@ -224,27 +232,21 @@ class Driver:
             self.log(row, records)
 
     def finish(self, state: TwinState) -> TwinState:
-        """The end of the data: the last task ends, open work is answered."""
+        """The end of the data: the last task ends, open work is answered, live too."""
         if state.row == 0:
             return state
         state = self.beat(state, task_end=True)
         for _ in range(4):
             if not state.agenda.open:
                 break
-            agenda = state.agenda._replace(due=state.row)
-            state = self.beat(state._replace(agenda=agenda), task_end=False)
+            state = self.beat(state, task_end=False, ended=True)
         return state
 
-    def _answer(self, state: TwinState) -> Answer | None:
-        """The answer to the open request, once it is due."""
-        agenda = state.agenda
-        told = self.outside.answer(agenda.open)
-        if state.row < (agenda.due if told is None else told[0]):
-            return None
+    def _answer(self, state: TwinState, ended: bool) -> Answer | None:
+        """The answer to the open request: from the log, when it is due, or when it is there."""
+        told = self.outside.answer(state.agenda.open)
         if told is not None:
-            return told[1]
-        kind = "correct" if agenda.phase == CORRECT else "fit"
-        window = (agenda.start, agenda.stop)
-        request = Request(agenda.open, kind, state.live.version, state.row, agenda.due, window)
-        rows = self.setup.ring.between(state.ring, *window)
-        return self.work.answer(request, rows, state)
+            row, answer = told
+            return answer if state.row >= row else None
+        wait = ended or (not self.live and state.row >= state.agenda.due)
+        return self.slow.take(state, wait=wait) if wait or self.live else None

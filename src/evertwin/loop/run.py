@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any, NamedTuple
 
 from evertwin.config import TwinSpec
+from evertwin.engine import Engine, InProcess
 from evertwin.errors import StoreError
 from evertwin.fold import Answer, Block, Event, Record, canonical, copy
 from evertwin.loop.driver import Driver
@@ -39,7 +40,10 @@ SECONDS = 1.0
 """Time from checkpoint to checkpoint where no rows are given: what a crash costs at most."""
 SHARE = 20.0
 """A checkpoint waits at least this many times as long as copying the last one took."""
-ASIDE = {"name", "schema", "source", "derive", "store", "indicator", "prognosis", "work", "folder"}
+ASIDE = {
+    "name", "schema", "source", "derive", "engine", "store", "indicator", "prognosis", "work",
+    "folder",
+}  # fmt: skip
 """Settings that do not change what the fold makes of rows."""
 
 
@@ -73,6 +77,7 @@ class Run:
     setup: Setup
     ledger: Ledger
     observer: Observer
+    engine: Engine = field(default_factory=InProcess)
     every: int = 0
     """Rows from checkpoint to checkpoint; 0: by the time they take."""
     log: RunLog = field(init=False)
@@ -165,8 +170,9 @@ class Run:
         told: dict[str, Any] = {"champion": ledger.champion, "pinned": ledger.pinned}
         told |= {} if known is None else known.evidence
         self.driver = Driver(
-            self.setup, ledger.versions, self.tell, self._watch, told["champion"], told["pinned"]
-        )
+            self.setup, ledger.versions, self.tell, self._watch, told["champion"], told["pinned"],
+            engine=self.engine,
+        )  # fmt: skip
         if known is None:
             found, self.log = (
                 None,

@@ -10,28 +10,30 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from evertwin.anomaly.verdict import Verdict, branch, explained
+from evertwin.config.spec import TwinSpec
 from evertwin.correction.improve import Proposal, TooFew
 from evertwin.errors import DataError, ModelError, UsageError
-from evertwin.fold import Answer, Block, Request, plain
+from evertwin.fold import Block, plain
 from evertwin.loop.correcting import learn
 from evertwin.loop.friction_law import climb_laws
 from evertwin.loop.posterior import posterior
 from evertwin.loop.recursive_fit import Recursion
 from evertwin.loop.setup import Setup
-from evertwin.loop.twin_state import TwinState
 from evertwin.loop.versions import Versions
+from evertwin.loop.workers import setup_of
 from evertwin.models import Model
 from evertwin.models.corrected import Corrected
 from evertwin.models.form import Form, Version
 from evertwin.trial import admit
 from evertwin.tuning import Fit, Iteration, Problem, Schedule, Settings, solve
+from evertwin.types import Json
 
-__all__ = ["Work"]
+__all__ = ["Task", "Work", "rejected", "work_of"]
 
 Windows = tuple[Block, ...]
 
@@ -40,9 +42,36 @@ def _event(kind: str, signal: str, reason: str, evidence: Mapping[str, Any]) -> 
     return {"kind": kind, "signal": signal, "reason": reason, "evidence": dict(evidence)}
 
 
+def rejected(reason: str) -> dict[str, Any]:
+    """What the answer says of work that could not be done."""
+    return {"events": [_event("rejected", "", reason, {})]}
+
+
+def work_of(spec: TwinSpec, rate: float | None) -> Work:
+    """The work of a twin file on rows of this rate, as `Work` travels to another process."""
+    setup = setup_of(spec).at(rate)
+    return Work(setup, Versions(setup.model))
+
+
+class Task(NamedTuple):
+    """What a request asks for, with all that the answer follows from.
+
+    >>> Task._fields
+    ('kind', 'version', 'windows', 'tunings')
+    """
+
+    kind: str
+    """``fit`` or ``correct``."""
+    version: Version
+    """What it starts from."""
+    windows: Windows
+    tunings: int
+    """Tunings so far: the schedule's position."""
+
+
 @dataclass(frozen=True)
 class Work:
-    """Answers to requests.
+    """Answers to requests. It travels as its twin file: models never do.
 
     >>> Work.__name__
     'Work'
@@ -50,30 +79,31 @@ class Work:
 
     setup: Setup
     versions: Versions
+    """The models of forms are asked of it."""
 
-    def answer(self, request: Request, windows: Windows, state: TwinState) -> Answer:
-        """The answer to a request; what cannot be done is an event in it."""
-        version = self.versions[request.version]
+    def __reduce__(self) -> tuple[Any, ...]:
+        return work_of, (self.setup.spec, self.setup.measured_rate)
+
+    @np.errstate(over="ignore", invalid="ignore")
+    def content(self, task: Task) -> dict[str, Json]:
+        """What the answer says, in plain values; what cannot be done is an event in it."""
         try:
-            if request.kind == "fit":
-                content = self.fit(version, windows, state.agenda.tunings)
+            if task.kind == "fit":
+                content = self.fit(task.version, task.windows, task.tunings)
             else:
-                content = self.correct(version, windows)
+                content = self.correct(task.version, task.windows)
         except TooFew as error:
             # not a verdict on anything: more rows come
             content = {"events": [], "waits": str(error)}
         except (DataError, ModelError, UsageError) as error:
-            reason = f"{request.kind}: {error}"
-            content = {"events": [_event("rejected", "", reason, {})]}
-        # when it was found out: the parameter history is read by these
-        when = {"time": state.time, "elapsed": state.elapsed, "task": state.task}
-        return Answer(request.id, request.version, plain(content | when))  # type: ignore[arg-type]
+            content = rejected(f"{task.kind}: {error}")
+        return plain(content)  # type: ignore[return-value]
 
     # ------------------------------------------------------------------ tuning
 
     def problem(self, version: Version, windows: Windows, names: tuple[str, ...]) -> Problem:
         """The tuning problem of a version on a window."""
-        model = self.versions.model(version.number)
+        model = self.versions.model_of(version.form)
         return Problem(
             model, windows, names, self.setup.horizon, None, self.setup.smooth_window,
             model.parameters.with_values(version.p), self.setup.spec.tuning.loss,
@@ -84,7 +114,7 @@ class Work:
 
     def editable(self, version: Version) -> tuple[str, ...]:
         """What may be tuned of a version: the base model's share and the terms' own numbers."""
-        return self.tunable(self.versions.model(version.number))
+        return self.tunable(self.versions.model_of(version.form))
 
     def tunable(self, model: Model) -> tuple[str, ...]:
         """The same of any form of the base model."""

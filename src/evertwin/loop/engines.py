@@ -1,0 +1,55 @@
+"""Where a twin's slow work runs: in this process, or in warm ones of its own.
+
+>>> from evertwin.config.spec import ModelSpec
+>>> Engines(TwinSpec("robot", ModelSpec("robot1d"))).of(None).workers
+0
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import evertwin.engine as engine
+import evertwin.loop as loop
+from evertwin.config.spec import TwinSpec
+from evertwin.engine.contract import Engine
+from evertwin.engine.spec import EngineSpec
+from evertwin.errors import UsageError
+
+__all__ = ["Engines"]
+
+
+class Engines:
+    """The engine of one twin; its processes stay warm until it is closed."""
+
+    def __init__(self, spec: TwinSpec, given: bool = False) -> None:
+        """``given``: was the model an object, and not named by the twin file?"""
+        self.spec = spec
+        self.given = given
+        self._engine: Engine = engine.InProcess()
+
+    def of(self, workers: int | None) -> Engine:
+        """In this process (0), in as many of its own, or as the twin file says (None).
+
+        Raises:
+            UsageError: too many, less than none, or any for a model that cannot travel.
+        """
+        rule = self.spec.engine if workers is None else replace(self.spec.engine, workers=workers)
+        if rule.workers and self.given:
+            raise UsageError(
+                "workers: expected a model that the twin file names, since each process builds it "
+                'anew, got an object: put it into a Python file (kind = "python")'
+            )
+        if rule.workers != self._engine.workers:
+            self._engine.close()
+            self._engine = self._started(rule) if rule.workers else engine.InProcess()
+        return self._engine
+
+    def _started(self, rule: EngineSpec) -> Engine:
+        # each room's files are loaded when they are asked for: a twin that only shows needs neither
+        return engine.Pool(rule.workers, rule, partial(loop.work_of, self.spec, None))
+
+    def close(self) -> None:
+        """Ends the processes."""
+        self._engine.close()

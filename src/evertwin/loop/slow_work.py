@@ -1,0 +1,72 @@
+"""Slow work on its way: sent at the beat that asks for it, taken at a later one.
+
+A recorded run takes the answer at the row where it is due, and waits for it there: which row an
+answer precedes follows from the data alone, wherever the work runs. A live run never waits: it
+takes the answer at the first beat at which it is there. The log says which row that was, so a
+repeated run takes it there again. The job goes out with a copy of its rows; one that a restored
+state asks for goes out again, and one that nobody waits for any more is dropped.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import partial
+
+from evertwin.engine import Engine
+from evertwin.fold import Answer, Request
+from evertwin.loop.twin_state import CORRECT, TwinState
+from evertwin.loop.work import Task, Work, rejected
+
+__all__ = ["SlowWork"]
+
+
+@dataclass
+class SlowWork:
+    """The slow work of one fold.
+
+    >>> SlowWork.__name__
+    'SlowWork'
+    """
+
+    work: Work
+    engine: Engine
+    _sent: int = field(default=0, init=False)
+    """Id of the request whose work is under way; 0: none."""
+
+    def send(self, state: TwinState) -> None:
+        """The work on the state's open request begins, unless it has; other work ends."""
+        agenda = state.agenda
+        if agenda.open == self._sent:
+            return
+        for number in {self._sent, agenda.open} - {0}:
+            self.engine.drop(number)
+        self._sent = agenda.open
+        if not agenda.open:
+            return
+        kind = "correct" if agenda.phase == CORRECT else "fit"
+        window = (agenda.start, agenda.stop)
+        version = self.work.versions[state.live.version]
+        rows = self.work.setup.ring.between(state.ring, *window)
+        request = Request(agenda.open, kind, version.number, state.row, agenda.due, window)
+        task = Task(kind, version, rows, agenda.tunings)
+        self.engine.submit(request, partial(self.work.content, task))
+
+    def take(self, state: TwinState, *, wait: bool) -> Answer | None:
+        """The answer to the state's open request; None if it is not there, and not waited for."""
+        self.send(state)
+        number = state.agenda.open
+        for answer in self.engine.answers(number if wait else None):
+            if answer.id == number:
+                self._sent = 0
+                return self._known(answer, state)
+        return None
+
+    def _known(self, answer: Answer, state: TwinState) -> Answer:
+        """The answer as it is logged: with the moment when it became known."""
+        content = dict(answer.content)
+        if "error" in content:
+            kind = "correct" if state.agenda.phase == CORRECT else "fit"
+            content = rejected(f"{kind}: {content['error']}")
+        # the parameter history is read by these
+        when = {"time": state.time, "elapsed": state.elapsed, "task": state.task}
+        return Answer(answer.id, answer.version, content | when)
