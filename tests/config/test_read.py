@@ -86,7 +86,7 @@ WRONG = {
     "range": ("beat = 0", "f:4: beat: expected 1 to 1000000 rows or a time such as '30 s', got 0"),
     "not a number": (
         "[trial]\nalpha = nan",
-        "f:5: trial.alpha: expected a number above 0 and below 0.5, got nan",
+        "f:5: trial.alpha: expected a number, got nan",
     ),
     "no unit taken": ("[trial]\nalpha = '1 m'", "f:5: trial.alpha: expected a number, got '1 m'"),
     "unit": ("[clock]\nrate = '5 s'", "f:5: clock.rate: expected a quantity in 'Hz' or alike, got"),

@@ -28,6 +28,8 @@ from evertwin.types import Json
 
 __all__ = ["SCENARIO", "ScenarioSpec", "read_scenario"]
 
+STEPS = 1_000_000
+"""Exchanges of poses in a docking."""
 Metres: TypeAlias = Annotated[float, Quantity("m")]
 
 
@@ -142,6 +144,11 @@ class DockSpec(Section):
         if len(self.dock) != 3:
             raise UsageError(
                 f"dock: expected x [m], y [m] and heading [rad], got {len(self.dock)} numbers"
+            )
+        if not self.limit / self.step <= STEPS:
+            raise UsageError(
+                f"expected at most {STEPS} steps, got a limit of {self.limit:g} s in steps of "
+                f"{self.step:g} s"
             )
 
 

@@ -19,6 +19,9 @@ from evertwin.signals.units import compatible
 
 __all__ = ["AnomalySpec"]
 
+PHASES = 1_000
+"""Each phase keeps statistics of its own."""
+
 
 @dataclass(frozen=True)
 class AnomalySpec(Section):
@@ -45,6 +48,14 @@ class AnomalySpec(Section):
     """Outputs that are watched; empty: all."""
     window: Annotated[Span, Rows()] = Span(600)
     """Rows, or time, that the requirement is judged over (the task, where it ends earlier)."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        count = math.prod(len(borders) + 1 for borders in self.phases.values())
+        if count > PHASES:
+            raise UsageError(
+                f"phases: expected borders that make at most {PHASES} phases, got {count}"
+            )
 
     @classmethod
     def prepare(cls, table: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -26,6 +26,7 @@ from evertwin.config.prognosis import (
 )
 from evertwin.correction.spec import CorrectionSpec, SarsaSpec
 from evertwin.engine.spec import EngineSpec
+from evertwin.errors import UsageError
 from evertwin.fold.span import Span
 from evertwin.models.spec import ModelSpec, ParameterSpec
 from evertwin.settings.notes import Hidden, Path, PlacedError, Rows, dotted
@@ -147,7 +148,10 @@ class TwinSpec(Section):
         """A time is so many rows of the clock, where it has a rate."""
         if span.rows is None and self.clock.rate is None:
             return
-        count = span.at(self.clock.rate)
+        try:
+            count = span.at(self.clock.rate)
+        except UsageError as error:
+            raise PlacedError(f"{dotted(place)} = {error}", place) from error
         if not rows.least <= count <= rows.most:
             raise PlacedError(
                 f"{dotted(place)}: expected {rows.least} to {rows.most} rows, got {span}", place

@@ -9,7 +9,7 @@ from annotated_types import Ge, Gt, Le, Lt
 
 from evertwin.fold.span import Span
 from evertwin.models.terms.registry import check_kind
-from evertwin.settings.kinds import Duration, Radians, Size, Spread
+from evertwin.settings.kinds import Duration, Finite, Radians, Size, Spread
 from evertwin.settings.notes import Rows
 from evertwin.settings.section import Section
 
@@ -28,9 +28,9 @@ class SarsaSpec(Section):
 
     near: Size = 0.01
     """Deviation below which an action is rewarded."""
-    reward: float = 1.0
+    reward: Finite = 1.0
     """Reward of such an action."""
-    penalty: float = -5.0
+    penalty: Finite = -5.0
     """Reward of any other."""
     end: Size = 0.02
     """Deviation beyond which an episode ends."""
@@ -42,7 +42,7 @@ class SarsaSpec(Section):
     """Discount."""
     epsilon: Annotated[float, Ge(0.0), Le(1.0)] = 0.1
     """Share of actions tried at random (``replay`` and ``literal``)."""
-    first: float = 0.0
+    first: Finite = 0.0
     """Value of an action before it was tried."""
     accumulate: bool = False
     """Does the deviation add up over an episode?"""

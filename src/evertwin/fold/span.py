@@ -12,7 +12,10 @@ from dataclasses import dataclass
 
 from evertwin.errors import UsageError
 
-__all__ = ["Span"]
+__all__ = ["MOST", "Span"]
+
+MOST = 1_000_000
+"""Rows of the longest span: with forty columns they take 320 MB."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +37,7 @@ class Span:
         """Its rows at ``rate`` [Hz], rounded; one at least, unless it is none.
 
         Raises:
-            UsageError: it is a time, and there is no rate.
+            UsageError: it is a time, and there is no rate, or far too many rows are in it.
         """
         if self.rows is not None:
             return self.rows
@@ -42,7 +45,10 @@ class Span:
             raise UsageError(
                 f"{self}: a time needs the rate of the rows: set rate in [clock], or say it in rows"
             )
-        return max(round((self.seconds or 0.0) * rate), int(bool(self.seconds)))
+        rows = (self.seconds or 0.0) * rate
+        if not rows <= MOST:
+            raise UsageError(f"{self}: {rows:.3g} rows at {rate:g} Hz: expected at most {MOST}")
+        return max(round(rows), int(bool(self.seconds)))
 
     def __str__(self) -> str:
         return f"{self.seconds:g} s" if self.rows is None else f"{self.rows} rows"

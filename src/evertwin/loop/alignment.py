@@ -241,7 +241,7 @@ def low_pass(spec: TwinSpec) -> Symmetric:
         raise ConfigError("[filter]: a filter needs rows at a fixed rate: set rate in [clock]")
     if rule.kind == "butterworth":
         return Symmetric.butterworth(rule.cutoff, rate, rule.order)
-    return Symmetric.savgol(2 * round(0.5 * rate / rule.cutoff) + 1, rule.order)
+    return Symmetric.savgol(2 * round(min(0.5 * rate / rule.cutoff, 1e9)) + 1, rule.order)
 
 
 def _kind(name: str, angles: set[str]) -> Literal["angle", "linear"]:

@@ -23,6 +23,7 @@ from evertwin.loop.setup import Setup
 from evertwin.models import Model
 from evertwin.models.corrected import build
 from evertwin.models.form import Form, Term, Version
+from evertwin.models.terms.rows import level_count
 
 __all__ = ["learn"]
 
@@ -48,8 +49,7 @@ def sarsa_settings(setup: Setup, channel: str, windows: Windows) -> SarsaSetting
     top = float(np.nanmax(commands))
     if rule.quantum > 0:
         low = min(0.0, float(np.nanmin(commands)))
-        count = int(np.ceil((top - low) / rule.quantum - 1e-9)) + 1
-        quantum = rule.quantum
+        count, quantum = level_count(low, top, rule.quantum), rule.quantum
     else:
         p = setup.model.parameters.values
         seen = command_effects(setup.model, p, windows, channel, setup.horizon)

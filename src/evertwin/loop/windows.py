@@ -31,7 +31,7 @@ def windows_of(windows: Iterable[Block], rule: CutSpec | None) -> Windows:
         rule: length and step; None: the tasks themselves.
 
     Raises:
-        DataError: no task is as long as a window.
+        DataError: no task is as long as a window, or has more windows than rows.
 
     >>> from evertwin.fold import make_block
     >>> rows = make_block(t=np.arange(10) * 10**9, u=np.zeros((10, 1)), y=np.zeros((10, 1)))
@@ -47,7 +47,13 @@ def windows_of(windows: Iterable[Block], rule: CutSpec | None) -> Windows:
     for task in tasks:
         # the last row of a window is one interval before the end of its length
         last = int(task.t[-1]) + (int(np.median(np.diff(task.t))) if len(task.t) > 1 else 0)
-        for start in range(int(task.t[0]), last - length + 1, step):
+        begins = range(int(task.t[0]), last - length + 1, max(step, 1))
+        if len(begins) > len(task.t):
+            raise DataError(
+                f"[tuning.cut]: {len(begins)} windows of {len(task.t)} rows: expected "
+                "at most one for each row: give a longer step"
+            )
+        for start in begins:
             a, b = np.searchsorted(task.t, [start, start + length])
             if b - a >= 2:
                 found.append(take(task, int(a), int(b)))

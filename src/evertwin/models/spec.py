@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Annotated
 
 from evertwin.errors import UsageError
-from evertwin.settings.kinds import Amount, Spread
+from evertwin.settings.kinds import Amount, Finite, Spread
 from evertwin.settings.notes import Free, Shorthand
 from evertwin.settings.section import Section
 from evertwin.types import Json
@@ -69,9 +69,9 @@ class ChangeSpec(Section):
 
     value: Amount | None = None
     """The new value."""
-    factor: float | None = None
+    factor: Finite | None = None
     """Times the value of today."""
-    add: float | None = None
+    add: Finite | None = None
     """More than today, SI."""
 
     def __post_init__(self) -> None:

@@ -25,7 +25,7 @@ from pydantic_core import ErrorDetails
 from evertwin.errors import ConfigError, nearest
 from evertwin.settings.document import Document
 from evertwin.settings.notes import Path, dotted
-from evertwin.settings.section import Section, field_docs, setting_at, settings
+from evertwin.settings.section import Section, field_docs, is_section, setting_at, settings
 
 __all__ = ["adapter", "decode"]
 
@@ -102,8 +102,11 @@ def _expected(root: type[Section], one: ErrorDetails) -> str:
     kind = one["type"]
     if kind in _BOUNDS:
         return setting_at(root, one["loc"]).range
+    hint = setting_at(root, one["loc"]).type
+    if kind == "tuple_type" and is_section(get_args(hint)[0]):
+        return f"an array of tables, [[{one['loc'][-1]}]]"
     if kind == "literal_error":
-        words = get_args(setting_at(root, one["loc"]).type)
+        words = get_args(hint)
         return "one of " + ", ".join(f"'{word}'" for word in words)
     return _EXPECTED.get(kind, one["msg"])
 

@@ -19,7 +19,7 @@ from typing import Any
 
 from evertwin.errors import ConfigError
 from evertwin.settings.lines import Lines, tokens
-from evertwin.settings.notes import Path, PlacedError
+from evertwin.settings.notes import Path, PlacedError, dotted
 from evertwin.settings.patterns import written_out
 
 __all__ = ["DEEPEST", "LARGEST", "LONGEST", "Document"]
@@ -96,11 +96,14 @@ class Document:
 def _bounded(node: Any, path: Path) -> None:
     if isinstance(node, Mapping | list):
         if len(path) > DEEPEST:
-            raise PlacedError(f"expected at most {DEEPEST} tables and arrays inside another", path)
+            raise PlacedError(f"expected at most {DEEPEST} tables inside one another", path)
         if len(node) > LONGEST:
             kind = "elements" if isinstance(node, list) else "keys"
-            raise PlacedError(f"expected at most {LONGEST} {kind}, got {len(node)}", path)
+            said = f"expected at most {LONGEST} {kind}, got {len(node)}"
+            raise PlacedError(f"{dotted(path)}: {said}", path)
         for key, item in node.items() if isinstance(node, Mapping) else enumerate(node):
             _bounded(item, (*path, key))
     elif isinstance(node, int) and not -(2**63) <= node < 2**63:
-        raise PlacedError("expected a whole number of 64 bits, got a larger one", path)
+        raise PlacedError(f"{dotted(path)}: expected a whole number of 64 bits, got more", path)
+    elif node != node:
+        raise PlacedError(f"{dotted(path)}: expected a number, got nan", path)

@@ -22,6 +22,7 @@ __all__ = [
     "Amount",
     "Count",
     "Duration",
+    "Finite",
     "Fraction",
     "Hertz",
     "Positive",
@@ -41,6 +42,7 @@ Seconds: TypeAlias = Annotated[float, Quantity("s", difference=True)]
 Duration: TypeAlias = Annotated[float, Quantity("s", difference=True), Gt(0.0)]
 Hertz: TypeAlias = Annotated[float, Quantity("Hz"), Gt(0.0), Le(1e7)]
 Radians: TypeAlias = Annotated[float, Quantity("rad"), Gt(0.0)]
+Finite: TypeAlias = Annotated[float, Ge(-1e15), Le(1e15)]
 Positive: TypeAlias = Annotated[float, Gt(0.0)]
 Fraction: TypeAlias = Annotated[float, Gt(0.0), Lt(1.0)]
 Count: TypeAlias = Annotated[int, Ge(1), Le(1_000_000)]

@@ -12,7 +12,6 @@ what is read, and what the JSON schema says of it, stand with the note.
 
 from __future__ import annotations
 
-import math
 import os
 import re
 from collections.abc import Callable, Mapping
@@ -22,7 +21,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias, TypeVar
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from evertwin.errors import UsageError
-from evertwin.fold.span import Span
+from evertwin.fold.span import MOST, Span
 from evertwin.settings.quantity import as_number, number, written
 
 if TYPE_CHECKING:
@@ -134,7 +133,7 @@ class Quantity(NamedTuple):
         """The number of a setting."""
         if isinstance(value, str):
             return told(lambda: number(value, self.unit, difference=self.difference))
-        if isinstance(value, bool) or not isinstance(value, int | float) or math.isnan(value):
+        if isinstance(value, bool) or not isinstance(value, int | float):
             raise _wrong(f"a number or text such as '2 {self.unit or 'cm'}'")
         return value
 
@@ -158,8 +157,7 @@ class Rows(NamedTuple):
     """
 
     least: int = 1
-    most: int = 1_000_000
-    """So many rows of forty columns take 320 MB."""
+    most: int = MOST
 
     def span(self, value: object) -> Span:
         """The span of a setting."""

@@ -19,7 +19,6 @@ from __future__ import annotations
 import ast
 import dataclasses
 import inspect
-import math
 import operator
 import textwrap
 import types
@@ -48,7 +47,16 @@ if TYPE_CHECKING:
     from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
     from pydantic.json_schema import JsonSchemaValue
 
-__all__ = ["Section", "Setting", "field_docs", "section_doc", "setting_at", "settings", "split"]
+__all__ = [
+    "Section",
+    "Setting",
+    "field_docs",
+    "is_section",
+    "section_doc",
+    "setting_at",
+    "settings",
+    "split",
+]
 
 Note = TypeVar("Note")
 _BOUNDS: dict[type, tuple[str, Callable[[float, float], bool]]] = {
@@ -168,17 +176,9 @@ def _strict(node: Any) -> Any:
     if kind not in _WORDS or "strict" in node:
         return strict
     strict["strict"] = True
-    if kind == "float":
-        return core_schema.no_info_after_validator_function(_real, cast(CoreSchema, strict))
     if kind == "str":
         return core_schema.no_info_after_validator_function(_text, cast(CoreSchema, strict))
     return strict
-
-
-def _real(value: float) -> float:
-    if math.isnan(value):
-        raise PydanticCustomError("expected", "{expected}", {"expected": _WORDS["float"]})
-    return value
 
 
 def _text(value: str) -> str:
@@ -268,11 +268,16 @@ def _options(hint: Any) -> tuple[Any, ...]:
     return get_args(hint) if get_origin(hint) in (Union, types.UnionType) else (hint,)
 
 
+def is_section(kind: object) -> bool:
+    """True for the class of a section."""
+    return isinstance(kind, type) and issubclass(kind, Section)
+
+
 def setting_at(root: type[Section], path: Path) -> Setting:
     """What may stand at ``path`` of a file ``root``; a setting of type None where nothing may."""
     found = Setting("", "", root, (), True)
     for part in path:
-        if isinstance(found.type, type) and issubclass(found.type, Section):
+        if is_section(found.type):
             of = {setting.key: setting for setting in settings(found.type)}
             found = of.get(str(part), _NOTHING)
         else:

@@ -74,11 +74,12 @@ class Symmetric:
         """A polynomial over a sliding window of ``window`` (odd) rows, at its middle.
 
         Raises:
-            UsageError: the window is even, or not longer than the degree.
+            UsageError: the window is even, not longer than the degree, or too long for a stream.
         """
-        if window % 2 == 0 or degree >= window:
+        if window % 2 == 0 or not degree < window <= LONGEST:
             raise UsageError(
-                f"savgol: expected an odd window above the degree, got {window} and {degree}"
+                f"savgol: expected an odd window above the degree and below {LONGEST} rows, got "
+                f"{window:.6g} and {degree}"
             )
         return cls._of(scipy.signal.savgol_coeffs(window, degree, use="dot")[window // 2 :])
 

@@ -9,7 +9,7 @@ from typing import Annotated, Literal, TypeAlias
 from annotated_types import Ge, Le
 
 from evertwin.errors import UsageError
-from evertwin.settings.kinds import Hertz, Seconds
+from evertwin.settings.kinds import Finite, Hertz, Seconds
 from evertwin.settings.notes import Late, Shorthand
 from evertwin.settings.section import Section
 from evertwin.signals.units import conversion
@@ -32,9 +32,9 @@ class ChannelSpec(Section):
     """Name in the header, or position from 0."""
     unit: str
     """Unit in the file; "1" for a pure number."""
-    scale: float = 1.0
+    scale: Finite = 1.0
     """Multiplies the file's value before its unit is converted (a motor constant, a sign)."""
-    offset: float = 0.0
+    offset: Finite = 0.0
     """Added after ``scale``, in the file's unit."""
     sentinels: tuple[float, ...] = ()
     """Values of the file that mean "no value"."""

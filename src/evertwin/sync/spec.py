@@ -10,7 +10,16 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Le
 
 from evertwin.errors import UsageError
-from evertwin.settings.kinds import Amount, Duration, Hertz, Positive, Radians, Seconds, Spread
+from evertwin.settings.kinds import (
+    Amount,
+    Duration,
+    Finite,
+    Hertz,
+    Positive,
+    Radians,
+    Seconds,
+    Spread,
+)
 from evertwin.settings.notes import Inherit, Key, Quantity, Shorthand
 from evertwin.settings.section import Section
 
@@ -49,7 +58,7 @@ class DeriveSpec(Section):
     """Recorded or derived channels it is computed from."""
     unit: str | None = None
     """SI unit of the new channel; absent: what follows from the operation."""
-    value: float = 1.0
+    value: Finite = 1.0
     """Factor of ``scale``; seconds of ``slope``."""
 
 

@@ -38,6 +38,10 @@ __all__ = ["Circle", "Joints", "Limits", "Line", "Motion", "Move", "Pause", "mov
 Profile: TypeAlias = Literal["trapezoid", "quintic"]
 GRID = 0.005
 """Distance of the points at which a path of the tool is solved for the joints [m]."""
+LONGEST = 20_000
+"""Such points of one move."""
+MOST = 1_000_000
+"""Rows of one move."""
 
 
 @dataclass(frozen=True)
@@ -225,7 +229,7 @@ def _travel(
     """Rows after the first of one move."""
     rate, profile = timing
     if isinstance(move, Pause):
-        rows = max(0, round(move.seconds * rate))
+        rows = _rows(float(np.round(move.seconds * rate)), 0)
         still = np.zeros((rows, len(q)))
         return np.tile(q, (rows, 1)), still, still
     if isinstance(move, Joints):
@@ -239,7 +243,7 @@ def _travel(
     if chain is None:
         raise UsageError(f"path: a {type(move).__name__.lower()} needs an arm's geometry: a chain")
     length, places = _places(move, chain, q)
-    points = np.linspace(0.0, 1.0, max(8, math.ceil(length / GRID)) + 1)
+    points = np.linspace(0.0, 1.0, _rows(length / GRID, 8, LONGEST) + 1)
     joints = follow(chain, q, places(points), tool(chain, q)[0][:3, :3])
     spline = scipy.interpolate.CubicSpline(points, joints)
     speed, acceleration = move.speed / length, move.acceleration / length
@@ -289,7 +293,7 @@ def _run(speed: float, acceleration: float, rate: float, profile: Profile) -> _R
     """A profile over the way 0 … 1 that ends on a row."""
     if profile == "quintic":
         needed = max(1.875 / speed, math.sqrt(10.0 / math.sqrt(3.0) / acceleration))
-        rows = max(1, math.ceil(needed * rate - 1e-9))
+        rows = _rows(needed * rate, 1)
         return _quintic(rows, rows / rate)
     ramp = speed / acceleration
     if ramp * speed > 1.0:
@@ -297,8 +301,21 @@ def _run(speed: float, acceleration: float, rate: float, profile: Profile) -> _R
         needed = 2.0 * ramp
     else:
         needed = ramp + 1.0 / speed
-    rows = max(1, math.ceil(needed * rate - 1e-9))
+    rows = _rows(needed * rate, 1)
     return _trapezoid(rows, rows / rate, ramp / needed)
+
+
+def _rows(size: float, least: int, most: int = MOST) -> int:
+    """So many rows, or more to end on one.
+
+    Raises:
+        UsageError: far too many.
+    """
+    if not size <= most:
+        raise UsageError(
+            f"path: a move of {size:.3g} rows: expected at most {most}: shorten it, or lower rate"
+        )
+    return max(least, math.ceil(size - 1e-9))
 
 
 def _quintic(rows: int, duration: float) -> _Run:

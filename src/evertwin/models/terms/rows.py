@@ -15,13 +15,14 @@ levels. Otherwise the range is cut evenly.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from evertwin.errors import DataError
+from evertwin.errors import DataError, UsageError
 from evertwin.fold import Block
 from evertwin.models.contract import Model
 from evertwin.types import Float64, Vector
@@ -31,6 +32,7 @@ __all__ = [
     "Rows",
     "changes_within",
     "inputs_of",
+    "level_count",
     "propose_levels",
     "quiet_level",
     "reach_of",
@@ -38,6 +40,7 @@ __all__ = [
 
 LEVELS = 20
 """Levels of a table over a continuous range: rough on purpose, quantisation is tuned out later."""
+MOST_LEVELS = 10_000
 DISTINCT = 41
 """Up to this many distinct commands are taken as the levels themselves."""
 
@@ -123,6 +126,7 @@ def propose_levels(
             "record other commands too"
         )
     if quantum > 0.0:
+        level_count(low, high, quantum)
         first, last = np.floor(low / quantum + 1e-9), np.ceil(high / quantum - 1e-9)
         return np.arange(first, last + 1) * quantum
     distinct = np.unique(u.round(12))
@@ -130,6 +134,24 @@ def propose_levels(
         return distinct
     edges = np.linspace(low, high, count + 1)
     return 0.5 * (edges[1:] + edges[:-1])
+
+
+def level_count(low: float, high: float, quantum: float) -> int:
+    """Levels from ``low`` to ``high``, a ``quantum`` apart.
+
+    Raises:
+        UsageError: far too many.
+
+    >>> level_count(0.0, 0.4, 0.1)
+    5
+    """
+    count = (high - low) / quantum + 1.0
+    if not count <= MOST_LEVELS:
+        raise UsageError(
+            f"quantum: {quantum:g} makes {count:.3g} levels from {low:g} to {high:g}: expected at "
+            f"most {MOST_LEVELS}: take a coarser one"
+        )
+    return math.ceil(count - 1e-9)
 
 
 def reach_of(u: Vector) -> float:
