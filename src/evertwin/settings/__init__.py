@@ -1,7 +1,13 @@
 """Files that people write: TOML in, frozen dataclasses out, with a schema and a reference page.
 
-A file's form is a tree of `Section` classes. What a setting may be is said once, in its annotation
-(`fields`); reading with all mistakes and their lines (`parse`), the JSON schema (`schema`) and the
-reference page (`page`) follow from it. Which files there are is not known here: the twin file is
-`evertwin.config`, the breakdown of a machine is `evertwin.engineering.breakdown`.
+A file's form (`form`) is a tree of `Section` classes. What a setting may be is said once, in its
+annotation (`kinds`, `notes`). A text becomes a bounded `document`, its `patterns` written out, each
+value with its line (`lines`); pydantic decodes it (`decode`) and makes the JSON schema (`schema`),
+from which the reference page follows (`page`). pydantic and not msgspec: it reports every mistake
+of a file with its whole path, keys of tables included, and takes conversions such as units by
+annotation.
+
+Which files there are is not known here. Each room owns its settings (``spec.py``); the twin file is
+made of them in `evertwin.config`, a scenario is in `evertwin.ahead.spec`, a machine's breakdown in
+`evertwin.engineering.breakdown`.
 """
