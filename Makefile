@@ -54,7 +54,7 @@ types: .venv/.has-dev
 	$(BIN)/mypy
 
 reference: .venv/.has-dev
-	$(BIN)/python tools/write_reference.py
+	$(BIN)/python -m tools.write_reference
 
 docs: .venv/.has-dev
 	$(BIN)/sphinx-build -W --keep-going -q -b html docs docs/_build/html

@@ -17,8 +17,8 @@ import time
 from pathlib import Path
 
 import numpy as np
-from benchmarks.stream import peak_mb
 
+from benchmarks.stream import peak_mb
 from evertwin import Twin
 from evertwin.config.spec import (
     ArbiterSpec,

@@ -24,10 +24,10 @@ import fmpy
 import numpy as np
 from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
-from tests.models.fmu.native import build
-from tests.models.fmu.python_fmu import build as build_python
 
 from evertwin.models.fmu import Fmu, fmu
+from tests.models.fmu.native import build
+from tests.models.fmu.python_fmu import build as build_python
 
 LIMIT = 1.5
 BLOCKS = (1, 10, 100, 1_000, 10_000)

@@ -19,9 +19,9 @@ from importlib.util import find_spec
 from typing import Any, ClassVar
 
 import numpy as np
+from evertwin.prognosis.laws.simulate import Steps, simulate_lives
 
 from evertwin.prognosis.laws import Indicator, Limit, predict_life
-from evertwin.prognosis.laws.simulate import Steps, simulate_lives
 
 START, LIMIT, C, POWER, NOISE = 0.2, 1.0, 0.01, 1.3, 0.004
 STEP, HORIZON = 1.0, 2000.0

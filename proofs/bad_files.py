@@ -22,8 +22,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tests.models.fmu import corpus
-from tests.models.fmu.native import BAD, build, description, library
 
 from evertwin import FunctionModel, Layout, Parameters, Twin, TwinSpec
 from evertwin.config import reads, spec
@@ -34,6 +32,8 @@ from evertwin.models.fmu.description import parse_description
 from evertwin.models.mujoco import model_of_file
 from evertwin.sources.info import inspect
 from evertwin.store import SqliteStore
+from tests.models.fmu import corpus
+from tests.models.fmu.native import BAD, build, description, library
 
 FAST = {"row_seconds": 0.5, "memory_mb": 400.0}
 MEGABYTE = 1e6

@@ -19,7 +19,6 @@ import sys
 from typing import Any
 
 import numpy as np
-from proofs.emps import SPLITS, TWINS, as_published, record
 from scipy.io import loadmat
 
 from evertwin.fold import make_block
@@ -28,6 +27,7 @@ from evertwin.machines.drive import edge_speed
 from evertwin.models.configured import configured
 from evertwin.tuning import Problem, solve
 from evertwin.twin import Twin
+from proofs.emps import SPLITS, TWINS, as_published, record
 
 PUBLISHED = {"table.mass": 95.11, "guide.Fv": 203.5, "guide.Fc": 20.39, "guide.offset": -3.16}
 LIMITS = (6.1, 4.8)

@@ -19,7 +19,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from proofs._verdict import chance, ended, holds
 
 from evertwin import Twin, TwinSpec
 from evertwin.ahead.docking import Docking, dock
@@ -27,6 +26,7 @@ from evertwin.ahead.spec import DockSpec
 from evertwin.config import read, spec
 from evertwin.errors import UsageError
 from evertwin.worlds.drive import WORLDS, positions
+from proofs._verdict import chance, ended, holds
 
 TWIN = Path(__file__).parent.parent / "twins" / "robot1d.toml"
 

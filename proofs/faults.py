@@ -9,13 +9,13 @@ import sys
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from proofs.arbiter import RATE, SIGMA, followed, recording, recovery
 
 from evertwin.fold import Block, Event, fold
 from evertwin.machines.mobile import Robot1D
 from evertwin.signals import Layout
 from evertwin.sync import Arbiter, Rule, Track, TrackRows
 from evertwin.sync.lag import shared_lag
+from proofs.arbiter import RATE, SIGMA, followed, recording, recovery
 
 ROWS, ONSET = 1200, 600
 STAGE = Track(Robot1D(), Arbiter(Rule(use="blend", sigma=SIGMA)))

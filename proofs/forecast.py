@@ -11,12 +11,12 @@ from __future__ import annotations
 import sys
 
 import numpy as np
-from proofs._verdict import ended, holds
 
 from evertwin import Twin, TwinSpec
 from evertwin.ahead.forecasting import forecast
 from evertwin.ahead.future import Future
 from evertwin.config import spec
+from proofs._verdict import ended, holds
 
 KNOWN, AHEAD = 340, 60
 LEVELS = (0.8, 0.95)

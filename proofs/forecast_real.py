@@ -26,7 +26,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from proofs._verdict import ended, holds, no_data
 
 from evertwin import Twin
 from evertwin.ahead.basis import Basis
@@ -35,6 +34,7 @@ from evertwin.ahead.future import Future
 from evertwin.fold import Block, Mark, take
 from evertwin.loop.versions import Versions
 from evertwin.signals import wrap
+from proofs._verdict import ended, holds, no_data
 
 TWINS = Path(__file__).parent.parent / "twins"
 LEVELS, BELL = (0.8, 0.95), (1.2816, 1.96)

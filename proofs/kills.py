@@ -29,13 +29,13 @@ from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
-from proofs._verdict import ended
 
 from evertwin.app.cli import main as command_line
 from evertwin.errors import StoreError
 from evertwin.loop import run as loop_run
 from evertwin.store import Entry, Head, SqliteStore
 from evertwin.worlds.robot import main as record
+from proofs._verdict import ended
 
 TWIN = Path(__file__).parent.parent / "twins" / "robot1d.toml"
 ADDED = """

@@ -1,10 +1,11 @@
 """Predicted lives of planted degradations: `python -m proofs.life [SERIES] [--law LAW ...]`.
 
-Seven laws (see `proofs/_planted.py`; no law of the predictor is like the last one: it is told and
-not asked), cuts at 30, 50, 70 and 90 % of each life, at least 500 series per law and cut. The
-predictor does not know which law planted a series, nor its parameters.
-*With a fleet*: each group of series has a fleet of 24 like machines that ran to their end; lives,
-shares of the laws and ranks come from there. *Alone*: from the series itself and nothing else.
+`Twin.life` on `twins/wear.toml`, each series in a history file. Seven laws (`planted/lives.py`; no
+law of the predictor is like the last one) and five kinds of wear that follow none of its laws:
+these six are told and not asked. Cuts at 30, 50, 70 and 90 % of each life, at least SERIES (500 by
+default) per law and cut. The predictor does not know which law planted a series, nor its numbers.
+*fleet*: each group of series has a fleet of 24 like machines that ran to their end. *alone*: from
+the series itself and nothing else.
 
 Counted: how often the 80 % and 95 % intervals hold the truth, answers, intervals without an upper
 end, α-λ (α = 0.2), relative accuracy, CRPS, prognostic horizon; the dummy knows the mean life only.
@@ -24,16 +25,17 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from proofs._planted import LAWS, LIFE, SPREAD, STRANGERS, Planted, plant, wiener
-from proofs._verdict import ended
 from scipy.stats import invgauss
 
-from evertwin.prognosis.laws import Indicator, Life, Limit, NotEnough, learn, predict_life
-from evertwin.prognosis.laws.metrics import covers, crps, dummy, horizon, relative_accuracy, within
+from evertwin.prognosis.laws import Life, NotEnough
+from planted.histories import Columns, Told, table
+from planted.lives import LAWS, LIFE, SPREAD, STRANGERS, Planted, plant, wiener
+from planted.metrics import covers, crps, dummy, horizon, relative_accuracy, within
+from proofs._verdict import ended
 
 CUTS = (0.3, 0.5, 0.7, 0.9)
-BESIDE = ("noisy gamma",)
-"""No law of the predictor has jumps and noise: counted and told, but not asked."""
+BESIDE = ("noisy gamma", *STRANGERS)
+"""No law of the predictor is like these: counted and told, but not asked."""
 FLEET = 24
 GROUP = 20
 MEAN_LIFE = LIFE * np.exp(0.5 * SPREAD**2)
@@ -54,13 +56,6 @@ class Said(NamedTuple):
     dummy_error: float
 
 
-def indicator(series: Planted, cut: float = 1.0) -> Indicator:
-    """What is known at a share of the life."""
-    known = series.at <= cut * series.life * (1.0 + 1e-12)
-    of = Indicator.of("wear", "1", Limit(1.0), series.at[known], series.value[known])
-    return of.with_(origin=0.0, clock="cycle")
-
-
 def said(life: Life | NotEnough, series: Planted, now: float) -> Said:
     """The prediction judged."""
     truth, age = series.life - now, now
@@ -78,14 +73,12 @@ def said(life: Life | NotEnough, series: Planted, now: float) -> Said:
     )  # fmt: skip
 
 
-def groups(
-    law: str, count: int, seed: int, each: int = GROUP
-) -> Iterator[tuple[list[Indicator], list[Planted]]]:
-    """(histories of a fleet, ``each`` series) until at least ``count`` series were given."""
-    for k in range(-(-count // each)):
+def groups(law: str, count: int, seed: int) -> Iterator[tuple[list[Columns], list[Planted]]]:
+    """(histories of a fleet, `GROUP` series) until at least ``count`` series were given."""
+    for k in range(-(-count // GROUP)):
         rng = np.random.default_rng([seed, (*LAWS, *STRANGERS).index(law), k])
-        machines = [indicator(plant(law, rng), np.inf) for _ in range(FLEET)]
-        yield machines, [plant(law, rng) for _ in range(each)]
+        machines = [table(plant(law, rng)) for _ in range(FLEET)]
+        yield machines, [plant(law, rng) for _ in range(GROUP)]
 
 
 def cover(law: str, count: int, seed: int) -> bool:
@@ -95,23 +88,23 @@ def cover(law: str, count: int, seed: int) -> bool:
     horizons: dict[str, list[float]] = defaultdict(list)
     # At the first cut the onset lies ahead of a third of the two-phase series.
     for machines, series in groups(law, 8 * count // 5 if law == "two-phase" else count, seed):
-        fleet = learn(machines)
-        for one in series:
-            medians: dict[str, list[float]] = defaultdict(list)
-            for cut in CUTS:
-                seen = indicator(one, cut)
-                now = float(seen.at[-1])
-                for kind, prior in (("fleet", fleet), ("alone", None)):
-                    life = predict_life(seen, fleet=prior)
-                    medians[kind].append(life.median if isinstance(life, Life) else np.inf)
-                    if now > one.onset:
-                        rows[kind, cut].append(said(life, one, now))
-                    elif kind == "alone":
-                        early[cut].append(isinstance(life, Life))
-            at = [cut * one.life for cut in CUTS]
-            medians["dummy"] = [dummy(MEAN_LIFE, t) for t in at]
-            for kind, found in medians.items():
-                horizons[kind].append(horizon(at, found, one.life) / one.life)
+        with Told(machines) as fleet, Told() as alone:
+            for one in series:
+                medians: dict[str, list[float]] = defaultdict(list)
+                for cut in CUTS:
+                    seen = table(one, cut)
+                    now = float(seen["cycle"][-1])
+                    for kind, twin in (("fleet", fleet), ("alone", alone)):
+                        life = twin.life(seen)
+                        medians[kind].append(life.median if isinstance(life, Life) else np.inf)
+                        if now > one.onset:
+                            rows[kind, cut].append(said(life, one, now))
+                        elif kind == "alone":
+                            early[cut].append(isinstance(life, Life))
+                at = [cut * one.life for cut in CUTS]
+                medians["dummy"] = [dummy(MEAN_LIFE, t) for t in at]
+                for kind, found in medians.items():
+                    horizons[kind].append(horizon(at, found, one.life) / one.life)
     good = [line(law, kind, cut, rows[kind, cut]) for kind in ("fleet", "alone") for cut in CUTS]
     for cut, answers in sorted(early.items()):
         print(f"  {law}, cut {cut:.0%}, before the onset: {len(answers)}, a life was given in "
@@ -148,16 +141,15 @@ def efficiency(count: int) -> bool:
     good = True
     for cut in CUTS:
         ours, oracles = [], []
-        for k in range(count):
-            series, drift, variance = wiener(np.random.default_rng([11, k]))
-            seen = indicator(series, cut)
-            now = float(seen.at[-1])
-            truth = series.life - now
-            life = predict_life(seen)
-            median = life.median if isinstance(life, Life) else np.inf
-            ours.append(abs(median - truth))
-            left = 1.0 - series.level[len(seen.at) - 1]
-            oracles.append(abs(oracle(left, drift, variance) - truth))
+        with Told() as twin:
+            for k in range(count):
+                series, drift, variance = wiener(np.random.default_rng([11, k]))
+                seen = table(series, cut)
+                truth = series.life - float(seen["cycle"][-1])
+                life = twin.life(seen)
+                ours.append(abs((life.median if isinstance(life, Life) else np.inf) - truth))
+                left = 1.0 - series.level[len(seen["cycle"]) - 1]
+                oracles.append(abs(oracle(left, drift, variance) - truth))
         ratio = np.median(ours) / np.median(oracles)
         limit = 1.1 * np.sqrt(1.0 + (1.0 - cut) / cut)
         good &= bool(ratio <= limit)
@@ -181,11 +173,11 @@ def main() -> int:
     """Prints the counts; exit code 1 if one lies outside what is asked."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("series", nargs="?", type=int, default=500)
-    parser.add_argument("--law", action="append", choices=LAWS)
+    parser.add_argument("--law", action="append", choices=(*LAWS, *STRANGERS))
     parser.add_argument("--seed", type=int, default=1)
     asked = parser.parse_args()
     start, demands = time.monotonic(), dict[str, bool]()
-    for law in asked.law or LAWS:
+    for law in asked.law or (*LAWS, *STRANGERS):
         demands[f"{law}, with a fleet"] = cover(law, asked.series, asked.seed) or law in BESIDE
     if not asked.law or "wiener" in asked.law:
         demands["error beside the oracle's"] = efficiency(4 * asked.series)

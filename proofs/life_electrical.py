@@ -20,10 +20,10 @@ import sys
 from typing import Any
 
 import numpy as np
-from proofs._verdict import chance, ended, holds
 
 from evertwin.machines.assembly import assembly
 from evertwin.prognosis.laws import Indicator, Life, Limit, predict_life
+from proofs._verdict import chance, ended, holds
 
 COPPER = 0.0039
 """Rise of resistance [1/K]."""

@@ -6,7 +6,7 @@ too wide and exponentials ones that are too narrow. Here components are drawn as
 expects them without a fleet: the laws alike, exponents even in their logarithm over the predictor's
 own ranges, onsets even over the life, and each looked at when a share of its life has passed that
 is even between 0 and 1. Processes, noises and the 100 values of a life are those of
-`proofs/_planted.py`; the gamma law has no noise here, as in the predictor.
+`planted/lives.py`; the gamma law has no noise here, as in the predictor.
 
 A component whose onset lies ahead has no life yet: its true life counts as endless. Asked: over all
 laws the 80 % intervals hold 75 to 85 %, the 95 % intervals 92 to 98 %.
@@ -24,12 +24,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from proofs._planted import VALUES, Planted, plant
-from proofs._verdict import ended
-from proofs.life import indicator
 
-from evertwin.prognosis.laws import Life, predict_life
+from evertwin.prognosis.laws import Life
 from evertwin.prognosis.laws.families import EXPONENT, LAWS, POWER
+from planted.histories import Told, table
+from planted.lives import VALUES, Planted, plant
+from proofs._verdict import ended
 
 YOUNGEST = 0.05
 """Share of the life before which there are too few values."""
@@ -78,14 +78,14 @@ def noisy(
     return Planted(s, level + noise * rng.standard_normal(len(s)), 1.0, onset, level)
 
 
-def seen(law: str, rng: np.random.Generator) -> Seen | None:
+def seen(twin: Told, law: str, rng: np.random.Generator) -> Seen | None:
     """One component at some moment of its life; None without an answer."""
     one, passed = drawn(law, rng), rng.uniform(YOUNGEST, 1.0)
-    known = indicator(one, passed)
-    life = predict_life(known)
+    known = table(one, passed)
+    life = twin.life(known)
     if not isinstance(life, Life):
         return None
-    truth = one.life - float(known.at[-1]) if one.onset < passed * one.life else np.inf
+    truth = one.life - float(known["cycle"][-1]) if one.onset < passed * one.life else np.inf
     quantiles = np.array([0.0, *(life.quantile(p) for p in SHARES[1:])])
     return Seen(passed, int(np.sum(quantiles < truth)))
 
@@ -114,7 +114,8 @@ def main() -> int:
         rngs = (
             np.random.default_rng([asked.seed, LAWS.index(law), k]) for k in range(asked.series)
         )
-        rows = [row for rng in rngs if (row := seen(law, rng)) is not None]
+        with Told() as twin:
+            rows = [row for rng in rngs if (row := seen(twin, law, rng)) is not None]
         line(law, rows, asked.series)
         every += rows
     for low in (0.0, 0.25, 0.5, 0.75):

@@ -28,7 +28,6 @@ from importlib.resources import as_file, files
 from pathlib import Path
 
 import numpy as np
-from proofs.p2_rounds import block
 
 from evertwin.engineering.breakdown import Breakdown, read_breakdown
 from evertwin.engineering.choice import choose, questions, spans_of
@@ -41,6 +40,7 @@ from evertwin.engineering.study import modelled, study
 from evertwin.fold import Block
 from evertwin.models import Model
 from evertwin.tuning import Problem
+from proofs.p2_rounds import block
 
 FILE = Path(__file__).parent.parent / "twins" / "breakdowns" / "arm.toml"
 TRUE = {"Fc": (12.0, 14.0, 10.0, 3.0, 3.0, 2.5), "Fv": (10.0, 10.0, 8.0, 2.0, 2.0, 2.0)}

@@ -26,7 +26,6 @@ from typing import Any, Literal, NamedTuple
 
 import mujoco
 import numpy as np
-from proofs._verdict import chance, ended, holds
 from scipy.interpolate import CubicHermiteSpline
 
 from evertwin import Twin, TwinSpec
@@ -41,6 +40,7 @@ from evertwin.machines.arm import Arm
 from evertwin.machines.arm.mjcf import mjcf_of
 from evertwin.machines.assembly.kinematics import tool
 from evertwin.machines.assembly.path import Limits, Motion, moves_of, plan
+from proofs._verdict import chance, ended, holds
 
 TWIN = Path(__file__).parent.parent / "twins" / "arm.toml"
 N, RATE, SETTLE, STEP = 6, 100.0, 1.0, 1e-3

@@ -13,10 +13,10 @@ import sys
 from typing import NamedTuple
 
 import numpy as np
-from proofs._verdict import ended
 
 from evertwin import Twin
 from evertwin.loop.result import RunResult
+from proofs._verdict import ended
 
 TWIN = "twins/robot1d.toml"
 BEAT = 5.0

@@ -1,6 +1,6 @@
 """Two real machines run towards their end: `python -m proofs.series` (needs EVERTWIN_DATA).
 
-Every answer uses what was known at its moment, nothing later.
+`Twin.life` on `twins/wear.toml`. Every answer uses what was known at its moment, nothing later.
 
 1. `battery`: capacity per cycle of two lithium-ion cells, limit 1.4 Ah, at 50, 70 and 90 % of the
    record's part before the end (B0005 falls below after cycle 124, B0007 never within 168 cycles).
@@ -21,9 +21,10 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from proofs._verdict import ended, no_data
 
-from evertwin.prognosis.laws import Indicator, Life, Limit, predict_life
+from evertwin.prognosis.laws import Life
+from planted.histories import Columns, Told, until
+from proofs._verdict import ended, no_data
 
 CUTS = (0.5, 0.7, 0.9)
 END = {"B0005": 124, "B0007": 168}
@@ -39,27 +40,30 @@ def rows(name: str) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def cells() -> dict[str, Indicator]:
+def cells() -> dict[str, Columns]:
     """Capacity per cycle of each cell."""
-    table = rows("battery/capacity.csv")
+    every = rows("battery/capacity.csv")
     found = {}
     for name in END:
-        capacity = [float(r["capacity_Ah"]) for r in table if r["battery"] == name]
-        cycles = np.arange(1, len(capacity) + 1, dtype=np.float64)
-        limit = Limit(1.4, "below", "end of life of the data set")
-        known = Indicator.of("capacity", "Ah", limit, cycles, capacity)
-        found[name] = known.with_(clock="cycle")
+        capacity = np.array([float(r["capacity_Ah"]) for r in every if r["battery"] == name])
+        found[name] = {"cycle": np.arange(1.0, len(capacity) + 1.0), "wear": capacity}
     return found
 
 
 def battery() -> dict[str, bool]:
     """Both cells at each cut, and B0007 at every fourth cycle."""
+    with Told(limit=1.4, direction="below") as twin:
+        return asked(twin)
+
+
+def asked(twin: Told) -> dict[str, bool]:
+    """What is said of the cells."""
     good = True
     for name, known in cells().items():
         other = next(end for cell, end in END.items() if cell != name)
         for cut in CUTS:
             now = float(np.floor(cut * END[name]))
-            life = predict_life(known.until(now))
+            life = twin.life(until(known, now))
             true, dummy = END[name] - now, max(other - now, 0.0)
             if not isinstance(life, Life):
                 print(f"{name} {100 * cut:.0f} %: {life.verdict}, needs {life.needs}")
@@ -78,11 +82,11 @@ def battery() -> dict[str, bool]:
                 good &= life.interval95[1] >= true
     known = cells()["B0007"]
     moments = range(20, 169, 4)
-    answers = [predict_life(known.until(float(m))) for m in moments]
+    answers = [twin.life(until(known, float(m))) for m in moments]
     failed = sum(isinstance(a, Life) and a.median <= 0.0 for a in answers)
     dummy = sum(m > END["B0005"] for m in moments)
     print(f"B0007 called failed in {failed} of {len(answers)} answers (dummy: {dummy})")
-    last = predict_life(cells()["B0005"])
+    last = twin.life(cells()["B0005"])
     passed = isinstance(last, Life) and last.passed
     print(
         f"B0005 on all its cycles: limit passed at cycle {passed or '-'}, true {END['B0005'] + 1}"
@@ -100,14 +104,19 @@ def bearing() -> dict[str, bool]:
     running = np.flatnonzero(value > 0.01)  # the last rows were taken after the rig had stopped
     value = value[: running[-1] + 1]
     hours = np.arange(len(value)) / 6.0
-    limit = Limit(3.0 * float(np.median(value[:DAY])), "above", "three times the first day")
-    known = Indicator.of("vibration", "g", limit, hours, value).with_(clock="h")
-    end = float(hours[np.argmax(value > limit.value)])
-    stopped = float(hours[-1])
+    limit = 3.0 * float(np.median(value[:DAY]))
+    with Told(clock="h", limit=limit) as twin:
+        return hourly(twin, {"h": hours, "wear": value}, limit)
+
+
+def hourly(twin: Told, known: Columns, limit: float) -> dict[str, bool]:
+    """What is said of the bearing, hour by hour."""
+    hours, value = known.values()
+    end, stopped = float(hours[np.argmax(value > limit)]), float(hours[-1])
     warned = None
     before, lives, inside = 0, 0, [0, 0]
     for now in np.arange(6.0, end, 1.0):
-        answer = predict_life(known.until(float(now)))
+        answer = twin.life(until(known, float(now), "h"))
         if answer.onset is not None and warned is None:
             warned = float(now)
             print(

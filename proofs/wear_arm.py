@@ -17,7 +17,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from proofs._verdict import ended
 
 from evertwin import Twin
 from evertwin.app.worlds import record_arm
@@ -25,6 +24,7 @@ from evertwin.config import read, spec
 from evertwin.prognosis.component import ComponentLife
 from evertwin.prognosis.laws import Life
 from evertwin.prognosis.lives import Lives
+from proofs._verdict import ended
 
 TWIN = Path(__file__).parent.parent / "twins" / "arm.toml"
 GROWTH = 0.01

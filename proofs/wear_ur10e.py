@@ -25,8 +25,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from proofs._verdict import ended, holds, no_data
-from proofs.ur10e import PAYLOAD, SMOOTH, problem, runs
 
 from evertwin.config import read
 from evertwin.loop.configured_model import model_of
@@ -35,6 +33,8 @@ from evertwin.prognosis.laws import Fleet, Indicator, Life, Limit, learn, predic
 from evertwin.prognosis.laws.alarms import alarm_of
 from evertwin.prognosis.laws.factors import divided
 from evertwin.tuning import solve
+from proofs._verdict import ended, holds, no_data
+from proofs.ur10e import PAYLOAD, SMOOTH, problem, runs
 
 RUNS = 60
 LIMIT = 1.5

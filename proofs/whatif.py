@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from proofs._verdict import chance, ended, holds
 
 from evertwin import Twin
 from evertwin.ahead.basis import Basis
@@ -31,6 +30,7 @@ from evertwin.models.form import Form
 from evertwin.prognosis.prospect import Prospect
 from evertwin.prognosis.scenario_lives import run_scenario
 from evertwin.worlds.arm import Cycle, Truth, columns, load, planned, record
+from proofs._verdict import chance, ended, holds
 
 TWIN = Path(__file__).parent.parent / "twins" / "arm.toml"
 RUNS, LATER, GROWTH, SCATTER = 12, 10, 0.01, 0.05

@@ -28,13 +28,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from proofs._verdict import chance, ended, holds
 
 from evertwin import Twin, TwinSpec
 from evertwin.config import spec
 from evertwin.loop.configured_model import model_of
 from evertwin.machines.arm.inertia import NAMES, point
 from evertwin.prognosis.laws import Life
+from proofs._verdict import chance, ended, holds
 
 CUTS = (0.5, 0.7)
 SPREAD = 0.8

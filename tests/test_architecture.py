@@ -5,10 +5,14 @@ from __future__ import annotations
 import configparser
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import grimp
 import pytest
+
+import evertwin
+from tools.uncalled import uncalled
 
 ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "src" / "evertwin"
@@ -69,6 +73,25 @@ def direct_imports() -> list[tuple[str, str]]:
             if module.count(".") and target.count(".")
         }
     )
+
+
+def test_what_nothing_calls_has_its_reason() -> None:
+    kept = tomllib.loads((ROOT / "tests" / "uncalled.toml").read_text(encoding="utf-8"))
+    public = {name.rpartition(".")[2] for name in evertwin.__all__}
+    found = {name for name in uncalled() if name.rpartition(".")[2] not in public}
+    assert found == set(kept) and len(kept) <= 6
+
+
+def test_what_is_called_is_told_from_what_is_not(tmp_path: Path) -> None:
+    package = tmp_path / "house"
+    package.mkdir()
+    (package / "__init__.py").write_text("from house.roof import tile\n__all__ = ['tile']\n")
+    (package / "roof.py").write_text(
+        "def tile(): pass\ndef nail(): return nail()\ndef beam(): pass\ndef rain(): pass\n"
+        "def gable(): return beam()\nPLUGINS = {'x': 'house.roof:gable'}\n"
+    )
+    (package / "work.py").write_text("from house import roof as r\nr.rain()\n")
+    assert uncalled(package) == ["house.roof.tile", "house.roof.nail"]
 
 
 def test_a_world_knows_signals_and_sources_at_most() -> None:

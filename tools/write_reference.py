@@ -1,6 +1,6 @@
 """Writes the reference pages that follow from the source: twin, breakdown and scenario file, parts.
 
-    python tools/write_reference.py          # or: make reference
+    python -m tools.write_reference          # or: make reference
 
 tests/test_reference.py compares them with the source.
 """
@@ -12,8 +12,8 @@ from pathlib import Path
 from evertwin.ahead.spec import SCENARIO
 from evertwin.config import TWIN
 from evertwin.engineering.breakdown import BREAKDOWN
-from evertwin.machines.assembly import page as components
-from evertwin.settings.page import page
+from tools import components_page
+from tools.settings_page import page
 
 FOLDER = Path(__file__).parent.parent / "docs" / "reference"
 
@@ -24,7 +24,7 @@ def pages() -> dict[str, str]:
         "twin-file.md": page(TWIN),
         "breakdown-file.md": page(BREAKDOWN),
         "scenario-file.md": page(SCENARIO),
-        "components.md": components.page(),
+        "components.md": components_page.page(),
     }
 
 

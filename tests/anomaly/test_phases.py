@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evertwin.anomaly import PhaseStats, Regimes, Residuals, TaskSteps
+from evertwin.anomaly import Regimes, TaskSteps
 from evertwin.errors import UsageError
-from evertwin.fold import check_online, make_block
 
 
 def test_few_levels_become_one_phase_each() -> None:
@@ -35,12 +34,8 @@ def test_every_known_value_has_a_phase_below_the_count(values: list[float], bins
     assert ((phase >= 0) & (phase < regimes.count)).all()
 
 
-def test_unknown_values_have_no_phase_and_no_say() -> None:
+def test_unknown_values_have_no_phase() -> None:
     assert Regimes(((0.0,),)).of(np.array([[np.nan]])).tolist() == [-1]
-    stats = PhaseStats(2, 1)
-    state, _ = stats.step(stats.init(), Residuals.of(np.ones((3, 1)), 1.0, np.array([-1, 1, -1])))
-    assert state.samples[:, 0].tolist() == [0, 1]
-    assert np.isnan(stats.deviation(state)).all()
 
 
 def test_misuse_is_refused() -> None:
@@ -48,25 +43,9 @@ def test_misuse_is_refused() -> None:
         Regimes(((1.0, 0.0),))
     with pytest.raises(UsageError, match="finite"):
         Regimes.found(np.full((2, 1), np.nan), 3)
-    with pytest.raises(UsageError, match="below 1"):
-        PhaseStats(1, 1).step(
-            PhaseStats(1, 1).init(), Residuals.of(np.ones((1, 1)), 1.0, np.ones(1))
-        )
-    with pytest.raises(UsageError, match="duration"):
-        TaskSteps(0.0, 1)
 
 
-def test_steps_of_a_task_keep_the_laws() -> None:
-    steps = TaskSteps(duration=2.0, parts=4)
-    t = np.arange(40) * 10**8
-    block = make_block(t=t, u=np.zeros((40, 1)), y=np.zeros((40, 1)), task=np.arange(40) // 15)
-    check_online(steps, block, cuts=[(7,), (14, 16, 31)])
-    _, out = steps.step(steps.init(), block)
-    assert out.rows.phase[:15].tolist() == [0] * 5 + [1] * 5 + [2] * 5
-    assert out.rows.phase[15] == 0
-
-
-def test_what_lasts_longer_stays_in_the_last_phase() -> None:
-    steps = TaskSteps(duration=1.0, parts=2)
-    block = make_block(t=np.arange(5) * 10**9, u=np.zeros((5, 1)), y=np.zeros((5, 1)))
-    assert steps.step(steps.init(), block)[1].rows.phase.tolist() == [0, 1, 1, 1, 1]
+def test_what_lasts_longer_stays_in_the_last_step() -> None:
+    t = 7 + np.arange(5) * 10**9
+    assert TaskSteps(duration=2.0, parts=4).of(t, 7).tolist() == [0, 2, 3, 3, 3]
+    assert TaskSteps(duration=1.0, parts=1).of(t, 7).tolist() == [0] * 5

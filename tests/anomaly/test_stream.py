@@ -16,13 +16,11 @@ from evertwin.anomaly import (
     Calm,
     Cusum,
     Drift,
-    PhaseStats,
     Residuals,
     SnrLimit,
     calibrate,
     cusum,
     drift,
-    phases,
     snr,
 )
 from evertwin.errors import UsageError
@@ -47,14 +45,12 @@ STAGES: dict[str, tuple[Any, Callable[[], Any]]] = {}
 _CUSUM = Cusum(("a", "b"), QUICK, phases=2, capacity=1024)
 _SNR = SnrLimit(("a", "b"), window=7, phases=2)
 _DRIFT = Drift(("a", "b"), delta=0.05, phases=2)
-_STATS = PhaseStats(2, 2)
 STAGES["cusum that calibrates itself"] = _CUSUM, _CUSUM.init
 STAGES["cusum that is calibrated"] = _CUSUM, lambda: _CUSUM.begin(copy(KNOWN))
 STAGES["snr"] = _SNR, lambda: _SNR.begin(copy(KNOWN))
 STAGES["snr that is not calibrated"] = _SNR, _SNR.init
 STAGES["drift"] = _DRIFT, lambda: _DRIFT.begin(copy(KNOWN))
 STAGES["drift that is not calibrated"] = _DRIFT, _DRIFT.init
-STAGES["phase statistics"] = _STATS, _STATS.init
 
 
 def run(name: str, cuts: list[int]) -> tuple[Any, Any]:
@@ -173,17 +169,6 @@ def test_compiled_and_plain_loops_agree_bit_for_bit(module: Any) -> None:
         loop(part.r, part.phase, known.mean, known.scale, *state, *out)
         results.append([np.asarray(x).tobytes() for x in (*state, *out)])
     assert results[0] == results[1]
-
-
-def test_the_compiled_statistics_agree_with_plain_python_and_numpy() -> None:
-    state, _ = _STATS.step(_STATS.init(), ROWS)
-    plain = _STATS.init()
-    phases._welford.py_func(ROWS.r, ROWS.phase, *plain)
-    assert equal(state, plain)
-    for k in range(2):
-        part = ROWS.r[ROWS.phase == k]
-        assert state.mean[k] == pytest.approx(np.nanmean(part, axis=0), abs=1e-12)
-        assert _STATS.deviation(state)[k] == pytest.approx(np.nanstd(part, axis=0, ddof=1))
 
 
 def test_noise_of_a_mean_follows_the_autoregression() -> None:

@@ -15,9 +15,9 @@ from evertwin.ahead.spec import SCENARIO
 from evertwin.config import TWIN, read, spec
 from evertwin.engineering.breakdown import BREAKDOWN
 from evertwin.settings.form import Form
-from evertwin.settings.page import page
 from evertwin.settings.schema import schema
 from evertwin.settings.section import Section, settings
+from tools.settings_page import page
 
 ROOT = Path(__file__).parent.parent.parent
 TWINS = sorted((ROOT / "twins").glob("*.toml"))

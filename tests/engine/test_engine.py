@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.engine import jobs
 
 from evertwin.engine import Engine, EngineSpec, InProcess, Pool
 from evertwin.errors import UsageError, WorkLost
 from evertwin.fold.records import Answer, Request
+from tests.engine import jobs
 
 
 def request(number: int, kind: str = "fit") -> Request:

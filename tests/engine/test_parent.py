@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
+
 from tests.engine.test_engine import ended, until
 
 ROOT = Path(__file__).parent.parent.parent

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from evertwin.engineering.breakdown import Breakdown, reads
+from evertwin.engineering.breakdown import BREAKDOWN, Breakdown
 from evertwin.engineering.compile import ModelPlan, compile_model
 from evertwin.engineering.study import modelled
 from evertwin.fold import Block, make_block
@@ -94,7 +94,7 @@ def rows_of(plan: ModelPlan, breakdown: Breakdown, seed: int = 0, n: int = 500) 
 
 def posed(text: str = AXIS, seed: int = 0) -> tuple[Breakdown, ModelPlan, Problem]:
     """The tuning problem on all parameters of the breakdown."""
-    breakdown = reads(text)
+    breakdown = BREAKDOWN.parse(text)
     plan = compile_model(breakdown)
     model = plan.model(breakdown.folder)
     stated = {name: float(e["value"]) for name, e in plan.parameters.items() if "value" in e}  # type: ignore[arg-type]

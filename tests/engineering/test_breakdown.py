@@ -9,7 +9,7 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from evertwin.engineering.breakdown import BREAKDOWN, read_breakdown, reads
+from evertwin.engineering.breakdown import BREAKDOWN, read_breakdown
 from evertwin.errors import ConfigError
 from evertwin.settings.schema import schema
 
@@ -27,7 +27,7 @@ def test_a_component_says_only_what_differs() -> None:
         '[[system.subsystem.component]]\nname = "g"\nlike = "box"\neffect = 2\n'
         "parameters = { Fc = 7, Fv = 3 }\n"
     )
-    part = reads(text).component("g")
+    part = BREAKDOWN.parse(text).component("g")
     assert (part.kind, part.effect) == ("gearbox", 2)
     assert part.parameters["Fc"].value == 7.0
     assert part.parameters["Fc"].source == "literature"
@@ -51,17 +51,17 @@ def test_a_component_says_only_what_differs() -> None:
 )
 def test_mistakes_are_told_with_their_line(more: str, expected: str) -> None:
     with pytest.raises(ConfigError, match=re.escape(expected)):
-        reads(HEAD + more, "m.toml")
+        BREAKDOWN.parse(HEAD + more, "m.toml")
 
 
 def test_names_are_given_once() -> None:
     with pytest.raises(ConfigError, match="each component's name once, got 'c' twice"):
-        reads(HEAD + '[[system.component]]\nname = "c"\n', "m.toml")
+        BREAKDOWN.parse(HEAD + '[[system.component]]\nname = "c"\n', "m.toml")
 
 
 def test_a_share_is_no_quantity_of_its_parameter() -> None:
     text = HEAD + 'parameters = { J = { value = 2, unit = "kg*cm**2", uncertain = 0.2 } }\n'
-    said = reads(text).component("c").parameters["J"]
+    said = BREAKDOWN.parse(text).component("c").parameters["J"]
     assert (said.value, said.uncertain) == (pytest.approx(2e-4), 0.2)
 
 

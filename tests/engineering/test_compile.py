@@ -10,7 +10,7 @@ import pytest
 
 from evertwin.config import spec as config
 from evertwin.config.read import read
-from evertwin.engineering.breakdown import read_breakdown, reads
+from evertwin.engineering.breakdown import BREAKDOWN, read_breakdown
 from evertwin.engineering.compile import ModelPlan, compile_model
 from evertwin.engineering.estimate import estimate
 from evertwin.errors import ConfigError, UsageError
@@ -65,13 +65,13 @@ parameters = { mass = 95 }
 
 
 def plan_of(text: str = AXIS, **levels: Any) -> ModelPlan:
-    found = reads(text)
+    found = BREAKDOWN.parse(text)
     own = dict.fromkeys((part.name for part in found.components), "white")
     return compile_model(found, {**own, **levels})
 
 
 def test_levels_decide_what_is_modelled() -> None:
-    found = compile_model(reads(AXIS))
+    found = compile_model(BREAKDOWN.parse(AXIS))
     assert [(one.component, one.level) for one in found.built] == [
         ("motor", "grey"), ("screw", "white"), ("guide", "black"), ("table", "black"),
     ]  # fmt: skip

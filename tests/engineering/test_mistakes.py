@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from evertwin.engineering.breakdown import read_breakdown, reads
+from evertwin.engineering.breakdown import BREAKDOWN, read_breakdown
 from evertwin.engineering.criticality import history_of
 from evertwin.errors import ConfigError, DataError
 
@@ -32,7 +32,7 @@ def test_line_of_a_mistake(right: str, wrong: str, said: str) -> None:
     assert text.count(right) >= 1
     line = text[: text.index(right)].count("\n") + 1
     with pytest.raises(ConfigError) as caught:
-        reads(text.replace(right, wrong, 1), "arm.toml")
+        BREAKDOWN.parse(text.replace(right, wrong, 1), "arm.toml")
     (only,) = str(caught.value).splitlines()
     assert only.startswith(f"arm.toml:{line}: ")
     assert said in only
@@ -41,13 +41,13 @@ def test_line_of_a_mistake(right: str, wrong: str, said: str) -> None:
 def test_nested_like_is_refused() -> None:
     text = ARM.read_text(encoding="utf-8").replace("[like.gearbox]", '[like.gearbox]\nlike = "x"')
     with pytest.raises(ConfigError, match=r"arm.toml:34: \[like.gearbox\] is like nothing else"):
-        reads(text, "arm.toml")
+        BREAKDOWN.parse(text, "arm.toml")
 
 
 def test_like_that_is_no_table() -> None:
     text = 'schema = 1\nname = "a"\nlike = 3\n[[system]]\nname = "s"\nlike = "x"\n'
     with pytest.raises(ConfigError, match=r":6: .*unknown key 'like'"):
-        reads(text, "a.toml")
+        BREAKDOWN.parse(text, "a.toml")
 
 
 def test_history_of_an_unknown_component(tmp_path: Path) -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evertwin.errors import DataError, UsageError
+from evertwin.errors import UsageError
 from evertwin.machines import drive
-from evertwin.machines.drive import Drive, DriveForce, edge_speed
+from evertwin.machines.drive import Drive, DriveForce
 from evertwin.models import check_model
 
 LAWS = ["sign", "tanh", "sign+direction", "tanh+direction+stribeck+root"]
@@ -106,15 +106,6 @@ def test_an_offset_with_two_sided_coulomb_friction_has_no_rank_while_moving() ->
         _, phi = model.regressor(np.zeros(0), moving, np.ones(len(moving)), model.parameters.values)
         assert np.linalg.matrix_rank(phi[:, 0]) == rank
         assert phi.shape[2] == rank + two_sided
-
-
-def test_the_edge_speed_is_that_of_a_cubic() -> None:
-    t = 5.0 + np.arange(60) * 1e-3
-    rng = np.random.default_rng(4)
-    q = 0.2 - 0.08 * (t - 5) + rng.normal(0, 1e-7, 60)
-    assert edge_speed(t, q) == pytest.approx(-0.08, abs=1e-4)
-    with pytest.raises(DataError, match="got 3"):
-        edge_speed(t[:3], q[:3])
 
 
 def test_a_drive_has_no_load_torque() -> None:

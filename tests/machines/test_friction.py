@@ -9,7 +9,7 @@ import pytest
 
 from evertwin.errors import UsageError
 from evertwin.machines.friction import Law
-from evertwin.machines.friction.kernel import features, force, record_of, switch
+from evertwin.machines.friction.kernel import columns_of, fill, force, record_of, switch, width_of
 
 TERMS = ("direction", "stribeck", "root", "load")
 NAMES = [
@@ -18,6 +18,16 @@ NAMES = [
     for size in range(5)
     for chosen in itertools.combinations(TERMS, size)
 ]
+
+
+def features(law: Law, v: np.ndarray, load: np.ndarray) -> np.ndarray:
+    """The regressor of a law, (n, number of coefficients)."""
+    p = np.array([item.value for item in law.parameters()])
+    width = width_of(record_of(law, 0), 0, p)
+    rows, out = np.array([v, load, v, v]), np.empty((len(law.coefficients), len(v)))
+    for column, row in zip(columns_of(law, 0), out, strict=True):
+        fill(column, p, rows, law.standstill, width, row)
+    return out.T
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -12,12 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evertwin.anomaly import Calm, Cusum, Residuals, calibrate, score
+from evertwin.anomaly import Calm, Cusum, Residuals, calibrate
 from evertwin.fold import Block, make_block, take
 from evertwin.machines.thermal import ThermalBox
 from evertwin.models import Model
 from evertwin.sync import Horizon
 from evertwin.tuning import Problem, solve
+from planted.score import score
 
 pytestmark = pytest.mark.data
 SETTLED = 900 * 10**9

@@ -13,7 +13,6 @@ from evertwin.machines.thermal import ThermalBox
 from evertwin.models import FunctionModel, Model, Parameters, Restart, check_model, roll
 from evertwin.models.batch import WORTH, Batch
 from evertwin.models.corrected import Corrected, Term
-from evertwin.models.delayed import delayed
 from evertwin.models.kernel import ADOPT, ANEW
 from evertwin.models.mujoco import MuJoCo
 from evertwin.models.randomized import Randomized
@@ -40,13 +39,14 @@ def cart() -> MuJoCo:
     )
 
 
+DELAY = (Term("lag", "*", variant="delay"),)
 WRAPPED = {
     "law": lambda: Corrected(cart(), (Term("law", "force", variant="dead zone"),)),
     "lag and law": lambda: Corrected(cart(), (Term("lag", "*"), Term("law", "force"))),
     "state": lambda: Corrected(cart(), (Term("state", "rail.pos"),)),
-    "delayed": lambda: delayed(cart(), 0.03),
+    "delayed": lambda: Corrected(cart(), DELAY),
     "randomized": lambda: Randomized(cart(), 1, (("body.cart.mass", 0.1),), (0.1,), (0.01, 0.02)),
-    "randomized and delayed": lambda: Randomized(delayed(cart(), 0.02), 3, (), (0.1,)),
+    "randomized and delayed": lambda: Randomized(Corrected(cart(), DELAY), 3, (), (0.1,)),
     "corrected twice": lambda: Corrected(
         Corrected(cart(), (Term("law", "force"),)), (Term("lag", "force"),)
     ),

@@ -17,7 +17,6 @@ from evertwin.errors import UsageError
 from evertwin.machines.mobile import Differential, Robot1D
 from evertwin.models import check_model
 from evertwin.models.corrected import Corrected, build
-from evertwin.models.delayed import delayed
 from evertwin.models.form import Form, Term
 from evertwin.models.function import FunctionModel
 from evertwin.models.terms import kernel
@@ -225,10 +224,7 @@ def test_an_extra_state_exchanges_and_conserves() -> None:
 
 
 def test_delayed_is_a_model() -> None:
-    model = delayed(Differential(), 0.2)
-    check_model(model)
-    with pytest.raises(UsageError, match="0 s or more"):
-        delayed(Robot1D(), -1.0)
+    check_model(Corrected(Differential(), (Term("lag", "*", variant="delay"),)))
 
 
 def test_build() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evertwin.sources.guard import Guarded, Rules, guard
+from evertwin.sources.guard import Guarded, Rules, Watch, typical
 from evertwin.sources.stamps import NO_STAMP
 
 RULES = Rules(jump=10**9)
@@ -18,10 +18,9 @@ def run(t: np.ndarray, cuts: list[int], rules: Rules = RULES) -> Guarded:
     n = len(t)
     edges = sorted({0, n, *(c % (n + 1) for c in cuts)})
     v = np.arange(n, dtype=np.float64)[:, None]
-    pieces = [
-        (np.arange(a, b), t[a:b], v[a:b]) for a, b in itertools.pairwise(edges)
-    ]  # fmt: skip
-    out = list(guard(iter(pieces), rules))
+    watch = Watch(rules, typical(t[: edges[1]]))
+    out = [watch.take(np.arange(a, b), t[a:b], v[a:b]) for a, b in itertools.pairwise(edges)]
+    out.append(watch.finish(1))
     return Guarded(
         np.concatenate([o.line for o in out]),
         np.concatenate([o.t for o in out]),

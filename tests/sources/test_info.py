@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from evertwin.errors import UsageError
 from evertwin.signals import Channel, Layout
-from evertwin.sources import inspect, propose, registry, render, verify
+from evertwin.sources import inspect, propose, render
 from evertwin.sources.statistics import ClockStatistics, ColumnStatistics, EvenSample
 
 RNG = np.random.default_rng(5)
@@ -155,21 +153,3 @@ def test_proposal_names_what_is_missing(tmp_path: Path) -> None:
     path.write_text("t,a,b\n0,1,2\n1,2,3\n2,3,4\n")
     proposal = propose(inspect(path), Layout.of(wheel_speed="rad/s"))
     assert proposal.missing == ("wheel_speed",) and proposal.unused == ("a", "b")
-
-
-def test_registry_is_complete() -> None:
-    for name, entry in registry().items():
-        assert entry.name == name and entry.sha256
-        assert all((entry.machine, entry.origin, entry.licence, entry.citation))
-        assert all(len(digest) == 64 for digest in entry.sha256.values())
-
-
-def test_verify_tells_ok_absent_and_changed(tmp_path: Path) -> None:
-    assert {s.state for s in verify(tmp_path)} == {"absent"}
-    folder = tmp_path / "emps"
-    folder.mkdir()
-    (folder / "DATA_EMPS.mat").write_bytes(b"other")
-    assert [s.state for s in verify(tmp_path, ("emps",))] == ["changed"]
-    with pytest.raises(UsageError, match="did you mean 'emps'"):
-        verify(tmp_path, ("emsp",))
-    assert hashlib.sha256(b"other").hexdigest() not in registry()["emps"].sha256.values()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from evertwin.fold import make_block
-from evertwin.tuning import Problem, advise, gate, rank_windows, solve
+from evertwin.tuning import Problem, advise, gate, solve
 
 
 def speeds(n: int = 4000) -> Any:
@@ -101,12 +101,3 @@ def test_nothing_is_ever_claimed_of_what_is_not_there(friction: Any) -> None:
 def test_advice_is_empty_where_nothing_is_missing_or_nothing_helps(friction: Any) -> None:
     assert advise(friction["one"], ("Fc", "Bm"), np.linspace(-1, 1, 50)[:, None]) == ()
     assert advise(friction["two"], ("Fc", "offset", "Fm"), np.linspace(-1, 1, 50)[:, None]) == ()
-
-
-def test_windows_are_ranked_by_what_they_add(friction: Any) -> None:
-    model = friction["one"]
-    fast, slow, back = (block(u) for u in (np.full(50, 0.9), np.full(50, 0.3), np.full(50, -0.5)))
-    known = Problem(model, (block(np.full(50, 0.31)),))
-    order = rank_windows(known, (slow, fast, back))
-    assert order[-1][0] == 0  # the same motion again tells least
-    assert order[0][1] > order[-1][1]

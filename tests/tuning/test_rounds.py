@@ -17,7 +17,6 @@ from evertwin.tuning import (
     Problem,
     Schedule,
     Settings,
-    climb,
     held_out,
     solve,
     weights_from_growth,
@@ -174,27 +173,9 @@ def windows(form: Any, n: int = 4) -> tuple[Any, ...]:
     return tuple(out)
 
 
-def test_a_ladder_is_climbed_only_while_unseen_error_falls() -> None:
-    rungs = {"line": law(1), "parabola": law(1, 2), "quartic": law(1, 2, 3, 4)}
-    problem = Problem(rungs["line"], windows(lambda u: u + u**2))
-    climbed = climb(rungs, problem)
-    assert (climbed.chosen, climbed.per_output) == ("parabola", ("parabola",))
-    assert climbed.gain > 0.5
-    straight = climb(rungs, Problem(rungs["line"], windows(lambda u: u)))
-    assert straight.chosen == "line"
-    assert np.isnan(straight.error[2]).all()  # the climb ended: never scored
-    patient = climb(rungs, Problem(rungs["line"], windows(lambda u: u + u**3)), patience=2)
-    assert patient.chosen == "quartic"
-
-
 def test_a_fold_that_diverges_counts_as_infinitely_bad(robot: Any, run: Any) -> None:
     blocks = (run(robot, 1.0, 0), run(robot, 1.0, 1))
     fine = held_out(Problem(robot, blocks, horizon=1.0), settings=Settings(evaluations=20))
     assert fine[0] < 0.03
     wrecked = blocks[1]._replace(dt=np.full(300, 1e308))
     assert held_out(Problem(robot, (blocks[0], wrecked), horizon=1.0))[0] == np.inf
-
-
-def test_a_ladder_needs_windows() -> None:
-    with pytest.raises(UsageError, match="at least 2 windows"):
-        climb({"line": law(1)}, Problem(law(1), windows(lambda u: u, 1)))

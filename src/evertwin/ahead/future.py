@@ -21,7 +21,7 @@ from evertwin.errors import DataError, UsageError
 from evertwin.fold import Block
 from evertwin.types import Inputs, Intervals, Vector
 
-__all__ = ["Future", "Mode", "coming", "planned"]
+__all__ = ["Future", "Mode", "coming"]
 
 Mode = Literal["repeat", "hold"]
 LARGEST = 1_000_000
@@ -79,15 +79,3 @@ def _count(size: float) -> int:
     if n > LARGEST:
         raise UsageError(f"horizon: {n} rows at this rate, expected {LARGEST} at most: shorten it")
     return n
-
-
-def planned(rows: Block, horizon: float | None) -> Future:
-    """The inputs of recorded or written rows, up to ``horizon`` [s]."""
-    u, dt = rows.u, rows.dt.copy()
-    dt[0] = np.median(dt[1:]) if len(dt) > 1 else 0.0
-    if not np.isfinite(u).all():
-        raise DataError("forecast: a planned row lacks an input: give every input in every row")
-    if horizon is not None:
-        stop = int(np.searchsorted(np.cumsum(dt), horizon * (1 - 1e-9))) + 1
-        u, dt = u[:stop], dt[:stop]
-    return Future(np.ascontiguousarray(u), dt)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from evertwin.ahead.basis import Basis, state_after
-from evertwin.ahead.changes import Case, changed
+from evertwin.ahead.changes import Case
 from evertwin.ahead.future import coming
 from evertwin.ahead.path_error import followed
 from evertwin.ahead.simulated import PathError, Simulated, simulated
@@ -25,7 +25,7 @@ from evertwin.fold import plain, take
 from evertwin.loop.feed import Data
 from evertwin.types import Json, StateVector
 
-__all__ = ["Today", "WhatIf", "beside", "today", "whatif"]
+__all__ = ["Today", "WhatIf", "beside", "today"]
 
 
 @dataclass(frozen=True)
@@ -198,17 +198,6 @@ def today(basis: Basis, data: Data = None, horizon: float | None = None) -> Toda
     known = spread(model, p, rows, float(future.t[-1]))
     start, newest = (state_after(model, p, part) for part in (first, last))
     return Today(Case(model, p, basis.sigma, future), start, newest, known)
-
-
-def whatif(basis: Basis, scenario: ScenarioSpec, data: Data = None) -> WhatIf:
-    """A scenario beside today; wear, lives and docking are added by `Twin.whatif`.
-
-    Raises:
-        UsageError: a change that this machine cannot have.
-        DataError: a path or recording that cannot be used.
-    """
-    now = today(basis, data, scenario.horizon)
-    return beside(basis, now, scenario, changed(basis, now.case, scenario))
 
 
 def beside(basis: Basis, now: Today, scenario: ScenarioSpec, after: Case) -> WhatIf:

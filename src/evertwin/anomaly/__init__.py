@@ -14,9 +14,8 @@ if TYPE_CHECKING:
     from evertwin.anomaly.calibration import Calibrated, Calibration, Calm, blank, calibrate
     from evertwin.anomaly.cusum import Cusum, CusumState
     from evertwin.anomaly.drift import Drift, DriftState
-    from evertwin.anomaly.phases import PhaseState, PhaseStats, Regimes, TaskSteps
+    from evertwin.anomaly.phases import Regimes, TaskSteps
     from evertwin.anomaly.residuals import Alarms, Residuals
-    from evertwin.anomaly.scoring import Score, always, never, score
     from evertwin.anomaly.snr import SnrLimit, SnrState
     from evertwin.anomaly.verdict import Rule, Verdict, branch, explained
 
@@ -29,23 +28,17 @@ __all__ = [
     "CusumState",
     "Drift",
     "DriftState",
-    "PhaseState",
-    "PhaseStats",
     "Regimes",
     "Residuals",
     "Rule",
-    "Score",
     "SnrLimit",
     "SnrState",
     "TaskSteps",
     "Verdict",
-    "always",
     "blank",
     "branch",
     "calibrate",
     "explained",
-    "never",
-    "score",
 ]
 
 __getattr__ = surface(__name__)

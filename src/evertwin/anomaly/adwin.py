@@ -25,7 +25,7 @@ from numba import njit
 
 from evertwin.types import Float64
 
-__all__ = ["CLOCK", "add", "mean", "new", "width"]
+__all__ = ["CLOCK", "add", "new"]
 
 LEVELS, BUCKETS = 40, 5
 CLOCK, GRACE, LEAST = 32, 10, 5
@@ -40,16 +40,6 @@ TICKS, WIDTH, TOTAL, SPREAD = 0, 1, 2, 3
 def new(count: int) -> Float64[np.ndarray, "count levels columns"]:
     """``count`` empty windows."""
     return np.zeros((count, LEVELS + 1, COLUMNS))
-
-
-def width(window: np.ndarray) -> int:
-    """Samples in the window."""
-    return int(window[LEVELS, WIDTH])
-
-
-def mean(window: np.ndarray) -> float:
-    """Mean of the window; NaN if empty."""
-    return float(window[LEVELS, TOTAL] / window[LEVELS, WIDTH]) if width(window) else math.nan
 
 
 @njit(cache=True)

@@ -7,17 +7,31 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
-from annotated_types import Ge
+from annotated_types import Ge, Le
 
 from evertwin.errors import UsageError
 from evertwin.fold.span import Span
-from evertwin.settings.kinds import Positive, Seconds, Size
+from evertwin.settings.kinds import Duration, Positive, Seconds, Size
 from evertwin.settings.notes import Rows
 from evertwin.settings.quantity import written
 from evertwin.settings.section import Section
 from evertwin.signals.units import compatible
 
-__all__ = ["AnomalySpec"]
+__all__ = ["AnomalySpec", "StepsSpec"]
+
+
+@dataclass(frozen=True)
+class StepsSpec(Section):
+    """``[anomaly.steps]``: a task that repeats, in equal steps with limits of their own.
+
+    >>> StepsSpec(duration=69.0, parts=6).parts
+    6
+    """
+
+    duration: Duration
+    """How long one task takes; rows after it belong to the last step."""
+    parts: Annotated[int, Ge(1), Le(1000)]
+    """Number of steps."""
 
 PHASES = 1_000
 """Each phase keeps statistics of its own."""
@@ -44,6 +58,8 @@ class AnomalySpec(Section):
     task, and further ones only if it does not suffice."""
     phases: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     """Input to the borders (SI, rising) that divide its range: each regime has its own limits."""
+    steps: StepsSpec | None = None
+    """Each task is the same work: each step of it has its own limits, beside ``phases``."""
     outputs: tuple[str, ...] = ()
     """Outputs that are watched; empty: all."""
     window: Annotated[Span, Rows()] = Span(600)

@@ -48,7 +48,7 @@ def read(path: str | Path) -> TwinSpec:
     return dataclasses.replace(twin, folder=str(Path(path).resolve().parent))
 
 
-def reads(text: str, name: str = "twin file") -> TwinSpec:
+def reads(text: str, name: str = "") -> TwinSpec:
     """The twin file written in ``text``; ``name`` stands in messages.
 
     Raises:

@@ -4,7 +4,7 @@ The breakdown file (TOML) is written by who knows the machine. It says nothing a
 model is made of it, how deeply and what is tuned is proposed from it; whatever the engineer wants
 otherwise is an ``override`` with its reason, in the same file.
 
->>> found = reads('''
+>>> found = BREAKDOWN.parse('''
 ... schema = 1
 ... name = "pump"
 ... [[system]]
@@ -48,7 +48,6 @@ __all__ = [
     "Subsystem",
     "System",
     "read_breakdown",
-    "reads",
 ]
 
 SCHEMA = 1
@@ -318,12 +317,3 @@ def read_breakdown(path: str | pathlib.Path) -> Breakdown:
     """
     found = BREAKDOWN.parse(BREAKDOWN.load(path), str(path))
     return dataclasses.replace(found, folder=str(pathlib.Path(path).resolve().parent))
-
-
-def reads(text: str, name: str = "breakdown file") -> Breakdown:
-    """The breakdown written in ``text``; ``name`` stands in messages.
-
-    Raises:
-        ConfigError: as `read_breakdown`.
-    """
-    return BREAKDOWN.parse(text, name)

@@ -7,8 +7,8 @@
   takes its friction), a motor, a structure, a payload is lumped: as described, and not tuned. A
   ``black_box`` is another model and stays what it is.
 
->>> from evertwin.engineering.breakdown import reads
->>> found = reads('''
+>>> from evertwin.engineering.breakdown import BREAKDOWN
+>>> found = BREAKDOWN.parse('''
 ... schema = 1
 ... name = "axis"
 ... [[system]]

@@ -1,7 +1,7 @@
 """Which components are critical: effect on health × proneness to failure, ranked, with reasons.
 
->>> from evertwin.engineering.breakdown import reads
->>> found = reads('''
+>>> from evertwin.engineering.breakdown import BREAKDOWN
+>>> found = BREAKDOWN.parse('''
 ... schema = 1
 ... name = "pump"
 ... [[system]]

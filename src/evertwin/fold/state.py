@@ -28,10 +28,6 @@ __all__ = ["copy", "equal", "filled", "leaves", "load", "save"]
 S = TypeVar("S")
 
 
-def _is_tuple(value: object) -> bool:
-    return isinstance(value, tuple)
-
-
 def copy(state: S) -> S:
     """An independent copy: ``step`` may then consume the original."""
     if isinstance(state, np.ndarray):

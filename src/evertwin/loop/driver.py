@@ -118,7 +118,7 @@ class Driver:
         scale = setup.spec.prediction.scale
         sizes = np.array([scale.get(name, 1.0) for name in setup.model.outputs.names])
         return TwinState(
-            row=0, task=-1, time=0, elapsed=0,
+            row=0, task=-1, time=0, began=0, elapsed=0,
             live=self.follow.lane(self.champion, tracked=True), first=EMPTY, other=EMPTY,
             newest=setup.at_horizon.init(), waiting=setup.residual_filter.init(),
             detect=setup.detect.init(), trial=setup.trial.init(),

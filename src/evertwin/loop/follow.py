@@ -99,21 +99,22 @@ class Follow:
         seen = before.y if known is not None and before is not None else None
         first, b = self._predict(first, judged, seen)
         other, c = self._predict(state.other, judged)
+        opens = state.row == 0 or int(piece.task[0]) != state.task
+        began = int(piece.t[0]) if opens else state.began
         none = np.full_like(piece.y, np.nan)
         rows = Released(
-            np.arange(piece.row, piece.row + len(piece.t)), piece.t, self.setup.phase(piece.u),
-            piece.y, a.residual,
+            np.arange(piece.row, piece.row + len(piece.t)), piece.t,
+            self.setup.phase(piece.u, piece.t, began), piece.y, a.residual,
             none if b is None else b.residual, none if c is None else c.residual,
             self.setup.moving(piece.u), a.end,
         )  # fmt: skip
         newest, rows = self.setup.at_horizon.step(state.newest, rows)
         waiting, released = self.setup.residual_filter.step(state.waiting, rows)
-        opens = state.row == 0 or int(piece.task[0]) != state.task
         before_piece = int(piece.t[0]) if opens else state.time
         state = state._replace(
             elapsed=state.elapsed + int(piece.t[-1]) - before_piece,
             row=piece.row + len(piece.t), task=int(piece.task[-1]), time=int(piece.t[-1]),
-            live=live, first=first, other=other, newest=newest, waiting=waiting,
+            began=began, live=live, first=first, other=other, newest=newest, waiting=waiting,
         )  # fmt: skip
         state, found, stop = self._judge(state, released, beats)
         events = _by_beat(_events(out.records), found, beats, self.setup.residual_filter.delay)

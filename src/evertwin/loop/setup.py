@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from evertwin.anomaly import Regimes
+from evertwin.anomaly import Regimes, TaskSteps
 from evertwin.config.spec import TwinSpec
 from evertwin.errors import UsageError
 from evertwin.fold import Beat
@@ -143,12 +143,20 @@ class Setup:
         columns = np.array([self.model.inputs.index(name) for name in phases])
         return columns, Regimes(tuple(tuple(borders) for borders in phases.values()))
 
-    def phase(self, u: np.ndarray) -> np.ndarray:
-        """Phase of each row, (n,); 0 where none are set."""
+    @cached_property
+    def steps(self) -> TaskSteps:
+        """Steps of a task that repeats; one where nothing is said."""
+        rule = self.spec.anomaly.steps
+        return TaskSteps(1.0, 1) if rule is None else TaskSteps(rule.duration, rule.parts)
+
+    def phase(self, u: np.ndarray, t: np.ndarray, began: int) -> np.ndarray:
+        """Phase of each row of a task that began at a stamp, (n,); 0 where none are set."""
+        step = self.steps.of(t, began)
         if self.regimes is None:
-            return np.zeros(len(u), dtype=np.int64)
+            return step
         columns, regimes = self.regimes
-        return regimes.of(u[:, columns])
+        regime = regimes.of(u[:, columns])
+        return np.where(regime < 0, -1, regime * self.steps.parts + step)
 
     @cached_property
     def requirement(self) -> float:
@@ -256,5 +264,5 @@ class Setup:
     @cached_property
     def detect(self) -> Detect:
         """The detectors over released rows."""
-        phases = 1 if self.regimes is None else self.regimes[1].count
+        phases = self.steps.parts * (1 if self.regimes is None else self.regimes[1].count)
         return Detect.of(self.spec.anomaly, self.model.outputs.names, self.watched, phases)

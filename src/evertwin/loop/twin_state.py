@@ -107,6 +107,8 @@ class TwinState(NamedTuple):
     """Task of the last row."""
     time: int
     """Stamp of the last row [ns]."""
+    began: int
+    """Stamp of the first row of the task [ns]."""
     elapsed: int
     """Time within tasks so far [ns]; stamps may start again with each task."""
     live: Lane

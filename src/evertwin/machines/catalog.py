@@ -24,23 +24,23 @@ from evertwin.models import Model
 
 __all__ = ["MACHINES", "located", "machine"]
 
-MACHINES: Mapping[str, tuple[str, str, str]] = {
-    "arm": ("evertwin.machines.arm", "Arm.of", "arm"),
-    "assembly": ("evertwin.machines.assembly", "assembly", ""),
-    "differential": ("evertwin.machines.mobile", "Differential", ""),
-    "drive": ("evertwin.machines.drive", "Drive", ""),
-    "drive_force": ("evertwin.machines.drive", "DriveForce", ""),
-    "modelica": ("evertwin.models.modelica.openmodelica", "modelica", "modelica"),
-    "mujoco": ("evertwin.models.mujoco", "model_of_file", "mujoco"),
-    "fmu": ("evertwin.models.fmu", "fmu", "fmi"),
-    "odometer": ("evertwin.machines.mobile", "Odometer", ""),
-    "omni": ("evertwin.machines.mobile", "Omni", ""),
-    "python": ("evertwin.machines.python_file", "model_from_file", ""),
-    "robot1d": ("evertwin.machines.mobile", "Robot1D", ""),
-    "table": ("evertwin.machines.measured", "measured_table", ""),
-    "thermal": ("evertwin.machines.thermal", "ThermalBox", ""),
+MACHINES: Mapping[str, tuple[str, str]] = {
+    "arm": ("evertwin.machines.arm:Arm.of", "arm"),
+    "assembly": ("evertwin.machines.assembly:assembly", ""),
+    "differential": ("evertwin.machines.mobile:Differential", ""),
+    "drive": ("evertwin.machines.drive:Drive", ""),
+    "drive_force": ("evertwin.machines.drive:DriveForce", ""),
+    "modelica": ("evertwin.models.modelica.openmodelica:modelica", "modelica"),
+    "mujoco": ("evertwin.models.mujoco:model_of_file", "mujoco"),
+    "fmu": ("evertwin.models.fmu:fmu", "fmi"),
+    "odometer": ("evertwin.machines.mobile:Odometer", ""),
+    "omni": ("evertwin.machines.mobile:Omni", ""),
+    "python": ("evertwin.machines.python_file:model_from_file", ""),
+    "robot1d": ("evertwin.machines.mobile:Robot1D", ""),
+    "table": ("evertwin.machines.measured:measured_table", ""),
+    "thermal": ("evertwin.machines.thermal:ThermalBox", ""),
 }
-"""Name → module, factory, and the extra that it needs."""
+"""Name → module and factory, and the extra that it needs."""
 
 FILES = (".urdf", ".py", ".xml", ".mo", ".fmu", ".csv", ".mat", ".npz", ".parquet")
 """Endings of files that models are read from."""
@@ -98,7 +98,8 @@ def _inside(folder: str | Path, key: str, value: Any) -> Any:
 
 def _factory(kind: str) -> Callable[..., Model]:
     if kind in MACHINES:
-        module, path, extra = MACHINES[kind]
+        place, extra = MACHINES[kind]
+        module, path = place.split(":")
         try:
             found: Any = importlib.import_module(module)
             for name in path.split("."):

@@ -16,7 +16,7 @@ from motion to force: static and linear in the parameters, so that tuning solves
 [0.0, 0.05]
 
 Where the free run starts: position and speed of the first row are adopted from the measurement,
-the speed by `edge_speed` or from a channel that was differentiated by the same rule.
+the speed from a channel that was differentiated.
 
 ``two_sided`` adds `evertwin.machines.friction.terms.two_sided`, which only the rows near rest tell
 from an offset: the rank over moving samples says so, and a fit keeps one of the two.
@@ -32,7 +32,6 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from evertwin.errors import DataError
 from evertwin.machines.friction import Law, Rung
 from evertwin.machines.friction.kernel import (
     FEATURE,
@@ -59,10 +58,9 @@ from evertwin.types import (
     Outputs,
     ParameterVector,
     StateVector,
-    Vector,
 )
 
-__all__ = ["Drive", "DriveForce", "edge_speed"]
+__all__ = ["Drive", "DriveForce"]
 
 INERTIA, STANDSTILL, LAW = range(3)
 """Places in the context: of the mass in ``p``, the standstill [nm/s], then the law's record."""
@@ -252,26 +250,3 @@ class DriveForce(Compiled):
         rows, p = np.ascontiguousarray(u), np.ascontiguousarray(p)
         _regressor(self._context, columns_of(self.law, 1), rows, p, phi)
         return np.zeros((len(u), 1)), phi
-
-
-def edge_speed(t: Vector, q: Vector, samples: int = 40) -> float:
-    """Speed at the first sample: the derivative there of a cubic through the first samples.
-
-    Args:
-        t: time [s], (n,).
-        q: position [m], (n,).
-        samples: how many of them the cubic is fitted to.
-
-    Raises:
-        DataError: fewer samples than asked for, or fewer than four.
-
-    >>> t = np.arange(50) * 0.01
-    >>> round(edge_speed(t, 1.0 + 2.0 * t - 3.0 * t**3), 9)
-    2.0
-    """
-    if len(t) < samples or samples < 4:
-        raise DataError(
-            f"edge speed: expected at least 4 samples and {samples} in the window, got {len(t)}"
-        )
-    cubic = np.polynomial.Polynomial.fit(t[:samples] - t[0], q[:samples], 3)
-    return float(cubic.deriv()(0.0))

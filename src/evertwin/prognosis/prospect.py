@@ -44,6 +44,9 @@ from evertwin.signals.units import to_si
 
 __all__ = ["Prospect"]
 
+FLEETS = 8
+"""Fleets that a process remembers."""
+_LEARNED: dict[str, Fleet] = {}
 UNKEPT = (
     "the twin file names no store, so that no run is remembered: set [store] path, run the twin, "
     "and ask again; or give --history"
@@ -132,19 +135,20 @@ class Prospect:
         return accuracy_limit(case.model, case.p, case.future, rule, new)
 
     def fleet(self, rule: IndicatorSpec, limit: Limit) -> Fleet | None:
-        """What like machines tell of an indicator; None without any."""
-        if not self.rule.fleet:
+        """What like machines tell of an indicator, learned once from their files; else None."""
+        files = [self.folder / name for name in self.rule.fleet]
+        if not files:
             return None
-        parameters = self.basis.model.parameters
-        lived = [
-            indicator_of(
-                rule,
-                of_table(rule, read_table(self.folder / name), self.rule.clock, (), self.parts),
-                limit, self.rule.clock, parameters,
-            )
-            for name in self.rule.fleet
-        ]  # fmt: skip
-        return learn(lived, rule.laws or LAWS)
+        written = [(str(file), file.stat().st_mtime_ns) for file in files if file.exists()]
+        key = repr((rule, limit, self.rule.clock, written))
+        if key not in _LEARNED:
+            tables = [of_table(rule, read_table(f), self.rule.clock, (), self.parts) for f in files]
+            parameters = self.basis.model.parameters
+            lived = [indicator_of(rule, t, limit, self.rule.clock, parameters) for t in tables]
+            while len(_LEARNED) >= FLEETS:
+                _LEARNED.pop(next(iter(_LEARNED)))
+            _LEARNED[key] = learn(lived, rule.laws or LAWS)
+        return _LEARNED[key]
 
     @cached_property
     def series(self) -> tuple[Indicator, ...]:

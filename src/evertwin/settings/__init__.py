@@ -1,9 +1,9 @@
-"""Files that people write: TOML in, frozen dataclasses out, with a schema and a reference page.
+"""Files that people write: TOML in, frozen dataclasses out, with a schema.
 
 A file's form (`form`) is a tree of `Section` classes. What a setting may be is said once, in its
 annotation (`kinds`, `notes`). A text becomes a bounded `document`, its `patterns` written out, each
 value with its line (`lines`); pydantic decodes it (`decode`) and makes the JSON schema (`schema`),
-from which the reference page follows (`page`). pydantic and not msgspec: it reports every mistake
+from which `tools/settings_page.py` writes the reference page. pydantic and not msgspec: it reports every mistake
 of a file with its whole path, keys of tables included, and takes conversions such as units by
 annotation.
 

@@ -60,13 +60,14 @@ class Form(Generic[S]):
         except UnicodeDecodeError as error:
             raise ConfigError(f"{file}: expected UTF-8 text, byte {error.start} is not") from error
 
-    def parse(self, text: str, name: str) -> S:
-        """The content of ``text``; ``name`` stands in messages.
+    def parse(self, text: str, name: str = "") -> S:
+        """The content of ``text``; ``name`` (by default the title) stands in messages.
 
         Raises:
             ConfigError: it does not say what it must; the message has one line for each problem,
                 ``name:line: what was expected, what came``.
         """
+        name = name or self.title
         document = Document(text, name, self.title)
         version = document.table.get("schema")
         if version is None:

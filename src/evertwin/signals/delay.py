@@ -26,7 +26,6 @@ import numpy as np
 import scipy
 
 from evertwin.errors import DataError
-from evertwin.signals.filters import SavitzkyGolay
 from evertwin.signals.resample import linear, uniform
 from evertwin.types import Float64, Int64, Stamps, Vector
 
@@ -141,11 +140,11 @@ def _levels(ta: Stamps, a: First, tb: Others, b: Second) -> _Pair:
 
 def _rates(levels: _Pair, window: int) -> _Pair:
     """Rates of change; zero, which matches nothing, near what is absent."""
-    derivative = SavitzkyGolay(window, 1 / levels.period, degree=2, derivative=1)
     out = []
     for level in levels[:2]:
         absent = ~np.isfinite(level)
-        rate = derivative(np.where(absent, 0.0, level)[:, None])[:, 0]
+        known = np.where(absent, 0.0, level)
+        rate = scipy.signal.savgol_filter(known, window, 2, deriv=1, delta=levels.period)
         near = scipy.signal.fftconvolve(absent.astype(float), np.ones(window), mode="same") > 0.5
         rate = np.where(near, 0.0, rate)
         out.append(rate - np.where(near, 0.0, rate[~near].mean() if (~near).any() else 0.0))

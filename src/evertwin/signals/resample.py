@@ -12,32 +12,18 @@ than ``longest`` is NaN and ``gap`` is set where data resumes.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
-from evertwin.errors import DataError, UsageError
-from evertwin.signals.series import Series
-from evertwin.types import Bool, Bools, Float64, Int64, Stamps
+from evertwin.errors import UsageError
+from evertwin.types import Float64, Int64, Stamps
 
 Grid: TypeAlias = Int64[np.ndarray, " m"]
 Values: TypeAlias = Float64[np.ndarray, "n k"]
 OnGrid: TypeAlias = Float64[np.ndarray, "m k"]
 
-__all__ = ["Resampled", "hold", "linear", "resample", "uniform"]
-
-
-class Resampled(NamedTuple):
-    """A series on a uniform grid.
-
-    >>> Resampled._fields
-    ('series', 'gap')
-    """
-
-    series: Series
-    gap: Bools
-    """True at the first row after a gap: the state starts anew."""
+__all__ = ["linear", "uniform"]
 
 
 def uniform(start: int, stop: int, period: int) -> Stamps:
@@ -78,57 +64,3 @@ def _line(
     share = (grid - t[before]) / np.maximum(width, 1)
     value = v[before] + share * (v[after] - v[before])
     return np.where(inside, value, np.nan)
-
-
-def hold(t: Stamps, v: Values, grid: Grid, longest: int) -> OnGrid:
-    """Values (m, k) at ``grid``, each the newest finite one at or before it; see `linear`.
-
-    >>> import numpy as np
-    >>> hold(np.array([0, 10]), np.array([[1.0], [2.0]]), np.array([5, 10, 90]), 50)[:, 0].tolist()
-    [1.0, 2.0, nan]
-    """
-    out = np.full((len(grid), v.shape[1]), np.nan)
-    for j in range(v.shape[1]):
-        good = np.isfinite(v[:, j])
-        if good.any():
-            stamps, values = t[good], v[good, j]
-            at = np.searchsorted(stamps, grid, side="right") - 1
-            known = (at >= 0) & (grid - stamps[np.maximum(at, 0)] <= longest)
-            out[:, j] = np.where(known, values[np.maximum(at, 0)], np.nan)
-    return out
-
-
-def resample(series: Series, period: int, held: Sequence[str] = (), longest: int = 0) -> Resampled:
-    """``series`` on a uniform grid that begins at its first stamp.
-
-    Args:
-        series: n ≥ 2 rows.
-        period: grid interval [ns].
-        held: channels that hold their value between samples (commands).
-        longest: longest interval that is bridged [ns]; 0: five median intervals.
-
-    Raises:
-        DataError: fewer than two rows.
-    """
-    if len(series.t) < 2:
-        raise DataError(f"resampling: expected at least 2 rows, got {len(series.t)}")
-    longest = longest or 5 * series.period
-    grid = uniform(int(series.t[0]), int(series.t[-1]), period)
-    values = series.v.copy()
-    for j in np.flatnonzero(series.layout.angles):
-        good = np.isfinite(values[:, j])
-        values[good, j] = np.unwrap(values[good, j])
-    out = linear(series.t, values, grid, longest)
-    if held:
-        columns = [series.layout.index(name) for name in held]
-        out[:, columns] = hold(series.t, series.v[:, columns], grid, longest)
-    return Resampled(Series(series.layout, grid, out), _gaps(series.t, grid, longest))
-
-
-def _gaps(t: Stamps, grid: Grid, longest: int) -> Bool[np.ndarray, " m"]:
-    """True at the first grid point at or after each sample that ends a gap."""
-    gap = np.zeros(len(grid), dtype=np.bool_)
-    ends = t[1:][np.diff(t) > longest]
-    at = np.searchsorted(grid, ends)
-    gap[at[at < len(grid)]] = True
-    return gap

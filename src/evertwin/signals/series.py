@@ -17,7 +17,7 @@ from evertwin.errors import DataError
 from evertwin.signals.channels import Channel, Layout
 from evertwin.types import Intervals, Outputs, Stamps, Vector
 
-__all__ = ["Series", "moving_span"]
+__all__ = ["Series"]
 
 
 @dataclass(frozen=True)
@@ -74,24 +74,3 @@ class Series:
         """The series with one more channel."""
         layout = self.layout + Layout((channel,))
         return Series(layout, self.t, np.column_stack([self.v, values]))
-
-
-def moving_span(t: Stamps, speed: Outputs, above: float, inside: int = 0) -> tuple[int, int] | None:
-    """The span from the first to the last row in which anything moves, None if nothing does.
-
-    Args:
-        t: stamps [ns], (n,).
-        speed: speeds, (n, k); their largest magnitude counts.
-        above: what counts as moving, in the unit of ``speed``.
-        inside: how far the span begins after the first and ends before the last [ns].
-
-    >>> import numpy as np
-    >>> moving_span(np.arange(6), np.array([[0.0], [0], [1], [1], [-1], [0]]), above=0.5)
-    (2, 4)
-    """
-    fastest = np.max(np.abs(np.nan_to_num(speed, nan=0.0)), axis=1)
-    rows = np.flatnonzero(fastest > above)
-    if len(rows) == 0:
-        return None
-    start, stop = int(t[rows[0]]) + inside, int(t[rows[-1]]) - inside
-    return (start, stop) if start < stop else None

@@ -12,7 +12,6 @@ from evertwin.surface import surface
 
 if TYPE_CHECKING:
     from evertwin.sources.contract import Source, check_source
-    from evertwin.sources.datasets import DataSet, FileState, registry, verify
     from evertwin.sources.description import ColumnInfo, Info, TableInfo, TimeInfo
     from evertwin.sources.guard import Rules
     from evertwin.sources.info import inspect
@@ -30,8 +29,6 @@ __all__ = [
     "Clock",
     "Column",
     "ColumnInfo",
-    "DataSet",
-    "FileState",
     "Info",
     "Match",
     "Problem",
@@ -50,9 +47,7 @@ __all__ = [
     "merge",
     "open_recording",
     "propose",
-    "registry",
     "render",
-    "verify",
     "write",
 ]
 

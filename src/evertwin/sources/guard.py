@@ -10,8 +10,8 @@ are held in the same way, because a first stamp has no clock before it to be jud
 
 >>> import numpy as np
 >>> t = np.array([0, 1, 2, 3, 900, 4, 4, 5]) * 10**9
->>> pieces = [(np.arange(8), t, np.zeros((8, 1)))]
->>> out = list(guard(iter(pieces), Rules(jump=10 * 10**9)))
+>>> watch = Watch(Rules(jump=10 * 10**9), typical(t))
+>>> out = watch.take(np.arange(8), t, np.zeros((8, 1))), watch.finish(1)
 >>> (np.concatenate([o.t for o in out]) // 10**9).tolist()
 [0, 1, 2, 3, 4, 5]
 >>> [problem.kind for o in out for problem in o.problems]
@@ -20,7 +20,6 @@ are held in the same way, because a first stamp has no clock before it to be jud
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -30,7 +29,7 @@ from evertwin.sources.stamps import NO_STAMP
 from evertwin.sources.table import Problem
 from evertwin.types import Int64, Outputs, Stamps
 
-__all__ = ["Guarded", "Rules", "Watch", "guard", "typical"]
+__all__ = ["Guarded", "Rules", "Watch", "typical"]
 
 _MONTH = 31 * 86_400 * 10**9
 _FAR = 2**62
@@ -66,18 +65,6 @@ class Guarded(NamedTuple):
 
 
 Piece = tuple[Stamps, Stamps, Outputs]
-
-
-def guard(pieces: Iterable[Piece], rules: Rules) -> Iterator[Guarded]:
-    """Pieces (line, t, v) of one source, cleaned. Where they are cut does not matter."""
-    clock: Watch | None = None
-    width = 0
-    for line, t, v in pieces:
-        width = v.shape[1]
-        clock = clock or Watch(rules, typical(t))
-        yield clock.take(line, t, v)
-    if clock is not None:
-        yield clock.finish(width)
 
 
 def typical(t: Stamps) -> int:

@@ -1,10 +1,9 @@
-"""What would make a parameter identifiable: extra motion, or a part of the data at hand.
+"""What would make a parameter identifiable: extra motion.
 
 `advise` tries simple changes of each input on the model itself (the other direction, smaller and
 larger values, any value where it is constant) and names those that raise the information most,
 until every direction is determined. Where no motion helps, the parameters cannot be told apart at
-all and it says so. `rank_windows` picks from available data instead: greedily, by the gain in the
-logarithm of the information's determinant (D-optimal design).
+all and it says so.
 
 >>> from evertwin.models import FunctionModel, Parameters
 >>> from evertwin.signals import Layout
@@ -18,18 +17,15 @@ logarithm of the information's determinant (D-optimal design).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from evertwin.fold import Block
 from evertwin.models import Model
 from evertwin.tuning.identifiability import NULL, SHARE, SMALL
-from evertwin.tuning.problem import PerOutput, Problem
-from evertwin.types import Float64, Inputs
+from evertwin.types import Inputs
 
-__all__ = ["advise", "rank_windows"]
+__all__ = ["advise"]
 
 ROWS = 300
 """Rows that the changes are tried on."""
@@ -125,44 +121,3 @@ def _determined(rows: Any) -> bool:
         if value < SMALL**2 and z2.sum() ** 2 / np.square(z2).sum() / active < SHARE:
             return False
     return True
-
-
-def rank_windows(
-    problem: Problem, candidates: Sequence[Block], sigma: PerOutput | None = None
-) -> tuple[tuple[int, float], ...]:
-    """Candidate windows, most informative first: (index, gain in log-determinant when added).
-
-    Args:
-        problem: its windows and prior are what is known already.
-        candidates: parts of production data to choose from.
-        sigma: standard deviation of each output's noise, (ny,); default: the problem's scale or 1.
-    """
-    ny = len(problem.model.outputs)
-    noise = sigma if sigma is not None else problem.scale
-    noise = np.ones(ny) if noise is None else noise
-    known = _information(problem, problem.windows, noise) + np.diag(problem.information)
-    parts = [_information(problem, (window,), noise) for window in candidates]
-    size = np.sqrt(np.diag(known + sum(parts, np.zeros_like(known))))
-    size[size == 0] = 1.0
-    scale = 1.0 / np.outer(size, size)
-    ranked, left = [], list(range(len(parts)))
-    while left:
-        before = _volume(known * scale)
-        gains = [_volume((known + parts[i]) * scale) - before for i in left]
-        at = int(np.argmax(gains))
-        known = known + parts[left[at]]
-        ranked.append((left.pop(at), float(gains[at])))
-    return tuple(ranked)
-
-
-def _information(
-    problem: Problem, windows: tuple[Block, ...], noise: PerOutput
-) -> Float64[np.ndarray, "k k"]:
-    part = replace(problem, windows=windows)
-    j = np.where(part.rows.used[:, :, None], part.jacobian(part.start), 0.0) / noise[:, None]
-    flat = np.nan_to_num(j.reshape(-1, j.shape[2]))
-    return np.asarray(flat.T @ flat)
-
-
-def _volume(scaled: Any) -> float:
-    return float(np.log(np.maximum(np.linalg.eigvalsh(scaled), 1e-12)).sum())

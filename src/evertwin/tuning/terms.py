@@ -40,8 +40,8 @@ import numpy as np
 from evertwin.errors import UsageError
 from evertwin.models import LinearModel
 from evertwin.tuning.closed import ClosedForm, Sums
-from evertwin.tuning.ladder import held_out
 from evertwin.tuning.problem import Problem
+from evertwin.tuning.unseen import held_out
 from evertwin.types import Float64
 
 __all__ = ["Ascent", "Step", "Term", "climb_terms"]

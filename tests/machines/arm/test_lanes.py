@@ -9,8 +9,9 @@ import pytest
 
 from evertwin.machines.arm import Arm, lanes, mass
 from evertwin.machines.arm.mass import KEPT, mass_matrix
-from evertwin.machines.arm.rnea import JOINT, batch
+from evertwin.machines.arm.rnea import JOINT
 from evertwin.machines.friction.kernel import switch
+from planted.arms import row_by_row
 
 ARM = Arm.of("ur5_like", law="tanh")
 
@@ -24,7 +25,7 @@ def test_torques_agree_with_the_recursion_row_by_row(sliding: bool) -> None:
     geometry = ARM.chain.geometry.copy()
     geometry[3 + JOINT * 2 + 12] = float(sliding)
     u = rows(333)
-    expected = batch(geometry, ARM.chain.inertia, u)
+    expected = row_by_row(geometry, ARM.chain.inertia, u)
     np.testing.assert_allclose(lanes.batch(geometry, ARM.chain.inertia, u), expected, atol=1e-11)
 
 
@@ -45,7 +46,7 @@ def test_the_mass_matrix_is_the_torques_of_unit_accelerations(
         u = np.hstack([np.tile(q, (6, 1)), np.zeros((6, 6)), np.eye(6)])
         found = np.empty((6, 6))
         function(6, geometry, ARM.chain.inertia, q, found, np.empty(KEPT * 6))
-        expected = batch(still, ARM.chain.inertia, u)
+        expected = row_by_row(still, ARM.chain.inertia, u)
         np.testing.assert_allclose(found, expected, atol=1e-12 * np.abs(expected).max())
 
 

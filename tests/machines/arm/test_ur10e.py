@@ -12,11 +12,11 @@ import pytest
 
 from evertwin.fold import Block, make_block
 from evertwin.machines.arm import Arm
-from evertwin.signals.filters import Butterworth
+from evertwin.signals.fir import Symmetric
 from evertwin.tuning import Problem, solve
 
 CONSTANT = np.array([14.87, 13.26, 11.13, 10.62, 11.03, 11.47])
-SMOOTH = Butterworth(cutoff=5.0, rate=100.0)
+SMOOTH = Symmetric.butterworth(cutoff=5.0, rate=100.0).smooth
 PAIR = ("20_02_10-30sec_12harm", "20_02_12-50sec_12harm")
 REFERENCE = {
     "20_02_19_14harm50sec": (10.5, 4.5, 4.3, 11.3, 17.1, 12.7),

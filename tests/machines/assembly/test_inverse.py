@@ -16,8 +16,7 @@ from evertwin.machines.catalog import machine
 from evertwin.machines.drive import DriveForce
 from evertwin.models import LinearModel, check_model
 from evertwin.models.configured import configured
-from evertwin.tuning import Problem
-from evertwin.tuning.ladder import held_out
+from evertwin.tuning import Problem, held_out
 
 AXIS: list[dict[str, Any]] = [
     {"name": "motor", "kind": "motor", "axis": 1, "k": 0.5, "R": 2.0, "J": 1e-4},

@@ -7,14 +7,12 @@ import pytest
 from scipy.stats import gamma as gamma_law
 from scipy.stats import invgauss
 
-from evertwin.errors import UsageError
 from evertwin.prognosis.laws import bank, jumps, onset, passage, scaled
 from evertwin.prognosis.laws.bank import Posterior, evaluate, without_growth
 from evertwin.prognosis.laws.clocks import Clocks
 from evertwin.prognosis.laws.families import LAWS, families
 from evertwin.prognosis.laws.life import LEVELS, Life
-from evertwin.prognosis.laws.metrics import crps, dummy, horizon, relative_accuracy, within
-from evertwin.prognosis.laws.simulate import Steps, simulate_lives
+from planted.metrics import crps, dummy, horizon, relative_accuracy, within
 
 
 def certain(now: float, growth: float, s2: float, cov: tuple[float, float, float]) -> Posterior:
@@ -47,14 +45,13 @@ def test_an_uncertain_start_and_drift_agree_with_simulation(
     found = passage.process(certain(0.2, 1.0, s2, cov), np.array([q]), 1.0, R[None, :])[0]
     spread = s2 * np.array([[cov[0], cov[1]], [cov[1], cov[2]]])
     now, drift = rng.multivariate_normal([0.2, 1.0], spread, 40_000).T
-    step, lives = 0.01, np.full(len(now), np.inf)
-    # One sample after the other has its own drift: simulated as increments of its own clock.
-    for part in np.array_split(np.argsort(drift), 40):
-        speed = float(drift[part].mean())
-        lives[part] = simulate_lives(
-            lambda x, t, speed=speed: np.full(len(x), speed), now[part], 1.0,
-            Steps(step, 3.0, np.sqrt(s2 * q)), rng,
-        )  # fmt: skip
+    step, lives = 0.01, np.where(now >= 1.0, 0.0, np.inf)
+    for k in range(1, 301):
+        new = now + drift * step + np.sqrt(s2 * q * step) * rng.standard_normal(len(now))
+        # Between two levels below the limit a Brownian path passes it with this probability.
+        room = np.maximum(1.0 - now, 0.0) * np.maximum(1.0 - new, 0.0)
+        passed = rng.random(len(now)) < np.exp(-2.0 * room / (s2 * q * step))
+        lives, now = np.where(np.isinf(lives) & passed, (k - 0.5) * step, lives), new
     counted = np.searchsorted(np.sort(lives), R, side="right") / len(lives)
     assert np.abs(found - counted)[1:].max() < 0.012
 
@@ -132,27 +129,6 @@ def test_every_law_has_its_families() -> None:
         weight = np.exp(family.prior()) * len(q)
         # Exponents over the observed part of the life reach lower than those over all of it.
         assert 0.2 < weight < 2.5
-
-
-@pytest.mark.parametrize("noise", [0.0, 0.02])
-def test_simulated_lives_follow_the_law(noise: float) -> None:
-    rng = np.random.default_rng(4)
-    lives = simulate_lives(
-        lambda x, t: np.full(len(x), 0.01), np.zeros(20_000), 1.0, Steps(5.0, 600.0, noise), rng
-    )
-    if noise == 0.0:
-        assert np.allclose(lives, 100.0)
-        return
-    told = invgauss.ppf([0.1, 0.5, 0.9], 100.0 / (1.0 / noise**2), scale=1.0 / noise**2)
-    assert np.allclose(np.quantile(lives, [0.1, 0.5, 0.9]), told, rtol=0.03)
-
-
-def test_simulated_lives_end_at_the_horizon_or_before_they_begin() -> None:
-    rng = np.random.default_rng(5)
-    lives = simulate_lives(lambda x, t: 0.0 * x, np.array([0.0, 2.0]), 1.0, Steps(1.0, 10.0), rng)
-    assert lives.tolist() == [np.inf, 0.0]
-    with pytest.raises(UsageError, match="step and a horizon"):
-        simulate_lives(lambda x, t: x, np.zeros(1), 1.0, Steps(0.0, 1.0), rng)
 
 
 def test_the_onset_test_keeps_its_false_alarms() -> None:

@@ -22,10 +22,16 @@ from evertwin.prognosis.laws.planning import (
     Plan,
     PlanItem,
     Stop,
-    cheapest,
     planned,
 )
 from evertwin.prognosis.laws.renewal import Cost, Renewal, Windows
+
+
+def cheapest(
+    name: str, known: Life, age: float, cost: Cost, windows: Windows | None = None
+) -> PlanItem:
+    """The plan of one component."""
+    return planned({name: Part(known, age, cost)}, windows)[0][0]
 
 
 def life(low: float = 80.0, high: float = 120.0) -> Life:

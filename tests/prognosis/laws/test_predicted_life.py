@@ -17,7 +17,7 @@ from evertwin.prognosis.laws import (
     predict_life,
 )
 from evertwin.prognosis.laws.fleet_prior import lived
-from evertwin.prognosis.laws.metrics import covers
+from planted.metrics import covers
 
 
 def wear(level: np.ndarray, noise: float = 0.01, seed: int = 0) -> Indicator:

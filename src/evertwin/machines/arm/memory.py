@@ -59,12 +59,6 @@ def _scratch(typing: Any) -> Any:
     return types.CPointer(types.float64)(), code
 
 
-@overload(reals)
-def _compiled_reals(address):  # type: ignore[no-untyped-def]  # Numba compares signatures
-    return lambda address: _reals(address)
-
-
+overload(reals)(lambda address: lambda address: _reals(address))
 # Inlined, because memory on the stack ends with the function that asked for it.
-@overload(scratch, inline="always")
-def _compiled_scratch() -> Any:
-    return lambda: _scratch()
+overload(scratch, inline="always")(lambda: lambda: _scratch())

@@ -16,10 +16,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
 from numba import njit
 
-__all__ = ["BODY", "JOINT", "batch", "joint_torques"]
+__all__ = ["BODY", "JOINT", "joint_torques"]
 
 JOINT = 13
 """Reals of a joint in ``geometry``, after three of gravity: rotation (9), position (3), slides?"""
@@ -126,14 +125,3 @@ def joint_torques(n: int, geometry: Any, inertia: Any, u: Any, tau: Any, kept: A
         nx = mx + ry * pz - rz * py
         ny = my + rz * px - rx * pz
         nz = mz + rx * py - ry * px
-
-
-@njit(cache=True)
-def batch(geometry: Any, inertia: Any, u: Any) -> Any:
-    """Joint torques of every row of ``u``, (rows, 3 n) to (rows, n)."""
-    n = u.shape[1] // 3
-    out = np.empty((u.shape[0], n))
-    kept = np.empty(_KEPT * n)
-    for i in range(u.shape[0]):
-        joint_torques(n, geometry, inertia, u[i], out[i], kept)
-    return out

@@ -7,8 +7,10 @@ terms are compiled into the sum, each behind a test of its own.
 
 >>> import numpy as np
 >>> from evertwin.machines.friction import Law
->>> features(Law(), np.array([2.0, -1.0, 0.0])).tolist()
-[[2.0, 1.0, 1.0], [-1.0, -1.0, 1.0], [0.0, 0.0, 1.0]]
+>>> law = Law()
+>>> p = np.array([item.value for item in law.parameters()])
+>>> force(record_of(law, 0), 0, p, 2.0, 0.0, 0.0, 0.0, law.standstill) == 2.0 * p[0] + p[1] + p[2]
+True
 """
 
 from __future__ import annotations
@@ -40,7 +42,7 @@ from evertwin.machines.friction.terms import (
     stribeck,
     viscous,
 )
-from evertwin.types import Float64, Int64, Vector
+from evertwin.types import Int64
 
 __all__ = [
     "COLUMN",
@@ -51,7 +53,6 @@ __all__ = [
     "WIDTH",
     "behind",
     "feature",
-    "features",
     "fill",
     "force",
     "record_of",
@@ -122,14 +123,10 @@ def _call(typing: Any, address: Any, numbers: Any, k: Any) -> Any:
     return types.float64(types.int64, types.UniTuple(types.float64, len(numbers)), _POINTER), code
 
 
-@overload(behind)
-def _compiled_behind(p, place):  # type: ignore[no-untyped-def]  # Numba compares signatures
-    return lambda p, place: _behind(p, place)
-
-
-@overload(call)
-def _compiled_call(address, numbers, k):  # type: ignore[no-untyped-def]
-    return lambda address, numbers, k: _call(address, numbers, _behind(k, 0))
+overload(behind)(lambda p, place: lambda p, place: _behind(p, place))
+overload(call)(
+    lambda address, numbers, k: lambda address, numbers, k: _call(address, numbers, _behind(k, 0))
+)
 
 
 @njit(cache=True)
@@ -282,17 +279,3 @@ def _compiled(name: str, function: Callable[..., float], what: str) -> Any:
             f"friction term {name!r}: its {what} cannot be compiled: expected a function of "
             f"numbers with math alone; {error}"
         ) from error
-
-
-def features(
-    law: Law, v: Vector, load: Vector | None = None, T: Vector | None = None,
-    q: Vector | None = None,
-) -> Float64[np.ndarray, "n k"]:  # fmt: skip
-    """The regressor of a law whose shape is where it starts, (n, number of coefficients)."""
-    p = np.array([item.value for item in law.parameters()])
-    columns, width = columns_of(law, 0), width_of(record_of(law, 0), 0, p)
-    rows = np.array([v if row is None else row for row in (v, load, T, q)], dtype=np.float64)
-    out = np.empty((len(columns), len(v)))
-    for number, column in enumerate(columns):
-        fill(column, p, rows, law.standstill, width, out[number])
-    return out.T.copy()

@@ -1,26 +1,7 @@
 """MuJoCo models, MJCF or URDF: roll-outs and inverse dynamics. Needs the extra ``mujoco``."""
 
-from __future__ import annotations
-
-from pathlib import Path
-from typing import Any
-
-from evertwin.errors import UsageError
+from evertwin.models.mujoco.from_file import model_of_file
 from evertwin.models.mujoco.inverse import InverseDynamics
 from evertwin.models.mujoco.model import MuJoCo
 
 __all__ = ["InverseDynamics", "MuJoCo", "model_of_file"]
-
-
-def model_of_file(
-    file: str | Path = "", inverse: bool = False, text: str = "", **options: Any
-) -> MuJoCo | InverseDynamics:
-    """What a twin file's ``kind = "mujoco"`` means: roll-outs, or with ``inverse`` torques.
-
-    Raises:
-        UsageError: neither ``file`` nor ``text`` (XML at hand), or both.
-    """
-    if bool(file) == bool(text):
-        raise UsageError("mujoco: expected the option 'file' (MJCF or URDF), or 'text' (XML)")
-    kind = InverseDynamics if inverse else MuJoCo
-    return kind.of(file, **options) if file else kind.from_text(text, **options)

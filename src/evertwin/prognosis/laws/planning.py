@@ -8,11 +8,11 @@ the date that results.
 
 >>> from evertwin.prognosis.laws.life import LEVELS
 >>> life = Life.of("h", LEVELS, 80.0 + 40.0 * LEVELS)
->>> item = cheapest("gearbox", life, age=400.0, cost=Cost(10_000.0, 1_000.0))
+>>> part = Part(life, age=400.0, cost=Cost(10_000.0, 1_000.0))
+>>> (item,), _ = planned({"gearbox": part})
 >>> 79.0 < item.after < 90.0, item.probability < 0.2
 (True, True)
->>> parts = {name: Part(life, 400.0, Cost(10_000.0, 1_000.0)) for name in ("gearbox", "motor")}
->>> stops = planned(parts, visit=200.0)[1]
+>>> _, stops = planned({"gearbox": part, "motor": part}, visit=200.0)
 >>> stops[0].components, round(stops[0].saving)
 (('gearbox', 'motor'), 200)
 """
@@ -32,7 +32,7 @@ from evertwin.prognosis.laws.grouping import Group, Member, together
 from evertwin.prognosis.laws.life import Life
 from evertwin.prognosis.laws.renewal import Cost, Renewal, Windows
 
-__all__ = ["HEADINGS", "Decision", "Part", "Plan", "PlanItem", "Stop", "cheapest", "planned"]
+__all__ = ["HEADINGS", "Decision", "Part", "Plan", "PlanItem", "Stop", "planned"]
 
 HEADINGS = (
     "component", "after", "unit", "window", "probability_before", "cost_rate",
@@ -164,24 +164,6 @@ def _cell(x: float) -> str:
 def _safe(text: str) -> str:
     """A cell that a spreadsheet takes for text, not for a formula."""
     return f"'{text}" if text[:1] in ("=", "+", "-", "@", "\t", "\r") else text
-
-
-def cheapest(
-    component: str, life: Life, age: float, cost: Cost, windows: Windows | None = None
-) -> PlanItem:
-    """The date of least cost per time of use of one component.
-
-    Args:
-        component: its name.
-        life: its remaining life.
-        age: its age so far, in the life's unit.
-        cost: of a failure and of maintenance.
-        windows: possible dates; None: any time.
-
-    Raises:
-        UsageError: a negative age or cost.
-    """
-    return planned({component: Part(life, age, cost)}, windows)[0][0]
 
 
 def planned(

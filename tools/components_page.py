@@ -1,8 +1,4 @@
-"""The reference page of component kinds, from the same tables that read them.
-
->>> "| `gearbox1.Fc` | Nm |" in page()
-True
-"""
+"""The reference page of component kinds, from the same tables that read them."""
 
 from __future__ import annotations
 

@@ -1,11 +1,9 @@
-"""What a detector is worth: found, delay, false alarms, beside a dummy that always or never fires.
+"""What a detector is worth: found, delay, false alarms.
 
 >>> at = np.array([5, 50, 51], dtype=np.int64) * 10**9
 >>> score(at, onsets=np.array([49 * 10**9]), ends=np.array([60 * 10**9]),
 ...     calm=[(0, 40 * 10**9)])
 Score(events=1, found=1, delays=(1.0,), false_alarms=1, calm_hours=0.0111...)
->>> always(np.arange(3) * 10**9).tolist(), never().tolist()
-([0, 1000000000, 2000000000], [])
 """
 
 from __future__ import annotations
@@ -17,7 +15,7 @@ import numpy as np
 
 from evertwin.types import Stamps
 
-__all__ = ["Score", "always", "never", "score"]
+__all__ = ["Score", "score"]
 
 
 class Score(NamedTuple):
@@ -62,13 +60,3 @@ def score(
     wrong = sum(int(((alarms >= a) & (alarms < b)).sum()) for a, b in calm)
     hours = sum(b - a for a, b in calm) * 1e-9 / 3600.0
     return Score(len(onsets), len(delays), tuple(delays), wrong, hours)
-
-
-def always(t: Stamps) -> Stamps:
-    """The dummy that fires at every row: finds all, and all is false."""
-    return t
-
-
-def never() -> Stamps:
-    """The dummy that never fires: no false alarm, and nothing found."""
-    return np.zeros(0, dtype=np.int64)

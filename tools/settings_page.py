@@ -1,14 +1,4 @@
-"""The reference page of a file, from its JSON schema.
-
->>> from dataclasses import dataclass
->>> from evertwin.settings.section import Section
->>> @dataclass(frozen=True)
-... class Pump(Section):
-...     schema: int = 1
-...     speed: float = 1.0
->>> "| `speed` | number | `1.0` |" in page(Form(Pump, 1, "pump file"))
-True
-"""
+"""The reference page of a file, from its JSON schema."""
 
 from __future__ import annotations
 

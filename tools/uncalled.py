@@ -1,0 +1,100 @@
+"""Functions and classes of the package that nothing else of it uses: `python tools/uncalled.py`.
+
+What only tests, proofs or benchmarks use is no part of the product. A name counts as used where
+code other than its own reads it: in its module, in one that imports it, through its module as an
+attribute, or in a text (`"module:name"`, or a statement that imports it). Examples in documentation
+and handing it on (``__init__``, ``__all__``) are no use.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+PACKAGE = Path(__file__).parent.parent / "src" / "evertwin"
+COMMANDS = ("command", "callback")
+"""Decorators that register what they stand on, so that a command line calls it."""
+Definition = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef
+
+
+class Module:
+    """One file: what it defines, imports and reads."""
+
+    def __init__(self, name: str, tree: ast.Module) -> None:
+        self.name = name
+        self.defined = [node for node in tree.body if isinstance(node, Definition)]
+        self.read = {id(node): node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+        self.imported: list[tuple[str, str, str]] = []
+        """(name here, module it is taken from, name there)."""
+        self.late: set[str] = set()
+        """Names of modules that are imported while the program runs."""
+        self.attributes: set[tuple[str, str]] = set()
+        self.texts: list[str] = []
+        """module:name."""
+        said = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+        for node in ast.walk(tree):
+            if id(node) not in said:
+                self._note(node)
+
+    def _note(self, node: ast.AST) -> None:
+        if isinstance(node, ast.ImportFrom):
+            items = ((item.asname or item.name, item.name) for item in node.names)
+            self.imported += [(here, node.module or "", there) for here, there in items]
+        elif isinstance(node, ast.Import):
+            split = ((item.asname or item.name, *item.name.rpartition(".")) for item in node.names)
+            self.imported += [(here, module, name) for here, module, _, name in split]
+        elif isinstance(node, ast.Assign) and "import_module(" in ast.unparse(node.value):
+            self.late |= {ast.unparse(target) for target in node.targets}
+        elif isinstance(node, ast.Attribute):
+            self.attributes.add((ast.unparse(node.value), node.attr))
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            self.texts += re.findall(r"[\w.]+:\w+", node.value)
+            imports = re.findall(r"from ([\w.]+) import (\w+)", node.value)
+            self.texts += [f"{module}:{name}" for module, name in imports]
+
+    def reads(self, name: str, inside: ast.AST | None = None) -> bool:
+        """Is a name read here, other than inside its own definition?"""
+        own = {id(node) for node in ast.walk(inside)} if inside else set()
+        return any(name == read and place not in own for place, read in self.read.items())
+
+    def uses(self, module: str, name: str) -> bool:
+        """Does this module use what another one defines?"""
+
+        def hands_on(source: str) -> bool:
+            return f"{module}.".startswith(f"{source}.")
+
+        if any((late, name) in self.attributes for late in self.late):
+            return True
+        return any(
+            (there == name and hands_on(source) and self.reads(here))
+            or (hands_on(f"{source}.{there}") and (here, name) in self.attributes)
+            for here, source, there in self.imported
+        ) or any(hands_on(text.split(":")[0]) and text.endswith(f":{name}") for text in self.texts)
+
+
+def modules(package: Path) -> Iterator[Module]:
+    """All files of a package."""
+    for path in sorted(package.rglob("*.py")):
+        parts = path.relative_to(package.parent).with_suffix("").parts
+        yield Module(".".join(parts), ast.parse(path.read_text(encoding="utf-8")))
+
+
+def uncalled(package: Path = PACKAGE) -> list[str]:
+    """``module.name`` of what is defined and used nowhere else in the package."""
+    every = list(modules(package))
+    return [
+        f"{one.name}.{node.name}"
+        for one in every
+        for node in one.defined
+        if not node.name.startswith("__")
+        and not any(word in ast.unparse(d) for d in node.decorator_list for word in COMMANDS)
+        and not one.reads(node.name, node)
+        and not any(other.uses(one.name, node.name) for other in every)
+    ]
+
+
+if __name__ == "__main__":
+    sys.stdout.writelines(f"{name}\n" for name in uncalled())
