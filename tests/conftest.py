@@ -10,9 +10,12 @@ from __future__ import annotations
 
 import ast
 import doctest
+import importlib
 import inspect
 import os
-from collections.abc import Callable
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -109,3 +112,18 @@ def data_set(data_dir: Path) -> Callable[[str], Path]:
         return data_dir / name
 
     return folder
+
+
+@pytest.fixture(scope="session")
+def own_terms(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A package with terms of its own, installed as a user installs one: its folder."""
+    folder = tmp_path_factory.mktemp("site")
+    subprocess.run(
+        [sys.executable, "-m", "pip", "install", "--quiet", "--no-index", "--no-deps",
+         "--no-build-isolation", "--target", str(folder), str(ROOT / "tests/plugins/package")],
+        check=True,
+    )  # fmt: skip
+    sys.path.insert(0, str(folder))
+    importlib.invalidate_caches()
+    yield folder
+    sys.path.remove(str(folder))

@@ -23,7 +23,7 @@ from evertwin.models.terms.check import check_term
 from evertwin.models.terms.registry import KINDS, kind
 from evertwin.twin import Twin
 
-pytestmark = pytest.mark.usefixtures("installed")
+pytestmark = pytest.mark.usefixtures("own_terms")
 RATE, DT = 0.08, 0.1
 
 

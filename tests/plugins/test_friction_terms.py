@@ -27,7 +27,7 @@ from evertwin.tuning import Problem, solve
 from evertwin.tuning.terms import climb_terms
 from evertwin.twin import Twin
 
-pytestmark = pytest.mark.usefixtures("installed")
+pytestmark = pytest.mark.usefixtures("own_terms")
 LAW = "tanh+stribeck+power"
 TWIN = """
 schema = 1

@@ -151,6 +151,7 @@ WRAPPERS: dict[str, Callable[[Model], Model]] = {
     ),
     "lag": lambda m: Corrected(m, (Term("lag", "*"),)),
     "state": lambda m: Corrected(m, (Term("state", "v"),)),
+    "of another package": lambda m: Corrected(m, (Term("ramp", "force"),)),
     "law over lag": lambda m: Corrected(
         Corrected(m, (Term("lag", "*"),)), (Term("law", "force", variant="dead zone"),)
     ),
@@ -158,12 +159,18 @@ WRAPPERS: dict[str, Callable[[Model], Model]] = {
 }
 
 
+@pytest.mark.usefixtures("own_terms")
 @pytest.mark.parametrize("wrapper", list(WRAPPERS))
 def test_wrappers_run_where_the_fmu_is(made: Open, wrapper: str) -> None:
     wrapped, reference = WRAPPERS[wrapper](made({})), WRAPPERS[wrapper](plain())
     check_model(wrapped, *drive(30))
     values = {"lag.delay": 0.013, "lag.tau": 0.02, "law.force.threshold": 0.3}
-    values |= {"state.v.loss": 0.4, "state.v.gain": 0.2, "table.force.0": -3.0}
+    values |= {
+        "ramp.force.rate": 9.0,
+        "state.v.loss": 0.4,
+        "state.v.gain": 0.2,
+        "table.force.0": -3.0,
+    }
     u, dt = drive(120)
     results = []
     for m in (wrapped, reference):

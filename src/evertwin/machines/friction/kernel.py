@@ -79,10 +79,10 @@ _SLOPE = types.float64(*[types.float64] * 3, _POINTER)
 _MODULES = (viscous, direction, coulomb, offset, stribeck, root, load)
 """Terms that are compiled into the sums, in the order of `feature` and `slope`."""
 _viscous, _direction, _coulomb, _offset, _stribeck, _root, _load = (
-    njit(cache=True)(unwrap(module.feature)) for module in _MODULES
+    njit(inline="always")(unwrap(module.feature)) for module in _MODULES
 )
 _viscous2, _direction2, _coulomb2, _offset2, _stribeck2, _root2, _load2 = (
-    njit(cache=True)(unwrap(module.slope)) for module in _MODULES
+    njit(inline="always")(unwrap(module.slope)) for module in _MODULES
 )
 
 INSIDE = len(_MODULES)
