@@ -12,7 +12,7 @@ import pytest
 from evertwin.sources import Cell, Clock, Recorded, inspect, merge
 
 pytestmark = pytest.mark.data
-LIST = Path(__file__).parents[2] / "docs" / "reference" / "data-sets.sha256"
+LIST = Path(__file__).parents[2] / "twins" / "data-sets.sha256"
 DataSet = Callable[[str], Path]
 
 
