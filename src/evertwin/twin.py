@@ -157,8 +157,7 @@ class Twin:
             progress: called now and then with rows and seconds of data.
             every: rows from checkpoint to checkpoint; 0: about one a second.
             again: run all rows as a new run, also those that have been run before.
-            workers: processes for slow work, which does the same in them; 0: this one; None: as
-                ``[engine] workers`` says.
+            workers: processes for slow work, 0: none but this; None: as ``[engine] workers`` says.
 
         Raises:
             UsageError: workers for a model that was given as an object.
@@ -173,11 +172,13 @@ class Twin:
     def push(self, samples: Chunk | Mapping[str, Any]) -> None:
         """More samples of one source as they come, stored and folded; the run goes on to `finish`.
 
+        With ``[engine] workers`` no sample waits for slow work: answers are taken when they come.
+
         Args:
             samples: of a source of the twin file; or columns by name with ``t`` [s].
-
         """
-        self._live = self._live or loop.Live.of(self.setup, self._ledger, samples)
+        here = self.setup, self._ledger
+        self._live = self._live or loop.Live.of(*here, samples, self._engines.of(None))
         self._live.push(samples)
 
     def view(self, rows: int = 1000) -> loop.View:
@@ -207,8 +208,7 @@ class Twin:
             test: recordings that are not learned from, each judged alone and all together.
             watch: called with evaluations and cost while a search runs; False ends it, as Ctrl-C
                 does, with the best values so far.
-            workers: processes that differences are simulated in, for a model whose rows are slow
-                Python; 0: this one; None: as ``[engine] workers`` says.
+            workers: processes for the simulations of a model in slow Python; else as in `run`.
 
         Raises:
             UsageError: workers for a model that was given as an object.
@@ -230,9 +230,8 @@ class Twin:
             test: recordings that it was not tuned on; none: those that the twin file names.
             train: recordings that it is tuned on first; None: it is taken as it is.
         """
-        return engineering.validated(
-            self.setup, self._versions, self.champion.number, tuple(test), train
-        )
+        number = self.champion.number
+        return engineering.validated(self.setup, self._versions, number, tuple(test), train)
 
     @_RUNAWAY
     def compare(self, a: int, b: int, data: Data = None) -> Comparison:
@@ -244,9 +243,8 @@ class Twin:
     def prospect(self, history: str | Path | None = None, data: Data = None) -> Prospect:
         """What lives and scenarios are told from: the live version, its history, recordings."""
         basis = ahead.Basis(self.setup, self._versions, self.store, self.champion.number)
-        return prognosis.Prospect(
-            basis, data, None if history is None else ahead.read_table(history)
-        )
+        told = None if history is None else ahead.read_table(history)
+        return prognosis.Prospect(basis, data, told)
 
     @_RUNAWAY
     def forecast(

@@ -112,6 +112,9 @@ class Told:
     def answer(self, number: int) -> tuple[int, Answer] | None:
         return self.answers.get(number)
 
+    def knows_more(self) -> bool:
+        return False
+
     def next_order(self) -> float:
         return np.inf
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -19,8 +20,9 @@ from evertwin.config.spec import (
     StoreSpec,
     TuningSpec,
 )
+from evertwin.engine import EngineSpec, InProcess
 from evertwin.errors import DataError, UsageError
-from evertwin.fold import Chunk
+from evertwin.fold import Answer, Chunk
 
 SPEC = TwinSpec(
     "cart", ModelSpec("robot1d"), beat=Span(seconds=10.0), prediction=PredictionSpec(horizon=5.0),
@@ -103,3 +105,90 @@ def test_misuse_is_named() -> None:
             twin.push({"t": [0.0], "v": [0.0]})
         with pytest.raises(DataError, match="camera"):
             twin.push(Chunk("camera", np.array([0]), np.zeros((1, 2))))
+
+
+# ---------------------------------------------------------------------- slow work elsewhere
+
+
+class Elsewhere(InProcess):
+    """A worker in another process, as far as the fold can tell, that is told when it is done."""
+
+    workers = 1
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.done = False
+
+    def answers(self, until: int | None = None) -> tuple[Answer, ...]:
+        return super().answers(until) if self.done or until is not None else ()
+
+
+def with_worker(spec: TwinSpec) -> tuple[Twin, Elsewhere]:
+    twin = Twin(replace(spec, engine=EngineSpec(workers=1)))
+    twin._engines._engine = worker = Elsewhere()
+    return twin, worker
+
+
+def told(twin: Twin) -> list[tuple[int, str, str]]:
+    return [entry[1:5] for entry in twin.store.entries()]  # type: ignore[misc]
+
+
+def glitches() -> dict[str, np.ndarray]:
+    """Single absurd values all along: events, whatever else goes on."""
+    data = drive()
+    data["x"][50::40] += 1e3
+    return data
+
+
+@pytest.fixture
+def spec(tmp_path: Path) -> TwinSpec:
+    return replace(SPEC, store=StoreSpec("twin.db"), folder=str(tmp_path))
+
+
+def test_a_push_does_not_wait_for_slow_work() -> None:
+    twin, worker = with_worker(SPEC)
+    with twin:
+        for number, piece in enumerate(pieces(drive(), [20])):
+            worker.done = number == 30
+            twin.push(piece)
+        answers = [e for e in twin.store.entries() if e.kind == "answer"]
+        asked = next(e for e in twin.store.entries() if e.kind == "request")
+        assert [e.row for e in answers] == [600] and asked.row < 400
+
+
+@pytest.mark.parametrize("workers", [0, 1])
+@pytest.mark.parametrize("done", [False, True])
+def test_a_twin_that_died_while_work_was_open_goes_on(
+    spec: TwinSpec, workers: int, done: bool
+) -> None:
+    """Its log went on past the row where the answer was due: a repeated run keeps to that."""
+    parts = pieces(glitches(), [20])
+    twin, _ = with_worker(spec)
+    with twin:
+        for piece in parts[:35]:
+            twin.push(piece)
+        before = told(twin)
+    asked = next(row for _, kind, row, _ in before if kind == "request")
+    assert max(row for _, _, row, _ in before) > asked + 50 and "answer" not in {
+        e[1] for e in before
+    }
+    twin, worker = with_worker(spec) if workers else (Twin(spec), Elsewhere())
+    worker.done = done
+    with twin:
+        for piece in parts[35:]:
+            twin.push(piece)
+        twin.finish()
+        after = told(twin)
+    assert after[: len(before)] == before
+    assert [e[1] for e in after].count("answer") >= 1
+
+
+def test_a_twin_with_processes_that_died_goes_on(spec: TwinSpec) -> None:
+    parts, logs = pieces(drive(), [20]), []
+    for part, workers in ((parts[:20], 1), (parts[20:30], 0), (parts[30:], 1)):
+        with Twin(replace(spec, engine=EngineSpec(workers=workers))) as twin:
+            for piece in part:
+                twin.push(piece)
+            logs.append(told(twin))
+    assert logs[1][: len(logs[0])] == logs[0] and logs[2][: len(logs[1])] == logs[1]
+    assert "answer" in {kind for _, kind, *_ in logs[2]}

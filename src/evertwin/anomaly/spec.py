@@ -33,6 +33,7 @@ class StepsSpec(Section):
     parts: Annotated[int, Ge(1), Le(1000)]
     """Number of steps."""
 
+
 PHASES = 1_000
 """Each phase keeps statistics of its own."""
 

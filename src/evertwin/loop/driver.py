@@ -52,6 +52,10 @@ class Outside(Protocol):
         """The row and the answer to a request, where it is known beforehand."""
         ...
 
+    def knows_more(self) -> bool:
+        """Has a log more of what this fold will say? Then it went on without other answers."""
+        ...
+
     def next_order(self) -> float:
         """Row from which on the next order is in force; infinite: there is none."""
         ...
@@ -66,6 +70,9 @@ class _Nobody:
 
     def answer(self, number: int) -> tuple[int, Answer] | None:
         return None
+
+    def knows_more(self) -> bool:
+        return False
 
     def next_order(self) -> float:
         return np.inf
@@ -248,5 +255,7 @@ class Driver:
         if told is not None:
             row, answer = told
             return answer if state.row >= row else None
+        if self.outside.knows_more() and not ended:
+            return None
         wait = ended or (not self.live and state.row >= state.agenda.due)
         return self.slow.take(state, wait=wait) if wait or self.live else None

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from evertwin.engine import Engine, InProcess
 from evertwin.errors import DataError
 from evertwin.fold import Block, Chunk, Event
 from evertwin.loop.alignment import Alignment, AlignmentState
@@ -76,6 +77,9 @@ class Live:
     setup: Setup
     ledger: Ledger
     feeds: Sequence[Feed]
+    engine: Engine = field(default_factory=InProcess)
+    """Where slow work runs: in this process, rows wait for it as in a recorded run; with workers
+    they never do."""
     _observer: Observer = field(init=False)
     _run: Run | None = field(default=None, init=False)
     _state: TwinState | None = field(default=None, init=False)
@@ -98,10 +102,12 @@ class Live:
             self._first = 1 + max(numbers, default=0)
 
     @classmethod
-    def of(cls, setup: Setup, ledger: Ledger, samples: Chunk | Mapping[str, Any]) -> Live:
+    def of(
+        cls, setup: Setup, ledger: Ledger, samples: Chunk | Mapping[str, Any], engine: Engine
+    ) -> Live:
         """The run of a machine's sources; of the first ``samples`` where the twin file has none."""
         named = () if isinstance(samples, Chunk) else tuple(n for n in samples if n != "t")
-        return cls(setup, ledger, Recorded(setup.spec, setup.model).live(named))
+        return cls(setup, ledger, Recorded(setup.spec, setup.model).live(named), engine)
 
     def push(self, samples: Chunk | Mapping[str, Any]) -> None:
         """More samples of one source, in the order in which they came; or columns by name.
@@ -147,7 +153,8 @@ class Live:
 
     def _begin(self) -> None:
         setup = self.setup.at(rate_of(self._waiting))
-        self._run = Run(setup, self.ledger, self._observer)
+        workers = self.engine.workers > 0
+        self._run = Run(setup, self.ledger, self._observer, self.engine, live=workers)
         settings = settings_hash(setup.spec)
         evidence = {SOURCES: [feed.name for feed in self.feeds], "first_chunk": self._first}
         self._state = self._run.begin_live(settings, evidence)

@@ -80,6 +80,8 @@ class Run:
     engine: Engine = field(default_factory=InProcess)
     every: int = 0
     """Rows from checkpoint to checkpoint; 0: by the time they take."""
+    live: bool = False
+    """Are answers to slow work taken when they are there, and never waited for?"""
     log: RunLog = field(init=False)
     driver: Driver = field(init=False)
     _prints: Prints = field(default_factory=Prints, init=False)
@@ -171,7 +173,7 @@ class Run:
         told |= {} if known is None else known.evidence
         self.driver = Driver(
             self.setup, ledger.versions, self.tell, self._watch, told["champion"], told["pinned"],
-            engine=self.engine,
+            engine=self.engine, live=self.live,
         )  # fmt: skip
         if known is None:
             found, self.log = (

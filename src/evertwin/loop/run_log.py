@@ -120,6 +120,10 @@ class RunLog:
                     return entry.row, answer
         return None
 
+    def knows_more(self) -> bool:
+        """Does the log have more of this run than was said again?"""
+        return bool(self._tail)
+
     def next_order(self) -> float:
         """Row from which on the next order is in force; infinite: there is none."""
         rows = [order.row for order in (*self.orders, *self.ledger.orders)]
