@@ -84,3 +84,9 @@ class CorrectionSpec(Section):
         super().__post_init__()
         for name in self.terms:
             check_kind(name)
+
+    @property
+    def translated(self) -> str:
+        """The one input whose table an agent learns; empty: terms are searched for."""
+        alone = "table" in self.terms and len(self.channels) == 1
+        return self.channels[0] if alone else ""

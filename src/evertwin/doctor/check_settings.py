@@ -142,10 +142,10 @@ def _requirement(view: View, noise: Vector) -> Iterator[Finding]:
 
 def _actions(view: View) -> Iterator[Finding]:
     """Does the action space of a table cover what is observed?"""
-    rule = view.setup.spec.correction
-    if "table" not in rule.terms or len(rule.channels) != 1 or view.setup.static:
+    channel = view.setup.spec.correction.translated
+    if not channel or view.setup.static:
         return
-    channel, windows, base = rule.channels[0], view.some(view.judged), view.setup.model
+    windows, base = view.some(view.judged), view.setup.model
     try:
         command, effect = command_effects(
             base, base.parameters.values, windows, channel, view.setup.horizon

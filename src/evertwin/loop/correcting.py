@@ -35,7 +35,7 @@ SHOWN = ("channel", "levels", "values", "visits", "learned")
 def learn(setup: Setup, base: Model, version: Version, windows: Windows) -> Proposal:
     """A proposal for a corrected form of ``version``, learned on ``windows``."""
     rule = setup.spec.correction
-    if "table" in rule.terms and len(rule.channels) == 1:
+    if rule.translated:
         return _translation(setup, base, version, windows)
     settings = Selection(kinds=rule.terms, channels=rule.channels, quantum=rule.quantum)
     return improve(base, version.form, windows, setup.horizon, settings, version.p)
@@ -62,7 +62,7 @@ def sarsa_settings(setup: Setup, channel: str, windows: Windows) -> SarsaSetting
 
 def _translation(setup: Setup, base: Model, version: Version, windows: Windows) -> Proposal:
     """The translation of one input, in place of the terms that the version has."""
-    channel = setup.spec.correction.channels[0]
+    channel = setup.spec.correction.translated
     p = version.p[: len(base.parameters)]
     table = learn_table(base, p, windows, sarsa_settings(setup, channel, windows))
     terms: tuple[Term, ...] = (Term("table", channel, levels=tuple(table.levels.tolist())),)
