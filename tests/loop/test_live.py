@@ -125,7 +125,7 @@ class Elsewhere(InProcess):
 
 def with_worker(spec: TwinSpec) -> tuple[Twin, Elsewhere]:
     twin = Twin(replace(spec, engine=EngineSpec(workers=1)))
-    twin._engines._engine = worker = Elsewhere()
+    twin._engines._engines[1] = worker = Elsewhere()
     return twin, worker
 
 

@@ -77,6 +77,7 @@ def test_processes_stay_warm_until_the_twin_is_closed(folder: Path) -> None:
         twin.fit(recorded(20), workers=1)
         assert twin._engines.of(1) is first
         twin.fit(recorded(20), workers=0)
+        assert first.map(abs, [-1]) == [1], "who has it may go on"
     with pytest.raises(UsageError, match="the pool is closed"):
         first.map(abs, [1])
 

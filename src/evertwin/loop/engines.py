@@ -21,13 +21,13 @@ __all__ = ["Engines"]
 
 
 class Engines:
-    """The engine of one twin; its processes stay warm until it is closed."""
+    """The engines of one twin, one per number of workers; all stay warm until they are closed."""
 
     def __init__(self, spec: TwinSpec, given: bool = False) -> None:
         """``given``: was the model an object, and not named by the twin file?"""
         self.spec = spec
         self.given = given
-        self._engine: Engine = engine.InProcess()
+        self._engines: dict[int, Engine] = {}
 
     def of(self, workers: int | None) -> Engine:
         """In this process (0), in as many of its own, or as the twin file says (None).
@@ -41,10 +41,10 @@ class Engines:
                 "workers: expected a model that the twin file names, since each process builds it "
                 'anew, got an object: put it into a Python file (kind = "python")'
             )
-        if rule.workers != self._engine.workers:
-            self._engine.close()
-            self._engine = self._started(rule) if rule.workers else engine.InProcess()
-        return self._engine
+        if rule.workers not in self._engines:
+            started = self._started(rule) if rule.workers else engine.InProcess()
+            self._engines[rule.workers] = started
+        return self._engines[rule.workers]
 
     def _started(self, rule: EngineSpec) -> Engine:
         # each room's files are loaded when they are asked for: a twin that only shows needs neither
@@ -52,4 +52,5 @@ class Engines:
 
     def close(self) -> None:
         """Ends the processes."""
-        self._engine.close()
+        for one in self._engines.values():
+            one.close()
