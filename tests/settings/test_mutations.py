@@ -49,13 +49,13 @@ def mutated(text: str, rng: random.Random) -> str:
 def run(count: int) -> None:
     """Raises on the first text that ends in anything but its content or a line."""
     from evertwin.config import reads
-    from evertwin.engineering.breakdown import reads as reads_breakdown
+    from evertwin.engineering.breakdown import BREAKDOWN
     from evertwin.errors import ConfigError
 
     rng = random.Random(7)
     files: list[tuple[Callable[[str, str], object], str]] = [
         (read, path.read_text(encoding="utf-8"))
-        for folder, read in (("twins", reads), ("twins/breakdowns", reads_breakdown))
+        for folder, read in (("twins", reads), ("twins/breakdowns", BREAKDOWN.parse))
         for path in sorted((ROOT / folder).glob("*.toml"))
     ]
     taken = 0
