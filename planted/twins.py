@@ -6,8 +6,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from evertwin import Twin, TwinSpec
+import numpy as np
+
+from evertwin import FitResult, Model, Twin, TwinSpec
 from evertwin.config import read
+from evertwin.models.spec import ParameterSpec
 
 TWINS = Path(__file__).parent.parent / "twins"
 
@@ -29,3 +32,17 @@ def shipped(name: str, **sections: Any) -> TwinSpec:
 def opened(name: str, **sections: Any) -> Twin:
     """The twin of it."""
     return Twin(shipped(name, **sections))
+
+
+def with_values(name: str, result: FitResult, **sections: Any) -> Twin:
+    """The twin of a file, with the values that a fit has found."""
+    values = {item.name: ParameterSpec(value=item.value) for item in result.parameters}
+    return opened(name, model={"parameters": values}, **sections)
+
+
+def planned(model: Model, file: Path, u: np.ndarray, dt: np.ndarray) -> Path:
+    """Inputs to come, written as `Twin.forecast` reads them."""
+    rows = np.column_stack([np.cumsum(dt), u])
+    head = ",".join(("t", *model.inputs.names))
+    np.savetxt(file, rows, fmt="%.17g", delimiter=",", header=head, comments="")
+    return file

@@ -2,74 +2,62 @@
 
 After Müller, Jazdi, Weyrich, "Self-improving Models for the Intelligent Digital Twin": other
 components co-simulate docking with the robot's twin, which may be off by 2 cm. The robot's process
-writes recordings (3 s standing, 100 s sweep, 300 s of random commands); `Twin.run` follows each.
-Then a docking 2 m ahead is planned in a co-simulation with a carriage that moves the dock away at
-2 cm/s and stands still once the robot is within 50 cm; once on the model as configured and once on
-the last champion. The robot's true drive gets the planned commands. Counted: position error at the
-end, how often it stays within 2 cm, how often within the 95 % that the twin said. The dummy is the
-model as configured. Asked: the champion's median within 2 cm, and within what it said in 95 %.
+writes recordings (3 s standing, 100 s sweep, 300 s of random commands); `Twin.run` follows each
+with `twins/robot1d.toml`. Then, by `Twin.whatif`, a docking 2 m ahead is planned in a co-simulation
+with a carriage that moves the dock away at 2 cm/s and stands still once the robot is within 50 cm;
+by a twin as configured and by one that ran. The robot's true drive gets the planned commands.
+Counted: position error at the end, how often it stays within 2 cm, how often within the 95 % that
+the twin said. The dummy is the model as configured. Asked: the champion's median within 2 cm, and
+within what it said in 95 %.
 """
 
 from __future__ import annotations
 
-import subprocess
 import sys
 import tempfile
-from dataclasses import replace
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from evertwin import Twin, TwinSpec
-from evertwin.ahead.docking import Docking, dock
-from evertwin.ahead.spec import DockSpec
-from evertwin.config import read, spec
+from evertwin.ahead.spec import DockSpec, ScenarioSpec
 from evertwin.errors import UsageError
 from evertwin.worlds.drive import WORLDS, positions
+from planted.robots import recordings
+from planted.twins import TWINS, opened
 from proofs._verdict import chance, ended, holds
 
-TWIN = Path(__file__).parent.parent / "twins" / "robot1d.toml"
 
-
-def recordings(folder: Path, world: str, runs: int) -> list[str]:
-    """Written by the robot's process."""
-    command = [
-        sys.executable, "-m", "evertwin.worlds.robot", "--light", "--world", world, "--runs",
-        str(runs), "--seconds", "300", "--format", "csv", "--out", str(folder / world),
-    ]  # fmt: skip
-    subprocess.run(command, check=True)
-    return [str(path) for path in sorted((folder / world).glob("*.csv"))]
-
-
-def true_error(world: str, docking: Docking, u: float, x: float, seed: int) -> float:
+def true_error(world: str, docking: Mapping[str, Any], u: float, x: float, seed: int) -> float:
     """Where the true drive ends under the planned commands, against the dock [m]."""
     rng = np.random.default_rng([7, seed])
-    told = np.r_[100.0 * u, 100.0 * docking.commands[:, 0]]
+    told = np.r_[100.0 * u, 100.0 * np.array(docking["commands"])[:, 0]]
     way, _ = positions(rng, WORLDS[world][0], told)
-    return abs(x + (way[-1] - way[1]) / 100.0 - float(docking.target[-1, 0]))
+    return abs(x + (way[-1] - way[1]) / 100.0 - float(docking["dock"][0]))
 
 
 def one_run(world: str, name: str, seed: int) -> list[tuple[float, float, bool]]:
     """(true error, error that the twin said with 95 %, planned?) for both versions."""
-    twin, carriage = Twin(read(TWIN)), Twin(TwinSpec("carriage", spec.ModelSpec("robot1d")))
-    twin.run([name])
-    last = twin.blocks([name])[-1]
-    here = float(last.y[-1, 0])
-    rule = DockSpec(
-        machine="carriage.toml", output="x", dock=(here + 2.0, 0.0, 0.0), speed=0.2, step=1.0,
-        command={"v": 0.02}, near=0.5,
-    )  # fmt: skip
-    other = carriage.prospect().basis
     found = []
-    for number in (0, twin.champion.number):
-        basis = replace(twin.prospect().basis, champion=number)
-        try:
-            docking = dock(basis, other, rule, [name])
-        except UsageError:
-            found.append((np.inf, np.inf, False))
-            continue
+    for learns in (False, True):
+        with opened("robot1d") as twin:
+            if learns:
+                twin.run(name)
+            last = twin.blocks(name)[-1]
+            here = float(last.y[-1, 0])
+            rule = DockSpec(
+                machine="robot1d.toml", output="x", dock=(here + 2.0, 0.0, 0.0), speed=0.2,
+                step=1.0, command={"v": 0.02}, near=0.5,
+            )  # fmt: skip
+            scenario = ScenarioSpec("docking", docking=rule, folder=str(TWINS))
+            try:
+                docking: Any = twin.whatif(scenario, name).docking
+            except UsageError:
+                found.append((np.inf, np.inf, False))
+                continue
         error = true_error(world, docking, float(last.u[-1, 0]), here, seed)
-        found.append((error, docking.error95, True))
+        found.append((error, float(docking["error95"]), True))
     return found
 
 
@@ -79,7 +67,7 @@ def main() -> int:
     demands: dict[str, bool] = {}
     with tempfile.TemporaryDirectory() as folder:
         for world in WORLDS:
-            files = recordings(Path(folder), world, runs)
+            files = recordings(Path(folder), world, runs, 300)
             both = np.array([one_run(world, name, k) for k, name in enumerate(files)])
             for k, label in enumerate(("as configured", "last champion")):
                 error, said, planned = both[:, k].T

@@ -14,14 +14,11 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 
-from evertwin.config import read
 from evertwin.loop.fitting import FitResult
-from evertwin.twin import Twin
+from planted.twins import opened, shipped
 
-TWINS = Path(__file__).parent.parent / "twins"
 PUBLISHED = {"mass": 95.11, "Fv": 203.5, "Fc": 20.39, "offset": -3.16}
 SPLITS = (("first two thirds", ":16.56", "16.56:"), ("last two thirds", "8.28:", ":8.28"))
 LIMITS = {"emps_linear": (6.1, 4.8), "emps_free": (3.7, 3.7)}
@@ -45,7 +42,7 @@ def as_published(result: FitResult, values: Mapping[str, float]) -> bool:
 def published() -> bool:
     """Part 1."""
     print("1. mass and friction from the whole record")
-    with Twin.open(TWINS / "emps.toml") as twin:
+    with opened("emps") as twin:
         result = twin.fit([record()])
     good = as_published(result, PUBLISHED)
     print(f"   force: {100 * result.train[0].relative_rms:.2f} % of its rms")
@@ -58,7 +55,7 @@ def free_runs() -> bool:
     good = True
     for name, limits in LIMITS.items():
         for (said, train, test), limit in zip(SPLITS, limits, strict=True):
-            with Twin.open(TWINS / f"{name}.toml") as twin:
+            with opened(name) as twin:
                 result = twin.fit([f"{record()}@{train}"], [f"{record()}@{test}"])
             rms = 1e3 * result.test[0].rms
             law = result.laws.get("position", "sign")
@@ -70,9 +67,8 @@ def free_runs() -> bool:
 def trap() -> bool:
     """Part 3."""
     print("3. Coulomb friction of both directions beside an offset")
-    spec = read(TWINS / "emps.toml")
-    model = replace(spec.model, options={**spec.model.options, "two_sided": True})
-    with Twin(replace(spec, model=model)) as twin:
+    options = {**shipped("emps").model.options, "two_sided": True}
+    with opened("emps", model={"options": options}) as twin:
         fit = twin.fit([record()]).fit
     verdicts = dict(zip(fit.names, fit.verdict, strict=True))
     for name, verdict in verdicts.items():

@@ -1,21 +1,22 @@
 """Whether the bands of a forecast hold what they say: `python -m proofs.forecast [SEEDS]`.
 
-A cart drives 8 % faster than its model, with noise of process and sensor. The twin sees 340 rows,
-tunes its gain, and foretells the next 60 under the commands that follow. Rows of one run share
-their noise, so each run counts once: the share of its rows inside, with the spread over runs.
-Beside it a dummy: the last position and the spread of past moves over the same time.
+`Twin.run` and `Twin.forecast` on `twins/robot1d.toml`: a cart drives 8 % faster than its model,
+with noise of process and sensor. The twin sees 340 rows, tunes its gain, and foretells the next 60
+under the commands that follow. Rows of one run share their noise, so each run counts once: the
+share of its rows inside, with the spread over runs. Beside it a dummy: the last position and the
+spread of past moves over the same time.
 """
 
 from __future__ import annotations
 
 import sys
+import tempfile
+from pathlib import Path
 
 import numpy as np
 
-from evertwin import Twin, TwinSpec
-from evertwin.ahead.forecasting import forecast
-from evertwin.ahead.future import Future
-from evertwin.config import spec
+from evertwin.config.spec import Span
+from planted.twins import opened, planned
 from proofs._verdict import ended, holds
 
 KNOWN, AHEAD = 340, 60
@@ -23,15 +24,15 @@ LEVELS = (0.8, 0.95)
 DUMMY = (1.2816, 1.96)
 
 
-def cart() -> Twin:
-    """A twin that has seen nothing."""
-    rule = spec.AnomalySpec(requirement=0.01, relative=False, window=spec.Span(100))
-    near = spec.PredictionSpec(horizon=5.0)
-    return Twin(
-        TwinSpec(
-            "cart", spec.ModelSpec("robot1d"), beat=spec.Span(20), prediction=near, anomaly=rule
-        )
-    )
+SETTINGS = {
+    "arbiter": {"use": "none"},
+    "anomaly": {"window": Span(100)},
+    "prediction": {"horizon": 5.0},
+    "tuning": {"window": Span(6000)},
+    "correction": {"channels": ()},
+    "beat": Span(20),
+}
+"""The gain alone is tuned."""
 
 
 def world(seed: int) -> dict[str, np.ndarray]:
@@ -47,10 +48,11 @@ def one_run(seed: int) -> np.ndarray:
     """(inside, half width in m, dummy inside, dummy half width) by level, (2, 4)."""
     table = world(seed)
     known = {name: column[:KNOWN] for name, column in table.items()}
-    twin = cart()
-    twin.run(known)
-    future = Future(np.ascontiguousarray(table["v"][KNOWN - 1 : -1, None]), np.ones(AHEAD))
-    out = forecast(twin.prospect().basis, float(AHEAD), known, inputs=future).outputs["x"]
+    u = table["v"][KNOWN - 1 : -1, None]
+    with opened("robot1d", **SETTINGS) as twin, tempfile.TemporaryDirectory() as folder:
+        twin.run(known)
+        inputs = planned(twin.model, Path(folder) / "inputs.csv", u, np.ones(AHEAD))
+        out = twin.forecast(float(AHEAD), known, inputs=inputs).outputs["x"]
     truth, past, steps = table["x"][KNOWN:], known["x"], np.arange(1, AHEAD + 1)
     moves = [past[k:] - past[:-k] for k in steps]
     center = past[-1] + np.array([move.mean() for move in moves])

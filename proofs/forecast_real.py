@@ -21,6 +21,7 @@ from __future__ import annotations
 import csv
 import os
 import sys
+import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -28,15 +29,11 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin import Twin
-from evertwin.ahead.basis import Basis
-from evertwin.ahead.forecasting import forecast
-from evertwin.ahead.future import Future
 from evertwin.fold import Block, Mark, take
-from evertwin.loop.versions import Versions
 from evertwin.signals import wrap
+from planted.twins import opened, planned, with_values
 from proofs._verdict import ended, holds, no_data
 
-TWINS = Path(__file__).parent.parent / "twins"
 LEVELS, BELL = (0.8, 0.95), (1.2816, 1.96)
 OPENED = "opened meanwhile"
 LEADS = 20
@@ -55,18 +52,14 @@ def recordings(*names: str) -> list[str]:
     return [str(Path(os.environ["EVERTWIN_DATA"]).joinpath(name)) for name in names]
 
 
-def fitted(name: str, train: Sequence[str]) -> Basis:
+def fitted(name: str, train: Sequence[str]) -> Twin:
     """A twin file with the values that a fit has found."""
-    twin = Twin.open(TWINS / name)
-    found = twin.fit(list(train))
-    values = dict(zip(found.parameters.names, found.parameters.values.tolist(), strict=True))
-    versions = Versions(twin.model)
-    number = versions.add(found.form, values, parent=0, reason="fitted").number
-    return Basis(twin.setup, versions, twin.store, number)
+    with opened(name) as twin:
+        return with_values(name, twin.fit(list(train)))
 
 
 def starts(
-    basis: Basis, rows: Block, span: tuple[float, ...], said: str, known: Sequence[Block] = ()
+    twin: Twin, rows: Block, span: tuple[float, ...], said: str, known: Sequence[Block] = ()
 ) -> Iterator[Shown]:  # fmt: skip
     """Start points over ``rows``: from ``span[0]`` on, every ``span[1]``, ``span[2]`` ahead [s].
 
@@ -81,15 +74,16 @@ def starts(
         if rows.gap[i:j].any() or not np.isfinite(u).all():
             continue
         past, truth = take(rows, int(np.searchsorted(t, begin - memory)), i), rows.y[i:j]
-        future = Future(np.ascontiguousarray(u), rows.dt[i:j])
-        found = forecast(basis, ahead, (*known, past), inputs=future)
+        with tempfile.TemporaryDirectory() as folder:
+            inputs = planned(twin.model, Path(folder) / "inputs.csv", u, rows.dt[i:j])
+            found = twin.forecast(ahead, (*known, past), inputs=inputs)
         places = np.unique(np.linspace(0, j - i - 1, LEADS).astype(int))
         measured = rows.mark[i:j, u.shape[1] :] == Mark.OK
         outputs = {}
-        for k, channel in enumerate(basis.model.outputs):
+        for k, channel in enumerate(twin.model.outputs):
             here = places[measured[places, k] & np.isfinite(truth[places, k])]
             if len(here) and np.isfinite(past.y[:, k]).any():
-                angle = bool(basis.model.outputs.angles[k])
+                angle = bool(twin.model.outputs.angles[k])
                 one = counted(found.outputs[channel.name], truth[:, k], past.y[:, k], here, angle)
                 outputs[channel.name] = (channel.unit, one)
         yield Shown(said, outputs)
@@ -126,21 +120,20 @@ def incubator() -> Iterator[Shown]:
         "incubator/20200917_calibration_fan_12v/random_on_off_sequences_1.csv",
         march + "lid_opening_experiment_mar_2021.csv", march + "events.csv",
     )  # fmt: skip
-    twin = Twin.open(TWINS / "incubator_lid.toml")
-    basis = twin.prospect().basis
+    twin = opened("incubator_lid")
     for minutes in (10, 30):
-        for file in (learnt, *weaker):
-            day = "the same day" if file == learnt else "fan at half its voltage"
+        for record in (learnt, *weaker):
+            day = "the same day" if record == learnt else "fan at half its voltage"
             span = (1500.0, 150.0, 60.0 * minutes)
-            yield from starts(basis, twin.blocks([file])[0], span, f"{day}, {minutes} min ahead")
+            yield from starts(twin, twin.blocks([record])[0], span, f"{day}, {minutes} min ahead")
     rows = twin.blocks([lid])[0]
-    with Path(events).open(encoding="utf-8") as opened:
-        opens = [int(r["time"]) for r in csv.DictReader(opened) if r["code"] == "lid_open"]
+    with Path(events).open(encoding="utf-8") as file:
+        opens = [int(r["time"]) for r in csv.DictReader(file) if r["code"] == "lid_open"]
     for begin in np.arange(1500.0, float(rows.t[-1] - rows.t[0]) * 1e-9 - 1800.0, 300.0):
         now = int(rows.t[0]) + int(begin * 1e9)
         soon = any(now < at < now + 1800 * 10**9 for at in opens)
         said = f"2021, lid {OPENED if soon else 'closed'}, 30 min ahead"
-        yield from starts(basis, rows, (begin, 1e9, 1800.0), said)
+        yield from starts(twin, rows, (begin, 1e9, 1800.0), said)
 
 
 def mrclam6() -> Iterator[Shown]:
@@ -148,32 +141,29 @@ def mrclam6() -> Iterator[Shown]:
     for robot in (1, 2):
         files = recordings(*(f"mrclam6/Robot{robot}_{kind}.dat.gz"
                              for kind in ("Odometry", "Groundtruth")))  # fmt: skip
-        with Twin.open(TWINS / "mrclam6.toml") as twin:
+        with opened("mrclam6") as twin:
             rows = twin.blocks(files)[0]
             middle = len(rows.t) // 2
             twin.run((take(rows, 0, middle),))
             begin = float(rows.t[middle] - rows.t[0]) * 1e-9
-            basis = twin.prospect().basis
-            yield from starts(basis, rows, (begin, 10.0, 10.0, 200.0), "10 s ahead")
+            yield from starts(twin, rows, (begin, 10.0, 10.0, 200.0), "10 s ahead")
 
 
 def emps() -> Iterator[Shown]:
     """The axis, 1 s ahead."""
     (record,) = recordings("emps/DATA_EMPS.mat")
-    basis = fitted("emps_free.toml", [f"{record}@:12.42"])
-    with Twin.open(TWINS / "emps_free.toml") as twin:
+    with fitted("emps_free", [f"{record}@:12.42"]) as twin:
         rows = twin.blocks([record])[0]
-    yield from starts(basis, rows, (12.42, 0.5, 1.0), "1 s ahead")
+        yield from starts(twin, rows, (12.42, 0.5, 1.0), "1 s ahead")
 
 
 def ur10e() -> Iterator[Shown]:
     """The arm's torques, 2 s ahead."""
     *train, test = recordings(*(f"ur10e/identification/ur-20_02_{name}.csv" for name in (
         "10-30sec_12harm", "12-50sec_12harm", "19_14harm50sec")))  # fmt: skip
-    basis = fitted("ur10e.toml", train)
-    with Twin.open(TWINS / "ur10e.toml") as twin:
+    with fitted("ur10e", train) as twin:
         known, rows = twin.blocks(train), twin.blocks([test])[0]
-    yield from starts(basis, rows, (3.0, 2.0, 2.0), "2 s ahead", known)
+        yield from starts(twin, rows, (3.0, 2.0, 2.0), "2 s ahead", known)
 
 
 def told(machine: str, shown: Sequence[Shown]) -> dict[str, bool]:

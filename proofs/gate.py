@@ -13,28 +13,23 @@ import sys
 
 import numpy as np
 
-from evertwin import RunResult, Twin
-from evertwin.config.spec import (
-    ArbiterSpec,
-    ModelSpec,
-    ParameterSpec,
-    PredictionSpec,
-    Span,
-    TuningSpec,
-    TwinSpec,
-)
+from evertwin import RunResult
+from evertwin.config.spec import Span
+from planted.twins import opened
 
 RATE, SECONDS, SIGMA, FASTEST = 10, 600, 0.01, 0.3
 ROWS = RATE * SECONDS
 
 
-def spec() -> TwinSpec:
-    """The twin: a gain of 1, tuned every 60 s."""
-    return TwinSpec(
-        "robot", ModelSpec("robot1d", parameters={"gain": ParameterSpec(value=1.0)}),
-        arbiter=ArbiterSpec(use="blend", sigma=SIGMA), prediction=PredictionSpec(horizon=2.0),
-        tuning=TuningSpec(every=60.0, window=Span(600)),
-    )  # fmt: skip
+SETTINGS = {
+    "arbiter": {"use": "blend", "sigma": SIGMA},
+    "prediction": {"horizon": 2.0},
+    "anomaly": {"requirement": np.inf},
+    "tuning": {"every": 60.0, "window": Span(600)},
+    "correction": {"channels": ()},
+    "beat": Span(60),
+}
+"""The gain alone is tuned, every 60 s."""
 
 
 def recording(seed: int, gain: float, back: int = ROWS) -> dict[str, np.ndarray]:
@@ -53,7 +48,8 @@ def recording(seed: int, gain: float, back: int = ROWS) -> dict[str, np.ndarray]
 
 def run(data: dict[str, np.ndarray]) -> RunResult:
     """One run of the loop."""
-    return Twin(spec()).run(data)
+    with opened("robot1d", **SETTINGS) as twin:
+        return twin.run(data)
 
 
 def first(result: RunResult, kind: str) -> int | None:

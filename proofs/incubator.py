@@ -17,11 +17,10 @@ from pathlib import Path
 
 import numpy as np
 
-from evertwin.anomaly import Score, score
-from evertwin.loop.fitting import FitResult
-from evertwin.twin import Twin
+from evertwin import FitResult
+from planted.score import Score, score
+from planted.twins import opened
 
-TWINS = Path(__file__).parent.parent / "twins"
 SETTLED = 900 * 10**9
 FIRST, SECOND, BEFORE = ":1026", "1026:2052", ":2052"
 
@@ -44,7 +43,7 @@ def march() -> Path:
 
 def fitted(train: str, test: str) -> FitResult:
     """A fit of the box."""
-    with Twin.open(TWINS / "incubator.toml") as twin:
+    with opened("incubator") as twin:
         return twin.fit([train], [test])
 
 
@@ -61,14 +60,14 @@ def told(said: str, result: FitResult, limit: float) -> bool:
 
 def lid() -> Score:
     """The detector's figures on March."""
-    with Twin.open(TWINS / "incubator_lid.toml") as twin:
+    with opened("incubator_lid") as twin:
         result = twin.run([september(), march()])
-    with (march().parent / "events.csv").open(encoding="utf-8") as opened:
-        records = [(int(r["time"]), r["code"]) for r in csv.DictReader(opened)]
+    with (march().parent / "events.csv").open(encoding="utf-8") as file:
+        records = [(int(r["time"]), r["code"]) for r in csv.DictReader(file)]
     opens = np.array([t for t, code in records if code == "lid_open"])
     closes = np.array([t for t, code in records if code == "lid_close"])
-    with march().open(encoding="utf-8") as opened:
-        stamps = [int(r["time"]) for r in csv.DictReader(opened)]
+    with march().open(encoding="utf-8") as file:
+        stamps = [int(r["time"]) for r in csv.DictReader(file)]
     edges = [stamps[0], *np.column_stack([opens, closes + SETTLED]).ravel().tolist(), stamps[-1]]
     calm = [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b > a]
     alarms = [e.time for e in result.events if e.kind == "suspected"]

@@ -21,7 +21,6 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from functools import cache
 from multiprocessing import get_context
-from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import mujoco
@@ -29,20 +28,18 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from evertwin import Twin, TwinSpec
-from evertwin.ahead.changes import Case
-from evertwin.ahead.future import Future
-from evertwin.ahead.path_error import apart, followed
+from evertwin.ahead.path_error import apart
 from evertwin.ahead.simulated import PathError
-from evertwin.ahead.spec import PathSpec
-from evertwin.config import read, spec
+from evertwin.ahead.spec import PathSpec, ScenarioSpec
+from evertwin.config import spec
 from evertwin.errors import UsageError
 from evertwin.machines.arm import Arm
 from evertwin.machines.arm.mjcf import mjcf_of
 from evertwin.machines.assembly.kinematics import tool
 from evertwin.machines.assembly.path import Limits, Motion, moves_of, plan
+from planted.twins import shipped
 from proofs._verdict import chance, ended, holds
 
-TWIN = Path(__file__).parent.parent / "twins" / "arm.toml"
 N, RATE, SETTLE, STEP = 6, 100.0, 1.0, 1e-3
 MOVES, SLOW = 180, 10.0
 """Moves of a recording, and its rows a second."""
@@ -172,10 +169,8 @@ def program(rng: Any, chain: Any, start: np.ndarray) -> list[dict[str, Any]]:
 @cache
 def twins() -> tuple[TwinSpec, TwinSpec]:
     """The same twin as an arm and as components; Coulomb friction is tuned."""
-    own = read(TWIN)
-    tuning = replace(own.tuning, editable=("Fc*",))
+    own = shipped("arm", source=(), tuning={"editable": ("Fc*",)})
     known = own.model.parameters
-    own = replace(own, source=(), tuning=tuning)
     lines: list[dict[str, Any]] = [{"name": "links", "kind": "arm", "urdf": "ur5_like"}]
     values: dict[str, spec.ParameterSpec] = {}
     for j in range(1, N + 1):
@@ -184,8 +179,7 @@ def twins() -> tuple[TwinSpec, TwinSpec]:
         values[f"motor{j}.J"] = spec.ParameterSpec(value=float(ROTOR[j - 1]) / 1e4)
         values |= {f"gearbox{j}.{name}": known[f"{name}{j}"] for name in ("Fc", "Fv")}
     parts = spec.ModelSpec("assembly", {"components": tuple(lines)}, values)
-    tuning = replace(tuning, editable=("gearbox*.Fc",))
-    return own, replace(own, model=parts, tuning=tuning)
+    return own, replace(own, model=parts, tuning=replace(own.tuning, editable=("gearbox*.Fc",)))
 
 
 class Told(NamedTuple):
@@ -216,7 +210,6 @@ def one(seed: int, stribeck: float) -> Told:
     twin = Twin(config)
     data = recorded(model, motion, truth, rng)
     twin.run(data)
-    live = twin.prospect(None, data).basis
     while True:
         moves = program(rng, arm.chain, start)
         profile = PROFILES[int(rng.integers(2))]
@@ -236,12 +229,8 @@ def one(seed: int, stribeck: float) -> Told:
     path = replace(path, controller={
         "kp": kp, "kv": tuple(at_motor.tolist()), "feedforward": control.feedforward,
     })  # fmt: skip
-    future = Future(np.hstack([new.q, new.qd, new.qdd]), np.full(len(new.t), 1.0 / RATE))
-    said = []
-    for number in (0, twin.champion.number):
-        basis = replace(live, champion=number)
-        case = Case(basis.model, basis.p, basis.sigma, future)
-        said.append(followed(basis, case, path, {})[0])
+    scenario = ScenarioSpec("new path", path=path)
+    said = [one.whatif(scenario, data).after.path_error for one in (Twin(config), twin)]
     rows = travelled(model, new, truth, control)
     planned = places(model, arm.chain, new.q)
     true = errors(places(model, arm.chain, rows), planned)

@@ -1,10 +1,10 @@
 """The arm against an independent engine: `python -m proofs.verification [--arms 100]`.
 
 Random serial arms from Denavit-Hartenberg tables, three to seven joints, one of them sliding, with
-rotor inertia, friction, a payload, motor constants and a random coupling of the motors. The model
-as it runs is compared with MuJoCo and held to the laws of power, energy and momentum
-(`evertwin.engineering.verify_arm`). Worst figures over all arms, beside what is asked. Then two
-URDF files, each read by ourselves and by MuJoCo's own reader.
+rotor inertia, friction, a payload, motor constants and a random coupling of the motors, each in
+place of the arm of `twins/arm.toml`. `Twin.validate` compares the model as it runs with MuJoCo and
+holds it to the laws of power, energy and momentum. Worst figures over all arms, beside what is
+asked. Then two URDF files, each read by ourselves and by MuJoCo's own reader (``kind = "mujoco"``).
 """
 
 from __future__ import annotations
@@ -18,15 +18,22 @@ from typing import Any
 
 import numpy as np
 
+from evertwin import Twin
 from evertwin.engineering.verification import Check
-from evertwin.engineering.verify_arm import verify_arm
-from evertwin.machines.arm import Arm
-from evertwin.machines.arm.inertia import of_body
-from evertwin.machines.arm.lanes import batch
-from evertwin.machines.catalog import machine
+from evertwin.machines.arm.inertia import NAMES, of_body
+from evertwin.models.spec import ModelSpec, ParameterSpec
+from planted.arms import table
+from planted.twins import opened
 
 ASKED = {"mass matrix against MuJoCo": 1e-12, "gravity against MuJoCo": 1e-12}
 """However large the torques are."""
+
+
+def twin(kind: str, values: dict[str, float], **options: Any) -> Twin:
+    """A twin of nothing but a model."""
+    parameters = {name: ParameterSpec(value=value) for name, value in values.items()}
+    model = ModelSpec(kind, options, parameters)
+    return opened("arm", model=model, moving=None, source=(), tuning={"editable": ()})
 
 
 def say(text: str) -> None:
@@ -35,38 +42,26 @@ def say(text: str) -> None:
     sys.stdout.flush()
 
 
-def table(rng: np.random.Generator, n: int) -> list[dict[str, Any]]:
-    """A random arm: half-metre links of one to ten kilograms."""
-    rows = []
-    for i in range(n):
-        turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
-        own = turn @ np.diag(rng.uniform(0.02, 0.03, 3)) @ turn.T
-        rows.append({
-            "a": rng.uniform(-0.5, 0.5), "alpha": rng.uniform(-2, 2), "d": rng.uniform(-0.3, 0.3),
-            "theta": rng.uniform(-2, 2), "kind": "prismatic" if i == n // 2 else "revolute",
-            "mass": rng.uniform(1, 10), "com": rng.uniform(-0.2, 0.2, 3).tolist(),
-            "inertia": [*np.diag(own).tolist(), own[0, 1], own[0, 2], own[1, 2]],
-        })  # fmt: skip
-    return rows
-
-
 def one(seed: int) -> tuple[Check, ...]:
     """The checks of one random arm."""
     rng = np.random.default_rng(seed)
     n = int(rng.integers(3, 8))
     coupling = np.eye(n) + np.tril(rng.uniform(-0.3, 0.3, (n, n)), -1)
-    arm = Arm.of(
-        dh=table(rng, n), law="tanh+stribeck", payload=True, motor=rng.uniform(5, 15, n).tolist(),
-        convention=("standard", "modified")[seed % 2], coupling=coupling.tolist(),
-        motion=("joint", "motor")[seed // 2 % 2],
-    )  # fmt: skip
-    p, names = arm.parameters.values, arm.parameters.names
-    for j in range(n):
-        for name in ("Ia", "Fc", "Fv", "Fs"):
-            p[names.index(f"{name}{j + 1}")] = rng.uniform(0.1, 5.0)
-    first = names.index("payload.m")
-    p[first : first + 10] = of_body(rng.uniform(1, 5), rng.uniform(-0.1, 0.1, 3), 0.02 * np.eye(3))
-    return verify_arm(arm, rng.uniform(-1.5, 1.5, (200, 3 * n)), p)
+    options = {
+        "dh": table(rng, n), "law": "tanh+stribeck", "payload": True,
+        "motor": rng.uniform(5, 15, n).tolist(), "convention": ("standard", "modified")[seed % 2],
+        "coupling": coupling.tolist(), "motion": ("joint", "motor")[seed // 2 % 2],
+    }  # fmt: skip
+    drives = [f"{name}{j + 1}" for j in range(n) for name in ("Ia", "Fc", "Fv", "Fs")]
+    values = {name: float(rng.uniform(0.1, 5.0)) for name in drives}
+    body = of_body(rng.uniform(1, 5), rng.uniform(-0.1, 0.1, 3), 0.02 * np.eye(3)).tolist()
+    values |= {f"payload.{name}": value for name, value in zip(NAMES, body, strict=True)}
+    with twin("arm", values, **options) as arm:
+        names = (*arm.model.inputs.names, *arm.model.outputs.names)
+        motion = rng.uniform(-1.5, 1.5, (200, 3 * n))
+        columns = np.hstack([motion, np.zeros((200, len(names) - 3 * n))]).T
+        rows = {"t": 0.01 * np.arange(200), **dict(zip(names, columns, strict=True))}
+        return tuple(c for c in arm.validate([rows]).verification.checks if c.ran)
 
 
 def arms(count: int) -> bool:
@@ -86,12 +81,14 @@ def arms(count: int) -> bool:
 
 def read_twice(name: str, path: Path) -> bool:
     """Prints how far our reading of a URDF is from MuJoCo's own."""
-    chain = Arm.of(path).chain
-    engine: Any = machine("mujoco", {"file": path, "inverse": True})
-    p = engine.parameters.with_values(dict.fromkeys(engine.parameters.names, 0.0)).values
-    u = np.random.default_rng(0).uniform(-2, 2, (1000, 3 * chain.n))
-    _, theirs = engine.simulate(np.zeros(0), u, np.zeros(1000), p)
-    off = float(np.abs(theirs - batch(chain.geometry, chain.inertia, u)).max())
+    mujoco = {"file": str(path), "inverse": True}
+    with twin("arm", {}, urdf=str(path)) as own, twin("mujoco", {}, **mujoco) as their:
+        u = np.random.default_rng(0).uniform(-2, 2, (1000, len(own.model.inputs)))
+        torques = []
+        for model in (own.model, their.model):
+            p = np.zeros(len(model.parameters))
+            torques.append(model.simulate(np.zeros(0), u, np.zeros(1000), p)[1])
+    off = float(np.abs(torques[1] - torques[0]).max())
     say(f"{name:<34}{off:10.2e} <= 1e-07 Nm")
     return off <= 1e-7
 

@@ -13,20 +13,19 @@ from __future__ import annotations
 
 import sys
 import tempfile
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from evertwin import Twin
 from evertwin.app.worlds import record_arm
-from evertwin.config import read, spec
+from evertwin.config import spec
 from evertwin.prognosis.component import ComponentLife
 from evertwin.prognosis.laws import Life
 from evertwin.prognosis.lives import Lives
+from planted.twins import opened
 from proofs._verdict import ended
 
-TWIN = Path(__file__).parent.parent / "twins" / "arm.toml"
 GROWTH = 0.01
 NEW = (12.0, 14.0)
 """True Coulomb friction of axes 1 and 2 when new [Nm]."""
@@ -39,7 +38,6 @@ MEAN = float(np.mean(0.3 / np.linspace(0.005, 0.015, 201))) + 1.0
 
 def twin() -> Twin:
     """The arm's twin, tuned at each cycle."""
-    found = read(TWIN)
     indicators = (
         spec.IndicatorSpec("Fc1", component="gearbox1", parameter="Fc1", limit=LIMIT),
         spec.IndicatorSpec(
@@ -47,8 +45,7 @@ def twin() -> Twin:
             accuracy=spec.AccuracySpec("tau2", tolerance=4.0),
         ),
     )  # fmt: skip
-    tuning = replace(found.tuning, every=60.0)
-    return Twin(replace(found, tuning=tuning, indicator=indicators))
+    return opened("arm", tuning={"every": 60.0}, indicator=indicators)
 
 
 def said(one: ComponentLife, cycles: int, true: float) -> tuple[bool, float, float]:

@@ -12,8 +12,9 @@ rush (more cycles, faster), a rest, and other work for good. Two machines:
 * a cart: its gain falls by a twentieth, and speeds are all that it is told; the other work is
   another path. Its true friction is Coulomb and viscous. The formula knows their ratio.
 
-Both are told by `Twin.life` from a history file, the newest recording and `[[work]]`: by the
-default for the machine (|τ|·|q̇|, the way) and by a formula. "As before" leaves the plan out; the
+Each run is a recording that `Twin.fit` tunes, on `twins/arm.toml` and `twins/robot1d.toml`. Both
+are told by `Twin.life` from a history file, the newest recording and `[[work]]`: by the default for
+the machine (|τ|·|q̇|, the way) and by a formula. "As before" leaves the plan out; the
 dummy knows only the mean life under the past's work. "Unchanged" is the same answer where the work
 of the past does go on: what the laws alone do here.
 """
@@ -29,11 +30,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from evertwin import Twin, TwinSpec
+from evertwin import Twin
 from evertwin.config import spec
-from evertwin.loop.configured_model import model_of
 from evertwin.machines.arm.inertia import NAMES, point
 from evertwin.prognosis.laws import Life
+from planted.twins import opened
 from proofs._verdict import chance, ended, holds
 
 CUTS = (0.5, 0.7)
@@ -64,10 +65,12 @@ class Machine:
     work: Callable[[float], float]
     """True friction work of a cycle of the past."""
     plan: Callable[[np.random.Generator, Path], list[Work]]
-    measured: Callable[[float, np.random.Generator], dict[str, float]]
-    """What is tuned from one run at a level: parameter → value."""
     recording: Callable[[float, np.random.Generator], dict[str, np.ndarray]]
-    model: spec.ModelSpec
+    """One run at a level of wear."""
+    file: str
+    """Twin file."""
+    sections: dict[str, Any]
+    """What differs from it."""
 
 
 # -- an arm's joint --------------------------------------------------------------------------------
@@ -89,10 +92,17 @@ def motion(speed: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
     return u, np.full(len(t), STEP / speed)
 
 
+def settings(**options: Any) -> dict[str, Any]:
+    """`twins/arm.toml` with another law, of which joint 2's friction is tuned."""
+    return {
+        "model": {"options": {**OPTIONS, **options}, "parameters": {}},
+        "moving": None, "source": (), "tuning": {"editable": tuple(TRUE)},
+    }  # fmt: skip
+
+
 def torques(speed: float, mass: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Torque of joint 2 without friction, and that of each part of its friction a unit, (n,)."""
-    options = {**OPTIONS, "payload": True}
-    model = model_of(TwinSpec("arm", spec.ModelSpec("arm", options)))
+    model = opened("arm", **settings(payload=True)).model
     load = dict(
         zip((f"payload.{n}" for n in NAMES), point(mass, np.zeros(3)).tolist(), strict=True)
     )
@@ -120,16 +130,12 @@ def friction_work(speed: float, mass: float) -> Callable[[float], float]:
 def arm() -> Machine:
     """The arm's joint 2."""
     bare, parts = torques(1.0, 0.0)
-    solver = np.linalg.pinv(np.stack(list(parts.values()), axis=1))
-    truth = model_of(TwinSpec("arm", spec.ModelSpec("arm", OPTIONS)))
+    truth = opened("arm", **settings()).model
     u, dt = motion()
 
     def seen(friction: float, rng: np.random.Generator) -> np.ndarray:
         worn = {**TRUE, "Fc2": friction}
         return sum((worn[n] * parts[n] for n in parts), bare) + rng.normal(0.0, NOISE, len(bare))
-
-    def measured(friction: float, rng: np.random.Generator) -> dict[str, float]:
-        return dict(zip(parts, (solver @ (seen(friction, rng) - bare)).tolist(), strict=True))
 
     def recording(friction: float, rng: np.random.Generator) -> dict[str, np.ndarray]:
         _, tau = truth.simulate(np.zeros(0), u, dt, truth.parameters.values)
@@ -150,8 +156,7 @@ def arm() -> Machine:
 
     return Machine(
         {"parameter": "Fc2"}, "(Fc2 + Fv2 * abs(qd2) + Fl2 * abs(tau2)) * abs(qd2)", TRUE["Fc2"],
-        1.5 * TRUE["Fc2"], friction_work(1.0, 0.0), plan, measured, recording,
-        spec.ModelSpec("arm", OPTIONS),
+        1.5 * TRUE["Fc2"], friction_work(1.0, 0.0), plan, recording, "arm", settings(),
     )  # fmt: skip
 
 
@@ -181,10 +186,8 @@ def cart() -> Machine:
 
     def recording(gain: float, rng: np.random.Generator) -> dict[str, np.ndarray]:
         t = RATE * np.arange(1, len(v) + 1)
-        return {"t": t, "v": v, "x": gain * way + rng.normal(0.0, 0.005, len(v))}
-
-    def measured(gain: float, rng: np.random.Generator) -> dict[str, float]:
-        return {"gain": float(recording(gain, rng)["x"] @ way / (way @ way))}
+        x = gain * way + rng.normal(0.0, 0.005, len(v))
+        return {"t": t, "v": np.r_[v[1:], v[-1:]], "x": x}  # a command holds from its stamp on
 
     def plan(rng: np.random.Generator, folder: Path) -> list[Work]:
         speed, other = rng.uniform(1.1, 1.8), told(rng.uniform(0.5, 1.5), rng.uniform(0.3, 0.9))
@@ -200,7 +203,7 @@ def cart() -> Machine:
     return Machine(
         {"parameter": "gain", "direction": "below"},
         f"(1 + {VISCOUS} * abs(x.rate)) * abs(x.rate)", 1.0, 0.95, cart_work(v, RATE), plan,
-        measured, recording, spec.ModelSpec("robot1d"),
+        recording, "robot1d", {"prediction": {"horizon": np.inf}, "correction": {"channels": ()}},
     )  # fmt: skip
 
 
@@ -246,14 +249,15 @@ class Answer(NamedTuple):
     """By the way it was told."""
 
 
-def answers(one: Machine, seed: int, folder: Path) -> list[Answer]:
+def answers(one: Machine, twin: Twin, seed: int, folder: Path) -> list[Answer]:
     """One machine from new on, asked at each cut."""
     rng = np.random.default_rng([20, seed])
     life = float(rng.uniform(60.0, 100.0))
     kappa, plan = scale(one, life), one.plan(rng, folder)
     found, level, values, rows = [], one.new, dict[str, float](), [",".join(("run", "value"))]
     for run in range(1, int(max(CUTS) * life) + 1):
-        values = one.measured(level, rng)
+        fit = twin.fit(one.recording(level, rng)).fit
+        values = {name: fit[name] for name in fit.names}
         rows.append(f"{run},{values[one.indicator['parameter']]:.6g}")
         if run in [int(cut * life) for cut in CUTS]:
             (folder / "history.csv").write_text("\n".join(rows) + "\n")
@@ -276,14 +280,15 @@ def said(
                       None if np.isinf(phase.length) else float(begins[k + 1]), **phase.told)
         for k, phase in enumerate(plan)
     )  # fmt: skip
-    parameters = {name: spec.ParameterSpec(value=value) for name, value in values.items()}
+    now = {name: spec.ParameterSpec(value=value) for name, value in values.items()}
+    model = {**one.sections.get("model", {}), "parameters": now}
     table = one.recording(level, np.random.default_rng(len(values)))
     found: dict[str, Life | None] = {}
     for name, wear in (("default", None), ("formula", one.formula)):
         rule = spec.IndicatorSpec(name="value", limit=one.limit, wear=wear, **one.indicator)
-        model = spec.ModelSpec(one.model.kind, one.model.options, parameters=parameters)
-        twin = Twin(TwinSpec("m", model, indicator=(rule,), work=works, folder=str(folder)))
-        told = twin.life(folder / "history.csv", table).components["value"]
+        ahead = {"indicator": (rule,), "work": works, "folder": str(folder), "model": model}
+        with opened(one.file, **(one.sections | ahead)) as twin:
+            told = twin.life(folder / "history.csv", table).components["value"]
         found[name] = told.life if isinstance(told.life, Life) else None
         found["as before"] = told.before if isinstance(told.before, Life) else None
     return found
@@ -326,7 +331,8 @@ def main() -> int:
     demands: dict[str, bool] = {}
     with tempfile.TemporaryDirectory() as name:
         for word, one in (("arm", arm()), ("cart", cart())):
-            known = [x for seed in range(paths) for x in answers(one, seed, Path(name))]
+            with opened(one.file, **one.sections) as twin:
+                known = [x for seed in range(paths) for x in answers(one, twin, seed, Path(name))]
             mean = float(np.mean(np.linspace(60.0, 100.0, 101)))
             demands |= show(word, known, mean)
     return ended(demands)

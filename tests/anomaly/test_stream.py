@@ -177,7 +177,7 @@ def test_noise_of_a_mean_follows_the_autoregression() -> None:
     known = calibrate(Residuals.of(z[:20_000], 3.0), Calm()).calibration
     detector = SnrLimit(("a",), window=25)
     means = z[: 25 * 8000].reshape(-1, 25).mean(axis=1) / known.scale[0, 0]
-    assert detector._noise(known)[0] == pytest.approx(means.std(), rel=0.1)
+    assert detector.noise_of_means(known)[0] == pytest.approx(means.std(), rel=0.1)
 
 
 def test_a_threshold_that_cannot_be_meant_is_refused() -> None:

@@ -155,7 +155,7 @@ def test_the_compiled_learner_equals_its_plain_twin(mode: SarsaSettings) -> None
     for learn in (kernels.learn, kernels.learn.py_func):
         own = agent.init()
         learn(
-            samples, agent._rule, mode.mode == "full", mode.accumulate, angle, own.q, own.tried,
+            samples, agent.rule, mode.mode == "full", mode.accumulate, angle, own.q, own.tried,
             own.deviation, own.best, own.reward, own.done, own.total, own.learner,
         )  # fmt: skip
         results.append(own)

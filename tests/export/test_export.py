@@ -13,7 +13,7 @@ import scipy.io
 from evertwin.config.spec import ModelSpec, PredictionSpec, StoreSpec, TwinSpec
 from evertwin.errors import DataError, ModelError, UsageError
 from evertwin.export.matlab import identifier
-from evertwin.export.urdf import _angles
+from evertwin.export.urdf import roll_pitch_yaw
 from evertwin.machines.arm import Arm
 from evertwin.machines.arm.urdf import rotation
 from evertwin.sources import inspect
@@ -170,7 +170,7 @@ def test_a_robot_that_is_no_arm_has_no_urdf(tmp_path: Path) -> None:
 @pytest.mark.parametrize("angles", [(0.1, -0.7, 2.0), (0.3, np.pi / 2, 0.2), (1.0, -np.pi / 2, 0)])
 def test_angles_give_the_rotation_back(angles: tuple[float, float, float]) -> None:
     turn = rotation(*angles)
-    np.testing.assert_allclose(rotation(*_angles(turn)), turn, atol=1e-12)
+    np.testing.assert_allclose(rotation(*roll_pitch_yaw(turn)), turn, atol=1e-12)
 
 
 def test_names_that_matlab_cannot_have_are_changed_and_kept(tmp_path: Path) -> None:

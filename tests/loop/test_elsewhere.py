@@ -17,35 +17,19 @@ from evertwin.models import Model
 from evertwin.models.modelica import Modelica
 from evertwin.models.mujoco import MuJoCo
 from evertwin.models.table import TableModel
+from planted.masses import KNOBS, MODELICA, MUJOCO
 
-MASS = """model Mass
-  parameter Real mass(unit="kg", min=0.1, max=50) = 2.0;
-  parameter Real fc(unit="N", min=0, max=50) = 1.5;
-  parameter Real fv(unit="N.s/m", min=0, max=50) = 0.5;
-  input Real force(unit="N");
-  output Real x(unit="m");
-  output Real v(unit="m/s");
-equation
-  der(x) = v;
-  mass * der(v) = force - fc * tanh(v / 0.01) - fv * v;
-end Mass;
-"""
-CART = """<mujoco><option timestep="0.01" gravity="0 0 0"/><worldbody><body name="cart">
-  <joint name="rail" type="slide" axis="1 0 0" damping="0.5" frictionloss="1.5"/>
-  <geom size=".1" mass="2"/></body></worldbody>
-  <actuator><motor name="force" joint="rail"/></actuator></mujoco>"""
 RATE = 20
 
 
 def modelica(folder: Path) -> Model:
     file = folder / "Mass.mo"
-    file.write_text(MASS)
+    file.write_text(MODELICA)
     return Modelica(file=str(file))
 
 
 def mujoco(folder: Path) -> Model:
-    names = ["body.cart.mass", "joint.rail.damping", "joint.rail.frictionloss"]
-    return MuJoCo.from_text(CART, parameters=names)
+    return MuJoCo.from_text(MUJOCO.format(step=0.01), parameters=KNOBS)
 
 
 KINDS = {

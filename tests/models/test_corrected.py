@@ -116,7 +116,7 @@ def parts(model: Corrected) -> Iterator[tuple[Functions, np.ndarray, np.ndarray,
     """Functions, place, grids and first parameter of every term, from the model's plan."""
     at = kernel.HEADER
     for term in model.terms:
-        record = model._plan[at : at + model._plan[at]]
+        record = model.plan[at : at + model.plan[at]]
         place, grids = record[kernel.PLACE : kernel.RECORD], record[kernel.RECORD :]
         functions = kind(term.kind).functions
         yield functions, place, grids.view(np.float64), int(record[kernel.PARAMETER])

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evertwin.ahead.controlled import _components, _names
+from evertwin.ahead.controlled import components_of, names_of
 from evertwin.config.spec import ModelSpec, TwinSpec
 from evertwin.engineering.verify_arm import verify_arm
 from evertwin.errors import LawBroken, UsageError
@@ -79,8 +79,8 @@ def test_every_form_of_machine_takes_them() -> None:
 
 def test_an_arm_and_components_say_the_same() -> None:
     arm = filled(Arm.of("ur5_like", law="tanh+power+cogging"))
-    p, names = arm.parameters.values, _names(arm)
-    model = machine("assembly", {"components": _components(arm, {"urdf": "ur5_like"})})
+    p, names = arm.parameters.values, names_of(arm)
+    model = machine("assembly", {"components": components_of(arm, {"urdf": "ur5_like"})})
     given = {names[name]: value for name, value in zip(arm.parameters.names, p)}
     values = {name: v for name, v in given.items() if name in model.parameters.names}
     assert sum(".Fp" in name for name in values) == sum(".n" in name for name in values) == 6
@@ -172,7 +172,7 @@ def test_what_does_not_fit_is_refused(build: Any, match: str) -> None:
         build()
     term = import_module("own_terms.broken").TAKEN
     with pytest.raises(UsageError, match="the name 'Fc' is taken"):
-        registry._checked(term, "broken", "own_terms.broken:TAKEN")
+        registry.checked(term, "broken", "own_terms.broken:TAKEN")
 
 
 @pytest.mark.parametrize(

@@ -121,7 +121,7 @@ def test_kernels_equal_their_plain_twins_bit_for_bit(axes: Any, measured: Any) -
     for kernel in (learn, learn.py_func):
         state = stage.init()
         rows = np.empty((40, 2)), np.empty((40, 2)), np.empty((40, 4))
-        kernel(block.row, block.dt, block.u, block.y, block.mark, y0, phi, *stage._fixed,
+        kernel(block.row, block.dt, block.u, block.y, block.mark, y0, phi, *stage.fixed,
                stage.memory, stage.every, *state, *rows)  # fmt: skip
         results.append((*state, *rows))
     for left, right in zip(*results, strict=True):

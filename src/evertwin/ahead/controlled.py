@@ -26,7 +26,7 @@ from evertwin.machines.assembly.train import Axis, Train
 from evertwin.machines.catalog import located, machine
 from evertwin.types import Float64, ParameterVector
 
-__all__ = ["Controlled", "controlled"]
+__all__ = ["Controlled", "components_of", "controlled", "names_of"]
 
 Line = Mapping[str, Any]
 ONE_EACH = ("motor", "gearbox", "controller")
@@ -72,7 +72,7 @@ def controlled(
     if isinstance(found, Arm):
         if found.coupling is not None:
             return "path error: not told, coupled motors have no forward reading"
-        own, names = _components(found, said.options), _names(found)
+        own, names = components_of(found, said.options), names_of(found)
     elif said.kind == "assembly":
         there: Any = said.options.get("components", ())
         own = list(there)
@@ -106,7 +106,7 @@ def controlled(
     return whole._replace(values=_limited(model.train, whole.of(case.p), limits))
 
 
-def _components(arm: Arm, options: Mapping[str, Any]) -> list[Line]:
+def components_of(arm: Arm, options: Mapping[str, Any]) -> list[Line]:
     """The components of an arm of ``kind = "arm"``."""
     lines: list[Line] = [
         {"name": "arm", "kind": "arm", **{key: options[key] for key in GEOMETRY if key in options}}
@@ -122,10 +122,10 @@ def _components(arm: Arm, options: Mapping[str, Any]) -> list[Line]:
     return lines
 
 
-def _names(arm: Arm) -> dict[str, str]:
+def names_of(arm: Arm) -> dict[str, str]:
     """What each parameter of an arm is called among its components.
 
-    >>> names = _names(Arm.of("ur5_like", motor=[10.0] * 6, payload=True))
+    >>> names = names_of(Arm.of("ur5_like", motor=[10.0] * 6, payload=True))
     >>> [names[name] for name in ("Ia2", "Fc3", "K1", "payload.m")]
     ['motor2.J', 'gearbox3.Fc', 'motor1.k', 'payload.m']
     """

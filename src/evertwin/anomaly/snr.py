@@ -102,7 +102,7 @@ class SnrLimit:
         """The state that starts from a calibration."""
         ny = len(self.names)
         seen = np.zeros((ny, 2), dtype=np.int64)
-        noise = self._noise(calibration)
+        noise = self.noise_of_means(calibration)
         return SnrState(calibration, noise, np.zeros((ny, self.window)), seen)
 
     def step(self, state: SnrState, block: Residuals) -> tuple[SnrState, Out]:
@@ -118,7 +118,7 @@ class SnrLimit:
         )  # fmt: skip
         return state, Out(rows, tuple(self._event(block, rows, i, j) for i, j in _places(begins)))
 
-    def _noise(self, known: Calibration) -> np.ndarray:
+    def noise_of_means(self, known: Calibration) -> np.ndarray:
         """Standard deviation of the mean of ``window`` samples of the autoregression, (ny,).
 
         The mean weights innovation ``m`` samples ago with the sum of the response it has left in

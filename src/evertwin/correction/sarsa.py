@@ -131,7 +131,8 @@ class Sarsa:
         return np.array([s.horizon, s.low, s.quantum, s.tolerance])
 
     @cached_property
-    def _rule(self) -> np.ndarray:
+    def rule(self) -> np.ndarray:
+        """The numbers of the update, in the order that the kernels read them."""
         s = self.settings
         return np.array(
             [s.near, s.reward, s.penalty, s.end, s.end_angle, s.alpha or 0.0, s.gamma, s.epsilon,
@@ -211,7 +212,7 @@ class Sarsa:
         angle = self.model.outputs.angles[self._where[1]]
         settings = self.settings
         kernels.learn(
-            taken, self._rule, settings.mode == "full", settings.accumulate, angle, state.q,
+            taken, self.rule, settings.mode == "full", settings.accumulate, angle, state.q,
             state.tried, state.deviation, state.best, state.reward, state.done, state.total,
             state.learner,
         )  # fmt: skip
@@ -230,7 +231,7 @@ class Sarsa:
             for _ in range(self.settings.passes):
                 self._learn(own, log)
         kernels.settle(
-            self._rule, self.settings.mode == "full", own.q, own.tried, own.deviation, own.best,
+            self.rule, self.settings.mode == "full", own.q, own.tried, own.deviation, own.best,
             own.reward, own.done, -1, 0, own.learner,
         )  # fmt: skip
         return read_table(self.settings, own.tried, own.deviation, own.best)

@@ -28,7 +28,7 @@ from evertwin.machines.arm.rnea import BODY
 from evertwin.machines.friction.terms.coulomb import COULOMB
 from evertwin.machines.friction.terms.viscous import VISCOUS
 
-__all__ = ["urdf_bytes"]
+__all__ = ["roll_pitch_yaw", "urdf_bytes"]
 
 JOINT = 13
 """Numbers of the geometry per joint: rotation, position, kind."""
@@ -149,14 +149,14 @@ def _rest(top: Element, out: Exported) -> None:
 
 
 def _origin(joint: Element, rotation: Matrix, position: np.ndarray) -> None:
-    SubElement(joint, "origin", xyz=_numbers(position), rpy=_numbers(_angles(rotation)))
+    SubElement(joint, "origin", xyz=_numbers(position), rpy=_numbers(roll_pitch_yaw(rotation)))
 
 
 def _numbers(values: np.ndarray) -> str:
     return " ".join(repr(float(value)) for value in values)
 
 
-def _angles(r: Matrix) -> np.ndarray:
+def roll_pitch_yaw(r: Matrix) -> np.ndarray:
     """Roll, pitch and yaw of a rotation, the inverse of `evertwin.machines.arm.urdf.rotation`."""
     level = math.hypot(r[0, 0], r[1, 0])
     pitch = math.atan2(-r[2, 0], level)

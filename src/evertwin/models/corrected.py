@@ -190,11 +190,11 @@ class Corrected(Wrapper):
         """The kernel; its context holds the plan and points to the inner kernel."""
         return Compiled(
             self.inputs, self.outputs, self.states, self.parameters, kernels.step.address,
-            kernels.adopt.address, tuple(self._plan.tolist()),
+            kernels.adopt.address, tuple(self.plan.tolist()),
         )  # fmt: skip
 
     @cached_property
-    def _plan(self) -> Int64[np.ndarray, " k"]:
+    def plan(self) -> Int64[np.ndarray, " k"]:
         """The terms as integers; see `evertwin.models.terms.kernel`."""
         model, inner = self.model, self.inner
         records = list(self._records())
@@ -242,7 +242,7 @@ class Corrected(Wrapper):
 
         def work(of: list[int]) -> Any:
             first = np.ascontiguousarray(x[of[0]]), np.ascontiguousarray(p[of[0]])
-            given = kernels.effective_run(self._plan, first[0], u, dt, first[1], restart.code)
+            given = kernels.effective_run(self.plan, first[0], u, dt, first[1], restart.code)
             return model.simulate_batch(x[of, :nx], given, dt, p[of, :n_p], restart)
 
         return grouped(np.concatenate([x[:, nx:], p[:, n_p:]], axis=1), work)
@@ -263,7 +263,7 @@ def effective_inputs(model: Model, u: Inputs, p: ParameterVector) -> Inputs:
         fixed = Corrected(model.model, tuple(model.terms[k] for k in still))
         kept = [i for k in still for i in model.parameters.indices(model.names_of(k)).tolist()]
         values = np.concatenate([p[: len(model.model.parameters)], p[kept]])
-        kernels.effective_rows(fixed._plan, out, values)
+        kernels.effective_rows(fixed.plan, out, values)
     return out
 
 

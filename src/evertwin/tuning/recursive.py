@@ -121,7 +121,7 @@ class Recursive:
         return self.editable or self._parameters.editable
 
     @cached_property
-    def _fixed(self) -> tuple[Any, ...]:
+    def fixed(self) -> tuple[Any, ...]:
         """Everything that no row changes, in the order of the loop's arguments."""
         columns = np.ascontiguousarray(self.model.columns, dtype=np.int64)
         ny = len(columns)
@@ -139,7 +139,7 @@ class Recursive:
         return columns, at, places, p, 1.0 / np.square(sigma), weight, gate, above
 
     def init(self) -> RecursiveState:
-        p, information = self._fixed[3], self._fixed[4]
+        p, information = self.fixed[3], self.fixed[4]
         k = len(information)
         with np.errstate(divide="ignore"):
             sigma = 1.0 / np.sqrt(information)
@@ -147,16 +147,16 @@ class Recursive:
 
     def step(self, state: RecursiveState, block: Block) -> tuple[RecursiveState, Out]:
         n, ny = block.y.shape
-        prior = self._fixed[3]
+        prior = self.fixed[3]
         y0, phi = self.model.regressor(self.model.initial(prior), block.u, block.dt, prior)
         k = len(state.vector)
         rows = RecursiveRows(np.empty((n, ny)), np.empty((n, ny)), np.empty((n, k)))
         learn(
-            block.row, block.dt, block.u, block.y, block.mark, y0, phi, *self._fixed,
+            block.row, block.dt, block.u, block.y, block.mark, y0, phi, *self.fixed,
             self.memory, self.every, *state, *rows,
         )  # fmt: skip
         return state, Out(rows)
 
     def estimate(self, state: RecursiveState) -> tuple[Vector, Vector]:
         """(values, standard deviations) at the last beat, (k,) each."""
-        return state.p[self._fixed[2]], state.sigma
+        return state.p[self.fixed[2]], state.sigma

@@ -12,22 +12,7 @@ from evertwin.machines.arm import Arm
 from evertwin.machines.arm.chain import Chain, serial
 from evertwin.machines.arm.dh import robot_of
 from evertwin.machines.arm.urdf import parse
-from planted.arms import row_by_row
-
-
-def table(seed: int, n: int = 6) -> list[dict[str, Any]]:
-    rng = np.random.default_rng(seed)
-    rows = []
-    for i in range(n):
-        turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
-        own = turn @ np.diag(rng.uniform(0.02, 0.03, 3)) @ turn.T
-        rows.append({
-            "a": rng.uniform(-0.5, 0.5), "alpha": rng.uniform(-2, 2), "d": rng.uniform(-0.3, 0.3),
-            "theta": rng.uniform(-2, 2), "kind": "prismatic" if i == seed % n else "revolute",
-            "mass": rng.uniform(1, 9), "com": rng.uniform(-0.2, 0.2, 3).tolist(),
-            "inertia": [*np.diag(own), own[0, 1], own[0, 2], own[1, 2]],
-        })  # fmt: skip
-    return rows
+from planted.arms import row_by_row, table
 
 
 def words(*numbers: float) -> str:
@@ -81,7 +66,7 @@ def torques(chain: Chain, u: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("convention", ["standard", "modified"])
 @pytest.mark.parametrize("seed", range(8))
 def test_a_table_equals_its_urdf(convention: str, seed: int) -> None:
-    rows = table(seed)
+    rows = table(np.random.default_rng(seed), 6, seed % 6)
     by_table = serial(robot_of(rows, convention), tip="tool")
     by_urdf = serial(parse(urdf(rows, convention == "modified")), tip="tool")
     np.testing.assert_allclose(by_table.geometry, by_urdf.geometry, atol=1e-12)

@@ -33,7 +33,7 @@ _KEPT = 8 * W
 
 
 @njit(cache=True, inline="always")
-def _sine(x: float) -> tuple[float, float]:
+def sine(x: float) -> tuple[float, float]:
     """(sin x, cos x) without a branch."""
     quarter = math.floor(x * 0.6366197723675814 + 0.5)
     r = x - quarter * 1.57079632673412561417
@@ -87,7 +87,7 @@ def _outwards(g: Any, b: Any, s: Any, kept: Any) -> None:
     slide, turn = g[12], 1.0 - g[12]
     for i in range(W):
         q, v, acc = s[_Q + i], s[_V + i], s[_A + i]
-        sn, c = _sine(turn * q)
+        sn, c = sine(turn * q)
         rx, ry, rz = r0 + slide * e2 * q, r1 + slide * e5 * q, r2 + slide * e8 * q
         wx, wy, wz = s[_WX + i], s[_WY + i], s[_WZ + i]
         dx, dy, dz = s[_DX + i], s[_DY + i], s[_DZ + i]

@@ -28,7 +28,7 @@ from evertwin.machines.friction.terms.temperature import TEMPERATURE
 from evertwin.machines.friction.terms.two_sided import TWO_SIDED
 from evertwin.machines.friction.terms.viscous import VISCOUS
 
-__all__ = ["ALWAYS", "GROUP", "ordered", "term"]
+__all__ = ["ALWAYS", "GROUP", "checked", "ordered", "term"]
 
 GROUP = "evertwin.friction"
 _BUILT_IN = (
@@ -60,11 +60,11 @@ def term(name: str) -> FrictionTerm:
         return own[name]
     others = {point.name: point for point in entry_points(group=GROUP)}
     if name in others:
-        return _checked(others[name].load(), name, others[name].value)
+        return checked(others[name].load(), name, others[name].value)
     raise UsageError(f"friction: no term {name!r}; there are {', '.join((*own, *others))}")
 
 
-def _checked(found: object, name: str, where: str) -> FrictionTerm:
+def checked(found: object, name: str, where: str) -> FrictionTerm:
     """What another package registered, if it is a term that can stand beside the package's own."""
     if not isinstance(found, FrictionTerm) or found.name != name:
         raise UsageError(

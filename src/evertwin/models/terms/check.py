@@ -127,13 +127,13 @@ def _neutral(candidate: Candidate, model: _Alone) -> None:
 
 
 def _compiled(model: _Alone, p: ParameterVector, block: Block) -> None:
-    functions, record = model._kinds[0].functions, model._plan[kernel.HEADER :]
+    functions, record = model._kinds[0].functions, model.plan[kernel.HEADER :]
     place, grids = record[kernel.PLACE : kernel.RECORD], record[kernel.RECORD :].view(np.float64)
     if functions.before is None:
         return
     x, dt = model.initial(p), np.full(len(block.t), 0.1)
     found = kernel.effective_run(
-        model._plan, x, block.u, dt, p, np.zeros(len(block.t), dtype=np.uint8)
+        model.plan, x, block.u, dt, p, np.zeros(len(block.t), dtype=np.uint8)
     )
     expected, memory = block.u.copy(), x[len(model.model.states) :].copy()
     for row, interval in zip(expected, dt.tolist(), strict=True):

@@ -42,7 +42,7 @@ def kind(name: str) -> CorrectionTerm:
         return own
     check_kind(name)
     point = _others()[name]
-    return _checked(point.load(), name, point.value)
+    return checked(point.load(), name, point.value)
 
 
 def check_kind(name: str) -> None:
@@ -62,7 +62,7 @@ def _others() -> dict[str, EntryPoint]:
     return {point.name: point for point in entry_points(group=GROUP)}
 
 
-def _checked(found: Any, name: str, where: str) -> CorrectionTerm:
+def checked(found: Any, name: str, where: str) -> CorrectionTerm:
     """What another package registered, if it is a kind of that name."""
     contract = importlib.import_module("evertwin.models.terms.contract").CorrectionTerm
     if not isinstance(found, contract) or found.kind != name:
