@@ -142,7 +142,7 @@ def parse(lines: Iterable[str], name: str) -> Table:
     """
     rows, comma = _rows(list(lines))
     if len(rows) < 2:
-        got = f"only {','.join(rows[0][1])!r}" if rows else "an empty file"
+        got = f"only {','.join(rows[0][1])[:60]!r}" if rows else "an empty file"
         raise DataError(f"{name}: expected a line of headings and rows below it, got {got}")
     parts = [_HEAD.match(cell) for cell in rows[0][1]]
     heads = [((m and m[1]) or f"c{k}", (m and m[2]) or "") for k, m in enumerate(parts, 1)]
@@ -208,11 +208,20 @@ def _si(values: Vector, unit: str, where: str) -> Vector:
 
 def _numbers(cells: list[str]) -> Vector | None:
     try:
-        return np.array(
-            [np.nan if c.lower() in ABSENT else float(c) for c in cells], dtype=np.float64
-        )
+        return np.array([np.nan if c.lower() in ABSENT else _number(c) for c in cells])
     except ValueError:
         return None
+
+
+def _number(cell: str) -> float:
+    """A number; Python itself would take ``1_0`` and the digits of every script.
+
+    Raises:
+        ValueError: it is none.
+    """
+    if "_" in cell or not cell.isascii():
+        raise ValueError(cell)
+    return float(cell)
 
 
 def _moment(cell: str) -> datetime:

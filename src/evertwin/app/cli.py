@@ -38,6 +38,8 @@ model_app = typer.Typer(
 )
 app.add_typer(model_app, name="model")
 
+MOST, LONGEST = 50, 500
+"""Lines of an error that are shown, and signs of a line."""
 PART = " FILE@START:STOP is the part from START to STOP, in seconds from its first stamp."
 TwinFile = Annotated[Path, typer.Argument(help="Twin file (TOML).", metavar="TWIN.toml")]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
@@ -330,8 +332,11 @@ def _spread(words: list[str]) -> list[str]:
 
 
 def _fail(message: str, code: int) -> None:
-    for line in message.splitlines():
-        typer.echo(f"evertwin: {line}", err=True)
+    lines = message.splitlines()
+    for line in lines[:MOST]:
+        typer.echo(f"evertwin: {line if len(line) <= LONGEST else f'{line[:LONGEST]} …'}", err=True)
+    if len(lines) > MOST:
+        typer.echo(f"evertwin: … and {len(lines) - MOST} more", err=True)
     sys.exit(code)
 
 

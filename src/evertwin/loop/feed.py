@@ -102,7 +102,7 @@ class Feed:
         if row == 0:
             raise DataError(
                 "no row is left of the data: check [clock] crop, start and stop, and @START:STOP"
-                f"{self._lost()}"
+                f"{self.lost}"
             )
 
     def stream(self, data: Data = None) -> Iterator[Block]:
@@ -126,7 +126,7 @@ class Feed:
         if empty:
             raise DataError(
                 "no row is left of the data: its files hold none, or none is in @START:STOP"
-                f"{self._lost()}"
+                f"{self.lost}"
             )
         state, block, events = alignment.flush(state)
         self.events += events
@@ -172,7 +172,9 @@ class Feed:
         """The sources of which rows were left out, or something is suspected."""
         return tuple(tally for tally in self.tallies.values() if str(tally))
 
-    def _lost(self) -> str:
+    @property
+    def lost(self) -> str:
+        """The same, as the end of a sentence."""
         return "".join(f"; {tally}" for tally in self.left_out)
 
     def _merged(self, files: Mapping[int, tuple[Path, ...]]) -> Iterator[Chunk]:

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 from evertwin.config import TwinSpec
 from evertwin.engine import Engine, InProcess
-from evertwin.errors import StoreError
+from evertwin.errors import DataError, StoreError, UsageError
 from evertwin.fold import Answer, Block, Event, Record, canonical, copy
 from evertwin.loop.driver import Driver
 from evertwin.loop.feed import Data, Feed
@@ -116,7 +116,12 @@ class Run:
         self._due = began + SECONDS
         rate, blocks = measured(later(feed.stream(data), place.offset))
         self.setup = self.setup.at(rate)
-        state, over = self._begun(place.run, settings)
+        try:
+            state, over = self._begun(place.run, settings)
+        except UsageError as error:
+            if rate is None and feed.left_out:  # there is no rate because rows fell away
+                raise DataError(f"{error}{feed.lost}") from error
+            raise
         for block in () if over else blocks:
             state = self.step(state, block)
         result = self.ended(state, time.perf_counter() - began, over=over)

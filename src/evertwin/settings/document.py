@@ -24,7 +24,7 @@ from evertwin.settings.patterns import written_out
 
 __all__ = ["DEEPEST", "LARGEST", "LONGEST", "Document"]
 
-LARGEST = 1_000_000
+LARGEST = 300_000
 """Bytes of the largest text: a recording given by mistake is refused at once."""
 DEEPEST = 32
 """Tables and arrays inside one another."""

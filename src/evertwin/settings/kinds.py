@@ -40,7 +40,7 @@ Size: TypeAlias = Annotated[float, Quantity(difference=True), Gt(0.0)]
 """A `Spread` that is not zero."""
 Seconds: TypeAlias = Annotated[float, Quantity("s", difference=True)]
 Duration: TypeAlias = Annotated[float, Quantity("s", difference=True), Gt(0.0)]
-Hertz: TypeAlias = Annotated[float, Quantity("Hz"), Gt(0.0), Le(1e7)]
+Hertz: TypeAlias = Annotated[float, Quantity("Hz"), Ge(1e-9), Le(1e7)]
 Radians: TypeAlias = Annotated[float, Quantity("rad"), Gt(0.0)]
 Finite: TypeAlias = Annotated[float, Ge(-1e15), Le(1e15)]
 Positive: TypeAlias = Annotated[float, Gt(0.0)]

@@ -15,6 +15,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Literal
 
 from evertwin.errors import DataError, UsageError
@@ -68,18 +69,24 @@ class Dialect:
 
 
 def cells_of(line: bytes, delimiter: bytes | None) -> list[bytes]:
-    """The cells of one line; a quoted cell may hold the delimiter.
+    """The cells of one line; a quoted cell may hold the delimiter, a quote inside one is a sign.
 
-    >>> cells_of(b'1,"a, b",', b",")
-    [b'1', b'a, b', b'']
+    >>> cells_of(b'1,"a, b",4"9"', b",")
+    [b'1', b'a, b', b'4"9"']
     """
     if delimiter is None:
         return line.split()
     if b'"' not in line:
         return line.split(delimiter)
-    parts = line.split(b'"')
-    parts[1::2] = [inside.replace(delimiter, b"\0") for inside in parts[1::2]]
-    return [cell.replace(b"\0", delimiter) for cell in b"".join(parts).split(delimiter)]
+    hits = _cell(delimiter).finditer(line)
+    return [h[2] if h[1] is None else h[1].replace(b'""', b'"') for h in hits]
+
+
+@cache
+def _cell(delimiter: bytes) -> re.Pattern[bytes]:
+    """A cell with the delimiter before it: quoted as a whole, or plain up to the next."""
+    sign = re.escape(delimiter)
+    return re.compile(rb'(?:^|%b) *+(?:"((?:[^"]|"")*+)" *(?=%b|$)|([^%b]*))' % (sign, sign, sign))
 
 
 def kind_of_cell(cell: bytes, decimal_comma: bool) -> str:

@@ -12,6 +12,7 @@ saved instead of the recording, a Git LFS pointer, a spreadsheet, an archive.
 from __future__ import annotations
 
 import gzip
+import re
 import zlib
 from pathlib import Path
 
@@ -46,6 +47,7 @@ _REFUSED = {
 }
 _PICKLES = tuple(b"\x80" + bytes([protocol]) for protocol in range(1, 6))
 _PICKLE_NAMES = (".pkl", ".pickle", ".joblib", ".pt", ".pth")
+_JSON = re.compile(rb"\s*(?:\{\s*[\"}]|\[\s*[\[{\"])")
 HEAD = 4096
 
 
@@ -91,6 +93,8 @@ def kind_of(head: bytes, name: str) -> str:
             return kind
     if head.lstrip()[:9].lower().startswith((b"<!doctype", b"<html", b"<?xml")):
         raise DataError("expected a recording, got a web page or XML: the download went wrong")
+    if _JSON.match(head):
+        raise DataError("expected a recording, got JSON: save the columns as CSV, npz or Parquet")
     if b"\0" in head:
         raise DataError(
             "unknown binary file; known are CSV and other text, MAT 5 and 7.3, Parquet, npy, npz, "
