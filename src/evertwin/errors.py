@@ -21,21 +21,6 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
-__all__ = [
-    "ConfigError",
-    "DataError",
-    "EvertwinError",
-    "LawBroken",
-    "MissingExtra",
-    "ModelError",
-    "StoreDamaged",
-    "StoreError",
-    "StoreLocked",
-    "UsageError",
-    "WorkLost",
-    "nearest",
-]
-
 
 class EvertwinError(Exception):
     """The root of the tree.

@@ -6,8 +6,6 @@ from pathlib import Path
 
 from evertwin.errors import UsageError
 
-__all__ = ["write_whole"]
-
 
 def write_whole(path: Path, content: bytes | str) -> None:
     """Writes a file whole or not at all; its folder is made where it lacks, text is UTF-8.

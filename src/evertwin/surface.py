@@ -19,8 +19,6 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-__all__ = ["surface"]
-
 
 def surface(package: str) -> Callable[[str], Any]:
     """The ``__getattr__`` of ``package``.

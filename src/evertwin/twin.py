@@ -40,8 +40,6 @@ if TYPE_CHECKING:
     from evertwin.prognosis import Lives, Prospect, Verdict
     from evertwin.prognosis.laws.planning import Plan
 
-__all__ = ["Twin"]
-
 _RUNAWAY = np.errstate(over="ignore", invalid="ignore")  # runs away to infinity: told by marks
 Progress = Callable[[int, float], None]
 """``progress(rows so far, seconds of data so far)``."""

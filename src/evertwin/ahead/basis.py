@@ -22,8 +22,6 @@ from evertwin.store import Store
 from evertwin.sync.horizon import openings, trusted
 from evertwin.types import Float64, Inputs, Intervals, Outputs, ParameterVector, StateVector
 
-__all__ = ["Basis", "draws", "known_sigmas", "state_after", "through"]
-
 
 @dataclass(frozen=True)
 class Basis:

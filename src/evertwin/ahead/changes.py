@@ -26,8 +26,6 @@ from evertwin.models.corrected import build
 from evertwin.signals.units import compatible
 from evertwin.types import ParameterVector
 
-__all__ = ["Case", "changed", "faster", "loaded", "replaced"]
-
 
 @dataclass(frozen=True)
 class Case:

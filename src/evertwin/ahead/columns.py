@@ -29,8 +29,6 @@ from evertwin.signals.units import si_unit, to_si
 from evertwin.sources.dialect import COMMENTS, MISSING, detect
 from evertwin.types import Vector
 
-__all__ = ["ABSENT", "Table", "parse", "read_table"]
-
 ABSENT = frozenset(word.decode() for word in MISSING)
 """What an empty cell may say, in lower case."""
 _HEAD = re.compile(r"^\s*(.*?)\s*(?:\[(.*)\])?\s*$")

@@ -26,8 +26,6 @@ from evertwin.machines.assembly.train import Axis, Train
 from evertwin.machines.catalog import located, machine
 from evertwin.types import Float64, ParameterVector
 
-__all__ = ["Controlled", "components_of", "controlled", "names_of"]
-
 Line = Mapping[str, Any]
 ONE_EACH = ("motor", "gearbox", "controller")
 """Roles that an axis has once."""

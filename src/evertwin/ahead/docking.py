@@ -29,8 +29,6 @@ from evertwin.models import Model
 from evertwin.signals.units import compatible
 from evertwin.types import Inputs, Json, ParameterVector, StateVector
 
-__all__ = ["Docking", "Partner", "approach", "cosimulate", "dock"]
-
 DRAWS = 200
 REST = 2
 """Steps at standstill after each part of the approach: a drive with lag rolls on."""

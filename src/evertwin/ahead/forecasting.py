@@ -26,8 +26,6 @@ from evertwin.loop.feed import Data
 from evertwin.signals import wrap
 from evertwin.types import Inputs, Json, Outputs, Vector
 
-__all__ = ["Forecast", "ForecastOutput", "forecast"]
-
 DRAWS = 64
 """Parameter vectors that the band's share of the parameters is taken from."""
 LARGEST = 20_000_000

@@ -21,8 +21,6 @@ from evertwin.errors import DataError, UsageError
 from evertwin.fold import Block
 from evertwin.types import Inputs, Intervals, Vector
 
-__all__ = ["Future", "Mode", "coming"]
-
 Mode = Literal["repeat", "hold"]
 LARGEST = 1_000_000
 """Most rows of a forecast."""

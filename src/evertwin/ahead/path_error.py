@@ -27,8 +27,6 @@ from evertwin.machines.assembly.kinematics import tips
 from evertwin.models import Model
 from evertwin.types import Float64, Inputs, Int64, Intervals, ParameterVector, Vector
 
-__all__ = ["apart", "followed"]
-
 DRAWS = 16
 """Runs beside the one with the values as they are, at most."""
 TAIL, TAIL_OF_DRAWS = 1.96, 2.12

@@ -25,8 +25,6 @@ from evertwin.models.corrected import Corrected
 from evertwin.signals import Layout
 from evertwin.types import Vector
 
-__all__ = ["chain_of", "inner", "motion_of_moves", "rows_of_file"]
-
 ACCELERATION = 2.0
 """Highest acceleration of a joint where nothing is said [rad/s²]."""
 SPEED = 3.0

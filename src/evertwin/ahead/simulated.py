@@ -24,8 +24,6 @@ from evertwin.signals import Layout, wrap
 from evertwin.signals.units import compatible
 from evertwin.types import Float64, Intervals, Outputs, StateVector, Vector
 
-__all__ = ["Exceeded", "OutputSize", "PathError", "Simulated", "friction_work", "simulated"]
-
 DRAWS = 64
 PATHS = 1040
 """Courses of the residual that the interval of a peak is taken from."""

@@ -26,8 +26,6 @@ from evertwin.settings.notes import Free, Hidden, Quantity, Shorthand
 from evertwin.settings.section import Section
 from evertwin.types import Json
 
-__all__ = ["SCENARIO", "ScenarioSpec", "read_scenario"]
-
 STEPS = 1_000_000
 """Exchanges of poses in a docking."""
 Metres: TypeAlias = Annotated[float, Quantity("m")]

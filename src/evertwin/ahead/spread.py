@@ -34,8 +34,6 @@ from evertwin.models.kernel import ADOPT
 from evertwin.sync.horizon import openings, residuals, restarts
 from evertwin.types import Float64, Int64, Intervals, Outputs, ParameterVector, StateVector, Vector
 
-__all__ = ["LEVELS", "Spread", "spread"]
-
 LEVELS = (0.8, 0.95)
 """Shares of future values that a band holds."""
 BELL = 1.96

@@ -25,8 +25,6 @@ from evertwin.fold import plain, take
 from evertwin.loop.feed import Data
 from evertwin.types import Json, StateVector
 
-__all__ = ["Today", "WhatIf", "beside", "today"]
-
 
 @dataclass(frozen=True)
 class Today:

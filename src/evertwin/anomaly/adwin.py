@@ -25,8 +25,6 @@ from numba import njit
 
 from evertwin.types import Float64
 
-__all__ = ["CLOCK", "add", "new"]
-
 LEVELS, BUCKETS = 40, 5
 CLOCK, GRACE, LEAST = 32, 10, 5
 """Usual samples between two tests; width that they start at; least samples of a part."""

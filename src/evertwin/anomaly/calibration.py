@@ -39,8 +39,6 @@ from evertwin.anomaly.whiten import autoregression, effective, innovations
 from evertwin.errors import UsageError
 from evertwin.types import Float64, Tasks, Vector
 
-__all__ = ["Calibrated", "Calibration", "Calm", "blank", "calibrate"]
-
 ENOUGH = 30
 """Samples that a phase's own statistics need; else those of all phases together serve."""
 

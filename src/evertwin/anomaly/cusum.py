@@ -29,8 +29,6 @@ from evertwin.errors import UsageError
 from evertwin.fold import Event, Out
 from evertwin.types import Float64, Int64
 
-__all__ = ["Cusum", "CusumState"]
-
 
 class CusumState(NamedTuple):
     """The calibration, the running sums, and the calm rows collected so far.

@@ -32,8 +32,6 @@ from evertwin.anomaly.residuals import Residuals
 from evertwin.fold import Event, Out
 from evertwin.types import Float64, Int64
 
-__all__ = ["Drift", "DriftState"]
-
 KINDS = ("mean", "spread")
 USUAL = float(np.sqrt(2.0 / np.pi))
 """Mean size of a normal innovation."""

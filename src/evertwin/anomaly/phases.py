@@ -18,8 +18,6 @@ import numpy as np
 from evertwin.errors import UsageError
 from evertwin.types import Outputs, Stamps, Tasks
 
-__all__ = ["Regimes", "TaskSteps"]
-
 
 @dataclass(frozen=True)
 class Regimes:

@@ -13,8 +13,6 @@ import numpy as np
 
 from evertwin.types import Outputs, Stamps, Tasks
 
-__all__ = ["Alarms", "Residuals"]
-
 
 class Residuals(NamedTuple):
     """Consecutive rows; NaN where nothing was measured, trusted or predicted.

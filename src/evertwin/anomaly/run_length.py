@@ -26,8 +26,6 @@ from numba import njit
 
 from evertwin.types import Vector
 
-__all__ = ["MONTH", "alarms", "limit_for", "run_length"]
-
 MONTH = 30 * 86400.0
 """Seconds."""
 STREAM = 1 << 17

@@ -28,8 +28,6 @@ from evertwin.errors import UsageError
 from evertwin.fold import Event, Out
 from evertwin.types import Float64, Int64, Vector
 
-__all__ = ["SnrLimit", "SnrState"]
-
 
 class SnrState(NamedTuple):
     """The calibration and the last residuals.

@@ -17,8 +17,6 @@ from evertwin.settings.quantity import written
 from evertwin.settings.section import Section
 from evertwin.signals.units import compatible
 
-__all__ = ["AnomalySpec", "StepsSpec"]
-
 
 @dataclass(frozen=True)
 class StepsSpec(Section):

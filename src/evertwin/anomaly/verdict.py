@@ -46,8 +46,6 @@ from evertwin.tuning import Dependence, Fit, Problem
 from evertwin.tuning.statistics import dependences
 from evertwin.types import Inputs, Json
 
-__all__ = ["Rule", "Verdict", "branch", "explained"]
-
 
 @dataclass(frozen=True)
 class Rule:

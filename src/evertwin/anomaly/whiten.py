@@ -25,8 +25,6 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from evertwin.types import Float64
 
-__all__ = ["Coefficients", "Series", "autoregression", "effective", "innovations"]
-
 Series: TypeAlias = Float64[np.ndarray, " n"]
 Coefficients: TypeAlias = Float64[np.ndarray, " orders"]
 """Latest lag first."""

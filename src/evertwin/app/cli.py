@@ -20,8 +20,6 @@ from evertwin.app.cli_export import register as register_export
 from evertwin.app.cli_prognosis import register as register_prognosis
 from evertwin.errors import EvertwinError
 
-__all__ = ["app", "main"]
-
 app = typer.Typer(
     name="evertwin",
     help="Keeps the model of a machine true to the machine.",

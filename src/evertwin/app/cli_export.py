@@ -7,8 +7,6 @@ from typing import Annotated
 
 import typer
 
-__all__ = ["register"]
-
 PART = " FILE@START:STOP is the part from START to STOP, in seconds from its first stamp."
 TwinFile = Annotated[Path, typer.Argument(help="Twin file (TOML).", metavar="TWIN.toml")]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]

@@ -9,8 +9,6 @@ import typer
 
 from evertwin.errors import UsageError
 
-__all__ = ["register"]
-
 TwinFile = Annotated[Path, typer.Argument(help="Twin file (TOML).", metavar="TWIN.toml")]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
 Check = Annotated[bool, typer.Option("--check", help="Exit with 1 when there are findings.")]

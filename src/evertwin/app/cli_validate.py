@@ -7,8 +7,6 @@ from typing import Annotated
 
 import typer
 
-__all__ = ["register"]
-
 PART = " FILE@START:STOP is a part."
 
 

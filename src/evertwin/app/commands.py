@@ -15,16 +15,6 @@ from evertwin.models.form import Version
 from evertwin.sources.excerpt import Excerpt
 from evertwin.twin import Twin
 
-__all__ = [
-    "by_hand",
-    "compare_versions",
-    "examine",
-    "fit_twin",
-    "list_versions",
-    "run_twin",
-    "show_version",
-]
-
 Files = Sequence[Path] | None
 FINDINGS = ("measurement_error", "abnormal", "drift", "rolled_back", "not_identifiable")
 

@@ -13,8 +13,6 @@ import typer
 
 from evertwin.fold import plain
 
-__all__ = ["Progress", "Search", "show"]
-
 
 def show(content: Mapping[str, Any], text: str, as_json: bool) -> None:
     """The result, as one JSON document or as text."""

@@ -15,8 +15,6 @@ from evertwin.loop.result import RunResult
 from evertwin.report.run_report import write_report
 from evertwin.twin import Twin
 
-__all__ = ["run_demo", "twin_file"]
-
 
 def twin_file(name: str) -> Path:
     """A twin file that comes with the package."""

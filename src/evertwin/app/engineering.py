@@ -12,8 +12,6 @@ from evertwin.errors import DataError, UsageError
 from evertwin.report.engineering_report import write_engineering
 from evertwin.sources.excerpt import Excerpt
 
-__all__ = ["engineer_twin"]
-
 
 def engineer_twin(
     breakdown: Path,

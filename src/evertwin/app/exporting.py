@@ -10,8 +10,6 @@ from evertwin.errors import DataError, UsageError
 from evertwin.sources.excerpt import Excerpt
 from evertwin.twin import Twin
 
-__all__ = ["export_twin", "load_parameters"]
-
 
 def export_twin(
     twin: Path,

@@ -11,8 +11,6 @@ from evertwin.errors import DataError
 from evertwin.sources.info import inspect
 from evertwin.sources.info_text import render
 
-__all__ = ["show_info"]
-
 
 def show_info(file: Path, as_json: bool, check: bool) -> None:
     """``evertwin info``."""

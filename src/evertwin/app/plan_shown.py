@@ -11,8 +11,6 @@ from evertwin.prognosis.labels import Label
 from evertwin.prognosis.laws.planning import Plan, PlanItem
 from evertwin.types import Json
 
-__all__ = ["label_document", "label_text", "plan_document", "plan_text"]
-
 BEFORE = {"postponed": "until ", "confirmed": "for ", "declined": "the date "}
 """What stands before the moment that was said."""
 

@@ -20,10 +20,6 @@ from evertwin.report.prognosis_report import write_prognosis
 from evertwin.settings.quantity import number
 from evertwin.twin import Twin
 
-__all__ = [
-    "keep_decision", "show_decisions", "show_forecast", "show_life", "show_plan", "show_whatif",
-]  # fmt: skip
-
 Files: TypeAlias = "Sequence[Path] | None"
 Known: TypeAlias = "tuple[Path | None, Files]"
 """History file and recordings."""

@@ -13,8 +13,6 @@ from evertwin.engineering.breakdown import BREAKDOWN
 from evertwin.settings.form import Form
 from evertwin.settings.schema import schema
 
-__all__ = ["show_schema"]
-
 
 def show_schema(form: str, as_json: bool) -> None:
     """``evertwin schema``: of a twin, breakdown or scenario; with ``--json`` it names itself as

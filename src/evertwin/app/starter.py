@@ -31,8 +31,6 @@ from evertwin.sources.info import inspect
 from evertwin.sources.names import unit_problem
 from evertwin.sources.proposal import Match, Proposal, propose
 
-__all__ = ["write_starter"]
-
 
 def write_starter(
     file: Path, out: Path, model: tuple[str, Path | None], force: bool, as_json: bool

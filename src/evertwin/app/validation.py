@@ -13,8 +13,6 @@ from evertwin.report.validation_report import write_validation
 from evertwin.sources.excerpt import Excerpt
 from evertwin.twin import Twin
 
-__all__ = ["validate_twin"]
-
 Files = Sequence[Path] | None
 
 

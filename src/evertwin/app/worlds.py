@@ -9,8 +9,6 @@ from pathlib import Path
 
 from evertwin.errors import MissingExtra, ModelError
 
-__all__ = ["record_arm", "record_robot"]
-
 LIMIT = 600.0
 """Longest time that a world may take [s]."""
 

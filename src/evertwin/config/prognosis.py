@@ -14,8 +14,6 @@ from evertwin.settings.kinds import Amount, Duration, Fraction, Positive
 from evertwin.settings.notes import Quantity
 from evertwin.settings.section import Section
 
-__all__ = ["AccuracySpec", "CostSpec", "IndicatorSpec", "PrognosisSpec", "WorkSpec"]
-
 
 @dataclass(frozen=True)
 class AccuracySpec(Section):

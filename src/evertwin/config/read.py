@@ -21,8 +21,6 @@ from evertwin.errors import ConfigError, DataError, UsageError
 from evertwin.settings.form import Form
 from evertwin.settings.notes import expand
 
-__all__ = ["TWIN", "files_of", "read", "reads"]
-
 _ABOUT = """# The twin file
 
 A twin file is TOML: one section a concept, one key a setting. A quantity is a number in SI, or text

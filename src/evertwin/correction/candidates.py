@@ -20,8 +20,6 @@ from evertwin.models.terms.contract import Candidate
 from evertwin.models.terms.registry import KINDS, kind
 from evertwin.models.terms.rows import Rows
 
-__all__ = ["propose"]
-
 
 def propose(rows: Rows, kinds: Sequence[str]) -> tuple[Candidate, ...]:
     """All candidates of these kinds, simplest first; then by channel, all inputs before one."""

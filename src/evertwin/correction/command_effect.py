@@ -16,8 +16,6 @@ from evertwin.fold import Block
 from evertwin.models import Model
 from evertwin.types import ParameterVector, Vector
 
-__all__ = ["command_effects"]
-
 TRIM = 0.02
 """Share of effects at either end that count as outliers."""
 

@@ -13,8 +13,6 @@ from evertwin.correction.stack import Stack
 from evertwin.models.corrected import Corrected
 from evertwin.models.terms.contract import Intervals
 
-__all__ = ["describe"]
-
 
 def describe(stack: Stack, intervals: Intervals | None = None) -> tuple[str, ...]:
     """One sentence per term; quantities in SI.

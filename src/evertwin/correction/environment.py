@@ -36,8 +36,6 @@ try:
 except ImportError as error:
     raise MissingExtra.of("gymnasium", "rl") from error
 
-__all__ = ["Translation"]
-
 
 class Translation(gymnasium.Env[np.int64, np.int64]):
     """Choose the simulated value for each commanded one. See the module for an example.

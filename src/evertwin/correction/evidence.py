@@ -40,8 +40,6 @@ from evertwin.types import (
     Vector,
 )
 
-__all__ = ["Evidence", "gather", "mean_deviation"]
-
 SAMPLES = 4
 """Rows of each segment that are looked at, evenly spread, its last among them."""
 RUN = 5

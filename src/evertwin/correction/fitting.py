@@ -28,8 +28,6 @@ from evertwin.models.corrected import effective_inputs
 from evertwin.models.terms.contract import Candidate, GridTerm, Prior
 from evertwin.types import Float64, Inputs, Vector
 
-__all__ = ["Scored", "fit_candidate", "refit", "score"]
-
 NEAR, PAYS = 0.01, 0.05
 """Held-out deviations this near are equal; a less symmetric prior must gain this much."""
 TRIED = 2

@@ -51,8 +51,6 @@ from evertwin.models.terms.rows import Rows
 from evertwin.models.variants import in_variant
 from evertwin.types import Json, ParameterVector, Vector
 
-__all__ = ["Gain", "Proposal", "Selection", "TooFew", "improve", "prepare", "stack_of"]
-
 TINY = 1e-12
 NEAR = 0.01
 """Held-out deviations this near are equal: the simpler term wins."""

@@ -48,8 +48,6 @@ from evertwin.models.corrected import Corrected
 from evertwin.tuning.identifiability import grade
 from evertwin.types import Float64, ParameterVector, Vector
 
-__all__ = ["Known", "profiled", "scattered"]
-
 Residual = Float64[np.ndarray, "m ny"]
 Rows = Float64[np.ndarray, "segments k"]
 REACH = tuple(np.geomspace(1e-4, 100.0, 19).tolist())

@@ -51,8 +51,6 @@ from evertwin.models.terms.rows import inputs_of, quiet_level
 from evertwin.sync import residuals, restarts
 from evertwin.types import Float64, ParameterVector, Vector
 
-__all__ = ["Refined", "refine_law"]
-
 TRIED = 16
 """Most dead-zone thresholds that are tried at once."""
 LEAST = 12

@@ -36,8 +36,6 @@ from evertwin.models import Kernel, Model, kernel_of
 from evertwin.models.kernel import looped
 from evertwin.types import Float64, Int64, ParameterVector, StateVector
 
-__all__ = ["Samples", "Sarsa", "SarsaState", "learn_table"]
-
 
 class Samples(NamedTuple):
     """One row per horizon: what every action would have predicted.

@@ -15,8 +15,6 @@ from numba import njit
 
 from evertwin.models.native import call_observe, call_step
 
-__all__ = ["CLOSE", "choose", "explore", "learn", "level_of", "remember", "settle"]
-
 CLOSE = 0.5
 """Values this close count as equal: then the least mean deviation decides."""
 BEGUN, TASK, OPEN, LEVEL, FRESH, TRAINING, WATCHED = range(7)

@@ -20,8 +20,6 @@ import numpy as np
 from evertwin.errors import UsageError
 from evertwin.types import Vector
 
-__all__ = ["SarsaSettings", "findings", "propose"]
-
 
 @dataclass(frozen=True)
 class SarsaSettings:

@@ -13,8 +13,6 @@ import numpy as np
 from evertwin.correction.sarsa_settings import SarsaSettings
 from evertwin.types import Bool, Float64, Int64, Vector
 
-__all__ = ["Table", "read_table"]
-
 
 @dataclass(frozen=True)
 class Table:

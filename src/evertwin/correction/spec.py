@@ -13,8 +13,6 @@ from evertwin.settings.kinds import Duration, Finite, Radians, Size, Spread
 from evertwin.settings.notes import Rows
 from evertwin.settings.section import Section
 
-__all__ = ["CorrectionSpec", "SarsaSpec"]
-
 
 @dataclass(frozen=True)
 class SarsaSpec(Section):

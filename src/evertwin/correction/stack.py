@@ -24,8 +24,6 @@ from evertwin.models.terms.contract import CorrectionTerm
 from evertwin.models.terms.registry import kind
 from evertwin.types import ParameterVector
 
-__all__ = ["Part", "Stack", "bounded"]
-
 
 @dataclass(frozen=True)
 class Part:

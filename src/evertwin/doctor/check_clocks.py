@@ -31,8 +31,6 @@ from evertwin.sync.horizon import restarts, trusted
 from evertwin.sync.lag import SharedLag, shared_lag
 from evertwin.types import Outputs, Vector
 
-__all__ = ["Clocks", "look_clocks"]
-
 MOST = 200_000
 """Rows that are compared."""
 PIECE = 10.0

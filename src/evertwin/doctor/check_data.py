@@ -12,8 +12,6 @@ from evertwin.fold import Event, Mark
 from evertwin.sources.tally import Tally
 from evertwin.sync.horizon import residuals
 
-__all__ = ["look_data"]
-
 LOST = 0.05
 """Share of an output's samples that may go unused."""
 NAMED = 3

@@ -21,8 +21,6 @@ from evertwin.errors import DataError, UsageError
 from evertwin.loop.correcting import sarsa_settings
 from evertwin.types import Vector
 
-__all__ = ["look_settings"]
-
 LITTLE = 0.1
 """Share of the command that must be missed before a table has something to learn."""
 CLEAR = 3.0

@@ -21,8 +21,6 @@ from evertwin.tuning import Fit, Problem, solve
 from evertwin.tuning.advice import advise
 from evertwin.tuning.identifiability import connected
 
-__all__ = ["look_bounds", "look_tuning"]
-
 
 def look_bounds(setup: Setup, versions: Versions, version: Version) -> Iterator[Finding]:
     """Start values that lie on a bound of theirs."""

@@ -27,8 +27,6 @@ from evertwin.sync.horizon import restarts, trusted
 from evertwin.sync.lag import agreement
 from evertwin.types import Vector
 
-__all__ = ["FACTORS", "look_lags", "look_units"]
-
 FACTORS: tuple[tuple[float, str], ...] = (
     (-1.0, "-1 (the sign is reversed)"),
     *((10.0**n, f"10^{n}") for n in (1, -1, 2, -2, 3, -3, 6, -6)),

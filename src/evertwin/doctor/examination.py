@@ -19,8 +19,6 @@ from evertwin.sources.tally import Tally
 from evertwin.sync.horizon import restarts
 from evertwin.types import Outputs, ParameterVector, Vector
 
-__all__ = ["Changes", "View", "changes", "view"]
-
 MOST = 20_000
 """Rows that are tuned and compared on."""
 

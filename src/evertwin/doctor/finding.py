@@ -10,8 +10,6 @@ from typing import Any
 from evertwin.fold import plain
 from evertwin.types import Json
 
-__all__ = ["Diagnosis", "Finding"]
-
 
 @dataclass(frozen=True)
 class Finding:

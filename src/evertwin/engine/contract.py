@@ -29,8 +29,6 @@ from evertwin.errors import EvertwinError, UsageError
 from evertwin.fold.records import Answer, Request
 from evertwin.types import Json
 
-__all__ = ["Engine", "Job", "answered", "check_new"]
-
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 Job: TypeAlias = Callable[[], Mapping[str, Json]]

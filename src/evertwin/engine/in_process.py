@@ -7,8 +7,6 @@ from collections.abc import Callable, Iterable
 from evertwin.engine.contract import Item, Job, Result, answered, check_new
 from evertwin.fold.records import Answer, Request
 
-__all__ = ["InProcess"]
-
 
 class InProcess:
     """Runs each job when its answer is asked for; nothing limits it.

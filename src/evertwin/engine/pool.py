@@ -24,8 +24,6 @@ from evertwin.engine.spec import EngineSpec
 from evertwin.errors import UsageError
 from evertwin.fold.records import Answer, Request
 
-__all__ = ["Pool"]
-
 
 class _Task(NamedTuple):
     """A job on its way."""

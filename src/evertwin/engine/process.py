@@ -21,8 +21,6 @@ from typing import Any
 from evertwin.engine.spec import EngineSpec
 from evertwin.errors import UsageError, WorkLost
 
-__all__ = ["Process", "packed"]
-
 START = 120.0
 """Time that a process may take to start [s]."""
 GRACE = 5.0

@@ -10,8 +10,6 @@ from annotated_types import Ge, Gt, Le
 from evertwin.settings.notes import Quantity
 from evertwin.settings.section import Section
 
-__all__ = ["EngineSpec"]
-
 
 @dataclass(frozen=True)
 class EngineSpec(Section):

@@ -24,8 +24,6 @@ from pathlib import Path
 
 from evertwin.errors import WorkLost
 
-__all__ = ["main"]
-
 PR_SET_PDEATHSIG = 1
 LAST = 0.5
 """Time that a process without a job has to end by itself [s]."""

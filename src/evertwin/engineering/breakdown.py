@@ -40,16 +40,6 @@ from evertwin.settings.notes import Free, Hidden, Path, PlacedError
 from evertwin.settings.section import Section
 from evertwin.types import Json
 
-__all__ = [
-    "BREAKDOWN",
-    "SCHEMA",
-    "Breakdown",
-    "Place",
-    "Subsystem",
-    "System",
-    "read_breakdown",
-]
-
 SCHEMA = 1
 """Version of the breakdown file that this evertwin reads."""
 

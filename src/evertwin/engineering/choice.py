@@ -34,8 +34,6 @@ from evertwin.engineering.sensitivity import Sobol, sobol
 from evertwin.tuning import Fit, Problem, solve
 from evertwin.types import Vector
 
-__all__ = ["Choice", "Chosen", "Question", "choose", "first_answer", "questions", "spans_of"]
-
 
 class Question(NamedTuple):
     """A parameter and what is known of it before any sample is drawn.

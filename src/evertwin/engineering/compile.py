@@ -51,8 +51,6 @@ from evertwin.models import Model
 from evertwin.settings.document import Document
 from evertwin.types import Json
 
-__all__ = ["Built", "ModelPlan", "compile_model", "levels_of"]
-
 _NAMED = re.compile(r"component '([^']+)'")
 
 

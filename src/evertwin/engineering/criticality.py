@@ -27,8 +27,6 @@ from evertwin.engineering.history import History, read_history
 from evertwin.engineering.parts import Component, Role
 from evertwin.errors import ConfigError, DataError
 
-__all__ = ["Criticality", "history_of", "rank"]
-
 
 @dataclass(frozen=True)
 class Criticality:

@@ -29,8 +29,6 @@ from evertwin.loop.work import Work
 from evertwin.settings.document import Document
 from evertwin.tuning import Problem
 
-__all__ = ["Engineered", "engineer"]
-
 OURS = {"model": ("kind", "options", "parameters"), "tuning": ("editable", "weights")}
 """What a breakdown decides elsewhere than under ``[twin]``."""
 PATHS = (".urdf", ".py", ".xml", ".mo", ".fmu", ".csv", ".mat")

@@ -20,8 +20,6 @@ from evertwin.engineering.compile import ModelPlan
 from evertwin.engineering.study import Study
 from evertwin.engineering.twin_file import inline, key, sections
 
-__all__ = ["TwinText"]
-
 
 @dataclass(frozen=True)
 class TwinText:

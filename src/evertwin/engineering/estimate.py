@@ -21,8 +21,6 @@ from typing import Any, NamedTuple
 
 from evertwin.errors import UsageError
 
-__all__ = ["FRICTION", "LAWS", "Estimate", "estimate"]
-
 FRICTION: Mapping[frozenset[str], tuple[float, float]] = {
     frozenset({"steel"}): (0.15, 0.10),
     frozenset({"steel", "bronze"}): (0.18, 0.10),

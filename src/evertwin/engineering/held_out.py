@@ -27,8 +27,6 @@ from evertwin.fold import plain
 from evertwin.tuning.statistics import autocorrelation, dependences, ljung_box
 from evertwin.types import Inputs, Json, Outputs, Vector
 
-__all__ = ["OutputReport", "Rules", "Run", "ValidationReport", "validate"]
-
 WHITE = 0.01
 """Probability below which a residual is not white, or depends on an input."""
 FEWEST = 30

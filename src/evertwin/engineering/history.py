@@ -29,8 +29,6 @@ from pathlib import Path
 from evertwin.errors import DataError, UsageError
 from evertwin.settings.quantity import number
 
-__all__ = ["YEAR", "History", "read_history"]
-
 YEAR = 365.25 * 86400.0
 """[s]"""
 SHIFT = 8.0 * 3600.0

@@ -20,8 +20,6 @@ from evertwin.engineering.breakdown import Breakdown
 from evertwin.errors import ConfigError
 from evertwin.tuning import Problem, solve
 
-__all__ = ["Found", "Identified", "asked", "identify"]
-
 
 @dataclass(frozen=True)
 class Found:

@@ -19,8 +19,6 @@ from typing import NamedTuple
 
 from evertwin.engineering.parts import Component, Level, Role
 
-__all__ = ["LevelChoice", "Missing", "level_of"]
-
 HOW = {
     "structural": "weigh and measure it, or take it from the CAD file",
     "kinematic": "read it in the manual or off the name plate, or count turns by hand",

@@ -41,17 +41,6 @@ from evertwin.models import LinearModel
 from evertwin.tuning import Problem
 from evertwin.types import Float64
 
-__all__ = [
-    "Inside",
-    "Link",
-    "Signal",
-    "Virtual",
-    "file_against_model",
-    "inside",
-    "links",
-    "virtual_sensors",
-]
-
 NOTHING = 1e-9
 """Effect below which a signal does not see a parameter."""
 

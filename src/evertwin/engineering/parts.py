@@ -19,22 +19,6 @@ from evertwin.settings.notes import Free, Key, Quantity, Shorthand
 from evertwin.settings.section import Section
 from evertwin.types import Json
 
-__all__ = [
-    "Component",
-    "CostPart",
-    "DataKind",
-    "DataPart",
-    "Level",
-    "ModelPart",
-    "Override",
-    "ParameterOverride",
-    "ParameterPart",
-    "Requirements",
-    "Role",
-    "Sensor",
-    "Wear",
-]
-
 DataKind: TypeAlias = Literal["structural", "kinematic", "dynamic"]
 Level: TypeAlias = Literal["white", "grey", "black"]
 Role: TypeAlias = Literal["critical", "supporting"]

@@ -49,8 +49,6 @@ try:
 except ModuleNotFoundError as error:
     raise MissingExtra.of(str(error.name), "engineering") from error
 
-__all__ = ["Morris", "Sobol", "counted", "few", "morris", "sobol"]
-
 Samples: TypeAlias = Float64[np.ndarray, "s k"]
 PerOutputParameter: TypeAlias = Float64[np.ndarray, "ny k"]
 

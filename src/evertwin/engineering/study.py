@@ -34,8 +34,6 @@ from evertwin.fold import plain
 from evertwin.tuning import Problem
 from evertwin.types import Json
 
-__all__ = ["Study", "modelled", "study"]
-
 
 @dataclass(frozen=True)
 class Study:

@@ -12,8 +12,6 @@ from collections.abc import Iterator, Sequence
 
 from evertwin.engineering.study import Study
 
-__all__ = ["summary", "table"]
-
 
 def summary(study: Study) -> str:
     """The whole study, step by step."""

@@ -18,8 +18,6 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-__all__ = ["inline", "key", "sections"]
-
 WIDTH = 100
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 

@@ -27,8 +27,6 @@ from evertwin.loop.windows import starts
 from evertwin.models import Model
 from evertwin.types import Inputs, Intervals, Json, ParameterVector
 
-__all__ = ["Validation", "validated"]
-
 
 @dataclass(frozen=True)
 class Validation:

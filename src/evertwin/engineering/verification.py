@@ -24,8 +24,6 @@ from typing import Literal
 from evertwin.fold import plain
 from evertwin.types import Json
 
-__all__ = ["Check", "VerificationReport"]
-
 
 @dataclass(frozen=True)
 class Check:

@@ -25,8 +25,6 @@ from evertwin.models import Model, check_model
 from evertwin.models.configured import configured
 from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
 
-__all__ = ["verify"]
-
 ROWS = 200
 """Rows that are looked at."""
 STEP = 0.01

@@ -34,8 +34,6 @@ from evertwin.machines.arm.rnea import BODY, JOINT
 from evertwin.machines.catalog import machine
 from evertwin.types import Float64, Inputs, Outputs, ParameterVector, Vector
 
-__all__ = ["verify_arm"]
-
 TORQUE, EXACT, POWER, ENERGY = 1e-7, 1e-12, 1e-6, 1e-6
 """Limits: torque [Nm], mass matrix and gravity, power and energy relative to what flows."""
 ROWS = 200

@@ -20,8 +20,6 @@ from evertwin.machines.thermal import ThermalBox
 from evertwin.models import Model
 from evertwin.types import ParameterVector
 
-__all__ = ["closed_forms"]
-
 
 def closed_forms(model: Model, p: ParameterVector) -> tuple[Check, ...]:
     """The checks that there are for this kind of machine."""

@@ -28,8 +28,6 @@ from evertwin.tuning import Fit, Iteration, Problem, Schedule, solve, weights_fr
 from evertwin.tuning.iteration import relative
 from evertwin.types import ParameterVector, Vector
 
-__all__ = ["Measured", "Weighed", "measure", "weigh"]
-
 FEWEST, MOST = 24, 120
 """Tunings that the schedule is measured over: twice its longest period."""
 BUDGET = 50_000

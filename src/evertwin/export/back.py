@@ -19,8 +19,6 @@ import scipy
 from evertwin.errors import DataError
 from evertwin.export.matlab import identifier
 
-__all__ = ["values_in"]
-
 _DAMAGE = (ValueError, TypeError, NotImplementedError, LookupError)
 
 

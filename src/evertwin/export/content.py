@@ -23,8 +23,6 @@ from evertwin.store import Estimate, Store
 from evertwin.sync.horizon import trusted
 from evertwin.types import Inputs, Outputs, Vector
 
-__all__ = ["Exported", "Trajectories", "exported"]
-
 
 @dataclass(frozen=True)
 class Trajectories:

@@ -25,8 +25,6 @@ from evertwin.export.content import Exported
 from evertwin.fold.records import plain
 from evertwin.machines.catalog import FILES
 
-__all__ = ["need_of", "reading_options", "write_fmu"]
-
 _SCRIPT = '''"""{name}, version {number}: {need}."""
 
 from pathlib import Path

@@ -17,8 +17,6 @@ from evertwin.export.modelica_text import json_text
 from evertwin.export.urdf import urdf_bytes
 from evertwin.files import write_whole
 
-__all__ = ["FORMATS", "Writer", "Written", "write"]
-
 Writer = Callable[[Exported, Path], str | None]
 """Writes a file, or raises an error of `evertwin.errors` and writes nothing. What a reader of the
 file has to know may come back as one sentence."""

@@ -20,8 +20,6 @@ import scipy
 from evertwin.errors import UsageError
 from evertwin.export.content import Exported
 
-__all__ = ["identifier", "mat_bytes"]
-
 LONGEST = 63
 """Characters of a MATLAB name."""
 

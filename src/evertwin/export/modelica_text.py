@@ -9,8 +9,6 @@ from evertwin.export.content import Exported
 from evertwin.fold import plain
 from evertwin.types import Json
 
-__all__ = ["SCHEMA", "document", "json_text"]
-
 SCHEMA = "evertwin.model/1"
 
 

@@ -28,8 +28,6 @@ from evertwin.machines.arm.rnea import BODY
 from evertwin.machines.friction.terms.coulomb import COULOMB
 from evertwin.machines.friction.terms.viscous import VISCOUS
 
-__all__ = ["roll_pitch_yaw", "urdf_bytes"]
-
 JOINT = 13
 """Numbers of the geometry per joint: rotation, position, kind."""
 KEPT = tuple(term.coefficients[0].name for term in (VISCOUS, COULOMB))

@@ -19,8 +19,6 @@ from evertwin.errors import UsageError
 from evertwin.fold.block import Block
 from evertwin.types import Int64
 
-__all__ = ["Beat"]
-
 
 @dataclass(frozen=True)
 class Beat:

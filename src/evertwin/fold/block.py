@@ -24,8 +24,6 @@ from evertwin.errors import DataError
 from evertwin.fold.marks import Mark
 from evertwin.types import Bools, Inputs, Intervals, Marks, Outputs, Stamps, Tasks
 
-__all__ = ["Block", "concatenate", "make_block", "take"]
-
 LARGEST = 1e100
 """Largest size of a number that can be a measurement: beyond it squares would overflow."""
 

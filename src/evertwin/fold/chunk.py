@@ -11,8 +11,6 @@ from typing import NamedTuple
 
 from evertwin.types import Outputs, Stamps
 
-__all__ = ["Chunk"]
-
 
 class Chunk(NamedTuple):
     """n ≥ 1 samples of one source, in the order of their arrival.

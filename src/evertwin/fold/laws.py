@@ -26,8 +26,6 @@ from evertwin.fold.online import Online, Out
 from evertwin.fold.records import canonical
 from evertwin.fold.state import copy, equal, load, save
 
-__all__ = ["check_online", "fold"]
-
 
 def fold(stage: Online[Any, Block], blocks: Iterable[Block], state: Any = None) -> tuple[Any, Out]:
     """``stage`` over consecutive blocks: the final state and the concatenated `Out`."""

@@ -11,8 +11,6 @@ from __future__ import annotations
 
 from enum import IntEnum
 
-__all__ = ["Mark"]
-
 
 class Mark(IntEnum):
     """Quality of one sample, from trusted to refused.

@@ -22,8 +22,6 @@ from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 from evertwin.fold.records import Record, Request
 
-__all__ = ["Online", "Out"]
-
 State = TypeVar("State")
 In = TypeVar("In", contravariant=True)
 

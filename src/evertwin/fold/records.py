@@ -21,8 +21,6 @@ import numpy as np
 from evertwin.errors import DataError
 from evertwin.types import Json
 
-__all__ = ["Answer", "Event", "Record", "Request", "canonical", "plain"]
-
 
 def plain(value: object) -> Json:
     """``value`` as plain Python scalars, tuples and dictionaries; NumPy and dataclasses included.

@@ -12,8 +12,6 @@ from dataclasses import dataclass
 
 from evertwin.errors import UsageError
 
-__all__ = ["MOST", "Span"]
-
 MOST = 1_000_000
 """Rows of the longest span: with forty columns they take 320 MB."""
 

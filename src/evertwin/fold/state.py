@@ -23,8 +23,6 @@ import numpy as np
 
 from evertwin.errors import StoreError
 
-__all__ = ["copy", "equal", "filled", "leaves", "load", "save"]
-
 S = TypeVar("S")
 
 

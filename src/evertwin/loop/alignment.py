@@ -34,8 +34,6 @@ from evertwin.sync import Align, AlignState, Feed, Rows
 from evertwin.sync.derive import Derive, DeriveState, Operation, Taken
 from evertwin.sync.horizon import nanoseconds
 
-__all__ = ["Alignment", "AlignmentState", "low_pass"]
-
 QUIET = ("task_shifted",)
 """Notes of the alignment that are no event of the machine."""
 AT_ROW, HELD = "", "held "

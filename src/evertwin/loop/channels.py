@@ -7,8 +7,6 @@ from evertwin.errors import ConfigError
 from evertwin.models import Model
 from evertwin.signals.units import compatible
 
-__all__ = ["check_units", "is_held", "is_measured", "recorded_as"]
-
 
 def is_measured(spec: TwinSpec, name: str) -> bool:
     """Is an output recorded? A virtual sensor is not."""

@@ -14,8 +14,6 @@ from evertwin.loop.versions import Versions
 from evertwin.models.form import Version
 from evertwin.types import Json
 
-__all__ = ["Comparison", "compare"]
-
 
 @dataclass(frozen=True)
 class Comparison:

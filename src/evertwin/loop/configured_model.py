@@ -12,8 +12,6 @@ from evertwin.models import Model, Parameter, Parameters
 from evertwin.models.configured import configured
 from evertwin.signals import Layout
 
-__all__ = ["model_of"]
-
 
 def model_of(spec: TwinSpec, given: Model | None = None) -> Model:
     """The base model of a twin: ``given``, or the one that the file names.

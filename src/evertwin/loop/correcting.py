@@ -25,8 +25,6 @@ from evertwin.models.corrected import build
 from evertwin.models.form import Form, Term, Version
 from evertwin.models.terms.rows import level_count
 
-__all__ = ["learn"]
-
 Windows = tuple[Block, ...]
 SHOWN = ("channel", "levels", "values", "visits", "learned")
 """What an event keeps of a translation table."""

@@ -10,8 +10,6 @@ from evertwin.fold import Block, take
 from evertwin.loop.channels import recorded_as
 from evertwin.models import Model
 
-__all__ = ["cropped"]
-
 
 def cropped(task: Block, spec: TwinSpec, model: Model) -> Block | None:
     """The rows of a task that ``[clock.crop]`` keeps; None where none is left.

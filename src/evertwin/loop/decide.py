@@ -21,8 +21,6 @@ from evertwin.loop.scores import new_scores
 from evertwin.loop.twin_state import CORRECT, FIT, PROBATION, TRIAL, WATCH, TwinState
 from evertwin.models.form import Form
 
-__all__ = ["Decide", "Decision"]
-
 
 @dataclass
 class Decision:

@@ -27,8 +27,6 @@ from evertwin.config.spec import AnomalySpec
 from evertwin.fold import Event, Record
 from evertwin.loop.released import Released
 
-__all__ = ["Detect", "DetectState"]
-
 QUIET = 1000
 """Rows without a further drift of an output that end an excursion."""
 

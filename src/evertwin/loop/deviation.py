@@ -13,8 +13,6 @@ import numpy as np
 
 from evertwin.types import Vector
 
-__all__ = ["Sums", "deviation", "new_sums"]
-
 
 class Sums(NamedTuple):
     """Sums over the rows with a known residual, per output.

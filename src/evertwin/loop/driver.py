@@ -26,8 +26,6 @@ from evertwin.loop.versions import Versions
 from evertwin.loop.work import Work
 from evertwin.store import Checkpoint, Store
 
-__all__ = ["Driver", "Outside"]
-
 STRIDE = 4096
 """Most rows that are folded at once."""
 WORTH = 3

@@ -17,8 +17,6 @@ from evertwin.engine.contract import Engine
 from evertwin.engine.spec import EngineSpec
 from evertwin.errors import UsageError
 
-__all__ = ["Engines"]
-
 
 class Engines:
     """The engines of one twin, one per number of workers; all stay warm until they are closed."""

@@ -19,8 +19,6 @@ from evertwin.models.batch import Batch
 from evertwin.sync.horizon import residuals, restarts
 from evertwin.types import Json, Outputs, ParameterVector, Vector
 
-__all__ = ["Deviation", "Prediction", "deviations", "predict"]
-
 
 @dataclass(frozen=True)
 class Prediction:

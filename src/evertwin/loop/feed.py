@@ -28,8 +28,6 @@ from evertwin.sources.recorded import Cell, Clock, Recorded
 from evertwin.sources.tally import Tally
 from evertwin.sync import Feed as Brings
 
-__all__ = ["COLUMNS", "Data", "Feed", "chunk_of"]
-
 Data: TypeAlias = (
     "str | Path | Sequence[str | Path] | Mapping[str, Any] | Block | Iterable[Block] | None"
 )

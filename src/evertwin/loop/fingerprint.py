@@ -16,8 +16,6 @@ import numpy as np
 
 from evertwin.fold import Block, take
 
-__all__ = ["Fingerprint", "Followed"]
-
 
 class Fingerprint:
     """A running hash over rows: stamps, values, marks, and where tasks begin.

@@ -32,8 +32,6 @@ from evertwin.tuning import Fit, Problem
 from evertwin.tuning.interrupt import Interrupt
 from evertwin.types import Json
 
-__all__ = ["FitResult", "Tuned", "Watch", "fit", "listed", "named", "tune"]
-
 Watch: TypeAlias = Callable[[int, float], bool]
 """Called with (evaluations so far, cost) while a search runs; False ends it, best so far kept."""
 

@@ -20,8 +20,6 @@ from evertwin.loop.versions import Versions
 from evertwin.models.form import Form
 from evertwin.sync import Horizon, Track
 
-__all__ = ["EMPTY", "Follow", "Followed"]
-
 EMPTY = Lane(-1, (), ())
 NONE = np.zeros(0, dtype=np.int64)
 

@@ -19,8 +19,6 @@ from evertwin.machines.friction import Rung
 from evertwin.tuning import Problem
 from evertwin.tuning.terms import climb_terms
 
-__all__ = ["Laddered", "climb_laws"]
-
 PARTS = 4
 """Parts that a single task is cut into."""
 

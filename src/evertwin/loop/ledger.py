@@ -18,8 +18,6 @@ from evertwin.loop.versions import Versions
 from evertwin.models.form import Version
 from evertwin.store import Batch, Entry, Estimate, Kept, Store
 
-__all__ = ["Begun", "Ledger"]
-
 SWITCHES = ("promoted", "rolled_back", "configured")
 ORDERS = (*SWITCHES, "pinned")
 

@@ -32,8 +32,6 @@ from evertwin.store import Batch
 from evertwin.sync import Feed
 from evertwin.types import Marks, Outputs, Stamps
 
-__all__ = ["Live", "View"]
-
 SOURCES = "sources"
 
 

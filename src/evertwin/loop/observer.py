@@ -19,8 +19,6 @@ from evertwin.models import Parameters
 from evertwin.signals import wrap
 from evertwin.tuning.iteration import Round
 
-__all__ = ["Observer"]
-
 OFTEN = 100_000
 """Rows between two reports of progress."""
 

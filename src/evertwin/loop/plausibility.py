@@ -10,8 +10,6 @@ from evertwin.signals import Layout
 from evertwin.sync import Arbiter, Phases, Rule
 from evertwin.sync.spec import GroupSpec
 
-__all__ = ["arbiter_of"]
-
 
 def arbiter_of(spec: TwinSpec, model: Model) -> Arbiter:
     """The arbiter over a model's outputs, in SI."""

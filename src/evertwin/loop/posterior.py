@@ -22,8 +22,6 @@ from evertwin.models.corrected import Corrected
 from evertwin.tuning import Problem
 from evertwin.tuning.assemble import Outcome, assemble
 
-__all__ = ["posterior"]
-
 
 def posterior(
     setup: Setup, model: Model, proposal: Proposal, windows: tuple[Block, ...]

@@ -16,8 +16,6 @@ import numpy as np
 
 from evertwin.fold import Block, concatenate, take
 
-__all__ = ["ENOUGH", "measured", "rate_of"]
-
 ENOUGH = 64
 """Rows that the rate is taken from: the first ones, so that it never changes on the way."""
 

@@ -20,8 +20,6 @@ from evertwin.sync.horizon import residuals
 from evertwin.tuning import Fit, Problem, Recursive
 from evertwin.types import Vector
 
-__all__ = ["Recursion"]
-
 
 @dataclass(frozen=True)
 class Recursion:

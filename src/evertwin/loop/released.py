@@ -8,8 +8,6 @@ import numpy as np
 
 from evertwin.types import Bools, Outputs
 
-__all__ = ["Released", "Waiting"]
-
 
 class Released(NamedTuple):
     """Rows that are ready to be judged; filtered where the twin has a filter.

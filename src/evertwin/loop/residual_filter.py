@@ -15,8 +15,6 @@ import numpy as np
 from evertwin.loop.released import Released, Waiting
 from evertwin.signals.fir import Symmetric
 
-__all__ = ["ResidualFilter"]
-
 
 @dataclass(frozen=True)
 class ResidualFilter:

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
-__all__ = ["OutputFigures", "RunResult"]
-
 
 @dataclass(frozen=True)
 class OutputFigures:

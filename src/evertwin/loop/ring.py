@@ -18,8 +18,6 @@ import numpy as np
 from evertwin.errors import UsageError
 from evertwin.fold import Block, take
 
-__all__ = ["NO_ROWS", "Ring", "Rows", "split"]
-
 
 class Rows(NamedTuple):
     """State of `Ring`: rows by number modulo capacity.

@@ -33,8 +33,6 @@ from evertwin.loop.setup import Setup
 from evertwin.loop.twin_state import TwinState
 from evertwin.store import Batch, Checkpoint
 
-__all__ = ["Run", "settings_hash"]
-
 log = logging.getLogger("evertwin")
 SECONDS = 1.0
 """Time from checkpoint to checkpoint where no rows are given: what a crash costs at most."""

@@ -21,8 +21,6 @@ from evertwin.models.form import Version
 from evertwin.store import Batch, Checkpoint, Entry, Kept, Progress
 from evertwin.store.kinds import encode, kind_of, row_of
 
-__all__ = ["RunLog"]
-
 HEEDED = ("promoted", "rolled_back", "pinned")
 
 

@@ -16,8 +16,6 @@ from evertwin.loop.released import Released
 from evertwin.loop.twin_state import Scores
 from evertwin.types import Bool, Int64
 
-__all__ = ["NEVER", "Watch", "accumulate", "new_scores"]
-
 
 def new_scores(outputs: int, updates: np.ndarray, row: int, scale: np.ndarray) -> Scores:
     """Empty scores, as at the start and at each change of champion."""

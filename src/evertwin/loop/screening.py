@@ -16,8 +16,6 @@ from evertwin.loop.setup import Setup
 from evertwin.models import Model
 from evertwin.types import Outputs, ParameterVector
 
-__all__ = ["screened"]
-
 FAR = 100.0
 """Distance from the median, in widths of the middle 98 % of the channel, that is absurd."""
 

@@ -22,8 +22,6 @@ from evertwin.fold import Block, take
 from evertwin.loop.fingerprint import Fingerprint
 from evertwin.loop.ledger import Begun, Ledger
 
-__all__ = ["Place", "find", "later"]
-
 
 class Place(NamedTuple):
     """Where a run begins in the data.

@@ -28,8 +28,6 @@ from evertwin.sync import Track
 from evertwin.sync.horizon import nanoseconds
 from evertwin.trial import Probation, Trial
 
-__all__ = ["Setup", "matching"]
-
 FEW = 5
 """Fewest samples that a deviation is judged on at a beat."""
 SEGMENT = 1.0

@@ -17,8 +17,6 @@ from evertwin.fold import Answer, Request
 from evertwin.loop.twin_state import CORRECT, TwinState
 from evertwin.loop.work import Task, Work, rejected
 
-__all__ = ["SlowWork"]
-
 
 @dataclass
 class SlowWork:

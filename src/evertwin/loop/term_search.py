@@ -29,8 +29,6 @@ from evertwin.models.terms.rows import Rows
 from evertwin.tuning import Fit, Problem, solve
 from evertwin.types import Json, ParameterVector
 
-__all__ = ["Formed", "check_initials", "initials", "own_start", "with_terms"]
-
 GAIN = 0.05
 """Least relative fall of the tuned residual that the terms must bring."""
 

@@ -18,8 +18,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-__all__ = ["Trace"]
-
 
 @dataclass
 class Trace:

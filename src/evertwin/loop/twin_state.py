@@ -15,8 +15,6 @@ from evertwin.loop.deviation import Sums
 from evertwin.loop.released import Waiting
 from evertwin.loop.ring import Rows
 
-__all__ = ["CORRECT", "FIT", "PROBATION", "TRIAL", "WATCH", "Agenda", "Lane", "Scores", "TwinState"]
-
 WATCH, FIT, CORRECT, TRIAL, PROBATION = range(5)
 """What the twin is busy with: nothing, a fit, a correction, a challenger, a fresh champion."""
 

@@ -23,8 +23,6 @@ from evertwin.models import Model
 from evertwin.models.corrected import build
 from evertwin.models.form import Form, Version
 
-__all__ = ["Versions"]
-
 
 class Versions:
     """Append-only list of versions over one base model.

@@ -18,8 +18,6 @@ from evertwin.fold import Block, take
 from evertwin.loop.setup import Setup
 from evertwin.sync.horizon import nanoseconds
 
-__all__ = ["apart", "starts", "windows_of"]
-
 Windows = tuple[Block, ...]
 
 

@@ -33,8 +33,6 @@ from evertwin.trial import admit
 from evertwin.tuning import Fit, Iteration, Problem, Schedule, Settings, solve
 from evertwin.types import Json
 
-__all__ = ["Task", "Work", "rejected", "work_of"]
-
 Windows = tuple[Block, ...]
 
 

@@ -21,8 +21,6 @@ from evertwin.models.corrected import build
 from evertwin.models.form import Form
 from evertwin.tuning import Far
 
-__all__ = ["built", "far_of", "formed", "setup_of"]
-
 KEPT = 4
 """Twins that a process keeps."""
 _SETUPS: dict[str, Setup] = {}

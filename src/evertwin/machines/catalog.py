@@ -22,8 +22,6 @@ from typing import Any
 from evertwin.errors import MissingExtra, UsageError, nearest
 from evertwin.models import Model
 
-__all__ = ["MACHINES", "located", "machine"]
-
 MACHINES: Mapping[str, tuple[str, str]] = {
     "arm": ("evertwin.machines.arm:Arm.of", "arm"),
     "assembly": ("evertwin.machines.assembly:assembly", ""),

@@ -60,8 +60,6 @@ from evertwin.types import (
     StateVector,
 )
 
-__all__ = ["Drive", "DriveForce"]
-
 INERTIA, STANDSTILL, LAW = range(3)
 """Places in the context: of the mass in ``p``, the standstill [nm/s], then the law's record."""
 PARTS = 1000

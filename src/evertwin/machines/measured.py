@@ -25,8 +25,6 @@ from evertwin.models.table import TableModel
 from evertwin.signals.units import si_unit, to_si
 from evertwin.sources import open_recording
 
-__all__ = ["Columns", "measured_table"]
-
 Columns: TypeAlias = Mapping[str, str] | Sequence[str]
 """Names of columns with their units; without units, as the file states them."""
 

@@ -14,8 +14,6 @@ import numpy as np
 from evertwin.errors import ConfigError, ModelError
 from evertwin.models import Model
 
-__all__ = ["model_from_file"]
-
 
 def model_from_file(file: str = "", name: str = "model") -> Model:
     """The Model called ``name`` in a Python file.

@@ -30,8 +30,6 @@ from evertwin.models.corrected import build
 from evertwin.models.form import Form
 from evertwin.signals.units import powers
 
-__all__ = ["DESCRIPTION", "TwinSlave", "described_model"]
-
 DESCRIPTION = "model.json"
 
 

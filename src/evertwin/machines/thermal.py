@@ -38,8 +38,6 @@ from evertwin.models.native import OBSERVE, STEP, cfunc
 from evertwin.signals import Channel, Layout
 from evertwin.types import ParameterVector, StateVector
 
-__all__ = ["ThermalBox"]
-
 POWER, CH, GH, CB, GB, HEATER_START, CW, GW, WALL_START = range(9)
 PARTS = 1000
 """Most parts of one step; a row whose interval needs more is an error."""

@@ -17,8 +17,6 @@ from evertwin.prognosis.lives import Lives
 from evertwin.prognosis.parameter_history import dated, history
 from evertwin.store import Store
 
-__all__ = ["alarmed"]
-
 
 class Day(NamedTuple):
     """The present day.

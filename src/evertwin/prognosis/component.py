@@ -12,8 +12,6 @@ from evertwin.prognosis.course import Course
 from evertwin.prognosis.formula import Formula
 from evertwin.prognosis.laws import Indicator, Life, NotEnough, Workload
 
-__all__ = ["ComponentLife", "said"]
-
 
 @dataclass(frozen=True)
 class ComponentLife:

@@ -15,8 +15,6 @@ import numpy as np
 from evertwin.prognosis.laws import Fleet, Indicator, Life, Limit, Workload, predict_life
 from evertwin.types import Float64, Vector
 
-__all__ = ["Course", "course"]
-
 LEVELS = 8
 RECENT = 7
 """Values that today's level is taken from."""

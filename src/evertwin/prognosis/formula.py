@@ -21,8 +21,6 @@ import numpy as np
 
 from evertwin.errors import UsageError
 
-__all__ = ["Formula"]
-
 _BINARY: Mapping[type, Callable[[Any, Any], Any]] = {
     ast.Add: np.add, ast.Sub: np.subtract, ast.Mult: np.multiply, ast.Div: np.divide,
     ast.Pow: np.power,

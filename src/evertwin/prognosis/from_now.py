@@ -11,8 +11,6 @@ import numpy as np
 
 from evertwin.prognosis.laws import Indicator, Life, NotEnough
 
-__all__ = ["seen", "unless_overdue"]
-
 
 def seen(indicator: Indicator, now: float) -> Indicator:
     """The indicator as it is looked at from ``now``, with a note where its newest value is older.

@@ -24,8 +24,6 @@ from evertwin.prognosis.parameter_history import History
 from evertwin.signals.units import compatible
 from evertwin.types import Vector
 
-__all__ = ["check_names", "indicator_of", "series_of"]
-
 
 def check_names(rule: IndicatorSpec, model: Model, found: History) -> None:
     """Refuses what neither the model nor the history knows: it would never have a value.

@@ -29,8 +29,6 @@ from evertwin.signals.channels import position
 from evertwin.signals.units import compatible, conversion, from_si
 from evertwin.types import Vector
 
-__all__ = ["of_table"]
-
 TIMES = ("t", "time", "date", "datetime", "timestamp")
 """Columns of time, in order."""
 DATES = ("date", "datetime")

@@ -12,8 +12,6 @@ from typing import Any, Literal, NamedTuple
 
 from evertwin.fold import Event
 
-__all__ = ["Label", "labels", "notes", "standing"]
-
 DECISIONS = ("confirmed", "postponed", "declined")
 DONE = ("replaced", "adjusted")
 MAINTAINED, WITHDRAWN = "maintained", "withdrawn"

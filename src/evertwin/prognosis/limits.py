@@ -25,8 +25,6 @@ from evertwin.signals import wrap
 from evertwin.signals.units import from_si
 from evertwin.types import ParameterVector
 
-__all__ = ["accuracy_limit", "breakdown_limits", "limit_of"]
-
 DOUBLINGS = 60
 """Steps after which no limit is found."""
 

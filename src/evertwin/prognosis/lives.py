@@ -18,8 +18,6 @@ from evertwin.prognosis.laws.alarms import Alarm
 from evertwin.prognosis.laws.document import component, document
 from evertwin.types import Json
 
-__all__ = ["Lives"]
-
 
 @dataclass(frozen=True)
 class Lives:

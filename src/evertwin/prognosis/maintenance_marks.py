@@ -24,8 +24,6 @@ from evertwin.errors import DataError
 from evertwin.prognosis.laws import Maintenance
 from evertwin.types import Vector
 
-__all__ = ["maintenance_of"]
-
 Kind = Literal["replaced", "adjusted"]
 WORDS: dict[str, Kind] = {"replaced": "replaced", "new": "replaced", "adjusted": "adjusted"}
 NEGATIONS = {"not", "no", "never"}

@@ -13,8 +13,6 @@ from evertwin.prognosis.laws import Maintenance
 from evertwin.signals.units import conversion, from_si
 from evertwin.types import Vector
 
-__all__ = ["Observed", "component_of", "in_unit", "marks_of", "warm_of"]
-
 
 class Observed(NamedTuple):
     """A series before its limit is known.

@@ -20,8 +20,6 @@ from evertwin.prognosis.labels import Label, labels, notes, standing
 from evertwin.store import Estimate, Store
 from evertwin.types import Vector
 
-__all__ = ["History", "Moment", "dated", "history"]
-
 UNITS = {"s": 1.0, "h": 3600.0, "d": 86400.0}
 BETWEEN = 0.5
 """A mark set after run n stands at n + ½."""

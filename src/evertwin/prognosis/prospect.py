@@ -42,8 +42,6 @@ from evertwin.prognosis.wear import wears
 from evertwin.prognosis.workplan import Plan, past_cycles, plan_of, workload
 from evertwin.signals.units import to_si
 
-__all__ = ["Prospect"]
-
 FLEETS = 8
 """Fleets that a process remembers."""
 _LEARNED: dict[str, Fleet] = {}

@@ -19,8 +19,6 @@ from evertwin.prognosis.workplan import Plan, past_cycles, plan_of, workload
 from evertwin.signals.units import to_si
 from evertwin.types import Json
 
-__all__ = ["run_scenario"]
-
 
 def run_scenario(prospect: Prospect, scenario: ScenarioSpec) -> WhatIf:
     """A scenario beside today.

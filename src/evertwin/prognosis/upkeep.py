@@ -26,8 +26,6 @@ from evertwin.prognosis.lives import Lives
 from evertwin.prognosis.observed_series import component_of
 from evertwin.prognosis.prospect import Prospect
 
-__all__ = ["Verdict", "label", "maintenance", "plan"]
-
 Verdict = Literal["confirmed", "postponed", "declined", "withdrawn"]
 
 

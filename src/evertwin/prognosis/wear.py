@@ -24,8 +24,6 @@ from evertwin.signals.channels import position
 from evertwin.signals.units import compatible
 from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector, Vector
 
-__all__ = ["wear", "wears"]
-
 RATE = ".rate"
 """Behind the name of a channel: its change per second, of angles too."""
 STATE = "state."

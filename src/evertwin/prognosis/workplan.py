@@ -22,8 +22,6 @@ from evertwin.prognosis.parameter_history import UNITS
 from evertwin.prognosis.wear import wear
 from evertwin.types import StateVector
 
-__all__ = ["Piece", "Plan", "past_cycles", "plan_of", "workload"]
-
 
 class Piece(NamedTuple):
     """A piece of the work ahead, ready to be simulated.

@@ -13,8 +13,6 @@ from evertwin.engineering.study import Study
 from evertwin.engineering.weights import Measured, Weighed
 from evertwin.tuning import Schedule
 
-__all__ = ["draw_deviation", "draw_map", "draw_schedule", "draw_sensitivity", "draw_tree"]
-
 FILL = {"white": "white", "grey": "0.8", "black": "0.25"}
 INK = {"white": "black", "grey": "black", "black": "white"}
 TUNED, KEPT, LINE = "#1f6fb4", "#b9c4cf", "#c0392b"

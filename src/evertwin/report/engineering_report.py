@@ -15,8 +15,6 @@ from evertwin.report.engineering_pictures import (
 )
 from evertwin.report.html import encoded, write_page
 
-__all__ = ["write_engineering"]
-
 
 def write_engineering(done: Engineered, path: Path) -> None:
     """Writes the report, one file with its pictures inside.

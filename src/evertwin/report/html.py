@@ -15,8 +15,6 @@ from matplotlib.figure import Figure
 from evertwin.errors import UsageError
 from evertwin.files import write_whole
 
-__all__ = ["encoded", "shown", "write_page"]
-
 
 def write_page(template: str, path: Path, content: Mapping[str, Any]) -> None:
     """Renders a template of ``report/templates`` into a file.

@@ -17,8 +17,6 @@ from evertwin.prognosis.lives import Lives
 from evertwin.prognosis.parameter_history import UNITS
 from evertwin.types import Vector
 
-__all__ = ["draw_indicator", "draw_plan"]
-
 VALUE, COURSE, LIMIT, BAND, MARK = "#000000", "#0072B2", "#D55E00", "#56B4E9", "#009E73"
 LAWS = ("#CC79A7", "#E69F00", "#009E73")
 DASHES = ("--", ":", "-.")

@@ -11,8 +11,6 @@ from evertwin.prognosis.lives import Lives
 from evertwin.report.html import encoded, write_page
 from evertwin.report.life_pictures import draw_indicator, draw_plan
 
-__all__ = ["write_prognosis"]
-
 UNITS = {"s": "seconds", "h": "hours", "d": "days"}
 """Clocks of time, in words; the others (run, cycle) are words."""
 

@@ -17,8 +17,6 @@ from evertwin.types import Vector
 if TYPE_CHECKING:
     from evertwin.loop.result import RunResult
 
-__all__ = ["draw_deviation", "draw_intervals", "draw_rounds", "draw_run", "draw_table"]
-
 MEASURED, PREDICTED, UPDATE, BAND = "#000000", "#0072B2", "#D55E00", "#56B4E9"
 
 

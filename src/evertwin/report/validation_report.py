@@ -12,8 +12,6 @@ from evertwin.engineering.validation import Validation
 from evertwin.report.html import encoded, write_page
 from evertwin.tuning.statistics import autocorrelation
 
-__all__ = ["write_validation"]
-
 MOST = 8
 """Outputs that are drawn."""
 

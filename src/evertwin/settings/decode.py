@@ -27,8 +27,6 @@ from evertwin.settings.document import Document
 from evertwin.settings.notes import Path, dotted
 from evertwin.settings.section import Section, field_docs, is_section, setting_at, settings
 
-__all__ = ["adapter", "decode"]
-
 S = TypeVar("S", bound=Section)
 _EXPECTED = {
     "bool_type": "true or false",

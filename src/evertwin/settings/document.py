@@ -22,8 +22,6 @@ from evertwin.settings.lines import Lines, tokens
 from evertwin.settings.notes import Path, PlacedError, dotted
 from evertwin.settings.patterns import written_out
 
-__all__ = ["DEEPEST", "LARGEST", "LONGEST", "Document"]
-
 LARGEST = 300_000
 """Bytes of the largest text: a recording given by mistake is refused at once."""
 DEEPEST = 32

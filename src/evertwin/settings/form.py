@@ -24,8 +24,6 @@ from evertwin.settings.decode import decode
 from evertwin.settings.document import LARGEST, Document
 from evertwin.settings.section import Section
 
-__all__ = ["Form"]
-
 S = TypeVar("S", bound=Section)
 
 

@@ -18,20 +18,6 @@ from annotated_types import Ge, Gt, Le, Lt
 
 from evertwin.settings.notes import Quantity
 
-__all__ = [
-    "Amount",
-    "Count",
-    "Duration",
-    "Finite",
-    "Fraction",
-    "Hertz",
-    "Positive",
-    "Radians",
-    "Seconds",
-    "Size",
-    "Spread",
-]
-
 Amount: TypeAlias = Annotated[float, Quantity()]
 """In the unit of the channel or parameter that it is about."""
 Spread: TypeAlias = Annotated[float, Quantity(difference=True), Ge(0.0)]

@@ -16,8 +16,6 @@ from typing import NamedTuple
 
 from evertwin.settings.notes import Path
 
-__all__ = ["Lines", "Token", "tokens"]
-
 _TOKEN = re.compile(
     r'"""(?:[^\\]|\\.)*?"{3,5}'
     r"|'''.*?'{3,5}"

@@ -28,22 +28,6 @@ if TYPE_CHECKING:
     from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
     from pydantic.json_schema import JsonSchemaValue
 
-__all__ = [
-    "Free",
-    "Hidden",
-    "Inherit",
-    "Key",
-    "Late",
-    "Path",
-    "PlacedError",
-    "Quantity",
-    "Rows",
-    "Shorthand",
-    "dotted",
-    "expand",
-    "told",
-]
-
 T = TypeVar("T")
 Path: TypeAlias = "tuple[str | int, ...]"
 _NAME = re.compile(r"\$\{([A-Za-z_]\w*)(?::-([^}]*))?\}")

@@ -24,8 +24,6 @@ from typing import Any
 
 from evertwin.settings.notes import Path, PlacedError
 
-__all__ = ["MOST", "written_out"]
-
 MOST = 10_000
 """Entries that the patterns of a file may give."""
 _GROUP = re.compile(r"(?<![${])\{(?:(\d{1,9})\.\.(\d{1,9})|([^{},]+(?:,[^{},]+)+))\}(?!\})")

@@ -17,8 +17,6 @@ import re
 from evertwin.errors import UsageError
 from evertwin.signals.units import compatible, conversion, si_unit
 
-__all__ = ["Measured", "as_number", "in_unit", "number", "written"]
-
 LONGEST = 100
 """Signs of the longest text that is read as a quantity."""
 _TEXT = re.compile(

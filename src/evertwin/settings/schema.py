@@ -26,8 +26,6 @@ from evertwin.settings.decode import adapter
 from evertwin.settings.form import Form
 from evertwin.settings.section import Section
 
-__all__ = ["content", "schema"]
-
 _PATTERN = {
     "type": "string",
     "pattern": r"\{.+(,|\.\.).+\}",

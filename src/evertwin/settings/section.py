@@ -47,17 +47,6 @@ if TYPE_CHECKING:
     from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
     from pydantic.json_schema import JsonSchemaValue
 
-__all__ = [
-    "Section",
-    "Setting",
-    "field_docs",
-    "is_section",
-    "section_doc",
-    "setting_at",
-    "settings",
-    "split",
-]
-
 Note = TypeVar("Note")
 _BOUNDS: dict[type, tuple[str, Callable[[float, float], bool]]] = {
     Gt: ("above", operator.gt),

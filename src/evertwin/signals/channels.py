@@ -19,8 +19,6 @@ from evertwin.errors import UsageError, nearest
 from evertwin.signals.units import conversion
 from evertwin.types import Outputs
 
-__all__ = ["Channel", "Layout", "position", "wrap"]
-
 
 def position(names: Sequence[str], name: str, what: str) -> int:
     """Where ``name`` stands among ``names``.

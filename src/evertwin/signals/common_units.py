@@ -16,8 +16,6 @@ from typing import NamedTuple
 
 from evertwin.signals.unit_text import factors
 
-__all__ = ["Known", "common"]
-
 _POWERS: dict[str, dict[str, int]] = {
     **{base: {base: 1} for base in ("A", "K", "kg", "m", "rad", "s")},
     "N": {"kg": 1, "m": 1, "s": -2},

@@ -33,8 +33,6 @@ First: TypeAlias = Float64[np.ndarray, " n"]
 Second: TypeAlias = Float64[np.ndarray, " m"]
 Others: TypeAlias = Int64[np.ndarray, " m"]
 
-__all__ = ["Lag", "Offset", "clock_offset", "lag"]
-
 _MOST = 1 << 18
 """Grid points of the longest comparison."""
 _WINDOWS = (7, 21, 63)

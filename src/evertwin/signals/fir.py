@@ -20,8 +20,6 @@ from evertwin.errors import UsageError
 from evertwin.signals.fir_kernel import smooth
 from evertwin.types import Outputs, Vector
 
-__all__ = ["Symmetric", "slopes"]
-
 TAIL = 1e-3
 """Share of the impulse response that may be cut off."""
 LONGEST = 16_384

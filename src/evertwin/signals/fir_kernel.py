@@ -7,8 +7,6 @@ from numba import njit
 
 from evertwin.types import Outputs, Vector
 
-__all__ = ["LEAST", "smooth"]
-
 LEAST = 0.5
 """Share of the weights that has to fall on known rows."""
 

@@ -23,8 +23,6 @@ Grid: TypeAlias = Int64[np.ndarray, " m"]
 Values: TypeAlias = Float64[np.ndarray, "n k"]
 OnGrid: TypeAlias = Float64[np.ndarray, "m k"]
 
-__all__ = ["linear", "uniform"]
-
 
 def uniform(start: int, stop: int, period: int) -> Stamps:
     """Grid points ``start``, ``start`` + ``period``, … up to ``stop`` [ns].

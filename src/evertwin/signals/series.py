@@ -17,8 +17,6 @@ from evertwin.errors import DataError
 from evertwin.signals.channels import Channel, Layout
 from evertwin.types import Intervals, Outputs, Stamps, Vector
 
-__all__ = ["Series"]
-
 
 @dataclass(frozen=True)
 class Series:

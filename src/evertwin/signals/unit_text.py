@@ -20,8 +20,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import TypeAlias
 
-__all__ = ["factors"]
-
 LONGEST = 64
 """Signs of the longest text that is read."""
 DEEPEST = 4

@@ -22,8 +22,6 @@ from evertwin.signals.unit_text import factors
 if TYPE_CHECKING:
     import pint
 
-__all__ = ["compatible", "conversion", "from_si", "powers", "si_unit", "to_si"]
-
 
 @cache
 def _registry() -> pint.UnitRegistry[Any]:

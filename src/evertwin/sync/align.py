@@ -42,8 +42,6 @@ from evertwin.sync.horizon import nanoseconds
 from evertwin.sync.horizon_loop import NEVER
 from evertwin.types import Bools, Float64, Inputs, Int64, Intervals, Marks, Outputs, Stamps, Tasks
 
-__all__ = ["Align", "AlignState", "Feed", "Rows"]
-
 NOTES = 64
 WORTH = 64
 """Samples from which on whole columns are faster than the compiled loop."""

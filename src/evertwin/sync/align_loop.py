@@ -14,8 +14,6 @@ from numba import njit
 from evertwin.sync.borrow import borrowed
 from evertwin.sync.horizon_loop import NEVER, wrapped
 
-__all__ = ["push"]
-
 SLACK, TIMEOUT = 0, 1
 """Settings per source [ns]."""
 SOURCE, COLUMN, HOW, TURNS = range(4)

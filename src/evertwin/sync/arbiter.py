@@ -44,8 +44,6 @@ from evertwin.signals import Layout
 from evertwin.sync import places as at
 from evertwin.types import Bools, Vector
 
-__all__ = ["Arbiter", "Phases", "Rule"]
-
 SENTINELS = (
     -32768.0, 32767.0, 65535.0, -2147483648.0, 2147483647.0, 4294967295.0, 2143289344.0,
     -999.0, -9999.0, 9999.0, 99999.0, 1e30, 3.4028234663852886e38,

@@ -33,8 +33,6 @@ from evertwin.sync.vote_loop import (
     widen,
 )
 
-__all__ = ["forget", "judge"]
-
 OK, CONTESTED, OVERRULED, ERROR = 0, 4, 5, 6
 ADOPTED, BLENDED, RESET, FIRST = 1, 2, 3, 4
 SYNTAX, FROZEN, FACTOR, VOTE = 1, 4, 6, 7

@@ -12,8 +12,6 @@ from typing import Any
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-__all__ = ["COLD", "HOT", "borrowed"]
-
 COLD: dict[str, Any] = {
     "cache": True, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True,
 }  # fmt: skip

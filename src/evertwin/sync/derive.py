@@ -36,8 +36,6 @@ from evertwin.sync import derive_loop as loop
 from evertwin.sync.align import Rows
 from evertwin.types import Vector
 
-__all__ = ["OPERATIONS", "Derive", "DeriveState", "Operation", "Taken"]
-
 CODES = {
     "filter": loop.FILTER, "derivative": loop.DERIVATIVE, "slope": loop.SLOPE,
     "middle": loop.MIDDLE, "along": loop.ALONG, "way": loop.WAY, "sum": loop.SUM,

@@ -26,8 +26,6 @@ from evertwin.types import (
     Vector,
 )
 
-__all__ = ["Counters", "Lines", "Memory", "Program", "Room", "advance"]
-
 FILTER, DERIVATIVE, SLOPE, MIDDLE, ALONG, WAY, SUM, MEAN, DIFFERENCE, PRODUCT, SCALE, NORM, MAX = (
     range(13)
 )

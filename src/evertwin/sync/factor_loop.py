@@ -18,8 +18,6 @@ from evertwin.sync import places as at
 from evertwin.sync.borrow import COLD
 from evertwin.sync.horizon_loop import wrapped
 
-__all__ = ["blamed", "persists", "scaled"]
-
 FACTOR = 6
 
 

@@ -36,18 +36,6 @@ from evertwin.signals import wrap
 from evertwin.sync.horizon_loop import NEVER, began, plan, run
 from evertwin.types import Bools, Int64, Outputs, ParameterVector, StateVector, Vector
 
-__all__ = [
-    "Horizon",
-    "HorizonRows",
-    "HorizonState",
-    "contiguous",
-    "nanoseconds",
-    "openings",
-    "residuals",
-    "restarts",
-    "trusted",
-]
-
 
 def nanoseconds(seconds: float) -> int:
     """A duration as a whole number of nanoseconds; infinity as the largest one.

@@ -13,8 +13,6 @@ from numba import njit
 from evertwin.models.kernel import ADOPT, ANEW
 from evertwin.models.native import call_observe, call_step
 
-__all__ = ["NEVER", "SLACK", "began", "is_due", "is_known", "plan", "run", "wrapped"]
-
 NEVER = np.iinfo(np.int64).min
 """Stamp of an output that was not adopted since the state started anew."""
 SLACK = 1_000

@@ -32,8 +32,6 @@ from evertwin.signals.delay import Lag, lag
 from evertwin.sync.horizon import trusted
 from evertwin.types import Outputs
 
-__all__ = ["SharedLag", "agreement", "shared_lag"]
-
 SURE = 0.01
 """Chance of calling equal lags different."""
 

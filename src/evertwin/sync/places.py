@@ -10,8 +10,6 @@ from enum import IntEnum
 
 import numpy as np
 
-__all__ = ["FACTORS", "LEARN", "MEMORY", "PHASE", "Cause", "Finding"]
-
 LOW, HIGH, RATE, TOLERANCE, ANGLE, ADOPTS = range(6)
 """Settings per output: possible range and rate, tolerance, is it an angle, can it be adopted?"""
 GATE, VOTE, USE, BLEND, SHARE, GROWTH, FROZEN, TIMEOUT = range(8)

@@ -18,17 +18,6 @@ from evertwin.sync import places as at
 from evertwin.sync.borrow import COLD, HOT
 from evertwin.sync.horizon_loop import wrapped
 
-__all__ = [
-    "credible",
-    "doubted",
-    "grown",
-    "implausible",
-    "learn",
-    "measure",
-    "standstill",
-    "variance_of",
-]
-
 NONE, RANGE, RATE, FROZEN, SENTINEL, FACTOR = 0, 2, 3, 4, 5, 6
 
 

@@ -23,17 +23,6 @@ from evertwin.settings.kinds import (
 from evertwin.settings.notes import Inherit, Key, Quantity, Shorthand
 from evertwin.settings.section import Section
 
-__all__ = [
-    "ArbiterSpec",
-    "ClockSpec",
-    "CropSpec",
-    "DeriveSpec",
-    "FilterSpec",
-    "GroupSpec",
-    "MovingSpec",
-    "SignalSpec",
-]
-
 
 @dataclass(frozen=True)
 class DeriveSpec(Section):

@@ -19,8 +19,6 @@ from evertwin.sync.horizon_loop import is_known, wrapped
 from evertwin.sync.plausible_loop import grown, variance_of
 from evertwin.sync.vote_loop import note
 
-__all__ = ["run"]
-
 TASK, BEGUN = 0, 1
 ABSENT, OVERRULED, ERROR = 1, 5, 6
 FIRST = 4

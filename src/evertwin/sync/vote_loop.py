@@ -14,8 +14,6 @@ from evertwin.sync import places as at
 from evertwin.sync.borrow import COLD
 from evertwin.sync.horizon_loop import wrapped
 
-__all__ = ["agrees", "end_contest", "end_fault", "fault", "note", "remember", "sides", "widen"]
-
 ERROR, OVERRULED, RESTORED, STALE, FRESH, WIDER = range(6)
 VOTE = 7
 

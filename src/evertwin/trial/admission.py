@@ -18,8 +18,6 @@ import numpy as np
 from evertwin.trial.gate import Check
 from evertwin.types import Float64, ParameterVector
 
-__all__ = ["SPREAD", "admit"]
-
 SPREAD = 3.0
 """Standard deviations of its own that a repeated fit may lie from the candidate."""
 

@@ -25,8 +25,6 @@ from evertwin.trial.gate import GateState, figures, new_state, pass_through
 from evertwin.trial.gate_loop import OPEN, OTHER, STAYS
 from evertwin.types import Float64, Vector
 
-__all__ = ["Probation"]
-
 _KINDS: dict[int, Literal["keep", "roll_back"] | None] = {
     OPEN: None, OTHER: "roll_back", STAYS: "keep"
 }  # fmt: skip

@@ -11,8 +11,6 @@ from evertwin.fold.span import Span
 from evertwin.settings.notes import Rows
 from evertwin.settings.section import Section
 
-__all__ = ["TrialSpec"]
-
 
 @dataclass(frozen=True)
 class TrialSpec(Section):

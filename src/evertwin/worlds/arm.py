@@ -22,8 +22,6 @@ from scipy.interpolate import CubicSpline
 from evertwin.types import StateVector, Vector
 from evertwin.worlds.save import save
 
-__all__ = ["Cycle", "Truth", "main", "path", "planned", "record", "solve_path"]
-
 _STEP = 0.001
 
 

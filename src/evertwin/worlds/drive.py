@@ -17,8 +17,6 @@ import numpy as np
 
 from evertwin.types import Float64, Vector
 
-__all__ = ["WORLDS", "Commands", "Drive", "commands", "positions", "sweep", "target"]
-
 
 @dataclass(frozen=True)
 class Drive:

@@ -21,8 +21,6 @@ from evertwin.types import Vector
 from evertwin.worlds.drive import WORLDS, Commands, Drive, commands, positions, sweep, target
 from evertwin.worlds.save import save
 
-__all__ = ["Plan", "light", "main", "simulate"]
-
 
 @dataclass(frozen=True)
 class Plan:

@@ -12,8 +12,6 @@ from evertwin.signals.series import Series
 from evertwin.sources import write
 from evertwin.types import Vector
 
-__all__ = ["save"]
-
 
 def save(path: Path, columns: Mapping[str, Vector], units: Mapping[str, str]) -> None:
     """Writes ``columns``, of which ``t`` holds seconds, each in its unit."""

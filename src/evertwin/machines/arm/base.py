@@ -23,8 +23,6 @@ from evertwin.machines.arm.coupling import Coupling
 from evertwin.machines.arm.rnea import BODY, joint_torques
 from evertwin.types import Float64
 
-__all__ = ["base_parameters", "body_columns"]
-
 
 @njit(cache=True)
 def _columns(geometry: Any, flats: Any, u: Any, out: Any) -> None:

@@ -23,8 +23,6 @@ from evertwin.machines.arm.memory import JOINTS
 from evertwin.machines.arm.urdf import Joint, Robot
 from evertwin.types import Float64
 
-__all__ = ["Chain", "aligned", "serial"]
-
 GRAVITY = (0.0, 0.0, -9.81)
 """In the base's frame [m/s²]: standing upright."""
 

@@ -22,8 +22,6 @@ import numpy as np
 from evertwin.errors import UsageError
 from evertwin.types import Float64, Inputs
 
-__all__ = ["Coupling"]
-
 WORST = 1e6
 """Largest condition number of the matrix."""
 

@@ -35,8 +35,6 @@ from evertwin.machines.arm.urdf import Joint, Link, Robot, rotation
 from evertwin.settings.quantity import Measured, number
 from evertwin.types import Float64
 
-__all__ = ["CONVENTIONS", "TIP", "robot_of", "vector"]
-
 CONVENTIONS = ("standard", "modified")
 BASE, TIP = "base", "tool"
 _KEYS = (

@@ -19,8 +19,6 @@ import numpy as np
 
 from evertwin.types import Float64
 
-__all__ = ["NAMES", "UNITS", "Body", "Matrix", "Position", "matrix", "moved", "of_body", "point"]
-
 Body: TypeAlias = Float64[np.ndarray, "10"]
 Matrix: TypeAlias = Float64[np.ndarray, "3 3"]
 Position: TypeAlias = Float64[np.ndarray, "3"]

@@ -20,8 +20,6 @@ from evertwin.machines.arm.rnea import BODY, joint_torques
 from evertwin.machines.friction.kernel import force
 from evertwin.models.native import OBSERVE, STEP, cfunc
 
-__all__ = ["DRIVE", "HEAD", "adopt", "bodies", "carry", "felt", "moved_motion", "step", "turned"]
-
 N, GEOMETRY, INERTIAS, OTHERS, CHOSEN, PAYLOAD, DELAY, MOTOR, SHARED, COUPLED = range(10)
 HEAD = 10
 """Places of single integers; then n drives of `DRIVE`, then ``CHOSEN`` pairs (number, index in p),

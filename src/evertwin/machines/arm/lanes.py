@@ -19,8 +19,6 @@ from numba import njit
 from evertwin.machines.arm.rnea import BODY, JOINT
 from evertwin.machines.friction.kernel import switch
 
-__all__ = ["W", "batch", "switches"]
-
 W = 32
 """Rows side by side."""
 _Q, _V, _A = 0, W, 2 * W

@@ -23,18 +23,6 @@ from evertwin.models import Parameter, Parameters
 from evertwin.signals import Channel, Layout
 from evertwin.types import Float64, Int64
 
-__all__ = [
-    "Drives",
-    "base_items",
-    "context_of",
-    "drive_items",
-    "drives_of",
-    "inputs_of",
-    "outputs_of",
-    "payload_map",
-    "payload_parameters",
-]
-
 _SLACK = 1.05
 """How far a recording may pass the limits of the description before it cannot be true."""
 

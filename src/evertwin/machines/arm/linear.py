@@ -18,8 +18,6 @@ from evertwin.machines.arm.rnea import BODY
 from evertwin.machines.friction.kernel import FEATURE, PLACE, SHAPE, behind, feature
 from evertwin.types import Int64
 
-__all__ = ["Columns", "columns_of", "fill"]
-
 UNUSED, INERTIA, FRICTION = -1, -2, -3
 """Codes of columns; from 0 on: position among the bodies' columns."""
 

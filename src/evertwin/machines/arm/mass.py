@@ -27,8 +27,6 @@ from numba import njit
 
 from evertwin.machines.arm.rnea import BODY, JOINT
 
-__all__ = ["KEPT", "mass_matrix"]
-
 KEPT = 24
 """Reals of working memory for each joint: rotation (9) and position (3) in the parent, body."""
 _BODY = 12

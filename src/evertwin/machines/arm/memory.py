@@ -23,8 +23,6 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, overload
 
-__all__ = ["JOINTS", "SCRATCH", "reals", "scratch"]
-
 SCRATCH = 160
 """Reals in one piece of working memory: `JOINTS` joints with ten reals each."""
 JOINTS = 16

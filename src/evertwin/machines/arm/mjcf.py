@@ -20,8 +20,6 @@ from evertwin.machines.arm.chain import Chain
 from evertwin.machines.arm.inertia import Body, Matrix, Position, matrix
 from evertwin.machines.arm.rnea import BODY, JOINT
 
-__all__ = ["central", "mjcf_of"]
-
 
 def central(body: Body) -> tuple[float, Position, Matrix]:
     """Mass, centre of mass and inertia about it, of the ten numbers.

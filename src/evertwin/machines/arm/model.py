@@ -48,8 +48,6 @@ from evertwin.models.static import StaticMap
 from evertwin.signals import Layout
 from evertwin.types import Float64, Inputs, Int64, Intervals, Outputs, ParameterVector, StateVector
 
-__all__ = ["BUILT_IN", "Arm", "robot"]
-
 Reals: TypeAlias = "float | Sequence[float]"
 BUILT_IN = ("ur5_like",)
 """Descriptions that come with the package."""

@@ -13,8 +13,6 @@ import numpy as np
 from evertwin.errors import ModelError
 from evertwin.machines.arm.inertia import Matrix
 
-__all__ = ["checked"]
-
 
 def checked(at: str, mass: float, inertia: Matrix | None) -> tuple[str, ...]:
     """Remarks about a body; ``inertia`` about its centre [kg m²], None for a point.

@@ -18,8 +18,6 @@ from typing import Any
 
 from numba import njit
 
-__all__ = ["BODY", "JOINT", "joint_torques"]
-
 JOINT = 13
 """Reals of a joint in ``geometry``, after three of gravity: rotation (9), position (3), slides?"""
 BODY = 10

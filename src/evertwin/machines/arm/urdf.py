@@ -30,8 +30,6 @@ from evertwin.errors import ModelError
 from evertwin.machines.arm.inertia import Matrix, Position
 from evertwin.machines.arm.physical import checked
 
-__all__ = ["Joint", "Link", "Robot", "parse", "read", "rotation"]
-
 LARGEST = 8_000_000
 """Characters that a file may have."""
 _MOVING = ("revolute", "continuous", "prismatic")

@@ -61,8 +61,6 @@ from evertwin.machines.assembly.shared import (
 )
 from evertwin.models.native import OBSERVE, STEP, cfunc
 
-__all__ = ["adopt", "row", "step"]
-
 
 @njit(cache=True)
 def _motion(context: Any, u: Any, bus: Any) -> None:

@@ -20,15 +20,6 @@ from evertwin.models import Kernel, Parameters, kernel_of
 from evertwin.signals import Channel, Layout
 from evertwin.types import Float64, Inputs, Int64, Intervals, ParameterVector, StateVector
 
-__all__ = [
-    "box_channels",
-    "box_plan",
-    "box_start",
-    "box_states",
-    "given_plan",
-    "run_over_rows",
-]
-
 _CHANNELS = {"position": "q", "speed": "qd", "acceleration": "qdd"}
 _READS = {"position": shared.POSITION, "speed": shared.SPEED, "acceleration": shared.ACCELERATION}
 

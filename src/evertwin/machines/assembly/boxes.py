@@ -16,8 +16,6 @@ from evertwin.machines.assembly.context import END, NB, NF, N
 from evertwin.machines.assembly.shared import QUANTITIES, RUBS
 from evertwin.models.native import STEP, call_step, cfunc
 
-__all__ = ["BOX", "address", "box_axis", "pass_on", "run_boxes"]
-
 STEP_AT, CONTEXT_AT, BOX_AXIS, STATES, PARAMETERS, INPUTS, OUTPUTS, EFFORT, SOURCES = range(9)
 BOX = 9
 """Addresses of step and context, axis, first state, first parameter, numbers of inputs and

@@ -24,8 +24,6 @@ from evertwin.machines.assembly.train import Axis, Rub, Train
 from evertwin.machines.friction.kernel import PLACE, fill
 from evertwin.types import Inputs, ParameterVector, Vector
 
-__all__ = ["Column", "axis_columns", "features", "scales"]
-
 Key: TypeAlias = tuple[Any, ...]
 _WHOLE = (shared.EFFORT, shared.MOTOR_TORQUE, shared.MOTOR_CURRENT, shared.MOTOR_VOLTAGE)
 

@@ -51,8 +51,6 @@ from evertwin.machines.assembly.shared import (
     ratio,
 )
 
-__all__ = ["drive", "set_points"]
-
 
 @njit(cache=True)
 def _clamp(value: float, limit: float) -> float:

@@ -17,8 +17,6 @@ from evertwin.machines.assembly.train import Axis, Rub, Train
 from evertwin.machines.friction.kernel import columns_of, record_of
 from evertwin.types import Int64
 
-__all__ = ["AXIS", "HEAD", "RUB", "Columns", "Places", "context_of", "friction_columns"]
-
 (N, ARM, GEOMETRY, INERTIAS, MAP, REALS, CHOSEN, PAYLOAD, NF, NB, NY, NX, SHARED, DRY,
  PATH, PATH_ROWS, PATH_X, OVERRIDE, BOXED, END) = range(20)  # fmt: skip
 HEAD = 20

@@ -41,8 +41,6 @@ from evertwin.signals import Channel, Layout
 from evertwin.signals.channels import position
 from evertwin.types import Float64, Inputs, Intervals, Outputs, ParameterVector, StateVector
 
-__all__ = ["Forward", "forward", "planned"]
-
 ARM_STEP = 1e-3
 """Largest part of a row of an arm by default [s]."""
 

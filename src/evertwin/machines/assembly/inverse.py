@@ -47,8 +47,6 @@ from evertwin.signals import Channel, Layout
 from evertwin.signals.channels import position
 from evertwin.types import Float64, Inputs, Int64, Intervals, Outputs, ParameterVector, StateVector
 
-__all__ = ["MEASURES", "Inverse", "StaticInverse", "heat_channels", "inverse"]
-
 MEASURES = {
     "effort": ("tau", shared.EFFORT, ""),
     "torque": ("m", shared.MOTOR_TORQUE, "Nm"),

@@ -15,8 +15,6 @@ from evertwin.machines.arm.chain import Chain
 from evertwin.machines.arm.rnea import JOINT
 from evertwin.types import Float64, Vector
 
-__all__ = ["follow", "tips", "tool"]
-
 ROUNDS = 60
 """Most corrections a point."""
 CLOSE = 1e-9

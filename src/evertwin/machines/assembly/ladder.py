@@ -15,8 +15,6 @@ from collections.abc import Sequence
 from evertwin.machines.assembly.train import Rub, Train
 from evertwin.machines.friction import Rung
 
-__all__ = ["Laddered"]
-
 
 class Laddered:
     """Base of readings whose friction laws are chosen on unseen data. See the module.

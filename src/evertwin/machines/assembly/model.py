@@ -17,8 +17,6 @@ from evertwin.machines.assembly.train import join
 from evertwin.machines.catalog import machine
 from evertwin.settings.quantity import in_unit
 
-__all__ = ["assembly"]
-
 
 def assembly(
     components: Any,

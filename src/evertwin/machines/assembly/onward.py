@@ -71,8 +71,6 @@ from evertwin.machines.assembly.slopes import slopes
 from evertwin.machines.friction.kernel import steepness
 from evertwin.models.native import OBSERVE, STEP, cfunc
 
-__all__ = ["adopt", "parts_of", "step"]
-
 PARTS = 4000
 """Most parts of one row; a row whose interval needs more is an error."""
 

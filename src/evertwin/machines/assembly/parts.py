@@ -21,8 +21,6 @@ from typing import Any, NamedTuple
 from evertwin.errors import UsageError, nearest
 from evertwin.settings.quantity import Measured
 
-__all__ = ["KINDS", "Component", "Given", "Kind", "read_component"]
-
 
 class Kind(NamedTuple):
     """What a kind of component is.

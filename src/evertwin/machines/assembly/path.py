@@ -33,8 +33,6 @@ from evertwin.machines.assembly.kinematics import follow, tool
 from evertwin.settings.quantity import in_unit
 from evertwin.types import Float64, Vector
 
-__all__ = ["Circle", "Joints", "Limits", "Line", "Motion", "Move", "Pause", "moves_of", "plan"]
-
 Profile: TypeAlias = Literal["trapezoid", "quintic"]
 GRID = 0.005
 """Distance of the points at which a path of the tool is solved for the joints [m]."""

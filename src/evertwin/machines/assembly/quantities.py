@@ -22,8 +22,6 @@ from evertwin.models import Parameter
 from evertwin.settings.quantity import in_unit
 from evertwin.signals.channels import position
 
-__all__ = ["demand_unit", "law_of", "parameters_of", "transmission"]
-
 HUGE = 1e9
 _NONE = ("", "none")
 

@@ -15,8 +15,6 @@ from evertwin.machines.assembly import shared
 from evertwin.machines.assembly.shared import QUANTITIES, RUBS
 from evertwin.machines.assembly.train import Axis, Train
 
-__all__ = ["Sensor", "sensors_of"]
-
 
 class Sensor(NamedTuple):
     """A quantity: where it lies on the bus, its unit, and whether it is linear in friction.

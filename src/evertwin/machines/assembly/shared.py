@@ -40,19 +40,6 @@ from evertwin.machines.assembly.context import (
 )
 from evertwin.machines.friction.kernel import force
 
-__all__ = [
-    "QUANTITIES",
-    "RUBS",
-    "bodies",
-    "bus_size",
-    "cooled",
-    "heated",
-    "motor_side",
-    "ratio",
-    "rub",
-    "show",
-]
-
 (POSITION, SPEED, ACCELERATION, LOAD, EFFORT, DEFLECTION, MOTOR_SPEED, MOTOR_TORQUE, MOTOR_CURRENT,
  MOTOR_VOLTAGE, LOSS, POWER, COMMAND, ERROR) = range(14)  # fmt: skip
 QUANTITIES = 14

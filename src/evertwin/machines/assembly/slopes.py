@@ -66,8 +66,6 @@ from evertwin.machines.assembly.shared import (
     warmth,
 )
 
-__all__ = ["slopes"]
-
 _TINY = 1e-300
 ROUNDS, SETTLED = 20, 1e-9
 """Most turns between load and friction, and the change [Nm] at which they end."""

@@ -28,8 +28,6 @@ from evertwin.machines.assembly.quantities import demand_unit, law_of, parameter
 from evertwin.machines.friction import Law
 from evertwin.models import Model, Parameter, Parameters
 
-__all__ = ["Axis", "Box", "Build", "Rub", "Train", "join"]
-
 AXES = 8
 """Axes that an assembly can have."""
 READS = ("position", "speed", "acceleration", "input")

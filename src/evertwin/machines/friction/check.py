@@ -18,8 +18,6 @@ from evertwin.machines.friction.kernel import FEATURE, SLOPE, behind, columns_of
 from evertwin.machines.friction.law import Law
 from evertwin.types import Int64, Vector
 
-__all__ = ["check_friction"]
-
 WIDTHS = (0.02, 0.5)
 """Of the switch [rad/s]."""
 TOP = 5.0

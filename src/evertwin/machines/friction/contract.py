@@ -34,8 +34,6 @@ from typing import Literal, Protocol, TypeAlias, runtime_checkable
 from evertwin.errors import UsageError
 from evertwin.models.parameters import Parameter
 
-__all__ = ["Coefficient", "Feature", "FrictionTerm", "Numbers", "Shape", "Slope"]
-
 
 @runtime_checkable
 class Numbers(Protocol):

@@ -44,23 +44,6 @@ from evertwin.machines.friction.terms import (
 )
 from evertwin.types import Int64
 
-__all__ = [
-    "COLUMN",
-    "FEATURE",
-    "HEAD",
-    "PLACE",
-    "SHAPE",
-    "WIDTH",
-    "behind",
-    "feature",
-    "fill",
-    "force",
-    "record_of",
-    "steepness",
-    "switch",
-    "width_of",
-]
-
 COUNT, WIDTH = range(2)
 HEAD = 2
 """Integers of a record: number of columns called by address, place of the switch's width in ``p``

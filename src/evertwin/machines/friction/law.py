@@ -17,8 +17,6 @@ from evertwin.machines.friction.registry import ALWAYS, ordered, term
 from evertwin.models.parameters import Parameter
 from evertwin.settings.quantity import number
 
-__all__ = ["Law", "Rubbing", "Rung", "shape_of"]
-
 _WIDTH = Shape("width", 0.02, "rad/s", "m/s")
 """Velocity at which ``tanh`` has reached 0.76."""
 STANDSTILL = 1e-3

@@ -28,8 +28,6 @@ from evertwin.machines.friction.terms.temperature import TEMPERATURE
 from evertwin.machines.friction.terms.two_sided import TWO_SIDED
 from evertwin.machines.friction.terms.viscous import VISCOUS
 
-__all__ = ["ALWAYS", "GROUP", "checked", "ordered", "term"]
-
 GROUP = "evertwin.friction"
 _BUILT_IN = (
     VISCOUS, DIRECTION, COULOMB, OFFSET, STRIBECK, ROOT, LOAD, TWO_SIDED, TEMPERATURE,

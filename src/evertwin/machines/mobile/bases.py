@@ -7,8 +7,6 @@ from evertwin.machines.mobile import kernels
 from evertwin.models import Compiled, Parameter, Parameters
 from evertwin.signals import Channel, Layout
 
-__all__ = ["Differential", "Odometer", "Omni", "Robot1D"]
-
 HEADING = Channel("heading", "rad", kind="angle", group="pose")
 POSE = Layout((Channel("x", "m", group="pose"), Channel("y", "m", group="pose"), HEADING))
 

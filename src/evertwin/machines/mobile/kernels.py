@@ -9,17 +9,6 @@ from typing import Any
 
 from evertwin.models.native import OBSERVE, STEP, cfunc
 
-__all__ = [
-    "line_observe",
-    "line_step",
-    "odometer_step",
-    "omni_step",
-    "pair_observe",
-    "pose_observe",
-    "twist_step",
-    "wheel_step",
-]
-
 
 @cfunc(STEP)
 def line_step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) -> int:

@@ -27,8 +27,6 @@ from evertwin.prognosis.laws.indicator import Indicator
 from evertwin.prognosis.laws.life import Life, NotEnough
 from evertwin.types import Json
 
-__all__ = ["RELEASE", "Alarm", "Kind", "Spent", "alarm_of", "has_cleared", "within_budget"]
-
 Kind = Literal["limit_passed", "failure_due", "wear_begun"]
 URGENCY: Mapping[str, int] = {"limit_passed": 0, "failure_due": 1, "wear_begun": 2}
 UNHELD: Kind = "limit_passed"

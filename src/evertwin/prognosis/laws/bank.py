@@ -29,8 +29,6 @@ from numba import njit
 
 from evertwin.types import Float64
 
-__all__ = ["Posterior", "evaluate", "without_growth"]
-
 RIDGE = 1e-4
 """Weight, in values, of the prior that holds the effects of covariates near 0."""
 FLOOR = 1e-14

@@ -25,8 +25,6 @@ import numpy as np
 
 from evertwin.types import Float64
 
-__all__ = ["FORMS", "Clocks"]
-
 FORMS = ("linear", "power", "exponential", "two-phase")
 STRAIGHT = 1e-6
 """Below this exponent an exponential is a straight line in double precision."""

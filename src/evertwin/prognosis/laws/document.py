@@ -16,8 +16,6 @@ import numpy as np
 from evertwin.prognosis.laws.indicator import Indicator
 from evertwin.prognosis.laws.life import Life, NotEnough
 
-__all__ = ["SCHEMA", "component", "document"]
-
 SCHEMA = "evertwin.life/1"
 
 

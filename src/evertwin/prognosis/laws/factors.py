@@ -25,8 +25,6 @@ import numpy as np
 from evertwin.prognosis.laws.indicator import Indicator
 from evertwin.types import Float64
 
-__all__ = ["divided", "without_factors"]
-
 TURNS = 200
 LEAST = 8
 """Values that the shares of influences are found from; with fewer nothing is divided out."""

@@ -20,8 +20,6 @@ from evertwin.errors import UsageError
 from evertwin.prognosis.laws.clocks import Clocks
 from evertwin.types import Float64
 
-__all__ = ["LAWS", "Family", "families"]
-
 LAWS = ("linear", "exponential", "power", "wiener", "gamma", "two-phase")
 """All laws; gamma has a closed form of its own (`evertwin.prognosis.laws.jumps`)."""
 REACH = 9.0

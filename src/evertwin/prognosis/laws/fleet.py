@@ -29,8 +29,6 @@ import scipy
 from evertwin.errors import UsageError
 from evertwin.types import Float64
 
-__all__ = ["Fleet"]
-
 EVEN = 30.0
 """Predictions that the even share is worth."""
 NEAR = 0.2

@@ -31,8 +31,6 @@ from evertwin.prognosis.laws.life import Life
 from evertwin.prognosis.laws.predict import predict_life
 from evertwin.prognosis.laws.scaled import scaled
 
-__all__ = ["End", "learn", "lived"]
-
 AROUND = 8
 """Values around a crossing at which the level is looked at."""
 MEMORY = 100

@@ -23,8 +23,6 @@ import scipy
 from evertwin.prognosis.laws.renewal import Renewal, Windows
 from evertwin.types import Float64, Vector
 
-__all__ = ["Group", "Member", "together"]
-
 LEAST = 1e-9
 """What is saved must be more than this share of a stop's cost."""
 

@@ -27,8 +27,6 @@ from evertwin.prognosis.laws.fleet import Fleet
 from evertwin.prognosis.laws.scaled import Problem
 from evertwin.types import Float64, Int64
 
-__all__ = ["Look", "every_look", "look", "sharpened"]
-
 PASSES = 5
 """Most rounds in which a family's nodes close in."""
 KEPT = 11.0

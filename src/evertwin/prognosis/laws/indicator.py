@@ -22,8 +22,6 @@ import numpy as np
 from evertwin.errors import DataError, UsageError
 from evertwin.types import Float64
 
-__all__ = ["Indicator", "Limit", "Maintenance"]
-
 Direction = Literal["above", "below"]
 
 

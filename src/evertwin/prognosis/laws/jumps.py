@@ -17,8 +17,6 @@ import scipy
 
 from evertwin.types import Float64
 
-__all__ = ["ALPHAS", "evidence", "passed"]
-
 ALPHAS: Float64[np.ndarray, " a"] = np.exp(np.linspace(np.log(2.0), np.log(2e5), 64))
 """Nodes of the shape α over the observed age."""
 

@@ -22,8 +22,6 @@ from evertwin.errors import UsageError
 from evertwin.prognosis.laws.workload import Workload
 from evertwin.types import Float64
 
-__all__ = ["LEVELS", "Life", "NotEnough", "Onset", "first_of"]
-
 LEVELS: Float64[np.ndarray, " k"] = np.round(
     np.concatenate([[0.001, 0.0025], np.arange(1, 200) / 200.0, [0.9975, 0.999]]), 6
 )

@@ -39,8 +39,6 @@ from evertwin.prognosis.laws.passage import path, process
 from evertwin.prognosis.laws.scaled import Problem
 from evertwin.types import Float64
 
-__all__ = ["COARSE", "Density", "Mixture", "density_of", "fine_nodes", "mixture", "uninformed"]
-
 COARSE: Float64[np.ndarray, " m"] = np.concatenate([[0.0], np.logspace(-4.0, 3.0, 49)])
 """Remaining life, in ages, where the mixture is looked at first."""
 FINE = 140

@@ -39,8 +39,6 @@ from evertwin.prognosis.laws.life import Onset
 from evertwin.prognosis.laws.scaled import scaled
 from evertwin.types import Float64
 
-__all__ = ["FALSE_ALARMS", "find_onset", "first_alarm", "limit_of"]
-
 FALSE_ALARMS = 1e-4
 """False alarms per value."""
 SHIFT = 0.5

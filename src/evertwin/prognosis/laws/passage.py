@@ -29,8 +29,6 @@ from numba import njit
 from evertwin.prognosis.laws.bank import Posterior
 from evertwin.types import Float64
 
-__all__ = ["path", "process"]
-
 SCALES = 5
 """Nodes over s²."""
 SHARP = 0.02

@@ -32,8 +32,6 @@ from evertwin.prognosis.laws.grouping import Group, Member, together
 from evertwin.prognosis.laws.life import Life
 from evertwin.prognosis.laws.renewal import Cost, Renewal, Windows
 
-__all__ = ["HEADINGS", "Decision", "Part", "Plan", "PlanItem", "Stop", "planned"]
-
 HEADINGS = (
     "component", "after", "unit", "window", "probability_before", "cost_rate",
     "cost_rate_run_to_failure", "median_life", "decision", "reason", "stop", "stop_saving", "note",

@@ -33,8 +33,6 @@ from evertwin.prognosis.laws.unforeseen import ending, errors, probability
 from evertwin.prognosis.laws.workload import Workload
 from evertwin.types import Float64
 
-__all__ = ["predict_life"]
-
 FAR = 20.0
 """A median beyond so many ages is no answer: growth is not told from none."""
 LASTING = 3

@@ -33,8 +33,6 @@ from evertwin.errors import UsageError
 from evertwin.prognosis.laws.life import LEVELS, Life
 from evertwin.types import Float64, Vector
 
-__all__ = ["Cost", "Renewal", "Windows"]
-
 TAIL = np.geomspace(1e-6, 1.0, 25)[:-1]
 """Shares of the first quantile's probability at which the tail below it is known."""
 APART = 1e-12

@@ -22,8 +22,6 @@ from numba import njit
 from evertwin.prognosis.laws.indicator import Indicator
 from evertwin.types import Float64
 
-__all__ = ["LEAST", "MOST", "Problem", "scaled"]
-
 LEAST = 6
 """Values at different times that a prediction needs."""
 MOST = 384

@@ -35,8 +35,6 @@ import scipy
 from evertwin.prognosis.laws.scaled import Problem
 from evertwin.types import Float64
 
-__all__ = ["BEFOREHAND", "ending", "errors", "probability"]
-
 BEFOREHAND = 0.05
 """Probability, before any value, that wear follows none of the laws."""
 KEEPS = (0.8, 0.9, 0.95, 1.0)

@@ -20,8 +20,6 @@ from evertwin.errors import UsageError
 from evertwin.prognosis.laws.indicator import Indicator
 from evertwin.types import Float64
 
-__all__ = ["Workload"]
-
 
 @dataclass(frozen=True)
 class Workload:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from evertwin.machines.friction.contract import Coefficient, FrictionTerm, Numbers
 
-__all__ = ["OFFSET", "feature", "slope"]
-
 
 def feature(v: float, s: float, load: float, T: float, q: float, k: Numbers) -> float:
     """One."""

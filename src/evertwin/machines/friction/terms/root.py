@@ -6,8 +6,6 @@ import math
 
 from evertwin.machines.friction.contract import Coefficient, FrictionTerm, Numbers
 
-__all__ = ["ROOT", "feature", "slope"]
-
 
 def feature(v: float, s: float, load: float, T: float, q: float, k: Numbers) -> float:
     """The root of the speed, with its sign."""

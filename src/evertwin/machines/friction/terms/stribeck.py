@@ -10,8 +10,6 @@ import math
 
 from evertwin.machines.friction.contract import Coefficient, FrictionTerm, Numbers, Shape
 
-__all__ = ["STRIBECK", "feature", "slope"]
-
 
 def feature(v: float, s: float, load: float, T: float, q: float, k: Numbers) -> float:
     """The switch, fallen to 1/e at the speed ``vs``."""

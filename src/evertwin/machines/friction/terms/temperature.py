@@ -9,8 +9,6 @@ from __future__ import annotations
 
 from evertwin.machines.friction.contract import Coefficient, FrictionTerm, Numbers, Shape
 
-__all__ = ["TEMPERATURE", "coulomb", "coulomb_slope", "viscous", "viscous_slope"]
-
 
 def viscous(v: float, s: float, load: float, T: float, q: float, k: Numbers) -> float:
     """The speed, times the temperature above ``T0``."""
