@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evertwin.errors import DataError, UsageError
-from evertwin.signals import Channel, Layout
+from evertwin.signals import Layout
 from evertwin.signals.resample import linear, uniform
 from evertwin.signals.series import Series
 
@@ -52,5 +52,3 @@ def test_series_parts() -> None:
     series = Series(Layout.of(a="m", b="s"), t, np.arange(8.0).reshape(4, 2))
     assert series.select(["b"]).v[:, 0].tolist() == [1.0, 3.0, 5.0, 7.0]
     assert series.seconds.tolist() == [0.0, 1.0, 2.0, 3.0]
-    wider = series.with_channel(Channel("c", "1"), np.ones(4))
-    assert wider.layout.names == ("a", "b", "c") and wider.column("c").tolist() == [1.0] * 4

@@ -59,18 +59,6 @@ def test_intervals_cover_where_the_regressor_is_slow_too(axes: Any, measured: An
     assert np.mean(inside) > 0.87
 
 
-def test_axis_by_axis_agrees_with_joint(axes: Any, measured: Any) -> None:
-    rng = np.random.default_rng(1)
-    model, u = axes(), rng.normal(size=(200, 6))
-    y = measured(model, u, TRUTH, rng.normal(size=u.shape)).y
-    y0, phi = model.regressor(None, u, None, TRUTH)
-    plan = ClosedForm(model)
-    joint, single = plan.solve_rows(y, y0, phi), plan.by_axis(y, y0, phi)
-    np.testing.assert_allclose(single.values, joint.values, rtol=1e-10)
-    np.testing.assert_allclose(single.covariance, joint.covariance, atol=1e-12)
-    np.testing.assert_allclose(single.noise, joint.noise, rtol=1e-10)
-
-
 def test_orthogonal_decomposition_agrees(axes: Any, measured: Any) -> None:
     rng = np.random.default_rng(2)
     model, u = axes(sigma=3.0), rng.normal(size=(200, 6))
@@ -114,8 +102,6 @@ def test_a_shared_parameter_is_solved_jointly_with_weights(axes: Any) -> None:
         errors.append((solution.values[0] - 3.0) / np.sqrt(solution.covariance[0, 0]))
     assert 0.75 < np.sqrt(np.mean(np.square(errors))) < 1.25
     assert np.sqrt(solution.covariance[0, 0]) < 0.003  # the quiet output decides
-    with pytest.raises(UsageError, match="Fc0 acts on outputs 0 and 1"):
-        plan.by_axis(y, np.zeros_like(y), phi)
 
 
 def test_the_prior_is_information(axes: Any, measured: Any) -> None:

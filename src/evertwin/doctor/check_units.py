@@ -42,7 +42,6 @@ WRONG, BETTER = 0.6, 0.5
 """Mismatch from which units are doubted, and the share of it that a factor must remove."""
 ROWS = 3000
 """Rows that factors are tried on."""
-CELSIUS = 273.15
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from evertwin.errors import DataError
-from evertwin.signals.channels import Channel, Layout
+from evertwin.signals.channels import Layout
 from evertwin.types import Intervals, Outputs, Stamps, Vector
 
 
@@ -67,8 +67,3 @@ class Series:
         """Rows with ``start`` ≤ t ≤ ``stop`` [ns]."""
         a, b = np.searchsorted(self.t, [start, stop + 1])
         return Series(self.layout, self.t[a:b], self.v[a:b])
-
-    def with_channel(self, channel: Channel, values: Vector) -> Series:
-        """The series with one more channel."""
-        layout = self.layout + Layout((channel,))
-        return Series(layout, self.t, np.column_stack([self.v, values]))

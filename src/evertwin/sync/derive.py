@@ -42,8 +42,7 @@ CODES = {
     "mean": loop.MEAN, "difference": loop.DIFFERENCE, "product": loop.PRODUCT,
     "scale": loop.SCALE, "norm": loop.NORM, "max": loop.MAX,
 }  # fmt: skip
-OPERATIONS = tuple(CODES)
-"""Names of the operations."""
+"""The operations, by name."""
 SOURCES = {"along": 3, "way": 3, "difference": 2}
 """Channels that an operation needs, where it is not any number; one where it takes one row each."""
 ONE = ("filter", "derivative", "slope", "middle", "scale")
@@ -61,7 +60,7 @@ class Operation:
 
     name: str
     op: str
-    """One of `OPERATIONS`."""
+    """One of `CODES`."""
     source: tuple[str, ...]
     """Columns that it is computed from, recorded or computed before."""
     value: float = 1.0

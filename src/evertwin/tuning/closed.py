@@ -198,47 +198,6 @@ class ClosedForm:
             delta[:] = 0.0
         return Solution(p[places] + delta, covariance, np.sqrt(noise), dof, bool(code == FINE))
 
-    def by_axis(self, y: Outputs, y0: Outputs, phi: Float64[np.ndarray, "n ny m"]) -> Solution:
-        """Output by output, the other outputs as given: the decoupled form.
-
-        Raises:
-            UsageError: a parameter acts on two outputs.
-        """
-        p, places, at = self._fixed[:3]
-        sums, k = self.sums(y, y0, phi), len(places)
-        values, covariance = p[places].copy(), np.zeros((k, k))
-        noise, dof, solved = np.zeros(len(at)), np.zeros(len(at)), True
-        taken = np.full(k, -1)
-        for o, row in enumerate(at):
-            mine = np.unique(row[row >= 0])
-            shared = mine[taken[mine] >= 0]
-            if len(shared):
-                raise UsageError(
-                    f"{self.names[shared[0]]} acts on outputs {taken[shared[0]]} and {o}: "
-                    "axis by axis needs parameters of their own; solve jointly"
-                )
-            taken[mine] = o
-            part = self._axis(sums, o, mine)
-            values[mine], covariance[np.ix_(mine, mine)] = part.values, part.covariance
-            noise[o], dof[o], solved = part.noise[0], part.dof[0], solved and part.solved
-        return Solution(values, covariance, noise, dof, solved)
-
-    def _axis(self, sums: Sums, output: int, mine: np.ndarray) -> Solution:
-        """One output alone: its own small system."""
-        p, places, at, information, _, scale, _, pull = self._fixed
-        k, one = len(mine), slice(output, output + 1)
-        local = np.full(at.shape[1], -1, dtype=np.int64)
-        for j, place in enumerate(mine.tolist()):
-            local[at[output] == place] = j
-        delta, covariance = np.zeros(k), np.full((k, k), np.inf)
-        noise, dof = np.zeros(1), np.zeros(1)
-        code = normal(
-            *(s[one] for s in sums), local[None, :], information[mine], pull[mine], scale[one],
-            delta, covariance, noise, dof,
-        )  # fmt: skip
-        values = p[places[mine]] + (delta if code == FINE else 0.0)
-        return Solution(values, covariance, np.sqrt(noise), dof, bool(code == FINE))
-
     def _careful(self, y: Outputs, y0: Outputs, phi: Float64[np.ndarray, "n ny m"]) -> Solution:
         """By orthogonal decomposition of the rows; parameters without effect stay."""
         p, places, at, information, around, scale, _, _ = self._fixed

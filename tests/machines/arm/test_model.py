@@ -145,29 +145,6 @@ def test_currents_are_torques_over_the_constant() -> None:
     assert motors.outputs.units == ("A",) * 6
 
 
-def test_another_law_keeps_what_both_have() -> None:
-    arm = Arm.of("ur5_like", law="sign")
-    arm = replace(arm, parameters=arm.parameters.with_values({"Fc3": 7.0}))
-    richer = arm.with_laws(["sign", "sign", "sign+stribeck+load", "sign", "sign", "sign"])
-    assert richer.parameters["Fc3"].value == 7.0
-    assert [str(law) for law in richer.laws][1:4] == ["sign", "sign+stribeck+load", "sign"]
-    assert [(r.name, r.add, r.output) for r in richer.rungs()] == [
-        ("stribeck", ("Fs3",), 2), ("load", ("Fl3",), 2)
-    ]  # fmt: skip
-    u = motion(5)
-    same = richer.simulate(np.zeros(0), u, np.zeros(5), richer.parameters.values)[1]
-    before = arm.simulate(np.zeros(0), u, np.zeros(5), arm.parameters.values)[1]
-    np.testing.assert_array_equal(same, before)
-
-
-def test_laws_for_all_joints_keep_their_widths() -> None:
-    arm = Arm.of("ur5_like", law="tanh", width=0.05)
-    richer = arm.with_laws("tanh+load")
-    assert {(str(law), law.shape["width"]) for law in richer.laws} == {("tanh+load", 0.05)}
-    mixed = arm.with_laws(["sign", "tanh", "sign+load", "tanh", "sign", "sign"])
-    assert [str(law) for law in mixed.laws][:3] == ["sign", "tanh", "sign+load"]
-
-
 def test_an_arm_survives_the_way_into_another_process() -> None:
     arm = planted(Arm.of("ur5_like", law=FULL))
     u, p = motion(3), arm.parameters.values

@@ -263,7 +263,7 @@ def test_each_alarm_has_reason_interval_evidence_and_action() -> None:
     assert alarm_of("gearbox", known, life(), ahead=10.0, risk=0.1) is None
     passed = alarm_of("gearbox", known, Life.of("h", [0.5], [0.0]), ahead=10.0, risk=0.1)
     assert passed is not None and passed.kind == "limit_passed"
-    begun = NotEnough("six values", onset=Onset(3.0, 4.0, "above", 1e-4))
+    begun = NotEnough("six values", onset=Onset(3.0, 4.0, "above"))
     warned = alarm_of("gearbox", known, begun, ahead=10.0, risk=0.1)
     assert warned is not None and warned.kind == "wear_begun" and "six values" in warned.action
     assert alarm_of("gearbox", known, NotEnough("six values"), ahead=10.0, risk=0.1) is None
@@ -297,7 +297,7 @@ def test_a_passed_limit_is_never_held_back_and_takes_no_room() -> None:
 
 def test_what_has_cleared() -> None:
     due = Alarm("a", "failure_due", "r", (None, None), "a")
-    onset = NotEnough("six values", onset=Onset(3.0, 4.0, "above", 1e-4))
+    onset = NotEnough("six values", onset=Onset(3.0, 4.0, "above"))
     assert has_cleared("limit_passed", life(), due) and not has_cleared("failure_due", life(), due)
     assert has_cleared("failure_due", life(), None)
     assert not has_cleared("failure_due", onset, None), "not known is not cleared"

@@ -22,11 +22,11 @@ True
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
@@ -48,7 +48,6 @@ from evertwin.models.static import StaticMap
 from evertwin.signals import Layout
 from evertwin.types import Float64, Inputs, Int64, Intervals, Outputs, ParameterVector, StateVector
 
-Reals: TypeAlias = "float | Sequence[float]"
 BUILT_IN = ("ur5_like",)
 """Descriptions that come with the package."""
 
@@ -314,21 +313,6 @@ class Arm(StaticMap):
     def law_name(self, output: int, terms: Sequence[str]) -> str:
         """The law of a joint that has these of its terms."""
         return str(self.laws[output].only(terms))
-
-    def with_laws(self, laws: Law | str | Sequence[Law | str]) -> Arm:
-        """The same arm with another friction law at all joints, or with one for each.
-
-        Parameters that both have keep their values and settings.
-        """
-        given = [laws] * self.chain.n if isinstance(laws, Law | str) else list(laws)
-        shaped = [
-            Law.parse(law).shaped(old.shape) if isinstance(law, str) else law
-            for old, law in zip(self.laws, given, strict=True)
-        ]
-        bare = replace(self, laws=tuple(shaped), parameters=Parameters())
-        old = {item.name: item for item in self.parameters}
-        kept = Parameters(tuple(old.get(item.name, item) for item in bare.parameters))
-        return replace(bare, parameters=kept)
 
     def moving(self, threshold: float = 0.05) -> Any:
         """``moving(u) -> bool (n, ny)``: where a joint is faster than ``threshold`` [rad/s]."""

@@ -25,7 +25,6 @@ import numpy as np
 
 from evertwin.types import Float64
 
-FORMS = ("linear", "power", "exponential", "two-phase")
 STRAIGHT = 1e-6
 """Below this exponent an exponential is a straight line in double precision."""
 HUGE = 300.0

@@ -32,7 +32,7 @@ LEVELS: Float64[np.ndarray, " k"] = np.round(
 class Onset:
     """The warning that wear has begun.
 
-    >>> Onset(120.0, 131.0, "above", 1e-4).begin
+    >>> Onset(120.0, 131.0, "above").begin
     120.0
     """
 
@@ -41,8 +41,6 @@ class Onset:
     told: float
     """When it could be told."""
     side: str
-    false_alarms: float
-    """False alarms per value that the test allows."""
 
 
 @dataclass(frozen=True)

@@ -68,18 +68,18 @@ def limit_of(false_alarms: float) -> float:
     return float(scipy.optimize.brentq(excess, 1e-3, 200.0)) - 1.166
 
 
-def find_onset(indicator: Indicator, false_alarms: float = FALSE_ALARMS) -> Onset | None:
+def find_onset(indicator: Indicator) -> Onset | None:
     """The onset of wear in the current life, if it can be told yet."""
     problem = scaled(indicator, most=0)
     if isinstance(problem, str):
         return None
-    found = first_alarm(problem.y, problem.fixed, false_alarms)
+    found = first_alarm(problem.y, problem.fixed)
     if found is None:
         return None
     life = indicator.since_replaced()
     at = life.at[np.isfinite(life.value)]
     begin, told = (float(at[min(k, len(at) - 1)]) for k in found)
-    return Onset(begin, told, indicator.limit.direction, false_alarms)
+    return Onset(begin, told, indicator.limit.direction)
 
 
 def first_alarm(
