@@ -16,40 +16,10 @@ from numba import njit
 
 from evertwin.machines.arm.memory import reals
 from evertwin.machines.arm.rnea import BODY, joint_torques
+from evertwin.machines.assembly import context as slot
+from evertwin.machines.assembly import shared
 from evertwin.machines.assembly.boxes import address, box_axis, run_boxes
-from evertwin.machines.assembly.context import (
-    AGILITY,
-    ARM,
-    AXIS,
-    CARRIED,
-    GEOMETRY,
-    HEAD,
-    INERTIAS,
-    MASS,
-    NB,
-    NF,
-    OWN,
-    REALS,
-    RUB,
-    SHARED,
-    STIFF,
-    U_A,
-    U_Q,
-    U_V,
-    N,
-)
 from evertwin.machines.assembly.shared import (
-    ACCELERATION,
-    DEFLECTION,
-    EFFORT,
-    HEAT,
-    LOAD,
-    POSITION,
-    QUANTITIES,
-    RUB_FORCE,
-    RUBS,
-    SPEED,
-    TEMPERATURE,
     bodies,
     bus_size,
     heated,
@@ -64,67 +34,74 @@ from evertwin.models.native import OBSERVE, STEP, cfunc
 
 @njit(cache=True)
 def _motion(context: Any, u: Any, bus: Any) -> None:
-    for j in range(context[N]):
-        at, q = HEAD + AXIS * j, QUANTITIES * j
-        bus[q + POSITION] = u[context[at + U_Q]] if context[at + U_Q] >= 0 else 0.0
-        bus[q + SPEED] = u[context[at + U_V]]
-        bus[q + ACCELERATION] = u[context[at + U_A]]
+    for j in range(context[slot.N]):
+        at, q = slot.HEAD + slot.AXIS * j, shared.QUANTITIES * j
+        bus[q + shared.POSITION] = u[context[at + slot.U_Q]] if context[at + slot.U_Q] >= 0 else 0.0
+        bus[q + shared.SPEED] = u[context[at + slot.U_V]]
+        bus[q + shared.ACCELERATION] = u[context[at + slot.U_A]]
 
 
 @njit(cache=True)
 def _loads(context: Any, p: Any, bus: Any, carried: Any) -> None:
     """What the structure needs, and the described load that friction takes its share of."""
-    n = context[N]
-    if context[ARM] == 0:
+    n = context[slot.N]
+    if context[slot.ARM] == 0:
         for j in range(n):
-            at, q = HEAD + AXIS * j, QUANTITIES * j
-            mass = p[context[at + MASS]]
-            if context[at + CARRIED] >= 0:
-                mass += p[context[at + CARRIED]]
-            bus[q + LOAD] = mass * bus[q + ACCELERATION]
+            at, q = slot.HEAD + slot.AXIS * j, shared.QUANTITIES * j
+            bus[q + shared.LOAD] = shared.alone(context, at, p) * bus[q + shared.ACCELERATION]
             carried[j] = 0.0
         return
-    geometry, described = reals(context[GEOMETRY]), reals(context[INERTIAS])
+    geometry, described = reals(context[slot.GEOMETRY]), reals(context[slot.INERTIAS])
     motion, body, kept, tau = np.empty(3 * n), np.empty(BODY * n), np.empty(8 * n), np.empty(n)
     for j in range(n):
-        motion[j] = bus[QUANTITIES * j + POSITION]
-        motion[n + j] = bus[QUANTITIES * j + SPEED]
-        motion[2 * n + j] = bus[QUANTITIES * j + ACCELERATION]
+        motion[j] = bus[shared.QUANTITIES * j + shared.POSITION]
+        motion[n + j] = bus[shared.QUANTITIES * j + shared.SPEED]
+        motion[2 * n + j] = bus[shared.QUANTITIES * j + shared.ACCELERATION]
     bodies(context, p, body)
     joint_torques(n, geometry, body, motion, tau, kept)
     for j in range(n):
-        bus[QUANTITIES * j + LOAD] = tau[j]
+        bus[shared.QUANTITIES * j + shared.LOAD] = tau[j]
         carried[j] = tau[j]
-    if context[SHARED] == 0:
+    if context[slot.SHARED] == 0:
         joint_torques(n, geometry, described, motion, carried, kept)
 
 
 @njit(cache=True)
 def row(context: Any, x: Any, u: Any, p: Any, bus: Any) -> None:
     """All quantities of one row; motion and efforts of the black boxes are on the bus already."""
-    n, nf = context[N], context[NF]
-    standstill = reals(context[REALS])
+    n, nf = context[slot.N], context[slot.NF]
+    standstill = reals(context[slot.REALS])
     carried = np.empty(n)
     _loads(context, p, bus, carried)
     for j in range(n):
-        at, q = HEAD + AXIS * j, QUANTITIES * j
-        bus[q + EFFORT] = bus[q + LOAD]
+        at, q = slot.HEAD + slot.AXIS * j, shared.QUANTITIES * j
+        bus[q + shared.EFFORT] = bus[q + shared.LOAD]
     for f in range(nf):
-        at, b = HEAD + AXIS * n + RUB * f, QUANTITIES * n + RUBS * f
-        j = context[at + OWN]
-        q = QUANTITIES * j
-        v, t, rest = bus[q + SPEED], warmth(context, at, u, x), standstill[AGILITY + n + f]
-        drag = rub(context, at, p, (bus[q + POSITION], v), carried[j], t, rest)
-        bus[b + RUB_FORCE], bus[b + HEAT], bus[b + TEMPERATURE] = drag, drag * v, t
-        bus[q + EFFORT] += drag
-    for k in range(context[NB]):
-        bus[QUANTITIES * box_axis(context, k) + EFFORT] += bus[QUANTITIES * n + RUBS * nf + k]
+        at, b = slot.HEAD + slot.AXIS * n + slot.RUB * f, shared.QUANTITIES * n + shared.RUBS * f
+        j = context[at + slot.OWN]
+        q = shared.QUANTITIES * j
+        v, t, rest = (
+            bus[q + shared.SPEED],
+            warmth(context, at, u, x),
+            standstill[slot.AGILITY + n + f],
+        )
+        drag = rub(context, at, p, (bus[q + shared.POSITION], v), carried[j], t, rest)
+        bus[b + shared.RUB_FORCE], bus[b + shared.HEAT], bus[b + shared.TEMPERATURE] = (
+            drag,
+            drag * v,
+            t,
+        )
+        bus[q + shared.EFFORT] += drag
+    for k in range(context[slot.NB]):
+        bus[shared.QUANTITIES * box_axis(context, k) + shared.EFFORT] += bus[
+            shared.QUANTITIES * n + shared.RUBS * nf + k
+        ]
     for j in range(n):
-        at, q = HEAD + AXIS * j, QUANTITIES * j
-        spring = context[at + STIFF]
-        bus[q + DEFLECTION] = bus[q + LOAD] / p[spring] if spring >= 0 else 0.0
-        bus[q + EFFORT] += reflected(context, at, p) * bus[q + ACCELERATION]
-        motor_side(context, at, p, bus[q + SPEED], bus[q : q + QUANTITIES])
+        at, q = slot.HEAD + slot.AXIS * j, shared.QUANTITIES * j
+        spring = context[at + slot.STIFF]
+        bus[q + shared.DEFLECTION] = bus[q + shared.LOAD] / p[spring] if spring >= 0 else 0.0
+        bus[q + shared.EFFORT] += reflected(context, at, p) * bus[q + shared.ACCELERATION]
+        motor_side(context, at, p, bus[q + shared.SPEED], bus[q : q + shared.QUANTITIES])
 
 
 @cfunc(STEP)
@@ -132,7 +109,7 @@ def step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) ->
     """One row."""  # pragma: compiled
     bus = np.zeros(bus_size(context))
     _motion(context, u, bus)
-    if context[NB] > 0:
+    if context[slot.NB] > 0:
         there, given, after = address(x), address(p), address(ahead)
         if run_boxes(context, there, u, dt, given, after, bus) != 0:
             return 1

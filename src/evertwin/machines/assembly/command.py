@@ -13,43 +13,9 @@ from typing import Any
 from numba import njit
 
 from evertwin.machines.arm.memory import reals
-from evertwin.machines.assembly.context import (
-    CURRENT,
-    FEED,
-    FORCE,
-    KI,
-    KP,
-    KV,
-    LIMIT,
-    MODE,
-    OVERRIDE,
-    PATH,
-    PATH_RATE,
-    PATH_ROWS,
-    REALS,
-    TOP,
-    TORQUE,
-    U_C,
-    U_Q,
-    U_V,
-    X_I,
-    X_L,
-    K,
-    L,
-    N,
-    R,
-)
-from evertwin.machines.assembly.shared import (
-    COMMAND,
-    EFFORT,
-    ERROR,
-    MOTOR_CURRENT,
-    MOTOR_SPEED,
-    MOTOR_TORQUE,
-    MOTOR_VOLTAGE,
-    losses,
-    ratio,
-)
+from evertwin.machines.assembly import context as slot
+from evertwin.machines.assembly import shared
+from evertwin.machines.assembly.shared import losses, ratio
 
 
 @njit(cache=True)
@@ -65,12 +31,12 @@ def set_points(context: Any, clock: float, u: Any, q: Any, v: Any, at: int, j: i
     or from the planned path at time ``clock``: cubic between its rows, which knows positions and
     speeds. ``at``: the axis' integers.
     """
-    if context[PATH_ROWS] == 0:
-        v[j] = u[context[at + U_V]]
-        q[j] = u[context[at + U_Q]] + clock * v[j]
+    if context[slot.PATH_ROWS] == 0:
+        v[j] = u[context[at + slot.U_V]]
+        q[j] = u[context[at + slot.U_Q]] + clock * v[j]
         return
-    rows, n = context[PATH_ROWS], context[N]
-    table, rate = reals(context[PATH]), reals(context[REALS])[PATH_RATE]
+    rows, n = context[slot.PATH_ROWS], context[slot.N]
+    table, rate = reals(context[slot.PATH]), reals(context[slot.REALS])[slot.PATH_RATE]
     place = min(max(clock * rate, 0.0), rows - 1.0)
     i = min(int(place), rows - 2)
     s, h = place - i, 1.0 / rate
@@ -80,7 +46,7 @@ def set_points(context: Any, clock: float, u: Any, q: Any, v: Any, at: int, j: i
     q[j] = q0 + s * (v0 + s * (c + s * d))
     speed = (v0 + s * (2.0 * c + s * 3.0 * d)) * rate
     moving = clock * rate < rows - 1.0
-    v[j] = speed * u[context[OVERRIDE]] if moving else 0.0
+    v[j] = speed * u[context[slot.OVERRIDE]] if moving else 0.0
 
 
 @njit(cache=True)
@@ -89,15 +55,15 @@ def _demand(
 ) -> float:
     """What the controller demands; ``seen`` and ``wanted``: position and speed."""
     error = wanted[0] - seen[0]
-    speed = p[context[at + KP]] * error + p[context[at + FEED]] * wanted[1]
-    off = _clamp(speed, p[context[at + TOP]]) - seen[1]
-    limit, total = p[context[at + LIMIT]], p[context[at + KV]] * off
-    if context[at + X_I] >= 0:
-        total += p[context[at + KI]] * x[context[at + X_I]]
+    speed = p[context[at + slot.KP]] * error + p[context[at + slot.FEED]] * wanted[1]
+    off = _clamp(speed, p[context[at + slot.TOP]]) - seen[1]
+    limit, total = p[context[at + slot.LIMIT]], p[context[at + slot.KV]] * off
+    if context[at + slot.X_I] >= 0:
+        total += p[context[at + slot.KI]] * x[context[at + slot.X_I]]
         # at its limit the integral may only run back
         free = abs(total) < limit or total * off < 0.0
-        dx[context[at + X_I]] = off if free else 0.0
-    q[ERROR] = error
+        dx[context[at + slot.X_I]] = off if free else 0.0
+    q[shared.ERROR] = error
     return float(_clamp(total, limit))
 
 
@@ -109,32 +75,34 @@ def drive(
 
     ``seen``: position and speed at the controller's sensor, then the motor's speed at the joint.
     """
-    if context[at + KP] >= 0:
+    if context[at + slot.KP] >= 0:
         demand = _demand(context, at, p, seen, wanted, x, dx, q)
     else:
-        demand = u[context[at + U_C]]
-    q[COMMAND] = demand
-    turns, mode = ratio(context, at, p), context[at + MODE]
-    q[MOTOR_SPEED] = turns * seen[2]
-    if mode == FORCE:
-        q[EFFORT] = demand
-        q[MOTOR_TORQUE] = demand / turns
+        demand = u[context[at + slot.U_C]]
+    q[shared.COMMAND] = demand
+    turns, mode = ratio(context, at, p), context[at + slot.MODE]
+    q[shared.MOTOR_SPEED] = turns * seen[2]
+    if mode == slot.FORCE:
+        q[shared.EFFORT] = demand
+        q[shared.MOTOR_TORQUE] = demand / turns
         return
-    k = p[context[at + K]]
-    if mode == TORQUE:
-        q[MOTOR_CURRENT] = demand / k
-    elif mode == CURRENT:
-        q[MOTOR_CURRENT] = demand
-    elif context[at + X_L] >= 0:
-        q[MOTOR_CURRENT] = x[context[at + X_L]]
-        back = p[context[at + R]] * q[MOTOR_CURRENT] + k * q[MOTOR_SPEED]
-        dx[context[at + X_L]] = (demand - back) / p[context[at + L]]
+    k = p[context[at + slot.K]]
+    if mode == slot.TORQUE:
+        q[shared.MOTOR_CURRENT] = demand / k
+    elif mode == slot.CURRENT:
+        q[shared.MOTOR_CURRENT] = demand
+    elif context[at + slot.X_L] >= 0:
+        q[shared.MOTOR_CURRENT] = x[context[at + slot.X_L]]
+        back = p[context[at + slot.R]] * q[shared.MOTOR_CURRENT] + k * q[shared.MOTOR_SPEED]
+        dx[context[at + slot.X_L]] = (demand - back) / p[context[at + slot.L]]
     else:
-        q[MOTOR_CURRENT] = (demand - k * q[MOTOR_SPEED]) / p[context[at + R]]
-    q[MOTOR_TORQUE] = k * q[MOTOR_CURRENT]
-    q[EFFORT] = turns * q[MOTOR_TORQUE]
-    if mode in (TORQUE, CURRENT):
-        q[MOTOR_VOLTAGE] = p[context[at + R]] * q[MOTOR_CURRENT] + k * q[MOTOR_SPEED]
+        q[shared.MOTOR_CURRENT] = (demand - k * q[shared.MOTOR_SPEED]) / p[context[at + slot.R]]
+    q[shared.MOTOR_TORQUE] = k * q[shared.MOTOR_CURRENT]
+    q[shared.EFFORT] = turns * q[shared.MOTOR_TORQUE]
+    if mode in (slot.TORQUE, slot.CURRENT):
+        q[shared.MOTOR_VOLTAGE] = (
+            p[context[at + slot.R]] * q[shared.MOTOR_CURRENT] + k * q[shared.MOTOR_SPEED]
+        )
     else:
-        q[MOTOR_VOLTAGE] = demand
+        q[shared.MOTOR_VOLTAGE] = demand
     losses(context, at, p, q)

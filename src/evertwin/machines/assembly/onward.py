@@ -16,57 +16,10 @@ import numpy as np
 from numba import njit
 
 from evertwin.machines.arm.memory import reals
+from evertwin.machines.assembly import context as slot
+from evertwin.machines.assembly import shared
 from evertwin.machines.assembly.boxes import address, run_boxes
-from evertwin.machines.assembly.context import (
-    AGILITY,
-    ARM,
-    AXIS,
-    BOXED,
-    CARRIED,
-    CURRENT,
-    DAMP,
-    DRY,
-    FORCE,
-    HEAD,
-    INSIDE,
-    KI,
-    KP,
-    KV,
-    LAW,
-    MASS,
-    MODE,
-    NB,
-    NF,
-    NX,
-    OVERRIDE,
-    OWN,
-    PATH_X,
-    REALS,
-    RUB,
-    STEP_MAX,
-    STIFF,
-    VOLTAGE,
-    X_L,
-    X_Q,
-    X_QM,
-    X_V,
-    X_VM,
-    K,
-    L,
-    N,
-    R,
-)
-from evertwin.machines.assembly.shared import (
-    POSITION,
-    QUANTITIES,
-    SPEED,
-    bus_size,
-    heated,
-    ratio,
-    reflected,
-    show,
-    warmth,
-)
+from evertwin.machines.assembly.shared import bus_size, heated, ratio, reflected, show, warmth
 from evertwin.machines.assembly.slopes import slopes
 from evertwin.machines.friction.kernel import steepness
 from evertwin.models.native import OBSERVE, STEP, cfunc
@@ -79,26 +32,24 @@ PARTS = 4000
 def _steep(context: Any, j: int, inside: int, x: Any, u: Any, p: Any) -> float:
     """Largest slope of the friction on one side of axis ``j``; no load is known yet."""
     total = 0.0
-    for f in range(context[NF]):
-        at = HEAD + AXIS * context[N] + RUB * f
-        if context[at + OWN] == j and context[at + INSIDE] == inside:
-            total += steepness(context, context[at + LAW], p, 0.0, warmth(context, at, u, x))
+    for f in range(context[slot.NF]):
+        at = slot.HEAD + slot.AXIS * context[slot.N] + slot.RUB * f
+        if context[at + slot.OWN] == j and context[at + slot.INSIDE] == inside:
+            total += steepness(context, context[at + slot.LAW], p, 0.0, warmth(context, at, u, x))
     return float(total)
 
 
 @njit(cache=True)
 def _rate(context: Any, j: int, x: Any, u: Any, p: Any) -> float:
     """The fastest rate of axis ``j`` [1/s]; negative: a spring without a rotor."""
-    at, rotor = HEAD + AXIS * j, reflected(context, HEAD + AXIS * j, p)
-    elastic = context[at + STIFF] >= 0
-    if context[ARM] == 1:
-        inertia = 1.0 / reals(context[REALS])[AGILITY + j]
+    at, rotor = slot.HEAD + slot.AXIS * j, reflected(context, slot.HEAD + slot.AXIS * j, p)
+    elastic = context[at + slot.STIFF] >= 0
+    if context[slot.ARM] == 1:
+        inertia = 1.0 / reals(context[slot.REALS])[slot.AGILITY + j]
         # the least inertia over all postures; what the rotor adds, it adds in each of them
         body = inertia if elastic else inertia + rotor
     else:
-        body = p[context[at + MASS]] + (0.0 if elastic else rotor)
-        if context[at + CARRIED] >= 0:
-            body += p[context[at + CARRIED]]
+        body = shared.alone(context, at, p) + (0.0 if elastic else rotor)
     rate = _steep(context, j, 0, x, u, p) / body
     driven = body
     if elastic:
@@ -107,19 +58,19 @@ def _rate(context: Any, j: int, x: Any, u: Any, p: Any) -> float:
         driven = rotor
         both = 1.0 / rotor + 1.0 / body
         rate += _steep(context, j, 1, x, u, p) / rotor
-        rate += p[context[at + DAMP]] * both + math.sqrt(p[context[at + STIFF]] * both)
+        rate += p[context[at + slot.DAMP]] * both + math.sqrt(p[context[at + slot.STIFF]] * both)
     gain = 1.0
-    if context[at + MODE] != FORCE:
-        turns, k = ratio(context, at, p), p[context[at + K]]
-        gain = turns * k if context[at + MODE] == CURRENT else turns
-        if context[at + MODE] == VOLTAGE:
-            gain = turns * k / p[context[at + R]]
+    if context[at + slot.MODE] != slot.FORCE:
+        turns, k = ratio(context, at, p), p[context[at + slot.K]]
+        gain = turns * k if context[at + slot.MODE] == slot.CURRENT else turns
+        if context[at + slot.MODE] == slot.VOLTAGE:
+            gain = turns * k / p[context[at + slot.R]]
             rate += gain * turns * k / driven
-            if context[at + X_L] >= 0:
-                rate += p[context[at + R]] / p[context[at + L]]
-    if context[at + KP] >= 0:
-        rate += gain * p[context[at + KV]] / driven + p[context[at + KP]]
-        rate += math.sqrt(gain * p[context[at + KI]] / driven)
+            if context[at + slot.X_L] >= 0:
+                rate += p[context[at + slot.R]] / p[context[at + slot.L]]
+    if context[at + slot.KP] >= 0:
+        rate += gain * p[context[at + slot.KV]] / driven + p[context[at + slot.KP]]
+        rate += math.sqrt(gain * p[context[at + slot.KI]] / driven)
     return float(rate)
 
 
@@ -127,14 +78,14 @@ def _rate(context: Any, j: int, x: Any, u: Any, p: Any) -> float:
 def parts_of(context: Any, x: Any, u: Any, dt: float, p: Any) -> int:
     """Parts of a row; 0: too many, or something without a mass."""
     fastest = 0.0
-    for j in range(context[N]):
+    for j in range(context[slot.N]):
         rate = _rate(context, j, x, u, p)
         if not rate >= 0.0:
             return 0
         fastest = max(fastest, rate)
     # Euler: a tenth of the time constant; Runge-Kutta: half of it
-    parts = math.ceil((10.0 if context[DRY] == 1 else 2.0) * dt * fastest)
-    parts = max(parts, math.ceil(dt / reals(context[REALS])[STEP_MAX] - 1e-6))
+    parts = math.ceil((10.0 if context[slot.DRY] == 1 else 2.0) * dt * fastest)
+    parts = max(parts, math.ceil(dt / reals(context[slot.REALS])[slot.STEP_MAX] - 1e-6))
     if not 0.0 <= parts <= PARTS:
         return 0
     return max(1, int(parts))
@@ -143,14 +94,14 @@ def parts_of(context: Any, x: Any, u: Any, dt: float, p: Any) -> int:
 @njit(cache=True)
 def _euler(context: Any, x: Any, h: float, dx: Any, old: Any) -> None:
     """Speeds by Euler with an exact standstill, positions by the trapezoid, the rest by Euler."""
-    for i in range(context[NX]):
+    for i in range(context[slot.NX]):
         old[i] = x[i]
         x[i] += h * dx[i]
-    for j in range(context[N]):
-        at = HEAD + AXIS * j
+    for j in range(context[slot.N]):
+        at = slot.HEAD + slot.AXIS * j
         for side in range(2):
-            place = context[at + (X_Q if side == 0 else X_QM)]
-            speed = context[at + (X_V if side == 0 else X_VM)]
+            place = context[at + (slot.X_Q if side == 0 else slot.X_QM)]
+            speed = context[at + (slot.X_V if side == 0 else slot.X_VM)]
             if place < 0:
                 continue
             # dx of the position is the speed before the step
@@ -166,7 +117,7 @@ def _runge_kutta(
     context: Any, x: Any, u: Any, clock: Any, h: float, p: Any, work: Any, bus: Any
 ) -> None:
     """One step of fourth order; ``clock``: time of path or row, its pace; ``work``: (3, nx)."""
-    nx = context[NX]
+    nx = context[slot.NX]
     at, mean, dx = work[0], work[1], work[2]
     for i in range(nx):
         at[i], mean[i] = x[i], 0.0
@@ -186,14 +137,14 @@ def _runge_kutta(
 def _slow(context: Any, x: Any, h: float, pace: float, p: Any, bus: Any) -> None:
     """Temperatures and the path's clock, after a part."""
     heated(context, x, h, p, bus, x)
-    if context[PATH_X] >= 0:
-        x[context[PATH_X]] += h * pace
+    if context[slot.PATH_X] >= 0:
+        x[context[slot.PATH_X]] += h * pace
 
 
 @cfunc(STEP)
 def step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) -> int:
     """One row."""  # pragma: compiled
-    parts, nx, n = parts_of(context, x, u, dt, p), context[NX], context[N]
+    parts, nx, n = parts_of(context, x, u, dt, p), context[slot.NX], context[slot.N]
     if parts == 0:
         return 1
     h = dt / parts
@@ -201,27 +152,31 @@ def step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) ->
     bus, clock = np.zeros(bus_size(context)), np.zeros(2)
     for i in range(nx):
         now[i] = x[i]
-    clock[1] = max(u[context[OVERRIDE]], 0.0) if context[OVERRIDE] >= 0 else 1.0
+    clock[1] = max(u[context[slot.OVERRIDE]], 0.0) if context[slot.OVERRIDE] >= 0 else 1.0
     for part in range(parts):
-        clock[0] = now[context[PATH_X]] if context[PATH_X] >= 0 else (part - parts) * h
-        if context[NB] > 0:
+        clock[0] = now[context[slot.PATH_X]] if context[slot.PATH_X] >= 0 else (part - parts) * h
+        if context[slot.NB] > 0:
             for j in range(n):
-                bus[QUANTITIES * j + POSITION] = now[context[HEAD + AXIS * j + X_Q]]
-                bus[QUANTITIES * j + SPEED] = now[context[HEAD + AXIS * j + X_V]]
+                bus[shared.QUANTITIES * j + shared.POSITION] = now[
+                    context[slot.HEAD + slot.AXIS * j + slot.X_Q]
+                ]
+                bus[shared.QUANTITIES * j + shared.SPEED] = now[
+                    context[slot.HEAD + slot.AXIS * j + slot.X_V]
+                ]
             for i in range(nx):
                 boxed[i] = now[i]
             given = address(p)
             if run_boxes(context, now.ctypes.data, u, h, given, boxed.ctypes.data, bus) != 0:
                 return 1
-        if context[DRY] == 1:
+        if context[slot.DRY] == 1:
             slopes(context, now, u, clock[0], p, work[2], bus)
             _euler(context, now, h, work[2], work[0])
         else:
             _runge_kutta(context, now, u, clock, h, p, work, bus)
         _slow(context, now, h, clock[1], p, bus)
-        for i in range(context[BOXED], nx):
+        for i in range(context[slot.BOXED], nx):
             now[i] = boxed[i]
-    clock[0] = now[context[PATH_X]] if context[PATH_X] >= 0 else 0.0
+    clock[0] = now[context[slot.PATH_X]] if context[slot.PATH_X] >= 0 else 0.0
     slopes(context, now, u, clock[0], p, work[2], bus)
     for i in range(nx):
         ahead[i] = now[i]
@@ -233,13 +188,13 @@ def step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) ->
 def adopt(context: Any, x: Any, y: Any) -> int:
     """Positions and speeds adopt their measurements; a spring keeps its deflection."""
     # pragma: compiled
-    n = context[N]
+    n = context[slot.N]
     for j in range(n):
-        at = HEAD + AXIS * j
+        at = slot.HEAD + slot.AXIS * j
         for order in range(2):
             measured = y[order * n + j]
-            own = context[at + (X_Q if order == 0 else X_V)]
-            motor = context[at + (X_QM if order == 0 else X_VM)]
+            own = context[at + (slot.X_Q if order == 0 else slot.X_V)]
+            motor = context[at + (slot.X_QM if order == 0 else slot.X_VM)]
             if math.isnan(measured):
                 continue
             if motor >= 0:

@@ -14,30 +14,7 @@ from numba import njit
 from evertwin.machines.arm.kernel import carry
 from evertwin.machines.arm.memory import reals
 from evertwin.machines.arm.rnea import BODY
-from evertwin.machines.assembly.context import (
-    AMBIENT,
-    AXIS,
-    CAPACITY,
-    CHOSEN,
-    CONDUCTANCE,
-    HEAD,
-    INERTIAS,
-    LAW,
-    MAP,
-    NB,
-    NF,
-    NY,
-    PAYLOAD,
-    RATIO,
-    ROTOR,
-    RUB,
-    SCREW,
-    T_U,
-    T_X,
-    K,
-    N,
-    R,
-)
+from evertwin.machines.assembly import context as slot
 from evertwin.machines.friction.kernel import force
 
 (POSITION, SPEED, ACCELERATION, LOAD, EFFORT, DEFLECTION, MOTOR_SPEED, MOTOR_TORQUE, MOTOR_CURRENT,
@@ -52,25 +29,34 @@ RUBS = 3
 @njit(cache=True)
 def bus_size(context: Any) -> int:
     """Reals of a bus."""
-    return int(QUANTITIES * context[N] + RUBS * context[NF] + context[NB])
+    return int(QUANTITIES * context[slot.N] + RUBS * context[slot.NF] + context[slot.NB])
 
 
 @njit(cache=True)
 def ratio(context: Any, at: int, p: Any) -> float:
     """Motor turns for each unit of joint motion; ``at``: the axis' integers."""
-    if context[at + RATIO] < 0:
+    if context[at + slot.RATIO] < 0:
         return 1.0
-    value = p[context[at + RATIO]]
-    return float(2.0 * math.pi / value if context[at + SCREW] == 1 else value)
+    value = p[context[at + slot.RATIO]]
+    return float(2.0 * math.pi / value if context[at + slot.SCREW] == 1 else value)
 
 
 @njit(cache=True)
 def reflected(context: Any, at: int, p: Any) -> float:
     """The rotor's inertia as the joint feels it."""
-    if context[at + ROTOR] < 0:
+    if context[at + slot.ROTOR] < 0:
         return 0.0
     turns = ratio(context, at, p)
-    return float(turns * turns * p[context[at + ROTOR]])
+    return float(turns * turns * p[context[at + slot.ROTOR]])
+
+
+@njit(cache=True)
+def alone(context: Any, at: int, p: Any) -> float:
+    """Mass that an axis without an arm accelerates."""
+    total = p[context[at + slot.MASS]]
+    if context[at + slot.CARRIED] >= 0:
+        total += p[context[at + slot.CARRIED]]
+    return float(total)
 
 
 @njit(cache=True)
@@ -83,52 +69,54 @@ def rub(context: Any, at: int, p: Any, motion: Any, load: float, T: float, rest:
         rest: speed below which it stands still.
     """
     q, v = motion
-    return float(force(context, context[at + LAW], p, v, load, T, q, rest))
+    return float(force(context, context[at + slot.LAW], p, v, load, T, q, rest))
 
 
 @njit(cache=True)
 def warmth(context: Any, at: int, u: Any, x: Any) -> float:
     """Temperature of a friction [K]: measured, or from its heat balance; NaN: nobody asks."""
-    if context[at + T_U] >= 0:
-        return float(u[context[at + T_U]])
-    if context[at + T_X] >= 0:
-        return float(x[context[at + T_X]])
+    if context[at + slot.T_U] >= 0:
+        return float(u[context[at + slot.T_U]])
+    if context[at + slot.T_X] >= 0:
+        return float(x[context[at + slot.T_X]])
     return math.nan
 
 
 @njit(cache=True)
 def cooled(context: Any, at: int, p: Any, now: float, heat: float, dt: float) -> float:
     """Temperature after ``dt`` under ``heat`` [W]: exact while the heat is held."""
-    loss = p[context[at + CONDUCTANCE]]
+    loss = p[context[at + slot.CONDUCTANCE]]
     if loss == 0.0:
-        return float(now + dt * heat / p[context[at + CAPACITY]])
-    end = p[context[at + AMBIENT]] + heat / loss
-    return float(end + (now - end) * math.exp(-dt * loss / p[context[at + CAPACITY]]))
+        return float(now + dt * heat / p[context[at + slot.CAPACITY]])
+    end = p[context[at + slot.AMBIENT]] + heat / loss
+    return float(end + (now - end) * math.exp(-dt * loss / p[context[at + slot.CAPACITY]]))
 
 
 @njit(cache=True)
 def heated(context: Any, x: Any, h: float, p: Any, bus: Any, ahead: Any) -> None:
     """Temperatures that follow from heat, ``h`` later, into ``ahead`` (which may be ``x``)."""
-    n = context[N]
-    for f in range(context[NF]):
-        at = HEAD + AXIS * n + RUB * f
-        if context[at + T_X] >= 0:
+    n = context[slot.N]
+    for f in range(context[slot.NF]):
+        at = slot.HEAD + slot.AXIS * n + slot.RUB * f
+        if context[at + slot.T_X] >= 0:
             heat = bus[QUANTITIES * n + RUBS * f + HEAT]
-            ahead[context[at + T_X]] = cooled(context, at, p, x[context[at + T_X]], heat, h)
+            ahead[context[at + slot.T_X]] = cooled(
+                context, at, p, x[context[at + slot.T_X]], heat, h
+            )
 
 
 @njit(cache=True)
 def bodies(context: Any, p: Any, out: Any) -> None:
     """An arm's inertias in force: given ones, then chosen ones from ``p``, then the payload's."""
-    n = context[N]
-    given, carried = reals(context[INERTIAS]), reals(context[MAP])
+    n = context[slot.N]
+    given, carried = reals(context[slot.INERTIAS]), reals(context[slot.MAP])
     for k in range(BODY * n):
         out[k] = given[k]
-    at = HEAD + AXIS * n + RUB * context[NF]
-    for k in range(context[CHOSEN]):
+    at = slot.HEAD + slot.AXIS * n + slot.RUB * context[slot.NF]
+    for k in range(context[slot.CHOSEN]):
         out[context[at + 2 * k]] = p[context[at + 2 * k + 1]]
-    if context[PAYLOAD] >= 0:
-        carry(n, carried, 0, p, context[PAYLOAD], out)
+    if context[slot.PAYLOAD] >= 0:
+        carry(n, carried, 0, p, context[slot.PAYLOAD], out)
 
 
 @njit(cache=True)
@@ -137,24 +125,29 @@ def motor_side(context: Any, at: int, p: Any, speed: float, q: Any) -> None:
     turns = ratio(context, at, p)
     q[MOTOR_SPEED] = turns * speed
     q[MOTOR_TORQUE] = q[EFFORT] / turns
-    if context[at + K] < 0:
+    if context[at + slot.K] < 0:
         return
-    q[MOTOR_CURRENT] = q[MOTOR_TORQUE] / p[context[at + K]]
-    back = p[context[at + K]] * q[MOTOR_SPEED]
-    q[MOTOR_VOLTAGE] = p[context[at + R]] * q[MOTOR_CURRENT] + back
+    q[MOTOR_CURRENT] = q[MOTOR_TORQUE] / p[context[at + slot.K]]
+    back = p[context[at + slot.K]] * q[MOTOR_SPEED]
+    q[MOTOR_VOLTAGE] = p[context[at + slot.R]] * q[MOTOR_CURRENT] + back
     losses(context, at, p, q)
 
 
 @njit(cache=True)
 def losses(context: Any, at: int, p: Any, q: Any) -> None:
     """Heat of the winding and electrical power [W]."""
-    q[LOSS] = p[context[at + R]] * q[MOTOR_CURRENT] * q[MOTOR_CURRENT]
+    q[LOSS] = p[context[at + slot.R]] * q[MOTOR_CURRENT] * q[MOTOR_CURRENT]
     q[POWER] = q[MOTOR_VOLTAGE] * q[MOTOR_CURRENT]
 
 
 @njit(cache=True)
 def show(context: Any, bus: Any, y: Any) -> None:
     """The outputs: quantities picked from the bus."""
-    at = HEAD + AXIS * context[N] + RUB * context[NF] + 2 * context[CHOSEN]
-    for k in range(context[NY]):
+    at = (
+        slot.HEAD
+        + slot.AXIS * context[slot.N]
+        + slot.RUB * context[slot.NF]
+        + 2 * context[slot.CHOSEN]
+    )
+    for k in range(context[slot.NY]):
         y[k] = bus[context[at + k]]

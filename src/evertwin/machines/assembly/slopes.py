@@ -21,50 +21,11 @@ from numba import njit
 from evertwin.machines.arm.mass import KEPT, mass_matrix
 from evertwin.machines.arm.memory import reals
 from evertwin.machines.arm.rnea import BODY, joint_torques
+from evertwin.machines.assembly import context as slot
+from evertwin.machines.assembly import shared
 from evertwin.machines.assembly.boxes import box_axis
 from evertwin.machines.assembly.command import drive, set_points
-from evertwin.machines.assembly.context import (
-    ARM,
-    AXIS,
-    CARRIED,
-    DAMP,
-    DRY,
-    GEOMETRY,
-    HEAD,
-    INERTIAS,
-    INSIDE,
-    JOINT,
-    KP,
-    MASS,
-    NB,
-    NF,
-    OWN,
-    RUB,
-    SHARES,
-    STIFF,
-    X_Q,
-    X_QM,
-    X_V,
-    X_VM,
-    N,
-)
-from evertwin.machines.assembly.shared import (
-    ACCELERATION,
-    DEFLECTION,
-    EFFORT,
-    HEAT,
-    LOAD,
-    POSITION,
-    QUANTITIES,
-    RUB_FORCE,
-    RUBS,
-    SPEED,
-    TEMPERATURE,
-    bodies,
-    reflected,
-    rub,
-    warmth,
-)
+from evertwin.machines.assembly.shared import alone, bodies, reflected, rub, warmth
 
 _TINY = 1e-300
 ROUNDS, SETTLED = 20, 1e-9
@@ -74,11 +35,11 @@ ROUNDS, SETTLED = 20, 1e-9
 @njit(cache=True)
 def _drag(context: Any, j: int, inside: int, x: Any, u: Any, p: Any, v: float) -> float:
     """Friction of axis ``j`` on one side of its spring, without a standstill."""
-    total, axis = 0.0, HEAD + AXIS * j
-    q = x[context[axis + X_QM]] if inside == 1 else x[context[axis + X_Q]]
-    for f in range(context[NF]):
-        at = HEAD + AXIS * context[N] + RUB * f
-        if context[at + OWN] == j and context[at + INSIDE] == inside:
+    total, axis = 0.0, slot.HEAD + slot.AXIS * j
+    q = x[context[axis + slot.X_QM]] if inside == 1 else x[context[axis + slot.X_Q]]
+    for f in range(context[slot.NF]):
+        at = slot.HEAD + slot.AXIS * context[slot.N] + slot.RUB * f
+        if context[at + slot.OWN] == j and context[at + slot.INSIDE] == inside:
             total += rub(context, at, p, (q, v), 0.0, warmth(context, at, u, x), 0.0)
     return float(total)
 
@@ -86,7 +47,7 @@ def _drag(context: Any, j: int, inside: int, x: Any, u: Any, p: Any, v: float) -
 @njit(cache=True)
 def _net(context: Any, j: int, inside: int, x: Any, u: Any, p: Any, v: float, pull: float) -> float:
     """Pull less friction; zero for what is at rest and held by dry friction."""
-    if v == 0.0 and context[DRY] == 1:
+    if v == 0.0 and context[slot.DRY] == 1:
         forwards = pull - _drag(context, j, inside, x, u, p, _TINY)
         if forwards > 0.0:
             return float(forwards)
@@ -126,19 +87,19 @@ def _arm(context: Any, x: Any, u: Any, p: Any, net: Any, bus: Any, carried: Any)
 
     ``carried``: the loads that friction takes its share of, filled where a friction has one.
     """
-    n = context[N]
-    geometry = reals(context[GEOMETRY])
+    n = context[slot.N]
+    geometry = reals(context[slot.GEOMETRY])
     motion, body, kept = np.zeros(3 * n), np.empty(BODY * n), np.empty(KEPT * n)
     bias, mass = np.empty(n), np.empty((n, n))
     bodies(context, p, body)
     for j in range(n):
-        at = HEAD + AXIS * j
-        motion[j], motion[n + j] = x[context[at + X_Q]], x[context[at + X_V]]
+        at = slot.HEAD + slot.AXIS * j
+        motion[j], motion[n + j] = x[context[at + slot.X_Q]], x[context[at + slot.X_V]]
     joint_torques(n, geometry, body, motion, bias, kept)
     mass_matrix(n, geometry, body, motion, mass, kept)
     for j in range(n):
-        at = HEAD + AXIS * j
-        if context[at + STIFF] < 0:
+        at = slot.HEAD + slot.AXIS * j
+        if context[at + slot.STIFF] < 0:
             mass[j, j] += reflected(context, at, p)
         net[j] -= bias[j]
     before = net.copy()
@@ -147,17 +108,17 @@ def _arm(context: Any, x: Any, u: Any, p: Any, net: Any, bus: Any, carried: Any)
     if _shares(context):
         _share(context, x, u, p, (mass, before, motion, kept), net, carried)
     for j in range(n):
-        at = HEAD + AXIS * j
-        rotor = reflected(context, at, p) if context[at + STIFF] < 0 else 0.0
-        bus[QUANTITIES * j + LOAD] = before[j] + bias[j] - rotor * net[j]
+        at = slot.HEAD + slot.AXIS * j
+        rotor = reflected(context, at, p) if context[at + slot.STIFF] < 0 else 0.0
+        bus[shared.QUANTITIES * j + shared.LOAD] = before[j] + bias[j] - rotor * net[j]
 
 
 @njit(cache=True)
 def _shares(context: Any) -> bool:
     """Does a friction take a share of the load?"""
     found = False
-    for f in range(context[NF]):
-        found |= context[HEAD + AXIS * context[N] + RUB * f + SHARES] == 1
+    for f in range(context[slot.NF]):
+        found |= context[slot.HEAD + slot.AXIS * context[slot.N] + slot.RUB * f + slot.SHARES] == 1
     return found
 
 
@@ -169,18 +130,18 @@ def _share(context: Any, x: Any, u: Any, p: Any, known: Any, net: Any, carried: 
     working memory. The share is small, so that taking turns closes in fast.
     """
     mass, before, motion, kept = known
-    n = context[N]
+    n = context[slot.N]
     taken, now = np.zeros(n), np.empty(n)
     for _ in range(ROUNDS):
         for j in range(n):
             motion[2 * n + j] = net[j]
             now[j] = 0.0
-        given = reals(context[INERTIAS])
-        joint_torques(n, reals(context[GEOMETRY]), given, motion, carried, kept)
-        for f in range(context[NF]):
-            at = HEAD + AXIS * n + RUB * f
-            j = context[at + OWN]
-            if context[at + SHARES] == 1:
+        given = reals(context[slot.INERTIAS])
+        joint_torques(n, reals(context[slot.GEOMETRY]), given, motion, carried, kept)
+        for f in range(context[slot.NF]):
+            at = slot.HEAD + slot.AXIS * n + slot.RUB * f
+            j = context[at + slot.OWN]
+            if context[at + slot.SHARES] == 1:
                 here, warm = (motion[j], motion[n + j]), warmth(context, at, u, x)
                 whole = rub(context, at, p, here, carried[j], warm, 0.0)
                 now[j] += whole - rub(context, at, p, here, 0.0, warm, 0.0)
@@ -195,70 +156,65 @@ def _share(context: Any, x: Any, u: Any, p: Any, known: Any, net: Any, carried: 
 
 
 @njit(cache=True)
-def _alone(context: Any, at: int, p: Any) -> float:
-    """Mass that an axis without an arm accelerates."""
-    total = p[context[at + MASS]]
-    if context[at + CARRIED] >= 0:
-        total += p[context[at + CARRIED]]
-    return float(total)
-
-
-@njit(cache=True)
 def slopes(context: Any, x: Any, u: Any, clock: float, p: Any, dx: Any, bus: Any) -> None:
     """Derivatives ``dx`` of positions, speeds, integrals and currents; quantities onto the bus.
 
     Efforts of black boxes are on the bus already.
     """
     # longer than the budget: one pass over the axes, in the order in which cause leads to effect.
-    n, nf = context[N], context[NF]
+    n, nf = context[slot.N], context[slot.NF]
     net, seen, wanted = np.empty(n), np.empty(3), np.zeros(2)
     place, speed, carried = np.zeros(n), np.zeros(n), np.zeros(n)
     for j in range(n):
-        at, first = HEAD + AXIS * j, QUANTITIES * j
-        q = bus[first : first + QUANTITIES]
-        elastic = context[at + STIFF] >= 0
-        q[POSITION], q[SPEED] = x[context[at + X_Q]], x[context[at + X_V]]
-        qm = x[context[at + X_QM]] if elastic else q[POSITION]
-        vm = x[context[at + X_VM]] if elastic else q[SPEED]
-        at_joint = context[at + JOINT] == 1
-        seen[0] = q[POSITION] if at_joint else qm
-        seen[1] = q[SPEED] if at_joint else vm
+        at, first = slot.HEAD + slot.AXIS * j, shared.QUANTITIES * j
+        q = bus[first : first + shared.QUANTITIES]
+        elastic = context[at + slot.STIFF] >= 0
+        q[shared.POSITION], q[shared.SPEED] = x[context[at + slot.X_Q]], x[context[at + slot.X_V]]
+        qm = x[context[at + slot.X_QM]] if elastic else q[shared.POSITION]
+        vm = x[context[at + slot.X_VM]] if elastic else q[shared.SPEED]
+        at_joint = context[at + slot.JOINT] == 1
+        seen[0] = q[shared.POSITION] if at_joint else qm
+        seen[1] = q[shared.SPEED] if at_joint else vm
         seen[2] = vm
-        if context[at + KP] >= 0:
+        if context[at + slot.KP] >= 0:
             set_points(context, clock, u, place, speed, at, j)
             wanted[0], wanted[1] = place[j], speed[j]
         drive(context, at, p, u, seen, wanted, x, dx, q)
-        pull = q[EFFORT]
+        pull = q[shared.EFFORT]
         if elastic:
-            q[DEFLECTION] = qm - q[POSITION]
-            spring = p[context[at + STIFF]] * q[DEFLECTION] + p[context[at + DAMP]] * (
-                vm - q[SPEED]
-            )
+            q[shared.DEFLECTION] = qm - q[shared.POSITION]
+            spring = p[context[at + slot.STIFF]] * q[shared.DEFLECTION] + p[
+                context[at + slot.DAMP]
+            ] * (vm - q[shared.SPEED])
             rotor = reflected(context, at, p)
-            dx[context[at + X_QM]] = vm
-            dx[context[at + X_VM]] = _net(context, j, 1, x, u, p, vm, pull - spring) / rotor
+            dx[context[at + slot.X_QM]] = vm
+            dx[context[at + slot.X_VM]] = _net(context, j, 1, x, u, p, vm, pull - spring) / rotor
             pull = spring
-        for k in range(context[NB]):
+        for k in range(context[slot.NB]):
             if box_axis(context, k) == j:
-                pull -= bus[QUANTITIES * n + RUBS * nf + k]
-        net[j] = _net(context, j, 0, x, u, p, q[SPEED], pull)
-        dx[context[at + X_Q]] = q[SPEED]
-    if context[ARM] == 1:
+                pull -= bus[shared.QUANTITIES * n + shared.RUBS * nf + k]
+        net[j] = _net(context, j, 0, x, u, p, q[shared.SPEED], pull)
+        dx[context[at + slot.X_Q]] = q[shared.SPEED]
+    if context[slot.ARM] == 1:
         _arm(context, x, u, p, net, bus, carried)
     for j in range(n):
-        at, first = HEAD + AXIS * j, QUANTITIES * j
-        if context[ARM] == 0:
-            mass = _alone(context, at, p)
-            rotor = reflected(context, at, p) if context[at + STIFF] < 0 else 0.0
+        at, first = slot.HEAD + slot.AXIS * j, shared.QUANTITIES * j
+        if context[slot.ARM] == 0:
+            mass = alone(context, at, p)
+            rotor = reflected(context, at, p) if context[at + slot.STIFF] < 0 else 0.0
             net[j] /= mass + rotor
-            bus[first + LOAD] = mass * net[j]
-        dx[context[at + X_V]] = net[j]
-        bus[first + ACCELERATION] = net[j]
+            bus[first + shared.LOAD] = mass * net[j]
+        dx[context[at + slot.X_V]] = net[j]
+        bus[first + shared.ACCELERATION] = net[j]
     for f in range(nf):
-        at, b = HEAD + AXIS * n + RUB * f, QUANTITIES * n + RUBS * f
-        own, inside = HEAD + AXIS * context[at + OWN], context[at + INSIDE] == 1
-        v = x[context[own + X_VM]] if inside else x[context[own + X_V]]
-        q = x[context[own + X_QM]] if inside else x[context[own + X_Q]]
+        at, b = slot.HEAD + slot.AXIS * n + slot.RUB * f, shared.QUANTITIES * n + shared.RUBS * f
+        own, inside = slot.HEAD + slot.AXIS * context[at + slot.OWN], context[at + slot.INSIDE] == 1
+        v = x[context[own + slot.X_VM]] if inside else x[context[own + slot.X_V]]
+        q = x[context[own + slot.X_QM]] if inside else x[context[own + slot.X_Q]]
         t = warmth(context, at, u, x)
-        drag = rub(context, at, p, (q, v), carried[context[at + OWN]], t, 0.0)
-        bus[b + RUB_FORCE], bus[b + HEAT], bus[b + TEMPERATURE] = drag, drag * v, t
+        drag = rub(context, at, p, (q, v), carried[context[at + slot.OWN]], t, 0.0)
+        bus[b + shared.RUB_FORCE], bus[b + shared.HEAT], bus[b + shared.TEMPERATURE] = (
+            drag,
+            drag * v,
+            t,
+        )
