@@ -25,11 +25,6 @@ def ran(robot: int) -> set[tuple[str, str, str]]:
         result = twin.run(files)
     for event in result.of_kind("corrected", "promoted", "rolled_back"):
         print(f"  {event.time * 1e-9:6.0f} s  {event.kind}: {event.reason}")
-    for name in ("x", "y", "heading"):
-        out = result.outputs[name]
-        print(
-            f"  {name}: rms over the horizon {out.rms_before:.4g} → {out.rms_after:.4g} {out.unit}"
-        )
     return {(t.kind, t.channel, t.source) for t in result.champion.form.terms}
 
 

@@ -20,13 +20,7 @@ if TYPE_CHECKING:
     from evertwin.loop.fitting import FitResult
     from evertwin.loop.result import RunResult
     from evertwin.machines.friction.check import check_friction
-    from evertwin.models import (
-        FunctionModel,
-        Model,
-        Parameter,
-        Parameters,
-        check_model,
-    )
+    from evertwin.models import FunctionModel, Model, Parameter, Parameters, check_model
     from evertwin.models.terms.check import check_term
     from evertwin.signals import Channel, Layout
     from evertwin.sources import check_source

@@ -18,8 +18,7 @@ DataFiles = Annotated[
     typer.Option("--data", help="Recordings in place of the twin file's; list several."),
 ]
 History = Annotated[
-    Path | None,
-    typer.Option(help="History (CSV) in place of the store's parameter history."),
+    Path | None, typer.Option(help="History (CSV) in place of the store's parameter history.")
 ]
 
 

@@ -13,8 +13,7 @@ PART = " FILE@START:STOP is a part."
 def validate(
     twin: Annotated[Path, typer.Argument(help="Twin file (TOML).", metavar="TWIN.toml")],
     test: Annotated[
-        list[Path] | None,
-        typer.Option("--test", help="Held-out recording; list several." + PART),
+        list[Path] | None, typer.Option("--test", help="Held-out recording; list several." + PART)
     ] = None,
     train: Annotated[
         list[Path] | None,

@@ -14,10 +14,7 @@ from evertwin.sources.excerpt import Excerpt
 
 
 def engineer_twin(
-    breakdown: Path,
-    out: tuple[Path, Path | None, bool],
-    data: Sequence[Path] | None,
-    as_json: bool,
+    breakdown: Path, out: tuple[Path, Path | None, bool], data: Sequence[Path] | None, as_json: bool
 ) -> None:
     """``evertwin engineer``; ``out``: twin file, report, and whether files may be overwritten.
 

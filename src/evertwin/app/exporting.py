@@ -12,10 +12,7 @@ from evertwin.twin import Twin
 
 
 def export_twin(
-    twin: Path,
-    chosen: tuple[str, Path, int | None],
-    data: Sequence[Path] | None,
-    as_json: bool,
+    twin: Path, chosen: tuple[str, Path, int | None], data: Sequence[Path] | None, as_json: bool
 ) -> None:
     """``evertwin export``: format, file and version are ``chosen``."""
     form, out, version = chosen

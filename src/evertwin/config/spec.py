@@ -17,13 +17,7 @@ from dataclasses import dataclass, field
 from typing import Annotated
 
 from evertwin.anomaly.spec import AnomalySpec
-from evertwin.config.prognosis import (
-    AccuracySpec,
-    CostSpec,
-    IndicatorSpec,
-    PrognosisSpec,
-    WorkSpec,
-)
+from evertwin.config.prognosis import AccuracySpec, CostSpec, IndicatorSpec, PrognosisSpec, WorkSpec
 from evertwin.correction.spec import CorrectionSpec, SarsaSpec
 from evertwin.engine.spec import EngineSpec
 from evertwin.errors import UsageError

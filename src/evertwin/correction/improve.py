@@ -197,11 +197,7 @@ def improve(
 
 
 def prepare(
-    model: Model,
-    form: Form,
-    windows: Sequence[Block],
-    horizon: float,
-    p: ParameterVector | None,
+    model: Model, form: Form, windows: Sequence[Block], horizon: float, p: ParameterVector | None
 ) -> tuple[Stack, Evidence]:
     """The form as a stack, and the evidence; one unit of loss is what the bare model misses."""
     stack = stack_of(model, form, p)
@@ -304,10 +300,7 @@ class _Search:
         return now, level
 
     def proposal(
-        self,
-        form: Form,
-        stack: Stack,
-        found: tuple[Stack, float, list[Gain], dict[str, float]],
+        self, form: Form, stack: Stack, found: tuple[Stack, float, list[Gain], dict[str, float]]
     ) -> Proposal:
         """The outcome as data."""
         best, after, gains, tried = found

@@ -100,11 +100,7 @@ class _Fit(NamedTuple):
 
 
 def refine_law(
-    model: Model,
-    p: ParameterVector,
-    windows: Sequence[Block],
-    table: Table,
-    horizon: float,
+    model: Model, p: ParameterVector, windows: Sequence[Block], table: Table, horizon: float
 ) -> Refined:
     """The law and lag that predict best over one horizon from the measured state.
 

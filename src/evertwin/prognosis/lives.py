@@ -10,10 +10,7 @@ import numpy as np
 
 from evertwin.fold import plain
 from evertwin.prognosis.component import ComponentLife, said
-from evertwin.prognosis.laws import (
-    Life,
-    NotEnough,
-)
+from evertwin.prognosis.laws import Life, NotEnough
 from evertwin.prognosis.laws.alarms import Alarm
 from evertwin.prognosis.laws.document import component, document
 from evertwin.types import Json

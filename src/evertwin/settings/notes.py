@@ -31,12 +31,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 Path: TypeAlias = "tuple[str | int, ...]"
 _NAME = re.compile(r"\$\{([A-Za-z_]\w*)(?::-([^}]*))?\}")
-_BOUNDS = {
-    "gt": "exclusiveMinimum",
-    "ge": "minimum",
-    "le": "maximum",
-    "lt": "exclusiveMaximum",
-}
+_BOUNDS = {"gt": "exclusiveMinimum", "ge": "minimum", "le": "maximum", "lt": "exclusiveMaximum"}
 """A bound after a conversion keeps its Python name in pydantic's schema."""
 _NUMBER = r"^\s*([+-]?[\d.]|[+-]?inf)"
 

@@ -10,15 +10,6 @@ if TYPE_CHECKING:
     from evertwin.signals.channels import Channel, Layout, wrap
     from evertwin.signals.units import compatible, conversion, from_si, si_unit, to_si
 
-__all__ = [
-    "Channel",
-    "Layout",
-    "compatible",
-    "conversion",
-    "from_si",
-    "si_unit",
-    "to_si",
-    "wrap",
-]
+__all__ = ["Channel", "Layout", "compatible", "conversion", "from_si", "si_unit", "to_si", "wrap"]
 
 __getattr__ = surface(__name__)

@@ -14,14 +14,7 @@ from evertwin.sync import places as at
 from evertwin.sync.borrow import COLD, HOT
 from evertwin.sync.factor_loop import blamed, persists, scaled
 from evertwin.sync.horizon_loop import wrapped
-from evertwin.sync.plausible_loop import (
-    doubted,
-    grown,
-    implausible,
-    learn,
-    measure,
-    standstill,
-)
+from evertwin.sync.plausible_loop import doubted, grown, implausible, learn, measure, standstill
 from evertwin.sync.vote_loop import (
     agrees,
     end_contest,
