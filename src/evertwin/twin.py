@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from evertwin.loop import Comparison, Data, FitResult, RunResult, Watch
     from evertwin.prognosis import Lives, Prospect, Verdict
     from evertwin.prognosis.laws.planning import Plan
+    from evertwin.tuning import Problem
 
 _RUNAWAY = np.errstate(over="ignore", invalid="ignore")  # runs away to infinity: told by marks
 Progress = Callable[[int, float], None]
@@ -66,9 +67,9 @@ class Twin:
         loop.check_units(spec, self.model)
         self.setup = loop.Setup(spec, self.model)
         path = spec.store.path
-        where = ":memory:" if path is None else str(Path(spec.folder) / path)
-        self.store: Store = store or SqliteStore(where)
         self._lasting = store is not None or path is not None
+        where = ":memory:" if path is None else Path(spec.folder) / path
+        self.store: Store = store or SqliteStore(where)
         self._versions = loop.Versions(self.model)
         self._live: loop.Live | None = None
         try:
@@ -125,10 +126,8 @@ class Twin:
     def decides(self) -> bool:
         """Is anything tuned or corrected: is there a requirement, a schedule, or a stream?"""
         rule = self.spec.tuning
-        return bool(
-            np.isfinite(self.setup.requirement) or np.isfinite(rule.every)
-            or rule.method == "recursive"
-        )  # fmt: skip
+        said = np.isfinite([self.setup.requirement, rule.every])
+        return bool(said.any() or rule.method == "recursive")
 
     @property
     def events(self) -> tuple[Event, ...]:
@@ -165,6 +164,10 @@ class Twin:
         engine, observer = self._engines.of(workers), loop.Observer(self.setup, progress)
         run = loop.Run(self.setup, self._ledger, observer, engine, every)
         return run.play(data, anew=again, lasting=self._lasting)
+
+    def problem(self, train: Data = None) -> Problem:
+        """What `fit` tunes the champion on, for `evertwin.tuning.solve` and its like."""
+        return loop.posed(self.setup, self._versions, self.champion.number, self.blocks(train))[0]
 
     @_RUNAWAY
     def push(self, samples: Chunk | Mapping[str, Any]) -> None:
@@ -228,8 +231,8 @@ class Twin:
             test: recordings that it was not tuned on; none: those that the twin file names.
             train: recordings that it is tuned on first; None: it is taken as it is.
         """
-        number = self.champion.number
-        return engineering.validated(self.setup, self._versions, number, tuple(test), train)
+        here = self.setup, self._versions, self.champion.number
+        return engineering.validated(*here, tuple(test), train)
 
     @_RUNAWAY
     def compare(self, a: int, b: int, data: Data = None) -> Comparison:
@@ -341,8 +344,8 @@ class Twin:
             data: recordings that go along with what the version predicts of them; None: none.
         """
         chosen = self.champion.number if number is None else number
-        windows = () if data is None else self.blocks(data)
-        out = export.exported(self.setup, self._versions, self.store, chosen, windows)
+        rows = () if data is None else self.blocks(data)
+        out = export.exported(self.setup, self._versions, self.store, chosen, rows)
         return export.write(out, form, Path(path))
 
     def load(self, path: str | Path, reason: str = "") -> Version:
@@ -357,9 +360,8 @@ class Twin:
         file, live = Path(path), self.champion
         values = export.values_in(file, live.names)
         self.parameters_of(live.number).with_values(values)
-        version = self._versions.add(
-            live.form, values, parent=live.number, reason=reason or f"loaded from {file.name}"
-        )
+        reason = reason or f"loaded from {file.name}"
+        version = self._versions.add(live.form, values, parent=live.number, reason=reason)
         self._ledger.say()
         return version
 
@@ -380,8 +382,7 @@ class Twin:
         Raises:
             UsageError: there was none before, or the present one is pinned.
         """
-        before = self._ledger.before
-        if before is None:
+        if (before := self._ledger.before) is None:
             raise UsageError("roll back: no other version has been live before this one")
         self._refuse_pinned(before)
         return self._ledger.switch(before, "rolled_back", reason)
@@ -389,8 +390,7 @@ class Twin:
     def _refuse_pinned(self, number: int) -> None:
         if self.pinned and number != self.champion.number:
             raise UsageError(
-                f"version {self.champion.number} is pinned and stays live: unpin it first, or pin "
-                f"version {number}"
+                f"version {self.champion.number} is pinned, stays live: unpin it, or pin {number}"
             )
 
     def pin(self, number: int | None, reason: str = "by hand") -> Event:

@@ -38,6 +38,7 @@ __all__ = [
     "Outputs",
     "ParameterVector",
     "ParameterVectors",
+    "PerOutput",
     "Stamps",
     "StateVector",
     "StateVectors",
@@ -59,6 +60,7 @@ StateVectors: TypeAlias = Float64[np.ndarray, "k nx"]
 ParameterVectors: TypeAlias = Float64[np.ndarray, "k np"]
 OutputRuns: TypeAlias = Float64[np.ndarray, "k n ny"]
 Vector: TypeAlias = Float64[np.ndarray, " k"]
+PerOutput: TypeAlias = Float64[np.ndarray, " ny"]
 
 if TYPE_CHECKING:
     Json: TypeAlias = (

@@ -11,10 +11,11 @@ from scipy.signal import butter, filtfilt
 
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import make_block
+from evertwin.machines.arm import Arm
 from evertwin.models import FunctionModel, Parameters
 from evertwin.signals import Layout
 from evertwin.tuning import ClosedForm, Problem, solve
-from evertwin.tuning.gram import gram, normal
+from evertwin.tuning.gram import effects, residual, solved
 
 NOISE = np.array([0.5, 0.8, 0.5, 0.08, 0.08, 0.06])
 TRUTH = np.r_[np.array([12.0, 14, 10, 3, 3, 2.5]), np.array([10.0, 10, 8, 2, 2, 2]), 0.02]
@@ -59,16 +60,21 @@ def test_intervals_cover_where_the_regressor_is_slow_too(axes: Any, measured: An
     assert np.mean(inside) > 0.87
 
 
+def off(model: Any, y: Any, phi: Any) -> Any:
+    """Measured less predicted at the model's own values."""
+    return y - (phi * model.parameters.values[model.columns]).sum(axis=2)
+
+
 def test_orthogonal_decomposition_agrees(axes: Any, measured: Any) -> None:
     rng = np.random.default_rng(2)
     model, u = axes(sigma=3.0), rng.normal(size=(200, 6))
     y = measured(model, u, TRUTH, rng.normal(size=u.shape)).y
-    y0, phi = model.regressor(None, u, None, TRUTH)
-    plan = ClosedForm(model)
-    fast, careful = plan.solve_rows(y, y0, phi), plan._careful(y, y0, phi)
+    _, phi = model.regressor(None, u, None, TRUTH)
+    r, plan = off(model, y, phi), ClosedForm.of(model)
+    fast, careful = plan.solve(r, phi), plan.carefully(r, phi)
     np.testing.assert_allclose(careful.values, fast.values, rtol=1e-2)
-    known = ClosedForm(model, scale=(0.9,) * 6)
-    fast, careful = known.solve_rows(y, y0, phi), known._careful(y, y0, phi)
+    known = replace(plan, noise=np.full(6, 0.9))
+    fast, careful = known.solve(r, phi), known.carefully(r, phi)
     np.testing.assert_allclose(careful.values, fast.values, rtol=1e-9)
     np.testing.assert_allclose(careful.covariance, fast.covariance, atol=1e-10)
 
@@ -79,7 +85,7 @@ def test_ill_conditioned_rows_are_still_solved(axes: Any) -> None:
     model, v = axes(1), rng.normal(size=(100, 1))
     phi = np.stack([v, v + 1e-6 * rng.normal(size=v.shape)], axis=2)
     y = (phi * [2.0, 5.0]).sum(axis=2)
-    solution = ClosedForm(model).solve_rows(y, np.zeros_like(y), phi)
+    solution = ClosedForm.of(model).solve(off(model, y, phi), phi)
     assert solution.solved
     np.testing.assert_allclose(solution.values, [2.0, 5.0], rtol=1e-3)
 
@@ -97,8 +103,7 @@ def test_a_shared_parameter_is_solved_jointly_with_weights(axes: Any) -> None:
         phi = model.regressor(None, u, None, model.parameters.values)[1]
         y = (phi * np.array([[3.0, 1.0], [3.0, 2.0]])).sum(axis=2)
         y += rng.normal(size=u.shape) * [0.01, 1.0]
-        plan = ClosedForm(model, ("Fc0", "Bm0", "Bm1"))
-        solution = plan.solve_rows(y, np.zeros_like(y), phi)
+        solution = ClosedForm.of(model, ("Fc0", "Bm0", "Bm1")).solve(off(model, y, phi), phi)
         errors.append((solution.values[0] - 3.0) / np.sqrt(solution.covariance[0, 0]))
     assert 0.75 < np.sqrt(np.mean(np.square(errors))) < 1.25
     assert np.sqrt(solution.covariance[0, 0]) < 0.003  # the quiet output decides
@@ -129,7 +134,8 @@ def test_the_same_filter_goes_over_both_sides(axes: Any, measured: Any) -> None:
     assert np.all(np.abs(fit.values - p[:2]) < 3 * fit.sigma)
     one_side = solve(Problem(model, (block._replace(y=smooth(block.y)),)))
     assert abs(one_side.values[0] - 3.0) > 3 * abs(fit.values[0] - 3.0)
-    plan = ClosedForm(model, filter=smooth).solve(u, block.dt, block.y)
+    phi = smooth(model.regressor(None, u, None, p)[1].reshape(600, 2)).reshape(600, 1, 2)
+    plan = ClosedForm.of(model).solve(off(model, smooth(block.y), phi), phi)
     np.testing.assert_allclose(plan.values, fit.values, rtol=1e-9)
     with pytest.raises(DataError, match="no stretch of rows is long enough"):
         solve(Problem(model, (measured(model, u[:9], p, 0 * u[:9]),), filter=smooth))
@@ -164,24 +170,25 @@ def test_bounds_hold_and_are_reported(axes: Any, measured: Any) -> None:
 
 def test_a_nonlinear_parameter_is_refused(axes: Any) -> None:
     with pytest.raises(UsageError, match="width: the outputs are not linear"):
-        ClosedForm(axes(), ("width",)).solve(np.zeros((2, 6)), np.ones(2), np.zeros((2, 6)))
+        ClosedForm.of(axes(), ("width",))
 
 
 def test_kernels_equal_their_plain_twins_bit_for_bit() -> None:
     rng = np.random.default_rng(9)
-    y, y0, phi = rng.normal(size=(40, 3)), rng.normal(size=(40, 3)), rng.normal(size=(40, 3, 2))
+    y, y0, columns = rng.normal(size=(40, 3)), rng.normal(size=(40, 3)), rng.normal(size=(40, 3, 2))
     y[5, 1] = np.nan
     at = np.array([[0, 1], [2, -1], [1, 3]])
     results = []
-    for sum_up, solve_it in ((gram, normal), (gram.py_func, normal.py_func)):
-        sums = np.zeros((3, 2, 2)), np.zeros((3, 2)), np.zeros(3), np.zeros(3)
-        sum_up(y, y0, phi, np.full((3, 2), 0.3), *sums)
-        out = np.zeros(4), np.zeros((4, 4)), np.zeros(3), np.zeros(3)
+    for plain in (False, True):
+        kernels = (residual, effects, solved)
+        leave, effect, solve_it = (kernel.py_func if plain else kernel for kernel in kernels)
+        r, told = np.empty((40, 3)), np.zeros((3, 3))
+        leave(y, y0, columns, np.full((3, 2), 0.3), r)
+        effect(columns, at, ~np.isnan(r), np.arange(4.0), np.arange(4) > 1, told)
         scale = np.array([np.nan, 0.5, np.nan])
-        code = solve_it(*sums, at, np.full(4, 0.1), np.zeros(4), scale, *out)
-        results.append((code, *sums, *out))
+        results.append((r, told, *solve_it(r, columns, at, np.full(4, 0.1), scale)))
     for left, right in zip(*results, strict=True):
-        assert np.array_equal(left, right)
+        assert np.array_equal(left, right, equal_nan=True)
 
 
 def test_only_moving_rows_count_and_the_filter_runs_over_all() -> None:
@@ -230,14 +237,30 @@ def test_a_filter_leaves_out_what_is_too_short_or_not_fed(axes: Any, measured: A
     assert np.abs(fit.values - p[:2]).max() < 0.1
 
 
-def test_chunks_give_the_same_bits(axes: Any, measured: Any) -> None:
-    rng = np.random.default_rng(2)
-    model, u = axes(1), rng.normal(size=(5000, 1))
-    block = measured(model, u, np.array([3.0, 2.0, 0.02]), 0.1 * rng.normal(size=u.shape))
-    plan = ClosedForm(model)
-    y0, phi = model.regressor(None, u, None, model.parameters.values)
-    pieces, whole = plan.solve(u, block.dt, block.y), plan.solve_rows(block.y, y0, phi)
-    assert np.array_equal(pieces.values, whole.values)
-    assert np.array_equal(pieces.covariance, whole.covariance)
-    still = plan.solve(np.zeros_like(u), block.dt, block.y)
-    assert not still.solved
+def test_what_is_known_of_the_rows_is_shared(axes: Any, measured: Any) -> None:
+    model, u = axes(2), np.random.default_rng(3).normal(size=(80, 2))
+    noise = 0.1 * np.random.default_rng(4).normal(size=u.shape)
+    block = measured(model, u, np.array([3.0, 2.0, 1.0, 4.0, 0.02]), noise)
+    problem = Problem(model, (block,))
+    solve(problem)
+    fewer = problem.tuning(("Fc0", "Bm1"))
+    assert fewer.rows is problem.rows
+    assert fewer.parts is problem.parts
+    alone = solve(Problem(model, (block,), ("Fc0", "Bm1")))
+    assert solve(fewer).to_dict(timing=False) == alone.to_dict(timing=False)
+
+
+def test_columns_of_some_parameters_alone_give_the_same_fit() -> None:
+    arm = Arm.of("ur5_like", law="tanh+stribeck+load", base=True, motor=[0.1] * 6)
+    u = np.random.default_rng(5).normal(size=(700, 18))
+    values = {"Fc1": 3.0, "Fv2": 2.0, "Fs3": 1.0, "Fl4": 0.2, "offset5": 0.5}
+    p = arm.parameters.with_values(values).values
+    i = arm.simulate(np.zeros(0), u, np.full(700, 0.1), p)[1]
+    i += np.random.default_rng(6).normal(size=i.shape)
+    names = ("Fc1", "Fv2", "Fs3", "Fl4", "offset5")
+    prior = arm.parameters.with_values({"Fv1": 0.3, "Fc2": 0.7})
+    problem = Problem(arm, (make_block(t=np.arange(700), u=u, y=i),), names, prior=prior)
+    whole = Problem(arm, problem.windows, names, prior=prior)
+    assert whole.parts[1].shape[2] > problem.reduced.columns.shape[2]
+    np.testing.assert_allclose(whole.first, problem.first, atol=1e-9)
+    np.testing.assert_allclose(solve(whole).values, solve(problem).values, rtol=1e-9)

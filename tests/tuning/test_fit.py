@@ -6,19 +6,17 @@ import json
 from typing import Any
 
 import numpy as np
+import pytest
 
 from evertwin.fold import canonical, make_block
 from evertwin.models import Parameters
 from evertwin.signals import Layout
 from evertwin.tuning import Problem, solve
-from evertwin.tuning.statistics import (
-    autocorrelation,
-    dependences,
-    effective,
-    ljung_box,
-    memory,
-    spread,
-)  # fmt: skip
+from evertwin.tuning.autocorrelation import Correlation, effective
+from evertwin.tuning.classes import Classes
+from evertwin.tuning.classes_loop import classify
+from evertwin.tuning.statistics import autocorrelation, dependences, ljung_box, spread
+from evertwin.tuning.statistics_loop import analysed, overlapped, remember, shifted, tally
 
 P = np.array([3.0, 2.0, 0.02])
 
@@ -101,18 +99,98 @@ def test_autocorrelation_by_sums_and_by_spectrum_agree() -> None:
     r[40:60] = np.nan
     short, long = autocorrelation(r, 10), autocorrelation(r, 60)[:11]
     np.testing.assert_allclose(short, long, atol=1e-12)
-    assert len(memory(rng.normal(size=1000))) <= 3
-    assert effective(r) < 300
+    white, both = (Correlation.of(e[:, None]) for e in (rng.normal(size=1000), r))
+    assert len(white.memory()[0]) <= 3
+    assert effective(both.rows, both.memory())[0] < 300
     assert autocorrelation(np.zeros(9), 2).tolist() == [1.0, 0.0, 0.0]
-    c = rng.normal(size=(3000, 2)).cumsum(axis=0)
-    slow = np.convolve(rng.normal(size=3000), np.ones(400))[:3000]
-    lags = len(memory(slow))
-    assert lags > 65
-    rho = memory(slow)
-    direct = (c**2).sum(axis=0) + sum(
-        2 * rho[h] * (c[h:] * c[:-h]).sum(axis=0) for h in range(1, lags)
+    long = rng.normal(size=20_000)  # summed in pieces
+    long -= long.mean()
+    direct = np.array([long[h:] @ long[: len(long) - h] for h in range(21)])
+    direct /= len(long) - np.arange(21)
+    np.testing.assert_allclose(autocorrelation(long, 20), direct / direct[0], atol=1e-12)
+    np.testing.assert_allclose(
+        autocorrelation(long, 21)[:21], autocorrelation(long, 20), atol=1e-12
     )
-    np.testing.assert_allclose(spread(c, slow), np.maximum(direct, (c**2).sum(axis=0)), rtol=1e-9)
+
+
+@pytest.mark.parametrize("length", [40, 400])
+def test_memory_widens_the_spread_of_an_estimate(length: int) -> None:
+    rng = np.random.default_rng(5)
+    c = rng.normal(size=(3000, 2)).cumsum(axis=0)
+    slow = np.convolve(rng.normal(size=3000), np.ones(length))[:3000]
+    used = np.arange(3000) % 7 > 0
+    rho = Correlation.of(np.where(used, slow, np.nan)[:, None]).memory()[0]
+    assert (len(rho) > 65) == (length == 400)
+    seen = np.where(used[:, None], c, 0.0)
+    gain = np.array([[1.0, 0.5], [0.0, 2.0]])
+    direct = sum(
+        2 * rho[h] * ((seen @ gain)[h:] * (seen @ gain)[:-h]).sum(axis=0)
+        for h in range(1, len(rho))
+    )
+    np.testing.assert_allclose(spread(c, used, gain, rho), direct, rtol=1e-8)
+
+
+def test_classes_are_quantiles_or_the_few_values_that_there_are() -> None:
+    rng = np.random.default_rng(6)
+    wide = np.exp(9 * rng.normal(size=5000))
+    flat = np.where(rng.uniform(size=5000) < 0.7, 0.0, rng.normal(size=5000))
+    few, holes = rng.integers(0, 3, 5000).astype(float), rng.normal(size=5000)
+    holes[::9] = np.nan
+    found = Classes.of(np.stack([wide, flat, few, holes, np.ones(5000)], axis=1))
+    for j, values in enumerate((wide, flat, few, holes)):
+        edges = np.unique(np.nanquantile(values, np.linspace(0, 1, 9)))[1:-1]
+        if j == 2:
+            edges = np.array([0.5, 1.5])
+        known = np.isfinite(values)
+        expected = np.searchsorted(edges, values, side="right")
+        np.testing.assert_array_equal(found.number[j, known], expected[known])
+    assert found.vary.tolist() == [True, True, True, True, False]
+    assert found.count.sum(axis=1).tolist() == [5000.0] * 5
+
+
+@pytest.mark.parametrize("holes", [False, True])
+def test_loops_of_the_statistics_equal_their_plain_twins(holes: bool) -> None:
+    rng = np.random.default_rng(7)
+    r, y, u = rng.normal(size=(90, 9)), rng.normal(size=(90, 9)), rng.normal(size=(90, 3))
+    u[5, 1], u[:, 2] = np.inf, np.round(u[:, 2])
+    r[:, 0] = np.convolve(r[:, 0], np.ones(3))[:90]
+    if holes:
+        r[3, 4] = np.nan
+    exact, close = [], []
+    for plain in (False, True):
+        kernels = (tally, shifted, classify, remember, analysed, overlapped)
+        count_up, shift, class_of, know, analyse, overlap = (
+            kernel.py_func if plain else kernel for kernel in kernels
+        )
+        moved, out = np.zeros((6, 9)), np.zeros((2, 2))
+        number, count = np.empty((3, 90), dtype=np.uint8), np.zeros((3, 8))
+        count_up(y, r, r > 0, moved)
+        shift(y[:, :2], r[:, 0] > 0, np.array([1.0, 0.5, 0.2]), out)
+        class_of(u, number, count)
+        centred, known, rows, square, rho, reach, statistic = know(r)
+        shared = overlap(number, count, rho, reach)
+        analysis = analyse(number, count, centred, known, rows, square, shared)
+        exact.append((moved, out, number, count, centred, known, rows, reach, analysis[-1]))
+        close.append((square, rho, statistic, shared, *analysis[:-1]))
+    for left, right in zip(*exact, strict=True):
+        assert np.array_equal(left, right)
+    # products by the linear algebra library: NumPy's and SciPy's own differ in the last bit
+    for left, right in zip(*close, strict=True):
+        np.testing.assert_allclose(left, right, rtol=1e-12, atol=1e-15)
+
+
+def test_the_input_that_explains_most_is_found_among_all() -> None:
+    # Most inputs are not even asked: those that another one beats in share, classes and rows.
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        u = np.concatenate([rng.normal(size=(200, 4)), rng.integers(0, 3, (200, 3))], axis=1)
+        r = np.convolve(rng.normal(size=200), np.ones(1 + seed % 4))[:200] + 0.1 * u[:, seed % 7]
+        found = dependences(r[:, None], u, ("y",), tuple("abcdefg"))[0]
+        alone = [dependences(r[:, None], u[:, [j]], ("y",), ("x",))[0] for j in range(7)]
+        best = min(range(7), key=lambda j: (alone[j].p, -alone[j].share))
+        assert found.input == "abcdefg"[best]
+        assert found.share == pytest.approx(alone[best].share, rel=1e-12)
+        assert found.p == pytest.approx(min(1.0, 7 * alone[best].p), rel=1e-9)
 
 
 def test_degenerate_residuals_are_harmless() -> None:

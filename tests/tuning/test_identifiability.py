@@ -9,6 +9,7 @@ import pytest
 
 from evertwin.fold import make_block
 from evertwin.tuning import Problem, advise, gate, solve
+from evertwin.tuning.sensitivity import Sensitivity
 
 
 def speeds(n: int = 4000) -> Any:
@@ -37,7 +38,8 @@ def test_the_offset_trap_is_refused_by_the_general_rule(width: float) -> None:
     ]:
         j = columns(speeds(), width, law) * 30
         names = ("M", "Fv", "Fp", "Fm", "offset")[: j.shape[1]]
-        found = gate(j.T @ j, lambda d, j=j: j @ d, names, np.full(j.shape[1], 10.0))
+        acting = Sensitivity.dense(j[:, None], np.ones((len(j), 1), dtype=np.bool_))
+        found = gate(acting, np.ones(1), names, np.full(j.shape[1], 10.0))
         assert list(found.verdicts) == expected, (law, width)
         assert np.isinf(found.sigma[[v == "not" for v in expected]]).all()
 

@@ -109,7 +109,7 @@ def test_more_starts_leave_a_local_minimum(robot: Any, wavy: Any, run: Any) -> N
     near, far = (
         solve(Problem(wavy, (block,), horizon=2.0), settings=Settings(starts=n)) for n in (1, 12)
     )
-    assert far.cost <= near.cost
+    assert far.cost <= near.cost * (1 + 1e-12)
     assert np.sin(5 * far["gain"]) == pytest.approx(np.sin(8.0), abs=0.05)
     again = solve(Problem(wavy, (block,), horizon=2.0), settings=Settings(starts=12))
     assert np.array_equal(far.values, again.values)

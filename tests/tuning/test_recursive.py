@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -44,8 +45,9 @@ def test_the_last_estimate_equals_the_batch(axes: Any, measured: Any) -> None:
                       before=int(block.t[-1]))  # fmt: skip
     state, _ = stage.step(state, last)
     values, sigma = stage.estimate(state)
-    plan = ClosedForm(model, scale=(0.1, 0.1))
-    batch = plan.solve(block.u, block.dt, block.y)
+    y0, phi = model.regressor(None, block.u, block.dt, model.parameters.values)
+    r = block.y - y0 - (phi * model.parameters.values[model.columns]).sum(axis=2)
+    batch = replace(ClosedForm.of(model), noise=np.full(2, 0.1)).solve(r, phi)
     np.testing.assert_allclose(values, batch.values, rtol=1e-10)
     np.testing.assert_allclose(sigma, np.sqrt(np.diag(batch.covariance)), rtol=1e-10)
 

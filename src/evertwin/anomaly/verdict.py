@@ -43,7 +43,9 @@ import numpy as np
 from evertwin.fold import plain
 from evertwin.models.kernel import CONTINUE
 from evertwin.tuning import Dependence, Fit, Problem
-from evertwin.tuning.statistics import dependences
+from evertwin.tuning.autocorrelation import Correlation
+from evertwin.tuning.classes import Classes
+from evertwin.tuning.statistics import depends
 from evertwin.types import Inputs, Json
 
 
@@ -168,11 +170,10 @@ def _cause(shares: Mapping[str, float], rule: Rule) -> str:
 def _dependence(fit: Fit, problem: Problem, rule: Rule) -> tuple[Dependence | None, float]:
     """The dependence that weighs most, None if none counts; and its part of the deviation."""
     rows, model = problem.rows, problem.model
-    residual = problem.residuals(fit.values)
     names = model.inputs.names
-    found = dependences(
-        np.where(rows.used, residual, np.nan),
-        np.column_stack([rows.u, _change(rows.u, rows.code)]),
+    found = depends(
+        Correlation.of(problem.residuals(fit.values)),
+        rows.classes.beside(Classes.of(_change(rows.u, problem.restart.code))),
         model.outputs.names,
         (*names, *(f"change of {name}" for name in names)),
     )

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from evertwin.loop.configured_model import model_of
     from evertwin.loop.engines import Engines
     from evertwin.loop.feed import Data, Feed, chunk_of
-    from evertwin.loop.fitting import FitResult, Watch, fit
+    from evertwin.loop.fitting import FitResult, Watch, fit, posed
     from evertwin.loop.ledger import Ledger
     from evertwin.loop.live import Live, View
     from evertwin.loop.observer import Observer
@@ -43,6 +43,7 @@ __all__ = [
     "compare",
     "fit",
     "model_of",
+    "posed",
     "work_of",
 ]
 

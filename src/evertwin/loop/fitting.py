@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, TypeAlias
 
@@ -204,18 +204,25 @@ def tune(
     engine: Engine | None = None,
 ) -> Tuned:  # fmt: skip
     """Version ``number``, tuned on ``train``; differences in the engine's processes, if any."""
-    feed, work = Feed(setup.spec, setup.model), Work(setup, versions)
-    version, base = versions[number], versions.model(number)
-    tasks = screened(setup, base, version.p, feed.blocks(train))
-    check_initials(setup, base, tasks)
-    windows = starts(setup, windows_of(tasks, setup.spec.tuning.cut))
-    problem: Problem = work.problem(version, windows, work.editable(version))
+    feed, version, base = Feed(setup.spec, setup.model), versions[number], versions.model(number)
+    problem, tasks = posed(setup, versions, number, feed.blocks(train))
     far = None if engine is None else far_of(engine, setup.spec, version.form)
     problem = replace(problem, settings=replace(problem.settings, far=far))
     with Interrupt() as stop:
         problem, laws = climb_laws(setup, _watched(problem, stop, watch))
-        formed = with_terms(setup, work, version, problem)
+        formed = with_terms(setup, Work(setup, versions), version, problem)
     return Tuned(setup, base, version, formed, laws, tasks, feed)
+
+
+def posed(
+    setup: Setup, versions: Versions, number: int, blocks: Iterable[Block]
+) -> tuple[Problem, tuple[Block, ...]]:
+    """What version ``number`` is tuned on: the problem, and the tasks that its windows are of."""
+    version, base, work = versions[number], versions.model(number), Work(setup, versions)
+    tasks = screened(setup, base, version.p, blocks)
+    check_initials(setup, base, tasks)
+    windows = starts(setup, windows_of(tasks, setup.spec.tuning.cut))
+    return work.problem(version, windows, work.editable(version)), tasks
 
 
 def _watched(problem: Problem, stop: Interrupt, watch: Watch | None) -> Problem:

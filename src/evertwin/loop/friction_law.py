@@ -74,7 +74,7 @@ def climb_laws(setup: Setup, problem: Problem) -> tuple[Problem, Mapping[str, st
     assert isinstance(model, Laddered)
     joints = getattr(model, "joints", model.outputs.names)
     laws = {joint: model.law_name(k, ascent.taken[k]) for k, joint in enumerate(joints)}
-    return replace(problem, editable=ascent.names), laws
+    return problem.tuning(ascent.names), laws
 
 
 def _folds(windows: tuple[Block, ...]) -> tuple[Block, ...]:

@@ -9,8 +9,6 @@ from __future__ import annotations
 import time
 from typing import Any
 
-import numpy as np
-
 from evertwin.correction.describe import describe
 from evertwin.correction.evidence import gather
 from evertwin.correction.improve import Proposal, stack_of
@@ -71,8 +69,8 @@ def _fitted(
     values = model.parameters.with_values(proposal.p)
     problem = Problem(model, windows, names, setup.horizon, None, None, values)
     outcome = Outcome(problem.start, 0, 1, True, "as the correction was learned")
-    j = problem.jacobian(problem.start)
-    if not np.isfinite(j[problem.rows.used]).all():
+    acting = problem.sensitivity(problem.start)
+    if not acting.finite:
         return {}
-    fit = assemble(problem, outcome, problem.start, j, time.perf_counter())
+    fit = assemble(problem, outcome, acting, time.perf_counter())
     return dict(fit.to_dict(timing=False))

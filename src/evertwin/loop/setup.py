@@ -127,10 +127,16 @@ class Setup:
         rule = self.spec.moving
         if rule is None:
             return np.ones((len(u), len(self.model.outputs)), dtype=np.bool_)
-        said = [rule.channels.get(name) for name in self.model.outputs.names]
-        columns = [0 if name is None else self.model.inputs.index(name) for name in said]
-        unsaid = np.array([name is None for name in said])
+        columns, unsaid = self._judged_by
         return np.asarray((np.abs(u.take(columns, axis=1)) > rule.above) | unsaid)
+
+    @cached_property
+    def _judged_by(self) -> tuple[np.ndarray, np.ndarray]:
+        """Column of the inputs that tells whether an output moves; and the outputs without one."""
+        channels = {} if self.spec.moving is None else self.spec.moving.channels
+        said = [channels.get(name) for name in self.model.outputs.names]
+        columns = [0 if name is None else self.model.inputs.index(name) for name in said]
+        return np.array(columns), np.array([name is None for name in said])
 
     @cached_property
     def regimes(self) -> tuple[np.ndarray, Regimes] | None:

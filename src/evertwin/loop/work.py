@@ -150,7 +150,7 @@ class Work:
         elif len(names) < len(self.editable(version)):
             verdict = Verdict("normal", "", "tuned the share of the parameters whose turn it is")
         else:
-            verdict = self.verdict(version, problem, fit, windows)
+            verdict = self.verdict(problem, fit)
         events = [
             _event("not_identifiable", name, fit.reasons[k], {"verdict": fit.verdict[k]})
             for k, name in enumerate(fit.names)
@@ -193,14 +193,14 @@ class Work:
         scale = self.scale(problem, fit.start)
         return self._candidate(version.form, values, scale, reason, windows)
 
-    def verdict(self, version: Version, problem: Problem, fit: Fit, windows: Windows) -> Verdict:
+    def verdict(self, problem: Problem, fit: Fit) -> Verdict:
         """Normal or abnormal, with the cause that explains most."""
         refits = {}
         there = problem.model.parameters.names
         for cause, names in self.setup.causes.items():
             chosen = tuple(name for name in names if name in there)
             if chosen:
-                refits[cause] = solve(self.problem(version, windows, chosen))
+                refits[cause] = solve(problem.tuning(chosen))
         found = branch(fit, problem, refits, frozenset(self.setup.editable))
         short = self._short(problem, fit)
         if found.kind == "normal" and short and self._next():
@@ -287,7 +287,7 @@ def at_ends(problem: Problem, values: np.ndarray) -> list[float]:
     """Rms residual per output where a prediction has reached its horizon."""
     residual = problem.residuals(values)
     # a prediction goes from one restart to the next
-    bounds = [*np.flatnonzero(problem.rows.code).tolist(), len(residual)]
+    bounds = [*np.flatnonzero(problem.restart.code).tolist(), len(residual)]
     newest = np.full((len(bounds) - 1, residual.shape[1]), np.nan)
     for n, (start, stop) in enumerate(pairwise(bounds)):
         for k in range(residual.shape[1]):

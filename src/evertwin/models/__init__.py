@@ -9,7 +9,7 @@ from evertwin.surface import surface
 if TYPE_CHECKING:
     from evertwin.models.check import check_model
     from evertwin.models.compiled import Compiled
-    from evertwin.models.contract import BatchModel, KernelModel, LinearModel, Model
+    from evertwin.models.contract import BatchModel, KernelModel, LinearModel, Model, PartialModel
     from evertwin.models.function import FunctionModel, kernel_of, python_kernel
     from evertwin.models.kernel import Kernel, Restart
     from evertwin.models.native import OBSERVE, STEP
@@ -28,6 +28,7 @@ __all__ = [
     "Model",
     "Parameter",
     "Parameters",
+    "PartialModel",
     "Restart",
     "check_model",
     "kernel_of",

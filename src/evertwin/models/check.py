@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 
 from evertwin.errors import LawBroken
-from evertwin.models.contract import BatchModel, KernelModel, LinearModel, Model
+from evertwin.models.contract import BatchModel, KernelModel, LinearModel, Model, PartialModel
 from evertwin.models.function import kernel_of
 from evertwin.models.kernel import ADOPT, ANEW, CONTINUE, Restart
 from evertwin.models.rollout import roll
-from evertwin.types import Inputs, Intervals, Outputs
+from evertwin.types import Float64, Inputs, Intervals, Outputs
 
 __all__ = ["check_model"]
 
@@ -97,3 +97,21 @@ def _linear(model: LinearModel, u: Inputs, dt: Intervals, y: Outputs) -> None:
     worst = np.max(np.abs(y0 + (phi * values).sum(axis=2) - y))
     if not worst <= 1e-9 * max(1.0, float(np.max(np.abs(y)))):
         raise LawBroken(f"linear: y0 + Phi·p differs from simulate by {worst:.3g}")
+    if isinstance(model, PartialModel):
+        _partial(model, u, dt, y0, phi)
+
+
+def _partial(
+    model: PartialModel, u: Inputs, dt: Intervals, y0: Outputs, phi: Float64[np.ndarray, "n ny m"]
+) -> None:
+    p, columns = model.parameters.values, model.columns
+    chosen = columns % 2 == 0
+    slot = np.where(chosen, np.cumsum(chosen, axis=1) - 1, -1)
+    rest, some = model.partial(model.initial(p), u, dt, p, slot)
+    stays = np.where(chosen | (columns < 0), 0.0, p[columns])
+    expected = y0 + (phi * stays).sum(axis=2)
+    worst = np.max(np.abs(rest - expected)) / max(1.0, float(np.max(np.abs(expected))))
+    for k, j in np.argwhere(chosen).tolist():
+        worst = max(worst, np.max(np.abs(some[:, k, slot[k, j]] - phi[:, k, j])))
+    if not worst <= 1e-9:
+        raise LawBroken(f"partial: differs from the regressor by {worst:.3g}")

@@ -32,7 +32,7 @@ from evertwin.types import (
     StateVectors,
 )
 
-__all__ = ["BatchModel", "KernelModel", "LinearModel", "Model"]
+__all__ = ["BatchModel", "KernelModel", "LinearModel", "Model", "PartialModel"]
 
 
 @runtime_checkable
@@ -114,6 +114,23 @@ class LinearModel(Model, Protocol):
         self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
     ) -> tuple[Outputs, Float64[np.ndarray, "n ny m"]]:
         """The part that does not depend on the columns, and the compact regressor."""
+        ...
+
+
+@runtime_checkable
+class PartialModel(LinearModel, Protocol):
+    """A linear model that gives some columns alone, which costs less than all of them.
+
+    >>> hasattr(PartialModel, "partial")
+    True
+    """
+
+    def partial(
+        self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector,
+        slot: Int64[np.ndarray, "ny m"],
+    ) -> tuple[Outputs, Float64[np.ndarray, "n ny t"]]:  # fmt: skip
+        """Columns that have a ``slot`` (0 … t − 1 in each output; else −1), and all that is not in
+        them, with the other linear parameters as in ``p``. Where an output has fewer, 0."""
         ...
 
 

@@ -110,7 +110,12 @@ class Parameters:
         Raises:
             UsageError: there is no such parameter; names the nearest one.
         """
-        return position(self.names, name, "parameter")
+        place = self._places.get(name)
+        return position(self.names, name, "parameter") if place is None else place
+
+    @cached_property
+    def _places(self) -> dict[str, int]:
+        return {name: place for place, name in enumerate(self.names)}
 
     def indices(self, names: Sequence[str]) -> np.ndarray:
         """Positions of ``names``, int64."""

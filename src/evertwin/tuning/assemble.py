@@ -12,6 +12,7 @@ for filtered or coloured residuals it is larger. Degrees of freedom count effect
 
 from __future__ import annotations
 
+import math
 import time
 from typing import NamedTuple
 
@@ -19,15 +20,17 @@ import numpy as np
 import scipy
 
 from evertwin.tuning.advice import advise
+from evertwin.tuning.autocorrelation import Correlation, effective
+from evertwin.tuning.closed import summed
 from evertwin.tuning.fit import Fit, Residual
 from evertwin.tuning.identifiability import Gate, gate, grade
-from evertwin.tuning.problem import PerOutput, Problem
-from evertwin.tuning.statistics import dependences, effective, ljung_box, spread
-from evertwin.types import Float64, Outputs, Vector
+from evertwin.tuning.problem import Problem
+from evertwin.tuning.sensitivity import Sensitivity, Spectrum
+from evertwin.tuning.statistics import depends, spread, whiteness
+from evertwin.tuning.statistics_loop import tally
+from evertwin.types import Float64, Outputs, PerOutput, Vector
 
-__all__ = ["Outcome", "assemble", "judge", "rms"]
-
-Sensitivity = Float64[np.ndarray, "n ny k"]
+__all__ = ["Outcome", "Squares", "assemble", "judge", "noise_of", "rms", "squares"]
 
 
 class Outcome(NamedTuple):
@@ -62,7 +65,55 @@ def rms(values: Outputs) -> PerOutput:
     return np.asarray(np.sqrt(mean))
 
 
-def noise_of(problem: Problem, r: Outputs, parameters: PerOutput) -> PerOutput:
+class Squares(NamedTuple):
+    """Sums of squares per output over the rows that count and are predicted, (ny,) each.
+
+    >>> Squares._fields[:3]
+    ('rows', 'measured', 'left')
+    """
+
+    rows: PerOutput
+    measured: PerOutput
+    left: PerOutput
+    """Of the residual."""
+    moving: PerOutput
+    """Rows that move; then the same two over these."""
+    moving_measured: PerOutput
+    moving_left: PerOutput
+    r: Outputs
+    """The residual itself."""
+
+    @property
+    def rms(self) -> tuple[float, ...]:
+        """Of the residual; NaN without rows."""
+        return _roots(self.left, self.rows)
+
+    @property
+    def relative(self) -> tuple[float, ...]:
+        """rms of the residual over that of the measurement."""
+        return _roots(self.left, self.measured)
+
+    @property
+    def relative_moving(self) -> tuple[float, ...]:
+        """The same over moving rows."""
+        return _roots(self.moving_left, self.moving_measured)
+
+
+def _roots(above: PerOutput, below: PerOutput) -> tuple[float, ...]:
+    """√(above / below); of nothing over nothing NaN."""
+    pairs = zip(above.tolist(), below.tolist(), strict=True)
+    nothing = math.nan, math.inf
+    return tuple(math.sqrt(a / b) if b > 0 else nothing[a > 0] for a, b in pairs)
+
+
+def squares(problem: Problem, r: Outputs) -> Squares:
+    """Of a residual (n, ny)."""
+    rows, found = problem.rows, np.zeros((6, r.shape[1]))
+    tally(rows.y, r, rows.moving, found)
+    return Squares(found[0], found[1], found[2], found[3], found[4], found[5], r)
+
+
+def noise_of(problem: Problem, left: Squares, parameters: PerOutput) -> PerOutput:
     """Standard deviation of each output's residual: given, or from its degrees of freedom.
 
     Args:
@@ -70,99 +121,94 @@ def noise_of(problem: Problem, r: Outputs, parameters: PerOutput) -> PerOutput:
     """
     if problem.scale is not None:
         return problem.scale
-    known = ~np.isnan(r)
-    count = known.sum(axis=0)
     if problem.loss == "linear":
-        total = np.square(np.where(known, r, 0.0)).sum(axis=0)
-        sigma = np.sqrt(total / np.maximum(count - parameters, 1.0))
+        sigma = np.sqrt(left.left / np.maximum(left.rows - parameters, 1.0))
     else:
-        sigma = np.array([1.4826 * np.median(np.abs(c[k])) for c, k in zip(r.T, known.T)])
+        sizes = [np.abs(column[~np.isnan(column)]) for column in left.r.T]
+        sigma = np.array([1.4826 * np.median(size) if len(size) else 0.0 for size in sizes])
     # Exact data: below the rounding of the measurement nothing is known about the noise.
-    floor = 1e-12 * np.nan_to_num(rms(problem.rows.y)) + 1e-300
-    return np.asarray(np.maximum(np.nan_to_num(sigma), floor))
+    measured = np.sqrt(left.measured / np.maximum(left.rows, 1.0))
+    return np.asarray(np.maximum(sigma, 1e-12 * measured + 1e-300))
 
 
-def judge(problem: Problem, j: Sensitivity, sigma: PerOutput, values: Vector) -> Gate:
-    """The identifiability gate on the rows that count."""
-    scaled = np.where(problem.rows.used[:, :, None], j, 0.0) / sigma[:, None]
-    flat = np.ascontiguousarray(scaled.reshape(-1, scaled.shape[2]))
-    sizes = sizes_of(problem, j, sigma, values)
-    count = problem.rows.used.sum() - len(sizes)
-    dof = np.inf if problem.scale is not None else float(max(count, 1))
-    shape = problem.rows.used.shape
-    return gate(flat.T @ flat, lambda d: (flat @ d).reshape(shape), problem.names, sizes, dof)
+def judge(problem: Problem, acting: Sensitivity, sigma: PerOutput, sizes: Vector) -> Gate:
+    """The identifiability gate on the rows that count; ``sizes`` from `sizes_of`."""
+    count = int(np.count_nonzero(problem.rows.used)) - len(sizes)
+    dof = math.inf if problem.scale is not None else float(max(count, 1))
+    return gate(acting, sigma, problem.names, sizes, dof)
 
 
-def sizes_of(problem: Problem, j: Sensitivity, sigma: PerOutput, values: Vector) -> Vector:
+def sizes_of(problem: Problem, acting: Sensitivity, sigma: PerOutput, values: Vector) -> Vector:
     """Natural size of each parameter, (k,): what counts as a large error of it."""
     sizes = np.maximum(np.abs(problem.start), np.abs(values))
-    # A parameter that starts at zero may well end near it and has no size of its own there: a
-    # tenth of what would explain the whole output.
-    length = np.sqrt(np.square(np.where(problem.rows.used[:, :, None], j, 0.0) / sigma[:, None])
-                     .sum(axis=(0, 1)))  # fmt: skip
-    whole = np.sqrt(np.nansum(np.square(problem.rows.y / sigma)))
-    tenth = np.divide(0.1 * whole, length, out=np.ones(len(sizes)), where=length > 0)
     zero = problem.start == 0
-    sizes[zero] = np.maximum(sizes[zero], tenth[zero])
+    if zero.any():
+        # A parameter that starts at zero may well end near it and has no size of its own there: a
+        # tenth of what would explain the whole output.
+        length = np.sqrt(acting.information(sigma).diagonal())
+        whole = np.sqrt(np.nansum(np.square(problem.rows.y / sigma)))
+        tenth = np.divide(0.1 * whole, length, out=np.ones(len(sizes)), where=length > 0)
+        sizes[zero] = np.maximum(sizes[zero], tenth[zero])
     sizes[sizes == 0] = 1.0
     return np.asarray(sizes)
 
 
-def assemble(
-    problem: Problem, outcome: Outcome, start: Vector, j: Sensitivity, began: float
-) -> Fit:
+def assemble(problem: Problem, outcome: Outcome, acting: Sensitivity, began: float) -> Fit:
     """The Fit of an outcome.
 
     Args:
-        j: sensitivity at the outcome, (n, ny, k).
+        acting: sensitivity at the outcome.
         began: `time.perf_counter` at the start.
     """
-    before, r = problem.residuals(start), problem.residuals(outcome.values)
-    paid = np.count_nonzero(
-        np.abs(np.where(problem.rows.used[:, :, None], j, 0)).sum(axis=0), axis=1
-    )
-    sigma = noise_of(problem, r, paid.astype(np.float64))
-    judged = judge(problem, j, sigma, outcome.values)
-    refused = _refused(judged, outcome.held)
-    if any(outcome.held):
-        j = np.where([bool(reason) for reason in outcome.held], 0.0, j)
-    covariance, quantile = _covariance(problem, j, r, sigma)
-    half = quantile * np.sqrt(np.diag(covariance))
-    verdicts, reasons = grade(refused, half / sizes_of(problem, j, sigma, outcome.values))
+    start, held = problem.start, outcome.held
+    before = squares(problem, problem.first)
+    left = squares(problem, problem.residuals(outcome.values))
+    sigma = noise_of(problem, left, acting.paid)
+    sizes = sizes_of(problem, acting, sigma, outcome.values)
+    judged = judge(problem, acting, sigma, sizes)
+    refused = _refused(judged, held)
+    if any(held):
+        acting = acting.without(np.array([bool(reason) for reason in held]))
+    spectrum = judged.spectrum
+    if any(held) or len(spectrum.squares) < len(sizes) or problem.information.any():
+        spectrum = Spectrum.of(acting.information(sigma) + np.diag(problem.information))
+    correlation = Correlation.of(left.r)
+    covariance, quantile = _covariance(problem, acting, correlation, (sigma, spectrum))
+    half = quantile * np.sqrt(covariance.diagonal())
+    verdicts, reasons = grade(refused, half / sizes)
     verdicts, reasons = _doubted(problem, outcome.values, verdicts, reasons)
-    free = np.array([verdict != "not" for verdict in verdicts])
-    values = np.where(free, outcome.values, start)
-    wide = ~free & np.array([not reason for reason in refused])
-    if wide.any():
-        values = _followed(problem, j, sigma, values, free)
-    if not np.array_equal(values, outcome.values):
-        r = problem.residuals(values)
-    covariance[~free, :], covariance[:, ~free] = 0.0, 0.0
-    covariance[~free, ~free] = np.inf
-    half[~free] = np.inf
-    y = problem.rows.y
-    rows_moving = _moving(problem)
+    values = outcome.values
+    if "not" in verdicts:
+        free = np.array([verdict != "not" for verdict in verdicts])
+        values = np.where(free, values, start)
+        wide = ~free & np.array([not reason for reason in refused])
+        if wide.any():
+            values = _followed(problem, acting, sigma, values, free)
+        left = squares(problem, problem.residuals(values))
+        correlation = Correlation.of(left.r)
+        covariance[~free, :], covariance[:, ~free] = 0.0, 0.0
+        covariance[~free, ~free] = np.inf
+        half[~free] = np.inf
+    items = [problem.parameters.items[place] for place in problem.places.tolist()]
     return Fit(
         names=problem.names,
-        units=tuple(problem.parameters[name].unit for name in problem.names),
+        units=tuple(item.unit for item in items),
         values=values,
         start=start,
-        sigma=np.sqrt(np.diag(covariance)),
-        interval95=np.stack([values - half, values + half], axis=1),
+        sigma=np.sqrt(covariance.diagonal()),
+        interval95=np.array([values - half, values + half]).T,
         covariance=covariance,
         verdict=verdicts,
         reasons=_reasons(problem, reasons, outcome.at_bound),
         p=problem.full(values),
-        cost=0.5 * float(np.nansum(np.square(r / sigma))),
+        cost=0.5 * float((left.left / sigma / sigma).sum()),
         outputs=problem.model.outputs.names,
-        deviation_before=_ratio(before, y),
-        deviation_after=_ratio(r, y),
-        moving_before=_ratio(
-            np.where(rows_moving, before, np.nan), np.where(rows_moving, y, np.nan)
-        ),
-        moving_after=_ratio(np.where(rows_moving, r, np.nan), np.where(rows_moving, y, np.nan)),
+        deviation_before=before.relative,
+        deviation_after=left.relative,
+        moving_before=before.relative_moving,
+        moving_after=left.relative_moving,
         noise=sigma,
-        residuals=_residuals(problem, before, r),
+        residuals=_residuals(problem, before, left, correlation),
         condition=judged.condition,
         at_bound=outcome.at_bound,
         iterations=outcome.iterations,
@@ -179,14 +225,15 @@ def _doubted(
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """What resists by its nature and was fitted below zero is not called identifiable."""
     told = list(zip(verdicts, reasons, strict=True))
-    for k, name in enumerate(problem.names):
-        if problem.parameters[name].resists and values[k] < 0 and told[k][0] == "identifiable":
+    for k in np.flatnonzero(values < 0).tolist():
+        item = problem.parameters.items[problem.places[k]]
+        if item.resists and told[k][0] == "identifiable":
             told[k] = ("weak", "negative, so it would drive: the rows or the form mislead it")
     return tuple(verdict for verdict, _ in told), tuple(reason for _, reason in told)
 
 
 def _followed(
-    problem: Problem, j: Sensitivity, sigma: PerOutput, values: Vector, free: np.ndarray
+    problem: Problem, acting: Sensitivity, sigma: PerOutput, values: Vector, free: np.ndarray
 ) -> Vector:
     """Values whose free ones make up for those with too wide an interval, which went back.
 
@@ -194,17 +241,17 @@ def _followed(
     putting them back alone would predict worse than the start. (What is exactly collinear is
     left alone: there the free ones are right as they are.) To first order, exact if linear.
     """
-    scaled = np.where(problem.rows.used[:, :, None], j, 0.0) / sigma[:, None]
-    flat = scaled.reshape(-1, len(values))
-    r = problem.residuals(values) / sigma
-    information = flat[:, free].T @ flat[:, free] + np.diag(problem.information[free])
-    pull = (problem.start - values) * problem.information
-    side = flat[:, free].T @ np.nan_to_num(r.ravel()) + pull[free]
+    sides = summed(problem.residuals(values), acting.columns).sides
+    sides /= np.square(sigma)[:, None]
+    side = (problem.start - values) * problem.information
+    on = acting.at >= 0
+    np.add.at(side, acting.at[on], sides[on])
+    information = (acting.information(sigma) + np.diag(problem.information))[np.ix_(free, free)]
     out = values.copy()
     size = np.sqrt(np.diag(information))
     size[size == 0] = 1.0
     unit = information / np.outer(size, size)
-    out[free] += np.linalg.lstsq(unit, side / size, rcond=1e-12)[0] / size
+    out[free] += np.linalg.lstsq(unit, side[free] / size, rcond=1e-12)[0] / size
     low, high = problem.bounds
     return np.asarray(np.clip(out, low, high))
 
@@ -216,21 +263,12 @@ def _refused(judged: Gate, held: tuple[str, ...]) -> list[str]:
     return [was or (reason if bad else "") for was, reason, bad in rows]
 
 
-def _ratio(r: Outputs, y: Outputs) -> tuple[float, ...]:
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return tuple((rms(r) / rms(np.where(np.isnan(r), np.nan, y))).tolist())
-
-
-def _moving(problem: Problem) -> np.ndarray:
-    if problem.moving is None:
-        return problem.rows.used
-    return np.asarray(np.asarray(problem.moving(problem.rows.u)) & problem.rows.used)
-
-
 def _reasons(
     problem: Problem, reasons: tuple[str, ...], at_bound: tuple[str, ...]
 ) -> tuple[str, ...]:
     """Why each parameter is weak or not identifiable, and what would help."""
+    if not (any(reasons) or at_bound):
+        return reasons
     names, out = problem.names, []
     cures: dict[str, str] = {}
     for name, reason in zip(names, reasons, strict=True):
@@ -252,55 +290,52 @@ def _cure(problem: Problem, names: list[str]) -> str:
 
 
 def _covariance(
-    problem: Problem, j: Sensitivity, r: Outputs, sigma: PerOutput
-) -> tuple[Float64[np.ndarray, "k k"], Vector]:
-    """Covariance and Student's quantile per parameter, with the residual's own autocorrelation."""
-    used = problem.rows.used
-    k = j.shape[2]
-    scaled = np.where(used[:, :, None], j, 0.0) / sigma[:, None]
-    flat = scaled.reshape(-1, k)
-    prior = np.diag(problem.information)
-    inverse = _pinv(flat.T @ flat + prior)
-    known = np.diag(inverse @ prior @ inverse)
-    parts = np.zeros((len(sigma), k))
-    dof = np.zeros(len(sigma))
-    for o in range(len(sigma)):
-        column = np.where(used[:, o], r[:, o], np.nan)
-        acting = np.flatnonzero(np.any(scaled[:, o] != 0, axis=0))
-        if not len(acting):
-            continue
-        influence = scaled[:, o, acting] @ inverse[acting]
-        parts[o] = spread(influence, column)
-        dof[o] = max(effective(column) - len(acting), 1.0)
-    variance = parts.sum(axis=0) + known
-    if problem.scale is not None:
-        dof[:] = np.inf
+    problem: Problem, acting: Sensitivity, correlation: Correlation,
+    told: tuple[PerOutput, Spectrum],
+) -> tuple[Float64[np.ndarray, "k k"], Vector]:  # fmt: skip
+    """Covariance and Student's quantile per parameter, with the residual's own autocorrelation.
+
+    Args:
+        told: noise of each output, and the information with the prior's.
+    """
+    sigma, spectrum = told
+    inverse = spectrum.inverse(1e-6)
+    parts = ((inverse @ acting.weighted(sigma)) * inverse).sum(axis=2)
+    memory = correlation.memory()
+    for o, rho in enumerate(memory):
+        if len(rho) > 1 and acting.paid[o]:
+            columns, mine = acting.of(o)
+            more = spread(columns, acting.used[:, o], inverse[mine] / sigma[o], rho)
+            parts[o] += np.maximum(more, 0.0)  # never below the value for independent noise
+    variance, degrees = parts.sum(axis=0), np.full(len(inverse), np.inf)
     with np.errstate(divide="ignore", invalid="ignore"):
-        weighted = np.square(parts) / np.where(dof > 0, dof, np.inf)[:, None]
-        degrees = np.square(variance) / weighted.sum(axis=0)
-        factor = np.sqrt(variance / np.diag(inverse))
-    factor = np.where(np.isfinite(factor), factor, 1.0)
-    covariance = inverse * np.outer(factor, factor)
+        variance += np.square(inverse) @ problem.information
+        if problem.scale is None:
+            dof = np.maximum(effective(correlation.rows, memory) - acting.paid, 1.0)
+            degrees = np.square(variance) / ((1.0 / dof) @ np.square(parts))
+        factor = np.sqrt(variance / inverse.diagonal())
+    factor[~np.isfinite(factor)] = 1.0
     degrees = np.where(np.isnan(degrees), np.inf, np.maximum(degrees, 1.0))
-    return covariance, np.asarray(scipy.special.stdtrit(degrees, 0.975))
+    return inverse * factor * factor[:, None], student(degrees)
 
 
-def _pinv(h: Float64[np.ndarray, "k k"]) -> Float64[np.ndarray, "k k"]:
-    """Inverse in the space that the rows and the prior determine."""
-    d = np.sqrt(np.diag(h))
-    d[d == 0] = np.inf
-    scaled = h / np.outer(d, d)
-    return np.asarray(np.linalg.pinv(scaled, rcond=1e-6, hermitian=True) / np.outer(d, d))
+def student(degrees: Vector) -> Vector:
+    """97.5 % quantile of Student's distribution; normal at infinite degrees of freedom.
+
+    >>> student(np.array([1.0, np.inf])).round(2).tolist()
+    [12.71, 1.96]
+    """
+    return np.where(np.isinf(degrees), 1.959963984540054, scipy.special.stdtrit(degrees, 0.975))
 
 
-def _residuals(problem: Problem, before: Outputs, r: Outputs) -> tuple[Residual, ...]:
-    names = problem.model.outputs.names
-    found = {d.output: d for d in dependences(r, problem.rows.u, names, problem.model.inputs.names)}
-    first, last = rms(before), rms(r)
+def _residuals(
+    problem: Problem, before: Squares, left: Squares, correlation: Correlation
+) -> tuple[Residual, ...]:
+    names, inputs = problem.model.outputs.names, problem.model.inputs.names
+    found = {d.output: d for d in depends(correlation, problem.rows.classes, names, inputs)}
+    rows = problem.rows.used.sum(axis=0).tolist()
+    rms = zip(before.rms, left.rms, whiteness(correlation).tolist(), strict=True)
     return tuple(
-        Residual(
-            name, int(problem.rows.used[:, k].sum()), float(first[k]), float(last[k]),
-            ljung_box(r[:, k]), found.get(name),
-        )
-        for k, name in enumerate(names)
-    )  # fmt: skip
+        Residual(name, rows[k], first, last, white, found.get(name))
+        for k, (name, (first, last, white)) in enumerate(zip(names, rms, strict=True))
+    )

@@ -22,29 +22,28 @@ decomposition of the rows takes over.
 ...     def regressor(self, x, u, dt, p):
 ...         return np.zeros((len(u), 1)), np.stack([np.sign(u), u], axis=2)
 >>> v = np.array([[-2.0], [-1.0], [1.0], [2.0]])
->>> plan = ClosedForm(Line())
->>> plan.solve(v, np.full(4, 0.1), 3 * np.sign(v) + 2 * v).values.round(6).tolist()
+>>> _, phi = Line().regressor(None, v, None, None)
+>>> off = 3 * np.sign(v) + 2 * v - phi.sum(axis=2)   # measured - predicted with Fc = Bm = 1
+>>> ClosedForm.of(Line()).solve(off, phi).values.round(6).tolist()
 [3.0, 2.0]
 """
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from evertwin.errors import UsageError
 from evertwin.models import LinearModel, Parameters
 from evertwin.tuning.gram import FINE, gram, normal
-from evertwin.tuning.problem import Filter, PerOutput
-from evertwin.types import Float64, Inputs, Int64, Intervals, Outputs, Vector
+from evertwin.types import Float64, Int64, Outputs, PerOutput, Vector
 
-__all__ = ["ClosedForm", "Solution", "Sums"]
+__all__ = ["ClosedForm", "Solution", "Sums", "places_of", "slots", "summed"]
 
-CHUNK = 2048
-"""Rows that are summed up at a time."""
+Regressor = Float64[np.ndarray, "n ny m"]
 
 
 class Sums(NamedTuple):
@@ -83,127 +82,109 @@ class Solution(NamedTuple):
     """False where the rows do not determine the parameters; the values are then the start's."""
 
 
-@dataclass(frozen=True)
+def summed(r: Outputs, phi: Regressor) -> Sums:
+    """Rows summed per output; a row whose residual is NaN is left out."""
+    ny, m = phi.shape[1:]
+    sums = Sums(np.zeros((ny, m, m)), np.zeros((ny, m)), np.zeros(ny), np.zeros(ny))
+    gram(r, phi, *sums)
+    return sums
+
+
+def places_of(
+    columns: Int64[np.ndarray, "ny m"], tuned: Int64[np.ndarray, " k"]
+) -> Int64[np.ndarray, "ny m"]:
+    """Position of each regressor column among the ``tuned`` parameters; −1: not tuned.
+
+    >>> places_of(np.array([[0, 3], [2, -1]]), np.array([3, 2])).tolist()
+    [[-1, 0], [1, -1]]
+    """
+    found = np.full(columns.shape, -1, dtype=np.int64)
+    for j, place in enumerate(tuned.tolist()):
+        found[columns == place] = j
+    return found
+
+
+def slots(
+    columns: Int64[np.ndarray, "ny m"], tuned: Int64[np.ndarray, " k"]
+) -> tuple[Int64[np.ndarray, "ny m"], Int64[np.ndarray, "ny t"]]:
+    """(where each tuned column goes among those of its output, −1: nowhere; whose they are).
+
+    The second holds positions among the ``tuned`` parameters, −1 where an output has fewer.
+
+    >>> slot, at = slots(np.array([[0, 3], [2, 3]]), np.array([3, 2]))
+    >>> slot.tolist(), at.tolist()
+    ([[-1, 0], [0, 1]], [[0, -1], [1, 0]])
+    """
+    place = {column: j for j, column in enumerate(tuned.tolist())}
+    own = [[place[c] for c in row if c in place] for row in columns.tolist()]
+    width = max(len(row) for row in own)
+    at = np.array([row + [-1] * (width - len(row)) for row in own], dtype=np.int64)
+    found = []
+    for row in columns.tolist():
+        count = itertools.count()
+        found.append([next(count) if c in place else -1 for c in row])
+    return np.array(found, dtype=np.int64), at.reshape(len(own), width)
+
+
+@dataclass(frozen=True, eq=False)
 class ClosedForm:
     """A prepared solve; use it again for every window. See the module for an example."""
 
-    model: LinearModel
-    editable: tuple[str, ...] = ()
-    """Names to tune; by default all editable parameters."""
-    prior: Parameters | None = None
-    """Start values and prior standard deviations; by default the model's own."""
-    scale: tuple[float, ...] = ()
-    """Standard deviation of each output's noise; estimated by default."""
-    filter: Filter | None = None
-    """Linear filter over measured output and regressor alike."""
+    at: Int64[np.ndarray, "ny m"]
+    """Position of each regressor column among the tuned parameters; −1: not tuned."""
+    start: Vector
+    """Values that residuals are taken at, (k,)."""
+    information: Vector
+    """What the prior knows: 1/σ² of each tuned parameter, (k,)."""
+    noise: PerOutput
+    """Standard deviation of each output's noise; NaN: estimated, (ny,)."""
 
-    @cached_property
-    def parameters(self) -> Parameters:
-        """All parameters with their start values."""
-        return self.prior or self.model.parameters
+    @classmethod
+    def of(
+        cls, model: LinearModel, names: tuple[str, ...] = (), prior: Parameters | None = None
+    ) -> ClosedForm:
+        """Of a model.
 
-    @cached_property
-    def names(self) -> tuple[str, ...]:
-        """Names of the tuned parameters.
+        Args:
+            model: linear in what is tuned.
+            names: to tune; by default all editable parameters.
+            prior: start values and prior standard deviations; by default the model's own.
 
         Raises:
-            UsageError: one of them is not linear in this model.
+            UsageError: the model is not linear in one of them.
         """
-        names = self.editable or self.parameters.editable
-        for name in names:
-            if self.parameters.index(name) not in self.model.columns:
+        parameters = prior or model.parameters
+        names = names or parameters.editable
+        tuned = parameters.indices(names)
+        at = places_of(np.asarray(model.columns), tuned)
+        for j, name in enumerate(names):
+            if not (at == j).any():
                 raise UsageError(
                     f"{name}: the outputs are not linear in it: leave it out or use `solve`"
                 )
-        return names
+        sigma = np.array([parameters.items[place].sigma for place in tuned.tolist()])
+        return cls(at, parameters.values[tuned], sigma**-2.0, np.full(len(at), np.nan))
 
-    @cached_property
-    def _fixed(self) -> tuple[Any, ...]:
-        """Everything that no row changes."""
-        columns = np.asarray(self.model.columns)
-        p = self.parameters.values
-        places = self.parameters.indices(self.names)
-        at = np.full(columns.shape, -1, dtype=np.int64)
-        for j, place in enumerate(places.tolist()):
-            at[columns == place] = j
-        sigma = np.array([self.parameters[name].sigma for name in self.names])
-        around = np.where(columns < 0, 0.0, p[columns])
-        scale = np.array(self.scale or [np.nan] * len(columns))
-        x0 = self.model.initial(p)
-        return p, places, at, 1.0 / np.square(sigma), around, scale, x0, np.zeros(len(places))
+    def solve(self, r: Outputs, phi: Regressor) -> Solution:
+        """Parameters from the residual at the start values and the regressor, row by row."""
+        solution = self.solve_sums(summed(r, phi))
+        return solution if solution.solved else self.carefully(r, phi)
 
-    @property
-    def at(self) -> Int64[np.ndarray, "ny m"]:
-        """Position of each regressor column among the tuned parameters; −1: not tuned."""
-        return np.asarray(self._fixed[2])
-
-    def solve(self, u: Inputs, dt: Intervals, y: Outputs) -> Solution:
-        """Parameters from inputs and measured outputs; rows with NaN are left out."""
-        p, x0 = self._fixed[0], self._fixed[6]
-        if self.filter is None and len(u) > CHUNK:
-            solution = self.solve_sums(self._by_chunks(u, dt, y))
-            if solution.solved:
-                return solution
-        y0, phi = self.model.regressor(x0, u, dt, p)
-        if self.filter is not None:
-            n, ny, m = phi.shape
-            sides = self.filter(np.concatenate([y, y0, phi.reshape(n, ny * m)], axis=1))
-            y, y0 = sides[:, :ny], sides[:, ny : 2 * ny]
-            phi = sides[:, 2 * ny :].reshape(n, ny, m)
-        return self.solve_rows(y, y0, phi)
-
-    def solve_rows(self, y: Outputs, y0: Outputs, phi: Float64[np.ndarray, "n ny m"]) -> Solution:
-        """Parameters from rows whose regressor is known already."""
-        solution = self.solve_sums(self.sums(y, y0, phi))
-        return solution if solution.solved else self._careful(y, y0, phi)
-
-    def _by_chunks(self, u: Inputs, dt: Intervals, y: Outputs) -> Sums:
-        """The same sums, piece by piece: a regressor that fits the cache is never stored."""
-        p, x0, around = self._fixed[0], self._fixed[6], self._fixed[4]
-        total = self._empty()
-        for a in range(0, len(u), CHUNK):
-            rows = slice(a, a + CHUNK)
-            y0, phi = self.model.regressor(x0, u[rows], dt[rows], p)
-            gram(y[rows], y0, phi, around, *total)
-        return total
-
-    def _empty(self) -> Sums:
-        ny, m = self._fixed[4].shape
-        return Sums(np.zeros((ny, m, m)), np.zeros((ny, m)), np.zeros(ny), np.zeros(ny))
-
-    def sums(self, y: Outputs, y0: Outputs, phi: Float64[np.ndarray, "n ny m"]) -> Sums:
-        """Rows summed per output."""
-        around, out = self._fixed[4], self._empty()
-        gram(y, y0, phi, around, *out)
-        return out
-
-    def solve_sums(self, sums: Sums, at: Int64[np.ndarray, "ny m"] | None = None) -> Solution:
+    def solve_sums(self, sums: Sums) -> Solution:
         """Parameters from sums."""
-        p, places, own, information, _, scale, _, pull = self._fixed
-        k, ny = len(places), len(scale)
+        k, ny = len(self.start), len(self.at)
         delta, covariance = np.zeros(k), np.full((k, k), np.inf)
         noise, dof = np.zeros(ny), np.zeros(ny)
-        code = normal(
-            *sums,
-            own if at is None else at,
-            information,
-            pull,
-            scale,
-            delta,
-            covariance,
-            noise,
-            dof,
-        )
+        fixed = self.at, self.information, np.zeros(k), self.noise
+        code = normal(*sums, *fixed, delta, covariance, noise, dof)
         if code != FINE:
             delta[:] = 0.0
-        return Solution(p[places] + delta, covariance, np.sqrt(noise), dof, bool(code == FINE))
+        return Solution(self.start + delta, covariance, np.sqrt(noise), dof, bool(code == FINE))
 
-    def _careful(self, y: Outputs, y0: Outputs, phi: Float64[np.ndarray, "n ny m"]) -> Solution:
+    def carefully(self, r: Outputs, phi: Regressor) -> Solution:
         """By orthogonal decomposition of the rows; parameters without effect stay."""
-        p, places, at, information, around, scale, _, _ = self._fixed
-        k, ny = len(places), len(scale)
-        r = y - y0 - (phi * around).sum(axis=2)
-        rows = dense(phi, at, k)
+        k, ny, scale = len(self.start), len(self.at), self.noise
+        rows = dense(phi, self.at, k)
         used = ~np.isnan(r)
         given = np.where(np.isnan(scale), 1.0, scale)
         count = np.maximum(used.sum(axis=0), 1)
@@ -212,7 +193,8 @@ class ClosedForm:
         delta, covariance, used_dof = np.zeros(k), np.full((k, k), np.inf), np.zeros(ny)
         for _ in range(2):
             weight = 1.0 / np.where(noise > 0, noise, given)
-            a = np.concatenate([(rows * weight[:, None])[used], np.diag(np.sqrt(information))])
+            prior = np.diag(np.sqrt(self.information))
+            a = np.concatenate([(rows * weight[:, None])[used], prior])
             b = np.concatenate([(r * weight)[used], np.zeros(k)])
             size = np.sqrt((a**2).sum(axis=0))
             free = size > 0
@@ -226,16 +208,12 @@ class ClosedForm:
             found = np.sqrt((left**2).sum(axis=0) / used_dof)
             noise = np.where(np.isnan(scale), found, scale)
         complete = bool(free.all() and keep.all())
-        return Solution(p[places] + delta, covariance, noise, used_dof, complete)
+        return Solution(self.start + delta, covariance, noise, used_dof, complete)
 
 
-def dense(
-    phi: Float64[np.ndarray, "n ny m"], at: Int64[np.ndarray, "ny m"], k: int
-) -> Float64[np.ndarray, "n ny k"]:
+def dense(phi: Regressor, at: Int64[np.ndarray, "ny m"], k: int) -> Float64[np.ndarray, "n ny k"]:
     """The compact regressor with one column per tuned parameter."""
     out = np.zeros((*phi.shape[:2], k))
-    for o, row in enumerate(at.tolist()):
-        for a, j in enumerate(row):
-            if j >= 0:
-                out[:, o, j] += phi[:, o, a]
+    for o, a in np.argwhere(at >= 0).tolist():
+        out[:, o, at[o, a]] += phi[:, o, a]
     return out

@@ -11,35 +11,90 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-__all__ = ["FINE", "ILL", "SINGULAR", "gram", "normal"]
+__all__ = [
+    "FINE",
+    "ILL",
+    "SINGULAR",
+    "effects",
+    "gram",
+    "normal",
+    "residual",
+    "solved",
+    "widened",
+]
 
 FINE, SINGULAR, ILL = 0, 1, 2
 """Return codes of `normal`: solved; a parameter has no effect; too ill-conditioned."""
 
 
 @njit(cache=True)
-def gram(
-    y: Any, y0: Any, phi: Any, p: Any, products: Any, sides: Any, squares: Any, count: Any
-) -> None:
+def residual(y: Any, y0: Any, columns: Any, p: Any, out: Any) -> None:
+    """Fills ``out`` (n, ny) with ``y − y0 − columns·p``; ``p`` (ny, t): value of each column."""
+    n, ny, t = columns.shape
+    for i in range(n):
+        for k in range(ny):
+            total = y[i, k] - y0[i, k]
+            for a in range(t):
+                total -= columns[i, k, a] * p[k, a]
+            out[i, k] = total
+
+
+@njit(cache=True)
+def gram(r: Any, phi: Any, products: Any, sides: Any, squares: Any, count: Any) -> None:
     """Adds rows to ``products`` (ny,m,m), ``sides`` (ny,m), ``squares`` (ny,), ``count`` (ny,).
 
-    ``p`` (ny,m) is the point about which is linearised; a row whose ``y`` is NaN is left out.
+    ``r`` (n, ny): residuals; a row where it is NaN is left out.
     """
     n, ny, m = phi.shape
     for i in range(n):
         for k in range(ny):
-            r = y[i, k] - y0[i, k]
-            for a in range(m):
-                r -= phi[i, k, a] * p[k, a]
-            if r != r:
+            e = r[i, k]
+            if e != e:
                 continue
-            squares[k] += r * r
+            squares[k] += e * e
             count[k] += 1
             for a in range(m):
                 f = phi[i, k, a]
-                sides[k, a] += f * r
+                sides[k, a] += f * e
                 for b in range(a + 1):
                     products[k, a, b] += f * phi[i, k, b]
+
+
+@njit(cache=True)
+def effects(columns: Any, at: Any, used: Any, direction: Any, heavy: Any, out: Any) -> None:
+    """Adds Σ z², Σ z⁴ of the effect of a ``direction`` (k,) on the rows to ``out`` (3, ny).
+
+    Then the number of rows on which any of the ``heavy`` parameters (k,) acts. ``columns``
+    (n, ny, m) belong to the parameters ``at`` (ny, m); only ``used`` (n, ny) rows count.
+    """
+    n, ny, m = columns.shape
+    for i in range(n):
+        for o in range(ny):
+            if not used[i, o]:
+                continue
+            z, acts = 0.0, False
+            for a in range(m):
+                j = at[o, a]
+                if j >= 0:
+                    z += columns[i, o, a] * direction[j]
+                    acts |= heavy[j] and columns[i, o, a] != 0.0
+            out[0, o] += z * z
+            out[1, o] += z * z * z * z
+            out[2, o] += acts
+
+
+@njit(cache=True)
+def widened(products: Any, at: Any, out: Any) -> None:
+    """Adds ``products`` (ny,m,m) of columns (lower triangle) to ``out`` (ny,k,k) of parameters."""
+    for o in range(at.shape[0]):
+        for a in range(at.shape[1]):
+            for b in range(a + 1):
+                i, j = at[o, a], at[o, b]
+                if i < 0 or j < 0:
+                    continue
+                out[o, i, j] += products[o, a, b]
+                if a != b:
+                    out[o, j, i] += products[o, a, b]
 
 
 @njit(cache=True)
@@ -206,3 +261,30 @@ def _rescale(
         for i in range(k):
             for j in range(k):
                 covariance[i, j] /= d[i] * d[j]
+
+
+@njit(cache=True)
+def solved(r: Any, columns: Any, at: Any, information: Any, scale: Any) -> Any:
+    """(change, noise, blocks, code): a small system from residuals (n, ny) and columns (n, ny, t).
+
+    How the parameters have to change, (k,); noise of each output, (ny,); what each output tells of
+    the parameters at unit noise, (ny, k, k); return code.
+
+    Args:
+        at: position of each column among the parameters, −1: none, (ny, t).
+        information: prior 1/σ², (k,).
+        scale: standard deviation of each output's noise, NaN where unknown.
+    """
+    ny, t = at.shape
+    k = len(information)
+    products, sides = np.zeros((ny, t, t)), np.zeros((ny, t))
+    squares, count = np.zeros(ny), np.zeros(ny)
+    gram(r, columns, products, sides, squares, count)
+    blocks = np.zeros((ny, k, k))
+    widened(products, at, blocks)
+    change, covariance, noise, dof = np.zeros(k), np.empty((k, k)), np.zeros(ny), np.zeros(ny)
+    code = normal(
+        products, sides, squares, count, at, information, np.zeros(k), scale, change, covariance,
+        noise, dof,
+    )  # fmt: skip
+    return change, np.sqrt(noise), blocks, code

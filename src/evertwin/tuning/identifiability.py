@@ -18,21 +18,24 @@ Diagnostics" (1980); the share of rows is the participation ratio (Σz²)²/Σz�
 >>> import numpy as np
 >>> v = np.array([1.0, 2.0, 3.0, 1.5])
 >>> j = np.stack([np.sign(v), v, np.ones(4)], axis=1)   # one direction of motion only
->>> result = gate(j.T @ j, lambda d: j @ d, ("Fc", "Bm", "offset"), np.ones(3))
+>>> acting = Sensitivity.dense(j[:, None], np.ones((4, 1), dtype=bool))
+>>> result = gate(acting, np.ones(1), ("Fc", "Bm", "offset"), np.ones(3))
 >>> result.verdicts, result.rank
 (('not', 'identifiable', 'not'), 2)
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from evertwin.errors import ModelError
 from evertwin.models import Model
-from evertwin.types import Float64, Vector
+from evertwin.tuning.sensitivity import Sensitivity, Spectrum
+from evertwin.types import Float64, PerOutput, Vector
 
 __all__ = ["Gate", "connected", "gate", "grade"]
 
@@ -72,6 +75,8 @@ class Gate(NamedTuple):
     """Standard deviation that the rows alone allow, (k,); infinite where not determined."""
     undetermined: np.ndarray
     """True where a direction (not only a wide interval) speaks against the parameter, (k,)."""
+    spectrum: Spectrum
+    """The information of what acts at all, by its directions."""
 
     @property
     def free(self) -> np.ndarray:
@@ -80,82 +85,51 @@ class Gate(NamedTuple):
 
 
 def gate(
-    information: Matrix,
-    rows: Callable[[Vector], Any],
-    names: tuple[str, ...],
-    sizes: Vector,
+    acting: Sensitivity, sigma: PerOutput, names: tuple[str, ...], sizes: Vector,
     dof: float = np.inf,
-) -> Gate:
+) -> Gate:  # fmt: skip
     """Judges each parameter.
 
     Args:
-        information: H in units of 1/parameter², without any prior.
-        rows: ``direction (k,) -> J·direction / σ`` over all rows, (n,) or (n, ny).
+        acting: how the outputs change with the parameters, row by row.
+        sigma: standard deviation of each output's noise, (ny,).
         names: the parameters.
         sizes: natural size of each, (k,); what counts as a large error.
         dof: degrees of freedom of the noise estimate (infinite: known noise).
     """
-    k = len(names)
-    length = np.sqrt(np.maximum(np.diag(information), 0.0))
-    excitation = length * sizes
+    information, k = acting.information(sigma), len(names)
+    spectrum = Spectrum.of(information)
+    excitation = spectrum.length * sizes
     live = excitation > 1e-9 * max(float(excitation.max(initial=0.0)), 1e-300)
-    refused = ["" if on else "not excited: it does not act in these rows" for on in live]
-    values, vectors = _directions(information, length, live)
-    for i, value in enumerate(values.tolist()):
+    refused, directions = [""] * k, spectrum.vectors
+    if not live.all():
+        refused = ["" if on else "not excited: it does not act in these rows" for on in live]
+        spectrum = Spectrum.of(information[np.ix_(live, live)])
+        directions = np.zeros((k, len(spectrum.squares)))
+        directions[live] = spectrum.vectors
+    values = np.sqrt(spectrum.squares).tolist()
+    for i, value in enumerate(values):
         if value >= SMALL:
-            continue
-        vector = vectors[:, i]
-        share = _share(rows, np.divide(vector, length, out=np.zeros(k), where=live))
+            break
+        step = np.zeros(k)
+        step[live] = directions[live, i] / spectrum.length
+        share = acting.share(step, LOADED, sigma)
         if value < NULL or share < SHARE:
-            _refuse(refused, vector, names, value, share)
-    _nulls(refused, values, vectors, names)
+            _refuse(refused, directions[:, i], names, value, share)
+    _nulls(refused, values, directions, names)
     bad = np.array([bool(reason) for reason in refused])
-    sigma = _sigma(information, length, ~bad)
-    half = 1.96 * np.sqrt(1 + 2.5 / dof) * sigma if dof > 2 else 12.7 * sigma
+    spread = np.full(k, np.inf)
+    if not bad.any():
+        spread = np.sqrt(np.square(directions) @ (1.0 / spectrum.squares)) / spectrum.length
+    elif not bad.all():
+        free = Spectrum.of(information[np.ix_(~bad, ~bad)])
+        spread[~bad] = np.sqrt(free.inverse(1e-15).diagonal())
+    half = 1.96 * math.sqrt(1 + 2.5 / dof) * spread if dof > 2 else 12.7 * spread
     verdicts, reasons = grade(refused, half / sizes)
-    small = float(values.min(initial=np.inf)) if live.all() else 0.0
-    condition = float(values.max(initial=0.0)) / small if small > 0 else np.inf
-    rank = int((values >= NULL).sum())
-    return Gate(verdicts, reasons, rank, condition, excitation, sigma, bad)
-
-
-def _directions(information: Matrix, length: Vector, live: np.ndarray) -> tuple[Any, Any]:
-    """Singular values of the unit columns that live, ascending, and their directions (k, ·)."""
-    scaled = information[np.ix_(live, live)] / np.outer(length[live], length[live])
-    squares, inner = np.linalg.eigh(scaled)
-    vectors = np.zeros((len(length), len(squares)))
-    vectors[live] = inner
-    return np.sqrt(np.maximum(squares, 0.0)), vectors
-
-
-def _share(rows: Callable[[Vector], Any], direction: Vector) -> float:
-    """Share of the rows that a direction rests on, output by output, weighted by its effect there.
-
-    Directions of different outputs with like singular values come out mixed; each output's rows
-    are counted by themselves, so that a mixture is not taken for something that few rows tell.
-    """
-    z2 = _effect(rows, direction)
-    total, fourth = z2.sum(axis=0), np.square(z2).sum(axis=0)
-    active = np.maximum(_rows_of(direction, rows), 1)
-    share = np.divide(total**2, fourth * active, out=np.zeros(len(total)), where=fourth > 0)
-    whole = float(total.sum())
-    return float((share * total).sum()) / whole if whole > 0 else 0.0
-
-
-def _effect(rows: Callable[[Vector], Any], direction: Vector) -> Any:
-    """Squared effect of a direction on every row and output, (n, ny)."""
-    z2 = np.square(np.nan_to_num(np.asarray(rows(direction))))
-    return z2.reshape(len(z2), -1)
-
-
-def _rows_of(direction: Vector, rows: Callable[[Vector], Any]) -> Any:
-    """Rows of each output on which some parameter of the direction acts at all, (ny,)."""
-    acts: Any = 0.0
-    for j in np.flatnonzero(np.abs(direction) > LOADED * np.abs(direction).max()).tolist():
-        single = np.zeros(len(direction))
-        single[j] = 1.0
-        acts = acts + _effect(rows, single)
-    return np.count_nonzero(acts, axis=0)
+    # in rising order; without what does not act there is no smallest one
+    condition = values[-1] / values[0] if len(values) == k and values[0] > 0 else math.inf
+    rank = sum(value >= NULL for value in values)
+    return Gate(verdicts, reasons, rank, condition, excitation, spread, bad, spectrum)
 
 
 def _refuse(
@@ -173,26 +147,19 @@ def _refuse(
             )
 
 
-def _nulls(reasons: list[str], values: Any, vectors: Any, names: tuple[str, ...]) -> None:
+def _nulls(
+    reasons: list[str], values: Sequence[float], vectors: Any, names: tuple[str, ...]
+) -> None:
     """With several undetermined directions their basis is arbitrary: use the whole space."""
-    null = vectors[:, values < NULL]
-    if null.shape[1] < 2:
+    count = sum(value < NULL for value in values)
+    if count < 2:
         return
+    null = vectors[:, :count]
     weight = np.sqrt(np.square(null).sum(axis=1))
     loaded = np.flatnonzero(weight > LOADED * weight.max())
     together = ", ".join(names[j] for j in loaded)
     for j in loaded.tolist():
         reasons[j] = f"collinear: only combinations of {together} act on these rows"
-
-
-def _sigma(information: Matrix, length: Vector, free: np.ndarray) -> Vector:
-    """Standard deviations of the free parameters, infinite for the others."""
-    sigma = np.full(len(length), np.inf)
-    if free.any():
-        d = length[free]
-        scaled = information[np.ix_(free, free)] / np.outer(d, d)
-        sigma[free] = np.sqrt(np.maximum(np.diag(np.linalg.pinv(scaled)), 0.0)) / d
-    return sigma
 
 
 def grade(refused: Sequence[str], half: Vector) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -35,11 +35,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evertwin.errors import UsageError
-from evertwin.tuning.assemble import Outcome, assemble, rms
+from evertwin.tuning.assemble import Outcome, assemble, squares
 from evertwin.tuning.fit import Fit
-from evertwin.tuning.problem import PerOutput, Problem
+from evertwin.tuning.problem import Problem
 from evertwin.tuning.schedule import Schedule
-from evertwin.types import Float64, Outputs, Vector
+from evertwin.types import Float64, Outputs, PerOutput, Vector
 
 __all__ = ["Iterated", "Iteration", "Round"]
 
@@ -134,7 +134,9 @@ class Iteration:
             values = np.clip(values, *problem.bounds)
         outcome = self._outcome(names, inside, wanted, values, (len(history) - 1, simulations))
         return Iterated(
-            assemble(problem, outcome, problem.start, j, began), tuple(history), simulations
+            assemble(problem, outcome, problem.sensitivity(values), began),
+            tuple(history),
+            simulations,
         )
 
     def _outcome(
@@ -153,10 +155,7 @@ class Iteration:
 
 def relative(problem: Problem, r: Outputs) -> PerOutput:
     """rms(residual) / rms(measured) per output, over moving rows where the problem says so."""
-    rows = problem.rows
-    on = rows.used if problem.moving is None else rows.used & problem.moving(rows.u)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(rms(np.where(on, r, np.nan)) / rms(np.where(on, rows.y, np.nan)))
+    return np.array(squares(problem, r).relative_moving)
 
 
 def _own(problem: Problem, j: Float64[np.ndarray, "n ny k"]) -> list[np.ndarray]:

@@ -25,11 +25,11 @@ from typing import Any
 import numpy as np
 import scipy
 
-from evertwin.tuning.assemble import Outcome, noise_of, rms
+from evertwin.tuning.assemble import Outcome, noise_of, rms, squares
 from evertwin.tuning.interrupt import Interrupt
-from evertwin.tuning.problem import PerOutput, Problem
+from evertwin.tuning.problem import Problem
 from evertwin.tuning.settings import Settings
-from evertwin.types import Vector
+from evertwin.types import PerOutput, Vector
 
 __all__ = ["Objective", "Settings", "least_squares", "search"]
 
@@ -176,8 +176,8 @@ def search(objective: Objective, method: str) -> Outcome:
 def _again(objective: Objective, best: Any) -> Any:
     """The search repeated with the noise that the residual shows."""
     problem, count = objective.problem, len(objective.weight)
-    r = problem.residuals(objective.residual_values(best.x))
-    objective.weight = 1.0 / noise_of(problem, r, np.full(count, len(best.x) / count))
+    left = squares(problem, problem.residuals(objective.residual_values(best.x)))
+    objective.weight = 1.0 / noise_of(problem, left, np.full(count, len(best.x) / count))
     objective.best = np.inf, best.x  # costs of other weights do not compare
     return _run(objective, best.x)
 

@@ -21,15 +21,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from evertwin.errors import DataError, UsageError
-from evertwin.fold import Block, Mark
+from evertwin.errors import UsageError
+from evertwin.fold import Block
 from evertwin.models import (
     KernelModel,
     LinearModel,
@@ -39,41 +38,46 @@ from evertwin.models import (
 )
 from evertwin.models.batch import Batch
 from evertwin.signals import wrap
-from evertwin.sync.horizon import openings, residuals, restarts
+from evertwin.sync.horizon import restarts
+from evertwin.tuning.closed import dense, slots
 from evertwin.tuning.far import far_runs
+from evertwin.tuning.gram import residual
+from evertwin.tuning.rows import Filter, Rows, joined, prepared, smooth
+from evertwin.tuning.sensitivity import Sensitivity
 from evertwin.tuning.settings import Settings
-from evertwin.types import Bool, Float64, Inputs, Intervals, Outputs, ParameterVector, Vector
+from evertwin.types import Float64, Int64, Outputs, ParameterVector, PerOutput, Vector
 
-__all__ = ["Filter", "Loss", "Moving", "PerOutput", "Problem", "Rows"]
+__all__ = ["Loss", "Moving", "Problem"]
 
-Segments: TypeAlias = tuple[tuple[int, int], ...]
-"""[start, stop) of stretches of rows."""
-Filter: TypeAlias = Callable[[Any], Any]
-"""``filter(columns (n, k)) -> (n, k)``: linear, over the rows of one task."""
-PerOutput: TypeAlias = Float64[np.ndarray, " ny"]
 Loss: TypeAlias = Literal["linear", "soft_l1", "huber", "cauchy", "arctan"]
 Moving: TypeAlias = Callable[[Any], Any]
 """``moving(u (n, nu)) -> bool (n, ny)``: which rows count as moving, per output."""
+SHARED = ("parameters", "_p", "rows", "restart", "batch", "parts")
+"""What does not depend on which parameters are tuned."""
 
 
-class Rows(NamedTuple):
-    """All windows one after another, prepared once.
+class Reduced(NamedTuple):
+    """What the tuned parameters of a linear problem have to explain, and with what.
 
-    >>> Rows._fields[:3]
-    ('u', 'dt', 'y')
+    >>> part = Reduced(np.array([[5.0]]), np.array([[1.0]]), np.array([[[2.0]]]), np.array([[0]]))
+    >>> part.residual(np.array([1.5])).tolist()
+    [[1.0]]
     """
 
-    u: Inputs
-    dt: Intervals
     y: Outputs
-    """Measured outputs, filtered; NaN where they do not count."""
-    used: Bool[np.ndarray, "n ny"]
-    code: np.ndarray
-    """Restart codes, uint8 (n,)."""
-    adopts: Outputs
-    """Outputs that each restart takes over, (n, ny)."""
-    segments: Segments
-    """[start, stop) of each stretch that a filter may run over."""
+    """Measured; NaN where a row does not count."""
+    y0: Outputs
+    """All that is not tuned."""
+    columns: Float64[np.ndarray, "n ny t"]
+    at: Int64[np.ndarray, "ny t"]
+    """Position of each column among the tuned parameters; −1: none."""
+
+    def residual(self, values: Vector) -> Outputs:
+        """What is left at ``values`` (k,)."""
+        out = np.empty(self.y.shape)
+        p = np.where(self.at < 0, 0.0, values[self.at])
+        residual(self.y, self.y0, self.columns, p, out)
+        return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +114,7 @@ class Problem:
             raise UsageError("tuning: expected at least one window of rows, got none")
         if not self.names:
             raise UsageError("tuning: no parameter is editable: name some in `editable`")
-        self.parameters.indices(self.names)
+        _ = self.places  # a name that is not there is told here
         if self.scale is not None and (self.scale.shape != (ny,) or not (self.scale > 0).all()):
             raise UsageError(f"scale: expected {ny} numbers above 0, got {self.scale}")
         if self.loss not in ("linear", "soft_l1", "huber", "cauchy", "arctan"):
@@ -141,7 +145,7 @@ class Problem:
     @cached_property
     def start(self) -> Vector:
         """Start (and prior) values of the tuned parameters, (k,)."""
-        return np.asarray(self.parameters.values[self.places])
+        return np.asarray(self._p[self.places])
 
     @cached_property
     def bounds(self) -> tuple[Vector, Vector]:
@@ -151,83 +155,68 @@ class Problem:
     @cached_property
     def information(self) -> Vector:
         """What the prior knows: 1/σ² of each tuned parameter, 0 without a prior, (k,)."""
-        sigma = np.array([self.parameters[name].sigma for name in self.names])
-        return np.asarray(1.0 / np.square(sigma))
+        return np.asarray(1.0 / np.square(self._sigma))
+
+    @property
+    def _sigma(self) -> Vector:
+        items = self.parameters.items
+        return np.array([items[place].sigma for place in self.places.tolist()])
 
     @cached_property
     def linear(self) -> bool:
         """True if the outputs are linear in every tuned parameter."""
         model = self.model
-        known = isinstance(model, LinearModel) and len(model.states) == 0
-        known = known and not model.outputs.angles.any()
-        return known and bool(np.isin(self.places, model.columns).all())  # type: ignore[attr-defined]
+        # By name: to ask a protocol takes as long as to tune a short window.
+        if not hasattr(model, "regressor") or len(model.states) or model.outputs.angles.any():
+            return False
+        columns: np.ndarray = model.columns  # type: ignore[attr-defined]
+        return set(self.places.tolist()) <= set(columns.ravel().tolist())
 
     @cached_property
     def batch(self) -> Batch:
         """Roll-outs of the model."""
         return Batch(self.model)
 
+    def tuning(self, names: tuple[str, ...]) -> Problem:
+        """The same problem with other parameters to tune; what is known of its rows is shared."""
+        other = replace(self, editable=names)
+        other.__dict__.update((key, self.__dict__[key]) for key in SHARED if key in self.__dict__)
+        return other
+
     @cached_property
     def rows(self) -> Rows:
         """The windows, concatenated and filtered."""
+        u = joined([block.u for block in self.windows])
+        dt = joined([block.dt for block in self.windows])
+        stateful = len(self.model.states) > 0
+        y, used, segments = prepared(self.windows, stateful, self.filter)
+        if self.moving is None:
+            return Rows(u, dt, y, used, used, segments)
+        moving = np.asarray(self.moving(u)) & used
+        if not self.only_moving:
+            return Rows(u, dt, y, used, moving, segments)
+        return Rows(u, dt, np.where(moving, y, np.nan), moving, moving, segments)
+
+    @cached_property
+    def restart(self) -> Restart:
+        """Where predictions start anew, over all windows."""
         x0 = self.model.initial(self.parameters.values)
-        restart = [restarts(block, self.horizon, x0) for block in self.windows]
-        code = np.concatenate([r.code for r in restart])
-        adopts = np.concatenate([r.y for r in restart])
-        u = np.ascontiguousarray(np.concatenate([block.u for block in self.windows]))
-        dt = np.ascontiguousarray(np.concatenate([block.dt for block in self.windows]))
-        zeros = [np.zeros_like(block.y) for block in self.windows]
-        pairs = zip(self.windows, zeros, strict=True)
-        known = np.concatenate([residuals(self.model, block, zero) for block, zero in pairs])
-        fed = np.concatenate([_fed(block) for block in self.windows])
-        used = ~np.isnan(known) & fed[:, None]
-        opens = np.concatenate([openings(block) for block in self.windows])
-        if len(x0):
-            used &= ~opens[:, None]
-        y = np.where(used, np.concatenate([block.y for block in self.windows]), np.nan)
-        # A row that is not predicted (the start of a state, an input that is not known) is none to
-        # filter over.
-        segments = _segments(opens, opens if len(x0) else ~np.isfinite(u).all(axis=1))
-        if self.filter is not None:
-            segments = self._filterable(y, segments)
-            y = self.smooth(_bridge(y, segments), segments)
-            used &= ~np.isnan(y)
-        if self.only_moving and self.moving is not None:
-            used &= np.asarray(self.moving(u))
-        return Rows(u, dt, np.where(used, y, np.nan), used, code, adopts, segments)
+        found = [restarts(block, self.horizon, x0) for block in self.windows]
+        return Restart(joined([r.y for r in found]), joined([r.code for r in found]), x0)
 
-    def _filterable(self, y: Outputs, segments: Segments) -> Segments:
-        """The stretches that are long enough for the filter; the others do not count.
-
-        Raises:
-            DataError: none is.
-        """
-        kept, reason = [], "there is none"
-        for a, b in segments:
-            try:
-                self.smooth(np.nan_to_num(y), ((a, b),))
-            except ValueError as error:
-                reason = f"rows {a} to {b} ({b - a} rows) cannot be filtered: {error}"
-                continue
-            kept.append((a, b))
-        if not kept:
-            raise DataError(f"filter: no stretch of rows is long enough; {reason}")
-        return tuple(kept)
-
-    def smooth(self, columns: Any, segments: Segments) -> Any:
-        """``columns`` (n, k) filtered stretch by stretch, the same for every side; NaN between."""
-        if self.filter is None:
-            return columns
-        out = np.full_like(columns, np.nan)
-        for a, b in segments:
-            out[a:b] = self.filter(columns[a:b])
-        return out
+    def smooth(self, columns: Any) -> Any:
+        """``columns`` (n, k) filtered as the measured outputs are."""
+        return columns if self.filter is None else smooth(self.filter, columns, self.rows.segments)
 
     def full(self, values: Vector) -> ParameterVector:
         """All parameters with the tuned ones replaced by ``values`` (k,)."""
-        p = self.parameters.values
+        p = self._p.copy()
         p[self.places] = values
         return p
+
+    @cached_property
+    def _p(self) -> ParameterVector:
+        return self.parameters.values
 
     def predict(self, values: Vector) -> Outputs:
         """Filtered predictions of all rows, (n, ny); NaN where the model gave none."""
@@ -236,23 +225,34 @@ class Problem:
     def predictions(self, points: Sequence[Vector]) -> list[Outputs]:
         """`predict` at several points at once."""
         model = self.model
-        rowwise = isinstance(model, LinearModel) and not isinstance(model, KernelModel)
-        if self.linear or (rowwise and len(model.states) == 0):
+        if self.linear or self._rowwise:
             return [self._linear_prediction(values) for values in points]
         rows, p = self.rows, np.stack([self.full(values) for values in points])
-        restart = Restart(rows.adopts, rows.code, model.initial(p[0]))
+        restart = self.restart._replace(x0=model.initial(p[0]))
         far = self.settings.far
         if far is not None and len(points) > 1:
             runs = far_runs(far, rows.u, rows.dt, p, restart)
         else:
             runs = self.batch.run(rows.u, rows.dt, p, restart)
-        return [np.asarray(self.smooth(y, rows.segments)) for y in runs]
+        return [np.asarray(self.smooth(y)) for y in runs]
+
+    @cached_property
+    def _rowwise(self) -> bool:
+        """Is the model's regressor the cheaper way to predict?"""
+        rowwise = isinstance(self.model, LinearModel) and not isinstance(self.model, KernelModel)
+        return rowwise and len(self.model.states) == 0
 
     def _linear_prediction(self, values: Vector) -> Outputs:
         p = self.full(values)
-        y0, phi = self._parts if self.linear else self.regressor(values)
+        y0, phi = self.parts if self.linear else self.regressor(values)
         columns = self.model.columns  # type: ignore[attr-defined]
-        return np.asarray(y0 + (phi * np.where(columns < 0, 0.0, p[columns])).sum(axis=2))
+        own = np.einsum("ika,ka->ik", phi, np.where(columns < 0, 0.0, p[columns]))
+        return np.asarray(y0 + own)
+
+    @cached_property
+    def first(self) -> Outputs:
+        """`residuals` at the start values."""
+        return self.residuals(self.start)
 
     def residuals(self, values: Vector) -> Outputs:
         """Measured − predicted, (n, ny), angles wrapped; NaN where a row does not count.
@@ -263,6 +263,8 @@ class Problem:
 
     def residuals_of(self, points: Sequence[Vector]) -> list[Outputs]:
         """`residuals` at several points at once."""
+        if self.linear:
+            return [self.reduced.residual(values) for values in points]
         angles = self.model.outputs.angles
         return [wrap(self.rows.y - y, angles) for y in self.predictions(points)]
 
@@ -272,7 +274,7 @@ class Problem:
         Exact for linear models, else by differences: two roll-outs per parameter, all at once.
         """
         if self.linear:
-            return self._linear_jacobian(len(values))
+            return dense(self.reduced.columns, self.reduced.at, len(values))
         out = np.empty((*self.rows.y.shape, len(values)))
         low, high = self.bounds
         points = []
@@ -297,14 +299,40 @@ class Problem:
     def sizes(self) -> Vector:
         """Natural size of each tuned parameter: its start value, prior or range; else 1, (k,)."""
         low, high = self.bounds
-        sigma = np.array([self.parameters[name].sigma for name in self.names])
         with np.errstate(invalid="ignore"):
-            choices = np.stack([np.abs(self.start), sigma, (high - low) / 2, np.ones(len(low))])
+            choices = np.stack(
+                [np.abs(self.start), self._sigma, (high - low) / 2, np.ones(len(low))]
+            )
         good = np.isfinite(choices) & (choices > 0)
         return np.asarray(choices[np.argmax(good, axis=0), np.arange(len(low))])
 
+    def sensitivity(self, values: Vector) -> Sensitivity:
+        """The same of the rows that count, each output with the columns that act on it."""
+        used = self.rows.used
+        if not self.linear:
+            return Sensitivity.dense(self.jacobian(values), used)
+        _, _, columns, at = self.reduced
+        return Sensitivity.of_columns(columns, at, used, len(values))
+
     @cached_property
-    def _parts(self) -> tuple[Outputs, Float64[np.ndarray, "n ny m"]]:
+    def reduced(self) -> Reduced:
+        """A linear problem without what is not tuned."""
+        columns: np.ndarray = self.model.columns  # type: ignore[attr-defined]
+        slot, at = slots(columns, self.places)
+        partial = getattr(self.model, "partial", None)
+        if partial is not None and "parts" not in self.__dict__:
+            rows, p = self.rows, self._p
+            found = partial(self.model.initial(p), rows.u, rows.dt, p, slot)
+            return Reduced(rows.y, *self._smoothed(*found), at)
+        y0, phi = self.parts
+        stays = np.where((slot >= 0) | (columns < 0), 0.0, self._p[columns])
+        chosen = np.zeros((*y0.shape, at.shape[1]))
+        for k, a in np.argwhere(slot >= 0).tolist():
+            chosen[:, k, slot[k, a]] = phi[:, k, a]
+        return Reduced(self.rows.y, y0 + np.einsum("ika,ka->ik", phi, stays), chosen, at)
+
+    @cached_property
+    def parts(self) -> tuple[Outputs, Float64[np.ndarray, "n ny m"]]:
         """`regressor` of a problem that is linear in all: no tuned parameter changes it."""
         return self.regressor(self.start)
 
@@ -312,45 +340,11 @@ class Problem:
         """Filtered (y0, Phi) of a linear model; y0 holds all that is not in Phi's columns."""
         rows, p = self.rows, self.full(values)
         x0 = self.model.initial(p)
-        y0, phi = self.model.regressor(x0, rows.u, rows.dt, p)  # type: ignore[attr-defined]
+        return self._smoothed(*self.model.regressor(x0, rows.u, rows.dt, p))  # type: ignore[attr-defined]
+
+    def _smoothed(self, y0: Outputs, phi: Any) -> tuple[Outputs, Any]:
         if self.filter is None:
             return y0, phi
         n, ny, m = phi.shape
-        both = self.smooth(np.concatenate([y0, phi.reshape(n, ny * m)], axis=1), rows.segments)
+        both = self.smooth(np.concatenate([y0, phi.reshape(n, ny * m)], axis=1))
         return both[:, :ny].copy(), both[:, ny:].reshape(n, ny, m).copy()
-
-    def _linear_jacobian(self, k: int) -> Float64[np.ndarray, "n ny k"]:
-        phi = self._parts[1]
-        out = np.zeros((*self.rows.y.shape, k))
-        for o, row in enumerate(self.model.columns.tolist()):  # type: ignore[attr-defined]
-            for m, place in enumerate(row):
-                if place in self.places:
-                    out[:, o, np.flatnonzero(self.places == place)[0]] += phi[:, o, m]
-        return out
-
-
-def _fed(block: Block) -> np.ndarray:
-    """Rows whose inputs are known and trusted, (n,)."""
-    mark = block.mark[:, : block.u.shape[1]]
-    trusted = (mark <= Mark.HELD) | (mark == Mark.OVERRULED)
-    return np.asarray((trusted & np.isfinite(block.u)).all(axis=1))
-
-
-def _segments(opens: np.ndarray, without: np.ndarray) -> Segments:
-    """Stretches between openings; an opening row that is ``without`` a prediction is left out."""
-    edges = [*np.flatnonzero(opens).tolist(), len(opens)]
-    starts = ((a + int(without[a]), b) for a, b in pairwise(edges))
-    return tuple((a, b) for a, b in starts if b > a)
-
-
-def _bridge(y: Outputs, segments: Segments) -> Outputs:
-    """Missing values filled by straight lines, so that a filter can run over them."""
-    out = y.copy()
-    for a, b in segments:
-        for k in range(y.shape[1]):
-            bad = np.isnan(y[a:b, k])
-            if bad.all() or not bad.any():
-                continue
-            at = np.arange(b - a)
-            out[a:b, k] = np.interp(at, at[~bad], y[a:b, k][~bad])
-    return out

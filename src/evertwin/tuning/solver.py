@@ -8,21 +8,22 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import scipy
 
-from evertwin.models import LinearModel, Parameters
-from evertwin.tuning.assemble import Outcome, assemble, judge, noise_of
+from evertwin.models import Parameters
+from evertwin.tuning.assemble import Outcome, assemble, judge, noise_of, sizes_of, squares
 from evertwin.tuning.closed import ClosedForm
 from evertwin.tuning.fit import Fit
+from evertwin.tuning.gram import FINE, solved
 from evertwin.tuning.identifiability import connected
 from evertwin.tuning.mixed import project, separable
 from evertwin.tuning.nonlinear import least_squares
-from evertwin.tuning.problem import PerOutput, Problem
+from evertwin.tuning.problem import Problem
+from evertwin.tuning.sensitivity import Sensitivity
 from evertwin.tuning.settings import Settings
-from evertwin.types import ParameterVector, Vector
+from evertwin.types import Outputs, ParameterVector, PerOutput, Vector
 
 __all__ = ["solve"]
 
@@ -55,29 +56,30 @@ def _started(parameters: Parameters, p0: ParameterVector) -> Parameters:
 
 
 def _linear(problem: Problem, began: float) -> Fit:
-    model = problem.model
-    assert isinstance(model, LinearModel)
-    scale = () if problem.scale is None else tuple(problem.scale.tolist())
-    plan = ClosedForm(model, problem.names, problem.parameters, scale)
-    y0, phi = problem.regressor(problem.start)
-    solution = plan.solve_rows(problem.rows.y, y0, phi)
-    j = problem.jacobian(problem.start)
-    _check_knobs(problem, j)
-    values = solution.values
+    start, (_, _, columns, at) = problem.start, problem.reduced
+    scale = np.full(len(at), np.nan) if problem.scale is None else problem.scale
+    change, noise, blocks, code = solved(problem.first, columns, at, problem.information, scale)
+    acting = Sensitivity(columns, at, problem.rows.used, blocks)
+    _check_knobs(problem, acting)
+    values = start + change
+    if code != FINE:
+        plan = ClosedForm(at, start, problem.information, scale)
+        careful = plan.carefully(problem.first, columns)
+        values, noise = careful.values, careful.noise
     hit: tuple[str, ...] = ()
     low, high = problem.bounds
     if ((values < low) | (values > high)).any():
-        values, hit = _bounded(problem, j, solution.noise)
+        values, hit = _bounded(problem, problem.first, noise)
     message = "solved" if not hit else f"solved; {', '.join(hit)} on a bound"
-    return assemble(problem, Outcome(values, 1, 1, True, message, hit), problem.start, j, began)
+    return assemble(problem, Outcome(values, 1, 1, True, message, hit), acting, began)
 
 
-def _bounded(problem: Problem, j: Any, sigma: PerOutput) -> tuple[Vector, tuple[str, ...]]:
+def _bounded(problem: Problem, r: Outputs, sigma: PerOutput) -> tuple[Vector, tuple[str, ...]]:
     """Linear least squares inside the bounds, on the triangular factor of the rows."""
     used = problem.rows.used
     weight = 1.0 / np.where(sigma > 0, sigma, 1.0)
-    a = (np.where(used[:, :, None], j, 0.0) * weight[:, None])[used]
-    b = (problem.residuals(problem.start) * weight)[used]
+    a = (problem.jacobian(problem.start) * weight[:, None])[used]
+    b = (r * weight)[used]
     prior = np.diag(np.sqrt(problem.information))
     both = np.concatenate([np.column_stack([a, b]), np.column_stack([prior, np.zeros(len(prior))])])
     root = np.asarray(np.linalg.qr(both, mode="r"))
@@ -94,12 +96,14 @@ def _bounded(problem: Problem, j: Any, sigma: PerOutput) -> tuple[Vector, tuple[
 
 
 def _search(problem: Problem, settings: Settings, began: float) -> Fit:
-    j = problem.jacobian(problem.start)
+    acting = problem.sensitivity(problem.start)
     held = ("",) * len(problem.names)
-    if np.isfinite(j[problem.rows.used]).all():
-        _check_knobs(problem, j)
-        r = problem.residuals(problem.start)
-        before = judge(problem, j, noise_of(problem, r, np.zeros(r.shape[1])), problem.start)
+    if acting.finite:
+        _check_knobs(problem, acting)
+        first = squares(problem, problem.first)
+        sigma = noise_of(problem, first, np.zeros(len(first.rows)))
+        sizes = sizes_of(problem, acting, sigma, problem.start)
+        before = judge(problem, acting, sigma, sizes)
         # Collinear parameters take part, so that the others stay unbiased; they are put back after.
         held = tuple(r if r.startswith("not excited") else "" for r in before.reasons)
     free = np.array([not reason for reason in held])
@@ -109,21 +113,22 @@ def _search(problem: Problem, settings: Settings, began: float) -> Fit:
         outcome = least_squares(problem, settings, free)
     if not np.isfinite(problem.residuals(outcome.values)[problem.rows.used]).all():
         return _diverged(problem, outcome, began)
-    end = problem.jacobian(outcome.values)
-    return assemble(problem, outcome._replace(held=held), problem.start, end, began)
+    end = problem.sensitivity(outcome.values)
+    return assemble(problem, outcome._replace(held=held), end, began)
 
 
-def _check_knobs(problem: Problem, j: Any) -> None:
-    """A column of zeros is asked whether its parameter acts anywhere."""
-    acts = np.abs(np.where(problem.rows.used[:, :, None], j, 0.0)).sum(axis=(0, 1)) > 0
-    silent = tuple(name for name, on in zip(problem.names, acts, strict=True) if not on)
-    if silent:
+def _check_knobs(problem: Problem, acting: Sensitivity) -> None:
+    """A parameter that moves nothing here is asked whether it acts anywhere."""
+    told = np.logical_or.reduce(acting.acts, axis=0)
+    if not told.all():
+        silent = tuple(problem.names[j] for j in np.flatnonzero(~told).tolist())
         connected(problem.model, silent, problem.rows.u)
 
 
 def _diverged(problem: Problem, outcome: Outcome, began: float) -> Fit:
     """Nothing was learned: every value stays, every interval is infinite."""
-    nothing = np.zeros((*problem.rows.y.shape, len(problem.names)))
+    used = problem.rows.used
+    nothing = Sensitivity.dense(np.zeros((*used.shape, len(problem.names))), used)
     held = ("the simulation diverged",) * len(problem.names)
     with np.errstate(over="ignore", invalid="ignore"):
-        return assemble(problem, outcome._replace(held=held), problem.start, nothing, began)
+        return assemble(problem, outcome._replace(held=held), nothing, began)

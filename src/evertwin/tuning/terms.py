@@ -39,7 +39,7 @@ import numpy as np
 
 from evertwin.errors import UsageError
 from evertwin.models import LinearModel
-from evertwin.tuning.closed import ClosedForm, Sums
+from evertwin.tuning.closed import ClosedForm, Sums, summed
 from evertwin.tuning.problem import Problem
 from evertwin.tuning.unseen import held_out
 from evertwin.types import Float64
@@ -93,12 +93,12 @@ class _Folds:
         assert isinstance(model, LinearModel)
         count = min(folds or len(problem.windows), len(problem.windows))
         self.problem, self.model = problem, model
-        y0, phi = problem.regressor(problem.start)
-        plan = ClosedForm(model, problem.names, problem.parameters)
+        _, phi = problem.parts
+        r = problem.first
         edges = np.cumsum([0, *(len(window.t) for window in problem.windows)]).tolist()
         parts: list[list[Sums]] = [[] for _ in range(count)]
         for i, (a, b) in enumerate(itertools.pairwise(edges)):
-            parts[i % count].append(plan.sums(problem.rows.y[a:b], y0[a:b], phi[a:b]))
+            parts[i % count].append(summed(r[a:b], phi[a:b]))
         self.folds = [_added(part) for part in parts]
         self.rest = [
             _added([fold for j, fold in enumerate(self.folds) if j != i]) for i in range(count)
@@ -107,9 +107,10 @@ class _Folds:
     def score(self, names: tuple[str, ...]) -> Score:
         """Held-out rms residual of each output with only ``names`` tuned, (ny,)."""
         problem, ny = self.problem, len(self.model.columns)
-        scale = () if problem.scale is None else tuple(problem.scale.tolist())
-        plan = ClosedForm(self.model, names, problem.parameters, scale)
-        at, start = plan.at, problem.parameters.values[problem.parameters.indices(names)]
+        plan = ClosedForm.of(self.model, names, problem.parameters)
+        if problem.scale is not None:
+            plan = replace(plan, noise=problem.scale)
+        at, start = plan.at, plan.start
         total, count = np.zeros(ny), np.zeros(ny)
         for rest, fold in zip(self.rest, self.folds, strict=True):
             solution = plan.solve_sums(rest)

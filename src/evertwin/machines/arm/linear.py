@@ -20,6 +20,8 @@ from evertwin.types import Int64
 
 UNUSED, INERTIA, FRICTION = -1, -2, -3
 """Codes of columns; from 0 on: position among the bodies' columns."""
+_PIECE = 512
+"""Rows that are filled at a time: as many as stay near the processor."""
 
 
 class Columns(NamedTuple):
@@ -67,18 +69,52 @@ def columns_of(
 @njit(cache=True)
 def fill(columns: Columns, p: Any, u: Any, s: Any, load: Any, bodies: Any, phi: Any) -> None:
     """Fills ``phi`` (rows, n, m); switch ``s`` and ``load`` (rows, n), ``bodies`` (rows, n, k)."""
-    n, m = columns.code.shape
-    for i in range(u.shape[0]):
-        for j in range(n):
-            q, v = u[i, j], u[i, n + j]
-            for k in range(m):
-                code = columns.code[j, k]
-                if code == FRICTION:
-                    own = behind(p, columns.shape[j, k])
-                    phi[i, j, k] = feature(
-                        columns.feature[j, k], v, s[i, j], load[i, j], math.nan, q, own
-                    )
-                elif code >= 0:
-                    phi[i, j, k] = bodies[i, j, code]
-                else:
-                    phi[i, j, k] = u[i, 2 * n + j] if code == INERTIA else 0.0
+    for a in range(0, len(u), _PIECE):
+        part = slice(a, a + _PIECE)
+        for j in range(columns.code.shape[0]):
+            for k in range(columns.code.shape[1]):
+                out = phi[part, j, k]
+                _column(columns, j, k, p, u[part], s[part], load[part], bodies[part], out)
+
+
+@njit(cache=True)
+def split(
+    columns: Columns, slot: Any, p: Any, u: Any, s: Any, load: Any, bodies: Any, y0: Any, phi: Any
+) -> None:
+    """Fills ``phi`` (rows, n, t) with the columns that have a ``slot`` (n, m) there, and adds the
+    others, times their values in ``p``, to ``y0`` (rows, n), which may be the load itself."""
+    phi[:] = 0.0
+    one, total = np.empty(_PIECE), np.empty(_PIECE)
+    for a in range(0, len(u), _PIECE):
+        part, rows = slice(a, a + _PIECE), min(_PIECE, len(u) - a)
+        seen = u[part], s[part], load[part], bodies[part]
+        for j in range(columns.code.shape[0]):
+            total[:] = 0.0
+            for k in range(columns.code.shape[1]):
+                place = columns.places[j, k]
+                if slot[j, k] >= 0:
+                    _column(columns, j, k, p, *seen, phi[part, j, slot[j, k]])
+                elif place >= 0 and p[place] != 0.0:
+                    _column(columns, j, k, p, *seen, one[:rows])
+                    for i in range(rows):
+                        total[i] += p[place] * one[i]
+            for i in range(rows):
+                y0[a + i, j] += total[i]
+
+
+@njit(cache=True)
+def _column(
+    columns: Columns, j: int, k: int, p: Any, u: Any, s: Any, load: Any, bodies: Any, out: Any
+) -> None:
+    """Fills ``out`` (rows,) with what one parameter is multiplied with."""
+    n, code = columns.code.shape[0], columns.code[j, k]
+    if code == FRICTION:
+        own, what = behind(p, columns.shape[j, k]), columns.feature[j, k]
+        for i in range(len(out)):
+            out[i] = feature(what, u[i, n + j], s[i, j], load[i, j], math.nan, u[i, j], own)
+    elif code >= 0:
+        for i in range(len(out)):
+            out[i] = bodies[i, j, code]
+    else:
+        for i in range(len(out)):
+            out[i] = u[i, 2 * n + j] if code == INERTIA else 0.0

@@ -241,25 +241,47 @@ class Arm(StaticMap):
         self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
     ) -> tuple[Outputs, Float64[np.ndarray, "n ny m"]]:
         """Torques of what is not tuned, and the compact regressor."""
-        n, p = self.chain.n, np.ascontiguousarray(p)
+        y0, *seen = self._seen(u, p)
+        phi = np.empty((len(u), *self.columns.shape))
+        linear.fill(self._linear, p, *seen, phi)
+        return self._driven(p, y0, phi)
+
+    def partial(
+        self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector,
+        slot: Int64[np.ndarray, "ny m"],
+    ) -> tuple[Outputs, Float64[np.ndarray, "n ny t"]]:  # fmt: skip
+        """The columns that have a ``slot``; torques of all else."""
+        y0, *seen = self._seen(u, p)
+        phi = np.empty((len(u), len(slot), int(slot.max(initial=-1)) + 1))
+        linear.split(self._linear, slot, p, *seen, y0, phi)
+        return self._driven(p, y0, phi)
+
+    def _seen(self, u: Inputs, p: ParameterVector) -> tuple[Any, ...]:
+        """Rigid torques without what is tuned of them; then what columns are made of: the motors'
+        motion, switches, rigid torques as described, bodies."""
         motors = joints = self._motion(np.ascontiguousarray(u), p)
         if self.coupling is not None and self.coupling.motors:
             joints = self.coupling.of_motors(motors)
         elif self.coupling is not None:
             motors = self.coupling.of_joints(joints)
-        rest = self.chain.inertia.copy()
-        rest[list(self.base)] = 0.0
-        y0 = self._felt(batch(self.chain.geometry, rest, joints))
-        whole = self.chain.inertia
-        load = self._felt(batch(self.chain.geometry, whole, joints)) if self.base else y0
-        phi = np.empty((len(u), n, self.columns.shape[1]))
+        rest = self.chain.inertia
+        if self.base:
+            rest = rest.copy()
+            rest[list(self.base)] = 0.0
+        y0 = load = self._felt(batch(self.chain.geometry, rest, joints))
+        if self.base:
+            load = self._felt(batch(self.chain.geometry, self.chain.inertia, joints))
         widths = np.array([width_of(law, 0, p) for law in self._drives.laws])
         s = switches(motors, widths, self._standstill)
-        linear.fill(self._linear, p, motors, s, load, self._felt(self._bodies(joints)), phi)
-        if self.motor:
-            at = self.parameters.index("K1")
-            y0, phi = y0 / p[at : at + n], phi / p[at : at + n, None]
-        return y0, phi
+        return y0, motors, s, load, self._felt(self._bodies(joints))
+
+    def _driven(self, p: ParameterVector, y0: Any, phi: Any) -> tuple[Any, Any]:
+        """Currents, where motors are known."""
+        if not self.motor:
+            return y0, phi
+        at = self.parameters.index("K1")
+        k = p[at : at + len(self.motor)]
+        return y0 / k, phi / k[:, None]
 
     def _felt(self, torques: Any) -> Any:
         """Joint torques as the motors feel them."""
@@ -276,6 +298,8 @@ class Arm(StaticMap):
     def _bodies(self, u: Inputs) -> Float64[np.ndarray, "n ny k"]:
         """Columns of the chosen inertial numbers, then of the payload's."""
         n = self.chain.n
+        if not (self.base or self.payload):
+            return np.empty((len(u), n, 0))
         parts = [body_columns(self.chain.geometry, self.base, u)]
         if self.payload:
             last = tuple(BODY * (n - 1) + k for k in range(BODY))

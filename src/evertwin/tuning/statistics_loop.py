@@ -1,0 +1,237 @@
+"""The compiled loops of the residual statistics; every sum runs over the rows in their order."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from evertwin.tuning.classes_loop import BINS
+
+__all__ = ["LAGS", "LONG", "MOST", "analysed", "overlapped", "remember", "shifted", "tally"]
+
+LANES = 8
+"""Outputs that are summed side by side."""
+LAGS = 20
+"""Lags that the whiteness test looks at."""
+MOST = 4000
+"""Largest lag that an autocorrelation is followed to."""
+LONG = -1
+"""Reach of a residual that remembers longer than `LAGS`."""
+_PIECE = 8192
+"""Rows that are summed at a time: below what the linear algebra library starts threads for."""
+
+
+@njit(cache=True)
+def tally(y: Any, r: Any, moving: Any, out: Any) -> None:
+    """Adds rows whose ``r`` (n, ny) is known to ``out`` (6, ny).
+
+    That is count, Σ y², Σ r², then the same over the rows that are ``moving`` (n, ny).
+    """
+    for i in range(r.shape[0]):
+        for k in range(r.shape[1]):
+            e = r[i, k]
+            if e != e:
+                continue
+            s = y[i, k] * y[i, k]
+            out[0, k] += 1.0
+            out[1, k] += s
+            out[2, k] += e * e
+            if moving[i, k]:
+                out[3, k] += 1.0
+                out[4, k] += s
+                out[5, k] += e * e
+
+
+@njit(cache=True)
+def remember(r: Any) -> Any:
+    """(centred, known, rows, square, rho, reach, statistic) of residuals ``r`` (n, ny).
+
+    Less the mean, 0 where unknown, and 1 where known (nothing if everywhere), both with outputs as
+    rows, up to whole eights of them, and zeros behind the rows of the data; known rows and sum of
+    squares, (ny,); autocorrelation (ny, LAGS + 1); the last lag before it is lost in its own
+    scatter, or `LONG`, (ny,); the statistic of Ljung and Box, (ny,).
+    """
+    n, ny = r.shape
+    lanes = (ny + LANES - 1) // LANES * LANES
+    holes = np.isnan(r).any()
+    centred = np.zeros((lanes, n + LAGS))
+    known = np.zeros((lanes if holes else 0, n + LAGS))
+    rows, square, statistic = np.empty(ny), np.empty(ny), np.zeros(ny)
+    rho, reach = np.zeros((ny, LAGS + 1)), np.empty(ny, np.int64)
+    for k in range(ny):
+        total, missing = 0.0, 0
+        for i in range(n):
+            e = r[i, k]
+            if e == e:
+                centred[k, i] = e
+                total += e
+            else:
+                missing += 1
+        rows[k] = n - missing
+        mean = total / max(n - missing, 1)
+        for i in range(n):
+            if r[i, k] == r[i, k]:
+                centred[k, i] -= mean
+        if holes:
+            for i in range(n):
+                known[k, i] = r[i, k] == r[i, k]
+        square[k] = _product(centred[k], n, 0)
+        rho[k, 0] = 1.0
+        if square[k] > 0.0:
+            first = square[k] / max(rows[k], 1.0)
+            for h in range(1, LAGS + 1):
+                pairs = float(n - h) if missing == 0 else _product(known[k], n, h)
+                rho[k, h] = _product(centred[k], n, h) / max(pairs, 1.0) / first
+        reach[k] = _reach(rho[k], n, 2.0 / np.sqrt(max(rows[k], 1.0)))
+        for h in range(1, min(LAGS, (n - missing) // 5) + 1):
+            statistic[k] += rho[k, h] * rho[k, h] / (rows[k] - h)
+        statistic[k] *= rows[k] * (rows[k] + 2.0)
+    return centred, known, rows, square, rho, reach, statistic
+
+
+@njit(cache=True)
+def _product(values: Any, n: int, lag: int) -> float:
+    """Σ_t v(t)·v(t + lag) over ``n`` rows, which are zero behind them."""
+    total = 0.0
+    for a in range(0, n, _PIECE):
+        b = min(a + _PIECE, n)
+        total += np.dot(values[a:b], values[a + lag : b + lag])
+    return total
+
+
+@njit(cache=True)
+def _reach(rho: Any, n: int, border: float) -> int:
+    """The last lag before ``rho`` falls below the ``border``."""
+    most = max(1, min(n // 4, MOST))
+    for h in range(1, min(LAGS, most) + 1):
+        if abs(rho[h]) < border:
+            return h - 1
+    return most if most <= LAGS else LONG
+
+
+@njit(cache=True)
+def shifted(columns: Any, used: Any, rho: Any, out: Any) -> None:
+    """Adds Σ_h ρ(h) Σ_t c(t)·c(t + h)ᵀ over h = 1, 2, … to ``out`` (m, m).
+
+    ``columns`` c (n, m), of which the rows that are ``used`` (n,) count.
+    """
+    n, m = columns.shape
+    for i in range(n):
+        if not used[i]:
+            continue
+        for h in range(1, min(len(rho), n - i)):
+            if not used[i + h]:
+                continue
+            for a in range(m):
+                for b in range(m):
+                    out[a, b] += rho[h] * columns[i, a] * columns[i + h, b]
+
+
+@njit(cache=True)
+def analysed(
+    number: Any, count: Any, centred: Any, known: Any, rows: Any, square: Any, overlap: Any
+) -> Any:
+    """(share, f, groups − 1, rows − groups, asked): variance between classes, (ny, nu) each.
+
+    The share of a residual's variance that lies between the classes of an input, and the figures
+    of its F test. ``asked``: no other input is certain to be less probable; f is NaN where there is
+    nothing to test.
+
+    Args:
+        number, count: class of each input at each row, (nu, n), and rows of each class, (nu, BINS).
+        centred, known, rows, square: of `remember`.
+        overlap: rows that count as one, (ny, nu).
+    """
+    ny, nu, n = len(rows), number.shape[0], number.shape[1]
+    share, f = np.zeros((ny, nu)), np.full((ny, nu), np.nan)
+    above, below = np.zeros((ny, nu)), np.zeros((ny, nu))
+    sums, counts = np.zeros((nu, BINS, LANES)), np.zeros((nu, BINS, LANES))
+    for k in range(ny):
+        lane = k % LANES
+        if lane == 0:
+            _by_class(number, centred[k : k + LANES], sums)
+            if rows[k : k + LANES].min() < n:
+                _by_class(number, known[k : k + LANES], counts)
+            else:
+                for j in range(nu):
+                    for c in range(BINS):
+                        counts[j, c] = count[j, c]
+        for j in range(nu):
+            groups, between = 0, 0.0
+            for c in range(BINS):
+                if counts[j, c, lane] > 0.0:
+                    groups += 1
+                    between += sums[j, c, lane] * sums[j, c, lane] / counts[j, c, lane]
+            if groups < 2 or not square[k] > 0.0:
+                continue
+            part, left = between / square[k], rows[k] / overlap[k, j] - groups
+            share[k, j], above[k, j], below[k, j] = part, groups - 1, left
+            if left > 1.0 and part < 1.0:
+                f[k, j] = part / (groups - 1) / ((1.0 - part) / left)
+    return share, f, above, below, _asked(share, f, above, below)
+
+
+@njit(cache=True)
+def overlapped(number: Any, count: Any, rho: Any, reach: Any) -> Any:
+    """1 + 2 Σ_h ρ(h)·ρ_c(h) of each output and input, at least 1, (ny, nu).
+
+    Args:
+        number, count: class of each input at each row, (nu, n), and rows of each class, (nu, BINS),
+            whose autocorrelation is ρ_c.
+        rho, reach: of `remember`; no output remembers longer than `LAGS`.
+    """
+    nu, n = number.shape
+    most, found = reach.max(), np.ones((len(reach), nu))
+    centred, other = np.zeros(n + most), np.zeros(most + 1)
+    for j in range(nu):
+        mean = 0.0
+        for c in range(BINS):
+            mean += c * count[j, c] / n
+        for i in range(n):
+            centred[i] = number[j, i] - mean
+        for h in range(most + 1):
+            other[h] = _product(centred, n, h) / max(n - h, 1)
+        if not other[0] > 0.0:
+            continue
+        for k in range(len(reach)):
+            for h in range(1, reach[k] + 1):
+                found[k, j] += 2.0 * rho[k, h] * other[h] / other[0]
+            found[k, j] = max(found[k, j], 1.0)
+    return found
+
+
+@njit(cache=True)
+def _asked(share: Any, f: Any, above: Any, below: Any) -> Any:
+    """Inputs that no other one beats in all: share, fewer classes and more rows."""
+    ny, nu = share.shape
+    asked = np.ones((ny, nu), np.bool_)
+    for k in range(ny):
+        for j in range(nu):
+            for i in range(nu):
+                rows, other = below[k, j] + above[k, j], below[k, i] + above[k, i]
+                beats = above[k, i] <= above[k, j] and other >= rows and f[k, i] == f[k, i]
+                if beats and (share[k, i] > share[k, j] or (share[k, i] == share[k, j] and i < j)):
+                    asked[k, j] = False
+                    break
+    return asked
+
+
+@njit(cache=True)
+def _by_class(number: Any, values: Any, total: Any) -> None:
+    """Sums ``values`` (LANES, n or more) by class of each input, ``total`` (nu, BINS, LANES)."""
+    total[:] = 0.0
+    for i in range(number.shape[1]):
+        a, b, c, d = values[0, i], values[1, i], values[2, i], values[3, i]
+        e, f, g, h = values[4, i], values[5, i], values[6, i], values[7, i]
+        for j in range(number.shape[0]):
+            s = total[j, number[j, i]]
+            s[0] += a
+            s[1] += b
+            s[2] += c
+            s[3] += d
+            s[4] += e
+            s[5] += f
+            s[6] += g
+            s[7] += h
