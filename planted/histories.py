@@ -15,7 +15,7 @@ from evertwin import Twin
 from evertwin.prognosis.component import ComponentLife
 from evertwin.prognosis.laws import Life, NotEnough
 from planted.lives import Planted
-from planted.twins import shipped
+from planted.twins import shipped, written
 
 Columns = Mapping[str, np.ndarray]
 
@@ -60,9 +60,7 @@ class Told:
         self.folder.cleanup()
 
     def _write(self, name: str, columns: Columns) -> Path:
-        file, values = Path(self.folder.name) / f"{name}.csv", np.column_stack([*columns.values()])
-        np.savetxt(file, values, fmt="%.17g", delimiter=",", header=",".join(columns), comments="")
-        return file
+        return written(Path(self.folder.name) / f"{name}.csv", columns)
 
     def component(self, columns: Columns) -> ComponentLife:
         """All that is told of the part."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -40,9 +41,13 @@ def with_values(name: str, result: FitResult, **sections: Any) -> Twin:
     return opened(name, model={"parameters": values}, **sections)
 
 
-def planned(model: Model, file: Path, u: np.ndarray, dt: np.ndarray) -> Path:
-    """Inputs to come, written as `Twin.forecast` reads them."""
-    rows = np.column_stack([np.cumsum(dt), u])
-    head = ",".join(("t", *model.inputs.names))
+def written(file: Path, columns: Mapping[str, np.ndarray]) -> Path:
+    """Columns by name as a CSV file."""
+    rows, head = np.column_stack(list(columns.values())), ",".join(columns)
     np.savetxt(file, rows, fmt="%.17g", delimiter=",", header=head, comments="")
     return file
+
+
+def planned(model: Model, file: Path, u: np.ndarray, dt: np.ndarray) -> Path:
+    """Inputs to come, written as `Twin.forecast` reads them."""
+    return written(file, {"t": np.cumsum(dt), **dict(zip(model.inputs.names, u.T, strict=True))})

@@ -23,7 +23,7 @@ from evertwin import Twin
 from evertwin.ahead.spec import SCENARIO
 from evertwin.config import spec
 from evertwin.worlds.arm import Cycle, Truth, columns, load, planned, record
-from planted.twins import opened
+from planted.twins import opened, written
 from proofs._verdict import chance, ended, holds
 
 RUNS, LATER, GROWTH, SCATTER, CYCLES = 12, 10, 0.01, 0.05, 3
@@ -105,12 +105,12 @@ def main() -> int:
             rng = np.random.default_rng([7, seed])
             twin, history = arm(folder, rng)
             with twin:
-                for _ in range(CYCLES):
-                    table, _ = columns(today, Truth(), rng)
-                    twin.run(table)
+                tables = [columns(today, Truth(), rng)[0] for _ in range(CYCLES)]
+                cycles = [written(folder / f"{k}.csv", table) for k, table in enumerate(tables)]
+                twin.run(cycles)
                 tuned += twin.champion.number > 0
                 for k, case in enumerate(every):
-                    found[seed, k] = asked(twin, case, table, history)
+                    found[seed, k] = asked(twin, case, tables[-1], history)
                     noisy, _ = columns(real[k], case.truth, rng)
                     measured[seed, k] = [np.abs(noisy[f"tau{j}"]).max() for j in range(1, 7)]
     sys.stdout.write(f"tuned version live in {tuned} of {seeds}\n")
