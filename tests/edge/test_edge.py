@@ -15,7 +15,7 @@ from tests.edge.sandbox import Sandbox
 from tests.edge.seeds import SEEDS
 from tests.edge.texts import TEXTS
 
-EACH = 8
+EACH = 3
 REFUSED = ("json", "breakdown file")
 """Kinds whose valid file ends in a refusal: it holds no table; it needs recordings."""
 
