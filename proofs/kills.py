@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import io
 import itertools
 import json
 import os
@@ -62,7 +63,7 @@ OPERATOR = (
 POINTS = (
     ("evertwin.store.lock", "Lock._take"),
     ("evertwin.store.database", "Database._create"),
-    ("evertwin.store.sqlite", "SqliteStore.look"),
+    ("evertwin.store.checkpoints", "Checkpoints.restore"),
     ("evertwin.store.sqlite", "SqliteStore.close"),
     ("evertwin.store.sqlite", "_Pages.write"),
     ("evertwin.store.checkpoints", "Checkpoints.write"),
@@ -195,10 +196,10 @@ def called(folder: Path, words: Sequence[str], kill: Kill = NEVER, *, anew: bool
 
 def log_of(folder: Path) -> tuple[Entry, ...]:
     """The log; empty where there is no store yet."""
-    path = folder / "robot.db"
-    if not path.exists() or not path.stat().st_size:
-        return ()
-    store = SqliteStore(path, read_only=True)
+    try:
+        store = SqliteStore(folder / "robot.db", read_only=True)
+    except Foreign:
+        return ()  # its tables were not yet made
     try:
         store.verify()
         for line in _acked(folder):
@@ -318,15 +319,20 @@ class Case:
         return len(log_of(folder)) >= len(self.logs[j + 1])
 
 
-def cases(folder: Path) -> Iterator[Case]:
-    """From nothing; from one day; from a run that was cut off; an operator's commands."""
-    start = folder / "start"
+def begun(start: Path) -> Path:
+    """A folder with a twin file, the recordings of two days, and parameter values."""
     start.mkdir()
     (start / "robot.toml").write_text(TWIN.read_text() + ADDED)
     for name, seed in (("monday", 5), ("tuesday", 6)):
         record(["--light", "--world", "w3", "--seed", str(seed), "--seconds", "250",
                 "--out", str(start / f"{name}.csv")])  # fmt: skip
     (start / "values.json").write_text(json.dumps({"parameters": {"gain": {"value": 0.97}}}))
+    return start
+
+
+def cases(folder: Path) -> Iterator[Case]:
+    """From nothing; from one day; from a run that was cut off; an operator's commands."""
+    start = begun(folder / "start")
     yield Case("two days", start, DAYS)
     one = folder / "one"
     shutil.copytree(start, one)
@@ -341,13 +347,23 @@ def cases(folder: Path) -> Iterator[Case]:
     )
 
 
+def warm(folder: Path, commands: Sequence[Sequence[str]]) -> None:
+    """Imports and compiles what the commands need, here, before the first child."""
+    here = os.getcwd()
+    os.chdir(folder)
+    for words in commands:
+        with contextlib.suppress(SystemExit), contextlib.redirect_stdout(io.StringIO()):
+            command_line(list(words))
+    os.chdir(here)
+
+
 def main() -> int:
     """Prints what was counted."""
     least = int(sys.argv[1]) if len(sys.argv) > 1 else 1000
     rng, tally = np.random.default_rng(int(sys.argv[2]) if len(sys.argv) > 2 else 1), Tally()
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        known = []
+        folder, known = Path(name), []
+        warm(begun(folder / "warm"), (*DAYS, *OPERATOR))
         for case in cases(folder):
             case.unbroken(folder / f"unbroken {case.name}")
             known.append((case, list(case.faults(rng))))

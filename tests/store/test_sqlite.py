@@ -356,6 +356,7 @@ def test_a_foreign_file_is_refused_and_left_alone(tmp_path: Path) -> None:
 
 def test_a_newer_store_is_refused(tmp_path: Path) -> None:
     path = filled(tmp_path / "a.db")
+    damage(path, "UPDATE log SET hash = replace(hash, 'a', 'b')")  # another form chains otherwise
     database = sqlite3.connect(path)
     database.execute("PRAGMA user_version = 9")
     database.close()

@@ -19,7 +19,7 @@ from evertwin.store.contract import Checkpoint
 from evertwin.store.database import Database
 from evertwin.store.pieces import cut, joined, name_of, names_in, proof
 
-__all__ = ["Checkpoints"]
+__all__ = ["KEPT", "Checkpoints", "shown_proof"]
 
 S = TypeVar("S")
 log = logging.getLogger("evertwin")
@@ -39,25 +39,31 @@ class Checkpoints:
         self._database = database
         found = database.query("SELECT number, run, layout FROM checkpoints")
         self._kept = {number: (run, names_in(layout)) for number, run, layout in found}
+        parts = database.query("SELECT run, hash FROM shown ORDER BY number")
+        self._shown = (parts[-1][0] if parts else 0, *shown_proof([name for _, name in parts]))
+        """Run, parts, and a hash over them."""
 
     def write(self, db: sqlite3.Connection, checkpoint: Checkpoint, *, whole: bool) -> None:
         """Inside a transaction; not ``whole``: a newer state follows in it and is kept."""
         run = checkpoint.run
+        if run != self._shown[0]:
+            db.execute("DELETE FROM shown")
+            self._shown = (run, *shown_proof(()))
         if checkpoint.shown:
             content = pack(checkpoint.shown)
-            db.execute("DELETE FROM shown WHERE run <> ?", (run,))
             db.execute("INSERT INTO shown VALUES (NULL, ?, ?, ?)", (run, content, name_of(content)))
+            self._shown = (run, *shown_proof([name_of(content)], *self._shown[1:]))
         if not whole:
             return
         layout, pieces = cut(checkpoint.state)
         (length, end) = db.execute("SELECT length, hash FROM head").fetchone()
-        (shown,) = db.execute("SELECT count(*) FROM shown WHERE run = ?", (run,)).fetchone()
+        _, shown, proven = self._shown
         chunks = checkpoint.chunks if checkpoint.chunks >= 0 else _samples(db)
         row = (run, checkpoint.row, length, chunks, shown, layout)
         there = _names(self._kept)
         fresh = [(name, piece) for name, piece in pieces.items() if name not in there]
         db.executemany("INSERT OR REPLACE INTO pieces VALUES (?, ?)", fresh)
-        told = (*row, proof(*row, end))
+        told = (*row, proof(*row, end, proven))
         db.execute("INSERT INTO checkpoints VALUES (NULL, ?, ?, ?, ?, ?, ?, ?)", told)
         (number,) = db.execute("SELECT max(number) FROM checkpoints").fetchone()
         kept = {n: one for n, one in self._kept.items() if n > number - KEPT and one[0] == run}
@@ -90,13 +96,12 @@ class Checkpoints:
         run, row, length, chunks, shown, layout, digest = found
         ends = self._database.query("SELECT hash FROM log WHERE number = ?", (length,))
         end = ends[0][0] if ends else SEED
-        if proof(run, row, length, chunks, shown, layout, end) != digest:
-            raise StoreDamaged("it does not match its hash")
         parts = self._database.query(
             "SELECT content, hash FROM shown WHERE run = ? ORDER BY number LIMIT ?", (run, shown)
         )
-        if len(parts) < shown or any(name_of(content) != name for content, name in parts):
-            raise StoreDamaged("what is shown of its rows is missing or was changed")
+        _, proven = shown_proof([name_of(content) for content, _ in parts])
+        if proof(run, row, length, chunks, shown, layout, end, proven) != digest:
+            raise StoreDamaged("it does not match its hash")
         state = joined(layout, self._contents(sorted(names_in(layout))), like)
         return Checkpoint(row, state, run, length, chunks, _together([c for c, _ in parts]))
 
@@ -123,6 +128,13 @@ class Checkpoints:
 def _names(kept: Mapping[int, tuple[int, set[str]]]) -> set[str]:
     """The pieces that checkpoints need."""
     return {name for _, names in kept.values() for name in names}
+
+
+def shown_proof(names: Sequence[str], count: int = 0, before: str = "") -> tuple[int, str]:
+    """How many parts there are, and a hash over them in their order."""
+    for name in names:
+        count, before = count + 1, proof(before, name)
+    return count, before
 
 
 def _samples(db: sqlite3.Connection) -> int:

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
-from evertwin.fold import Chunk
+from evertwin.fold import Chunk, Event
 from evertwin.store.chain import Entry, Head
 from evertwin.store.kinds import Kept
 
@@ -159,6 +159,14 @@ class Store(Protocol):
 
         Raises:
             StoreDamaged: names the first that does not.
+        """
+        ...
+
+    def repair(self) -> Event:
+        """Starts anew from what is sound, where damage was found; the event says what is lost.
+
+        Raises:
+            StoreError: there is nothing to start from.
         """
         ...
 

@@ -15,7 +15,7 @@ from typing import Any
 from evertwin.errors import StoreDamaged, StoreError
 from evertwin.store.chain import Head
 
-__all__ = ["APPLICATION", "MEMORY", "PAGE", "SCHEMA", "Database"]
+__all__ = ["APPLICATION", "MEMORY", "PAGE", "SCHEMA", "Database", "Foreign"]
 
 MEMORY = ":memory:"
 SCHEMA = 2
@@ -55,6 +55,14 @@ VIEWS = {
     "request": ("id", "kind", "version", "due", "window", "detail"),
     "version": ("number", "parent", "hash", "form", "names", "values", "reason"),
 }
+
+
+class Foreign(StoreError):
+    """A file that says of itself that it is no store of this evertwin.
+
+    >>> Foreign("robot.db").exit_code
+    4
+    """
 
 
 class Database:
@@ -108,10 +116,10 @@ class Database:
         (application,) = self._db.execute("PRAGMA application_id").fetchone()
         (tables,) = self._db.execute("SELECT count(*) FROM sqlite_master").fetchone()
         if tables and application != APPLICATION:
-            raise StoreError(f"{self.path}: a database of another program, expected a store")
+            raise Foreign(f"{self.path}: a database of another program, expected a store")
         if tables and version != SCHEMA:
             newer = "newer" if version > SCHEMA else "older"
-            raise StoreError(
+            raise Foreign(
                 f"{self.path}: written by a {newer} evertwin (schema {version}, this one reads "
                 f"{SCHEMA}): " + ("upgrade evertwin" if version > SCHEMA else "begin a new store")
             )
@@ -119,7 +127,9 @@ class Database:
             self._db.execute(f"PRAGMA page_size = {PAGE}")
             self._db.execute("PRAGMA journal_mode = WAL")
             self._db.execute("PRAGMA synchronous = FULL")
-        if not tables and not self._read_only:
+        if not tables and self._read_only:
+            raise Foreign(f"{self.path}: no such store: nothing was written to it yet")
+        if not tables:
             self._create()
 
     def _create(self) -> None:
@@ -180,6 +190,8 @@ class Database:
             code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_CORRUPT) & 0xFF
             kind = StoreDamaged if code in DAMAGE else StoreError
             raise kind(f"{self.path}: {error}: check the disk and the folder's rights") from error
+        except sqlite3.IntegrityError as error:
+            raise StoreError(f"{self.path}: {error}") from error
         except (sqlite3.DatabaseError, UnicodeDecodeError) as error:
             raise StoreDamaged(f"{self.path}: {error}: check the disk") from error
 

@@ -19,27 +19,29 @@ import logging
 import os
 import sys
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from evertwin.errors import StoreDamaged, StoreError
-from evertwin.fold import Chunk
+from evertwin.fold import Chunk, Event
 from evertwin.store.arrays import pack, unpack
 from evertwin.store.chain import SEED, Entry, Head, chained, link
 from evertwin.store.checkpoints import Checkpoints
 from evertwin.store.contract import Batch, Checkpoint, Progress
-from evertwin.store.database import MEMORY, Database
+from evertwin.store.database import MEMORY, Database, Foreign
 from evertwin.store.kinds import KINDS, Kept, decode, encode, kind_of, loads, row_of
 from evertwin.store.lock import Lock
+from evertwin.store.pages import check_log
 from evertwin.store.pieces import name_of, proof
+from evertwin.store.salvage import finish, mark_of, rebuild
+from evertwin.store.soundness import found_head, look, verify
 from evertwin.store.writer import Writer
 
 __all__ = ["SqliteStore"]
 
 S = TypeVar("S")
 log = logging.getLogger("evertwin")
-LOOKED_AT = 20_000
-"""Entries that are verified when a store is opened: the next ones, again and again around."""
 LINKED = (
     "SELECT l.number, l.run, l.kind, l.row, l.content, l.hash, p.hash FROM log l "
     "LEFT JOIN log p ON p.number = l.number - 1 WHERE "
@@ -109,29 +111,68 @@ class SqliteStore:
         if read_only and not Path(path).is_file():
             raise StoreError(f"{path}: no such store")
         self._lock = Lock(Path(path)) if stored and not read_only else None
+        self.recovered: Event | None = None
+        """What was lost, where the file was damaged when it was opened."""
         try:
-            self._db = Database(self.path, read_only=read_only)
+            self._begin()
+        except (StoreDamaged, Foreign) as error:
+            if self._lock is None:
+                raise
+            self._recover(error)
         except StoreError:
             self._release()
             raise
+
+    def _begin(self) -> None:
+        """Opens the file, and looks whether it is sound."""
+        if self._lock is not None:
+            path = Path(self.path)
+            finish(path)
+            check_log(path)
+            if mark_of(path).exists():
+                raise StoreDamaged(f"{path}: damage was found in it before")
+        self._db = Database(self.path, read_only=self._read_only)
         try:
             self._checkpoints = Checkpoints(self._db)
             self._pages = _Pages(self._db, self._checkpoints)
-            self._writer = Writer(self._pages, threaded=stored)
-            self._head, self._pages.verified = self._found_head()
-            if not read_only:
-                self.look()
+            self._writer = Writer(self._pages, threaded=self._lock is not None)
+            self._head, verified = found_head(self._db)
+            if not self._read_only:
+                self._pages.verified = look(self._db, verified)
         except StoreError:
             self._db.close()
+            raise
+
+    def _recover(self, error: StoreError) -> None:
+        """Goes on with what is sound."""
+        try:
+            self.recovered = rebuild(Path(self.path), error)
+            self._begin()
+        except StoreError:
             self._release()
             raise
+        log.warning("%s: %s", self.path, self.recovered.reason)
+
+    def repair(self) -> Event:
+        """Starts anew from what is sound, where `verify` or a reader found damage; what was lost.
+
+        Raises:
+            StoreError: in memory, or read only.
+        """
+        if self._lock is None:
+            raise StoreError(f"{self.path}: in memory or opened read only")
+        self._writer.close()
+        self._db.close()
+        self._recover(StoreDamaged("repaired on demand"))
+        assert self.recovered is not None
+        return self.recovered
 
     # ------------------------------------------------------------------ writing
 
     @property
     def head(self) -> Head:
         """Where the log ends."""
-        return self._found_head()[0] if self._read_only else self._head
+        return found_head(self._db)[0] if self._read_only else self._head
 
     def commit(self, batch: Batch, *, wait: bool = True) -> Head:
         """Takes a batch, after those before it; the head of the log with it."""
@@ -141,11 +182,12 @@ class SqliteStore:
         entries = self._linked(batch)
         size = sum(len(entry.content) for entry in entries)
         size += sum(chunk.t.nbytes + chunk.v.nbytes for chunk in batch.chunks)
-        self._writer.put(_Job(entries, batch), size)
-        if entries:
-            self._head = Head(entries[-1].number, entries[-1].hash)
-        if wait:
-            self._writer.flush()
+        with self._marked():
+            self._writer.put(_Job(entries, batch), size)
+            if entries:
+                self._head = Head(entries[-1].number, entries[-1].hash)
+            if wait:
+                self._writer.flush()
         return self._head
 
     def _linked(self, batch: Batch) -> tuple[Entry, ...]:
@@ -187,11 +229,12 @@ class SqliteStore:
     def _entries(self, where: str, values: Sequence[Any]) -> tuple[Entry, ...]:
         """Entries, each checked against its hash and the one before."""
         found = []
-        for *fields, before in self._query(LINKED + where, values):
-            entry = Entry(*fields)
-            known = SEED if entry.number == 1 else before or ""
-            found.append(entry)
-            chained([entry], Head(entry.number - 1, known))
+        with self._marked():
+            for *fields, before in self._query(LINKED + where, values):
+                entry = Entry(*fields)
+                known = SEED if entry.number == 1 else before or ""
+                found.append(entry)
+                chained([entry], Head(entry.number - 1, known))
         return tuple(found)
 
     def record(self, entry: Entry) -> Kept:
@@ -230,74 +273,17 @@ class SqliteStore:
         sound = found and proof(*found[0][:3]) == found[0][3]
         return Progress(*found[0][:3]) if sound else None
 
-    # ------------------------------------------------------------------ soundness
+    # ------------------------------------------------------------------ the file
 
     def verify(self, head: Head | None = None) -> int:
         """Number of entries, all of which match the chain; names the first that does not."""
-        self._check_pages("1")
-        at, given = Head(), head or Head()
-        while part := self._stored(at.length, LOOKED_AT):
-            inside = [entry for entry in part if entry.number <= given.length]
-            passed = chained(inside, at)
-            if inside and passed.length == given.length and passed.hash != given.hash:
-                raise StoreDamaged(
-                    f"log: entry {given.length} has hash {passed.hash[:12]}, expected "
-                    f"{given.hash[:12]}: the log was rewritten after that head was printed"
-                )
-            at = chained(part[len(inside) :], passed)
-        self._check_end(at)
-        if at.length < given.length:
-            raise StoreDamaged(f"log: it ends with entry {at.length}, expected {given.length}")
+        self.flush()
+        self._check_open()
+        found = verify(self._db, head or Head())
         for _ in self.read_chunks():
             pass
         self._checkpoints.verify()
-        return at.length
-
-    def look(self) -> None:
-        """Verifies the entries whose turn it is: all of a short log, a share of a long one.
-
-        Raises:
-            StoreDamaged: names the first that does not match.
-        """
-        begin = self._pages.verified if self._pages.verified < self._head.length else 0
-        before = self._query("SELECT hash FROM log WHERE number = ?", (begin,)) if begin else ()
-        start = Head(begin, before[0][0] if before else SEED)
-        at = chained(self._stored(begin, LOOKED_AT), start)
-        if at.length - begin < LOOKED_AT:
-            self._check_end(at)
-        if self._head.length <= LOOKED_AT:
-            self._check_pages("log")
-        self._pages.verified = at.length
-
-    def _stored(self, after: int, most: int) -> list[Entry]:
-        query = (
-            "SELECT number, run, kind, row, content, hash FROM log WHERE number > ? "
-            "ORDER BY number LIMIT ?"
-        )
-        return [Entry(*fields) for fields in self._query(query, (after, most))]
-
-    def _check_pages(self, what: str) -> None:
-        """The chain holds the table; what is read through the index must be all of it."""
-        ((said, *_), *_) = self._query(f"PRAGMA integrity_check({what})")
-        if said != "ok":
-            raise StoreDamaged(f"{self.path}: damaged: {said}")
-
-    def _check_end(self, at: Head) -> None:
-        head, _ = self._found_head()
-        if at != head:
-            raise StoreDamaged(
-                f"log: it ends with entry {at.length}, expected entry {head.length} with hash "
-                f"{head.hash[:12]}: the end was cut off or changed"
-            )
-
-    def _found_head(self) -> tuple[Head, int]:
-        found = self._query("SELECT length, hash, verified FROM head")
-        if [type(value) for value in found[:1] and found[0]] != [int, str, int]:
-            raise StoreDamaged(f"{self.path}: where the log ends is lost")
-        length, digest, verified = found[0]
-        return Head(length, digest), verified
-
-    # ------------------------------------------------------------------ the file
+        return found.length
 
     def backup(self, path: Path) -> None:
         """A copy of everything that is durable, whole or not at all, while work goes on."""
@@ -330,8 +316,19 @@ class SqliteStore:
 
     def _query(self, text: str, values: Sequence[Any] = ()) -> list[Any]:
         self._check_open()
-        self.flush()
-        return self._db.query(text, values)
+        with self._marked():
+            self.flush()
+            return self._db.query(text, values)
+
+    @contextmanager
+    def _marked(self) -> Iterator[None]:
+        """Damage that is found here is repaired by whoever opens the store next."""
+        try:
+            yield
+        except StoreDamaged:
+            if self._lock is not None:
+                mark_of(Path(self.path)).touch()
+            raise
 
     def _check_open(self) -> None:
         if not self._open:

@@ -1,0 +1,108 @@
+"""Is the log of a file what was written to it? All of it on demand, a share whenever it is opened.
+
+>>> database = Database(":memory:")
+>>> verify(database, Head()), look(database, 0)
+(Head(length=0, hash='287539cfca0c...'), 0)
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from evertwin.errors import StoreDamaged
+from evertwin.store.chain import SEED, Entry, Head, chained
+from evertwin.store.database import MEMORY, Database
+
+__all__ = ["found_head", "look", "verify"]
+
+LOOKED_AT = 20_000
+"""Entries that are verified when a store is opened: the next ones, again and again around."""
+SMALL = 64 << 20
+"""Bytes of a file whose pages are all looked at then."""
+
+
+def verify(database: Database, given: Head) -> Head:
+    """The end of the log, all of which matches the chain and a head that was printed.
+
+    Raises:
+        StoreDamaged: names the first entry that does not.
+    """
+    _check_pages(database, "1")
+    at = Head()
+    while part := _stored(database, at.length):
+        inside = [entry for entry in part if entry.number <= given.length]
+        passed = chained(inside, at)
+        if inside and passed.length == given.length and passed.hash != given.hash:
+            raise StoreDamaged(
+                f"log: entry {given.length} has hash {passed.hash[:12]}, expected "
+                f"{given.hash[:12]}: the log was rewritten after that head was printed"
+            )
+        at = chained(part[len(inside) :], passed)
+    _check_end(database, at)
+    if at.length < given.length:
+        raise StoreDamaged(f"log: it ends with entry {at.length}, expected {given.length}")
+    return at
+
+
+def look(database: Database, verified: int) -> int:
+    """Verifies the entries whose turn it is: all of a short log, a share of a long one.
+
+    Args:
+        database: the store's.
+        verified: the position that the last look came to.
+
+    Returns:
+        The position that this one came to.
+
+    Raises:
+        StoreDamaged: names the first entry that does not match.
+    """
+    head, _ = found_head(database)
+    begin = verified if verified < head.length else 0
+    before = database.query("SELECT hash FROM log WHERE number = ?", (begin,)) if begin else ()
+    start = Head(begin, before[0][0] if before else SEED)
+    at = chained(_stored(database, begin), start)
+    if at.length - begin < LOOKED_AT:
+        _check_end(database, at)
+    if database.path == MEMORY or Path(database.path).stat().st_size <= SMALL:
+        _check_pages(database, "1")
+    elif head.length <= LOOKED_AT:
+        _check_pages(database, "log")
+    return at.length
+
+
+def found_head(database: Database) -> tuple[Head, int]:
+    """Where the log ends, and the position that the last look came to.
+
+    Raises:
+        StoreDamaged: it is lost.
+    """
+    found = database.query("SELECT length, hash, verified FROM head")
+    if [type(value) for row in found for value in row] != [int, str, int]:
+        raise StoreDamaged(f"{database.path}: where the log ends is lost")
+    length, digest, verified = found[0]
+    return Head(length, digest), verified
+
+
+def _stored(database: Database, after: int) -> list[Entry]:
+    query = (
+        "SELECT number, run, kind, row, content, hash FROM log WHERE number > ? "
+        "ORDER BY number LIMIT ?"
+    )
+    return [Entry(*fields) for fields in database.query(query, (after, LOOKED_AT))]
+
+
+def _check_pages(database: Database, what: str) -> None:
+    """The chain holds the table; what is read through the index must be all of it."""
+    ((said, *_), *_) = database.query(f"PRAGMA integrity_check({what})")
+    if said != "ok":
+        raise StoreDamaged(f"{database.path}: damaged: {said}")
+
+
+def _check_end(database: Database, at: Head) -> None:
+    head, _ = found_head(database)
+    if at != head:
+        raise StoreDamaged(
+            f"log: it ends with entry {at.length}, expected entry {head.length} with hash "
+            f"{head.hash[:12]}: the end was cut off or changed"
+        )
