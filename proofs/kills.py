@@ -35,6 +35,7 @@ from evertwin.app.cli import main as command_line
 from evertwin.errors import StoreError
 from evertwin.loop import run as loop_run
 from evertwin.store import Entry, Head, SqliteStore
+from evertwin.store.database import Foreign
 from evertwin.worlds.robot import main as record
 from proofs._verdict import ended
 

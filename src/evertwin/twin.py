@@ -29,7 +29,7 @@ from evertwin.errors import StoreError, UsageError
 from evertwin.fold import Block, Chunk, Event
 from evertwin.models import Model, Parameters
 from evertwin.models.form import Version
-from evertwin.store import SqliteStore, Store
+from evertwin.store import Store, opened
 
 if TYPE_CHECKING:
     from evertwin.ahead import Forecast, Mode, WhatIf
@@ -59,34 +59,36 @@ class Twin:
     """
 
     def __init__(
-        self, spec: TwinSpec, model: Model | None = None, store: Store | None = None
-    ) -> None:
+        self, spec: TwinSpec, model: Model | None = None, store: Store | None = None,
+        *, reading: bool = False,
+    ) -> None:  # fmt: skip
         self.spec = spec
         self._engines = loop.Engines(spec, model is not None)
         self.model = loop.model_of(spec, model)
         loop.check_units(spec, self.model)
         self.setup = loop.Setup(spec, self.model)
-        path = spec.store.path
+        path = None if spec.store.path is None else Path(spec.folder) / spec.store.path
+        self.store: Store = store or opened(path, reading=reading)
         self._lasting = store is not None or path is not None
-        where = ":memory:" if path is None else Path(spec.folder) / path
-        self.store: Store = store or SqliteStore(where)
         self._versions = loop.Versions(self.model)
         self._live: loop.Live | None = None
         try:
-            self._ledger = loop.Ledger(self.store, self._versions, spec.name)
+            self._ledger = loop.Ledger(
+                self.store, self._versions, spec.name, reading=reading and path is not None
+            )
         except StoreError:
             self.store.close()
             raise
 
     @classmethod
-    def open(cls, path: str | Path) -> Twin:
-        """The twin of a file.
+    def open(cls, path: str | Path, *, reading: bool = False) -> Twin:
+        """The twin of a file; ``reading``: to look at, while another process works with its store.
 
         Raises:
             ConfigError: the file does not say what it must; with file, line and nearest key.
             StoreLocked: another process works with its store.
         """
-        return cls(read(path))
+        return cls(read(path), reading=reading)
 
     def close(self) -> None:
         """Lets go of the store, and of the processes for slow work."""
@@ -280,7 +282,8 @@ class Twin:
         if history is not None:
             return lives
         lives, events = prognosis.alarmed(self.store, lives, prospect.rule)
-        self._ledger.say(*events)
+        if not self._ledger.reading:
+            self._ledger.say(*events)
         return lives
 
     @_RUNAWAY
@@ -367,32 +370,24 @@ class Twin:
 
     # ------------------------------------------------------------------ the operator's hand
 
-    def promote(self, number: int, reason: str = "by hand") -> Event:
+    def promote(self, number: int, reason: str = "by hand", person: str = "") -> Event:
         """Makes a version live, whatever the gate says; an event tells so.
+
+        A run at work heeds it at its next beat, also one in another process (``reading``).
 
         Raises:
             UsageError: there is no such version, or another one is pinned.
         """
-        self._refuse_pinned(number)
-        return self._ledger.switch(self._versions[number].number, "promoted", reason)
+        return self._ledger.promote(number, reason, person)
 
-    def rollback(self, reason: str = "by hand") -> Event:
+    def rollback(self, reason: str = "by hand", person: str = "") -> Event:
         """Makes the champion before the present one live again.
 
         Raises:
             UsageError: there was none before, or the present one is pinned.
         """
-        if (before := self._ledger.before) is None:
-            raise UsageError("roll back: no other version has been live before this one")
-        self._refuse_pinned(before)
-        return self._ledger.switch(before, "rolled_back", reason)
+        return self._ledger.roll_back(reason, person)
 
-    def _refuse_pinned(self, number: int) -> None:
-        if self.pinned and number != self.champion.number:
-            raise UsageError(
-                f"version {self.champion.number} is pinned, stays live: unpin it, or pin {number}"
-            )
-
-    def pin(self, number: int | None, reason: str = "by hand") -> Event:
+    def pin(self, number: int | None, reason: str = "by hand", person: str = "") -> Event:
         """Keeps a version live until it is unpinned (None): no promotion happens."""
-        return self._ledger.pin(number, reason)
+        return self._ledger.pin(number, reason, person)

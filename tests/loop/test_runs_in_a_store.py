@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from evertwin.config.spec import StoreSpec
 from evertwin.errors import StoreError
 from evertwin.fold import Block, Event, concatenate, take
 from evertwin.fold.span import Span
@@ -202,6 +203,40 @@ def test_a_promotion_by_hand_reaches_a_run_that_goes_on() -> None:
     result = kept.run(rows())
     assert result.champion.number == 1
     assert result.trace["version"].tolist() == [0] * 75 + [1] * 25  # the next beat
+
+
+def test_another_process_reaches_a_run_at_its_next_beat(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is asked for stands in the log once, also when the run is cut off and goes on."""
+    monkeypatch.setattr("evertwin.loop.run_log.SECONDS", 0.0)
+    spec = replace(robot().spec, store=StoreSpec("a.db"), folder=str(tmp_path))
+    logs = []
+    for stop in (len(day(1).t), 90):
+
+        def rows(stop: int = stop) -> Iterator[Block]:
+            yield take(day(1), 0, 72)
+            with Twin(spec, reading=True) as other:
+                other.pin(0, "hands off", "ada")
+            yield take(day(1), 72, stop)
+            if stop < len(day(1).t):
+                raise PowerFailure
+
+        with Twin(spec) as kept:
+            if stop < len(day(1).t):
+                with pytest.raises(PowerFailure):
+                    kept.run(rows(), every=1000)
+            else:
+                kept.run(rows())
+        with Twin(spec) as kept:
+            result = kept.run([day(1)])
+            assert not result.of_kind("promoted") and kept.pinned
+            logs.append(kept.store.entries())
+            pinned = [e for e in kept.events if e.kind == "pinned"]
+            assert [(e.row, e.evidence["person"]) for e in pinned] == [(75, "ada")]
+        for file in tmp_path.glob("a.db*"):
+            file.unlink()
+    assert logs[0] == logs[1]
 
 
 def test_a_log_that_says_something_else_is_not_gone_on_with() -> None:

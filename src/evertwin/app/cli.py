@@ -18,6 +18,7 @@ from evertwin.app import cli_validate
 from evertwin.app.cli_engineer import register as register_engineer
 from evertwin.app.cli_export import register as register_export
 from evertwin.app.cli_prognosis import register as register_prognosis
+from evertwin.app.cli_store import register as register_store
 from evertwin.errors import EvertwinError
 
 app = typer.Typer(
@@ -280,6 +281,7 @@ register_prognosis(app)
 cli_validate.register(app)
 register_engineer(app)
 register_export(app, model_app)
+register_store(app)
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import getpass
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import typer
 
 from evertwin.app.console import Progress, Search, show
-from evertwin.errors import DataError, UsageError
+from evertwin.errors import DataError, StoreLocked, UsageError
 from evertwin.fold import plain
 from evertwin.loop.result import RunResult
 from evertwin.models.form import Version
@@ -61,7 +62,7 @@ def fit_twin(
 ) -> None:  # fmt: skip
     """``evertwin fit``; ``data``: to learn from, to be judged on."""
     search, (train, test) = Search(), data
-    with Twin.open(twin) as opened:
+    with Twin.open(twin, reading=True) as opened:
         result = opened.fit(_files(train), [str(_file(path)) for path in test], search, workers)
         search.close()
         show(result.to_dict(), str(result), as_json)
@@ -72,7 +73,7 @@ def fit_twin(
 
 def examine(twin: Path, data: Files, as_json: bool) -> None:
     """``evertwin doctor``."""
-    with Twin.open(twin) as opened:
+    with Twin.open(twin, reading=True) as opened:
         found = opened.doctor(_files(data))
         show(found.to_dict(), str(found), as_json)
     if found.findings:
@@ -81,20 +82,21 @@ def examine(twin: Path, data: Files, as_json: bool) -> None:
 
 def compare_versions(twin: Path, pair: tuple[int, int], data: Files, as_json: bool) -> None:
     """``evertwin compare``."""
-    with Twin.open(twin) as opened:
+    with Twin.open(twin, reading=True) as opened:
         found = opened.compare(*pair, _files(data))
         show(found.to_dict(), str(found), as_json)
 
 
 def list_versions(twin: Path, as_json: bool) -> None:
     """``evertwin model list``."""
-    with Twin.open(twin) as opened:
+    with Twin.open(twin, reading=True) as opened:
         live = opened.champion.number
         versions = opened.versions
         content = {
             "schema": "evertwin.versions/1",
             "champion": live,
             "pinned": opened.pinned,
+            "head": opened.store.head.printed(),
             "versions": [_brief(v) for v in versions],
         }
         lines = [
@@ -106,7 +108,7 @@ def list_versions(twin: Path, as_json: bool) -> None:
 
 def show_version(twin: Path, number: int, as_json: bool) -> None:
     """``evertwin model show``."""
-    with Twin.open(twin) as opened:
+    with Twin.open(twin, reading=True) as opened:
         version = opened.version(number)
         parameters = opened.parameters_of(number)
         about = [e for e in opened.events if e.evidence.get("version") == number]
@@ -126,18 +128,28 @@ def show_version(twin: Path, number: int, as_json: bool) -> None:
 
 def by_hand(twin: Path, verb: str, number: int | None, reason: str, as_json: bool) -> None:
     """``evertwin model promote | rollback | pin``."""
-    with Twin.open(twin) as opened:
+    person = getpass.getuser()
+    with to_say(twin) as opened:
         if opened.spec.store.path is None:
             raise UsageError(
                 f"{twin}: keeps nothing: say [store] path = 'twin.db' to keep versions"
             )
         if verb == "pin":
-            event = opened.pin(number, reason)
+            event = opened.pin(number, reason, person)
         elif verb == "rollback":
-            event = opened.rollback(reason)
+            event = opened.rollback(reason, person)
         else:
-            event = opened.promote(-1 if number is None else number, reason)
+            event = opened.promote(-1 if number is None else number, reason, person)
         show({"schema": "evertwin.event/1", "event": plain(event)}, event.reason, as_json)
+
+
+def to_say(twin: Path) -> Twin:
+    """The twin, to say something to it; a process that works with its store is asked to heed it."""
+    try:
+        return Twin.open(twin)
+    except StoreLocked as error:
+        typer.echo(f"evertwin: {error}; it is asked to heed this at its next beat", err=True)
+        return Twin.open(twin, reading=True)
 
 
 def _brief(version: Version) -> dict[str, object]:

@@ -19,7 +19,7 @@ def export_twin(
     for path in data or ():
         if not Excerpt.parse(path).path.exists():
             raise DataError(f"{path}: no such file")
-    with Twin.open(twin) as opened:
+    with Twin.open(twin, reading=True) as opened:
         found = opened.export(out, form, version, [str(p) for p in data] if data else None)
     content = {
         "schema": "evertwin.export/1", "file": str(found.path), "format": found.format,

@@ -8,9 +8,10 @@ from typing import Any, Literal, TypeAlias
 
 import typer
 
+from evertwin.app.commands import to_say
 from evertwin.app.console import show
 from evertwin.app.plan_shown import label_document, label_text, plan_document, plan_text
-from evertwin.errors import UsageError
+from evertwin.errors import StoreLocked, UsageError
 from evertwin.files import write_whole
 from evertwin.fold import plain
 from evertwin.loop.feed import Data
@@ -41,7 +42,7 @@ def show_forecast(
         seconds = number(horizon, "s", difference=True)
     except UsageError as error:
         raise UsageError(f"--horizon: {error}; write it as in '30 s' or '2 h'") from error
-    with Twin.open(twin) as opened:
+    with Twin.open(twin, reading=True) as opened:
         found = opened.forecast(seconds, _files(data), *told)
         show(found.to_dict(), str(found), as_json)
 
@@ -49,7 +50,7 @@ def show_forecast(
 def show_life(twin: Path, known: Known, report: Path | None, as_json: bool, check: bool) -> None:
     """``evertwin life``."""
     history, data = known
-    with Twin.open(twin) as opened:
+    with _to_keep(twin) as opened:
         found = opened.life(history, _files(data), drawn=report is not None)
         if report is not None:
             write_prognosis(found, None, report)
@@ -58,10 +59,18 @@ def show_life(twin: Path, known: Known, report: Path | None, as_json: bool, chec
         raise typer.Exit(1)
 
 
+def _to_keep(twin: Path) -> Twin:
+    """The twin, to keep alarms; where another process has its store, to look at it alone."""
+    try:
+        return Twin.open(twin)
+    except StoreLocked:
+        return Twin.open(twin, reading=True)
+
+
 def show_whatif(twin: Path, scenario: Path, known: Known, as_json: bool, check: bool) -> None:
     """``evertwin whatif``."""
     history, data = known
-    with Twin.open(twin) as opened:
+    with Twin.open(twin, reading=True) as opened:
         found = opened.whatif(scenario, _files(data), history)
         show(found.to_dict(), str(found), as_json)
     if check and found.findings:
@@ -79,7 +88,7 @@ def show_plan(
     history, data = known
     if out is not None:
         _check_plan(out)
-    with Twin.open(twin) as opened:
+    with Twin.open(twin, reading=True) as opened:
         found = opened.plan(history, _files(data))
         if report is not None:
             lives = opened.life(history, _files(data), drawn=True)
@@ -103,7 +112,7 @@ def _check_plan(file: Path) -> None:
 
 def show_decisions(twin: Path, as_json: bool) -> None:
     """``evertwin decide TWIN.toml`` alone."""
-    with Twin.open(twin) as opened:
+    with Twin.open(twin, reading=True) as opened:
         found = opened.prospect().history
     items = [label_document(one) for one in found.labels]
     content = {"schema": "evertwin.decisions/1", "clock": found.clock, "decisions": items}
@@ -124,7 +133,7 @@ def keep_decision(
     verdict: Any = VERDICTS.get(word)
     if verdict is None:
         raise UsageError(f"decide: expected one of {', '.join(VERDICTS)}, got {word!r}")
-    with Twin.open(twin) as opened:
+    with to_say(twin) as opened:
         if opened.spec.store.path is None:
             raise UsageError(f"{twin}: a decision is kept in a store: set [store] path")
         if verdict in DONE:

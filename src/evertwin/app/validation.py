@@ -21,7 +21,7 @@ def validate_twin(
 ) -> None:
     """``evertwin validate``; ``data``: test and train."""
     test, train = (None if files is None else [_named(path) for path in files] for files in data)
-    with Twin.open(twin) as opened:
+    with Twin.open(twin, reading=True) as opened:
         found = opened.validate(test or (), train)
     if report is not None:
         write_validation(found, report)

@@ -7,16 +7,19 @@ are durable together or not at all.
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from evertwin.errors import StoreError, UsageError
+from evertwin.errors import StoreDamaged, StoreError, UsageError
 from evertwin.fold import Answer, Event, Record
 from evertwin.loop.versions import Versions
 from evertwin.models.form import Version
 from evertwin.store import Batch, Entry, Estimate, Kept, Store
+
+log = logging.getLogger("evertwin")
 
 SWITCHES = ("promoted", "rolled_back", "configured")
 ORDERS = (*SWITCHES, "pinned")
@@ -80,16 +83,27 @@ class Ledger:
         """Versions that have been live, in order; the last one is."""
         self.pinned = False
         self.runs: list[Begun] = []
+        self.reading = reading
         self.orders: list[Event] = []
         """What was said from outside and no run has heeded yet."""
         self.spoken = 0
         """Position of the newest switch from outside of any run."""
         self.at = 0
         """Row that a run of this process has come to."""
-        self._open(reading)
-
-    def _open(self, reading: bool) -> None:
         configured = self.versions[0]
+        try:
+            self._open(configured)
+        except StoreDamaged:
+            if reading:
+                raise
+            store.repair()
+            self.lives, self.runs, self.pinned = [], [], False
+            self._open(configured)
+        if not reading:
+            self.hear()
+            self.orders.clear()  # a run begins with what they say
+
+    def _open(self, configured: Version) -> None:
         entries = self.store.entries(kinds=("event", "version"))
         records = [(entry, self.store.record(entry)) for entry in entries]
         kept = [record for _, record in records if isinstance(record, Version)]
@@ -107,12 +121,12 @@ class Ledger:
             if kept:
                 again = [*self.versions, replace(configured, number=number)]
                 self.versions.restore(again)
-            self._configured(number, reading)
+            self._configured(number)
         elif not self.lives:
-            self._configured(newest.number, reading)
+            self._configured(newest.number)
 
-    def _configured(self, number: int, reading: bool) -> None:
-        if reading:
+    def _configured(self, number: int) -> None:
+        if self.reading:
             self.lives.append(number)
         else:
             self.switch(number, "configured", "as the twin file says")
@@ -158,30 +172,85 @@ class Ledger:
                 self._follow(record, Entry(begin + k + 1, batch.run, "event", record.row, "", ""))
 
     def say(self, *events: Event) -> None:
-        """Keeps what is said from outside of any run, with versions that are new."""
+        """Keeps what is said from outside of any run, with versions that are new.
+
+        Where another process works with the store it is asked to: it heeds at its next beat.
+        """
+        if self.reading:
+            self.store.ask(events)
+            return
         batch = self.batch(events, 0)
         if batch:
             self.commit(Batch(batch))
         self.orders += [e for e in events if e.kind in ORDERS]
 
-    def switch(self, number: int, kind: str, reason: str) -> Event:
+    def hear(self) -> None:
+        """What other processes have asked for goes into the log."""
+        asked, last = self.store.asked()
+        if not last:
+            return
+        events = [replace(event, row=self.row) for event in asked if self._can(event)]
+        self.commit(Batch(events, heard=last))
+        self.orders += [e for e in events if e.kind in ORDERS]
+
+    def _can(self, event: Event) -> bool:
+        """Does an order name a version that there is? What cannot be heeded is dropped."""
+        try:
+            self._check(event)
+        except StoreError as error:
+            log.warning("%s", error)
+            return False
+        return True
+
+    # ------------------------------------------------------------------ the operator's hand
+
+    def promote(self, number: int, reason: str, person: str = "") -> Event:
+        """Makes a version live, whatever the gate says.
+
+        Raises:
+            UsageError: there is no such version, or another one is pinned.
+        """
+        self._refuse_pinned(self.versions[number].number)
+        return self.switch(number, "promoted", reason, person)
+
+    def roll_back(self, reason: str, person: str = "") -> Event:
+        """Makes the champion before the present one live again.
+
+        Raises:
+            UsageError: there was none before, or the present one is pinned.
+        """
+        if self.before is None:
+            raise UsageError("roll back: no other version has been live before this one")
+        self._refuse_pinned(self.before)
+        return self.switch(self.before, "rolled_back", reason, person)
+
+    def _refuse_pinned(self, number: int) -> None:
+        if self.pinned and number != self.champion:
+            raise UsageError(
+                f"version {self.champion} is pinned and stays live: unpin it first, or pin "
+                f"version {number}"
+            )
+
+    def switch(self, number: int, kind: str, reason: str, person: str = "") -> Event:
         """Makes a version live by an event."""
         version = self.versions[number]
         evidence: dict[str, Any] = {"version": number, "hash": version.hash}
         if kind == "configured":
             evidence["twin"] = self._name
-        event = Event(self.row, 0, kind, "", f"version {number}: {reason}", evidence)
-        self.say(event)
-        return event
+        return self._ordered(kind, f"version {number}: {reason}", evidence, person)
 
-    def pin(self, number: int | None, reason: str) -> Event:
+    def pin(self, number: int | None, reason: str, person: str = "") -> Event:
         """Pins a version, or lets go."""
         if number is not None and not 0 <= number < len(self.versions):
             raise UsageError(f"pin: there are versions 0 to {len(self.versions) - 1}")
         chosen = self.champion if number is None else number
         evidence = {"version": chosen, "pinned": number is not None}
         said = f"version {chosen} pinned: {reason}" if number is not None else f"unpinned: {reason}"
-        event = Event(self.row, 0, "pinned", "", said, evidence)
+        return self._ordered("pinned", said, evidence, person)
+
+    def _ordered(self, kind: str, said: str, evidence: dict[str, Any], person: str) -> Event:
+        told = evidence | ({"person": person} if person else {})
+        event = Event(self.row, 0, kind, "", said, told)
         self.say(event)
         return event
 

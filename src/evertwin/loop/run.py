@@ -217,7 +217,9 @@ class Run:
 
     def step(self, state: TwinState, block: Block) -> TwinState:
         """Further rows."""
-        self._prints.begin(block)
+        if self._lasting:
+            self._prints.begin(block)
+        self.log.begins(state.row)
         for part in rest([block], state.row):
             state = self.driver.step(state, part)
         return state

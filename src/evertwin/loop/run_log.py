@@ -9,6 +9,7 @@ heeded where it stands: at the first beat from its row on, after everything befo
 from __future__ import annotations
 
 import math
+import time
 from collections import deque
 from collections.abc import Sequence
 from typing import Any
@@ -22,6 +23,8 @@ from evertwin.store import Batch, Checkpoint, Entry, Kept, Progress
 from evertwin.store.kinds import encode, kind_of, row_of
 
 HEEDED = ("promoted", "rolled_back", "pinned")
+SECONDS = 0.2
+"""Time from one look at what other processes ask for to the next."""
 
 
 class RunLog:
@@ -49,6 +52,7 @@ class RunLog:
         self._tail = deque(tail)
         self._prints = prints
         self._begins = False
+        self._listens = 0.0
         self._ahead = deque(e.row for e in tail if self._order(e) is not None)
         """Rows of orders that the tail has."""
         self._outside()
@@ -89,6 +93,11 @@ class RunLog:
         """Does the log know already what comes next, or wait orders to be heeded?"""
         return bool(self._tail or self.orders or self.ledger.orders)
 
+    def begins(self, row: int) -> None:
+        """The run is in the log before anything is said to it."""
+        if self._begins:
+            self.say(row, ())
+
     def say(
         self, row: int, records: Sequence[Record], checkpoint: Checkpoint | None = None
     ) -> None:
@@ -124,11 +133,13 @@ class RunLog:
 
     def next_order(self) -> float:
         """Row from which on the next order is in force; infinite: there is none."""
+        self._hear()
         rows = [order.row for order in (*self.orders, *self.ledger.orders)]
         return min([*rows, *self._ahead], default=math.inf)
 
     def heed(self, row: int) -> tuple[Event, ...]:
         """What was said from outside and is in force from a beat at ``row`` on."""
+        self._hear()
         self.orders += self.ledger.orders
         self.ledger.orders.clear()
         found = []
@@ -156,6 +167,13 @@ class RunLog:
         self.ledger.kept += isinstance(record, Version)
         self._outside()
         return True
+
+    def _hear(self) -> None:
+        """What other processes ask for, now and then."""
+        now = time.monotonic()
+        if not self._tail and now >= self._listens:
+            self._listens = now + SECONDS
+            self.ledger.hear()
 
     def _order(self, entry: Entry) -> Event | None:
         """The order that an entry is; None: something else."""

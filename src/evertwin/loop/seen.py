@@ -114,7 +114,8 @@ def _runs(ledger: Ledger) -> list[_Known]:
             found.append(_Known(run, run.ended["rows"], run.ended["digest"]))
         elif not run.over:
             mine = seen is not None and seen.run == run.number
-            rows, digest = (seen.rows, seen.digest) if seen is not None and mine else (1, None)
+            far = seen is not None and mine and seen.rows > 0
+            rows, digest = (seen.rows, seen.digest) if seen is not None and far else (1, None)
             found.append(_Known(run, rows, digest))
     return sorted(found, key=lambda one: one.rows)
 

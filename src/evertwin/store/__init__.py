@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from evertwin.store.check import check_store
     from evertwin.store.contract import Batch, Checkpoint, Progress, Store
     from evertwin.store.kinds import Estimate, Kept
+    from evertwin.store.opening import opened
     from evertwin.store.sqlite import SqliteStore
 
 __all__ = [
@@ -24,6 +25,7 @@ __all__ = [
     "SqliteStore",
     "Store",
     "check_store",
+    "opened",
 ]
 
 __getattr__ = surface(__name__)

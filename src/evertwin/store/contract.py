@@ -13,7 +13,7 @@ position on, so that every record stands there exactly once.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 
@@ -81,7 +81,9 @@ class Batch:
     """Samples as they arrived; before what the fold says of them."""
     checkpoint: Checkpoint | None = None
     """The state after all this. The store may read it later: hand over a copy."""
-    progress: Progress | None = field(default=None)
+    progress: Progress | None = None
+    heard: int = 0
+    """What was asked for up to this number (`Store.asked`) is in ``records`` now."""
 
 
 @runtime_checkable
@@ -148,6 +150,18 @@ class Store(Protocol):
         Raises:
             StoreError: it was saved by another version.
         """
+        ...
+
+    def ask(self, events: Sequence[Event]) -> None:
+        """Asks the process that works with the store, where this one only reads it.
+
+        Raises:
+            StoreError: the store cannot be written.
+        """
+        ...
+
+    def asked(self) -> tuple[tuple[Event, ...], int]:
+        """What other processes have asked for and no batch has heard, and its last number."""
         ...
 
     def progress(self) -> Progress | None:

@@ -43,6 +43,8 @@ CREATE TABLE progress (one INTEGER PRIMARY KEY CHECK (one = 1), run INTEGER NOT 
 CREATE TABLE samples (number INTEGER PRIMARY KEY AUTOINCREMENT, source TEXT NOT NULL,
                       task INTEGER NOT NULL, start INTEGER NOT NULL, stop INTEGER NOT NULL,
                       content BLOB NOT NULL, hash TEXT NOT NULL);
+CREATE TABLE inbox (number INTEGER PRIMARY KEY AUTOINCREMENT, content TEXT NOT NULL,
+                    hash TEXT NOT NULL);
 CREATE TRIGGER log_is_final BEFORE UPDATE ON log
     BEGIN SELECT RAISE(ABORT, 'the log is append-only'); END;
 CREATE TRIGGER log_is_kept BEFORE DELETE ON log

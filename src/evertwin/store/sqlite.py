@@ -77,6 +77,8 @@ class _Pages:
                 if batch.progress is not None:
                     db.execute("INSERT OR REPLACE INTO progress VALUES (1, ?, ?, ?, ?)",
                                (*batch.progress, proof(*batch.progress)))  # fmt: skip
+                if batch.heard:
+                    db.execute("DELETE FROM inbox WHERE number <= ?", (batch.heard,))
                 if batch.checkpoint is not None:
                     self.checkpoints.write(db, batch.checkpoint, whole=k == newest)
 
@@ -209,6 +211,28 @@ class SqliteStore:
         self.flush()
         with self._db.transaction() as db:
             db.execute("DELETE FROM samples WHERE number < ?", (before,))
+
+    def ask(self, events: Sequence[Event]) -> None:
+        """Asks the process that works with the store, where this one only reads it."""
+        self._check_open()
+        if self.path == MEMORY:
+            raise StoreError("a store in memory belongs to its process alone")
+        told = [encode(event) for event in events]
+        database = Database(self.path)
+        try:
+            with database.transaction() as db:
+                db.executemany("INSERT INTO inbox VALUES (NULL, ?, ?)",
+                               [(content, proof(content)) for content in told])  # fmt: skip
+        finally:
+            database.close()
+
+    def asked(self) -> tuple[tuple[Event, ...], int]:
+        """What other processes have asked for and no batch has heard, and its last number."""
+        self._check_open()
+        found = self._db.query("SELECT number, content, hash FROM inbox ORDER BY number")
+        sound = [content for _, content, digest in found if proof(content) == digest]
+        events = [decode("event", loads(content)) for content in sound]
+        return tuple(e for e in events if isinstance(e, Event)), found[-1][0] if found else 0
 
     # ------------------------------------------------------------------ reading
 

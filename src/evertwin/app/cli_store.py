@@ -1,0 +1,93 @@
+"""The commands ``evertwin store …`` and ``evertwin events``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+__all__ = ["register"]
+
+TwinFile = Annotated[Path, typer.Argument(help="Twin file (TOML).", metavar="TWIN.toml")]
+AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
+Key = Annotated[
+    Path | None, typer.Option("--key", help="File with a secret: signs the head (HMAC-SHA256).")
+]
+store_app = typer.Typer(
+    help="What a twin keeps: its head, whether it is sound, a copy of it.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+
+
+def events(
+    twin: TwinFile,
+    kind: Annotated[str | None, typer.Option(help="Of one kind.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """What was decided and said so far, in the order of the log.
+
+    Example: evertwin events arm.toml --kind promoted
+    """
+    from evertwin.app.storing import show_events
+
+    show_events(twin, kind, as_json)
+
+
+@store_app.command("head")
+def head(twin: TwinFile, key: Key = None, as_json: AsJson = False) -> None:
+    """Where the log ends, as LENGTH:HASH: written down elsewhere, it tells a rewritten log.
+
+    Example: evertwin store head arm.toml --key secret.key >> heads.txt
+    """
+    from evertwin.app.storing import show_head
+
+    show_head(twin, key, as_json)
+
+
+@store_app.command("verify")
+def verify(
+    twin: TwinFile,
+    head: Annotated[
+        str | None, typer.Option("--head", help="LENGTH:HASH that was printed.")
+    ] = None,
+    key: Key = None,
+    as_json: AsJson = False,
+) -> None:
+    """Verify every entry, state and sample against its hash, and the log against a printed head.
+
+    Example: evertwin store verify arm.toml --head 812:3f0c…
+    """
+    from evertwin.app.storing import verify_store
+
+    verify_store(twin, head, key, as_json)
+
+
+@store_app.command("repair")
+def repair(twin: TwinFile, as_json: AsJson = False) -> None:
+    """Start a damaged store from what is sound; the damaged file is kept beside it."""
+    from evertwin.app.storing import repair_store
+
+    repair_store(twin, as_json)
+
+
+@store_app.command("backup")
+def backup(
+    twin: TwinFile,
+    file: Annotated[Path, typer.Argument(help="File to write.", metavar="FILE")],
+    as_json: AsJson = False,
+) -> None:
+    """Write a copy of the store, while a twin may be at work with it.
+
+    Example: evertwin store backup arm.toml arm-monday.db
+    """
+    from evertwin.app.storing import back_up
+
+    back_up(twin, file, as_json)
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the commands."""
+    app.command()(events)
+    app.add_typer(store_app, name="store")

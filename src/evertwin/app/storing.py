@@ -1,0 +1,113 @@
+"""What the commands ``evertwin store …`` and ``evertwin events`` do. No model is built."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from evertwin.app.console import show
+from evertwin.config import read
+from evertwin.errors import StoreDamaged, UsageError
+from evertwin.fold import Event
+from evertwin.store import Head, SqliteStore
+
+__all__ = ["back_up", "repair_store", "show_events", "show_head", "verify_store"]
+
+
+def show_events(twin: Path, kind: str | None, as_json: bool) -> None:
+    """``evertwin events``."""
+    with _store(twin) as store:
+        found = [e for e in store.read("event") if isinstance(e, Event) and kind in (None, e.kind)]
+    lines = [f"row {e.row:>8}  {e.kind:<18} {e.signal:<8} {e.reason}" for e in found]
+    show({"schema": "evertwin.events/1", "events": found}, "\n".join(lines), as_json)
+
+
+def show_head(twin: Path, key: Path | None, as_json: bool) -> None:
+    """``evertwin store head``."""
+    with _store(twin) as store:
+        head = store.head
+    printed = head.printed(_secret(key))
+    content = {"schema": "evertwin.head/1", "length": head.length, "hash": head.hash}
+    show(content | {"printed": printed}, printed, as_json)
+
+
+def verify_store(twin: Path, text: str | None, key: Path | None, as_json: bool) -> None:
+    """``evertwin store verify``.
+
+    Raises:
+        StoreDamaged: names the first entry that does not match, and what to do.
+    """
+    head = None if text is None else Head.parse(text, _secret(key))
+    with _store(twin) as store:
+        try:
+            count = store.verify(head)
+        except StoreDamaged as error:
+            raise StoreDamaged(
+                f"{error}\nevertwin store repair {twin} starts from what is sound"
+            ) from error
+    against = "" if head is None else f", entry {head.length} as it was printed"
+    content = {"schema": "evertwin.verify/1", "entries": count}
+    show(content, f"{count} entries, all of them sound{against}", as_json)
+
+
+def repair_store(twin: Path, as_json: bool) -> None:
+    """``evertwin store repair``."""
+    store = SqliteStore(_path(twin))
+    try:
+        event = store.recovered or store.repair()
+    finally:
+        store.close()
+    show({"schema": "evertwin.event/1", "event": event}, event.reason, as_json)
+
+
+def back_up(twin: Path, file: Path, as_json: bool) -> None:
+    """``evertwin store backup``.
+
+    Raises:
+        UsageError: the file exists, or cannot be written.
+    """
+    if file.exists() or not file.parent.is_dir():
+        why = "exists already" if file.exists() else "its folder is missing"
+        raise UsageError(f"{file}: {why}: choose another name")
+    with _store(twin) as store:
+        try:
+            store.backup(file)
+        except OSError as error:
+            raise UsageError(f"{file}: cannot be written: {error.strerror}") from error
+        length = store.head.length
+    content = {"schema": "evertwin.backup/1", "file": str(file), "entries": length}
+    show(content, f"{file}: {length} entries", as_json)
+
+
+def _path(twin: Path) -> Path:
+    spec = read(twin)
+    if spec.store.path is None:
+        raise UsageError(f"{twin}: keeps nothing: say [store] path = 'twin.db'")
+    return Path(spec.folder) / spec.store.path
+
+
+@contextmanager
+def _store(twin: Path) -> Iterator[SqliteStore]:
+    store = SqliteStore(_path(twin), read_only=True)
+    try:
+        yield store
+    finally:
+        store.close()
+
+
+def _secret(key: Path | None) -> bytes:
+    """The secret in a file.
+
+    Raises:
+        UsageError: it cannot be read, or is empty.
+    """
+    if key is None:
+        return b""
+    try:
+        secret = key.read_bytes().strip()
+    except OSError as error:
+        raise UsageError(f"{key}: cannot be read: {error.strerror}") from error
+    if not secret:
+        raise UsageError(f"{key}: expected a secret, the file is empty")
+    return secret

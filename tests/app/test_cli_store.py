@@ -1,0 +1,106 @@
+"""`evertwin store`, `evertwin events`, and what is said to a twin whose store is in use."""
+
+from __future__ import annotations
+
+import sqlite3
+from pathlib import Path
+
+import pytest
+
+from evertwin.store import SqliteStore
+from evertwin.twin import Twin
+
+from .conftest import Command
+
+
+@pytest.fixture
+def ran(call: Command, folder: Path) -> Path:
+    assert call("run", "robot.toml", "--data", "robot.csv").code == 0
+    return folder / "robot.db"
+
+
+def changed(path: Path) -> None:
+    """An entry changed behind the store's back."""
+    database = sqlite3.connect(path)
+    database.execute("DROP TRIGGER log_is_final")
+    database.execute("UPDATE log SET content = replace(content, 'twin file', 'win file')")
+    database.commit()
+    database.close()
+
+
+def test_events_are_listed(call: Command, ran: Path) -> None:
+    text = call("events", "robot.toml").out
+    assert "configured" in text and "promoted" in text
+    listed = call("events", "robot.toml", "--kind", "promoted", "--json").json
+    assert listed["schema"] == "evertwin.events/1"
+    assert [event["kind"] for event in listed["events"]] == ["promoted"]
+
+
+def test_a_head_is_printed_and_verified(call: Command, ran: Path, folder: Path) -> None:
+    (folder / "key").write_text("secret\n")
+    printed = call("store", "head", "robot.toml").out.strip()
+    signed = call("store", "head", "robot.toml", "--key", "key", "--json").json
+    assert signed["printed"].startswith(f"{printed}:")
+    assert printed == call("model", "list", "robot.toml", "--json").json["head"]
+    assert call("model", "rollback", "robot.toml").code == 0
+    done = call("store", "verify", "robot.toml", "--head", signed["printed"], "--key", "key")
+    assert done.code == 0 and "as it was printed" in done.out
+    forged = f"{printed[:-1]}{'1' if printed[-1] == '0' else '0'}"
+    wrong = call("store", "verify", "robot.toml", "--head", forged)
+    assert wrong.code == 4 and "the log was rewritten" in wrong.err
+    assert "evertwin store repair" in wrong.err
+    unsigned = call("store", "verify", "robot.toml", "--head", printed, "--key", "key")
+    assert unsigned.code == 2 and "signature" in unsigned.err
+    for key, said in (("none", "cannot be read"), ("empty", "expected a secret")):
+        (folder / "empty").write_text("")
+        assert said in call("store", "head", "robot.toml", "--key", key).err
+
+
+def test_a_damaged_store_is_told_and_repaired(call: Command, ran: Path) -> None:
+    changed(ran)
+    told = call("store", "verify", "robot.toml")
+    assert told.code == 4 and "entry 2 (event, row 0) does not match its hash" in told.err
+    repaired = call("store", "repair", "robot.toml", "--json").json["event"]
+    assert repaired["kind"] == "recovered" and repaired["evidence"]["kept"] == 1
+    assert call("store", "verify", "robot.toml").code == 0
+    assert call("run", "robot.toml", "--data", "robot.csv").code == 0
+    assert (ran.parent / "robot.db.corrupt.1").exists()
+
+
+def test_a_run_starts_from_a_damaged_store(call: Command, ran: Path) -> None:
+    changed(ran)
+    assert call("run", "robot.toml", "--data", "robot.csv").code == 0
+    kinds = [e["kind"] for e in call("events", "robot.toml", "--json").json["events"]]
+    assert kinds.count("recovered") == 1 and kinds.count("promoted") == 1
+
+
+def test_a_backup_is_a_store(call: Command, ran: Path, folder: Path) -> None:
+    owner = SqliteStore(ran)
+    assert call("store", "backup", "robot.toml", "copy.db").code == 0
+    owner.close()
+    copy = SqliteStore(folder / "copy.db")
+    assert copy.entries() == SqliteStore(ran).entries()
+    copy.close()
+    assert call("store", "backup", "robot.toml", "copy.db").code == 2
+    assert call("store", "backup", "robot.toml", "none/copy.db").code == 2
+
+
+def test_a_twin_without_a_store_has_none(call: Command, folder: Path) -> None:
+    (folder / "plain.toml").write_text(
+        (folder / "robot.toml").read_text().replace('path = "robot.db"', "")
+    )
+    done = call("store", "head", "plain.toml")
+    assert done.code == 2 and "keeps nothing" in done.err
+
+
+def test_what_is_said_while_a_twin_works_is_heard(call: Command, ran: Path, folder: Path) -> None:
+    with Twin.open(folder / "robot.toml") as working:
+        said = call("model", "pin", "robot.toml", "0", "--reason", "it squeaks")
+        assert said.code == 0 and "is asked to heed this at its next beat" in said.err
+        assert call("model", "promote", "robot.toml", "9").code == 2
+        assert not working.pinned
+        working._ledger.hear()
+        assert working.pinned and working.champion.number == 0
+    events = call("events", "robot.toml", "--kind", "pinned", "--json").json["events"]
+    assert len(events) == 1 and events[0]["evidence"]["person"]
+    assert call("model", "list", "robot.toml", "--json").json["pinned"] is True
