@@ -362,11 +362,12 @@ class Twin:
         """
         file, live = Path(path), self.champion
         values = export.values_in(file, live.names)
-        self.parameters_of(live.number).with_values(values)
-        reason = reason or f"loaded from {file.name}"
-        version = self._versions.add(live.form, values, parent=live.number, reason=reason)
-        self._ledger.say()
-        return version
+        return self._ledger.keep(live.form, values, reason or f"loaded from {file.name}")
+
+    def keep(self, found: FitResult, reason: str = "found by a fit") -> Version:
+        """A new version of what `fit` has found, its terms included; nothing goes live."""
+        values = {item.name: item.value for item in found.parameters}
+        return self._ledger.keep(found.form, values, reason)
 
     # ------------------------------------------------------------------ the operator's hand
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from evertwin.errors import UsageError
 from evertwin.store import SqliteStore
 from evertwin.twin import Twin
 
@@ -104,3 +105,25 @@ def test_what_is_said_while_a_twin_works_is_heard(call: Command, ran: Path, fold
     events = call("events", "robot.toml", "--kind", "pinned", "--json").json["events"]
     assert len(events) == 1 and events[0]["evidence"]["person"]
     assert call("model", "list", "robot.toml", "--json").json["pinned"] is True
+
+
+def test_what_a_fit_finds_becomes_a_version(call: Command, ran: Path) -> None:
+    found = call("fit", "robot.toml", "--train", "robot.csv", "--keep", "--json")
+    assert found.code == 0 and found.json["version"] == 2
+    assert "evertwin model promote robot.toml 2" in found.err
+    shown = call("model", "show", "robot.toml", "2", "--json").json
+    assert shown["parameters"]["gain"]["value"] == found.json["parameters"]["gain"]["value"]
+    assert call("model", "list", "robot.toml", "--json").json["champion"] == 1
+    assert call("model", "promote", "robot.toml", "2").code == 0
+    text = (ran.parent / "robot.toml").read_text()
+    (ran.parent / "bare.toml").write_text(text.replace('path = "robot.db"', ""))
+    refused = call("fit", "bare.toml", "--train", "robot.csv", "--keep")
+    assert refused.code == 2 and "keeps nothing" in refused.err
+
+
+def test_a_twin_that_is_looked_at_keeps_no_version(ran: Path) -> None:
+    with (
+        Twin.open(ran.parent / "robot.toml", reading=True) as twin,
+        pytest.raises(UsageError, match="open to look at"),
+    ):
+        twin.keep(twin.fit(ran.parent / "robot.csv"))

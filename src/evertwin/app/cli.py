@@ -129,6 +129,9 @@ def fit(
     as_json: AsJson = False,
     check: Check = False,
     workers: Workers = None,
+    keep: Annotated[
+        bool, typer.Option("--keep", help="Keep what is found as a version of the twin.")
+    ] = False,
 ) -> None:
     """Tune the parameters on recordings and judge them on others; nothing goes live.
 
@@ -136,7 +139,7 @@ def fit(
     """
     from evertwin.app.commands import fit_twin
 
-    fit_twin(twin, (train, test or []), as_json, check, workers)
+    fit_twin(twin, (train, test or []), (as_json, check, keep), workers)
 
 
 @app.command()

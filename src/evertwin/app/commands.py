@@ -57,18 +57,35 @@ def _went_on(result: RunResult) -> Iterator[str]:
 
 
 def fit_twin(
-    twin: Path, data: tuple[Sequence[Path], Sequence[Path]], as_json: bool, check: bool,
+    twin: Path, data: tuple[Sequence[Path], Sequence[Path]], flags: tuple[bool, bool, bool],
     workers: int | None,
 ) -> None:  # fmt: skip
-    """``evertwin fit``; ``data``: to learn from, to be judged on."""
-    search, (train, test) = Search(), data
-    with Twin.open(twin, reading=True) as opened:
+    """``evertwin fit``; ``data``: to learn from, to be judged on; ``flags``: JSON, check, keep."""
+    search, (train, test), (as_json, check, keep) = Search(), data, flags
+    with Twin.open(twin, reading=not keep) as opened:
+        if keep:
+            keeps_versions(twin, opened)
         result = opened.fit(_files(train), [str(_file(path)) for path in test], search, workers)
         search.close()
-        show(result.to_dict(), str(result), as_json)
+        version = opened.keep(result) if keep else None
+        told = {} if version is None else {"version": version.number}
+        show(result.to_dict() | told, str(result), as_json)
+    if version is not None:
+        said = f"kept as version {version.number}: evertwin model promote {twin} {version.number}"
+        typer.echo(f"{said} makes it live", err=True)
     unsure = not result.fit.converged or "not" in result.fit.verdict
     if check and (unsure or any(one.finding for one in result.left_out)):
         raise typer.Exit(1)
+
+
+def keeps_versions(twin: Path, opened: Twin) -> None:
+    """Refuses a twin without a store.
+
+    Raises:
+        UsageError: it has none.
+    """
+    if opened.spec.store.path is None:
+        raise UsageError(f"{twin}: keeps nothing: say [store] path = 'twin.db' to keep versions")
 
 
 def examine(twin: Path, data: Files, as_json: bool) -> None:
@@ -130,10 +147,7 @@ def by_hand(twin: Path, verb: str, number: int | None, reason: str, as_json: boo
     """``evertwin model promote | rollback | pin``."""
     person = getpass.getuser()
     with to_say(twin) as opened:
-        if opened.spec.store.path is None:
-            raise UsageError(
-                f"{twin}: keeps nothing: say [store] path = 'twin.db' to keep versions"
-            )
+        keeps_versions(twin, opened)
         if verb == "pin":
             event = opened.pin(number, reason, person)
         elif verb == "rollback":

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 from evertwin.errors import StoreDamaged, StoreError, UsageError
 from evertwin.fold import Answer, Event, Record
 from evertwin.loop.versions import Versions
-from evertwin.models.form import Version
+from evertwin.models.form import Form, Version
 from evertwin.store import Batch, Entry, Estimate, Kept, Store
 
 log = logging.getLogger("evertwin")
@@ -183,6 +183,19 @@ class Ledger:
         if batch:
             self.commit(Batch(batch))
         self.orders += [e for e in events if e.kind in ORDERS]
+
+    def keep(self, form: Form, values: Mapping[str, float], reason: str) -> Version:
+        """A version of what was found outside of any run, its parent the live one; nothing more.
+
+        Raises:
+            UsageError: a value lies outside its bounds, or the store is only looked at.
+        """
+        if self.reading:
+            raise UsageError("the twin is open to look at: a version needs its store")
+        self.versions.model_of(form).parameters.with_values(values)
+        version = self.versions.add(form, values, parent=self.champion, reason=reason)
+        self.say()
+        return version
 
     def hear(self) -> None:
         """What other processes have asked for goes into the log."""
