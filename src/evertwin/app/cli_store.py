@@ -7,8 +7,6 @@ from typing import Annotated
 
 import typer
 
-__all__ = ["register"]
-
 TwinFile = Annotated[Path, typer.Argument(help="Twin file (TOML).", metavar="TWIN.toml")]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
 Key = Annotated[

@@ -12,8 +12,6 @@ from evertwin.errors import StoreDamaged, UsageError
 from evertwin.fold import Event
 from evertwin.store import Head, SqliteStore
 
-__all__ = ["back_up", "repair_store", "show_events", "show_head", "verify_store"]
-
 
 def show_events(twin: Path, kind: str | None, as_json: bool) -> None:
     """``evertwin events``."""

@@ -11,8 +11,6 @@ from pathlib import Path
 from evertwin.store.database import MEMORY
 from evertwin.store.sqlite import SqliteStore
 
-__all__ = ["opened"]
-
 
 def opened(path: Path | None, *, reading: bool = False) -> SqliteStore:
     """The store at ``path``; in memory without one.

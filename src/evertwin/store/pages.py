@@ -23,8 +23,6 @@ import numpy as np
 from evertwin.errors import StoreDamaged
 from evertwin.store.database import PAGE
 
-__all__ = ["Found", "check_log", "rows_in"]
-
 Raw: TypeAlias = "bytes | mmap.mmap"
 Value: TypeAlias = "int | float | str | bytes | None"
 LEAF = 0x0D

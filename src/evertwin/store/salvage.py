@@ -26,8 +26,6 @@ from evertwin.store.kinds import KINDS, encode
 from evertwin.store.pages import Found, rows_in
 from evertwin.store.pieces import name_of, names_in, proof
 
-__all__ = ["finish", "mark_of", "rebuild"]
-
 COLUMNS: Mapping[str, tuple[type, ...]] = {
     "log": (type(None), int, str, int, str, str),
     "head": (type(None), int, str, int),

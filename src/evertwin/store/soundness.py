@@ -13,8 +13,6 @@ from evertwin.errors import StoreDamaged
 from evertwin.store.chain import SEED, Entry, Head, chained
 from evertwin.store.database import MEMORY, Database
 
-__all__ = ["found_head", "look", "verify"]
-
 LOOKED_AT = 20_000
 """Entries that are verified when a store is opened: the next ones, again and again around."""
 SMALL = 64 << 20
