@@ -27,8 +27,11 @@ def until(columns: Columns, at: float, clock: str = "cycle") -> Columns:
 
 
 def table(series: Planted, cut: float = np.inf) -> Columns:
-    """What is known of a planted series at a share of its life."""
-    whole = {"cycle": series.at, "wear": series.value}
+    """What is known of a planted series at a share of its life: it was new at cycle 0."""
+    done = np.array(["part: replaced", *[""] * len(series.at)])
+    whole = {
+        "cycle": np.r_[0.0, series.at], "wear": np.r_[np.nan, series.value], "maintenance": done
+    }  # fmt: skip
     return until(whole, cut * series.life * (1.0 + 1e-12))
 
 

@@ -42,9 +42,10 @@ def with_values(name: str, result: FitResult, **sections: Any) -> Twin:
 
 
 def written(file: Path, columns: Mapping[str, np.ndarray]) -> Path:
-    """Columns by name as a CSV file."""
-    rows, head = np.column_stack(list(columns.values())), ",".join(columns)
-    np.savetxt(file, rows, fmt="%.17g", delimiter=",", header=head, comments="")
+    """Columns by name as a CSV file; a number that is none is an empty cell."""
+    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+    lines = (",".join("" if cell != cell else str(cell) for cell in row) for row in rows)
+    file.write_text("\n".join([",".join(columns), *lines, ""]), encoding="utf-8")
     return file
 
 
