@@ -32,8 +32,6 @@ from evertwin.models.kernel import Kernel, Restart
 from evertwin.models.rollout import roll, roll_rows
 from evertwin.types import Float64, Inputs, Intervals
 
-__all__ = ["WORTH", "Batch", "grouped", "rolled"]
-
 WORTH = 2000
 """Rows, over all parameter vectors together, from which on threads pay."""
 

@@ -20,8 +20,6 @@ from evertwin.models.kernel import ADOPT, ANEW, CONTINUE, Restart
 from evertwin.models.rollout import roll
 from evertwin.types import Float64, Inputs, Intervals, Outputs
 
-__all__ = ["check_model"]
-
 
 def check_model(model: Model, u: Inputs | None = None, dt: Intervals | None = None) -> None:
     """Checks the laws of a model on the given rows (default: 12 seeded random rows).

@@ -17,9 +17,6 @@ from evertwin.models.rollout import roll
 from evertwin.signals.channels import Layout
 from evertwin.types import Float64, Inputs, Intervals, Outputs, ParameterVector, StateVector
 
-__all__ = ["Compiled"]
-
-
 _OBSERVE = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 3)
 """How a compiled observe is called from Python."""
 

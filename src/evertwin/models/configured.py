@@ -19,8 +19,6 @@ from evertwin.models.contract import Model
 from evertwin.models.parameters import Parameters
 from evertwin.signals.channels import Layout
 
-__all__ = ["configured"]
-
 M = TypeVar("M", bound=Model)
 
 

@@ -32,8 +32,6 @@ from evertwin.types import (
     StateVectors,
 )
 
-__all__ = ["BatchModel", "KernelModel", "LinearModel", "Model", "PartialModel"]
-
 
 @runtime_checkable
 class Model(Protocol):

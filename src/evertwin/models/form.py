@@ -21,8 +21,6 @@ import numpy as np
 from evertwin.fold.records import canonical, plain
 from evertwin.types import Json, ParameterVector
 
-__all__ = ["Form", "Term", "Version"]
-
 
 @dataclass(frozen=True)
 class Term:

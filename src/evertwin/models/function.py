@@ -34,8 +34,6 @@ from evertwin.models.parameters import Parameters
 from evertwin.signals.channels import Layout
 from evertwin.types import Float64, Inputs, Intervals, Outputs, ParameterVector, StateVector
 
-__all__ = ["FunctionModel", "kernel_of", "python_kernel"]
-
 log = logging.getLogger("evertwin")
 
 Step: TypeAlias = Callable[[Any, Any, float, Any], tuple[Sequence[float], Sequence[float]]]

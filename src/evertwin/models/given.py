@@ -11,8 +11,6 @@ from collections.abc import Iterable
 
 from evertwin.errors import UsageError, nearest
 
-__all__ = ["check_options"]
-
 
 def check_options(kind: str, given: Iterable[str], known: Iterable[str]) -> None:
     """Are all options ``given`` to a model of this kind known?

@@ -20,17 +20,6 @@ import numpy as np
 
 from evertwin.types import Outputs, StateVector
 
-__all__ = [
-    "ADOPT",
-    "ANEW",
-    "CONTINUE",
-    "Kernel",
-    "Layer",
-    "Remote",
-    "Restart",
-    "looped",
-]
-
 CONTINUE, ADOPT, ANEW = 0, 1, 2
 
 

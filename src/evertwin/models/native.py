@@ -21,8 +21,6 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-__all__ = ["OBSERVE", "STEP", "call_observe", "call_step", "calling", "cfunc"]
-
 _P = types.CPointer(types.float64)
 _C = types.CPointer(types.int64)
 STEP = types.int64(_C, _P, _P, types.float64, _P, _P, _P)

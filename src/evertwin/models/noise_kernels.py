@@ -16,8 +16,6 @@ from numba import carray, njit
 from evertwin.models.kernel import ANEW
 from evertwin.models.native import OBSERVE, STEP, call_observe, call_step, cfunc
 
-__all__ = ["HEADER", "adopt", "disturbed", "disturbed_run", "normal", "step"]
-
 # Header: length, inner step, inner observe, inner context, nu, nx inner, np, ny, seed; then the
 # factors (np), the inputs' noise (nu) and the outputs' noise (ny) as bits of floats.
 HEADER = 9

@@ -20,8 +20,6 @@ from evertwin.signals.channels import position
 from evertwin.signals.units import conversion
 from evertwin.types import ParameterVector
 
-__all__ = ["Parameter", "Parameters"]
-
 
 @dataclass(frozen=True)
 class Parameter:

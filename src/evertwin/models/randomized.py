@@ -47,8 +47,6 @@ from evertwin.types import (
     Vector,
 )
 
-__all__ = ["Randomized"]
-
 
 @dataclass(frozen=True)
 class Randomized(Wrapper):

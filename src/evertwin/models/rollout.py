@@ -11,8 +11,6 @@ from evertwin.models.kernel import ADOPT, ANEW, Kernel, Restart, looped
 from evertwin.models.native import call_observe, call_step
 from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
 
-__all__ = ["roll", "roll_rows"]
-
 
 @njit(cache=True)
 def roll_rows(

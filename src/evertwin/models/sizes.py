@@ -11,8 +11,6 @@ from evertwin.models.parameters import Parameters
 from evertwin.signals.channels import Layout
 from evertwin.types import ParameterVector, StateVector
 
-__all__ = ["sized"]
-
 
 def sized(x: StateVector, states: Layout, p: ParameterVector, parameters: Parameters) -> None:
     """Do state and parameters have the model's sizes?

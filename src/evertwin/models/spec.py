@@ -12,8 +12,6 @@ from evertwin.settings.notes import Free, Shorthand
 from evertwin.settings.section import Section
 from evertwin.types import Json
 
-__all__ = ["ChangeSpec", "ModelSpec", "ParameterSpec"]
-
 
 @dataclass(frozen=True)
 class ParameterSpec(Section):

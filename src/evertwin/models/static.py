@@ -7,8 +7,6 @@ import numpy as np
 from evertwin.signals.channels import Layout
 from evertwin.types import Float64, ParameterVector, StateVector
 
-__all__ = ["StaticMap"]
-
 
 class StaticMap:
     """Base of models whose outputs depend on the inputs of the same row alone.

@@ -32,8 +32,6 @@ from evertwin.models.static import StaticMap
 from evertwin.signals.channels import Layout
 from evertwin.types import Float64, Inputs, Int64, Intervals, Outputs, ParameterVector, StateVector
 
-__all__ = ["Beyond", "TableModel"]
-
 Beyond: TypeAlias = Literal["hold", "line", "error"]
 """Outside the measured range: the edge's value, a straight line on, or no value (NaN)."""
 

@@ -12,8 +12,6 @@ from typing import Protocol, runtime_checkable
 from evertwin.errors import UsageError
 from evertwin.models.contract import Model
 
-__all__ = ["VariantModel", "in_variant"]
-
 
 @runtime_checkable
 class VariantModel(Model, Protocol):

@@ -22,8 +22,6 @@ from evertwin.models.sizes import sized
 from evertwin.signals.channels import Layout
 from evertwin.types import Float64, Inputs, Intervals, Outputs, ParameterVector, StateVector
 
-__all__ = ["Wrapper"]
-
 
 @dataclass(frozen=True)
 class Wrapper(ABC):

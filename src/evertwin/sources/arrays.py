@@ -24,8 +24,6 @@ from evertwin.sources.foreign import Damaged, foreign
 from evertwin.sources.names import distinct, listed
 from evertwin.sources.table import WIDEST, Column, Recording, Rows
 
-__all__ = ["ArrayTable", "bounded", "numbers_of", "open_npy", "open_npz", "table_of"]
-
 LARGEST = 1 << 30
 """Bytes that a file may unpack to."""
 CALM = 1 << 28

@@ -19,8 +19,6 @@ from evertwin.errors import DataError
 from evertwin.sources.foreign import Damaged, each, foreign
 from evertwin.sources.optional import load
 
-__all__ = ["Connection", "Cut", "Message", "messages"]
-
 LARGEST = 1 << 27
 """Bytes of the largest record that is believed."""
 

@@ -21,8 +21,6 @@ from evertwin.sources.sniff import sniff
 from evertwin.sources.stamps import NO_STAMP
 from evertwin.sources.table import Column, Problem, Recording, Rows
 
-__all__ = ["TopicTable", "open_bag"]
-
 PIECE = 4096
 """Messages read at once."""
 _KINDS = {"mcap": "mcap", "ros1": "ros1", "db3": "ros2"}

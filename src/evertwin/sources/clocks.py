@@ -26,8 +26,6 @@ from evertwin.sources.table import Column, Table
 from evertwin.sources.time_unit import NAMES, guess
 from evertwin.types import Int64, Stamps
 
-__all__ = ["Line", "other_clocks"]
-
 
 @dataclass
 class Line:

@@ -16,8 +16,6 @@ import numpy as np
 from evertwin.errors import LawBroken
 from evertwin.fold import Chunk
 
-__all__ = ["Source", "check_source"]
-
 
 class Source(Protocol):
     """Samples of one machine part, as they arrive.

@@ -11,8 +11,6 @@ from dataclasses import dataclass
 from evertwin.fold import plain
 from evertwin.types import Json
 
-__all__ = ["ClockInfo", "ColumnInfo", "Info", "TableInfo", "TimeInfo"]
-
 
 @dataclass(frozen=True)
 class TimeInfo:

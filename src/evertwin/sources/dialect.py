@@ -29,8 +29,6 @@ from evertwin.sources.headings import (
     shown,
 )
 
-__all__ = ["COMMENTS", "FOUND", "MISSING", "TRUTH", "Dialect", "Stated", "cells_of", "detect"]
-
 COMMENTS = (b"#", b"%", b"//")
 """What a comment line begins with."""
 MISSING = frozenset({b"", b"nan", b"na", b"n/a", b"null", b"none", b"-", b"--", b"nil", b"#n/a"})

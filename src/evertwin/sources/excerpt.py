@@ -18,8 +18,6 @@ from pathlib import Path
 from evertwin.errors import UsageError
 from evertwin.fold import Chunk
 
-__all__ = ["Excerpt"]
-
 
 @dataclass(frozen=True)
 class Excerpt:

@@ -10,8 +10,6 @@ from collections.abc import Iterator
 from evertwin.sources.description import ColumnInfo, TableInfo, TimeInfo
 from evertwin.sources.names import unit_problem
 
-__all__ = ["column_findings", "table_findings"]
-
 _HELD = 20
 """A stretch of equal values is named when it is so many times the usual one."""
 

@@ -21,8 +21,6 @@ from typing import TypeVar
 
 from evertwin.errors import DataError, EvertwinError
 
-__all__ = ["Damaged", "each", "foreign"]
-
 T = TypeVar("T")
 LONGEST = 160
 """Signs of a foreign message that are kept."""

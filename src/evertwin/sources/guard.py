@@ -29,8 +29,6 @@ from evertwin.sources.stamps import NO_STAMP
 from evertwin.sources.table import Problem
 from evertwin.types import Int64, Outputs, Stamps
 
-__all__ = ["Guarded", "Rules", "Watch", "typical"]
-
 _MONTH = 31 * 86_400 * 10**9
 _FAR = 2**62
 

@@ -20,16 +20,6 @@ from typing import NamedTuple
 from evertwin.errors import DataError, UsageError
 from evertwin.signals.units import conversion
 
-__all__ = [
-    "MOST",
-    "Headings",
-    "encoding_of",
-    "named_in_comment",
-    "read_headings",
-    "reconciled",
-    "shown",
-]
-
 MOST = 5
 """Heading lines of a table."""
 _WORD = re.compile(r"[^\W\d_]")

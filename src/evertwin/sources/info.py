@@ -25,8 +25,6 @@ from evertwin.sources.tally import Tally
 from evertwin.sources.time_unit import TimeGuess, guess, time_column
 from evertwin.types import Stamps
 
-__all__ = ["inspect"]
-
 
 def inspect(path: Path | str) -> Info:
     """Everything about a recording that one pass can tell; memory stays bounded.

@@ -7,8 +7,6 @@ import math
 
 from evertwin.sources.description import ClockInfo, ColumnInfo, Info, TableInfo, TimeInfo
 
-__all__ = ["render"]
-
 _YEAR_2000 = 946_684_800 * 10**9
 
 

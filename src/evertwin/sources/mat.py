@@ -23,8 +23,6 @@ from evertwin.sources.arrays import Array, bounded, table_of
 from evertwin.sources.foreign import foreign
 from evertwin.sources.table import WIDEST, Recording
 
-__all__ = ["open_mat"]
-
 _CLASSES = dict(enumerate(
     ("cell", "struct", "object", "char", "sparse", "double", "single", "int8", "uint8", "int16",
      "uint16", "int32", "uint32", "int64", "uint64", "function", "opaque"), start=1,

@@ -17,8 +17,6 @@ from evertwin.sources.foreign import foreign
 from evertwin.sources.optional import load
 from evertwin.sources.table import Recording
 
-__all__ = ["open_mat73"]
-
 DEEPEST = 8
 """Structures within structures."""
 _NUMERIC = {

@@ -20,8 +20,6 @@ from collections.abc import Iterator, Sequence
 from evertwin.errors import DataError
 from evertwin.fold import Chunk
 
-__all__ = ["merge"]
-
 GAP = 10 * 10**9
 """Distance that a moved task keeps from the one before; sources that are further apart than that
 have clocks of their own [ns]."""

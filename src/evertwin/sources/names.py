@@ -16,8 +16,6 @@ from collections.abc import Sequence
 from evertwin.errors import UsageError
 from evertwin.signals.units import conversion
 
-__all__ = ["closest", "distinct", "listed", "split_unit", "unit_problem"]
-
 _BRACKETS = re.compile(r"^(.*\S)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))$")
 
 

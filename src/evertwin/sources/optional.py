@@ -11,8 +11,6 @@ from typing import Any
 
 from evertwin.errors import MissingExtra
 
-__all__ = ["load"]
-
 
 def load(module: str, extra: str = "formats") -> Any:
     """The module, or one line that says what to install.

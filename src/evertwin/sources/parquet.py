@@ -18,8 +18,6 @@ from evertwin.sources.optional import load
 from evertwin.sources.stamps import NO_STAMP, texts
 from evertwin.sources.table import Column, Recording, Rows
 
-__all__ = ["ParquetTable", "open_parquet"]
-
 PIECE = 1 << 13
 """Rows read at once."""
 

@@ -27,8 +27,6 @@ from evertwin.signals import Channel, Layout, compatible
 from evertwin.sources.description import ColumnInfo, Info, TableInfo
 from evertwin.sources.names import unit_problem
 
-__all__ = ["Match", "Proposal", "propose"]
-
 _SYNONYMS = (
     {"v", "speed", "velocity", "vel", "linear", "forward", "vx"},
     {"w", "omega", "turn", "yawrate", "angular", "wz"},

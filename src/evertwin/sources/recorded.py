@@ -38,8 +38,6 @@ from evertwin.sources.tally import Tally
 from evertwin.sources.time_unit import TimeGuess, guess, time_column
 from evertwin.types import Bool, Outputs, Stamps
 
-__all__ = ["FORMATS", "Cell", "Clock", "Recorded"]
-
 FORMATS = {
     "csv": ("csv",),
     "text": ("csv",),

@@ -26,8 +26,6 @@ from evertwin.sources.sniff import sniff
 from evertwin.sources.table import WIDEST, Recording, Table
 from evertwin.sources.text import TextTable
 
-__all__ = ["open_recording"]
-
 _OPEN = {
     "mat": open_mat, "mat73": open_mat73, "parquet": open_parquet, "npy": open_npy, "npz": open_npz,
 }  # fmt: skip

@@ -20,8 +20,6 @@ from evertwin.sources.bag_files import Connection, Message
 from evertwin.sources.foreign import Damaged, foreign
 from evertwin.sources.optional import load
 
-__all__ = ["Content", "Decoder", "flat", "stamp_of"]
-
 WIDEST = 16
 """Entries of the longest array that becomes columns."""
 _ARRAYS = (list, tuple, np.ndarray)

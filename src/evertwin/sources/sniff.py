@@ -18,8 +18,6 @@ from pathlib import Path
 
 from evertwin.errors import DataError
 
-__all__ = ["kind_of", "sniff"]
-
 _MAGIC = {
     b"\x89MCAP0\r\n": "mcap",
     b"#ROSBAG V2.0": "ros1",

@@ -15,8 +15,6 @@ from evertwin.settings.section import Section
 from evertwin.signals.units import conversion
 from evertwin.sources.tally import LIMIT
 
-__all__ = ["ChannelSpec", "Column", "SourceSpec", "TimeSpec"]
-
 Column: TypeAlias = str | Annotated[int, Ge(0), Le(1_000_000)]
 
 

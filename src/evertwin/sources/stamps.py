@@ -25,8 +25,6 @@ import numpy as np
 from evertwin.errors import DataError, UsageError
 from evertwin.types import Stamps
 
-__all__ = ["NO_STAMP", "UNITS", "texts", "to_ns"]
-
 NO_STAMP = int(np.iinfo(np.int64).min)
 """Stands for a stamp that is empty, not a number, or beyond the years 1677 to 2262."""
 

@@ -18,8 +18,6 @@ import numpy as np
 
 from evertwin.types import Stamps
 
-__all__ = ["ClockStatistics", "ColumnStatistics", "EvenSample"]
-
 EXTREMES = 10
 Array = np.ndarray[Any, Any]
 

@@ -22,8 +22,6 @@ from evertwin.sources.stamps import NO_STAMP, UNITS
 from evertwin.sources.time_unit import TimeGuess
 from evertwin.types import Stamps
 
-__all__ = ["order_of_rows", "unit_of_channel", "unit_of_time"]
-
 
 def unit_of_time(found: TimeGuess, unit: str, *, lost: bool) -> str:
     """The sentence where stamps look like another unit than they are read in.

@@ -21,8 +21,6 @@ from evertwin.errors import DataError
 from evertwin.sources.names import closest
 from evertwin.types import Float64, Int64
 
-__all__ = ["WIDEST", "Column", "Problem", "Recording", "Rows", "Table"]
-
 WIDEST = 4096
 """Columns of the widest table that is read."""
 

@@ -17,8 +17,6 @@ from dataclasses import dataclass, field
 from evertwin.sources.table import Problem
 from evertwin.types import Json
 
-__all__ = ["LIMIT", "Tally"]
-
 KEPT = 20
 """Problems of one kind that are kept whole."""
 LIMIT = 0.01

@@ -36,8 +36,6 @@ from evertwin.sources.stamps import texts
 from evertwin.sources.table import Column, Problem, Rows
 from evertwin.types import Float64
 
-__all__ = ["TextTable"]
-
 BLOCK = 1 << 22
 """Bytes read at once."""
 LONGEST = 1 << 20

@@ -23,8 +23,6 @@ import numpy as np
 from evertwin.sources.stamps import NO_STAMP, to_ns
 from evertwin.sources.table import Column, Table
 
-__all__ = ["NAMES", "TimeGuess", "guess", "time_column"]
-
 _HINTS = {
     "ns": {"ns", "nsec", "nanos", "nanosec", "nanosecond", "nanoseconds"},
     "us": {"us", "µs", "usec", "micros", "microsecond", "microseconds"},

@@ -28,8 +28,6 @@ from evertwin.signals import Layout
 from evertwin.signals.series import Series
 from evertwin.sources.optional import load
 
-__all__ = ["WRITERS", "write"]
-
 
 def write(path: Path, series: Mapping[str, Series]) -> None:
     """Write ``series`` (name → series) to ``path``; only MCAP holds several.

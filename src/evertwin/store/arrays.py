@@ -14,8 +14,6 @@ import numpy as np
 
 from evertwin.errors import StoreDamaged
 
-__all__ = ["Arrays", "pack", "unpack"]
-
 Arrays: TypeAlias = Mapping[str, np.ndarray]
 
 

@@ -19,8 +19,6 @@ from typing import NamedTuple
 
 from evertwin.errors import StoreDamaged, UsageError
 
-__all__ = ["SEED", "Entry", "Head", "chained", "link"]
-
 SEED = hashlib.sha256(b"evertwin log 2").hexdigest()
 """Hash before the first entry; another form of the store has another."""
 PRINTED = re.compile(r"(\d+):([0-9a-f]{64})(?::([0-9a-f]{64}))?")

@@ -21,8 +21,6 @@ from evertwin.store.chain import Head
 from evertwin.store.contract import Batch, Checkpoint, Progress, Store
 from evertwin.store.kinds import Estimate, Kept
 
-__all__ = ["check_store"]
-
 
 class _State(NamedTuple):
     x: np.ndarray

@@ -19,8 +19,6 @@ from evertwin.store.contract import Checkpoint
 from evertwin.store.database import Database
 from evertwin.store.pieces import cut, joined, name_of, names_in, proof
 
-__all__ = ["KEPT", "Checkpoints", "shown_proof"]
-
 S = TypeVar("S")
 log = logging.getLogger("evertwin")
 KEPT = 3

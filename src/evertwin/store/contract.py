@@ -23,8 +23,6 @@ from evertwin.fold import Chunk, Event
 from evertwin.store.chain import Entry, Head
 from evertwin.store.kinds import Kept
 
-__all__ = ["Batch", "Checkpoint", "Progress", "Store"]
-
 S = TypeVar("S")
 
 

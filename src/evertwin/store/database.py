@@ -15,8 +15,6 @@ from typing import Any
 from evertwin.errors import StoreDamaged, StoreError
 from evertwin.store.chain import Head
 
-__all__ = ["APPLICATION", "MEMORY", "PAGE", "SCHEMA", "Database", "Foreign"]
-
 MEMORY = ":memory:"
 SCHEMA = 2
 PAGE = 4096

@@ -19,8 +19,6 @@ from evertwin.errors import StoreError
 from evertwin.fold.records import Answer, Event, Request, canonical, plain
 from evertwin.models.form import Version
 
-__all__ = ["KINDS", "Estimate", "Kept", "decode", "encode", "kind_of", "row_of"]
-
 
 @dataclass(frozen=True)
 class Estimate:

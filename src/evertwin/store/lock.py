@@ -14,8 +14,6 @@ from pathlib import Path
 
 from evertwin.errors import StoreError, StoreLocked
 
-__all__ = ["Lock"]
-
 
 class Lock:
     """The lock of one store file.

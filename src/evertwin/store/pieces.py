@@ -26,8 +26,6 @@ from evertwin.errors import StoreDamaged
 from evertwin.fold.state import filled, leaves
 from evertwin.store.arrays import pack, unpack
 
-__all__ = ["Pieces", "cut", "joined", "name_of", "names_in", "proof"]
-
 S = TypeVar("S")
 PIECE = 1 << 14
 """Bytes of a piece."""

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 from evertwin.settings.section import Section
 
-__all__ = ["StoreSpec"]
-
 
 @dataclass(frozen=True)
 class StoreSpec(Section):

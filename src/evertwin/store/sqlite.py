@@ -38,8 +38,6 @@ from evertwin.store.salvage import finish, mark_of, rebuild
 from evertwin.store.soundness import found_head, look, verify
 from evertwin.store.writer import Writer
 
-__all__ = ["SqliteStore"]
-
 S = TypeVar("S")
 log = logging.getLogger("evertwin")
 LINKED = (

@@ -20,8 +20,6 @@ from typing import Generic, Protocol, TypeVar
 
 from evertwin.errors import StoreError
 
-__all__ = ["Writer"]
-
 T = TypeVar("T")
 ROOM = 64 << 20
 """Bytes that may wait; beyond, `Writer.put` waits too."""

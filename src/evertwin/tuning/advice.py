@@ -25,8 +25,6 @@ from evertwin.models import Model
 from evertwin.tuning.identifiability import NULL, SHARE, SMALL
 from evertwin.types import Inputs
 
-__all__ = ["advise"]
-
 ROWS = 300
 """Rows that the changes are tried on."""
 MOST = 3

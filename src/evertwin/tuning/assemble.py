@@ -30,8 +30,6 @@ from evertwin.tuning.statistics import depends, spread, whiteness
 from evertwin.tuning.statistics_loop import tally
 from evertwin.types import Float64, Outputs, PerOutput, Vector
 
-__all__ = ["Outcome", "Squares", "assemble", "judge", "noise_of", "rms", "squares"]
-
 
 class Outcome(NamedTuple):
     """What a solver found.

@@ -21,8 +21,6 @@ import scipy
 from evertwin.tuning.statistics_loop import LAGS, LONG, MOST, remember
 from evertwin.types import Float64, Int64, Outputs, PerOutput
 
-__all__ = ["Correlation", "effective", "products"]
-
 DIRECT = 64
 """Lags up to which sums are taken one by one; beyond, the spectrum is faster."""
 

@@ -20,8 +20,6 @@ from evertwin.tuning.autocorrelation import products
 from evertwin.tuning.classes_loop import BINS, classify
 from evertwin.types import Float64, Inputs, UInt8
 
-__all__ = ["Classes"]
-
 
 @dataclass(frozen=True, eq=False)
 class Classes:

@@ -11,8 +11,6 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-__all__ = ["BINS", "classify"]
-
 BINS = 8
 """Classes of an input at most."""
 _SIDE = 4

@@ -41,8 +41,6 @@ from evertwin.models import LinearModel, Parameters
 from evertwin.tuning.gram import FINE, gram, normal
 from evertwin.types import Float64, Int64, Outputs, PerOutput, Vector
 
-__all__ = ["ClosedForm", "Solution", "Sums", "places_of", "slots", "summed"]
-
 Regressor = Float64[np.ndarray, "n ny m"]
 
 

@@ -11,8 +11,6 @@ from evertwin.models.batch import Batch
 from evertwin.tuning.settings import Far
 from evertwin.types import Float64, Inputs, Intervals
 
-__all__ = ["far_runs"]
-
 KEPT = 8
 """Models that a process keeps."""
 _BUILT: dict[str, Batch] = {}

@@ -27,8 +27,6 @@ from evertwin.fold import plain
 from evertwin.tuning.statistics import Dependence
 from evertwin.types import Float64, Json, ParameterVector, Vector
 
-__all__ = ["Fit", "Residual"]
-
 
 @dataclass(frozen=True)
 class Residual:

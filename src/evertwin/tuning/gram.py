@@ -11,18 +11,6 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-__all__ = [
-    "FINE",
-    "ILL",
-    "SINGULAR",
-    "effects",
-    "gram",
-    "normal",
-    "residual",
-    "solved",
-    "widened",
-]
-
 FINE, SINGULAR, ILL = 0, 1, 2
 """Return codes of `normal`: solved; a parameter has no effect; too ill-conditioned."""
 

@@ -37,8 +37,6 @@ from evertwin.models import Model
 from evertwin.tuning.sensitivity import Sensitivity, Spectrum
 from evertwin.types import Float64, PerOutput, Vector
 
-__all__ = ["Gate", "connected", "gate", "grade"]
-
 Matrix: TypeAlias = Float64[np.ndarray, "k k"]
 
 NULL = 1e-3

@@ -11,8 +11,6 @@ import threading
 from types import FrameType, TracebackType
 from typing import Any
 
-__all__ = ["Interrupt"]
-
 
 class Interrupt:
     """Within it, the first Ctrl-C sets `asked`; only in the main thread, and only if ``on``.

@@ -41,8 +41,6 @@ from evertwin.tuning.problem import Problem
 from evertwin.tuning.schedule import Schedule
 from evertwin.types import Float64, Outputs, PerOutput, Vector
 
-__all__ = ["Iterated", "Iteration", "Round"]
-
 
 class Round(NamedTuple):
     """One round as the figures show it.

@@ -22,8 +22,6 @@ from evertwin.tuning.nonlinear import Objective, Settings, search
 from evertwin.tuning.problem import Problem
 from evertwin.types import Vector
 
-__all__ = ["linear_places", "project", "separable"]
-
 
 def linear_places(columns: np.ndarray, places: np.ndarray) -> np.ndarray:
     """True for tuned parameters that have a regressor column, (k,)."""

@@ -47,8 +47,6 @@ from evertwin.tuning.sensitivity import Sensitivity
 from evertwin.tuning.settings import Settings
 from evertwin.types import Float64, Int64, Outputs, ParameterVector, PerOutput, Vector
 
-__all__ = ["Loss", "Moving", "Problem"]
-
 Loss: TypeAlias = Literal["linear", "soft_l1", "huber", "cauchy", "arctan"]
 Moving: TypeAlias = Callable[[Any], Any]
 """``moving(u (n, nu)) -> bool (n, ny)``: which rows count as moving, per output."""

@@ -46,8 +46,6 @@ from evertwin.models import LinearModel, Parameters
 from evertwin.tuning.recursive_loop import learn
 from evertwin.types import Float64, Outputs, ParameterVector, Vector
 
-__all__ = ["Recursive", "RecursiveRows", "RecursiveState"]
-
 
 class RecursiveState(NamedTuple):
     """State of `Recursive`.

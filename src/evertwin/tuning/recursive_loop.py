@@ -10,8 +10,6 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-__all__ = ["learn", "solve_information"]
-
 
 @njit(cache=True)
 def solve_information(matrix: Any, vector: Any, delta: Any, sigma: Any) -> bool:

@@ -26,8 +26,6 @@ from evertwin.sync.horizon_loop import began
 from evertwin.tuning.classes import Classes
 from evertwin.types import Bool, Bools, Inputs, Intervals, Outputs
 
-__all__ = ["Filter", "Rows", "Segments", "known", "prepared", "smooth"]
-
 Segments: TypeAlias = tuple[tuple[int, int], ...]
 """[start, stop) of stretches of rows."""
 Filter: TypeAlias = Callable[[Any], Any]

@@ -20,8 +20,6 @@ from dataclasses import dataclass
 
 from evertwin.errors import UsageError
 
-__all__ = ["Schedule", "weights_from_growth"]
-
 
 @dataclass(frozen=True)
 class Schedule:

@@ -22,8 +22,6 @@ from evertwin.tuning.closed import Regressor, summed
 from evertwin.tuning.gram import effects, widened
 from evertwin.types import Bool, Float64, Int64, PerOutput, Vector
 
-__all__ = ["Sensitivity", "Spectrum"]
-
 
 class Spectrum(NamedTuple):
     """Information H by the directions of its unit columns, so that the question has no units.

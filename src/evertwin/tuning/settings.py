@@ -9,8 +9,6 @@ from typing import Any, NamedTuple
 from evertwin.errors import UsageError
 from evertwin.models import Model
 
-__all__ = ["Far", "Settings"]
-
 
 class Far(NamedTuple):
     """Roll-outs in other processes, for models that hold the interpreter (Python functions).

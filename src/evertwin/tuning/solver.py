@@ -25,8 +25,6 @@ from evertwin.tuning.sensitivity import Sensitivity
 from evertwin.tuning.settings import Settings
 from evertwin.types import Outputs, ParameterVector, PerOutput, Vector
 
-__all__ = ["solve"]
-
 
 def solve(
     problem: Problem, p0: ParameterVector | None = None, settings: Settings | None = None

@@ -14,8 +14,6 @@ from evertwin.settings.kinds import Duration, Positive, Size
 from evertwin.settings.notes import Rows
 from evertwin.settings.section import Section
 
-__all__ = ["CutSpec", "PredictionSpec", "TuningSpec"]
-
 
 @dataclass(frozen=True)
 class PredictionSpec(Section):

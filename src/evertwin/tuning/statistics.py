@@ -23,16 +23,6 @@ from evertwin.tuning.classes import Classes
 from evertwin.tuning.statistics_loop import LAGS, analysed, overlapped, shifted
 from evertwin.types import Float64, Inputs, Outputs, PerOutput
 
-__all__ = [
-    "Dependence",
-    "autocorrelation",
-    "dependences",
-    "depends",
-    "ljung_box",
-    "spread",
-    "whiteness",
-]
-
 PerInput = Float64[np.ndarray, "ny nu"]
 
 

@@ -9,8 +9,6 @@ from numba import njit
 
 from evertwin.tuning.classes_loop import BINS
 
-__all__ = ["LAGS", "LONG", "MOST", "analysed", "overlapped", "remember", "shifted", "tally"]
-
 LANES = 8
 """Outputs that are summed side by side."""
 LAGS = 20

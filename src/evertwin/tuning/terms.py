@@ -44,8 +44,6 @@ from evertwin.tuning.problem import Problem
 from evertwin.tuning.unseen import held_out
 from evertwin.types import Float64
 
-__all__ = ["Ascent", "Step", "Term", "climb_terms"]
-
 Term: TypeAlias = tuple[str, tuple[str, ...], int]
 """(name, parameters that join, output that they are for)."""
 Score: TypeAlias = Float64[np.ndarray, " ny"]

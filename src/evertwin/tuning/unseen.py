@@ -12,8 +12,6 @@ from evertwin.tuning.settings import Settings
 from evertwin.tuning.solver import solve
 from evertwin.types import Float64
 
-__all__ = ["held_out"]
-
 
 def held_out(
     problem: Problem, folds: int | None = None, settings: Settings | None = None

@@ -25,8 +25,6 @@ from evertwin.models.terms.rows import Rows
 from evertwin.signals.channels import Layout
 from evertwin.types import ParameterVector
 
-__all__ = ["check_term"]
-
 ROWS = 240
 
 

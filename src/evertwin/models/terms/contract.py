@@ -36,21 +36,6 @@ from evertwin.models.terms.rows import Rows
 from evertwin.signals.channels import Channel
 from evertwin.types import Bool, Float64, ParameterVector, StateVector, Vector
 
-__all__ = [
-    "FREE",
-    "SHAPED",
-    "SIMPLE",
-    "Candidate",
-    "CorrectionTerm",
-    "Functions",
-    "GridTerm",
-    "Intervals",
-    "Place",
-    "Prior",
-    "rising",
-    "told",
-]
-
 SIMPLE, SHAPED, FREE = 1, 2, 3
 """Tiers: one or two numbers; a law with a shape; a table or a surface. Climbed in this order."""
 Intervals: TypeAlias = Mapping[str, tuple[float, float]]

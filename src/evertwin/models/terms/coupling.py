@@ -25,8 +25,6 @@ from evertwin.models.terms.kernel import placed
 from evertwin.models.terms.rows import Rows
 from evertwin.signals.units import si_unit
 
-__all__ = ["KIND", "Coupling"]
-
 
 def before(at: Any, grid: Any, u: Any, dt: float, p: Any, x: Any) -> int:
     """The coupling, by its variant."""

@@ -27,18 +27,6 @@ from evertwin.models.native import OBSERVE, STEP, call_observe, call_step, calli
 from evertwin.models.terms.contract import CorrectionTerm, Place
 from evertwin.models.terms.registry import kind
 
-__all__ = [
-    "HEADER",
-    "RECORD",
-    "address",
-    "adopt",
-    "effective_rows",
-    "effective_run",
-    "placed",
-    "resolve",
-    "step",
-]
-
 # Header: length, inner step, inner observe, inner context, nu, nx inner, nx, np, ny, terms.
 HEADER = 10
 LENGTH, BEFORE, AFTER, ADOPTED, PARAMETER = range(5)

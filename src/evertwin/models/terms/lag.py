@@ -28,8 +28,6 @@ from evertwin.models.terms.kernel import placed
 from evertwin.models.terms.rows import Rows, changes_within
 from evertwin.signals.channels import Channel
 
-__all__ = ["KIND", "Lag"]
-
 CAPACITY = 16
 """Changes of the input that are remembered; ``levels=(64,)`` says otherwise."""
 MOST = 250

@@ -26,8 +26,6 @@ from evertwin.models.terms.kernel import placed
 from evertwin.models.terms.rows import Rows, quiet_level
 from evertwin.types import Vector
 
-__all__ = ["KIND", "Law"]
-
 UNBOUNDED = 1e9
 """A cap that never acts."""
 THRESHOLDS = 12

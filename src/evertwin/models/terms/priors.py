@@ -15,8 +15,6 @@ import numpy as np
 
 from evertwin.types import Bool, Float64, Vector
 
-__all__ = ["LENGTHS", "NOISES", "Modes", "modes", "product", "reached"]
-
 LENGTHS = (0.3, 0.4, 0.6, 1.0)
 """Lengths b of a prior, in half ranges."""
 NOISES = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0)

@@ -22,8 +22,6 @@ from evertwin.errors import UsageError, nearest
 if TYPE_CHECKING:
     from evertwin.models.terms.contract import CorrectionTerm
 
-__all__ = ["GROUP", "KINDS", "check_kind", "kind"]
-
 GROUP = "evertwin.terms"
 KINDS = ("lag", "coupling", "law", "table", "surface", "state")
 """Those of the package, each in a file of its name; in the order in which they are tried."""

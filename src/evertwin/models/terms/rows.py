@@ -27,17 +27,6 @@ from evertwin.fold import Block
 from evertwin.models.contract import Model
 from evertwin.types import Float64, Vector
 
-__all__ = [
-    "LEVELS",
-    "Rows",
-    "changes_within",
-    "inputs_of",
-    "level_count",
-    "propose_levels",
-    "quiet_level",
-    "reach_of",
-]
-
 LEVELS = 20
 """Levels of a table over a continuous range: rough on purpose, quantisation is tuned out later."""
 MOST_LEVELS = 10_000

@@ -28,8 +28,6 @@ from evertwin.models.terms.rows import Rows
 from evertwin.signals.channels import Channel
 from evertwin.types import ParameterVector, StateVector
 
-__all__ = ["KIND", "ExtraState"]
-
 
 def after(at: Any, dt: float, p: Any, x: Any, ahead: Any, y: Any) -> int:
     """The exchange over a row."""

@@ -30,8 +30,6 @@ from evertwin.models.terms.priors import LENGTHS, NOISES, modes, product, reache
 from evertwin.models.terms.rows import Rows
 from evertwin.types import Bool, Vector
 
-__all__ = ["KIND", "Surface"]
-
 GRID = 21
 """Nodes along each channel."""
 

@@ -30,8 +30,6 @@ from evertwin.models.terms.priors import LENGTHS, NOISES, modes, reached
 from evertwin.models.terms.rows import LEVELS, Rows, propose_levels
 from evertwin.types import Bool, Vector
 
-__all__ = ["KIND", "Table"]
-
 
 def before(at: Any, grid: Any, u: Any, dt: float, p: Any, x: Any) -> int:
     """The table's value."""
