@@ -7,6 +7,7 @@ from textwrap import fill, shorten
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from evertwin.prognosis.component import ComponentLife
@@ -62,7 +63,7 @@ def _told(indicator: Indicator) -> Indicator:
     return indicator.with_(at=indicator.at - now, maintenance=marks)
 
 
-def _marks(axis: Any, indicator: Indicator) -> None:
+def _marks(axis: Axes, indicator: Indicator) -> None:
     """Maintenance: a line, solid where a new life begins, dashed where the level shifts."""
     told = set()
     for mark in indicator.maintenance:
@@ -75,7 +76,7 @@ def _marks(axis: Any, indicator: Indicator) -> None:
                       textcoords="offset points", ha="right", fontsize=7, color=MARK)  # fmt: skip
 
 
-def _course(axis: Any, one: ComponentLife, now: float) -> None:
+def _course(axis: Axes, one: ComponentLife, now: float) -> None:
     """Band, median and the single laws, from the newest value on."""
     if one.course is None:
         return
@@ -111,7 +112,7 @@ def _reach(one: ComponentLife) -> float:
     return min(end if np.isfinite(end) else 3.0 * life.median, 3.0 * life.median) * 1.05 + 1e-12
 
 
-def _density(axis: Any, life: Life, now: float) -> None:
+def _density(axis: Axes, life: Life, now: float) -> None:
     """Density of the end of life, its median and 80 % interval."""
     known = np.isfinite(life.remaining)
     t, density = _smooth(life.remaining[known])
@@ -175,7 +176,7 @@ def draw_plan(plan: Plan, lives: Lives) -> Figure:
     return figure
 
 
-def _date(axis: Any, item: Any, place: int, *, first: bool) -> None:
+def _date(axis: Axes, item: Any, place: int, *, first: bool) -> None:
     declined = item.decision.verdict == "declined"
     axis.plot([item.after], [place], "x" if declined else "D", ms=8, color=LIMIT,
               label="planned" if first else None, zorder=4)  # fmt: skip

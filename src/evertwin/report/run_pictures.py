@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from evertwin.types import Vector
@@ -25,7 +26,7 @@ def _figure(rows: int = 1, height: float = 2.2) -> tuple[Figure, Any]:
     return figure, figure.subplots(rows, 1, squeeze=False)[:, 0]
 
 
-def _legend(axis: Any) -> None:
+def _legend(axis: Axes) -> None:
     """Above the axes, where it covers nothing."""
     axis.legend(
         loc="lower left", bbox_to_anchor=(0.0, 1.0), fontsize=8, ncols=6, frameon=False,

@@ -18,7 +18,6 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from decimal import Decimal
-from typing import Any
 
 import numpy as np
 
@@ -43,7 +42,7 @@ LONGEST = 60
 """Bytes of the longest cell that can be a stamp."""
 
 
-def texts(cells: Sequence[bytes]) -> np.ndarray[Any, Any]:
+def texts(cells: Sequence[bytes]) -> np.ndarray:
     """Cells as one array; one that is too long for a stamp is cut into what is none.
 
     >>> texts([b"1.5", b"1" * 70])[1][-4:]
@@ -52,7 +51,7 @@ def texts(cells: Sequence[bytes]) -> np.ndarray[Any, Any]:
     return np.array([c if len(c) <= LONGEST else c[: LONGEST - 3] + b"..." for c in cells])
 
 
-def to_ns(raw: np.ndarray[Any, Any], unit: str) -> Stamps:
+def to_ns(raw: np.ndarray, unit: str) -> Stamps:
     """Nanoseconds of a raw column of time; `NO_STAMP` where a cell holds none.
 
     Args:
@@ -83,7 +82,7 @@ def to_ns(raw: np.ndarray[Any, Any], unit: str) -> Stamps:
     return _from_floats(raw.astype(np.float64) * seconds, power)
 
 
-def _from_integers(raw: np.ndarray[Any, Any], factor: int) -> Stamps:
+def _from_integers(raw: np.ndarray, factor: int) -> Stamps:
     wide = raw.astype(object) if raw.dtype == np.uint64 else raw.astype(np.int64)
     fits = (wide <= _LIMIT // factor) & (wide >= -(_LIMIT // factor))
     out = np.full(len(raw), NO_STAMP, dtype=np.int64)
@@ -92,7 +91,7 @@ def _from_integers(raw: np.ndarray[Any, Any], factor: int) -> Stamps:
     return out
 
 
-def _from_floats(raw: np.ndarray[Any, Any], power: int) -> Stamps:
+def _from_floats(raw: np.ndarray, power: int) -> Stamps:
     out = np.full(len(raw), NO_STAMP, dtype=np.int64)
     keep = np.abs(raw) < _LIMIT / 10**power * 0.999  # NaN compares False
     whole = np.floor(raw[keep])
@@ -102,7 +101,7 @@ def _from_floats(raw: np.ndarray[Any, Any], power: int) -> Stamps:
     return out
 
 
-def _from_text(raw: np.ndarray[Any, Any], power: int) -> Stamps:
+def _from_text(raw: np.ndarray, power: int) -> Stamps:
     """Digits to integers, all rows at once; what does not look plain goes one by one."""
     width = raw.dtype.itemsize
     cells = np.ascontiguousarray(raw).view(np.uint8).reshape(len(raw), width)
@@ -189,7 +188,7 @@ def _not_a_stamp(text: str, position: int) -> StampError:
     )
 
 
-def zones(raw: np.ndarray[Any, Any]) -> set[bool]:
+def zones(raw: np.ndarray) -> set[bool]:
     """Whether dates in ``raw`` carry a zone: {True}, {False}, or both, which cannot be meant.
 
     >>> sorted(zones(np.array([b"2021-03-04 12:00", b"2021-03-04 12:00Z"])))

@@ -12,14 +12,13 @@ rows: every k-th row is kept, and k doubles when the sample is full.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from evertwin.types import Stamps
 
 EXTREMES = 10
-Array = np.ndarray[Any, Any]
+Array = np.ndarray
 
 
 @dataclass

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -74,7 +74,7 @@ class Rows(NamedTuple):
     """Line (text) or row number of each row, from 1: what a message names."""
     order: Int64[np.ndarray, " n"]
     """Position of the row in the recording, from 0, rows left out included."""
-    time: np.ndarray[Any, Any]
+    time: np.ndarray
     """Raw stamps, (n,): bytes, integers, floats or datetime64[ns]."""
     values: Float64[np.ndarray, "n k"]
     """The requested columns; NaN where a cell is empty."""

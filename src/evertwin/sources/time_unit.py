@@ -16,7 +16,7 @@ False
 from __future__ import annotations
 
 import re
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -53,7 +53,7 @@ class TimeGuess(NamedTuple):
         return self.reason in (_STATED, _EPOCH)
 
 
-def guess(heading: str, raw: np.ndarray[Any, Any], stated: str = "") -> TimeGuess:
+def guess(heading: str, raw: np.ndarray, stated: str = "") -> TimeGuess:
     """The unit of a raw column of time.
 
     Args:
@@ -78,11 +78,11 @@ def guess(heading: str, raw: np.ndarray[Any, Any], stated: str = "") -> TimeGues
     return _by_size(stamps, _whole(raw))
 
 
-def _texts(raw: np.ndarray[Any, Any]) -> list[bytes]:
+def _texts(raw: np.ndarray) -> list[bytes]:
     return [bytes(cell) for cell in raw[:20].tolist()]
 
 
-def _whole(raw: np.ndarray[Any, Any]) -> bool:
+def _whole(raw: np.ndarray) -> bool:
     """True where no stamp has decimals."""
     if raw.dtype.kind == "S":
         return all(cell.isdigit() or float(cell).is_integer() for cell in raw.tolist())
@@ -92,7 +92,7 @@ def _whole(raw: np.ndarray[Any, Any]) -> bool:
     return bool(np.all(finite == np.floor(finite)))
 
 
-def _by_size(stamps: np.ndarray[Any, Any], whole: bool) -> TimeGuess:
+def _by_size(stamps: np.ndarray, whole: bool) -> TimeGuess:
     """By the epoch, else by the spacing. ``stamps``: plain numbers if whole, else 1e9 × number."""
     number = float(np.median(stamps)) / (1 if whole else 1e9)
     step = float(np.median(np.abs(np.diff(stamps)))) if len(stamps) > 1 else 0.0

@@ -20,7 +20,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import ParseError, TreeBuilder
+from xml.etree.ElementTree import Element, ParseError, TreeBuilder
 
 import numpy as np
 from defusedxml.common import DefusedXmlException
@@ -132,9 +132,9 @@ def parse(text: str, where: str = "urdf") -> Robot:
     if top.tag != "robot":
         raise ModelError(f"{where}: expected a <robot> element on top, got <{top.tag}>")
     notes: list[str] = []
-    links = {e.get("name"): _link(where, e, notes) for e in _unique(where, top.findall("link"))}
-    joints = {e.get("name"): _joint(where, e) for e in _unique(where, top.findall("joint"))}
-    lines = {e.get("name"): _at(where, e) for e in top.findall("joint")}
+    links = {e.get("name", ""): _link(where, e, notes) for e in _unique(where, top.findall("link"))}
+    joints = {e.get("name", ""): _joint(where, e) for e in _unique(where, top.findall("joint"))}
+    lines = {e.get("name", ""): _at(where, e) for e in top.findall("joint")}
     root = _root(where, links, tuple(joints.values()), lines)
     notes += _meshes(where, top)
     return Robot(top.get("name", "robot"), links, tuple(joints.values()), root, tuple(notes))
@@ -153,7 +153,7 @@ class _Lined(TreeBuilder):
         return super().start(tag, {**attrs, _LINE: str(self.parser.CurrentLineNumber)})
 
 
-def _tree(where: str, text: str) -> Any:
+def _tree(where: str, text: str) -> Element:
     builder = _Lined()
     parser = DefusedXMLParser(target=builder)
     builder.parser = parser.parser
@@ -164,11 +164,11 @@ def _tree(where: str, text: str) -> Any:
         raise ModelError(f"{where}: expected plain XML without entities, got {error}") from error
 
 
-def _at(where: str, element: Any) -> str:
+def _at(where: str, element: Element) -> str:
     return f"{where}:{element.get(_LINE)}"
 
 
-def _meshes(where: str, top: Any) -> list[str]:
+def _meshes(where: str, top: Element) -> list[str]:
     """Mesh files are never opened, whatever their names point at; it is said."""
     named = {m.get("filename", ""): _at(where, m) for m in top.iter("mesh")}
     notes = []
@@ -183,7 +183,7 @@ def _meshes(where: str, top: Any) -> list[str]:
     return notes
 
 
-def _unique(where: str, elements: list[Any]) -> list[Any]:
+def _unique(where: str, elements: list[Element]) -> list[Element]:
     """The elements, each with a name of its own."""
     names = [_name(where, element) for element in elements]
     for element, name in zip(elements, names, strict=True):
@@ -195,7 +195,9 @@ def _unique(where: str, elements: list[Any]) -> list[Any]:
     return elements
 
 
-def _numbers(at: str, element: Any, key: str, default: str | None, count: int = 1) -> list[float]:
+def _numbers(
+    at: str, element: Element | None, key: str, default: str | None, count: int = 1
+) -> list[float]:
     text = default if element is None else element.get(key, default)
     if text is None:
         raise ModelError(f"{at}: expected '{key}', got none: add it")
@@ -208,14 +210,14 @@ def _numbers(at: str, element: Any, key: str, default: str | None, count: int = 
     return values
 
 
-def _name(where: str, element: Any) -> str:
+def _name(where: str, element: Element) -> str:
     name = element.get("name")
     if not name:
         raise ModelError(f"{_at(where, element)}: a <{element.tag}> has no name: give it one")
     return str(name)
 
 
-def _link(where: str, element: Any, notes: list[str]) -> Link:
+def _link(where: str, element: Element, notes: list[str]) -> Link:
     name = _name(where, element)
     inertial = element.find("inertial")
     if inertial is None:
@@ -238,7 +240,7 @@ def _link(where: str, element: Any, notes: list[str]) -> Link:
     return Link(name, mass, centre, turn @ own @ turn.T)
 
 
-def _joint(where: str, element: Any) -> Joint:
+def _joint(where: str, element: Element) -> Joint:
     name, kind = _name(where, element), element.get("type", "")
     at = f"{_at(where, element)}: joint '{name}'"
     if kind not in (*_MOVING, "fixed"):
