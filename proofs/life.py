@@ -145,10 +145,10 @@ def efficiency(count: int) -> bool:
             for k in range(count):
                 series, drift, variance = wiener(np.random.default_rng([11, k]))
                 seen = table(series, cut)
-                truth = series.life - float(seen["cycle"][-1])
-                life = twin.life(seen)
+                now = float(seen["cycle"][-1])
+                life, truth = twin.life(seen), series.life - now
                 ours.append(abs((life.median if isinstance(life, Life) else np.inf) - truth))
-                left = 1.0 - series.level[len(seen["cycle"]) - 1]
+                left = 1.0 - series.level[series.at <= now][-1]
                 oracles.append(abs(oracle(left, drift, variance) - truth))
         ratio = np.median(ours) / np.median(oracles)
         limit = 1.1 * np.sqrt(1.0 + (1.0 - cut) / cut)
