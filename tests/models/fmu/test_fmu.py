@@ -259,7 +259,7 @@ def test_what_cannot_serve_a_twin_is_refused(made: Open, case: str) -> None:
         ({"inputs": ["forse"]}, "did you mean 'force'"),
         ({"solver": "magic"}, "expected one of euler, heun, rk4"),
         ({"step": -1.0}, "expected 0 s or more"),
-        ({"row_seconds": 0.0}, "expected numbers above 0"),
+        ({"row_seconds": 0.0}, "row_seconds: expected a number above 0"),
         ({"states": ["x", "v"], "interface": "model-exchange"}, "model exchange has its own"),
         ({"states": []}, "remembers more"),
     ],

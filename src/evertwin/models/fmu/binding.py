@@ -18,9 +18,9 @@ An FMU that offers none of these is refused, and told what it would need.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -37,8 +37,6 @@ from evertwin.models.fmu.options import Options
 from evertwin.models.fmu.units import si_of
 from evertwin.models.parameters import Parameter, Parameters
 from evertwin.signals.channels import Channel, Layout, position
-
-__all__ = ["Binding", "bind"]
 
 _MEMORY = {"none": at.STATIC, "start": at.START, "saved": at.SAVED}
 _SOLVERS = {"euler": at.EULER, "heun": at.HEUN, "rk4": at.RUNGE_KUTTA}
@@ -91,7 +89,10 @@ class Binding:
 
     def plan(self, platform: str) -> dict[str, Any]:
         """What the child process is told."""
-        start = [(self._variable(n), float(v)) for n, v in self.options.start.items()]
+        start = [
+            (self.description.variables[name].reference, float(value))
+            for name, value in self.options.start.items()
+        ]
         raw = [(v - b) / a for v, a, b in zip(
             self.parameters.values.tolist(), self.tuned.group.factors, self.tuned.group.offsets
         )]  # fmt: skip
@@ -100,14 +101,11 @@ class Binding:
             "identifier": self.interface.identifier, "platform": platform,
             "interface": MODEL_EXCHANGE if self.exchange else CO_SIMULATION,
             "completes": self.interface.completes, "saves": self.memory == at.SAVED,
-            "start_references": [variable.reference for variable, _ in start],
+            "start_references": [reference for reference, _ in start],
             "start_values": [value for _, value in start],
             "parameters": list(self.tuned.group.references), "parameter_values": raw,
             "states": list(self.states.group.references), "starts": list(self.starts),
         }  # fmt: skip
-
-    def _variable(self, name: str) -> Variable:
-        return _named(self.description, name, self.where)
 
     def layout(self, saved: int) -> Layout:
         """Channels of the state; ``saved`` bytes are packed into it, with room to grow."""
@@ -176,153 +174,164 @@ def bind(description: Description, options: Options, where: str) -> Binding:
         ModelError: the FMU cannot serve a twin that way; says what it would need.
         UsageError: an option names a variable that the FMU has not.
     """
-    for name in (*options.units, *options.start, *options.adopts, *options.angles):
-        _named(
-            description, name.split("[")[0] if name not in description.variables else name, where
-        )
-    exchange, memory = _interface(description, options, where)
-    states, starts = _states(description, options, memory, where)
-    interface = description.interfaces[MODEL_EXCHANGE if exchange else CO_SIMULATION]
-    tuned = _chosen(description, options, "parameters", where)
-    if memory == at.SAVED:
-        tuned = _only_tunable(tuned, options, where)
-    signals, parameters = _parameters(description, options, tuned, where)
-    return Binding(
-        where, description, options, exchange, interface, memory,
-        _signals(description, options, _chosen(description, options, "inputs", where), where),
-        _signals(description, options, _chosen(description, options, "outputs", where), where),
-        states, starts, parameters, signals,
-    )  # fmt: skip
-
-
-def _interface(description: Description, options: Options, where: str) -> tuple[bool, int]:
-    """(model exchange?, memory)."""
-    there = description.interfaces
-    wanted = options.interface
-    if wanted and wanted not in there:
-        raise ModelError(f"{where}: expected {wanted}, the FMU offers {', '.join(there)} only")
-    if options.memory or (options.states is not None and not wanted):
-        wanted = wanted or (CO_SIMULATION if CO_SIMULATION in there else MODEL_EXCHANGE)
-    if wanted == MODEL_EXCHANGE or CO_SIMULATION not in there:
-        return True, at.CONTINUOUS
-    slave = there[CO_SIMULATION]
-    if options.memory:
-        if options.memory == "saved" and not (slave.saves and slave.serializes):
-            raise ModelError(
-                f"{where}: memory = 'saved' needs an FMU that gets, sets and serialises its state "
-                "(canGetAndSetFMUState, canSerializeFMUState): export it so, or name its states"
-            )
-        return False, _MEMORY[options.memory]
-    if options.states is not None:
-        return False, at.START if len(options.states) else at.STATIC
-    variables = description.variables
-    settable = all(variables[name].initial in _SETTABLE for name in description.states)
-    if description.states and settable:
-        return False, at.START
-    if slave.saves and slave.serializes:
-        return False, at.SAVED
-    if MODEL_EXCHANGE in there and not wanted:
-        return True, at.CONTINUOUS
-    raise ModelError(
-        f"{where}: a twin goes back to earlier states, and this FMU offers no way to: name the "
-        "variables that take start values and hold all of its memory (states = [...]), export it "
-        "with get, set and serialise of its state or for model exchange, or say that it has no "
-        "memory (memory = 'none')"
-    )
-
-
-def _states(
-    description: Description, options: Options, memory: int, where: str
-) -> tuple[Signals, tuple[int, ...]]:
-    """Named states, and the references that take their start values."""
-    if memory in (at.CONTINUOUS, at.STATIC):
-        if options.states:
-            raise UsageError(
-                f"{where}: states: expected none, "
-                + ("model exchange has its own" if memory == at.CONTINUOUS else "memory is 'none'")
-            )
-        names: Sequence[str] = description.states if memory == at.CONTINUOUS else ()
-        return _signals(description, options, _all(description, names, where), where), ()
-    given = options.states
-    if given is None:
-        names = description.states if memory == at.START else ()
-    else:
-        names = tuple(given)
-    if memory == at.START and not names:
-        raise UsageError(f"{where}: states: expected the variables that hold the memory, got none")
-    variables = _all(description, names, where)
-    if any(variable.size > 1 for variable in variables):
-        raise UsageError(f"{where}: states: expected variables with one number each")
-    signals = _signals(description, options, variables, where)
-    if memory != at.START:
-        return signals, ()
-    table = dict(given) if isinstance(given, dict) else {name: name for name in names}
-    return signals, tuple(v.reference for v in _all(description, list(table.values()), where))
-
-
-def _named(description: Description, name: str, where: str) -> Variable:
-    names = tuple(description.variables)
     try:
-        return description.variables[names[position(names, name, "variable")]]
-    except UsageError as error:
-        raise UsageError(f"{where}: {error}") from error
+        return _Binder(description, options).bound(where)
+    except (ModelError, UsageError) as error:
+        raise type(error)(f"{where}: {error}") from error
 
 
-def _all(description: Description, names: Sequence[str], where: str) -> tuple[Variable, ...]:
-    return tuple(_named(description, name, where) for name in names)
+class _Binder(NamedTuple):
+    """Reads a description as the options say."""
 
+    description: Description
+    options: Options
 
-def _chosen(
-    description: Description, options: Options, what: str, where: str
-) -> tuple[Variable, ...]:
-    """Variables by name, or all of the causality."""
-    given = getattr(options, what)
-    if given is not None:
-        return _all(description, given, where)
-    causality = {"inputs": "input", "outputs": "output", "parameters": "parameter"}[what]
-    found = tuple(v for v in description.variables.values() if v.causality == causality)
-    if what == "parameters":
-        found = tuple(v for v in found if len(v.start) == v.size)
-    if what == "outputs" and not found:
-        raise ModelError(f"{where}: the FMU has no outputs: name variables (outputs = [...])")
-    return found
+    def bound(self, where: str) -> Binding:
+        description, options = self
+        self.all(options.start)
+        for name in (*options.units, *options.adopts, *options.angles):
+            self.named(name if name in description.variables else name.split("[")[0])
+        exchange, memory = self.interface()
+        states, starts = self.states(memory)
+        tuned = self.chosen("parameters", "parameter")
+        if memory == at.SAVED:
+            tuned = self.only_tunable(tuned)
+        signals, parameters = self.parameters(tuned, where)
+        outputs = self.chosen("outputs", "output")
+        if not outputs and options.outputs is None:
+            raise ModelError("the FMU has no outputs: name variables (outputs = [...])")
+        return Binding(
+            where, description, options, exchange,
+            description.interfaces[MODEL_EXCHANGE if exchange else CO_SIMULATION], memory,
+            self.signals(self.chosen("inputs", "input")), self.signals(outputs), states, starts,
+            parameters, signals,
+        )  # fmt: skip
 
-
-def _only_tunable(
-    found: tuple[Variable, ...], options: Options, where: str
-) -> tuple[Variable, ...]:
-    """With saved states a parameter has to act while the FMU runs."""
-    fixed = [variable.name for variable in found if variable.variability != "tunable"]
-    if options.parameters is not None and fixed:
+    def interface(self) -> tuple[bool, int]:
+        """(model exchange?, memory)."""
+        there, options = self.description.interfaces, self.options
+        wanted = options.interface
+        if wanted and wanted not in there:
+            raise ModelError(f"expected {wanted}, the FMU offers {', '.join(there)} only")
+        if options.memory or (options.states is not None and not wanted):
+            wanted = wanted or (CO_SIMULATION if CO_SIMULATION in there else MODEL_EXCHANGE)
+        if wanted == MODEL_EXCHANGE or CO_SIMULATION not in there:
+            return True, at.CONTINUOUS
+        slave = there[CO_SIMULATION]
+        if options.memory:
+            if options.memory == "saved" and not (slave.saves and slave.serializes):
+                raise ModelError(
+                    "memory = 'saved' needs an FMU that gets, sets and serialises its state "
+                    "(canGetAndSetFMUState, canSerializeFMUState): export it so, or name its states"
+                )
+            return False, _MEMORY[options.memory]
+        if options.states is not None:
+            return False, at.START if len(options.states) else at.STATIC
+        states, variables = self.description.states, self.description.variables
+        if states and all(variables[name].initial in _SETTABLE for name in states):
+            return False, at.START
+        if slave.saves and slave.serializes:
+            return False, at.SAVED
+        if MODEL_EXCHANGE in there and not wanted:
+            return True, at.CONTINUOUS
         raise ModelError(
-            f"{where}: with saved states only tunable parameters can change, and "
-            f"{', '.join(fixed)} are fixed: name states that take start values instead"
+            "a twin goes back to earlier states, and this FMU offers no way to: name the "
+            "variables that take start values and hold all of its memory (states = [...]), export "
+            "it with get, set and serialise of its state or for model exchange, or say that it has "
+            "no memory (memory = 'none')"
         )
-    return tuple(variable for variable in found if variable.variability == "tunable")
 
+    def states(self, memory: int) -> tuple[Signals, tuple[int, ...]]:
+        """Named states, and the references that take their start values."""
+        given, own = self.options.states, self.description.states
+        if memory in (at.CONTINUOUS, at.STATIC):
+            if given:
+                has = (
+                    "model exchange has its own" if memory == at.CONTINUOUS else "memory is 'none'"
+                )
+                raise UsageError(f"states: expected none, {has}")
+            return self.signals(self.all(own if memory == at.CONTINUOUS else ())), ()
+        names = tuple(given) if given is not None else own if memory == at.START else ()
+        if memory == at.START and not names:
+            raise UsageError("states: expected the variables that hold the memory, got none")
+        variables = self.all(names)
+        if any(variable.size > 1 for variable in variables):
+            raise UsageError("states: expected variables with one number each")
+        starts = given.values() if isinstance(given, dict) else names
+        references = tuple(v.reference for v in self.all(starts)) if memory == at.START else ()
+        return self.signals(variables), references
 
-def _signals(
-    description: Description, options: Options, variables: tuple[Variable, ...], where: str
-) -> Signals:
-    channels: list[Channel] = []
-    factors: list[float] = []
-    offsets: list[float] = []
-    for variable in variables:
-        unit, factor, offset = _unit(description, options, variable, where)
-        kind: Any = "angle" if variable.name in options.angles else "linear"
-        low, high = sorted((variable.low * factor + offset, variable.high * factor + offset))
-        if not low < high:
-            low, high = -math.inf, math.inf
-        for name in _names(variable):
-            channels.append(Channel(name, unit, kind, low=low, high=high))
-            factors.append(factor)
-            offsets.append(offset)
-    references = tuple(variable.reference for variable in variables)
-    group = at.Group(references, tuple(factors), tuple(offsets), len(channels))
-    try:
+    def named(self, name: str) -> Variable:
+        names = tuple(self.description.variables)
+        return self.description.variables[names[position(names, name, "variable")]]
+
+    def all(self, names: Iterable[str]) -> tuple[Variable, ...]:
+        return tuple(self.named(name) for name in names)
+
+    def chosen(self, what: str, causality: str) -> tuple[Variable, ...]:
+        """Variables by name, or all of the causality."""
+        given = getattr(self.options, what)
+        if given is not None:
+            return self.all(given)
+        found = (v for v in self.description.variables.values() if v.causality == causality)
+        return tuple(v for v in found if what != "parameters" or len(v.start) == v.size)
+
+    def only_tunable(self, found: tuple[Variable, ...]) -> tuple[Variable, ...]:
+        """With saved states a parameter has to act while the FMU runs."""
+        fixed = [variable.name for variable in found if variable.variability != "tunable"]
+        if self.options.parameters is not None and fixed:
+            raise ModelError(
+                "with saved states only tunable parameters can change, and "
+                f"{', '.join(fixed)} are fixed: name states that take start values instead"
+            )
+        return tuple(variable for variable in found if variable.variability == "tunable")
+
+    def signals(self, variables: tuple[Variable, ...]) -> Signals:
+        channels, scales = list[Channel](), list[tuple[float, float]]()
+        for variable in variables:
+            unit, factor, offset = self.unit(variable)
+            kind: Any = "angle" if variable.name in self.options.angles else "linear"
+            low, high = sorted((variable.low * factor + offset, variable.high * factor + offset))
+            if not low < high:
+                low, high = -math.inf, math.inf
+            for name in _names(variable):
+                channels.append(Channel(name, unit, kind, low=low, high=high))
+                scales.append((factor, offset))
+        factors, offsets = tuple(a for a, _ in scales), tuple(b for _, b in scales)
+        group = at.Group(tuple(v.reference for v in variables), factors, offsets, len(channels))
         return Signals(variables, Layout(tuple(channels)), group)
-    except UsageError as error:
-        raise UsageError(f"{where}: {error}") from error
+
+    def unit(self, variable: Variable) -> tuple[str, float, float]:
+        units = self.options.units
+        said = units.get(variable.name, variable.unit)
+        try:
+            known = self.description.units.get(said)
+            return si_of(said, None if variable.name in units else known)
+        except UsageError as error:
+            raise ModelError(
+                f"variable {variable.name!r} has a unit that is not known, {said!r}: say it "
+                f'in options, units = {{ {variable.name!r} = "..." }}'
+            ) from error
+
+    def parameters(self, variables: tuple[Variable, ...], where: str) -> tuple[Signals, Parameters]:
+        free = tuple(replace(variable, low=-math.inf, high=math.inf) for variable in variables)
+        found: list[Parameter] = []
+        for variable in variables:
+            unit, factor, offset = self.unit(variable)
+            editable = variable.variability == "tunable" or self.options.parameters is not None
+            low, high = sorted((variable.low * factor + offset, variable.high * factor + offset))
+            start = variable.start or (0.0,)
+            if variable.name in self.options.start:
+                start = (float(self.options.start[variable.name]),)
+            if len(start) != variable.size:
+                start = start[:1] * variable.size
+            for name, value in zip(_names(variable), start, strict=True):
+                try:
+                    found.append(Parameter(name, value * factor + offset, unit, low, high,
+                                           editable=editable, source=where))  # fmt: skip
+                except UsageError as error:
+                    raise ModelError(str(error)) from error
+        return self.signals(free), Parameters(tuple(found))
 
 
 def _names(variable: Variable) -> list[str]:
@@ -330,43 +339,3 @@ def _names(variable: Variable) -> list[str]:
     if variable.size == 1:
         return [variable.name]
     return [f"{variable.name}[{k + 1}]" for k in range(variable.size)]
-
-
-def _unit(
-    description: Description, options: Options, variable: Variable, where: str
-) -> tuple[str, float, float]:
-    said = options.units.get(variable.name, variable.unit)
-    defined = None if variable.name in options.units else description.units.get(said)
-    try:
-        return si_of(said, defined)
-    except UsageError as error:
-        raise ModelError(
-            f"{where}: variable {variable.name!r} has a unit that is not known, {said!r}: say it "
-            f'in options, units = {{ {variable.name!r} = "..." }}'
-        ) from error
-
-
-def _parameters(
-    description: Description, options: Options, variables: tuple[Variable, ...], where: str
-) -> tuple[Signals, Parameters]:
-    plain = tuple(replace(variable, low=-math.inf, high=math.inf) for variable in variables)
-    signals = _signals(description, options, plain, where)
-    found: list[Parameter] = []
-    for variable in variables:
-        unit, factor, offset = _unit(description, options, variable, where)
-        editable = variable.variability == "tunable" or options.parameters is not None
-        low, high = sorted((variable.low * factor + offset, variable.high * factor + offset))
-        start = variable.start or (0.0,) * variable.size
-        start = start if len(start) == variable.size else (start[0],) * variable.size
-        if variable.name in options.start:
-            start = (float(options.start[variable.name]),) * variable.size
-        for name, value in zip(_names(variable), start):
-            try:
-                parameter = Parameter(
-                    name, value * factor + offset, unit, low, high, editable=editable,
-                    source=where,
-                )  # fmt: skip
-            except UsageError as error:
-                raise ModelError(f"{where}: {error}") from error
-            found.append(parameter)
-    return signals, Parameters(tuple(found))

@@ -29,8 +29,6 @@ from evertwin.models.fmu import kernels
 from evertwin.models.fmu import slots as at
 from evertwin.models.fmu.memory import TEXT, TEXT_SIZE, placed
 
-__all__ = ["REPLY", "main"]
-
 REPLY = struct.Struct("<qqd")
 """Always 1, a whole number, a number."""
 _PDEATHSIG = 1

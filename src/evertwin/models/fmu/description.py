@@ -22,8 +22,6 @@ from typing import Any
 from evertwin.errors import ModelError
 from evertwin.models.fmu.xml import parse
 
-__all__ = ["Description", "Interface", "Unit", "Variable", "parse_description"]
-
 CO_SIMULATION, MODEL_EXCHANGE = "co-simulation", "model-exchange"
 LARGEST = 10_000
 """Elements that one array variable may have."""
@@ -115,30 +113,37 @@ def parse_description(text: bytes, where: str) -> Description:
         ModelError: it is of another version, or does not say what it must.
     """
     top = parse(text, where)
+    try:
+        return _description(top)
+    except ModelError as error:
+        raise ModelError(f"{where}: {error}") from error
+
+
+def _description(top: Any) -> Description:
     version = str(top.get("fmiVersion", "")) if top.tag == "fmiModelDescription" else ""
     if not version.startswith(("2.", "3.")):
         raise ModelError(
-            f"{where}: expected an FMU of FMI 2.0 or 3.0, got "
+            f"expected an FMU of FMI 2.0 or 3.0, got "
             f"{f'FMI {version}' if version else f'<{str(top.tag)[:40]}>'}: export it again"
         )
     three = version.startswith("3")
     types = _types(top)
-    variables = _variables(top, types, where, three=three)
+    variables = _variables(top, types, three=three)
     found = {v.name: v for v in variables if v is not None}
-    interfaces = _interfaces(top, where)
+    interfaces = _interfaces(top)
     if not interfaces:
-        raise ModelError(f"{where}: expected CoSimulation or ModelExchange, got neither")
-    states, indicators = _structure(top, variables, where, three=three)
+        raise ModelError("expected CoSimulation or ModelExchange, got neither")
+    states, indicators = _structure(top, variables, three=three)
     experiment = top.find("DefaultExperiment")
-    step = _number(experiment, "stepSize", 0.0, where) if experiment is not None else 0.0
+    step = _number(experiment, "stepSize", 0.0) if experiment is not None else 0.0
     token = str(top.get("instantiationToken" if three else "guid", ""))
     return Description(
-        version[:3], str(top.get("modelName", "")), token, interfaces, found, _units(top, where),
+        version[:3], str(top.get("modelName", "")), token, interfaces, found, _units(top),
         states, indicators, step if step > 0 else 0.0,
     )  # fmt: skip
 
 
-def _number(element: Any, key: str, default: float, where: str) -> float:
+def _number(element: Any, key: str, default: float) -> float:
     text = element.get(key)
     if text is None:
         return default
@@ -146,16 +151,16 @@ def _number(element: Any, key: str, default: float, where: str) -> float:
         return float(text)
     except ValueError as error:
         raise ModelError(
-            f"{where}: <{element.tag} name={element.get('name')!r}>: expected a number as {key}, "
+            f"<{element.tag} name={element.get('name')!r}>: expected a number as {key}, "
             f"got {text[:40]!r}"
         ) from error
 
 
-def _whole(element: Any, key: str, where: str) -> int:
-    value = _number(element, key, math.nan, where)
+def _whole(element: Any, key: str) -> int:
+    value = _number(element, key, math.nan)
     if not (value >= 0 and value == math.floor(value) and value < 2**32):
         raise ModelError(
-            f"{where}: <{element.tag} name={element.get('name')!r}>: expected a whole number as "
+            f"<{element.tag} name={element.get('name')!r}>: expected a whole number as "
             f"{key}, got {element.get(key)!r}"
         )
     return int(value)
@@ -165,7 +170,7 @@ def _true(element: Any, *keys: str) -> bool:
     return any(element.get(key) in ("true", "1") for key in keys)
 
 
-def _interfaces(top: Any, where: str) -> dict[str, Interface]:
+def _interfaces(top: Any) -> dict[str, Interface]:
     found = {}
     for tag, name in (("CoSimulation", CO_SIMULATION), ("ModelExchange", MODEL_EXCHANGE)):
         element = top.find(tag)
@@ -174,7 +179,7 @@ def _interfaces(top: Any, where: str) -> dict[str, Interface]:
         identifier = str(element.get("modelIdentifier", ""))
         if not identifier or not identifier.replace("_", "a").isalnum():
             raise ModelError(
-                f"{where}: <{tag}>: expected a modelIdentifier of letters, digits and _, got "
+                f"<{tag}>: expected a modelIdentifier of letters, digits and _, got "
                 f"{identifier[:80]!r}"
             )
         found[name] = Interface(
@@ -197,9 +202,7 @@ def _types(top: Any) -> dict[str, Any]:
     return found
 
 
-def _variables(
-    top: Any, types: Mapping[str, Any], where: str, *, three: bool
-) -> list[Variable | None]:
+def _variables(top: Any, types: Mapping[str, Any], *, three: bool) -> list[Variable | None]:
     """In the order of the file; None for what is no number of 64 bits."""
     elements = list(top.iterfind("ModelVariables/*"))
     names = [str(element.get("name", "")) for element in elements]
@@ -207,7 +210,7 @@ def _variables(
     for name in names:
         counts[name] += 1
         if not name or counts[name] > 1:
-            raise ModelError(f"{where}: expected each variable with a name of its own: {name!r}")
+            raise ModelError(f"expected each variable with a name of its own: {name!r}")
     references = {str(e.get("valueReference")): str(e.get("name")) for e in elements}
     found: list[Variable | None] = []
     for element in elements:
@@ -218,18 +221,18 @@ def _variables(
         derivative = real.get("derivative")
         state = ""
         if derivative is not None:
-            place = _whole(real, "derivative", where) - 1
+            place = _whole(real, "derivative") - 1
             if three:
                 state = references.get(str(derivative), "")
             elif 0 <= place < len(names):
                 state = names[place]
-        size = _size(element, elements, where) if three else 1
-        found.append(_variable(element, real, types, (size, state), where))
+        size = _size(element, elements) if three else 1
+        found.append(_variable(element, real, types, (size, state)))
     return found
 
 
 def _variable(
-    element: Any, real: Any, types: Mapping[str, Any], shape: tuple[int, str], where: str
+    element: Any, real: Any, types: Mapping[str, Any], shape: tuple[int, str]
 ) -> Variable:
     declared = types.get(str(real.get("declaredType", "")), real)
 
@@ -241,66 +244,61 @@ def _variable(
         values = tuple(float(word) for word in start)
     except ValueError as error:
         raise ModelError(
-            f"{where}: variable {element.get('name')!r}: expected a number as start, got "
+            f"variable {element.get('name')!r}: expected a number as start, got "
             f"{real.get('start')[:40]!r}"
         ) from error
     return Variable(
         str(element.get("name")),
-        _whole(element, "valueReference", where),
+        _whole(element, "valueReference"),
         str(element.get("causality", "local")),
         str(element.get("variability", "continuous")),
         str(element.get("initial", "")),
         str(said("unit").get("unit", "")),
         values,
-        _number(said("min"), "min", -math.inf, where),
-        _number(said("max"), "max", math.inf, where),
+        _number(said("min"), "min", -math.inf),
+        _number(said("max"), "max", math.inf),
         *shape,
     )
 
 
-def _size(element: Any, elements: list[Any], where: str) -> int:
+def _size(element: Any, elements: list[Any]) -> int:
     """Elements of an array (FMI 3); a dimension may be the start value of another variable."""
     size = 1
     for dimension in element.iterfind("Dimension"):
         if dimension.get("start") is not None:
-            size *= _whole(dimension, "start", where)
+            size *= _whole(dimension, "start")
         else:
             wanted = dimension.get("valueReference")
             source = [e for e in elements if e.get("valueReference") == wanted]
-            size *= _whole(source[0], "start", where) if source else 0
+            size *= _whole(source[0], "start") if source else 0
     if not 1 <= size <= LARGEST:
         raise ModelError(
-            f"{where}: variable {element.get('name')!r}: expected 1 to {LARGEST} elements, got "
-            f"{size}"
+            f"variable {element.get('name')!r}: expected 1 to {LARGEST} elements, got {size}"
         )
     return size
 
 
 def _structure(
-    top: Any, variables: list[Variable | None], where: str, *, three: bool
+    top: Any, variables: list[Variable | None], *, three: bool
 ) -> tuple[tuple[str, ...], int]:
     """Continuous states, and how many event indicators there are."""
     if three:
         by_reference = {v.reference: v for v in variables if v is not None}
         elements = list(top.iterfind("ModelStructure/ContinuousStateDerivative"))
-        found = [by_reference.get(_whole(e, "valueReference", where)) for e in elements]
+        found = [by_reference.get(_whole(e, "valueReference")) for e in elements]
         indicators = len(list(top.iterfind("ModelStructure/EventIndicator")))
     else:
-        places = [
-            _whole(e, "index", where) - 1 for e in top.iterfind("ModelStructure/Derivatives/*")
-        ]
+        places = [_whole(e, "index") - 1 for e in top.iterfind("ModelStructure/Derivatives/*")]
         found = [variables[k] if 0 <= k < len(variables) else None for k in places]
-        indicators = int(_number(top, "numberOfEventIndicators", 0.0, where))
+        indicators = int(_number(top, "numberOfEventIndicators", 0.0))
     states = tuple("" if v is None else v.state for v in found)
     names = {v.name for v in variables if v is not None}
     if not set(states) <= names or not 0 <= indicators <= LARGEST:
-        raise ModelError(
-            f"{where}: <ModelStructure>: expected derivatives of states that the FMU lists"
-        )
+        raise ModelError("<ModelStructure>: expected derivatives of states that the FMU lists")
     return states, indicators
 
 
-def _units(top: Any, where: str) -> dict[str, Unit]:
+def _units(top: Any) -> dict[str, Unit]:
     found = {}
     for element in top.iterfind("UnitDefinitions/Unit"):
         name = str(element.get("name", ""))
@@ -309,11 +307,9 @@ def _units(top: Any, where: str) -> dict[str, Unit]:
             found[name] = Unit(name)
             continue
         powers = tuple(
-            (key, int(_number(base, key, 0.0, where)))
+            (key, int(_number(base, key, 0.0)))
             for key in ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
-            if _number(base, key, 0.0, where)
+            if _number(base, key, 0.0)
         )
-        found[name] = Unit(
-            name, _number(base, "factor", 1.0, where), _number(base, "offset", 0.0, where), powers
-        )
+        found[name] = Unit(name, _number(base, "factor", 1.0), _number(base, "offset", 0.0), powers)
     return found

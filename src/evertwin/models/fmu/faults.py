@@ -1,4 +1,4 @@
-"""What an FMU may take of this machine, and what is said when it breaks down.
+"""What is said when an FMU breaks down.
 
 >>> str(BrokenDown(Fault("crashed", "SIGSEGV", 3, 0.02)))
 'the FMU crashed in step 3 of a block: SIGSEGV (known after 0.02 s)'
@@ -8,11 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from evertwin.errors import UsageError
 from evertwin.models.fmu import slots as at
-from evertwin.models.fmu.guard import Unpacking
-
-__all__ = ["STATUS", "BrokenDown", "Fault", "Limits"]
 
 STATUS = {
     at.DISCARD: "fmi Discard", at.ERROR: "fmi Error", at.PENDING: "fmi Pending",
@@ -20,32 +16,6 @@ STATUS = {
     at.ENDED: "the wish to end the simulation", at.TOO_LARGE: "a saved state that grew",
 }  # fmt: skip
 """Status of a failed row in words; break-downs are told otherwise."""
-
-
-@dataclass(frozen=True)
-class Limits:
-    """What an FMU may take.
-
-    >>> Limits().row_seconds
-    5.0
-    """
-
-    row_seconds: float = 5.0
-    """Wall-clock time of one row."""
-    start_seconds: float = 30.0
-    """Wall-clock time to load and initialise."""
-    cpu_seconds: float = 600.0
-    """Processor time of one call: a block of rows."""
-    memory: int = 1_000_000_000
-    """Address space beside the bare interpreter's [bytes]."""
-    faults: int = 8
-    """Break-downs after which the FMU is given up; a thousand good rows make up for them."""
-    unpacking: Unpacking = Unpacking()
-
-    def __post_init__(self) -> None:
-        numbers = self.row_seconds, self.start_seconds, self.cpu_seconds, self.memory, self.faults
-        if not all(number > 0 for number in numbers):
-            raise UsageError(f"limits of the FMU: expected numbers above 0, got {numbers}")
 
 
 @dataclass(frozen=True)

@@ -29,8 +29,6 @@ from pathlib import Path, PurePosixPath
 
 from evertwin.errors import ModelError, UsageError
 
-__all__ = ["Unpacking", "checked", "opened", "unpack"]
-
 _REGULAR = (0, stat.S_IFREG, stat.S_IFDIR)
 _ARCHIVES = (".7z", ".bz2", ".fmu", ".gz", ".rar", ".tar", ".tgz", ".xz", ".zip", ".zst")
 _CHUNK = 1 << 16
@@ -99,25 +97,18 @@ def checked(archive: zipfile.ZipFile, where: str, limits: Unpacking) -> list[zip
 def _check_entry(entry: zipfile.ZipInfo, where: str) -> None:
     name = entry.orig_filename
     path = PurePosixPath(name)
-    reason = ""
-    if not name or any(ord(c) < 32 for c in name):
-        reason = "has a name with control characters"
-    elif "\\" in name:
-        reason = "has a backslash in its name"
-    elif re.match(r"^[A-Za-z]:", name):
-        reason = "names a drive"
-    elif path.is_absolute() or name.startswith("/"):
-        reason = "has an absolute path"
-    elif ".." in path.parts:
-        reason = "leaves the folder of the archive"
-    elif stat.S_IFMT(entry.external_attr >> 16) not in _REGULAR:
-        reason = "is a link or a device"
-    elif entry.flag_bits & 0x41:
-        reason = "is encrypted"
-    elif name.lower().endswith(_ARCHIVES):
-        reason = "is an archive inside the archive"
-    elif len(name) > 1000 or any(len(part) > 255 for part in path.parts):
-        reason = "has too long a name"
+    wrong = {
+        "has a name with control characters": not name or any(ord(c) < 32 for c in name),
+        "has a backslash in its name": "\\" in name,
+        "names a drive": re.match(r"^[A-Za-z]:", name) is not None,
+        "has an absolute path": path.is_absolute() or name.startswith("/"),
+        "leaves the folder of the archive": ".." in path.parts,
+        "is a link or a device": stat.S_IFMT(entry.external_attr >> 16) not in _REGULAR,
+        "is encrypted": bool(entry.flag_bits & 0x41),
+        "is an archive inside the archive": name.lower().endswith(_ARCHIVES),
+        "has too long a name": len(name) > 1000 or any(len(part) > 255 for part in path.parts),
+    }
+    reason = next((said for said, found in wrong.items() if found), "")
     if reason:
         raise ModelError(
             f"{where}: entry {name[:80]!r} {reason}: nothing was unpacked; get the file from its "

@@ -9,7 +9,7 @@ This module is imported in the child process only.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import fmpy.fmi2 as fmi2
@@ -18,8 +18,6 @@ import numpy as np
 from fmpy.fmi1 import FMICallException
 
 from evertwin.models.fmu import slots as at
-
-__all__ = ["Instance"]
 
 _CALLBACK = ctypes.CFUNCTYPE(
     ctypes.c_int64, *[ctypes.POINTER(ctypes.c_int64)], *[ctypes.POINTER(ctypes.c_double)] * 2
@@ -158,24 +156,10 @@ class Instance:
 
     def restore(self, _: Any, x: Any, p: Any) -> int:
         """Puts the FMU where ``x`` and ``p`` say; FMI's status."""
-        try:
-            self._restore(
-                np.ctypeslib.as_array(x, (int(self.page[at.NX]),)).copy() if self._nx else _NONE,
-                np.ctypeslib.as_array(p, (int(self.page[at.NP]),)).copy() if self._np else _NONE,
-            )
-        except FMICallException as error:
-            if error.status >= at.FATAL:
-                _libc()._exit(at.EXIT_FATAL)
-            return max(int(error.status), at.ERROR)
-        return 0
-
-    @property
-    def _nx(self) -> int:
-        return int(self.page[at.NX])
-
-    @property
-    def _np(self) -> int:
-        return int(self.page[at.NP])
+        sizes = int(self.page[at.NX]), int(self.page[at.NP])
+        given = [np.ctypeslib.as_array(a, (n,)).copy() if n else np.zeros(0)
+                 for a, n in zip((x, p), sizes, strict=True)]  # fmt: skip
+        return _status(lambda: self._restore(*given))
 
     def _restore(self, x: Any, p: Any) -> None:
         page, memory = self.page, self.page[at.MEMORY]
@@ -207,26 +191,20 @@ class Instance:
     def _settle(self, states: Sequence[float]) -> None:
         """A new continuous state may switch the FMU's events."""
         self.fmu.setTime(float(self.numbers[self.page[at.REALS] + at.TIME]))
-        self._put_states(states)
+        self.fmu.setContinuousStates((ctypes.c_double * len(states))(*states), len(states))
         self.fmu.enterEventMode()
         self._iterate()
 
-    def _put_states(self, states: Sequence[float]) -> None:
-        self.fmu.setContinuousStates((ctypes.c_double * len(states))(*states), len(states))
-
     def events(self, _: Any, work: Any, __: Any) -> int:
         """Event iteration; the states behind it go into ``work``."""
-        try:
-            self.fmu.enterEventMode()
-            self._iterate()
-            n = int(self.page[at.group_at(at.X)])
-            if n:
-                self.fmu.getContinuousStates(work, n)
-        except FMICallException as error:
-            if error.status >= at.FATAL:
-                _libc()._exit(at.EXIT_FATAL)
-            return max(int(error.status), at.ERROR)
-        return 0
+        return _status(lambda: self._events(work))
+
+    def _events(self, work: Any) -> None:
+        self.fmu.enterEventMode()
+        self._iterate()
+        n = int(self.page[at.group_at(at.X)])
+        if n:
+            self.fmu.getContinuousStates(work, n)
 
     # ------------------------------------------------------------------ saved states
 
@@ -294,7 +272,15 @@ class Instance:
         return bool(np.allclose(found, wanted, rtol=1e-9, atol=1e-12))
 
 
-_NONE = np.zeros(0)
+def _status(work: Callable[[], None]) -> int:
+    """FMI's status of what compiled code asks for; Fatal ends the process."""
+    try:
+        work()
+    except FMICallException as error:
+        if error.status >= at.FATAL:
+            _libc()._exit(at.EXIT_FATAL)
+        return max(int(error.status), at.ERROR)
+    return 0
 
 
 def _pointer(component: Any) -> int:

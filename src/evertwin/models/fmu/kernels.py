@@ -15,22 +15,15 @@ import numpy as np
 from numba import carray, njit
 
 from evertwin.models.fmu import slots as at
-from evertwin.models.fmu.calls import (
-    call1,
-    call2,
-    call3,
-    call4,
-    call5,
-    do_step2,
-    do_step3,
-    set_time,
-)
+from evertwin.models.fmu.calls import call
 from evertwin.models.native import OBSERVE, STEP, call_observe, cfunc
-
-__all__ = ["adopt", "step"]
 
 MOST = 100_000
 """Steps inside one row."""
+STAGES = np.array([1, 2, 4])
+REACH = np.array([[0.0] * 4, [0.0, 1.0, 0.0, 0.0], [0.0, 0.5, 0.5, 1.0]])
+SHARE = np.array([[1.0, 0.0, 0.0, 0.0], [0.5, 0.5, 0.0, 0.0], [1 / 6, 1 / 3, 1 / 3, 1 / 6]])
+"""Euler, Heun and Runge-Kutta: stages, where each is asked, and its share of the step."""
 
 
 @njit(cache=True)
@@ -39,8 +32,8 @@ def _exchange(page: Any, g: int, function: int) -> int:
     q, base = at.GROUPS + at.FIELDS * g, page.ctypes.data
     n, count, refs, data = page[q], page[q + 1], base + 8 * page[q + 2], base + 8 * page[q + 5]
     if page[at.THREE]:
-        return int(call5(page[function], page[at.COMPONENT], refs, count, data, n))
-    return int(call4(page[function], page[at.COMPONENT], refs, count, data))
+        return int(call(page[function], (page[at.COMPONENT], refs, count, data, n)))
+    return int(call(page[function], (page[at.COMPONENT], refs, count, data)))
 
 
 @njit(cache=True)
@@ -126,14 +119,12 @@ def advance_slave(page: Any, numbers: Any, dt: float) -> Any:
         t = begun + k * h
         if page[at.THREE]:
             page[w] = page[w + 1] = page[w + 2] = 0
-            status = do_step3(
-                page[at.DOSTEP], page[at.COMPONENT], t, h, last, flags, flags + 8, flags + 16,
-                flags + 24,
-            )  # fmt: skip
+            told = flags, flags + 8, flags + 16, flags + 24
+            status = call(page[at.DOSTEP], (page[at.COMPONENT], t, h, last, *told))
             if status <= 1 and (page[w + 1] & 255 or page[w + 2] & 255):
                 return at.ENDED
         else:
-            status = do_step2(page[at.DOSTEP], page[at.COMPONENT], t, h, last)
+            status = call(page[at.DOSTEP], (page[at.COMPONENT], t, h, last))
         if status > 1:
             return int(status)
     numbers[q + at.TIME] = begun + span
@@ -144,47 +135,30 @@ def advance_slave(page: Any, numbers: Any, dt: float) -> Any:
 def derivatives(page: Any, numbers: Any, t: float, x: int, dx: int) -> Any:
     """Derivatives into the work at ``dx`` of the states (in the FMU's units) at ``x``."""
     base, c, nx = page.ctypes.data, page[at.COMPONENT], page[at.GROUPS + at.FIELDS * at.X]
-    status = max(set_time(page[at.SETTIME], c, t), call3(page[at.SETX], c, base + 8 * x, nx))
+    status = max(call(page[at.SETTIME], (c, t)), call(page[at.SETX], (c, base + 8 * x, nx)))
     if status <= 1:
-        status = call3(page[at.GETDX], c, base + 8 * dx, nx)
+        status = call(page[at.GETDX], (c, base + 8 * dx, nx))
     return int(status)
 
 
 @njit(cache=True)
 def solve(page: Any, numbers: Any, t: float, h: float) -> Any:
     """One explicit step of the states at WORK, in place."""
-    nx, x = page[at.GROUPS + at.FIELDS * at.X], page[at.WORK]
-    k1, k2, k3, k4, y = x + nx, x + 2 * nx, x + 3 * nx, x + 4 * nx, x + 5 * nx
-    status = derivatives(page, numbers, t, x, k1)
-    if status > 1:
-        return status
-    if page[at.SOLVER] == at.EULER:
+    nx, x, solver = page[at.GROUPS + at.FIELDS * at.X], page[at.WORK], page[at.SOLVER]
+    slope, place, mean = x + nx, x + 2 * nx, x + 3 * nx
+    for i in range(nx):
+        numbers[slope + i] = numbers[mean + i] = 0.0
+    for stage in range(STAGES[solver]):
+        reach = h * REACH[solver, stage]
         for i in range(nx):
-            numbers[x + i] += h * numbers[k1 + i]
-        return 0
-    half = 0.5 * h if page[at.SOLVER] == at.RUNGE_KUTTA else h
-    for i in range(nx):
-        numbers[y + i] = numbers[x + i] + half * numbers[k1 + i]
-    status = derivatives(page, numbers, t + half, y, k2)
-    if status > 1:
-        return status
-    if page[at.SOLVER] == at.HEUN:
+            numbers[place + i] = numbers[x + i] + reach * numbers[slope + i]
+        status = derivatives(page, numbers, t + reach, place, slope)
+        if status > 1:
+            return status
         for i in range(nx):
-            numbers[x + i] += 0.5 * h * (numbers[k1 + i] + numbers[k2 + i])
-        return 0
+            numbers[mean + i] += SHARE[solver, stage] * numbers[slope + i]
     for i in range(nx):
-        numbers[y + i] = numbers[x + i] + half * numbers[k2 + i]
-    status = derivatives(page, numbers, t + half, y, k3)
-    if status > 1:
-        return status
-    for i in range(nx):
-        numbers[y + i] = numbers[x + i] + h * numbers[k3 + i]
-    status = derivatives(page, numbers, t + h, y, k4)
-    if status > 1:
-        return status
-    for i in range(nx):
-        slope = numbers[k1 + i] + 2.0 * (numbers[k2 + i] + numbers[k3 + i]) + numbers[k4 + i]
-        numbers[x + i] += h / 6.0 * slope
+        numbers[x + i] += h * numbers[mean + i]
     return 0
 
 
@@ -192,9 +166,9 @@ def solve(page: Any, numbers: Any, t: float, h: float) -> Any:
 def stand(page: Any, numbers: Any, t: float) -> Any:
     """Puts time and the states at WORK into the FMU."""
     c, nx = page[at.COMPONENT], page[at.GROUPS + at.FIELDS * at.X]
-    status = set_time(page[at.SETTIME], c, t)
+    status = call(page[at.SETTIME], (c, t))
     if nx > 0 and status <= 1:
-        status = max(status, call3(page[at.SETX], c, page.ctypes.data + 8 * page[at.WORK], nx))
+        status = max(status, call(page[at.SETX], (c, page.ctypes.data + 8 * page[at.WORK], nx)))
     return int(status)
 
 
@@ -207,13 +181,13 @@ def settle(page: Any, numbers: Any, t: float) -> Any:
     flags = w + 6 * max(page[at.NX], 1) + 2 * nz
     if status <= 1 and page[at.COMPLETED]:
         page[flags] = page[flags + 1] = 0
-        status = call4(page[at.COMPLETED], c, 1, base + 8 * flags, base + 8 * flags + 8)
+        status = call(page[at.COMPLETED], (c, 1, base + 8 * flags, base + 8 * flags + 8))
         event = (page[flags] & 0xFFFFFFFF) != 0
         if page[flags + 1] & 0xFFFFFFFF:
             return at.ENDED
     if status <= 1 and nz > 0:
         before, after = flags - 2 * nz, flags - nz
-        status = call3(page[at.GETZ], c, base + 8 * after, nz)
+        status = call(page[at.GETZ], (c, base + 8 * after, nz))
         for k in range(nz):
             event = event or (numbers[before + k] > 0.0) != (numbers[after + k] > 0.0)
     if status <= 1 and event:
@@ -242,7 +216,9 @@ def advance_model(page: Any, numbers: Any, now: Any, dt: float) -> Any:
             status = stand(page, numbers, t)
             before = w + 6 * max(page[at.NX], 1)
             if status <= 1:
-                status = call3(page[at.GETZ], page[at.COMPONENT], page.ctypes.data + 8 * before, nz)
+                status = call(
+                    page[at.GETZ], (page[at.COMPONENT], page.ctypes.data + 8 * before, nz)
+                )
             if status > 1:
                 return int(status)
         status = solve(page, numbers, t, h) if nx > 0 else 0
@@ -259,22 +235,22 @@ def pack(page: Any, numbers: Any, ahead: Any) -> Any:
     """The FMU's saved state as whole numbers of 48 bits in ``ahead``, behind its length."""
     c, base, w, b = page[at.COMPONENT], page.ctypes.data, page[at.WORK], page[at.BYTES]
     page[w] = page[w + 1] = 0
-    status = call2(page[at.GETSTATE], c, base + 8 * w)
+    status = call(page[at.GETSTATE], (c, base + 8 * w))
     if status <= 1:
-        status = call3(page[at.SIZESTATE], c, page[w], base + 8 * w + 8)
+        status = call(page[at.SIZESTATE], (c, page[w], base + 8 * w + 8))
     size, room = page[w + 1], 6 * (page[at.CAPACITY] - 1)
     if status <= 1 and not 0 <= size <= room:
         status = at.TOO_LARGE
     if status <= 1:
         raw = np.zeros(room + 8, dtype=np.uint8)
-        status = call4(page[at.WRITESTATE], c, page[w], raw.ctypes.data, size)
+        status = call(page[at.WRITESTATE], (c, page[w], raw.ctypes.data, size))
         ahead[b] = size
         for k in range(page[at.CAPACITY] - 1):
             word = 0
             for j in range(5, -1, -1):
                 word = word * 256 + raw[6 * k + j]
             ahead[b + 1 + k] = word
-    freed = call2(page[at.FREESTATE], c, base + 8 * w)
+    freed = call(page[at.FREESTATE], (c, base + 8 * w))
     return int(max(status, freed))
 
 
@@ -344,7 +320,7 @@ def step(context: Any, x: Any, u: Any, dt: Any, p: Any, x_next: Any, y: Any) -> 
         if status <= 1 and not (known(ahead) and known(out)):
             status = at.NOT_FINITE
         if status == at.FATAL:
-            call1(page[at.LEAVE], at.EXIT_FATAL)
+            call(page[at.LEAVE], (at.EXIT_FATAL,))
         page[at.INSIDE] = 0
     if status > 1:
         ahead[:] = now

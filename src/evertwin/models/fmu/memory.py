@@ -22,8 +22,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["DATA", "TEXT", "TEXT_SIZE", "Shared", "placed"]
-
 TEXT, TEXT_SIZE = 0, 4096
 """Where the last words of the child lie [bytes]."""
 DATA = TEXT + TEXT_SIZE

@@ -43,8 +43,6 @@ from evertwin.models.sizes import sized
 from evertwin.signals.channels import Layout, position
 from evertwin.types import Float64, Inputs, Intervals, Outputs, ParameterVector, StateVector
 
-__all__ = ["Fmu", "fmu"]
-
 log = logging.getLogger("evertwin")
 _SYSTEMS = {
     "linux": ("linux64", "linux", ".so"),
@@ -97,7 +95,7 @@ class Fmu:
         description, names = _look(path, options)
         binding = bind(description, options, path.name)
         folder = _binary(binding, names)
-        worker = Worker(path, binding.plan(folder), options.limits)
+        worker = Worker(path, binding.plan(folder), options)
         try:
             saved = worker.load()
             if saved > LARGEST:
@@ -271,7 +269,7 @@ class _Rows:
 
 def _look(path: Path, options: Options) -> tuple[Description, list[str]]:
     """Description and names of all entries, before anything is unpacked."""
-    limits = options.limits.unpacking
+    limits = options.unpacking
     with opened(path, limits) as archive:
         names = archive.namelist()
         if "modelDescription.xml" not in names:

@@ -10,10 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from evertwin.errors import UsageError
-from evertwin.models.fmu.faults import Limits
 from evertwin.models.fmu.guard import Unpacking
-
-__all__ = ["Options"]
 
 _CHOICES = {
     "interface": ("", "co-simulation", "model-exchange"),
@@ -79,7 +76,7 @@ class Options:
     ratio: float = 100.0
     """Unpacked over packed size."""
     faults: int = 8
-    """Break-downs after which the FMU is given up."""
+    """Break-downs after which the FMU is given up; a thousand good rows make up for them."""
 
     def __post_init__(self) -> None:
         for name, choices in _CHOICES.items():
@@ -89,13 +86,13 @@ class Options:
                 raise UsageError(f"{name}: expected one of {names}, got {said!r}")
         if not 0.0 <= self.step < float("inf"):
             raise UsageError(f"step: expected 0 s or more, got {self.step}")
-        _ = self.limits
+        named = ("row_seconds", "start_seconds", "cpu_seconds", "memory_mb", "faults")
+        for name in named:
+            if not getattr(self, name) > 0:
+                raise UsageError(f"{name}: expected a number above 0, got {getattr(self, name)}")
+        _ = self.unpacking
 
     @property
-    def limits(self) -> Limits:
-        """What the child process may take."""
-        unpacking = Unpacking(int(self.unpacked_mb * 1e6), self.files, self.ratio)
-        return Limits(
-            self.row_seconds, self.start_seconds, self.cpu_seconds, int(self.memory_mb * 1e6),
-            self.faults, unpacking,
-        )  # fmt: skip
+    def unpacking(self) -> Unpacking:
+        """What the archive may take."""
+        return Unpacking(int(self.unpacked_mb * 1e6), self.files, self.ratio)

@@ -29,8 +29,6 @@ from evertwin.models.fmu import slots as at
 from evertwin.models.fmu.faults import BrokenDown, Fault
 from evertwin.models.fmu.memory import TEXT, TEXT_SIZE, Shared
 
-__all__ = ["Process"]
-
 _POLL = 0.02
 _ROOM = 1 << 20
 _REPLY = 24

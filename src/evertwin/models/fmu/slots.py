@@ -11,8 +11,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-__all__ = ["Group", "Sizes", "group_at", "layout"]
-
 LENGTH, INSIDE, COUNT, FROM, SKIP, HELD, THREE, MEMORY, SOLVER = 0, 1, 2, 3, 4, 12, 13, 14, 15
 """Words in all; is the FMU at work?; steps of this call; step from which all fail (−1: none); up to
 8 steps that fail; does the FMU hold the last state?; FMI 3?; what holds its memory; solver."""

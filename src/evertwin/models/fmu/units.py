@@ -18,8 +18,6 @@ from evertwin.errors import UsageError
 from evertwin.models.fmu.description import Unit
 from evertwin.signals.units import compatible, conversion, si_unit
 
-__all__ = ["si_of"]
-
 _READABLE = {"N.m": "Nm", "N.m.s/rad": "Nms/rad", "kg.m2": "kgm2", "N.s/m": "Ns/m", "N.m/A": "Nm/A"}
 
 

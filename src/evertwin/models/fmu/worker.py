@@ -17,7 +17,8 @@ import shutil
 import tempfile
 import threading
 import weakref
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -25,12 +26,11 @@ import numpy as np
 
 from evertwin.errors import ModelError
 from evertwin.models.fmu import slots as at
-from evertwin.models.fmu.faults import STATUS, BrokenDown, Fault, Limits
+from evertwin.models.fmu.faults import STATUS, BrokenDown, Fault
 from evertwin.models.fmu.guard import opened, unpack
+from evertwin.models.fmu.options import Options
 from evertwin.models.fmu.process import Process
 from evertwin.models.kernel import Layer
-
-__all__ = ["Worker"]
 
 log = logging.getLogger("evertwin")
 _TRIES = 3
@@ -50,7 +50,7 @@ class Worker:
     'Worker'
     """
 
-    def __init__(self, package: Path, plan: Mapping[str, Any], limits: Limits) -> None:
+    def __init__(self, package: Path, plan: Mapping[str, Any], limits: Options) -> None:
         self.package, self.plan, self.limits = package, dict(plan), limits
         self.faults: list[Fault] = []
         self.page = np.zeros(0, dtype=np.int64)
@@ -84,12 +84,8 @@ class Worker:
         Raises:
             ModelError: the FMU does not load, or breaks down in it.
         """
-        with self._lock:
-            try:
-                return self._start()
-            except BrokenDown as error:
-                self._stop()
-                raise ModelError(f"{self.package.name}: {error}") from error
+        with self._alone():
+            return self._start()
 
     def attach(self, page: np.ndarray) -> None:
         """Sets the page that rows are run by.
@@ -97,10 +93,16 @@ class Worker:
         Raises:
             ModelError: the child breaks down.
         """
-        with self._lock:
+        with self._alone():
             self.page = page
+            self._running().attach(page, self.limits.start_seconds)
+
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Alone with the child; a break-down ends it."""
+        with self._lock:
             try:
-                self._running().attach(page, self.limits.start_seconds)
+                yield
             except BrokenDown as error:
                 self._stop()
                 raise ModelError(f"{self.package.name}: {error}") from error
@@ -117,7 +119,7 @@ class Worker:
         if self._folder is None:
             self._unpack()
         assert self._folder is not None
-        self._process = Process(self._folder, self.limits.memory)
+        self._process = Process(self._folder, int(self.limits.memory_mb * 1e6))
         order = {
             "do": "load", "plan": {**self.plan, "folder": str(self._folder)},
             "parameters": self.plan["parameter_values"],
@@ -286,7 +288,7 @@ class Worker:
         return tuple(texts)
 
 
-def _again(package: Path, plan: Mapping[str, Any], limits: Limits, page: np.ndarray) -> Worker:
+def _again(package: Path, plan: Mapping[str, Any], limits: Options, page: np.ndarray) -> Worker:
     worker = Worker(package, plan, limits)
     worker.page = page
     return worker

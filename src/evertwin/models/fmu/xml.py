@@ -18,8 +18,6 @@ from defusedxml.common import DefusedXmlException
 
 from evertwin.errors import ModelError
 
-__all__ = ["parse"]
-
 SIZE = 32_000_000
 """Bytes that a description may have."""
 DEPTH = 64
