@@ -12,8 +12,6 @@ import numpy as np
 from evertwin.errors import ModelError
 from evertwin.models.modelica.graph import BINARY, UNARY, Graph
 
-__all__ = ["Arena", "Scope"]
-
 _ELEMENTWISE = {
     "elementwise_add": "add", "elementwise_subtract": "subtract",
     "elementwise_multiply": "multiply", "elementwise_divide": "divide",

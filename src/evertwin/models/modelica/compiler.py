@@ -17,8 +17,6 @@ from typing import Any, NamedTuple
 
 from evertwin.errors import MissingExtra, ModelError, UsageError
 
-__all__ = ["MEMORY", "Limits", "equations"]
-
 MEMORY = 4 << 30
 """Largest memory of the compiler's process [bytes]."""
 WORKER = Path(__file__).with_name("worker.py")

@@ -8,8 +8,6 @@ from typing import NamedTuple
 
 from evertwin.models.modelica.graph import Graph
 
-__all__ = ["Equation", "Flat", "Given", "Variable", "label", "unit_of"]
-
 
 class Variable(NamedTuple):
     """A scalar variable of the flat model.

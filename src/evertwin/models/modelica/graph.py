@@ -18,8 +18,6 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-__all__ = ["BINARY", "UNARY", "Graph", "Node"]
-
 
 class Node(NamedTuple):
     """An operation over other nodes, a constant or a leaf.

@@ -20,8 +20,6 @@ from numba import carray, njit
 
 from evertwin.models.native import OBSERVE, STEP, cfunc
 
-__all__ = ["HEAD", "OPS", "WORDS", "observe", "run", "solve_linear", "step"]
-
 WORDS = 5
 """Integers per operation."""
 OPS = (

@@ -29,8 +29,6 @@ from evertwin.signals.channels import Channel, Layout
 from evertwin.signals.units import conversion, si_unit
 from evertwin.types import ParameterVector, StateVector
 
-__all__ = ["LIBRARY", "Modelica"]
-
 Built = TypeVar("Built")
 LIBRARY = Path(__file__).parent / "library" / "Evertwin.mo"
 """Parts of machines in Modelica, and machines made of them."""

@@ -19,8 +19,6 @@ from evertwin.errors import ModelError, UsageError
 from evertwin.models.fmu import Fmu, fmu
 from evertwin.models.modelica.model import LIBRARY, Modelica
 
-__all__ = ["exported", "modelica"]
-
 _NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*$")
 
 

@@ -1,95 +1,64 @@
-"""Which equation gives which variable, and in which order (matching and strongly connected parts).
+"""Which equation gives which unknown, and in which order.
 
->>> matched([{0, 1}, {0}], 2)
-([1, 0], [])
->>> ordered([{0}, {0, 1}], [0, 1])
-[[0], [1]]
+A matching gives each equation one unknown; the strongly connected parts of what each needs are the
+smallest systems that must be solved together, and they can be solved one after the other.
+
+>>> matched([{0, 1}, {1}], 2)
+([0, 1], [])
+>>> ordered([{0, 1}, {1}], [0, 1])
+[[1], [0]]
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from graphlib import TopologicalSorter
+from typing import Any
 
-__all__ = ["matched", "ordered"]
+import numpy as np
+import scipy
+
+
+def _graph(pairs: Iterable[tuple[int, int]], rows: int, columns: int) -> Any:
+    places = np.array(sorted(pairs), dtype=np.int32).reshape(-1, 2)
+    ones = np.ones(len(places), dtype=np.int8)
+    return scipy.sparse.csr_array((ones, (places[:, 0], places[:, 1])), shape=(rows, columns))
 
 
 def matched(uses: Sequence[set[int]], unknowns: int) -> tuple[list[int], list[int]]:
-    """The unknown of each equation, (equations,), −1 for none; and, where one has none, equations
-    that have too few unknowns among them.
+    """(unknown of each equation, −1: none; equations that share too few unknowns).
 
     Args:
-        uses: unknowns that each equation contains.
+        uses: unknowns that occur in each equation, by number.
         unknowns: how many there are.
     """
-    owner = [-1] * unknowns
-    bound: list[int] = []
-    for equation in range(len(uses)):
-        seen: set[int] = set()
-        if not _augment(equation, uses, owner, seen) and not bound:
-            bound = sorted({equation, *(owner[u] for u in seen if owner[u] >= 0)})
-    out = [-1] * len(uses)
-    for unknown, equation in enumerate(owner):
-        if equation >= 0:
-            out[equation] = unknown
-    return out, bound
-
-
-def _augment(start: int, uses: Sequence[set[int]], owner: list[int], seen: set[int]) -> bool:
-    """A path of reassignments that ends at a free unknown, searched breadth first."""
-    came: dict[int, int] = {}
-    queue = [start]
-    for equation in queue:
-        for unknown in sorted(uses[equation]):
-            if unknown in seen:
-                continue
-            seen.add(unknown)
-            came[unknown] = equation
-            if owner[unknown] < 0:
-                while True:
-                    give = came[unknown]
-                    previous = next((u for u, e in enumerate(owner) if e == give), -1)
-                    owner[unknown] = give
-                    if give == start:
-                        return True
-                    unknown = previous
-            queue.append(owner[unknown])
-    return False
+    if not uses or not unknowns:
+        return [-1] * len(uses), list(range(len(uses)))[:1]
+    graph = _graph(((e, u) for e, used in enumerate(uses) for u in used), len(uses), unknowns)
+    gives = scipy.sparse.csgraph.maximum_bipartite_matching(graph, "column").tolist()
+    owner = {unknown: equation for equation, unknown in enumerate(gives) if unknown >= 0}
+    bound: set[int] = set()
+    more = {gives.index(-1)} if -1 in gives else set()
+    while not more <= bound:  # all that an equation without an unknown would have to take one from
+        bound |= more
+        more = {owner[unknown] for equation in bound for unknown in uses[equation]}
+    return gives, sorted(bound)
 
 
 def ordered(uses: Sequence[set[int]], gives: Sequence[int]) -> list[list[int]]:
-    """Groups of equations, in an order in which each needs only what earlier ones give (Tarjan).
+    """Equations in groups that must be solved together, each after those it needs.
 
     Args:
-        uses: unknowns that each equation contains.
-        gives: the unknown that each equation is matched with.
+        uses: unknowns that occur in each equation.
+        gives: the unknown that each equation gives.
     """
     owner = {unknown: equation for equation, unknown in enumerate(gives)}
-    needs = [sorted({owner[u] for u in used} - {e}) for e, used in enumerate(uses)]
-    number: dict[int, int] = {}
-    low: dict[int, int] = {}
-    stack: list[int] = []
-    groups: list[list[int]] = []
-    for root in range(len(uses)):
-        if root in number:
-            continue
-        work = [(root, iter(needs[root]))]
-        number[root] = low[root] = len(number)
-        stack.append(root)
-        while work:
-            at, rest = work[-1]
-            after = next(rest, None)
-            if after is None:
-                work.pop()
-                if work:
-                    low[work[-1][0]] = min(low[work[-1][0]], low[at])
-                if low[at] == number[at]:
-                    cut = stack.index(at)
-                    groups.append(sorted(stack[cut:]))
-                    del stack[cut:]
-            elif after not in number:
-                number[after] = low[after] = len(number)
-                stack.append(after)
-                work.append((after, iter(needs[after])))
-            elif after in stack:
-                low[at] = min(low[at], number[after])
-    return groups
+    needs = {(e, owner[u]) for e, used in enumerate(uses) for u in used}
+    graph = _graph(needs, len(uses), len(uses))
+    _, group = scipy.sparse.csgraph.connected_components(graph, connection="strong")
+    before: dict[int, set[int]] = {int(one): set() for one in group}
+    for equation, other in needs:
+        if group[equation] != group[other]:
+            before[int(group[equation])].add(int(group[other]))
+    turns = TopologicalSorter(before).static_order()
+    return [np.flatnonzero(group == one).tolist() for one in turns]

@@ -18,8 +18,6 @@ from evertwin.models.modelica.arena import Arena, Scope
 from evertwin.models.modelica.flat import Equation, Flat, Given, Variable, label, unit_of
 from evertwin.models.modelica.graph import Graph
 
-__all__ = ["read_flat"]
-
 _EVENTS = {
     "discrete_real_equations": "a variable that changes at events",
     "discrete_value_owners": "a variable that changes at events",
@@ -222,17 +220,8 @@ class _Reader:
 
 
 def _provenance(item: Any) -> Any:
-    """The first place that is named inside an item."""
-    if isinstance(item, Mapping):
-        if "span" in item:
-            return item
-        for value in item.values():
-            found = _provenance(value)
-            if found is not None:
-                return found
-    if isinstance(item, list):
-        for value in item:
-            found = _provenance(value)
-            if found is not None:
-                return found
-    return None
+    """The first place that is named in ``item``; None: none is."""
+    if isinstance(item, Mapping) and "span" in item:
+        return item
+    inside = item.values() if isinstance(item, Mapping) else item if isinstance(item, list) else ()
+    return next((found for found in map(_provenance, inside) if found is not None), None)

@@ -16,8 +16,6 @@ from evertwin.errors import ModelError
 from evertwin.models.modelica.flat import Equation, Flat, Variable
 from evertwin.models.modelica.graph import Graph, Node
 
-__all__ = ["Reduced", "rate", "reduced"]
-
 
 def rate(graph: Graph, node: int, moving: frozenset[str]) -> int:
     """d(node)/dt, with a leaf of the next order for each moving leaf."""

@@ -17,8 +17,6 @@ from evertwin.models.modelica.graph import Graph
 from evertwin.models.modelica.order import matched, ordered
 from evertwin.models.modelica.reduce import Reduced, freed
 
-__all__ = ["Group", "Solved", "solved"]
-
 
 class Group(NamedTuple):
     """Unknowns that are solved together while stepping.

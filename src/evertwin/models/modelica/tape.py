@@ -11,8 +11,6 @@ from evertwin.models.modelica.graph import Graph
 from evertwin.models.modelica.kernel import HEAD, OPS, WORDS
 from evertwin.models.modelica.solve import Group
 
-__all__ = ["Layouts", "Stepping", "context"]
-
 _CODE = {name: code for code, name in enumerate(OPS)}
 
 

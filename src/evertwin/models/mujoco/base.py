@@ -14,8 +14,6 @@ from evertwin.models.mujoco.pool import EnginePool
 from evertwin.models.parameters import Parameters
 from evertwin.signals.channels import Layout
 
-__all__ = ["FromFile"]
-
 
 @dataclass(frozen=True, eq=False)
 class FromFile(ABC):

@@ -18,8 +18,6 @@ import numpy as np
 from evertwin.models.mujoco.knobs import name_of
 from evertwin.signals.channels import Channel, Layout
 
-__all__ = ["Output", "adoptable", "controls", "outputs", "states"]
-
 _FREE, _BALL, _SLIDE, _HINGE = range(4)
 _QUATERNION = ("qw", "qx", "qy", "qz")
 _POSITIONS = {_FREE: ("x", "y", "z", *_QUATERNION), _BALL: _QUATERNION}

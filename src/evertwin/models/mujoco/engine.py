@@ -24,8 +24,6 @@ from evertwin.errors import ModelError
 from evertwin.models.mujoco.guard import Source
 from evertwin.types import Float64, StateVector
 
-__all__ = ["Engine", "Steps", "compiled", "steps_of"]
-
 LARGEST_VALUE = 1e10
 """Beyond it MuJoCo calls a value bad."""
 MOST_STEPS = 100_000

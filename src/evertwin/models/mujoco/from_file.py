@@ -9,8 +9,6 @@ from evertwin.errors import UsageError
 from evertwin.models.mujoco.inverse import InverseDynamics
 from evertwin.models.mujoco.model import MuJoCo
 
-__all__ = ["model_of_file"]
-
 
 def model_of_file(
     file: str | Path = "", inverse: bool = False, text: str = "", **options: Any

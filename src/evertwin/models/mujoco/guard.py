@@ -25,8 +25,6 @@ from defusedxml.common import DefusedXmlException
 
 from evertwin.errors import ModelError
 
-__all__ = ["Source", "read_file", "read_text"]
-
 LARGEST = 8_000_000
 """Characters of XML, includes counted."""
 ASSETS = 256_000_000

@@ -44,8 +44,6 @@ from evertwin.types import (
     StateVectors,
 )
 
-__all__ = ["InverseDynamics"]
-
 _DEFAULT = ("joint.*.damping", "joint.*.frictionloss", "joint.*.armature")
 
 

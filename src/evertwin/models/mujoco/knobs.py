@@ -31,8 +31,6 @@ from evertwin.models.mujoco.engine import compiled
 from evertwin.models.mujoco.guard import Source
 from evertwin.models.parameters import Parameter, Parameters
 
-__all__ = ["DEFAULT", "Knob", "Place", "knobs_of", "name_of", "parameters_of", "tunable"]
-
 DEFAULT = (
     "joint.*.damping", "joint.*.frictionloss", "joint.*.armature", "actuator.*.gain",
     "actuator.*.kp", "actuator.*.kv",

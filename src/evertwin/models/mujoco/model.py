@@ -46,8 +46,6 @@ from evertwin.types import (
     StateVectors,
 )
 
-__all__ = ["MuJoCo"]
-
 
 @dataclass(frozen=True, eq=False)
 class MuJoCo(FromFile):

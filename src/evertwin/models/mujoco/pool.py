@@ -19,8 +19,6 @@ from evertwin.models.mujoco.engine import Engine
 from evertwin.models.mujoco.knobs import Knob
 from evertwin.types import ParameterVector
 
-__all__ = ["EnginePool"]
-
 Result = TypeVar("Result")
 
 
