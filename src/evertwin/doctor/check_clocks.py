@@ -18,10 +18,11 @@ from typing import Any
 
 import numpy as np
 
+from evertwin.doctor.check_units import stated
 from evertwin.doctor.examination import View
 from evertwin.doctor.finding import Finding
 from evertwin.errors import DataError
-from evertwin.fold import Block, take
+from evertwin.fold import Block, plain, take
 from evertwin.loop.channels import recorded_as
 from evertwin.models import roll
 from evertwin.models.function import kernel_of
@@ -186,15 +187,8 @@ def _plain(clocks: Clocks) -> dict[str, Any]:
     lag, found = clocks.lag, clocks.offset
     out: dict[str, Any] = {
         "against": clocks.against, "said": str(clocks),
-        "shared_lag": {
-            "seconds": lag.seconds, "interval95": lag.interval95, "agree": lag.agree,
-            "reason": lag.reason,
-        },
-        "lags": {
-            name: {"seconds": one.seconds, "sigma": one.sigma, "correlation": one.correlation,
-                   "verdict": one.verdict}
-            for name, one in lag.lags.items()
-        },
+        "shared_lag": stated(lag),
+        "lags": plain(lag.lags),
         "offset": None,
     }  # fmt: skip
     if found is not None:

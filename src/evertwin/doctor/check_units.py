@@ -17,14 +17,13 @@ import numpy as np
 
 from evertwin.doctor.examination import View, changes
 from evertwin.doctor.finding import Finding
-from evertwin.errors import DataError
 from evertwin.fold import Block, take
 from evertwin.models import roll
 from evertwin.models.function import kernel_of
 from evertwin.signals import Layout
-from evertwin.signals.delay import Lag, lag
+from evertwin.signals.delay import Lag
 from evertwin.sync.horizon import restarts, trusted
-from evertwin.sync.lag import agreement
+from evertwin.sync.lag import SharedLag, shared_lag
 from evertwin.types import Vector
 
 FACTORS: tuple[tuple[float, str], ...] = (
@@ -199,24 +198,15 @@ def _best(view: View, window: Block, before: Vector) -> list[_Hypothesis]:
 
 def look_lags(view: View, figures: dict[str, Any]) -> Iterator[Finding]:
     """How late each output is after its prediction by a free run."""
-    lags = {}
     window = max(view.judged, key=lambda one: len(one.t))
     window = take(window, 0, min(len(window.t), 20_000))
     model, p = view.model, view.version.p
     kernel = kernel_of(model)
     x0 = model.initial(p)
     _, free = roll(kernel, x0, window.u, window.dt, p, restarts(window, math.inf, x0))
-    for k, channel in enumerate(model.outputs):
-        pair = [free[:, k], trusted(window)[:, k]]
-        found = _lag_of(window, pair, channel.kind == "angle")
-        if found is not None:
-            lags[channel.name] = found
-    figures["lag"] = dict(lags.items())
-    shared = agreement(lags, view.step)
-    figures["shared_lag"] = {
-        "seconds": shared.seconds, "interval95": shared.interval95, "agree": shared.agree,
-        "reason": shared.reason,
-    }  # fmt: skip
+    shared = shared_lag(window, free, model.outputs, _longest(window))
+    lags = {name: one for name, one in shared.lags.items() if math.isfinite(one.seconds)}
+    figures["lag"], figures["shared_lag"] = lags, stated(shared)
     late = {name: one for name, one in lags.items() if _matters(one, view.step)}
     if not late:
         return
@@ -240,18 +230,13 @@ def _matters(found: Lag, step: float) -> bool:
     return sure and abs(found.seconds) > max(4 * found.sigma, 0.5 * step)
 
 
-def _lag_of(window: Block, pair: list[Vector], angle: bool) -> Lag | None:
-    """The lag of one output; None where it cannot be told."""
-    a, b = (np.isfinite(side) for side in pair)
-    if min(a.sum(), b.sum()) < 50:
-        return None
-    first, second = pair[0][a], pair[1][b]
-    if angle:
-        first, second = np.unwrap(first), np.unwrap(second)
-    seconds = float(window.t[-1] - window.t[0]) * 1e-9
-    step = float(np.median(np.diff(window.t[b]))) * 1e-9
-    longest = min(20 * step, seconds / 8)
-    try:
-        return lag(window.t[a], first, window.t[b], second, longest)
-    except DataError:
-        return None
+def _longest(window: Block) -> float:
+    """Lags that are looked at: up to 20 intervals of the output that is measured least often."""
+    stamps = [window.t[np.isfinite(column)] for column in trusted(window).T]
+    steps = [float(np.median(np.diff(t))) * 1e-9 for t in stamps if len(t) >= 50]
+    return min(20 * max(steps, default=0.0), float(window.t[-1] - window.t[0]) * 1e-9 / 8)
+
+
+def stated(lag: SharedLag) -> dict[str, Any]:
+    """The lag of all outputs as figures."""
+    return {key: getattr(lag, key) for key in ("seconds", "interval95", "agree", "reason")}
