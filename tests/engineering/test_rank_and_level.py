@@ -68,9 +68,15 @@ def test_a_history_is_read_with_its_units(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("date,part,downtime [h]\n", "h.csv:1: expected the columns date, component"),
-        ("date,component,downtime [h]\n2020-01-01,a,much\n", "h.csv:2: expected a date such as"),
-        ("date,component,downtime [h]\n2020-01-01,a,-2\n", "h.csv:2: "),
+        (
+            "date,part,downtime [h]\n2020-01-01,a,2\n",
+            "h.csv:1: expected the columns date, component",
+        ),
+        (
+            "date,component,downtime [h]\n2020-01-01,a,much\n",
+            "h.csv:2: downtime: expected a number",
+        ),
+        ("date,component,downtime [h]\n2020-01-01,a,-2\n", "h.csv:2: downtime: expected 0 or more"),
         ("date,component,downtime [h]\n2020-01-01,a,2\n", "covers 0 days: say how long"),
     ],
 )

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from evertwin import Twin
-from evertwin.ahead.columns import parse, read_table
 from evertwin.ahead.spec import SCENARIO
 from evertwin.config.prognosis import IndicatorSpec
 from evertwin.errors import ConfigError, DataError
@@ -20,6 +19,7 @@ from evertwin.prognosis.laws import Life, Limit, NotEnough, predict_life
 from evertwin.prognosis.limits import limit_of
 from evertwin.prognosis.observed_series import Observed, in_unit
 from evertwin.signals.units import si_unit
+from evertwin.sources.small_table import parse, read_table
 
 WEAR = IndicatorSpec("wear", component="gearbox1", unit="Nm", limit=9.0)
 PARTS = ("gearbox1", "motor")

@@ -12,12 +12,12 @@ from evertwin.surface import surface
 
 if TYPE_CHECKING:
     from evertwin.ahead.basis import Basis
-    from evertwin.ahead.columns import read_table
     from evertwin.ahead.docking import dock
     from evertwin.ahead.forecasting import Forecast, forecast
     from evertwin.ahead.future import Mode
     from evertwin.ahead.paths import rows_of_file
     from evertwin.ahead.whatif import WhatIf
+    from evertwin.sources.small_table import read_table
 
 __all__ = ["Basis", "Forecast", "Mode", "WhatIf", "dock", "forecast", "read_table", "rows_of_file"]
 

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 import scipy
 
-from evertwin.ahead.columns import Table, read_table
 from evertwin.ahead.future import Future
 from evertwin.ahead.spec import PathSpec
 from evertwin.errors import DataError, UsageError
@@ -23,6 +22,7 @@ from evertwin.machines.assembly.path import Limits, moves_of, plan
 from evertwin.models import Model
 from evertwin.models.corrected import Corrected
 from evertwin.signals import Layout
+from evertwin.sources.small_table import Table, read_table
 from evertwin.types import Vector
 
 ACCELERATION = 2.0

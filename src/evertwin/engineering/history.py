@@ -18,23 +18,22 @@ alike, with a shift of eight hours a year for 4. The larger of both is taken.
 
 from __future__ import annotations
 
-import csv
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import date
 from pathlib import Path
 
-from evertwin.errors import DataError, UsageError
-from evertwin.settings.quantity import number
+import numpy as np
+
+from evertwin.errors import DataError
+from evertwin.sources.small_table import read_table
+from evertwin.types import Vector
 
 YEAR = 365.25 * 86400.0
 """[s]"""
 SHIFT = 8.0 * 3600.0
 """Downtime a year that counts as one failure a year [s]."""
 FACTOR = 4.0
-_COLUMN = re.compile(r"\s*(\w+)\s*(?:\[\s*(.*?)\s*\])?\s*$")
 
 
 @dataclass(frozen=True)
@@ -73,51 +72,31 @@ def read_history(path: Path, span: float | None = None) -> History:
     Raises:
         DataError: it cannot be read, a column is missing, or a line is not as it should be.
     """
-    try:
-        lines = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise DataError(f"{path}: expected UTF-8 text, byte {error.start} is not") from error
-    head = [_COLUMN.match(cell) for cell in lines[0]] if lines else []
-    at = {found[1]: (j, found[2] or "") for j, found in enumerate(head) if found}
+    table = read_table(path)
+    there = (*table.names, *table.text)
     for name in ("component", "downtime", *(("date",) if span is None else ())):
-        if name not in at:
+        if name not in there:
             raise DataError(
                 f"{path}:1: expected the columns date, component, downtime [h], got "
-                f"{', '.join(lines[0]) if lines else 'nothing'}"
+                f"{', '.join(there)}"
             )
-    days: list[date] = []
+    downtime = table.column("downtime") * (1.0 if "downtime" in table.units else 3600.0)
     found: dict[str, tuple[int, float]] = {}
-    for row, cells in enumerate(lines[1:], start=2):
-        if not cells:
-            continue
-        try:
-            name, downtime, day = _entry(cells, at)
-        except (IndexError, ValueError, UsageError) as error:
+    for line, name, seconds in zip(table.lines, table.text.get("component", ()), downtime.tolist()):
+        if not seconds >= 0.0:
             raise DataError(
-                f"{path}:{row}: expected a date such as 2024-03-05, a component and a downtime, "
-                f"got {','.join(cells)!r}"
-            ) from error
+                f"{path}:{line}: downtime: expected 0 or more, got {seconds / 3600:g} h"
+            )
         count, so_far = found.get(name, (0, 0.0))
-        found[name] = count + 1, so_far + downtime
-        days += [] if day is None else [day]
-    return History(found, _span(path, days) if span is None else span)
+        found[name] = count + 1, so_far + seconds
+    return History(found, _span(path, table.column("date")) if span is None else span)
 
 
-def _entry(cells: list[str], at: Mapping[str, tuple[int, str]]) -> tuple[str, float, date | None]:
-    column, unit = at["downtime"]
-    downtime = number(f"{float(cells[column])} {unit or 'h'}", "s")
-    if not downtime >= 0.0:
-        raise ValueError("downtime")
-    day = date.fromisoformat(cells[at["date"][0]].strip()) if "date" in at else None
-    return cells[at["component"][0]].strip(), downtime, day
-
-
-def _span(path: Path, days: list[date]) -> float:
-    covered = (max(days) - min(days)).days if days else 0
-    if covered < 30:
+def _span(path: Path, days: Vector) -> float:
+    covered = float(np.nanmax(days) - np.nanmin(days))
+    if not covered >= 30 * 86400.0:
         raise DataError(
-            f"{path}: covers {covered} days: say how long it covers, history_span = '5 year'"
+            f"{path}: covers {covered / 86400.0:.0f} days: say how long it covers, "
+            "history_span = '5 year'"
         )
-    return covered * 86400.0
+    return covered

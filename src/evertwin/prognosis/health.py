@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 
-from evertwin.ahead.columns import Table, read_table
 from evertwin.config.prognosis import IndicatorSpec
 from evertwin.errors import ConfigError, DataError, nearest
 from evertwin.models import Model, Parameters
@@ -22,6 +21,7 @@ from evertwin.prognosis.laws.factors import divided
 from evertwin.prognosis.observed_series import Observed, component_of, in_unit, marks_of, warm_of
 from evertwin.prognosis.parameter_history import History
 from evertwin.signals.units import compatible
+from evertwin.sources.small_table import Table, read_table
 from evertwin.types import Vector
 
 

@@ -4,7 +4,7 @@ What can be read in one way only is read, with a note where that may surprise: r
 order, a row that stands there twice, rows without a count. What can be read in two ways is refused
 with its row: two values for one moment, a standard deviation that is none, a unit of another kind.
 
->>> from evertwin.ahead.columns import parse
+>>> from evertwin.sources.small_table import parse
 >>> table = parse(["run,wear,maintenance", "2,1.2,", "1,1.1,", "3,0.1,pump: replaced"], "h.csv")
 >>> known = of_table(IndicatorSpec("wear", component="pump", limit=3.0), table, "run")
 >>> known.value.tolist(), known.maintenance[0].at, known.notes
@@ -18,7 +18,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.ahead.columns import Table
 from evertwin.config.prognosis import IndicatorSpec
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import Event
@@ -27,6 +26,7 @@ from evertwin.prognosis.observed_series import Observed, component_of, marks_of,
 from evertwin.prognosis.parameter_history import UNITS
 from evertwin.signals.channels import position
 from evertwin.signals.units import compatible, conversion, from_si
+from evertwin.sources.small_table import Table
 from evertwin.types import Vector
 
 TIMES = ("t", "time", "date", "datetime", "timestamp")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,10 +10,11 @@ import numpy as np
 
 from evertwin.fold import plain
 from evertwin.prognosis.component import ComponentLife, said
-from evertwin.prognosis.laws import Life, NotEnough
+from evertwin.prognosis.laws import Indicator, Life, NotEnough
 from evertwin.prognosis.laws.alarms import Alarm
-from evertwin.prognosis.laws.document import component, document
 from evertwin.types import Json
+
+SCHEMA = "evertwin.life/1"
 
 
 @dataclass(frozen=True)
@@ -53,11 +54,12 @@ class Lives:
         """Plain content, ``schema: "evertwin.life/1"``."""
         parts = {}
         for name, one in self.components.items():
-            entry = component(one.indicator, one.life, self.dates)
+            entry = entry_of(one.indicator, one.life, self.dates)
             parts[name] = entry | {
                 "rate": one.rate, "age": one.age, "wear": one.wears.text, "phases": one.phases
             }  # fmt: skip
-        content: dict[str, Any] = dict(document(parts)) | {
+        content: dict[str, Any] = {
+            "schema": SCHEMA, "components": parts,
             "name": self.name, "clock": self.clock, "now": self.now,
             "machine": None if self.machine is None else self.machine.document(),
             "alarms": self.alarms, "alarms_held_back": self.held,
@@ -86,3 +88,26 @@ class Lives:
         lines += [f"  {a.component}: {a.kind.replace('_', ' ')}: {a.reason}" for a in self.held]
         lines += [f"note: {note}" for note in self.notes]
         return "\n".join(lines) or "no [[indicator]] in the twin file"
+
+
+def entry_of(
+    indicator: Indicator, life: Life | NotEnough, dates: Sequence[float] = ()
+) -> dict[str, object]:
+    """An indicator and its life in the document; ``dates``: times from now, in the life's unit."""
+    known = indicator.value[np.isfinite(indicator.value)]
+    weights = {name: round(float(w), 4) for name, w in life.laws.items()}
+    before: dict[str, float] | None = None
+    if isinstance(life, Life):
+        before = {f"{date:.12g}": life.probability_before(date) for date in dates}
+    return {
+        "indicator": indicator.name,
+        "unit": indicator.unit,
+        "value": float(known[-1]) if len(known) else None,
+        "limit": indicator.limit.value,
+        "direction": indicator.limit.direction,
+        "limit_source": indicator.limit.source,
+        "law": max(weights, key=lambda name: weights[name]) if weights else None,
+        "laws": weights,
+        "life": life.document(),
+        "probability_before": before,
+    }

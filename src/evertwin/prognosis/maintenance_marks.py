@@ -4,7 +4,7 @@ A cell says ``gearbox: replaced``; several are parted by ``;``. Without a name i
 component that it mentions, and for all if it mentions none. Only what begins a new life (replaced,
 new) or shifts the level (adjusted) may stand there, so that no word is taken for what it is not.
 
->>> from evertwin.ahead.columns import parse
+>>> from evertwin.sources.small_table import parse
 >>> table = parse(["run,maintenance", "1,", "2,pump: seal replaced"], "h.csv")
 >>> maintenance_of(table, "pump", table.column("run"), {"pump", "motor"})[0]
 (Maintenance(at=2.0, kind='replaced', note='seal replaced'),)
@@ -19,9 +19,9 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from evertwin.ahead.columns import ABSENT, Table
 from evertwin.errors import DataError
 from evertwin.prognosis.laws import Maintenance
+from evertwin.sources.small_table import ABSENT, Table
 from evertwin.types import Vector
 
 Kind = Literal["replaced", "adjusted"]

@@ -12,7 +12,6 @@ from functools import cached_property
 from pathlib import Path
 
 from evertwin.ahead.basis import Basis
-from evertwin.ahead.columns import Table, read_table
 from evertwin.ahead.whatif import Today, today
 from evertwin.config.prognosis import IndicatorSpec, PrognosisSpec
 from evertwin.errors import ConfigError
@@ -41,6 +40,7 @@ from evertwin.prognosis.parameter_history import History, history
 from evertwin.prognosis.wear import wears
 from evertwin.prognosis.workplan import Plan, past_cycles, plan_of, workload
 from evertwin.signals.units import to_si
+from evertwin.sources.small_table import Table, read_table
 
 FLEETS = 8
 """Fleets that a process remembers."""

@@ -25,6 +25,7 @@ def certain(now: float, growth: float, s2: float, cov: tuple[float, float, float
 
 
 R = np.linspace(0.0, 3.0, 31)
+STRAIGHT = Clocks("linear", np.zeros(1), np.zeros(1))
 
 
 def test_a_known_drift_gives_the_inverse_gaussian() -> None:
@@ -84,7 +85,7 @@ def test_evidence_is_the_product_of_predictions() -> None:
     rng = np.random.default_rng(2)
     s = np.linspace(0.1, 1.0, 12)
     y = s + 0.1 * rng.standard_normal(12)
-    omega, fixed, clock, q = np.ones(12), np.ones((12, 1)), Clocks.linear().at(s), np.zeros(1)
+    omega, fixed, clock, q = np.ones(12), np.ones((12, 1)), STRAIGHT.at(s), np.zeros(1)
     base = np.ones(1)
 
     def of(n: int) -> Posterior:
@@ -105,7 +106,7 @@ def test_a_level_without_growth_is_preferred_where_there_is_none() -> None:
     for growth, preferred in ((0.0, True), (0.5, False)):
         y = growth * s + 0.1 * rng.standard_normal(60)
         args = y, np.ones(60), fixed
-        grown = evaluate(*args, Clocks.linear().at(s), np.zeros(1), np.ones(1)).evidence[0]
+        grown = evaluate(*args, STRAIGHT.at(s), np.zeros(1), np.ones(1)).evidence[0]
         assert (without_growth(*args) > grown) == preferred
 
 
@@ -113,8 +114,8 @@ def test_a_level_without_growth_is_preferred_where_there_is_none() -> None:
 def test_clocks_are_one_now_and_their_slope_is_right(form: str) -> None:
     c, o = np.array([0.5, 1.0, 3.0]), np.array([0.0, 0.2, 0.6])
     clocks = {
-        "linear": Clocks.linear(3), "power": Clocks.power(c),
-        "exponential": Clocks.exponential(c), "two_phase": Clocks.two_phase(c, o),
+        "linear": Clocks("linear", 0.0 * c, 0.0 * c), "power": Clocks("power", c, 0.0 * c),
+        "exponential": Clocks("exponential", c, 0.0 * c), "two_phase": Clocks("two-phase", c, o),
     }[form]  # fmt: skip
     assert np.allclose(clocks.at(np.ones(1)), 1.0)
     s, d = np.array([0.7, 1.0, 2.0]), 1e-6

@@ -20,9 +20,9 @@ from evertwin.prognosis.laws import (
     first_of,
     predict_life,
 )
-from evertwin.prognosis.laws.document import component, document
 from evertwin.prognosis.laws.families import LAWS
 from evertwin.prognosis.laws.life import LEVELS, quantiles
+from evertwin.prognosis.lives import entry_of
 
 SIZES = st.floats(min_value=-1e12, max_value=1e12, allow_nan=False)
 STEPS = st.sampled_from([0.0, 0.0, 1e-6, 1.0, 1.0, 3.0, 1e6])
@@ -69,8 +69,6 @@ def histories(draw: st.DrawFn) -> Indicator:
     changes: dict[str, object] = {"maintenance": tuple(Maintenance(m, kinds) for m in marks)}
     if draw(st.booleans()):
         changes["covariates"] = {"load": rng.integers(0, 2, n).astype(float)}
-    if draw(st.booleans()):
-        changes["since_start"] = np.abs(rng.standard_normal(n))
     if draw(st.booleans()):
         changes["sigma"] = np.abs(rng.standard_normal(n))
     if draw(st.booleans()):
@@ -145,14 +143,12 @@ def test_the_document_holds_what_readers_need() -> None:
     t = np.arange(60.0)
     wear = Indicator.of("wear", "mm", Limit(1.0), t, 0.01 * t)
     noisy = wear.with_(value=wear.value + 0.005 * np.random.default_rng(0).standard_normal(60))
-    entry = component(noisy, predict_life(noisy), dates=(30.0, 60.0))
-    whole = document({"gearbox": entry})
-    assert whole["schema"] == "evertwin.life/1"
+    entry = entry_of(noisy, predict_life(noisy), dates=(30.0, 60.0))
     assert {"indicator", "value", "limit", "law", "life", "probability_before"} <= set(entry)
     assert entry["life"].keys() >= {"median", "interval80", "interval95", "unit"}  # type: ignore[attr-defined]
     before = entry["probability_before"]
     assert isinstance(before, dict) and before["30"] < 0.1 < 0.9 < before["60"]
-    short = component(noisy, predict_life(noisy.until(3.0)))
+    short = entry_of(noisy, predict_life(noisy.until(3.0)))
     assert short["life"] == {
         "verdict": "not enough data",
         "needs": "at least 6 values at different times since the component was new or replaced, "

@@ -140,23 +140,6 @@ def test_an_adjustment_shifts_the_level_and_keeps_the_law() -> None:
     assert np.ptp(without.interval80) > 5.0 * np.ptp(life.interval80)
 
 
-def test_warm_up_is_not_wear() -> None:
-    rng = np.random.default_rng(5)
-    runs = np.arange(80)
-    since = rng.uniform(0.0, 1.0, 80)  # hours; later runs of a day come colder here
-    since = np.where(runs > 50, 0.3 * since, since)
-    warm = 1.0 + 0.3 * np.exp(-since / 0.4)
-    value = 10.0 * warm * (1.0 + 0.004 * rng.standard_normal(80))
-    history = Indicator.of("friction", "Nm", Limit(14.0), runs.astype(float), value)
-    known = history.with_(since_start=since)
-    assert isinstance(predict_life(known), NotEnough)
-    assert find_onset(known) is None
-    assert find_onset(history) is not None
-    growing = value * (1.0 + 0.004 * runs)
-    life = told(known.with_(value=growing))
-    assert covers(life.interval95, 100.0 - 79.0)
-
-
 def test_load_is_not_wear() -> None:
     rng = np.random.default_rng(6)
     load = (np.arange(80) >= 40).astype(float)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from evertwin.prognosis.laws import Indicator, Life, Limit, Workload, predict_life
-from evertwin.prognosis.laws.document import component
 from evertwin.prognosis.laws.unforeseen import ending, foretold, probability
+from evertwin.prognosis.lives import entry_of
 
 
 def wear(value: np.ndarray) -> Indicator:
@@ -77,7 +77,7 @@ def test_a_passed_limit_is_told_with_its_moment_in_the_document() -> None:
     assert isinstance(life, Life)
     assert life.median == 0.0 and life.interval95 == (0.0, 0.0)
     assert life.passed is not None and 50.0 <= life.passed <= 51.0
-    told = component(wear(y), life)["life"]
+    told = entry_of(wear(y), life)["life"]
     assert isinstance(told, dict) and told["passed_at"] == life.passed
 
 

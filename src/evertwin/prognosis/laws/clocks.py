@@ -11,7 +11,7 @@ law's form and is scaled to ``G(1) = 1``, so that ``b`` is the growth so far:
 A bank holds many clocks at once, one per hypothesis; everything is evaluated on arrays
 (hypotheses, times).
 
->>> clocks = Clocks.power(np.array([1.0, 2.0]))
+>>> clocks = Clocks("power", np.array([1.0, 2.0]), np.zeros(2))
 >>> clocks.at(np.array([0.5, 1.0, 2.0]))
 array([[0.5 , 1.  , 2.  ],
        [0.25, 1.  , 4.  ]])
@@ -19,12 +19,13 @@ array([[0.5 , 1.  , 2.  ],
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
 from evertwin.types import Float64
 
+Form: TypeAlias = Literal["linear", "power", "exponential", "two-phase"]
 STRAIGHT = 1e-6
 """Below this exponent an exponential is a straight line in double precision."""
 HUGE = 300.0
@@ -34,36 +35,15 @@ HUGE = 300.0
 class Clocks(NamedTuple):
     """One clock per hypothesis, all of one form.
 
-    >>> Clocks.linear().at(np.array([3.0]))
+    >>> Clocks("linear", np.zeros(1), np.zeros(1)).at(np.array([3.0]))
     array([[3.]])
     """
 
-    form: str
+    form: Form
     shape: Float64[np.ndarray, " h"]
     """Exponent c; 0 means straight."""
     onset: Float64[np.ndarray, " h"]
-
-    @classmethod
-    def linear(cls, n: int = 1) -> Clocks:
-        """``n`` times the same straight clock."""
-        return cls("linear", np.zeros(n), np.zeros(n))
-
-    @classmethod
-    def power(cls, shape: Float64[np.ndarray, " h"]) -> Clocks:
-        """Power laws."""
-        return cls("power", shape, np.zeros(len(shape)))
-
-    @classmethod
-    def exponential(cls, shape: Float64[np.ndarray, " h"]) -> Clocks:
-        """Exponential laws."""
-        return cls("exponential", shape, np.zeros(len(shape)))
-
-    @classmethod
-    def two_phase(
-        cls, shape: Float64[np.ndarray, " h"], onset: Float64[np.ndarray, " h"]
-    ) -> Clocks:
-        """Growth from an onset on; ``shape`` is the exponent over the time since then."""
-        return cls("two-phase", shape, onset)
+    """Before it there is no wear; 0 but for two phases."""
 
     def take(self, index: np.ndarray) -> Clocks:
         """Some of the hypotheses."""

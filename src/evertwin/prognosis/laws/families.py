@@ -11,15 +11,19 @@ alike, each exponent and each ratio evenly in its logarithm, the onset evenly ov
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from evertwin.errors import UsageError
-from evertwin.prognosis.laws.clocks import Clocks
+from evertwin.prognosis.laws.clocks import Clocks, Form
 from evertwin.types import Float64
 
+FORMS: Mapping[str, Form] = {
+    "power": "power", "exponential": "exponential", "two-phase": "two-phase",
+}  # fmt: skip
+"""The clock of a law; linear for any other."""
 LAWS = ("linear", "exponential", "power", "wiener", "gamma", "two-phase")
 """All laws; gamma has a closed form of its own (`evertwin.prognosis.laws.jumps`)."""
 REACH = 9.0
@@ -68,20 +72,10 @@ class Family(NamedTuple):
     def hypotheses(self) -> tuple[Clocks, Float64[np.ndarray, " h"]]:
         """(clocks, q) of all nodes, the onset's axis running fastest."""
         x, o = (axis.ravel() for axis in np.meshgrid(self.first, self.onset, indexing="ij"))
-        quiet = np.zeros(len(x))
-        if self.law == "wiener":
-            return Clocks.linear(len(x)), np.exp(x)
-        if self.law == "power":
-            return Clocks.power(np.exp(x)), quiet
-        if self.law == "exponential":
-            return Clocks.exponential(np.exp(x)), quiet
-        if self.law == "two-phase wiener":
-            return Clocks.two_phase(quiet, o), np.exp(x)
-        if self.law == "two-phase straight":
-            return Clocks.two_phase(quiet, o), quiet
-        if self.law == "two-phase bent":
-            return Clocks.two_phase(np.exp(x), o), quiet
-        return Clocks.linear(len(x)), quiet
+        size, quiet = np.exp(x), np.zeros(len(x))
+        bent = self.law in ("power", "exponential", "two-phase bent")
+        clocks = Clocks(FORMS.get(self.label, "linear"), size if bent else quiet, o)
+        return clocks, size if self.random else quiet
 
     def prior(self) -> float:
         """Logarithm of a node's prior weight, apart from that of the life itself."""

@@ -131,5 +131,10 @@ def jump_look(problem: Problem) -> Look | None:
     )
     family = Family("gamma", np.zeros(1), np.zeros(1))
     return Look(
-        family, Clocks.linear(n), jumps.ALPHAS, certain, weight + np.log(SCALES), np.arange(n)
+        family,
+        Clocks("linear", 0.0 * far, 0.0 * far),
+        jumps.ALPHAS,
+        certain,
+        weight + np.log(SCALES),
+        np.arange(n),
     )

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -90,8 +89,6 @@ class Indicator:
     """Linear influences on the value, such as temperature or load, by name."""
     reference: Mapping[str, float] = field(default_factory=dict)
     """Covariates at which the limit holds; absent: their median."""
-    since_start: Float64[np.ndarray, " starts"] | None = None
-    """Time since the machine was switched on, where values change while it warms up."""
     usage: Float64[np.ndarray, " works"] | None = None
     """Work done until ``at`` (cycles, load hours …), where wear goes with it; must not fall."""
     maintenance: tuple[Maintenance, ...] = ()
@@ -124,14 +121,8 @@ class Indicator:
 
     def __post_init__(self) -> None:
         n = self.at.shape
-        arrays: dict[str, np.ndarray] = {
-            "value": self.value,
-            "sigma": self.sigma,
-            **self.covariates,
-        }
-        for name in ("usage", "since_start"):
-            if getattr(self, name) is not None:
-                arrays[name] = getattr(self, name)
+        arrays = {"value": self.value, "sigma": self.sigma, **self.covariates}
+        arrays |= {} if self.usage is None else {"usage": self.usage}
         for name, array in arrays.items():
             if array.shape != n or array.ndim != 1:
                 raise DataError(
@@ -175,7 +166,6 @@ class Indicator:
             self, at=np.append(self.at, now), value=np.append(self.value, absent),
             sigma=np.append(self.sigma, absent), usage=usage,
             covariates={name: np.append(x, absent) for name, x in self.covariates.items()},
-            since_start=None if self.since_start is None else np.append(self.since_start, absent),
         )  # fmt: skip
 
     def since_replaced(self) -> Indicator:
@@ -187,17 +177,6 @@ class Indicator:
         later = [m for m in self.maintenance if m.at > begin]
         return replace(self._take(self.at >= begin, later), origin=begin)
 
-    def lives(self) -> tuple[Indicator, ...]:
-        """One indicator per life: cut at each replacement, the current life last."""
-        marks = sorted({m.at for m in self.maintenance if m.kind == "replaced"})
-        edges = [-np.inf, *marks, np.inf]
-        parts = []
-        for start, stop in pairwise(edges):
-            inside = [m for m in self.maintenance if start < m.at < stop]
-            part = self._take((self.at >= start) & (self.at < stop), inside)
-            parts.append(replace(part, origin=start if np.isfinite(start) else self.origin))
-        return tuple(parts)
-
     def rows(self, keep: np.ndarray) -> Indicator:
         """Some of the values, by index or mask; all maintenance."""
         return self._take(keep, self.maintenance)
@@ -207,6 +186,5 @@ class Indicator:
             self, at=self.at[keep], value=self.value[keep], sigma=self.sigma[keep],
             covariates={name: array[keep] for name, array in self.covariates.items()},
             usage=None if self.usage is None else self.usage[keep],
-            since_start=None if self.since_start is None else self.since_start[keep],
             maintenance=tuple(maintenance),
         )  # fmt: skip

@@ -101,7 +101,7 @@ def beyond_for_good(indicator: Indicator) -> bool:
     Not where temperature, load or warm-up move them: the limit holds at the reference alone.
     """
     life = indicator.since_replaced()
-    if life.covariates or life.since_start is not None:
+    if life.covariates:
         return False
     apart = life.distance()[np.isfinite(life.value)]
     return len(apart) >= LASTING and bool(np.all(apart[-LASTING:] <= 0.0))

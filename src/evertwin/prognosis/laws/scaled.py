@@ -32,12 +32,6 @@ REACH = 3
 """Neighbours on each side with which a value is compared."""
 APART = 3.0
 """Robust standard deviations from which a value loses weight."""
-TAUS = 40
-"""Time constants of warm-up that are tried."""
-ROUNDS = 3
-"""Rounds in which level and warm-up are told apart."""
-LEVEL = 15
-"""Values over which the level is taken that warm-up multiplies."""
 
 
 class Problem(NamedTuple):
@@ -70,8 +64,8 @@ def scaled(indicator: Indicator, most: int = MOST) -> Problem | str:
     life = indicator.since_replaced()
     clock = life.at if life.usage is None else life.usage
     good = np.isfinite(life.value)
-    for array in (*life.covariates.values(), life.since_start):
-        good &= True if array is None else np.isfinite(array)
+    for array in life.covariates.values():
+        good &= np.isfinite(array)
     different = len(np.unique(clock[good]))
     if different < LEAST:
         return (
@@ -148,72 +142,18 @@ def neighbours(y: Any, reach: int, rest: Any) -> None:
 
 def columns(life: Indicator, good: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(fixed columns, base): covariates are centred where the limit holds."""
-    names = list(life.covariates)
     fixed, base = [np.ones(int(good.sum()))], [1.0]
     for mark in life.maintenance:
         if mark.kind == "adjusted":
             fixed.append((life.at[good] >= mark.at).astype(np.float64))
             base.append(1.0)
-    for name in names:
-        x = life.covariates[name][good]
+    for name, whole in life.covariates.items():
+        x = whole[good]
         centre = life.reference.get(name, float(np.median(x)))
         spread = float(np.std(x))
         fixed.append((x - centre) / spread if spread > 0.0 else np.zeros(len(x)))
         base.append(0.0)
-    if life.since_start is not None:
-        warm = warm_up(life.value[good], life.since_start[good], np.stack(fixed, axis=1))
-        fixed += list(warm.T)
-        base += [0.0, 0.0]
     return np.stack(fixed, axis=1), np.array(base)
-
-
-def warm_up(
-    value: Float64[np.ndarray, " n"], since: Float64[np.ndarray, " n"],
-    fixed: Float64[np.ndarray, "n k"],
-) -> Float64[np.ndarray, "n 2"]:  # fmt: skip
-    """The column level·e^(−t/τ): warm-up multiplies what is there, friction above all.
-
-    A second column is its derivative to log τ: the data may move τ a little, and what they do not
-    know of it widens the life.
-
-    The level is a median over neighbours once the warm-up found so far is divided out; τ is that of
-    `TAUS` even steps (in the logarithm) between the shortest and the longest time since start under
-    which values deviate least from a bent line.
-    """
-    n, some = len(value), since[since > 0.0]
-    if not len(some):
-        return np.zeros((n, 2))
-    longest = float(some.max())
-    taus = np.geomspace(max(float(some.min()), 1e-3 * longest), longest, TAUS)
-    cold = np.exp(-np.maximum(since, 0.0) / taus[:, None])
-    order = np.linspace(-1.0, 1.0, n)
-    level, pair = np.ones(n), np.zeros((n, 2))
-    for _ in range(ROUNDS):
-        best, share = np.inf, np.zeros(n)
-        for tau, shape in zip(taus, cold):
-            x = np.column_stack([fixed, order, order * order, level * shape])
-            effect = np.linalg.lstsq(x, value, rcond=None)[0]
-            off = float(np.abs(value - x @ effect).sum())
-            if off < best:
-                best, share = off, effect[-1] * shape
-                pair = level[:, None] * np.stack([shape, shape * since / tau], axis=1)
-        level = level_of(value, share)
-    spread = pair.std(axis=0)
-    return pair / np.where(spread > 0.0, spread, np.inf)
-
-
-def level_of(
-    value: Float64[np.ndarray, " n"], share: Float64[np.ndarray, " n"]
-) -> Float64[np.ndarray, " n"]:
-    """The level without warm-up over neighbours, in its median; 1 where it changes its sign."""
-    middle = float(np.median(value))
-    if abs(middle) <= 1e-9 * float(np.abs(value).max()):
-        return np.ones(len(value))
-    warm = value / np.maximum(1.0 + share / middle, 0.2)
-    half = LEVEL // 2
-    level = np.array([np.median(warm[max(0, i - half) : i + half + 1]) for i in range(len(warm))])
-    level /= middle
-    return level if np.all(level > 0.0) else np.ones(len(value))
 
 
 def thinned(problem: Problem, most: int) -> Problem:
