@@ -1,41 +1,47 @@
-"""The report of an engineered twin: every choice, with the picture that explains it."""
+"""The report of an engineered twin: every choice, with the figures that explain it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
 from pathlib import Path
 
 from evertwin.engineering.engineer import Engineered
-from evertwin.report.engineering_pictures import (
-    draw_deviation,
-    draw_map,
-    draw_schedule,
-    draw_sensitivity,
-    draw_tree,
-)
-from evertwin.report.html import encoded, write_page
+from evertwin.engineering.study import Study
+from evertwin.report.html import write_page
+from evertwin.tuning import Schedule
 
 
 def write_engineering(done: Engineered, path: Path) -> None:
-    """Writes the report, one file with its pictures inside.
+    """Writes the report, one file.
 
     Raises:
         UsageError: the file cannot be written.
     """
+    study = done.study
     write_page("engineer.html", path, {
-        "done": done, "study": done.study, "pictures": dict(_pictures(done)),
-        "levels": {one.component: one for one in done.study.levels},
+        "done": done, "study": study, "ranks": {one.component: one for one in study.ranks},
+        "levels": {one.component: one for one in study.levels},
         "built": {one.component: one for one in done.plan.built},
+        "signals": sorted({s.signal for link in study.links for s in link.signals}),
+        "effects": {k.parameter: {s.signal: s.effect for s in k.signals} for k in study.links},
+        "shade": _shade, "morris": _morris(study), "turns": _turns(study),
     })  # fmt: skip
 
 
-def _pictures(done: Engineered) -> Iterator[tuple[str, str]]:
-    """(name, image) of what there is to draw."""
-    study = done.study
-    yield "tree", encoded(draw_tree(study))
-    yield "map", encoded(draw_map(study))
-    yield "sensitivity", encoded(draw_sensitivity(study))
-    if study.weighed is not None and study.measured is not None:
-        yield "schedule", encoded(draw_schedule(study.weighed, study.measured))
-        limit = study.breakdown.requirements.accuracy
-        yield "deviation", encoded(draw_deviation(study.measured, limit))
+def _shade(effect: float) -> float:
+    """How dark an effect is shown: 0 at 0.01 % of the signal, 1 at all of it."""
+    return min(max(0.25 * math.log10(1e4 * effect), 0.0), 1.0)
+
+
+def _morris(study: Study) -> dict[str, tuple[float, float]]:
+    """Largest effect on an output of each parameter, and its spread."""
+    found = zip(study.morris.mu.max(axis=0), study.morris.spread.max(axis=0), strict=True)
+    return dict(zip(study.morris.names, found, strict=True))
+
+
+def _turns(study: Study) -> list[tuple[str, ...]]:
+    """The parameters of each tuning by the schedule."""
+    if study.weighed is None or study.measured is None:
+        return []
+    schedule = Schedule(study.weighed.weights)
+    return [schedule.due(turn) for turn in range(study.measured.tunings)]

@@ -93,10 +93,7 @@ def _course(axis: Axes, one: ComponentLife, now: float) -> None:
             alone = one.by_law[law]
             axis.plot(now + alone.times((0.5,))[:, 0], alone.levels, DASHES[k], lw=1.0,
                       color=LAWS[k], label=f"{law}, weight {weight:.2f}")  # fmt: skip
-    low, high = axis.get_ylim()
     limit = one.indicator.limit.value
-    room = 0.08 * abs(limit - float(levels[0]))
-    axis.set_ylim(min(low, limit - room), max(high, limit + room) if limit >= high else high)
     axis.set_xlim(right=reach)
     values = one.indicator.value[np.isfinite(one.indicator.value)]
     span = np.array([*values, limit])

@@ -22,37 +22,8 @@ def write_validation(found: Validation, path: Path) -> None:
     Raises:
         UsageError: the file cannot be written.
     """
-    write_page("validation.html", path, {"found": found, "pictures": _pictures(found)})
-
-
-def _pictures(found: Validation) -> list[tuple[str, str]]:
-    """(caption, image) of what there is to draw."""
-    if not found.runs:
-        return []
-    return [
-        ("Deviation per output, all rows and moving rows, against the requirement.", _bars(found)),
-        ("What is left over the longest run, and its autocorrelation.", _left(found)),
-    ]
-
-
-def _bars(found: Validation) -> str:
-    outputs = found.validation.together[:MOST]
-    rules = found.validation.rules
-    figure = Figure(figsize=(9, 2.6), layout="constrained")
-    axes = figure.subplots()
-    places = np.arange(len(outputs))
-    for shift, label, values in (
-        (-0.2, "all rows", [o.relative_rms for o in outputs]),
-        (0.2, "moving rows", [o.relative_rms_moving for o in outputs]),
-    ):
-        axes.bar(places + shift, 100 * np.nan_to_num(values), 0.38, label=label)
-    if rules.relative and np.isfinite(rules.requirement):
-        axes.axhline(100 * rules.requirement, color="0.2", linestyle="--", label="requirement")
-    axes.set_xticks(places, [o.name for o in outputs])
-    axes.set_ylabel("rms, % of measured")
-    axes.set_ylim(top=1.35 * axes.get_ylim()[1])
-    axes.legend(frameon=False, fontsize=8, ncols=3, loc="upper right")
-    return encoded(figure)
+    picture = _left(found) if found.runs else None
+    write_page("validation.html", path, {"found": found, "picture": picture})
 
 
 def _left(found: Validation) -> str:
