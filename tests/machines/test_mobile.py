@@ -13,12 +13,8 @@ from evertwin.models import Compiled, check_model
 
 BASES = [Robot1D(), Odometer(), Differential(), Differential(wheels=True), Omni()]
 STEPS = [
-    kernels.line_step, kernels.odometer_step, kernels.twist_step, kernels.wheel_step,
+    kernels.travel_step, kernels.travel_step, kernels.twist_step, kernels.wheel_step,
     kernels.omni_step,
-]  # fmt: skip
-OBSERVES = [
-    kernels.line_observe, kernels.pair_observe, kernels.pose_observe, kernels.pose_observe,
-    kernels.pose_observe,
 ]  # fmt: skip
 
 
@@ -32,7 +28,7 @@ def test_kernel_equals_its_plain_twin(number: int) -> None:
     base, rng = BASES[number], np.random.default_rng(1)
     p = base.parameters.values * 1.1
     x = rng.normal(size=len(base.states))
-    ahead, y, context = np.zeros_like(x), np.zeros(len(base.outputs)), np.zeros(1, dtype=np.int64)
+    ahead, y, context = np.zeros_like(x), np.zeros(len(base.outputs)), np.array([len(x)])
     for _ in range(20):
         u = rng.normal(size=len(base.inputs))
         end, out = base.simulate(x, u[None], np.array([0.07]), p)
@@ -42,7 +38,7 @@ def test_kernel_equals_its_plain_twin(number: int) -> None:
     measured = rng.normal(size=len(base.outputs))
     measured[0] = np.nan
     adopted = base.observe(x, measured)
-    OBSERVES[number].py_func(context, x, measured)
+    kernels.observe.py_func(context, x, measured)
     assert np.array_equal(adopted, x)
 
 

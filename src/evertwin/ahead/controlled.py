@@ -21,6 +21,7 @@ from evertwin.ahead.spec import PathSpec
 from evertwin.errors import UsageError
 from evertwin.machines.arm import Arm
 from evertwin.machines.assembly import Forward
+from evertwin.machines.assembly.columns import turns
 from evertwin.machines.assembly.parts import KINDS
 from evertwin.machines.assembly.train import Axis, Train
 from evertwin.machines.catalog import located, machine
@@ -209,10 +210,7 @@ def _demand(train: Train, axis: Axis, p: ParameterVector, what: str) -> float:
     drive = None if axis.motor is None else str(axis.motor.option("drive") or "current")
     if drive == "voltage":
         return math.inf  # a voltage limits no torque by itself
-    turns, lead = train.at(axis.gearbox, "ratio"), train.at(axis.gearbox, "lead")
-    ratio = float(p[turns]) if turns >= 0 else 1.0
-    if lead >= 0:
-        ratio = 2.0 * math.pi / float(p[lead])
+    ratio = turns(train, axis, p)
     k = 1.0 if drive is None else float(p[train.at(axis.motor, "k")])
     torque = {"tau": 1.0 / ratio, "m": 1.0, "i": k}[what]
     return torque * {None: ratio, "torque": 1.0, "current": 1.0 / k}[drive]

@@ -316,9 +316,8 @@ def dock(basis: Basis, second: Basis, rule: DockSpec, data: Data = None) -> Dock
     other_p = draws(other, second.p, second.sigma, DRAWS, seed=6)
     theirs = w[-1:]
     if second.sigma.any():
-        moved = replace(plan, robot=plan.robot)
         theirs = np.stack([
-            replace(moved, second=plan.second._replace(p=q)).run(commands)[1][-1] for q in other_p
+            replace(plan, second=plan.second._replace(p=q)).run(commands)[1][-1] for q in other_p
         ])  # fmt: skip
     places = plan.pose(np.broadcast_to(mine, (DRAWS, mine.shape[1]))).copy()
     for column, k in ((0, plan.axes.x), (1, plan.axes.y)):

@@ -24,7 +24,6 @@ What holds of several components alike is said once, under ``[like.NAME]``; a co
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import pathlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -33,7 +32,7 @@ from typing import Annotated, Any, NamedTuple
 from annotated_types import Ge, Le
 
 from evertwin.engineering.parts import Component, ModelPart, Requirements, Sensor
-from evertwin.errors import UsageError
+from evertwin.errors import UsageError, nearest
 from evertwin.settings.form import Form
 from evertwin.settings.kinds import Duration
 from evertwin.settings.notes import Free, Hidden, Path, PlacedError
@@ -133,7 +132,7 @@ class Breakdown(Section):
             if system not in {s.name for s in self.system}:
                 raise PlacedError(f"study: no system {system!r} in this file", ("study", k))
         names: set[str] = set()
-        for path, place in self._placed():
+        for path, place in self.placed():
             component = place.component
             if component.name in names:
                 said = f"expected each component's name once, got {component.name!r} twice"
@@ -178,9 +177,9 @@ class Breakdown(Section):
     @property
     def places(self) -> tuple[Place, ...]:
         """Every component with its system and sub-system, in the file's order."""
-        return tuple(place for _, place in self._placed())
+        return tuple(place for _, place in self.placed())
 
-    def _placed(self) -> Iterator[tuple[Path, Place]]:
+    def placed(self) -> Iterator[tuple[Path, Place]]:
         """Every component, with the path of its table in the file."""
         for s, system in enumerate(self.system):
             for c, component in enumerate(system.component):
@@ -238,9 +237,8 @@ def _completed(table: Any, shared: Mapping[str, Any], path: Path) -> Any:
     if not isinstance(name, str):
         return out
     if not isinstance(shared.get(name), Mapping):
-        near = difflib.get_close_matches(name, list(shared), n=1)
-        hint = f", did you mean {near[0]!r}?" if near else ""
-        raise PlacedError(f"like = {name!r}: there is no [like.{name}]{hint}", (*path, "like"))
+        said = f"like = {name!r}: there is no [like.{name}], {nearest(name, shared)}"
+        raise PlacedError(said, (*path, "like"))
     return _merged(shared[name], out)
 
 

@@ -113,7 +113,7 @@ def compile_model(
     except ConfigError:
         raise
     except UsageError as error:
-        raise ConfigError(_located(str(error), file)) from error
+        raise ConfigError(_located(str(error), breakdown, file)) from error
 
 
 def _compiled(breakdown: Breakdown, levels: Mapping[str, Level]) -> ModelPlan:
@@ -256,23 +256,12 @@ def _check(breakdown: Breakdown, parts: list[Component], plan: ModelPlan) -> Non
                 )
 
 
-def _located(message: str, file: str | Path | None) -> str:
+def _located(message: str, breakdown: Breakdown, file: str | Path | None) -> str:
     """The message with the line of the component that it names."""
     named = _NAMED.search(message)
     if file is None or named is None:
         return message
     written = Document(Path(file).read_text(encoding="utf-8-sig"), str(file))
-    place = _place(written.table.get("system", []), named[1])
-    return message if place is None else f"{file}:{written.line(place)}: {message}"
-
-
-def _place(systems: list[Any], name: str) -> tuple[str | int, ...] | None:
-    for i, system in enumerate(systems):
-        for j, part in enumerate(system.get("component", [])):
-            if part.get("name") == name:
-                return ("system", i, "component", j)
-        for k, group in enumerate(system.get("subsystem", [])):
-            for j, part in enumerate(group.get("component", [])):
-                if part.get("name") == name:
-                    return ("system", i, "subsystem", k, "component", j)
-    return None
+    places = (path for path, place in breakdown.placed() if place.component.name == named[1])
+    path = next(places, None)
+    return message if path is None else f"{file}:{written.line(path)}: {message}"

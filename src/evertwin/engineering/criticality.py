@@ -18,14 +18,13 @@
 
 from __future__ import annotations
 
-import difflib
 from dataclasses import dataclass
 from pathlib import Path
 
 from evertwin.engineering.breakdown import Breakdown, Place
 from evertwin.engineering.history import History, read_history
 from evertwin.engineering.parts import Component, Role
-from evertwin.errors import ConfigError, DataError
+from evertwin.errors import ConfigError, DataError, nearest
 
 
 @dataclass(frozen=True)
@@ -65,9 +64,8 @@ def history_of(breakdown: Breakdown) -> History | None:
     names = [component.name for component in breakdown.components]
     for name in history.found:
         if name not in names:
-            near = difflib.get_close_matches(name, names, n=1)
-            hint = f", did you mean {near[0]!r}?" if near else ": add it to the breakdown file"
-            raise DataError(f"{path}: no component {name!r} in {breakdown.name}{hint}")
+            hint = nearest(name, names)
+            raise DataError(f"{path}: no component {name!r} in {breakdown.name}, {hint}")
     return history
 
 

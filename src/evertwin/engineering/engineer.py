@@ -26,12 +26,12 @@ from evertwin.loop.feed import Data, Feed
 from evertwin.loop.setup import Setup
 from evertwin.loop.versions import Versions
 from evertwin.loop.work import Work
+from evertwin.machines.catalog import with_files
 from evertwin.settings.document import Document
 from evertwin.tuning import Problem
 
 OURS = {"model": ("kind", "options", "parameters"), "tuning": ("editable", "weights")}
 """What a breakdown decides elsewhere than under ``[twin]``."""
-PATHS = (".urdf", ".py", ".xml", ".mo", ".fmu", ".csv", ".mat")
 
 
 @dataclass(frozen=True)
@@ -123,19 +123,13 @@ def _variables(file: str | Path) -> dict[str, str]:
 def _moved(plan: ModelPlan, folder: str, out: Path, variables: Mapping[str, str]) -> ModelPlan:
     """The plan with files seen from the twin file."""
 
-    def seen(value: Any) -> Any:
-        if isinstance(value, str) and value.endswith(PATHS):
-            for name, stands in variables.items():
-                if value.startswith(stands):
-                    return f"${{{name}}}{value.removeprefix(stands)}"
-            return _seen(folder, value, out)
-        if isinstance(value, Mapping):
-            return {key: seen(item) for key, item in value.items()}
-        if isinstance(value, list | tuple):
-            return [seen(item) for item in value]
-        return value
+    def seen(name: str) -> str:
+        for variable, stands in variables.items():
+            if name.startswith(stands):
+                return f"${{{variable}}}{name.removeprefix(stands)}"
+        return _seen(folder, name, out)
 
-    return replace(plan, options={key: seen(value) for key, value in plan.options.items()})
+    return replace(plan, options=with_files(plan.options, seen))
 
 
 def _seen(folder: str, name: str, out: Path) -> str:

@@ -119,7 +119,7 @@ class OutputReport:
 
     def to_dict(self) -> dict[str, Json]:
         """Plain content."""
-        return plain({k: getattr(self, k) for k in self.__dataclass_fields__})  # type: ignore[return-value]
+        return plain(self)  # type: ignore[return-value]
 
     def __str__(self) -> str:
         word = {True: "ok     ", False: "MISSED ", None: "       "}[self.passed]

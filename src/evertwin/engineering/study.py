@@ -99,17 +99,17 @@ class Study:
             "inside": [one._asdict() for one in self.inside],
             "identified": self.identified
             and {
-                "values": [_fields(one) for one in self.identified.found],
+                "values": self.identified.found,
                 "deviation_before": self.identified.before,
                 "deviation_after": self.identified.after,
             },
-            "notes": list(self.notes),
+            "notes": self.notes,
             "morris": _table(self.morris, ("mu", "spread")),
             "sobol": self.chosen.sobol
             and _table(self.chosen.sobol, ("share", "alone", "half", "effect")),
-            "parameters": [_fields(one) for one in self.chosen.choices],
-            "editable": list(self.chosen.editable),
-            "schedule": self.weighed and _fields(self.weighed),
+            "parameters": self.chosen.choices,
+            "editable": self.chosen.editable,
+            "schedule": self.weighed,
             "measured": self.measured
             and {
                 **_fields(self.measured), "saved": self.measured.saved,

@@ -30,7 +30,8 @@ from evertwin.machines.arm import Arm, layout
 from evertwin.machines.arm.chain import Chain
 from evertwin.machines.arm.lanes import batch
 from evertwin.machines.arm.mjcf import central, mjcf_of
-from evertwin.machines.arm.rnea import BODY, JOINT
+from evertwin.machines.arm.rnea import BODY
+from evertwin.machines.assembly.kinematics import frames
 from evertwin.machines.catalog import machine
 from evertwin.types import Float64, Inputs, Outputs, ParameterVector, Vector
 
@@ -81,24 +82,13 @@ class Rigid(NamedTuple):
     def energy(self, q: Outputs, v: Outputs) -> Float64[np.ndarray, "n 2"]:
         """Kinetic and potential energy [J]."""
         kinetic = 0.5 * np.einsum("ni,nij,nj->n", v, self.mass(q), v)
-        return np.stack([kinetic, [self._height(row) for row in q]], axis=1)
-
-    def _height(self, q: Vector) -> float:
-        """−Σ g·(m x + R h): the first moments in the base's frame."""
-        turn, place, total = np.eye(3), np.zeros(3), 0.0
-        pull = self.chain.geometry[:3]
-        for j in range(self.chain.n):
-            at = 3 + JOINT * j
-            place = place + turn @ self.chain.geometry[at + 9 : at + 12]
-            turn = turn @ self.chain.geometry[at : at + 9].reshape(3, 3)
-            if self.chain.sliding[j]:
-                place = place + turn[:, 2] * q[j]
-            else:
-                c, s = np.cos(q[j]), np.sin(q[j])
-                turn = turn @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-            m, h = self.chain.inertia[BODY * j], self.chain.inertia[BODY * j + 1 : BODY * j + 4]
-            total -= float(pull @ (m * place + turn @ h))
-        return total
+        height = np.zeros(len(q))  # −Σ g·(m x + R h): the first moments in the base's frame
+        for frame, body in zip(
+            frames(self.chain, q), self.chain.inertia.reshape(-1, BODY), strict=True
+        ):
+            moment = body[0] * frame[:, :3, 3] + frame[:, :3, :3] @ body[1:4]
+            height -= moment @ self.chain.geometry[:3]
+        return np.stack([kinetic, height], axis=1)
 
 
 def verify_arm(arm: Arm, u: Inputs, p: ParameterVector) -> tuple[Check, ...]:
@@ -107,8 +97,7 @@ def verify_arm(arm: Arm, u: Inputs, p: ParameterVector) -> tuple[Check, ...]:
     seen = u[np.isfinite(u).all(axis=1)][:: max(1, len(u) // ROWS)][:ROWS]
     rng = np.random.default_rng(0)
     rows = np.concatenate([seen, rng.uniform(-2.0, 2.0, (ROWS, 3 * arm.chain.n))])
-    chain = _loaded(arm, p)
-    rigid = Rigid.of(chain)
+    rigid = Rigid.of(replace(arm.chain, inertia=arm.bodies(p).ravel()))
     joints = arm.coupling.of_motors(rows) if arm.coupling and arm.coupling.motors else rows
     return (
         *_against_engine(arm, p, rows, joints, (rigid, said)),
@@ -117,40 +106,19 @@ def verify_arm(arm: Arm, u: Inputs, p: ParameterVector) -> tuple[Check, ...]:
     )
 
 
-def _numbers(arm: Arm, p: ParameterVector) -> Float64[np.ndarray, " b"]:
-    """The ten numbers of each link at ``p``, the payload's in the last."""
-    names, out = arm.parameters.names, arm.chain.inertia.copy()
-    places = [k for k, name in enumerate(names) if "." in name and not name.startswith("payload.")]
-    out[list(arm.base)] = p[places] if arm.base else 0.0
-    if arm.payload:
-        first = names.index("payload.m")
-        out[-BODY:] += layout.payload_map(arm.chain) @ p[first : first + BODY]
-    return out
-
-
-def _loaded(arm: Arm, p: ParameterVector) -> Chain:
-    return replace(arm.chain, inertia=_numbers(arm, p))
-
-
 def _physical(arm: Arm, p: ParameterVector) -> tuple[ParameterVector, str]:
     """Parameters whose links could be bodies: tuned base parameters are sums that no body has."""
-    numbers = _numbers(arm, p)
     try:
-        for j in range(arm.chain.n):
-            central(numbers[BODY * j : BODY * (j + 1)])
+        for body in arm.bodies(p):
+            central(body)
     except ModelError:
-        start, out = arm.parameters, p.copy()
-        for k, name in enumerate(start.names):
-            if "." in name:
-                at = arm.base[k - _first(arm)] if not name.startswith("payload.") else -1
-                out[k] = arm.chain.inertia[at] if at >= 0 else 0.0
+        described = [*layout.base_items(arm.chain, arm.base), *layout.payload_parameters()]
+        out, names = p.copy(), arm.parameters.names
+        for item in described:
+            if item.name in names:
+                out[names.index(item.name)] = item.value
         return out, "at the description's inertias: the tuned base parameters are those of no body"
     return p, "at the present parameters"
-
-
-def _first(arm: Arm) -> int:
-    names = arm.parameters.names
-    return next(k for k, n in enumerate(names) if "." in n and not n.startswith("payload."))
 
 
 def _bare(arm: Arm, p: ParameterVector) -> ParameterVector:

@@ -15,7 +15,6 @@ import math
 import shutil
 import sys
 import tempfile
-from collections.abc import Mapping
 from importlib.metadata import version as version_of
 from pathlib import Path
 from typing import Any
@@ -23,7 +22,7 @@ from typing import Any
 from evertwin.errors import MissingExtra, ModelError, UsageError
 from evertwin.export.content import Exported
 from evertwin.fold.records import plain
-from evertwin.machines.catalog import FILES
+from evertwin.machines.catalog import FILES, with_files
 
 _SCRIPT = '''"""{name}, version {number}: {need}."""
 
@@ -116,25 +115,23 @@ def _collected(out: Exported, folder: Path) -> list[Path]:
     """The description, and a copy of every file that the model is built from."""
     files: list[Path] = []
 
-    def packed(value: Any) -> Any:
-        if isinstance(value, str) and value.endswith(FILES):
-            source = Path(out.folder) / value
-            target = folder / f"{len(files)}_{source.name}"
-            try:
-                shutil.copyfile(source, target)
-            except OSError as error:
-                raise ModelError(f"{source}: cannot be read: {error.strerror}") from error
-            files.append(target)
-            return target.name
-        if isinstance(value, Mapping):
-            return {key: packed(item) for key, item in value.items()}
-        return [packed(item) for item in value] if isinstance(value, list | tuple) else value
+    def packed(name: str) -> str:
+        if not name.endswith(FILES):
+            return name  # a folder of libraries stays where it is
+        source = Path(out.folder) / name
+        target = folder / f"{len(files)}_{source.name}"
+        try:
+            shutil.copyfile(source, target)
+        except OSError as error:
+            raise ModelError(f"{source}: cannot be read: {error.strerror}") from error
+        files.append(target)
+        return target.name
 
     version = out.version
     content = {
         "name": out.name, "version": version.number, "hash": version.hash, "kind": out.kind,
-        "options": packed(out.options), "form": plain(version.form), "names": version.names,
-        "values": version.values,
+        "options": with_files(out.options, packed), "form": plain(version.form),
+        "names": version.names, "values": version.values,
         "low": [_said(item.low) for item in out.model.parameters],
         "high": [_said(item.high) for item in out.model.parameters],
         "editable": [item.editable for item in out.model.parameters],

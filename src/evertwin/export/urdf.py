@@ -21,10 +21,7 @@ import numpy as np
 from evertwin.errors import ModelError, UsageError
 from evertwin.export.content import Exported
 from evertwin.machines.arm import Arm
-from evertwin.machines.arm.inertia import Body, Matrix, matrix
-from evertwin.machines.arm.layout import base_items, payload_map
-from evertwin.machines.arm.physical import checked
-from evertwin.machines.arm.rnea import BODY
+from evertwin.machines.arm.inertia import Body, Matrix, about_centre, checked
 from evertwin.machines.friction.terms.coulomb import COULOMB
 from evertwin.machines.friction.terms.viscous import VISCOUS
 
@@ -49,7 +46,7 @@ def urdf_bytes(out: Exported) -> bytes:
     values = dict(zip(out.version.names, out.version.values, strict=True))
     top = Element("robot", name=out.name)
     SubElement(top, "link", name=_root(arm))
-    for k, body in enumerate(_bodies(arm, values)):
+    for k, body in enumerate(arm.bodies(out.version.p)):
         _link(top, arm.chain.links[k], body)
     for k in range(arm.chain.n):
         _joint(top, arm, k, values)
@@ -72,24 +69,12 @@ def _free(name: str, arm: Arm) -> str:
     return name
 
 
-def _bodies(arm: Arm, values: Mapping[str, float]) -> list[Body]:
-    """Ten numbers a link about its frame, as tuned."""
-    chain, flat = arm.chain, arm.chain.inertia.copy()
-    for place, item in zip(arm.base, base_items(chain, arm.base), strict=True):
-        flat[place] = values[item.name]
-    bodies = list(flat.reshape(-1, BODY))
-    if arm.payload:
-        carried = np.array([v for n, v in values.items() if n.startswith("payload.")])
-        bodies[-1] = bodies[-1] + payload_map(chain) @ carried
-    return bodies
-
-
 def _link(top: Element, name: str, body: Body) -> None:
     """About the centre of mass, with axes parallel to the frame's."""
     mass, about = float(body[0]), f"urdf: link '{name}' as tuned"
     checked(about, mass, None)
     centre = body[1:4] / mass
-    own = matrix(body) - mass * (np.dot(centre, centre) * np.eye(3) - np.outer(centre, centre))
+    own = about_centre(body)
     try:
         checked(about, mass, own)
     except ModelError as error:

@@ -73,25 +73,28 @@ def _options(factory: Callable[..., Model]) -> tuple[str, ...]:
     return tuple(item.name for item in there)
 
 
-def located(folder: str | Path, value: Any) -> Any:
-    """Options in which the names of model files, relative to ``folder``, are paths.
+def with_files(value: Any, change: Callable[[str], str], key: str = "") -> Any:
+    """Options with every name of a file or folder in them changed.
 
-    >>> located("twins", {"components": [{"urdf": "own.urdf"}]})["components"][0]["urdf"]
-    'twins/own.urdf'
+    >>> with_files({"file": "a.mo", "libraries": ["more"], "model": "A"}, str.upper)
+    {'file': 'A.MO', 'libraries': ['MORE'], 'model': 'A'}
     """
-    if isinstance(value, str) and value.endswith(FILES):
-        return str(Path(folder) / value)
+    if isinstance(value, str):
+        return change(value) if value.endswith(FILES) or key in FOLDERS else value
     if isinstance(value, list | tuple):
-        return type(value)(located(folder, item) for item in value)
+        return type(value)(with_files(item, change, key) for item in value)
     if isinstance(value, Mapping):
-        return {key: _inside(folder, key, item) for key, item in value.items()}
+        return {name: with_files(item, change, name) for name, item in value.items()}
     return value
 
 
-def _inside(folder: str | Path, key: str, value: Any) -> Any:
-    if key in FOLDERS and isinstance(value, list | tuple):
-        return type(value)(str(Path(folder) / item) for item in value)
-    return located(folder, value)
+def located(folder: str | Path, value: Any) -> Any:
+    """Options with the files that they name, found beside the twin file.
+
+    >>> located("/machines", {"urdf": "arm.urdf", "law": "sign"})
+    {'urdf': '/machines/arm.urdf', 'law': 'sign'}
+    """
+    return with_files(value, lambda name: str(Path(folder) / name))
 
 
 def _factory(kind: str) -> Callable[..., Model]:

@@ -34,16 +34,12 @@ from numba import njit
 
 from evertwin.machines.friction import Law, Rung
 from evertwin.machines.friction.kernel import (
-    FEATURE,
-    SHAPE,
     WIDTH,
-    behind,
     columns_of,
-    feature,
+    fill,
     force,
     record_of,
     steepness,
-    switch,
     width_of,
 )
 from evertwin.machines.friction.terms.two_sided import TWO_SIDED
@@ -140,19 +136,6 @@ def force_observe(context: Any, x: Any, y: Any) -> int:
     return 0
 
 
-@njit(cache=True)
-def _regressor(context: Any, terms: Any, u: Any, p: Any, phi: Any) -> None:
-    """Fills ``phi`` (n, 1, m): mass, then the law's linear terms."""
-    width = width_of(context, LAW, p)
-    for i in range(u.shape[0]):
-        v = u[i, 0]
-        s = switch(v, width, context[STANDSTILL] * 1e-9)
-        phi[i, 0, 0] = u[i, 1]
-        for j in range(len(terms)):
-            own = behind(p, terms[j, SHAPE])
-            phi[i, 0, 1 + j] = feature(terms[j, FEATURE], v, s, math.nan, math.nan, math.nan, own)
-
-
 def _build(
     law: Law | str, two_sided: bool, standstill: float, known: tuple[str, ...]
 ) -> tuple[Law, Parameters, tuple[int, ...]]:
@@ -166,19 +149,10 @@ def _build(
     return form, parameters, (0, round(form.standstill * 1e9), *record_of(form, 1).tolist())
 
 
-class Drive(Compiled):
-    """From force [N] to position [m] and speed [m/s]: for free runs and what-if.
+class _Rubs:
+    """What both forms say of their friction."""
 
-    >>> Drive().inputs.names, Drive().outputs.names
-    (('force',), ('position', 'speed'))
-    """
-
-    def __init__(self, law: Law | str = "sign", two_sided: bool = False) -> None:
-        self.law, parameters, context = _build(law, two_sided, 0.0, ("q",))
-        motion = Layout.of(position="m", speed="m/s")
-        super().__init__(
-            Layout.of(force="N"), motion, motion, parameters, step.address, observe.address, context
-        )
+    law: Law
 
     @property
     def rubbing(self) -> tuple[str, ...]:
@@ -194,8 +168,23 @@ class Drive(Compiled):
         return str(self.law.only(terms))
 
 
+class Drive(_Rubs, Compiled):
+    """From force [N] to position [m] and speed [m/s]: for free runs and what-if.
+
+    >>> Drive().inputs.names, Drive().outputs.names
+    (('force',), ('position', 'speed'))
+    """
+
+    def __init__(self, law: Law | str = "sign", two_sided: bool = False) -> None:
+        self.law, parameters, context = _build(law, two_sided, 0.0, ("q",))
+        motion = Layout.of(position="m", speed="m/s")
+        super().__init__(
+            Layout.of(force="N"), motion, motion, parameters, step.address, observe.address, context
+        )
+
+
 @dataclass(frozen=True, init=False)
-class DriveForce(Compiled):
+class DriveForce(_Rubs, Compiled):
     """From speed [m/s] and acceleration [m/s²] to force [N], linear in mass and friction.
 
     Below ``standstill`` [m/s] the sign of the speed counts as zero.
@@ -223,19 +212,6 @@ class DriveForce(Compiled):
         object.__setattr__(self, "law", form)
 
     @property
-    def rubbing(self) -> tuple[str, ...]:
-        """Friction's coefficients."""
-        return self.law.rubbing()
-
-    def rungs(self) -> tuple[Rung, ...]:
-        """Steps up the ladder of friction laws; each has to pay on unseen data."""
-        return self.law.rungs()
-
-    def law_name(self, output: int, terms: Sequence[str]) -> str:
-        """The law with these of its terms."""
-        return str(self.law.only(terms))
-
-    @property
     def columns(self) -> Int64[np.ndarray, "1 m"]:
         """Index into ``p`` of each regressor column: mass and friction lie first."""
         return np.arange(1 + len(self.law.coefficients), dtype=np.int64)[None]
@@ -244,7 +220,12 @@ class DriveForce(Compiled):
         self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
     ) -> tuple[Outputs, Float64[np.ndarray, "n 1 m"]]:
         """Zeros and the compact regressor."""
-        phi = np.empty((len(u), 1, self.columns.shape[1]))
-        rows, p = np.ascontiguousarray(u), np.ascontiguousarray(p)
-        _regressor(self._context, columns_of(self.law, 1), rows, p, phi)
+        phi, out = np.empty((len(u), 1, self.columns.shape[1])), np.empty(len(u))
+        phi[:, 0, 0], p = u[:, 1], np.ascontiguousarray(p)
+        rows = np.full((4, len(u)), np.nan)  # speed; a drive knows no load, temperature and place
+        rows[0] = u[:, 0]
+        width = width_of(self._context, LAW, p)
+        for k, term in enumerate(columns_of(self.law, 1), start=1):
+            fill(term, p, rows, self.law.standstill, width, out)
+            phi[:, 0, k] = out
         return np.zeros((len(u), 1)), phi

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evertwin.machines.arm import Arm, lanes, mass
-from evertwin.machines.arm.mass import KEPT, mass_matrix
+from evertwin.machines.arm import Arm, lanes
 from evertwin.machines.arm.rnea import JOINT
 from evertwin.machines.friction.kernel import switch
 from planted.arms import row_by_row
@@ -27,27 +26,6 @@ def test_torques_agree_with_the_recursion_row_by_row(sliding: bool) -> None:
     u = rows(333)
     expected = row_by_row(geometry, ARM.chain.inertia, u)
     np.testing.assert_allclose(lanes.batch(geometry, ARM.chain.inertia, u), expected, atol=1e-11)
-
-
-@pytest.mark.parametrize("compiled", [False, True])
-@pytest.mark.parametrize("sliding", [(), (0,), (2, 5)])
-def test_the_mass_matrix_is_the_torques_of_unit_accelerations(
-    sliding: tuple[int, ...], compiled: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    geometry = ARM.chain.geometry.copy()
-    geometry[[3 + JOINT * j + 12 for j in sliding]] = 1.0
-    still = geometry.copy()
-    still[:3] = 0.0
-    if not compiled:
-        for name in ("_placed", "_hang"):
-            monkeypatch.setattr(mass, name, getattr(mass, name).py_func)
-    function = mass_matrix if compiled else mass_matrix.py_func
-    for q in rows(4)[:, :6]:
-        u = np.hstack([np.tile(q, (6, 1)), np.zeros((6, 6)), np.eye(6)])
-        found = np.empty((6, 6))
-        function(6, geometry, ARM.chain.inertia, q, found, np.empty(KEPT * 6))
-        expected = row_by_row(still, ARM.chain.inertia, u)
-        np.testing.assert_allclose(found, expected, atol=1e-12 * np.abs(expected).max())
 
 
 def test_cuts_change_no_bit() -> None:

@@ -29,8 +29,7 @@ from typing import Any
 import numpy as np
 
 from evertwin.errors import ModelError, UsageError, nearest
-from evertwin.machines.arm.inertia import Matrix, Position
-from evertwin.machines.arm.physical import checked
+from evertwin.machines.arm.inertia import Matrix, Position, checked
 from evertwin.machines.arm.urdf import Joint, Link, Robot, rotation
 from evertwin.settings.quantity import Measured, number
 from evertwin.types import Float64

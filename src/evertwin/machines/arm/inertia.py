@@ -17,6 +17,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from evertwin.errors import ModelError
 from evertwin.types import Float64
 
 Body: TypeAlias = Float64[np.ndarray, "10"]
@@ -53,6 +54,17 @@ def point(mass: float, centre: Position) -> Body:
     return of_body(mass, centre, np.zeros((3, 3)))
 
 
+def about_centre(body: Body) -> Matrix:
+    """The inertia about the centre of mass of a body with a mass.
+
+    >>> about_centre(of_body(2.0, np.array([0.3, 0.0, 0.0]), np.eye(3))).round(12).tolist()
+    [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+    """
+    mass, centre = body[0], body[1:4] / body[0]
+    spread = np.dot(centre, centre) * np.eye(3) - np.outer(centre, centre)
+    return np.asarray(matrix(body) - mass * spread)
+
+
 def moved(body: Body, rotation: Matrix, position: Position) -> Body:
     """The same body in another frame: ``rotation`` and ``position`` of its frame in the new one.
 
@@ -64,3 +76,28 @@ def moved(body: Body, rotation: Matrix, position: Position) -> Body:
     cross = np.outer(h, position)
     s = s + cross + cross.T + m * np.outer(position, position)
     return _packed(m, h + m * position, np.trace(s) * np.eye(3) - s)
+
+
+def checked(at: str, mass: float, inertia: Matrix | None) -> tuple[str, ...]:
+    """Remarks about a body; ``inertia`` about its centre [kg m²], None for a point.
+
+    Raises:
+        ModelError: no machine can be so; opens with ``at``.
+    """
+    if not (mass > 0.0 and np.isfinite(mass)):
+        raise ModelError(f"{at} has mass {mass:g} kg, expected > 0: a frame has no <inertial>")
+    if inertia is None:
+        return ()
+    principal = np.linalg.eigvalsh(inertia)
+    shown = ", ".join(f"{v:.3g}" for v in principal)
+    if not principal[0] > 0.0:
+        raise ModelError(
+            f"{at} has an inertia with principal values {shown} kg m², expected all > 0: check "
+            "ixx … izz"
+        )
+    if principal[2] > (principal[0] + principal[1]) * (1.0 + 1e-6):
+        return (
+            f"{at} has principal moments {shown} kg m²: no body has one above the sum of the "
+            "others",
+        )
+    return ()

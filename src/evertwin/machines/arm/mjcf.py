@@ -17,7 +17,7 @@ import numpy as np
 
 from evertwin.errors import ModelError
 from evertwin.machines.arm.chain import Chain
-from evertwin.machines.arm.inertia import Body, Matrix, Position, matrix
+from evertwin.machines.arm.inertia import Body, Matrix, Position, about_centre
 from evertwin.machines.arm.rnea import BODY, JOINT
 
 
@@ -37,8 +37,7 @@ def central(body: Body) -> tuple[float, Position, Matrix]:
     if not mass > 0.0:
         raise ModelError(f"mass {mass:.3g} kg is not above zero")
     centre = body[1:4] / mass
-    spread = np.dot(centre, centre) * np.eye(3) - np.outer(centre, centre)
-    own = matrix(body) - mass * spread
+    own = about_centre(body)
     a, b, c = np.linalg.eigvalsh(own).tolist()
     # Beside what rounding leaves of zero.
     if max(abs(a), abs(c)) <= 1e-14 * mass * max(1.0, float(np.dot(centre, centre))):

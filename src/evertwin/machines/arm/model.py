@@ -306,6 +306,16 @@ class Arm(StaticMap):
             parts.append(body_columns(self.chain.geometry, last, u) @ self._payload_map)
         return np.concatenate(parts, axis=2)
 
+    def bodies(self, p: ParameterVector) -> Float64[np.ndarray, "ny 10"]:
+        """The ten numbers of each link at ``p``, the payload's in the last."""
+        out, known = self.chain.inertia.copy(), self.parameters
+        names = [item.name for item in layout.base_items(self.chain, self.base)]
+        out[list(self.base)] = p[known.indices(names)]
+        if self.payload:
+            first = known.index("payload.m")
+            out[-BODY:] += self._payload_map @ p[first : first + BODY]
+        return out.reshape(-1, BODY)
+
     @property
     def joints(self) -> tuple[str, ...]:
         """Names of the joints, from base to tip."""

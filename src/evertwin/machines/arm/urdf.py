@@ -27,8 +27,7 @@ from defusedxml.common import DefusedXmlException
 from defusedxml.ElementTree import DefusedXMLParser
 
 from evertwin.errors import ModelError
-from evertwin.machines.arm.inertia import Matrix, Position
-from evertwin.machines.arm.physical import checked
+from evertwin.machines.arm.inertia import Matrix, Position, checked
 
 LARGEST = 8_000_000
 """Characters that a file may have."""

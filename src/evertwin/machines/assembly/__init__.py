@@ -10,40 +10,33 @@ if TYPE_CHECKING:
     from evertwin.machines.assembly.forward import Forward
     from evertwin.machines.assembly.inverse import Inverse, StaticInverse
     from evertwin.machines.assembly.model import assembly
-    from evertwin.machines.assembly.parts import KINDS, Component, read_component
+    from evertwin.machines.assembly.parts import KINDS
     from evertwin.machines.assembly.path import (
         Circle,
         Joints,
         Limits,
         Line,
-        Motion,
-        Move,
         Pause,
         moves_of,
         plan,
     )
     from evertwin.machines.assembly.sensors import sensors_of
-    from evertwin.machines.assembly.train import Train, join
+    from evertwin.machines.assembly.train import join
 
 __all__ = [
     "KINDS",
     "Circle",
-    "Component",
     "Forward",
     "Inverse",
     "Joints",
     "Limits",
     "Line",
-    "Motion",
-    "Move",
     "Pause",
     "StaticInverse",
-    "Train",
     "assembly",
     "join",
     "moves_of",
     "plan",
-    "read_component",
     "sensors_of",
 ]
 

@@ -21,6 +21,23 @@ CLOSE = 1e-9
 """Position error [m] and rotation error [rad] at which a point is reached."""
 
 
+def frames(chain: Chain, q: Float64[np.ndarray, "n joints"]) -> list[Float64[np.ndarray, "n 4 4"]]:
+    """The frame of each joint in the base, behind its motion, at many joint positions [rad, m]."""
+    frame, found = np.broadcast_to(np.eye(4), (len(q), 4, 4)), []
+    for j in range(chain.n):
+        numbers = chain.geometry[3 + JOINT * j : 3 + JOINT * (j + 1)]
+        here, move = np.eye(4), np.broadcast_to(np.eye(4), (len(q), 4, 4)).copy()
+        here[:3, :3], here[:3, 3] = numbers[:9].reshape(3, 3), numbers[9:12]
+        if chain.sliding[j]:
+            move[:, 2, 3] = q[:, j]
+        else:
+            c, s = np.cos(q[:, j]), np.sin(q[:, j])
+            move[:, 0, 0], move[:, 0, 1], move[:, 1, 0], move[:, 1, 1] = c, -s, s, c
+        frame = frame @ here @ move
+        found.append(frame)
+    return found
+
+
 def tool(
     chain: Chain, q: Vector
 ) -> tuple[Float64[np.ndarray, "4 4"], Float64[np.ndarray, "6 joints"]]:
@@ -32,29 +49,14 @@ def tool(
     >>> frame.shape, jacobian.shape
     ((4, 4), (6, 6))
     """
-    frame, axes, places = np.eye(4), [], []
-    for j in range(chain.n):
-        numbers = chain.geometry[3 + JOINT * j : 3 + JOINT * (j + 1)]
-        here = np.eye(4)
-        here[:3, :3], here[:3, 3] = numbers[:9].reshape(3, 3), numbers[9:12]
-        frame = frame @ here
-        axes.append(frame[:3, 2].copy())
-        move = np.eye(4)
-        if numbers[12] != 0.0:
-            move[2, 3] = q[j]
-        else:
-            c, s = np.cos(q[j]), np.sin(q[j])
-            move[:2, :2] = [[c, -s], [s, c]]
-        frame = frame @ move
-        places.append(frame[:3, 3].copy())
-    frame = frame @ chain.tool
-    jacobian = np.zeros((6, chain.n))
-    for j, (axis, place) in enumerate(zip(axes, places, strict=True)):
+    joints = [frame[0] for frame in frames(chain, q[None])]
+    frame, jacobian = joints[-1] @ chain.tool, np.zeros((6, chain.n))
+    for j, joint in enumerate(joints):
+        axis = joint[:3, 2]
         if chain.sliding[j]:
             jacobian[:3, j] = axis
         else:
-            (x, y, z), (a, b, c) = axis.tolist(), (frame[:3, 3] - place).tolist()
-            jacobian[:3, j] = y * c - z * b, z * a - x * c, x * b - y * a
+            jacobian[:3, j] = np.cross(axis, frame[:3, 3] - joint[:3, 3])
             jacobian[3:, j] = axis
     return frame, jacobian
 
@@ -68,18 +70,7 @@ def tips(chain: Chain, q: Float64[np.ndarray, "n joints"]) -> Float64[np.ndarray
     >>> bool(np.allclose(tips(chain, q)[1], tool(chain, q[1])[0][:3, 3]))
     True
     """
-    frame = np.broadcast_to(np.eye(4), (len(q), 4, 4))
-    for j in range(chain.n):
-        numbers = chain.geometry[3 + JOINT * j : 3 + JOINT * (j + 1)]
-        here, move = np.eye(4), np.broadcast_to(np.eye(4), (len(q), 4, 4)).copy()
-        here[:3, :3], here[:3, 3] = numbers[:9].reshape(3, 3), numbers[9:12]
-        if numbers[12] != 0.0:
-            move[:, 2, 3] = q[:, j]
-        else:
-            c, s = np.cos(q[:, j]), np.sin(q[:, j])
-            move[:, 0, 0], move[:, 0, 1], move[:, 1, 0], move[:, 1, 1] = c, -s, s, c
-        frame = frame @ here @ move
-    found: Float64[np.ndarray, "n 3"] = (frame @ chain.tool)[:, :3, 3]
+    found: Float64[np.ndarray, "n 3"] = (frames(chain, q)[-1] @ chain.tool)[:, :3, 3]
     return found
 
 

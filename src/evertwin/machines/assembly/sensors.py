@@ -9,11 +9,12 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import NamedTuple
 
 from evertwin.machines.assembly import shared
 from evertwin.machines.assembly.shared import QUANTITIES, RUBS
-from evertwin.machines.assembly.train import Axis, Train
+from evertwin.machines.assembly.train import Train
 
 
 class Sensor(NamedTuple):
@@ -31,73 +32,52 @@ class Sensor(NamedTuple):
     """Only where commands are followed?"""
 
 
-def _motor(axis: Axis) -> dict[str, Sensor]:
-    q, j = QUANTITIES * axis.number, axis.number
-    return {
-        "torque": Sensor(q + shared.MOTOR_TORQUE, "Nm", j),
-        "current": Sensor(q + shared.MOTOR_CURRENT, "A", j),
-        "voltage": Sensor(q + shared.MOTOR_VOLTAGE, "V", j),
-        "speed": Sensor(q + shared.MOTOR_SPEED, "rad/s", j),
-        "loss": Sensor(q + shared.LOSS, "W", j, linear=False),
-        "power": Sensor(q + shared.POWER, "W", j, linear=False),
-    }
-
-
-def _joint(axis: Axis) -> dict[str, Sensor]:
-    q, j = QUANTITIES * axis.number, axis.number
-    place, effort = ("m", "N") if axis.slides else ("rad", "Nm")
-    return {
-        "position": Sensor(q + shared.POSITION, place, j),
-        "speed": Sensor(q + shared.SPEED, f"{place}/s", j),
-        "acceleration": Sensor(q + shared.ACCELERATION, f"{place}/s**2", j),
-        "load": Sensor(q + shared.LOAD, effort, j),
-        "effort": Sensor(q + shared.EFFORT, effort, j),
-    }
-
-
-def _gearbox(axis: Axis) -> dict[str, Sensor]:
-    q, place = QUANTITIES * axis.number, "m" if axis.slides else "rad"
-    return {
-        "load": _joint(axis)["load"],
-        "effort": _joint(axis)["effort"],
-        "deflection": Sensor(q + shared.DEFLECTION, place, axis.number, linear=False),
-    }
-
-
-def _controller(axis: Axis, unit: str) -> dict[str, Sensor]:
-    q, place = QUANTITIES * axis.number, "m" if axis.slides else "rad"
-    return {
-        "demand": Sensor(q + shared.COMMAND, unit, axis.number, False, True),
-        "error": Sensor(q + shared.ERROR, place, axis.number, False, True),
-    }
+_PLACES = (
+    ("structure", "position", shared.POSITION, "{place}"),
+    ("structure", "speed", shared.SPEED, "{place}/s"),
+    ("structure", "acceleration", shared.ACCELERATION, "{place}/s**2"),
+    ("structure", "load", shared.LOAD, "{effort}"),
+    ("structure", "effort", shared.EFFORT, "{effort}"),
+    ("motor", "torque", shared.MOTOR_TORQUE, "Nm"),
+    ("motor", "current", shared.MOTOR_CURRENT, "A"),
+    ("motor", "voltage", shared.MOTOR_VOLTAGE, "V"),
+    ("motor", "speed", shared.MOTOR_SPEED, "rad/s"),
+    ("motor", "loss", shared.LOSS, "W"),
+    ("motor", "power", shared.POWER, "W"),
+    ("gearbox", "load", shared.LOAD, "{effort}"),
+    ("gearbox", "effort", shared.EFFORT, "{effort}"),
+    ("gearbox", "deflection", shared.DEFLECTION, "{place}"),
+    ("controller", "demand", shared.COMMAND, "{demand}"),
+    ("controller", "error", shared.ERROR, "{place}"),
+)
+"""Component of an axis, quantity, its place among the axis' on the bus, unit."""
+_FORWARD = (shared.COMMAND, shared.ERROR)
+_CURVED = (shared.LOSS, shared.POWER, shared.DEFLECTION, *_FORWARD)
+"""Not linear in friction."""
 
 
 def sensors_of(train: Train) -> dict[str, Sensor]:
     """Every quantity that can be read, by name."""
     found: dict[str, Sensor] = {}
-    for axis in train.axes:
-        owner = axis.structure.name if axis.structure else f"{train.arm.name}.{axis.number + 1}"  # type: ignore[union-attr]
-        groups = {owner: _joint(axis)}
-        if axis.motor is not None:
-            groups[axis.motor.name] = _motor(axis)
-        if axis.gearbox is not None:
-            groups[axis.gearbox.name] = _gearbox(axis)
+    efforts = ["N" if axis.slides else "Nm" for axis in train.axes]
+    for axis, effort in zip(train.axes, efforts, strict=True):
+        j, units = axis.number, {"place": "m" if axis.slides else "rad", "effort": effort}
         if axis.controller is not None:
-            unit = str(axis.controller.options["demand"])
-            groups[axis.controller.name] = _controller(axis, unit)
-        for name, group in groups.items():
-            found |= {f"{name}.{key}": sensor for key, sensor in group.items()}
+            units["demand"] = str(axis.controller.options["demand"])
+        for role, name, code, unit in _PLACES:
+            part = getattr(axis, role)
+            owner = f"{train.arm.name}.{j + 1}" if train.arm and role == "structure" else ""
+            if part is not None or owner:
+                found[f"{owner or part.name}.{name}"] = Sensor(
+                    QUANTITIES * j + code, unit.format(**units), j, code not in _CURVED,
+                    code in _FORWARD,
+                )  # fmt: skip
     first = QUANTITIES * len(train.axes)
-    for f, rub in enumerate(train.rubs):
-        at, effort = first + RUBS * f, "N" if train.axes[rub.axis].slides else "Nm"
-        found[f"{rub.name}.friction"] = Sensor(at + shared.RUB_FORCE, effort, rub.axis)
+    for at, rub in zip(itertools.count(first, RUBS), train.rubs):
+        found[f"{rub.name}.friction"] = Sensor(at + shared.RUB_FORCE, efforts[rub.axis], rub.axis)
         found[f"{rub.name}.heat"] = Sensor(at + shared.HEAT, "W", rub.axis, linear=False)
         if rub.temperature:
             found[f"{rub.name}.temperature"] = Sensor(at + shared.TEMPERATURE, "K", rub.axis)
-    for k, box in enumerate(train.boxes):
-        at, effort = (
-            first + RUBS * len(train.rubs) + k,
-            "N" if train.axes[box.axis].slides else "Nm",
-        )
-        found[f"{box.name}.effort"] = Sensor(at, effort, box.axis, linear=False)
+    for at, box in enumerate(train.boxes, start=first + RUBS * len(train.rubs)):
+        found[f"{box.name}.effort"] = Sensor(at, efforts[box.axis], box.axis, linear=False)
     return found

@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from evertwin.machines.arm.mass import KEPT, mass_matrix
 from evertwin.machines.arm.memory import reals
 from evertwin.machines.arm.rnea import BODY, joint_torques
 from evertwin.machines.assembly import context as slot
@@ -89,15 +88,19 @@ def _arm(context: Any, x: Any, u: Any, p: Any, net: Any, bus: Any, carried: Any)
     """
     n = context[slot.N]
     geometry = reals(context[slot.GEOMETRY])
-    motion, body, kept = np.zeros(3 * n), np.empty(BODY * n), np.empty(KEPT * n)
+    motion, body, kept = np.zeros(3 * n), np.empty(BODY * n), np.empty(8 * n)
     bias, mass = np.empty(n), np.empty((n, n))
     bodies(context, p, body)
     for j in range(n):
         at = slot.HEAD + slot.AXIS * j
         motion[j], motion[n + j] = x[context[at + slot.X_Q]], x[context[at + slot.X_V]]
     joint_torques(n, geometry, body, motion, bias, kept)
-    mass_matrix(n, geometry, body, motion, mass, kept)
-    for j in range(n):
+    for j in range(n):  # a column of the mass matrix: what a unit acceleration adds
+        motion[2 * n + j] = 1.0
+        joint_torques(n, geometry, body, motion, mass[j], kept)
+        motion[2 * n + j] = 0.0
+        for i in range(n):
+            mass[j, i] -= bias[i]
         at = slot.HEAD + slot.AXIS * j
         if context[at + slot.STIFF] < 0:
             mass[j, j] += reflected(context, at, p)

@@ -29,7 +29,7 @@ class Robot1D(Compiled):
         line = Layout.of(x="m")
         super().__init__(
             Layout.of(v="m/s"), line, line, Parameters((_gain("gain"),)),
-            kernels.line_step.address, kernels.line_observe.address,
+            kernels.travel_step.address, kernels.observe.address, (1,),
         )  # fmt: skip
 
 
@@ -52,7 +52,7 @@ class Differential(Compiled):
             raise UsageError(
                 f"expected wheel_radius and wheel_base above 0 m, got {wheel_radius}, {wheel_base}"
             )
-        step, observe = kernels.twist_step.address, kernels.pose_observe.address
+        step, observe = kernels.twist_step.address, kernels.observe.address
         inputs, items = Layout.of(v="m/s", w="rad/s"), (_gain("gain"), _gain("turn_gain"))
         if wheels:
             step, inputs = kernels.wheel_step.address, Layout.of(left="rad/s", right="rad/s")
@@ -60,7 +60,7 @@ class Differential(Compiled):
                 Parameter("wheel_radius", wheel_radius, "m", 0.2 * wheel_radius, 5 * wheel_radius),
                 Parameter("wheel_base", wheel_base, "m", 0.2 * wheel_base, 5 * wheel_base),
             )
-        super().__init__(inputs, POSE, POSE, Parameters(items), step, observe)
+        super().__init__(inputs, POSE, POSE, Parameters(items), step, observe, (3,))
 
 
 class Odometer(Compiled):
@@ -76,8 +76,8 @@ class Odometer(Compiled):
         way = Layout((Channel("travel", "m"), Channel("heading", "rad", kind="angle")))
         items = Parameters((_gain("gain"), _gain("turn_gain")))
         super().__init__(
-            Layout.of(v="m/s", w="rad/s"), way, way, items, kernels.odometer_step.address,
-            kernels.pair_observe.address,
+            Layout.of(v="m/s", w="rad/s"), way, way, items, kernels.travel_step.address,
+            kernels.observe.address, (2,),
         )  # fmt: skip
 
 
@@ -92,5 +92,5 @@ class Omni(Compiled):
         items = Parameters((_gain("gain"), _gain("side_gain"), _gain("turn_gain")))
         super().__init__(
             Layout.of(vx="m/s", vy="m/s", w="rad/s"), POSE, POSE, items,
-            kernels.omni_step.address, kernels.pose_observe.address,
+            kernels.omni_step.address, kernels.observe.address, (3,),
         )  # fmt: skip
