@@ -48,7 +48,6 @@ test: .venv/.has-dev
 lint: .venv/.has-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/python -m pytest -q tests/test_budgets.py tests/test_architecture.py
 
 types: .venv/.has-dev
 	$(BIN)/mypy

@@ -7,7 +7,8 @@ Jacobian J at the optimum and weights W, leaving rows out moves the optimum by
     δ = (J'WJ + R)⁻¹ J'W e      over the rows that stay,       e_out − J_out·δ
 
 exact for terms that are linear in their numbers (tables, surfaces; R is their prior), and to first
-order for laws and lags. Every candidate of every kind is scored by this one rule.
+order for laws and lags: at a kink the first order is fiction. So it only ranks candidates; the one
+that is to join is confirmed first, its numbers fitted anew without each fold.
 
 What lies on a grid is solved under a prior; of those that its kind offers (smoothness, noise,
 symmetry) the one that predicts held-out folds best is taken.
@@ -26,7 +27,7 @@ from evertwin.correction.evidence import Evidence, mean_deviation
 from evertwin.correction.stack import Part, Stack, bounded
 from evertwin.models.corrected import effective_inputs
 from evertwin.models.terms.contract import Candidate, GridTerm, Prior
-from evertwin.types import Float64, Inputs, Vector
+from evertwin.types import Bools, Float64, Inputs, Vector
 
 NEAR, PAYS = 0.01, 0.05
 """Held-out deviations this near are equal; a less symmetric prior must gain this much."""
@@ -34,13 +35,27 @@ TRIED = 2
 """Of many starts only these many, the best as they stand, are fitted."""
 EVALUATIONS = 20
 """Of one fit."""
+ALL = slice(None)
+
+
+class Free(NamedTuple):
+    """The numbers that a fit may change: places in p, bounds, size of a considerable change.
+
+    >>> Free._fields
+    ('places', 'low', 'high', 'typical')
+    """
+
+    places: np.ndarray
+    low: Vector
+    high: Vector
+    typical: Vector
 
 
 class Scored(NamedTuple):
     """A stack, and how it predicts what it was not fitted to.
 
     >>> Scored._fields
-    ('stack', 'deviations', 'detail')
+    ('stack', 'deviations', 'detail', 'free')
     """
 
     stack: Stack
@@ -48,6 +63,8 @@ class Scored(NamedTuple):
     """Held-out deviation of every segment."""
     detail: str = ""
     """What was chosen on the way."""
+    free: Free | None = None
+    """Numbers by which the deviations are right to first order only; None: they are exact."""
 
     @property
     def mean(self) -> float:
@@ -94,20 +111,8 @@ def refit(stack: Stack, evidence: Evidence) -> Scored:
     if not few and not grids:
         residual = evidence.residual(stack.model, stack.p)
         return Scored(stack, evidence.deviations(residual))
-    return score(stack, _free(stack, few + grids), evidence)
-
-
-class Free(NamedTuple):
-    """The numbers that a fit may change: places in p, bounds, size of a considerable change.
-
-    >>> Free._fields
-    ('places', 'low', 'high', 'typical')
-    """
-
-    places: np.ndarray
-    low: Vector
-    high: Vector
-    typical: Vector
+    scored = score(stack, _free(stack, few + grids), evidence)
+    return scored._replace(free=None) if grids else scored  # a grid is solved under its prior
 
 
 def _free(stack: Stack, parts: Sequence[int]) -> Free:
@@ -123,7 +128,7 @@ def _free(stack: Stack, parts: Sequence[int]) -> Free:
 
 
 def _jacobian(
-    stack: Stack, free: Free, evidence: Evidence, at: Vector
+    stack: Stack, free: Free, evidence: Evidence, at: Vector, rows: Bools | slice = ALL
 ) -> Float64[np.ndarray, "r k"]:
     """∂e/∂p by differences of a hundredth of a considerable change, inside the bounds."""
     p = np.tile(stack.p, (1 + len(free.places), 1))
@@ -132,7 +137,7 @@ def _jacobian(
     h = np.where(at + h <= free.high, h, -h)
     for k, place in enumerate(free.places):
         p[1 + k, place] = at[k] + h[k]
-    base, *others = (r.ravel() for r in evidence.residuals(stack.model, p))
+    base, *others = (r[rows].ravel() for r in evidence.residuals(stack.model, p))
     columns = np.empty((len(base), len(others)))
     for k, r in enumerate(others):
         columns[:, k] = (r - base) / h[k]
@@ -145,17 +150,32 @@ def _cost(evidence: Evidence, stack: Stack) -> float:
     return float(np.sum(np.sqrt(1.0 + residual**2) - 1.0))
 
 
-def _solve(stack: Stack, free: Free, evidence: Evidence) -> tuple[Stack, float]:
+def confirm(scored: Scored, evidence: Evidence) -> Scored:
+    """The same stack, every fold predicted with numbers that were fitted without it."""
+    stack, free = scored.stack, scored.free
+    if free is None:
+        return scored
+    out = np.empty_like(evidence.known)
+    for fold in range(int(evidence.fold.max()) + 1):
+        own = evidence.fold == fold
+        without = _solve(stack, free, evidence, ~own)[0]
+        out[own] = evidence.residual(without.model, without.p)[own]
+    return scored._replace(deviations=evidence.deviations(out), free=None)
+
+
+def _solve(
+    stack: Stack, free: Free, evidence: Evidence, rows: Bools | slice = ALL
+) -> tuple[Stack, float]:
     p, model = stack.p, stack.model
 
     def residual(values: Vector) -> Float64[np.ndarray, " r"]:
         p[free.places] = values
-        return evidence.residual(model, p).ravel()
+        return evidence.residual(model, p)[rows].ravel()
 
     margin = 1e-9 * (1.0 + np.abs(free.typical))
     start = np.clip(p[free.places], free.low + margin, free.high - margin)
     result = scipy.optimize.least_squares(
-        residual, start, jac=partial(_jacobian, stack, free, evidence),
+        residual, start, jac=partial(_jacobian, stack, free, evidence, rows=rows),
         bounds=(free.low, free.high), loss="soft_l1", x_scale=free.typical, max_nfev=EVALUATIONS,
         xtol=1e-4, ftol=1e-5,
     )  # fmt: skip
@@ -164,7 +184,7 @@ def _solve(stack: Stack, free: Free, evidence: Evidence) -> tuple[Stack, float]:
 
 
 def score(stack: Stack, free: Free, evidence: Evidence) -> Scored:
-    """Held-out deviations of a stack whose free numbers are at their optimum."""
+    """Held-out deviations of a stack whose free numbers are at their optimum, to first order."""
     values = stack.p[free.places]
     e = evidence.residual(stack.model, stack.p)
     span = free.high - free.low
@@ -172,7 +192,7 @@ def score(stack: Stack, free: Free, evidence: Evidence) -> Scored:
     inside |= ~np.isfinite(span)
     kept = Free(*(column[inside] for column in free))
     columns = _jacobian(stack, kept, evidence, values[inside]) * kept.typical
-    return Scored(stack, evidence.deviations(_left_out(columns, e, evidence)))
+    return Scored(stack, evidence.deviations(_left_out(columns, e, evidence)), free=free)
 
 
 def _left_out(

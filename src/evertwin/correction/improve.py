@@ -38,7 +38,7 @@ import numpy as np
 from evertwin.correction.candidates import propose
 from evertwin.correction.describe import describe
 from evertwin.correction.evidence import Evidence, gather, mean_deviation
-from evertwin.correction.fitting import Scored, fit_candidate, refit
+from evertwin.correction.fitting import Scored, confirm, fit_candidate, refit
 from evertwin.correction.stack import Part, Stack
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import Block, plain
@@ -230,18 +230,18 @@ class _Search:
     def run(self, stack: Stack) -> tuple[Stack, float, list[Gain], dict[str, float]]:
         """Climbs the tiers: stack found, its held-out deviation, what terms brought, what was
         tried."""
-        now = refit(stack, self.evidence)
+        now = confirm(refit(stack, self.evidence), self.evidence)
         level, gains, tried = now.mean, list[Gain](), dict[str, float]()
         for tier in range(SIMPLE, FREE + 1):
             while len(gains) < self.settings.most:
                 options = self.options(now, level, tier)
                 tried = {_label(o): o.gain for o in options if not o.replaced} | tried
-                best = _best(options, self.settings)
+                best = self.confirmed(options)
                 if best is None:
                     break
                 now, after = best.scored, level * (1.0 - best.gain)
                 if not kind(best.candidate.term.kind).linear:
-                    again = refit(now.stack, self.evidence)
+                    again = confirm(refit(now.stack, self.evidence), self.evidence)
                     if again.mean < now.mean:
                         now, after = again, after * again.mean / now.mean
                 gains.append(
@@ -271,7 +271,7 @@ class _Search:
             ):
                 continue
             top = fit_candidate(now.stack, candidate, self.evidence)
-            found.append(_Option(top, candidate, (), *_compared(fitted, top)))
+            found.append(_compared(candidate, (), fitted, top))
             simpler = [
                 k for k, part in enumerate(now.stack.parts)
                 if part.term.kind in candidate.replaces
@@ -284,8 +284,17 @@ class _Search:
                 terms = tuple(now.stack.parts[k].term for k in simpler)
                 instead = fit_candidate(bare, candidate, self.evidence)
                 before = now.deviations * (level / max(now.mean, TINY))
-                found.append(_Option(instead, candidate, terms, *_compared(before, instead)))
+                found.append(_compared(candidate, terms, before, instead))
         return found
+
+    def confirmed(self, options: Sequence[_Option]) -> _Option | None:
+        """The best option whose gain stands when it is fitted anew without each fold."""
+        rest = list(options)
+        while (best := _best(rest, self.settings)) is not None and best.scored.free is not None:
+            again = confirm(best.scored, self.evidence)
+            at = next(i for i, option in enumerate(rest) if option is best)
+            rest[at] = _compared(best.candidate, best.replaced, best.before, again)
+        return best
 
     def pruned(self, now: Scored, level: float, gains: list[Gain]) -> tuple[Scored, float]:
         """Without the terms that no longer pay; the terms of the form given stay."""
@@ -293,7 +302,7 @@ class _Search:
         for k in reversed(range(len(now.stack.parts))):
             if len(now.stack.parts) < 2 or id(now.stack.parts[k].term) not in new:
                 continue
-            less = refit(now.stack.without(k), self.evidence)
+            less = confirm(refit(now.stack.without(k), self.evidence), self.evidence)
             if now.mean > (1 - self.settings.gain) * less.mean:
                 level *= less.mean / max(now.mean, TINY)
                 now = less
@@ -304,7 +313,7 @@ class _Search:
     ) -> Proposal:
         """The outcome as data."""
         best, after, gains, tried = found
-        before = refit(stack, self.evidence).mean
+        before = confirm(refit(stack, self.evidence), self.evidence).mean
         kept = tuple(g for g in gains if any(g.term is part.term for part in best.parts))
         if not kept:
             best, after = stack, before
@@ -319,16 +328,22 @@ class _Option(NamedTuple):
     scored: Scored
     candidate: Candidate
     replaced: tuple[Term, ...]
+    before: Vector
+    """Deviation of every segment without it."""
     gain: float
+    """Relative gain of the mean."""
     sure: float
+    """Mean gain of a segment in its standard errors."""
 
 
-def _compared(before: Vector, after: Scored) -> tuple[float, float]:
-    """Relative gain of the mean, and the mean gain of a segment in its standard errors."""
+def _compared(
+    candidate: Candidate, replaced: tuple[Term, ...], before: Vector, after: Scored
+) -> _Option:
     paired = before - after.deviations
     error = float(paired.std()) / np.sqrt(len(paired))
     gain = 1.0 - after.mean / max(mean_deviation(before), TINY)
-    return gain, float(paired.mean()) / max(error, TINY)
+    sure = float(paired.mean()) / max(error, TINY)
+    return _Option(after, candidate, replaced, before, gain, sure)
 
 
 def _best(options: Sequence[_Option], settings: Selection) -> _Option | None:

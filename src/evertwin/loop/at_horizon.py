@@ -2,8 +2,8 @@
 
 Along a prediction the residual grows, so its mean over all lead times would be another one at
 another rate of the rows. What a twin is judged by is how far it is off after one horizon. Of an
-output that is measured more rarely the newest residual of the prediction counts. Losses of champion
-and challenger are paired over all of a prediction: there the mean has less noise.
+output that is measured more rarely the newest residual of the prediction counts. The limit, the
+trial and the report go by it, so a twin that is sampled more often is not judged otherwise.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Newest(NamedTuple):
     """
 
     values: Float64[np.ndarray, " columns"]
-    """measured, live, first side by side."""
+    """measured, live, first, other side by side."""
 
 
 @njit(cache=True)
@@ -59,16 +59,15 @@ class AtHorizon:
 
     def init(self) -> Newest:
         """Nothing is known."""
-        return Newest(np.full(3 * self.outputs, np.nan))
+        return Newest(np.full(4 * self.outputs, np.nan))
 
     def step(self, state: Newest, rows: Released) -> tuple[Newest, Released]:
         """The rows, with values where a prediction has ended. Consumes ``state``."""
         if not self.wanted:
             return state, rows
-        columns = np.concatenate([rows.measured, rows.live, rows.first], axis=1)
+        columns = np.concatenate(rows[3:7], axis=1)
         carried(columns, rows.end, state.values)
-        ny = self.outputs
-        measured, live, first = (
-            np.ascontiguousarray(columns[:, i * ny : (i + 1) * ny]) for i in range(3)
+        measured, live, first, other = (
+            np.ascontiguousarray(part) for part in np.split(columns, 4, axis=1)
         )
-        return state, rows._replace(measured=measured, live=live, first=first, paired=rows.live)
+        return state, rows._replace(measured=measured, live=live, first=first, other=other)

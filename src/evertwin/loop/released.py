@@ -13,7 +13,7 @@ class Released(NamedTuple):
     """Rows that are ready to be judged; filtered where the twin has a filter.
 
     >>> Released._fields
-    ('row', 't', 'phase', 'measured', 'live', 'first', 'other', 'moving', 'end', 'paired')
+    ('row', 't', 'phase', 'measured', 'live', 'first', 'other', 'moving', 'end')
     """
 
     row: np.ndarray
@@ -31,8 +31,6 @@ class Released(NamedTuple):
     """True where the output counts as moving, (n, ny)."""
     end: Bools
     """A segment ends with this row, (n,)."""
-    paired: Outputs | None = None
-    """Residuals of the champion that its loss is paired by; None: ``live``."""
 
 
 class Waiting(NamedTuple):

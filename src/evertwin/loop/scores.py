@@ -71,7 +71,7 @@ def judged(sums: Any, seen: Any, watch: Watch) -> bool:
 def _accumulate(
     number: Any, rows: Any, sums: Any, seen: Any, pair: Any, scale: Any, pairs: Any, watch: Watch
 ) -> tuple[int, int]:
-    measured, live, first, other, moving, end, paired = rows
+    measured, live, first, other, moving, end = rows
     count, beat = 0, 0
     for i in range(live.shape[0]):
         while beat < watch.beats.shape[0] and watch.beats[beat] <= number[i]:
@@ -88,9 +88,8 @@ def _accumulate(
                 sums[s][0][k] += r * r
                 sums[s][1][k] += y * y
                 sums[s][2][k] += 1
-            d = paired[i, k]
-            if d == d and c == c:
-                pair[0] += (d / scale[k]) * (d / scale[k])
+            if a == a and c == c:
+                pair[0] += (a / scale[k]) * (a / scale[k])
                 pair[1] += (c / scale[k]) * (c / scale[k])
                 pair[2] += 1.0
         if end[i] and pair[2] > 0.0:
@@ -120,10 +119,9 @@ def accumulate(
     champion is off by more than its limit, where the rows after it were left; −1: there is none.
     """
     pairs = np.empty((int(np.count_nonzero(rows.end)), 2))
-    paired = rows.live if rows.paired is None else rows.paired
     sums = (scores.watch, scores.live, scores.first, scores.live_moving, scores.first_moving)
     count, stop = _accumulate(
-        rows.row, (*rows[3:9], paired), tuple(tuple(s) for s in sums), scores.seen, scores.pair,
+        rows.row, rows[3:], tuple(tuple(s) for s in sums), scores.seen, scores.pair,
         scores.scale, pairs, watch,
     )  # fmt: skip
     return scores, pairs[:count], stop

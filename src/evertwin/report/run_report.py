@@ -38,7 +38,6 @@ WORDS = {
     "gain": "relative gain",
     "e_value": "e-value for the challenger",
     "e_value_against": "e-value against it",
-    "segments_per_block": "segments per independent block",
     "missed": "demands not met",
     "version": "version",
     "hash": "hash of the version",

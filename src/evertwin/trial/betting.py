@@ -12,8 +12,10 @@ bet. A payoff below −1 is cut to −1 (a wealth cannot turn negative): a loss 
 challenger here, and counts in full in the pooled gain that the gate asks for besides.
 
 Deviations follow each other, they are not independent. So the same bets are also placed on means
-over 2, 4, 8 and 16 segments, and bets on blocks whose payoffs still show autocorrelation do not
-count: the evidence is the mean wealth of the finest length that does not, and of all coarser ones.
+over 2, 4, 8 and 16 segments, and a logarithm of wealth counts divided by the inflation of the
+variance ``τ = (1 + ρ)/(1 − ρ)``, ρ the lag-1 autocorrelation of the payoffs plus half its standard
+error: bets λ/τ on payoffs whose sum varies τ times as much come to that. The evidence is the mean
+wealth over all lengths.
 
 Sources: Waudby-Smith and Ramdas, "Estimating means of bounded random variables by betting" (2024);
 METHOD: a sequential test on the paired loss.
@@ -41,8 +43,8 @@ SPREAD = 2.0
 """s in rms of the challenger's deviations."""
 CEILING = 20.0
 """Payoffs are cut above this: one block must not decide alone."""
-CORRELATED = 0.2
-"""Lag-1 autocorrelation of payoffs above which a block length does not count."""
+STEADIEST = 0.95
+"""Lag-1 autocorrelation of payoffs that is assumed at most."""
 
 
 class Bets(NamedTuple):
@@ -107,28 +109,26 @@ def place(c: float, x: float, margin: float, lengths: Any, grid: Any, bets: Any)
 
 
 @njit(cache=True)
-def evidence(bets: Any) -> Any:
-    """(logarithm of the e-value, index of the finest block length that counts; −1: none)."""
+def evidence(bets: Any) -> float:
+    """Logarithm of the e-value."""
     _, blocks, _, wealth, serial = bets
-    total, counted, finest = 0.0, 0, -1
+    total, counted = 0.0, 0
     for level in range(len(blocks)):
         n = blocks[level]
-        if finest < 0:
-            if _correlation(n, serial[level]) > max(CORRELATED, 1.0 / math.sqrt(max(n, 1))):
-                continue
-            finest = level
-        if n > WARM:
-            for share in range(wealth.shape[1]):
-                total += math.exp(min(wealth[level, share], 600.0)) / wealth.shape[1]
-            counted += 1
-    return (math.log(total / counted) if counted else 0.0), finest
+        if n <= WARM:
+            continue
+        counted += 1
+        rho = min(_correlation(n, serial[level]) + 0.5 / math.sqrt(n), STEADIEST)
+        inflation = max((1.0 + rho) / (1.0 - rho), 1.0)
+        for share in range(wealth.shape[1]):
+            log = wealth[level, share]
+            total += math.exp(min(log / inflation if log > 0.0 else log, 600.0))
+    return math.log(total / counted / wealth.shape[1]) if counted else 0.0
 
 
 @njit(cache=True)
 def _correlation(n: int, serial: Any) -> float:
     """Lag-1 autocorrelation of n payoffs from their running sums."""
-    if n < 2:
-        return 0.0
     mean = serial[0] / n
     variance = serial[1] / n - mean * mean
     if variance <= 1e-12 * serial[1] / n:

@@ -207,8 +207,7 @@ def figures(state: GateState) -> dict[str, Any]:
     >>> figures(Trial().init())["e_value"]
     1.0
     """
-    ahead, finest = evidence(state.ahead)
-    back, _ = evidence(state.back)
+    ahead, back = evidence(state.ahead), evidence(state.back)
     n = max(int(state.tally[1]), 1)
     live, other, live2, other2 = (float(v) / n for v in state.sums)
     return {
@@ -220,7 +219,6 @@ def figures(state: GateState) -> dict[str, Any]:
         "gain": 1 - other / live if live > 0 else 0.0,
         "e_value": math.exp(min(ahead, _LARGEST)),
         "e_value_against": math.exp(min(back, _LARGEST)),
-        "segments_per_block": int(LENGTHS[finest]) if finest >= 0 else None,
     }
 
 

@@ -59,9 +59,9 @@ def _verdict(rule: Any, ahead: Any, back: Any, sums: Any, harm: Any, tally: Any)
     """The verdict after this segment."""
     gain = 1.0 - sums[1] / sums[0] if sums[0] > 0.0 else 0.0
     if tally[1] >= rule[4]:
-        if gain >= rule[3] and not unsafe(harm) and evidence(ahead)[0] >= rule[1]:
+        if gain >= rule[3] and not unsafe(harm) and evidence(ahead) >= rule[1]:
             return OTHER
-        if gain < 0.0 and evidence(back)[0] >= rule[2]:
+        if gain < 0.0 and evidence(back) >= rule[2]:
             return STAYS
     return STAYS if tally[1] >= rule[5] else OPEN
 
