@@ -75,7 +75,8 @@ POINTS = (
     ("evertwin.loop.run_log", "RunLog.say"),
     ("evertwin.loop.run_log", "RunLog.again"),
     ("evertwin.loop.driver", "Driver.beat"),
-    ("evertwin.loop.work", "Work.answer"),
+    ("evertwin.loop.work", "Work.content"),
+    ("evertwin.loop.slow_work", "SlowWork.send"),
     ("evertwin.loop.decide", "Decide._promote"),
     ("evertwin.loop.run", "Run._finished"),
 )
@@ -197,8 +198,11 @@ def called(folder: Path, words: Sequence[str], kill: Kill = NEVER, *, anew: bool
 
 def log_of(folder: Path) -> tuple[Entry, ...]:
     """The log; empty where there is no store yet."""
+    file = folder / "robot.db"
+    if not file.exists():
+        return ()
     try:
-        store = SqliteStore(folder / "robot.db", read_only=True)
+        store = SqliteStore(file, read_only=True)
     except Foreign:
         return ()  # its tables were not yet made
     try:

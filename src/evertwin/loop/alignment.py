@@ -74,6 +74,7 @@ class Alignment:
             for name in model.outputs.names
         ]
         columns = _columns(operations, inputs, outputs, feeds)
+        operations = _used(operations, [one.column for one in (*inputs, *outputs)])
         angles = {
             recorded_as(spec, c.name) for c in (*model.inputs, *model.outputs) if c.kind == "angle"
         }
@@ -190,6 +191,16 @@ def _columns(
             )
     lines = [name for name in of_inputs if name not in of_outputs]
     return _Columns((*held, *lines), tuple(of_outputs))
+
+
+def _used(operations: Sequence[Operation], wanted: Iterable[str | None]) -> tuple[Operation, ...]:
+    """The operations that a wanted column comes from, in order."""
+    needed, kept = set(wanted), []
+    for one in reversed(operations):
+        if one.name in needed:
+            needed.update(one.source)
+            kept.append(one)
+    return tuple(reversed(kept))
 
 
 def _sources(operations: Sequence[Operation], wanted: Iterable[str | None]) -> dict[str, None]:

@@ -84,6 +84,8 @@ class Live:
     _aligned: AlignmentState = field(init=False)
     _waiting: list[Block] = field(default_factory=list, init=False)
     """Rows until the rate of the data is known."""
+    _task: int | None = field(default=None, init=False)
+    """Number of the first task; a run counts its own from zero."""
     _began: float = field(default_factory=time.perf_counter, init=False)
 
     def __post_init__(self) -> None:
@@ -139,7 +141,8 @@ class Live:
 
     def _take(self, block: Block | None, events: Sequence[Event]) -> None:
         if block is not None:
-            self._waiting.append(block)
+            self._task = int(block.task[0]) if self._task is None else self._task
+            self._waiting.append(block._replace(task=block.task - self._task))
         rows = sum(len(part.t) for part in self._waiting)
         known = self.setup.spec.clock.rate is not None or not self.setup.times
         if self._run is None and rows and (known or rows >= ENOUGH):
@@ -183,10 +186,9 @@ class Live:
             UsageError: nothing was pushed.
         """
         self._aligned, block, events = self._alignment.flush(self._aligned)
-        if block is not None:
-            self._waiting.append(block)
+        self._take(block, events)
         if self._run is None:
             self._begin()
-        self._take(None, events)
+            self._take(None, ())
         assert self._run is not None and self._state is not None
         return self._run.ended(self._state, time.perf_counter() - self._began)
