@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from evertwin.loop.result import RunResult
 from evertwin.models.form import Form
 from evertwin.store import Batch, SqliteStore
 from evertwin.twin import Twin
+from proofs.kills import POINTS
 
 from .machines import robot
 
@@ -262,6 +264,14 @@ def test_a_store_on_disk_goes_on_too(tmp_path: Path) -> None:
     same(twin(store).run([day(1)]), first)
     assert log(store) == log(whole)
     store.close()
+
+
+@pytest.mark.parametrize(("module", "name"), POINTS)
+def test_the_proof_of_kills_finds_its_points(module: str, name: str) -> None:
+    """`python -m proofs.kills` kills before and after each of them."""
+    owner, method = name.split(".")
+    assert callable(getattr(getattr(import_module(module), owner), method))
+    assert method in vars(getattr(import_module(module), owner))
 
 
 def events(store: SqliteStore, kind: str) -> list[Any]:
