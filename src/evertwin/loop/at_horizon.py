@@ -17,8 +17,6 @@ from numba import njit
 from evertwin.loop.released import Released
 from evertwin.types import Bools, Float64
 
-__all__ = ["AtHorizon", "Newest"]
-
 
 class Newest(NamedTuple):
     """What the present prediction is known to be off by.

@@ -23,8 +23,6 @@ from evertwin.report.run_pictures import (
 )
 from evertwin.types import Outputs, ParameterVector
 
-__all__ = ["write_report"]
-
 MOST = 8
 """Outputs that are drawn."""
 ROUNDS = 8

@@ -31,8 +31,6 @@ from numba import njit
 
 from evertwin.types import Float64, Int64
 
-__all__ = ["GRID", "LENGTHS", "Bets", "evidence", "open_bets", "place"]
-
 LENGTHS = np.array([1, 2, 4, 8, 16], dtype=np.int64)
 """Segments per block."""
 GRID = np.array([0.05, 0.1, 0.2, 0.4, 0.7, 0.95])

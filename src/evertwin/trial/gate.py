@@ -31,8 +31,6 @@ from evertwin.trial.betting import GRID, LENGTHS, Bets, evidence, open_bets
 from evertwin.trial.gate_loop import OPEN, OTHER, STAYS, run, unsafe
 from evertwin.types import Float64, Int64, Vector
 
-__all__ = ["Check", "GateState", "Trial", "figures", "new_state", "pass_through"]
-
 _KINDS: dict[int, Literal["promote", "reject"] | None] = {
     OPEN: None, OTHER: "promote", STAYS: "reject"
 }  # fmt: skip

@@ -12,8 +12,6 @@ from numba import njit
 
 from evertwin.trial.betting import evidence, place
 
-__all__ = ["OPEN", "OTHER", "STAYS", "run", "unsafe"]
-
 OPEN, OTHER, STAYS = 0, 1, 2
 """Undecided; the other version is better; it is not, or not within the limit."""
 
