@@ -13,8 +13,6 @@ from matplotlib.figure import Figure
 from evertwin.prognosis.component import ComponentLife
 from evertwin.prognosis.laws import Indicator, Life
 from evertwin.prognosis.laws.life import LEVELS
-from evertwin.prognosis.laws.planning import Plan
-from evertwin.prognosis.lives import Lives
 from evertwin.prognosis.parameter_history import UNITS
 from evertwin.types import Vector
 
@@ -137,48 +135,3 @@ def _smooth(remaining: Vector) -> tuple[np.ndarray, np.ndarray]:
     padded = np.pad(share, 3, mode="edge")
     density = np.gradient(np.convolve(padded, kernel, "valid"), t[1] - t[0] or 1.0)
     return t, np.maximum(density, 0.0)
-
-
-def draw_plan(plan: Plan, lives: Lives) -> Figure:
-    """Each component's life as a bar (80 and 95 %), its planned date, and the stops."""
-    rows = list(reversed(plan.items))
-    figure = Figure(figsize=(9.0, 1.4 + 0.55 * len(rows)), layout="constrained")
-    axis = figure.subplots()
-    far = 0.0
-    for place, item in enumerate(rows):
-        life = lives.components[item.component].life
-        assert isinstance(life, Life)
-        for ends, width, label in ((life.interval95, 5, "life, 95 %"), (life.interval80, 11,
-                                   "life, 80 %")):  # fmt: skip
-            right = ends[1] if np.isfinite(ends[1]) else 3.0 * life.median
-            far = max(far, right if np.isfinite(right) else 0.0)
-            axis.plot([ends[0], right], [place, place], "-", lw=width, color=BAND, alpha=0.55,
-                      solid_capstyle="butt", label=label if place == 0 else None)  # fmt: skip
-        axis.plot([life.median], [place], "|", ms=14, mew=2, color=COURSE,
-                  label="median" if place == 0 else None)  # fmt: skip
-        if np.isfinite(item.after):
-            _date(axis, item, place, first=place == len(rows) - 1)
-    for k, stop in enumerate(plan.stops):
-        axis.axvline(stop.after, color=MARK, lw=1, ls="--", label="stop" if k == 0 else None)
-        if stop.saving > 0.0:
-            axis.annotate(f"together: {stop.saving:.3g} saved", (stop.after, -0.55), xytext=(3, 0),
-                          textcoords="offset points", fontsize=8, color=MARK)  # fmt: skip
-    axis.set_yticks(range(len(rows)), [fill(item.component, WIDTH) for item in rows])
-    axis.set_ylim(-0.6, len(rows) - 0.4)
-    far = far if far > 0.0 else 1.0
-    axis.set_xlim(left=-0.02 * far, right=far * 1.05)
-    axis.set_xlabel(f"from now [{plan.unit}]")
-    axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), fontsize=8, ncols=6, frameon=False,
-                borderaxespad=0.2)  # fmt: skip
-    return figure
-
-
-def _date(axis: Axes, item: Any, place: int, *, first: bool) -> None:
-    declined = item.decision.verdict == "declined"
-    axis.plot([item.after], [place], "x" if declined else "D", ms=8, color=LIMIT,
-              label="planned" if first else None, zorder=4)  # fmt: skip
-    said = "" if item.decision.verdict == "open" else f", {item.decision.verdict}"
-    # beside the dashed line of the stop, on white where another line passes
-    axis.annotate(f"{item.after:.3g}{said}", (item.after, place), xytext=(7, 9),
-                  textcoords="offset points", ha="left", fontsize=8, zorder=5,
-                  bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5})  # fmt: skip

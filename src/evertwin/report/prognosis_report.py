@@ -5,11 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from evertwin.prognosis.component import ComponentLife
+from evertwin.prognosis.laws import Life
 from evertwin.prognosis.laws.planning import Plan
 from evertwin.prognosis.lives import Lives
 from evertwin.report.html import encoded, write_page
-from evertwin.report.life_pictures import draw_indicator, draw_plan
+from evertwin.report.life_pictures import draw_indicator
 
 UNITS = {"s": "seconds", "h": "hours", "d": "days"}
 """Clocks of time, in words; the others (run, cycle) are words."""
@@ -26,10 +29,9 @@ def write_prognosis(lives: Lives, plan: Plan | None, path: Path) -> None:
         (f"{one.component}: {one.indicator.name}", _caption(one), encoded(draw_indicator(one)))
         for one in lives.indicators
     ]
-    timeline = None if plan is None or not plan.items else encoded(draw_plan(plan, lives))
     write_page("prognosis.html", path, {
         "name": lives.name, "life": content, "lives": lives, "pictures": pictures, "plan": plan,
-        "timeline": timeline, "units": UNITS,
+        "timeline": _timeline(plan, lives), "units": UNITS,
         "planned": any(one.phases for one in lives.indicators),
     })  # fmt: skip
 
@@ -39,3 +41,21 @@ def _caption(one: ComponentLife) -> str:
     limit = one.indicator.limit
     told = f"{one.sentence[0].upper()}{one.sentence[1:]}."
     return f"{told} Limit {one.indicator.shown(limit.value)}: {limit.source}."
+
+
+def _timeline(plan: Plan | None, lives: Lives) -> list[dict[str, Any]]:
+    """Of each planned component: where its life ends and its date, in % of the longest life."""
+    every = () if plan is None else plan.items
+    known = [(item, lives.components[item.component].life) for item in every]
+    rows = [(item, life) for item, life in known if isinstance(life, Life)]
+    ends = [end for _, life in rows for end in (*life.interval95, 3.0 * life.median)]
+    far = max((end for end in ends if np.isfinite(end)), default=0.0) or 1.0
+
+    def at(*times: float) -> list[float]:
+        return [100.0 * min(time / far, 1.0) for time in times]
+
+    return [
+        {"item": item, "far": at(*life.interval95), "near": at(*life.interval80),
+         "median": at(life.median)[0], "after": at(item.after)[0]}
+        for item, life in rows
+    ]  # fmt: skip

@@ -145,24 +145,3 @@ def draw_rounds(
     _legend(axes[0])
     axes[-1].set_xlabel("time [s]")
     return figure
-
-
-def draw_intervals(parameters: Mapping[str, Mapping[str, Any]]) -> Figure | None:
-    """Values with their 95 % intervals; None where no parameter has one."""
-    known = {
-        name: item for name, item in parameters.items()
-        if item.get("interval95") and None not in item["interval95"]
-    }  # fmt: skip
-    if not known:
-        return None
-    figure, (axis,) = _figure(1, 0.8 + 0.28 * len(known))
-    for place, (_name, item) in enumerate(reversed(known.items())):
-        low, high = item["interval95"]
-        size = max(abs(item["value"]), abs(low), abs(high), 1e-12)
-        axis.plot([100 * (low - item["value"]) / size, 100 * (high - item["value"]) / size],
-                  [place, place], "-", lw=3, color=BAND)  # fmt: skip
-        axis.plot([0], [place], "o", ms=4, color=PREDICTED)
-    axis.set_yticks(range(len(known)), list(reversed(known)), fontsize=8)
-    axis.set_xlabel("95 % interval, % of the value (of its larger end, where that is more)")
-    axis.axvline(0, color=MEASURED, lw=0.5)
-    return figure

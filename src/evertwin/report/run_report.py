@@ -16,7 +16,6 @@ from evertwin.models.form import Version
 from evertwin.report.html import encoded, write_page
 from evertwin.report.run_pictures import (
     draw_deviation,
-    draw_intervals,
     draw_rounds,
     draw_run,
     draw_table,
@@ -57,7 +56,7 @@ def write_report(result: RunResult, setup: Setup, path: Path) -> None:
         "name": result.name,
         "relative": setup.relative,
         "updating": _updating(result, setup),
-        "pictures": list(_pictures(result, setup, content)),
+        "pictures": list(_pictures(result, setup)),
         "trials": [_trial(e) for e in result.of_kind("promoted", "rolled_back", "rejected")],
         "tuned": {k: v for k, v in content["parameters"].items() if v["verdict"] != "not tuned"},
         "kept": {k: v for k, v in content["parameters"].items() if v["verdict"] == "not tuned"},
@@ -75,7 +74,7 @@ def _updating(result: RunResult, setup: Setup) -> bool:
     return setup.spec.arbiter.use == "tolerance" or any(result.position_updates)
 
 
-def _pictures(result: RunResult, setup: Setup, content: Any) -> Iterator[Picture]:
+def _pictures(result: RunResult, setup: Setup) -> Iterator[Picture]:
     """(title, caption, image) of each picture."""
     names = result.model.outputs.names[:MOST]
     for event in result.of_kind("corrected"):
@@ -84,9 +83,6 @@ def _pictures(result: RunResult, setup: Setup, content: Any) -> Iterator[Picture
         yield from _updates(result, setup)
     if setup.static:
         yield from _rounds(result)
-    figure = draw_intervals(content["parameters"])
-    if figure is not None:
-        yield "Parameters", "Tuned values with their 95 % intervals.", encoded(figure)
     caption = (
         "Above: measured and predicted, position updates marked. Below: the residual with its 95 % "
         "band. Dashed: a change of the live version."
