@@ -12,13 +12,10 @@ believed. Where it names a unit only, the name is read as Modelica writes it (``
 
 from __future__ import annotations
 
-import re
-
 from evertwin.errors import UsageError
 from evertwin.models.fmu.description import Unit
+from evertwin.models.unit_names import spelled
 from evertwin.signals.units import compatible, conversion, si_unit
-
-_READABLE = {"N.m": "Nm", "N.m.s/rad": "Nms/rad", "kg.m2": "kgm2", "N.s/m": "Ns/m", "N.m/A": "Nm/A"}
 
 
 def si_of(name: str, defined: Unit | None = None) -> tuple[str, float, float]:
@@ -29,21 +26,15 @@ def si_of(name: str, defined: Unit | None = None) -> tuple[str, float, float]:
     """
     if not name:
         return "1", 1.0, 0.0
-    spelled = _READABLE.get(name) or _spelled(name)
+    written = spelled(name)
     if defined is None or defined.exponents is None:
-        return si_unit(spelled), *conversion(spelled)
+        return si_unit(written), *conversion(written)
     base = _powers(defined)
     try:
-        known = compatible(spelled, base)
+        known = compatible(written, base)
     except UsageError:
         known = False
-    return (si_unit(spelled) if known else base), defined.factor, defined.offset
-
-
-def _spelled(name: str) -> str:
-    """``kg.m2/(s.K)`` as ``kg*m^2/(s*K)``."""
-    text = re.sub(r"([A-Za-z])(-?\d+)", r"\1^\2", name)
-    return re.sub(r"\.(?=[A-Za-z(])", "*", text)
+    return (si_unit(written) if known else base), defined.factor, defined.offset
 
 
 def _powers(unit: Unit) -> str:

@@ -87,35 +87,3 @@ def label(name: str, index: tuple[int, ...] = ()) -> str:
     """
     plain = re.sub(r"\[([^\]]*)\]", lambda found: found[1].replace(",", "_"), name)
     return plain.replace(" ", "") + "_".join(str(i) for i in index)
-
-
-_SHORT = {"N*m": "Nm", "N*m*s/rad": "Nms/rad", "kg*m**2": "kgm2", "N*m/A": "Nm/A"}
-_SYMBOLS = {"Ohm": "ohm", "Ω": "ohm", "°": "deg"}
-_FACTOR = re.compile(r"([A-Za-z%°Ωµ]+|1)(-?\d+)?$")
-
-
-def unit_of(text: str | None) -> str:
-    """A Modelica unit in the spelling of `evertwin.signals`; a missing one is a pure number.
-
-    >>> unit_of("N.m.s/rad"), unit_of("kg.m2"), unit_of("J/(kg.K)"), unit_of(None)
-    ('Nms/rad', 'kgm2', 'J/(kg*K)', '1')
-    """
-    if not text or text == "1":
-        return "1"
-    parts = text.replace(" ", "").split("/")
-    if len(parts) > 2:
-        return text
-    written = []
-    for part in parts:
-        factors = []
-        for factor in part.strip("()").split("."):
-            found = _FACTOR.match(factor)
-            if found is None:
-                return text
-            symbol = _SYMBOLS.get(found[1], found[1])
-            factors.append(symbol if found[2] is None else f"{symbol}**{found[2]}")
-        written.append("*".join(factors))
-    if "*" in written[-1] and len(written) == 2:
-        written[1] = f"({written[1]})"
-    whole = "/".join(written)
-    return _SHORT.get(whole, whole)

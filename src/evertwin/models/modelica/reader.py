@@ -15,8 +15,9 @@ import numpy as np
 
 from evertwin.errors import ModelError
 from evertwin.models.modelica.arena import Arena, Scope
-from evertwin.models.modelica.flat import Equation, Flat, Given, Variable, label, unit_of
+from evertwin.models.modelica.flat import Equation, Flat, Given, Variable, label
 from evertwin.models.modelica.graph import Graph
+from evertwin.models.unit_names import spelled
 
 _EVENTS = {
     "discrete_real_equations": "a variable that changes at events",
@@ -138,7 +139,7 @@ class _Reader:
                     name,
                     int(out[index]),
                     float(self.graph.value(int(nodes[index])) or 0.0),
-                    unit_of(attributes["unit"]),
+                    spelled(attributes["unit"]),
                     low,
                     high,
                     str(attributes["description"] or ""),
@@ -176,7 +177,7 @@ class _Reader:
             for index in np.ndindex(nodes.shape):
                 node = int(nodes[index])
                 yield Variable(
-                    self.graph.nodes[node].name, node, unit_of(attributes["unit"]), low, high,
+                    self.graph.nodes[node].name, node, spelled(attributes["unit"]), low, high,
                     None if start is None else int(start[index]),
                     attributes["declared_causality"] == "output" and "." not in variable["name"],
                     self._declared(variable),
