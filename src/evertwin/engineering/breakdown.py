@@ -31,7 +31,7 @@ from typing import Annotated, Any, NamedTuple
 
 from annotated_types import Ge, Le
 
-from evertwin.engineering.parts import Component, ModelPart, Requirements, Sensor
+from evertwin.engineering.parts import Component, ModelPart, ParameterPart, Requirements, Sensor
 from evertwin.errors import UsageError, nearest
 from evertwin.settings.form import Form
 from evertwin.settings.kinds import Duration
@@ -86,6 +86,21 @@ class Place(NamedTuple):
     subsystem: str
     """Empty: of the system itself."""
     component: Component
+
+
+class Stated(NamedTuple):
+    """What the file says of a parameter.
+
+    >>> Stated("motor.J", Component("motor"), ParameterPart(), 0.0).name
+    'motor.J'
+    """
+
+    name: str
+    """As the model calls it."""
+    component: Component
+    said: ParameterPart
+    drift: float
+    """By wear, a year."""
 
 
 @dataclass(frozen=True)
@@ -198,6 +213,15 @@ class Breakdown(Section):
     def studied(self) -> tuple[Place, ...]:
         """The components that the study looks at."""
         return tuple(p for p in self.places if not self.study or p.system in self.study)
+
+    @property
+    def stated(self) -> tuple[Stated, ...]:
+        """The parameters of the study's components."""
+        return tuple(
+            Stated(self.parameter_name(part, local), part, said, part.drift(local))
+            for part in (place.component for place in self.studied)
+            for local, said in part.parameters.items()
+        )
 
     def component(self, name: str) -> Component:
         """One component.

@@ -107,15 +107,11 @@ def questions(
 ) -> tuple[Question, ...]:
     """Every parameter of the study's components, also those inside black boxes."""
     seen = {link.parameter: link.signals for link in found}
-    out = []
-    for place in breakdown.studied:
-        part = place.component
-        for local, said in part.parameters.items():
-            name = breakdown.parameter_name(part, local)
-            level = levels[part.name].level
-            signals = seen.get(name, ())
-            out.append(Question(name, part.name, part.drift(local), level, said, signals))
-    return tuple(out)
+    return tuple(
+        Question(one.name, one.component.name, one.drift, levels[one.component.name].level,
+                 one.said, seen.get(one.name, ()))
+        for one in breakdown.stated
+    )  # fmt: skip
 
 
 def first_answer(asked: Question) -> Choice | None:

@@ -117,14 +117,11 @@ class TwinText:
 
     def _indicators(self, editable: set[str]) -> list[dict[str, Any]]:
         """Tuned parameters with a limit of health."""
-        out = []
-        for place in self.breakdown.studied:
-            part = place.component
-            for local, said in part.parameters.items():
-                name = self.breakdown.parameter_name(part, local)
-                if said.limit is not None and name in editable:
-                    out.append({"name": name, "component": part.name, "parameter": name})
-        return out
+        return [
+            {"name": one.name, "component": one.component.name, "parameter": one.name}
+            for one in self.breakdown.stated
+            if one.said.limit is not None and one.name in editable
+        ]
 
     def _prognosis(self, rules: Sequence[Mapping[str, Any]], study: Study) -> dict[str, Any]:
         """Costs of components whose life is told, and which do not stop the machine."""

@@ -66,12 +66,8 @@ def asked(breakdown: Breakdown, known: Sequence[str]) -> tuple[str, ...]:
     Raises:
         ConfigError: a pattern matches none of them.
     """
-    wanted = {
-        breakdown.parameter_name(place.component, name)
-        for place in breakdown.studied
-        for name, said in place.component.parameters.items()
-        if said.value is None and said.source == "experiment"
-    }
+    first = [(one.name, one.said) for one in breakdown.stated]
+    wanted = {name for name, said in first if said.value is None and said.source == "experiment"}
     for pattern in breakdown.requirements.identify:
         matched = fnmatch.filter(known, pattern)
         if not matched:

@@ -147,9 +147,7 @@ def modelled(breakdown: Breakdown, known: Sequence[str]) -> tuple[str, ...]:
     Raises:
         ConfigError: no component has a parameter of the model.
     """
-    parts = [place.component for place in breakdown.studied]
-    names = [breakdown.parameter_name(part, local) for part in parts for local in part.parameters]
-    found = tuple(name for name in names if name in known)
+    found = tuple(one.name for one in breakdown.stated if one.name in known)
     if not found:
         raise ConfigError(
             f"{breakdown.name}: no component has a parameter of the model: name some under "
@@ -212,14 +210,9 @@ def _first_fit(breakdown: Breakdown, problem: Problem, found: Sequence[Link]) ->
     wanted = asked(breakdown, problem.parameters.names)
     if not wanted:
         return None
-    drifting = [
-        breakdown.parameter_name(place.component, name)
-        for place in breakdown.studied
-        for name in place.component.parameters
-        if place.component.drift(name) > 0.0
-    ]
-    seen = {link.parameter for link in found if link.signals}
-    return identify(problem, wanted, [name for name in drifting if name in seen])
+    drifting = {one.name for one in breakdown.stated if one.drift > 0.0}
+    seen = [link.parameter for link in found if link.signals]
+    return identify(problem, wanted, [name for name in seen if name in drifting])
 
 
 def _fields(record: Any) -> dict[str, Any]:
