@@ -19,8 +19,8 @@ TWINS = Path(__file__).parent.parent / "twins"
 def shipped(name: str, **sections: Any) -> TwinSpec:
     """A shipped twin file; ``sections`` are keys of a section by its name, or whole values.
 
-    >>> shipped("robot1d", tuning={"window": 60}, beat=10).beat
-    10
+    >>> shipped("robot1d", arbiter={"vote": 9}).arbiter.vote
+    9
     """
     spec = read(TWINS / f"{name}.toml")
     changed = {
