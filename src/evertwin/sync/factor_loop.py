@@ -104,6 +104,8 @@ def fits(
         j = room[k]
         angle, room_for = limits[j, at.ANGLE] > 0, allowed(rules, values, g, j, growth)
         turn = f == at.FACTORS[at.TURN] or f == 1.0 / at.FACTORS[at.TURN]
+        if f < 0.0 and not limits[j, at.ADOPTS] > 0:
+            return False
         sound = explained(board, votes, j, 1.0, room_for, angle)
         if sound and abs(f) > 1.0:
             continue

@@ -55,7 +55,9 @@ MEMORY = 10_000
 """Innovations that a variance remembers."""
 TURN = 6
 """Place of 180/π in `FACTORS`, the only factor of an angle."""
-FACTORS = np.array([10.0, 100.0, 1e3, 1e4, 1e6, 1e9, 180.0 / np.pi, 25.4, 1 / 0.0254])
+FACTORS = np.array(
+    [10.0, 100.0, 1e3, 1e4, 1e6, 1e9, 180.0 / np.pi, 25.4, 1 / 0.0254, 1 / 0.3048, -1.0]
+)
 """Suspected factors; their inverses are tried too."""
 
 

@@ -203,7 +203,8 @@ def doubted(settings: Any, memory: Any, sample: Any, g: int, size: int) -> int:
         angle = limits[j, at.ANGLE] > 0
         room_for = noise + credible(limits, rules, values, g, j, 1.0)
         factor = suspected(room_for, noise, y[j], y[j] - values[j, at.NU], angle)
-        if factor != 0.0:
+        # Friction turns an output that no state adopts round with the motion.
+        if factor > 0.0 or (factor < 0.0 and limits[j, at.ADOPTS] > 0):
             figures[g, at.FACTOR] = factor
             return FACTOR
     return NONE
