@@ -11,6 +11,7 @@ FIND := for p in python3.11 python3.12 python3.13 python3.14 python3; do \
 	&& { command -v $$p; break; }; done
 PYTHON ?= $(shell $(FIND))
 NEEDS := pyproject.toml constraints.txt
+PIP := $(BIN)/python tools/alive.py installing $(BIN)/python -m pip
 
 .PHONY: help venv demo test lint types reference docs notebooks bench prove wheel clean
 .DEFAULT_GOAL := help
@@ -22,19 +23,19 @@ help:
 .venv/pyvenv.cfg:
 	@test -n "$(PYTHON)" || { echo "No Python 3.11 or newer with venv was found: install it" \
 		"(Debian: python3-venv), or name one: make PYTHON=/path/to/python" >&2; exit 1; }
-	$(PYTHON) -m venv .venv
+	$(PYTHON) tools/alive.py "making .venv" $(PYTHON) -m venv .venv
 
 # A stamp says what is installed, so that the second call costs nothing.
 .venv/.has-all: .venv/pyvenv.cfg $(NEEDS)
-	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[all]'
+	$(PIP) install -c constraints.txt -e '.[all]'
 	@touch $@
 
 .venv/.has-dev: .venv/pyvenv.cfg $(NEEDS)
-	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[all,dev,docs]'
+	$(PIP) install -c constraints.txt -e '.[all,dev,docs]'
 	@touch $@ .venv/.has-all
 
 .venv/.has-bench: .venv/.has-dev
-	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[all,bench]'
+	$(PIP) install -c constraints.txt -e '.[all,bench]'
 	@touch $@
 
 venv: .venv/.has-dev

@@ -81,3 +81,15 @@ def test_the_readme_shows_both_commands() -> None:
     assert "make demo" in text
     assert "make test" in text
     assert "macOS and Windows are untested" in text
+
+
+def test_a_silent_command_shows_that_it_lives(tmp_path: Path) -> None:
+    tool = (ROOT / "tools" / "alive.py").read_text()
+    copy = tmp_path / "alive.py"
+    copy.write_text(tool.replace("SILENCE = 2.0", "SILENCE = 0.1"))
+    code = "import time; print('one'); time.sleep(1); print('two'); raise SystemExit(3)"
+    command = [sys.executable, str(copy), "waiting", sys.executable, "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    lines = done.stdout.splitlines()
+    assert done.returncode == 3 and lines[0] == "waiting ..." and lines[-1] == "two"
+    assert sum(line.startswith("waiting ... ") for line in lines) >= 3

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
+import threading
 import time
 from collections.abc import Mapping
 from typing import Any
@@ -17,6 +18,44 @@ from evertwin.fold import plain
 def show(content: Mapping[str, Any], text: str, as_json: bool) -> None:
     """The result, as one JSON document or as text."""
     typer.echo(json.dumps(plain(content), indent=2, allow_nan=False) if as_json else text)
+
+
+class Alive:
+    """What goes on, on stderr: each step when it begins, then a line every two seconds.
+
+    >>> with Alive() as alive:
+    ...     alive.say("compiling")
+    """
+
+    EVERY = 2.0
+    """Longest silence [s]."""
+
+    def __init__(self) -> None:
+        self._step, self._began = "", time.monotonic()
+        self._ended, self._said = threading.Event(), threading.Event()
+        self._beats = threading.Thread(target=self._beat, daemon=True)
+
+    def __enter__(self) -> Alive:
+        self._beats.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ended.set()
+        self._said.set()
+        self._beats.join()
+
+    def say(self, step: str) -> None:
+        """What begins now."""
+        self._step, self._began = step, time.monotonic()
+        typer.echo(step, err=True)
+        self._said.set()
+
+    def _beat(self) -> None:
+        while not self._ended.is_set():
+            if not self._said.wait(self.EVERY) and self._step:
+                took = time.monotonic() - self._began
+                typer.echo(f"{self._step} … {took:.0f} s", err=True)
+            self._said.clear()
 
 
 class Progress:

@@ -1,19 +1,24 @@
-"""The demonstration: both embedded machines record, both twins improve themselves."""
+"""The demonstration: both embedded machines record, both twins improve themselves.
+
+The arm records, in a process of its own, while the robot's twin runs; what each twin makes of its
+recording is told as soon as it is known.
+"""
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from evertwin.app.console import show
-from evertwin.app.worlds import record_arm, record_robot
+from evertwin.app.console import Alive, show
+from evertwin.app.worlds import arm, robot
 from evertwin.errors import UsageError
-from evertwin.loop.result import RunResult
-from evertwin.report.run_report import write_report
-from evertwin.twin import Twin
+
+if TYPE_CHECKING:
+    from evertwin.loop import RunResult
 
 
 def twin_file(name: str) -> Path:
@@ -29,32 +34,46 @@ def twin_file(name: str) -> Path:
 def run_demo(out: Path, seed: int, as_json: bool) -> None:
     """Records, runs, reports; figures on stdout."""
     found: dict[str, Any] = {"schema": "evertwin.demo/1"}
-    text = []
-    for name, recordings in (("robot", _robot(out, seed)), ("arm", _arm(out, seed))):
-        typer.echo(f"{name}: running the twin beside {len(recordings)} recording(s)", err=True)
-        twin = Twin.open(twin_file(name))
-        result = twin.run(recordings)
-        report = out / f"{name}.html"
+    out.mkdir(parents=True, exist_ok=True)
+    with Alive() as alive, ExitStack() as worlds:
+        alive.say("robot: the embedded robot drives (MuJoCo, a process of its own)")
+        drives = worlds.enter_context(
+            robot(out / "robot.csv", "--world", "w3", "--seed", f"{seed}")
+        )
+        _prepare()
+        recorded = drives.recordings()
+        alive.say("arm: the embedded arm welds three circles (MuJoCo, a process of its own)")
+        welds = worlds.enter_context(arm(out / "arm", "--cycles", "3", "--seed", f"{seed}"))
+        found["robot"] = _shown("robot", recorded, out, alive, as_json)
+        found["arm"] = _shown("arm", welds.recordings(), out, alive, as_json)
+    if as_json:
+        show(found, "", as_json)
+
+
+def _prepare() -> None:
+    """Loads what the twins need while the first machine still records."""
+    import evertwin.loop.run
+    import evertwin.report.run_report  # noqa: F401
+
+
+def _shown(
+    name: str, recordings: list[Path], out: Path, alive: Alive, as_json: bool
+) -> dict[str, Any]:
+    """One machine's result, on stdout unless one document is asked for; then its report."""
+    from evertwin.report.run_report import write_report
+    from evertwin.twin import Twin
+
+    alive.say(f"{name}: running the twin beside {len(recordings)} recording(s)")
+    report = out / f"{name}.html"
+    with Twin.open(twin_file(name)) as twin:
+        result = twin.run([str(path) for path in recordings])
+        if not as_json:
+            typer.echo(f"{result}\n{_said(result)}")
+        alive.say(f"{name}: drawing the report")
         write_report(result, twin.setup, report)
-        twin.close()
-        found[name] = result.to_dict() | {"report": str(report)}
-        text += [str(result), _said(result), f"report: {report}", ""]
-    show(found, "\n".join(text).rstrip(), as_json)
-
-
-def _robot(out: Path, seed: int) -> list[str]:
-    path = out / "robot.csv"
-    typer.echo("robot: the embedded robot drives (MuJoCo, a process of its own)", err=True)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    record_robot(path, "--world", "w3", "--seed", str(seed))
-    return [str(path)]
-
-
-def _arm(out: Path, seed: int) -> list[str]:
-    folder = out / "arm"
-    typer.echo("arm: the embedded arm welds three circles (MuJoCo, a process of its own)", err=True)
-    record_arm(folder, "--cycles", "3", "--seed", str(seed))
-    return [str(path) for path in sorted(folder.glob("*.csv"))]
+    if not as_json:
+        typer.echo(f"report: {report}\n")
+    return result.to_dict() | {"report": str(report)}
 
 
 def _said(result: RunResult) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from importlib.resources import as_file, files
+from importlib.resources import files
 from pathlib import Path
 
 from evertwin.errors import MissingExtra, ModelError
@@ -13,24 +13,66 @@ LIMIT = 600.0
 """Longest time that a world may take [s]."""
 
 
-def record_robot(out: Path, *options: str) -> None:
+class World:
+    """An embedded machine that records while others go on; it ends with the block.
+
+    >>> with robot(Path("robot.csv"), "--help") as world:
+    ...     world.recordings()
+    [PosixPath('robot.csv')]
+    """
+
+    def __init__(self, name: str, out: Path, *options: str) -> None:
+        self.name, self.out = name, out
+        command = [sys.executable, "-m", f"evertwin.worlds.{name}", "--out", str(out), *options]
+        self._process = subprocess.Popen(
+            command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+        )
+
+    def __enter__(self) -> World:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with self._process:  # waits, and closes its pipe
+            self._process.kill()
+
+    def recordings(self) -> list[Path]:
+        """What it wrote, once it is done.
+
+        Raises:
+            MissingExtra: MuJoCo is not installed.
+            ModelError: it failed, or takes too long.
+        """
+        try:
+            _, said = self._process.communicate(timeout=LIMIT)
+        except subprocess.TimeoutExpired:
+            raise ModelError(f"the embedded {self.name} takes more than {LIMIT:.0f} s") from None
+        if self._process.returncode == 0:
+            return sorted(self.out.glob("*.csv")) if self.out.is_dir() else [self.out]
+        if "No module named 'mujoco'" in said:
+            raise MissingExtra.of("mujoco", "mujoco")
+        last = (said.strip().splitlines() or ["no message"])[-1]
+        code = self._process.returncode
+        raise ModelError(f"the embedded {self.name} stopped with {code}: {last}")
+
+
+def robot(out: Path, *options: str) -> World:
     """The mobile robot writes ``out`` (see ``python -m evertwin.worlds.robot --help``)."""
-    _launch("robot", "--out", str(out), *options)
+    return World("robot", out, *options)
+
+
+def arm(out: Path, *options: str) -> World:
+    """The arm writes cycles into the folder ``out``."""
+    urdf = files("evertwin.machines").joinpath("data", "ur5_like.urdf")
+    return World("arm", out, "--urdf", str(urdf), *options)
+
+
+def record_robot(out: Path, *options: str) -> None:
+    """The mobile robot writes ``out`` and is done."""
+    with robot(out, *options) as world:
+        world.recordings()
 
 
 def record_arm(out: Path, *options: str) -> None:
-    """The arm writes cycles into the folder ``out``."""
-    urdf = files("evertwin.machines").joinpath("data", "ur5_like.urdf")
-    with as_file(urdf) as path:
-        _launch("arm", "--urdf", str(path), "--out", str(out), *options)
-
-
-def _launch(world: str, *options: str) -> None:
-    command = [sys.executable, "-m", f"evertwin.worlds.{world}", *options]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT, check=False)
-    if done.returncode == 0:
-        return
-    if "No module named 'mujoco'" in done.stderr:
-        raise MissingExtra.of("mujoco", "mujoco")
-    last = (done.stderr.strip().splitlines() or ["no message"])[-1]
-    raise ModelError(f"the embedded {world} stopped with {done.returncode}: {last}")
+    """The arm writes cycles into the folder ``out`` and is done."""
+    with arm(out, *options) as world:
+        world.recordings()
