@@ -134,6 +134,8 @@ class Twin:
     @property
     def events(self) -> tuple[Event, ...]:
         """Everything that was decided, in order."""
+        if self._live is not None:
+            self._live.settle()
         return tuple(r for r in self.store.read("event") if isinstance(r, Event))
 
     def blocks(self, data: Data = None) -> tuple[Block, ...]:
@@ -180,8 +182,8 @@ class Twin:
         Args:
             samples: of a source of the twin file; or columns by name with ``t`` [s].
         """
-        here = self.setup, self._ledger
-        self._live = self._live or loop.Live.of(*here, samples, self._engines.of(None))
+        here, engine = (self.setup, self._ledger, samples), self._engines.of(None)
+        self._live = self._live or loop.Live.of(*here, engine, self._lasting)
         self._live.push(samples)
 
     def view(self, rows: int = 1000) -> loop.View:

@@ -26,6 +26,8 @@ from evertwin.loop.setup import Setup
 from evertwin.loop.twin_state import TwinState
 from evertwin.loop.versions import Versions
 
+from .machines import robot
+
 CART = TwinSpec(
     "cart", ModelSpec("robot1d"), beat=Span(10), clock=ClockSpec(rate=1.0),
     prediction=PredictionSpec(horizon=5.0), tuning=TuningSpec(window=Span(300)),
@@ -66,3 +68,18 @@ def test_many_beats_at_once_are_beat_by_beat(seed: int, filtered: bool) -> None:
     assert whole[0].live.version > 0
     assert any("overruled" in said for said in whole[1])
     assert any("suspected" in said for said in whole[1])
+
+
+def test_leaving_what_a_correction_was_learned_for_is_seen_at_its_beat() -> None:
+    found, rng, n = robot(), np.random.default_rng(2), 1500
+    rule = replace(found.spec.correction, watch=("v",))
+    v = 0.01 * np.repeat(rng.integers(0, 13, n // 5), 5)
+    v[1000:] += 0.08
+    driven = np.where(v < 0.06, 0.0, v)
+    x = np.cumsum(np.r_[0.0, driven[1:]]) + rng.normal(0.0, 0.002, n)
+    block = make_block(np.arange(n) * 10**9, v[:, None], x[:, None])
+    spec = replace(found.spec, correction=rule)
+    whole, one_beat = folded(spec, block, 10**6), folded(spec, block, 4)
+    assert whole[1] == one_beat[1] and equal(whole[0], one_beat[0])
+    (restarted,) = (said for said in whole[1] if "training_restarted" in said)
+    assert '"row":1005' in restarted

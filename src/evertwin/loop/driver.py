@@ -15,6 +15,7 @@ import numpy as np
 
 from evertwin.engine import Engine, InProcess
 from evertwin.fold import Answer, Block, Event, Record, copy, take
+from evertwin.loop.crossing import crossed
 from evertwin.loop.decide import Decide
 from evertwin.loop.follow import EMPTY, Follow, Followed
 from evertwin.loop.ring import NO_ROWS
@@ -26,10 +27,11 @@ from evertwin.loop.versions import Versions
 from evertwin.loop.work import Work
 from evertwin.store import Checkpoint, Store
 
-STRIDE = 4096
+STRIDE = 8192
 """Most rows that are folded at once."""
 WORTH = 3
 """Beats from which on it pays to fold over them at once."""
+NOTHING = np.zeros((0, 2))
 CAREFUL = 16
 """Beats that are taken one by one after one that decided something."""
 Watcher = Callable[[TwinState, Block, Followed], None]
@@ -189,7 +191,8 @@ class Driver:
         opens = np.flatnonzero(rest.task != task)
         n = min(int(opens[0]) if len(opens) else len(rest.t), STRIDE)
         due = self.setup.schedule - (state.elapsed - state.agenda.fitted)
-        if not self.decide.quiet(state) or task != state.task or state.row == 0:
+        alone = state._replace(watched=NOTHING)  # watched inputs are looked at below
+        if not self.decide.quiet(alone) or task != state.task or state.row == 0:
             return state, at
         n = min(n, int(np.searchsorted(rest.t, state.time + due)))
         ordered = beats[beats >= self.outside.next_order()]
@@ -199,8 +202,9 @@ class Driver:
             return state, at
         tried = copy(state._replace(ring=NO_ROWS))._replace(ring=state.ring)
         piece = take(rest, 0, n)
+        left = crossed(self.setup, state, piece, inside)
         tried, out = self.follow.step(tried, piece, inside)
-        stop = out.stop
+        stop = min(out.stop, left) if min(out.stop, left) >= 0 else max(out.stop, left)
         if stop < 0:
             return self._seen(tried, piece, out), at + n
         if stop > at:

@@ -43,7 +43,7 @@ class Fingerprint:
         begins = np.diff(block.task, prepend=before) != 0
         columns = [block.t[:, None], block.u, block.y, block.mark, begins[:, None]]
         raw = [np.ascontiguousarray(part).view(np.uint8).reshape(n, -1) for part in columns]
-        self._hash.update(np.concatenate(raw, axis=1).tobytes())
+        self._hash.update(np.concatenate(raw, axis=1).data)
         self._task, self.rows = int(block.task[-1]), self.rows + n
 
 

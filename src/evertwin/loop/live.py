@@ -4,6 +4,11 @@ They take the way of recorded ones: stored, aligned, folded, each decision one t
 crash the samples of the run are folded again from its first, with the answers that the log has, so
 that the twin stands where it stood. The same samples from a file give the same rows, records and
 versions.
+
+Samples that come faster than they could be folded one by one are folded together: what comes within
+`TOGETHER` of the last fold waits for the next sample after it, for the row of a beat, or for
+somebody who looks (`Live.settle`). So decisions are never late, and where rows are cut changes no
+bit. A store that outlives the process has each sample at once.
 """
 
 from __future__ import annotations
@@ -11,6 +16,8 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,6 +40,10 @@ from evertwin.sync import Feed
 from evertwin.types import Marks, Outputs, Stamps
 
 SOURCES = "sources"
+TOGETHER = 0.01
+"""Seconds after a fold in which samples wait for each other."""
+MOST = 256
+"""Samples that wait at most."""
 
 
 class View(NamedTuple):
@@ -78,6 +89,16 @@ class Live:
     engine: Engine = field(default_factory=InProcess)
     """Where slow work runs: in this process, rows wait for it as in a recorded run; with workers
     they never do."""
+    lasting: bool = True
+    """Does the store outlive this process?"""
+    _pushed: list[Chunk] = field(default_factory=list, init=False)
+    """Samples that are not folded yet."""
+    _room: int = field(default=0, init=False)
+    """Samples that may wait before a beat is due."""
+    _folded: float = field(default=-np.inf, init=False)
+    """When the last fold ended."""
+    _newest: int | None = field(default=None, init=False)
+    """Task of the last sample that was folded: another one begins with a beat."""
     _observer: Observer = field(init=False)
     _run: Run | None = field(default=None, init=False)
     _state: TwinState | None = field(default=None, init=False)
@@ -103,11 +124,12 @@ class Live:
 
     @classmethod
     def of(
-        cls, setup: Setup, ledger: Ledger, samples: Chunk | Mapping[str, Any], engine: Engine
-    ) -> Live:
+        cls, setup: Setup, ledger: Ledger, samples: Chunk | Mapping[str, Any], engine: Engine,
+        lasting: bool,
+    ) -> Live:  # fmt: skip
         """The run of a machine's sources; of the first ``samples`` where the twin file has none."""
         named = () if isinstance(samples, Chunk) else tuple(n for n in samples if n != "t")
-        return cls(setup, ledger, Recorded(setup.spec, setup.model).live(named), engine)
+        return cls(setup, ledger, Recorded(setup.spec, setup.model).live(named), engine, lasting)
 
     def push(self, samples: Chunk | Mapping[str, Any]) -> None:
         """More samples of one source, in the order in which they came; or columns by name.
@@ -117,8 +139,41 @@ class Live:
             StoreError: they could not be stored; then nothing was folded.
         """
         chunk = samples if isinstance(samples, Chunk) else self._chunk(samples)
-        self.ledger.store.commit(Batch(chunks=(chunk,)), wait=False)
-        self._fold(chunk)
+        if self.lasting:
+            self.ledger.store.commit(Batch(chunks=(chunk,)), wait=False)
+        self._pushed.append(chunk)
+        self._room -= len(chunk.t)
+        waits = self._room > 0 and time.perf_counter() < self._folded + TOGETHER
+        as_before = chunk.task == self._newest and chunk.v.ndim == 2
+        if waits and as_before and self._widths.get(chunk.source) == chunk.v.shape[1]:
+            # whoever pushed them may use the arrays again
+            self._pushed[-1] = chunk._replace(t=chunk.t.copy(), v=chunk.v.copy())
+        else:
+            self.settle()
+
+    def settle(self) -> None:
+        """Folds the samples that wait."""
+        pushed, self._pushed = self._pushed, []
+        if not pushed:
+            return
+        if not self.lasting:
+            self.ledger.store.commit(Batch(chunks=tuple(pushed)), wait=False)
+        for _, alike in groupby(
+            pushed, lambda chunk: (chunk.source, chunk.task, chunk.v.shape[1:])
+        ):
+            chunks = list(alike)
+            t, v = ([c.t for c in chunks], [c.v for c in chunks])
+            whole = chunks[0]._replace(t=np.concatenate(t), v=np.concatenate(v))
+            self._fold(whole if len(chunks) > 1 else chunks[0])
+        if self._run is not None and self._state is not None:
+            every = self._run.setup.beat.every
+            # what is seen at a row is told within a beat, also if several samples come at once
+            self._room = min(-self._state.row % every + 1, max(3 * every // 4, 1), MOST)
+        self._newest, self._folded = pushed[-1].task, time.perf_counter()
+
+    @cached_property
+    def _widths(self) -> dict[str, int]:
+        return {feed.name: len(feed.channels) for feed in self.feeds}
 
     def _chunk(self, columns: Mapping[str, Any]) -> Chunk:
         """Columns by name as samples of the one source.
@@ -168,6 +223,7 @@ class Live:
 
     def view(self, rows: int = 1000) -> View:
         """The newest rows: measured, predicted, band, mark, version."""
+        self.settle()
         columns = self._observer.trace.columns()
         if not columns:
             ny = len(self.setup.model.outputs)
@@ -185,6 +241,7 @@ class Live:
         Raises:
             UsageError: nothing was pushed.
         """
+        self.settle()
         self._aligned, block, events = self._alignment.flush(self._aligned)
         self._take(block, events)
         if self._run is None:
