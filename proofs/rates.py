@@ -1,8 +1,8 @@
 """One machine at 1 and at 10 rows a second: `python -m proofs.rates [SEEDS]`.
 
 A drive with a threshold, a gain and a cap of its own, drawn anew for each seed, follows speeds that
-are held for some seconds. Its position is recorded once and ten times a second, with the same
-noise of a sample, and `twins/robot1d.toml` runs beside either recording, its settings in times.
+are held for some seconds. Its position is recorded ten times a second, and every tenth of these
+samples alone, and `twins/robot1d.toml` runs beside either recording, its settings in times.
 Counted is how often both give the same verdicts and the same form of the model, and whether it
 goes live within two beats of the other.
 """
@@ -45,9 +45,10 @@ def recording(seed: int, rate: int) -> dict[str, np.ndarray]:
     true = np.where(v < start, 0.0, np.minimum(gain * v, cap))
     fine = np.repeat(v, 100)
     way = np.r_[0.0, np.cumsum(np.repeat(true, 100)) * 0.01]
-    at = np.arange(0, SECONDS * 100, 100 // rate)
+    at = np.arange(0, SECONDS * 100, 10)
     noise = np.random.default_rng([seed, 1]).normal(0.0, 0.002, len(at))
-    return {"t": at * 0.01, "v": fine[at], "x": way[at] + noise}
+    kept = slice(None, None, 10 // rate)
+    return {"t": at[kept] * 0.01, "v": fine[at][kept], "x": (way[at] + noise)[kept]}
 
 
 def outcome(result: RunResult) -> Outcome:

@@ -88,7 +88,7 @@ class Decide:
         if number == state.live.version:
             return state
         first = state.live if state.first.version < 0 else state.first
-        state = state._replace(other=self.follow.lane(number, tracked=False))
+        state = state._replace(other=self.follow.beside(state.live, number))
         state = self._live(state, number, EMPTY, first)
         agenda = state.agenda._replace(
             phase=WATCH, open=0, versions=max(state.agenda.versions, number + 1)
@@ -219,7 +219,7 @@ class Decide:
         scores = state.scores._replace(scale=scale, pair=np.zeros(3))
         watched = np.array(candidate["watched"], dtype=np.float64).reshape(-1, 2)
         decision.state = state._replace(
-            other=follow.lane(version.number, tracked=False), scores=scores,
+            other=follow.beside(state.live, version.number), scores=scores,
             trial=follow.setup.trial.init(), watched=watched,
         )  # fmt: skip
         decision.remember(phase=TRIAL, versions=version.number + 1)

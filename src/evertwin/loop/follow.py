@@ -70,6 +70,17 @@ class Follow:
         lanes = (state.live, state.first, state.other)
         return all(self.stages(lane.version)[0].here for lane in lanes if lane.version >= 0)
 
+    def beside(self, live: Lane, number: int) -> Lane:
+        """A version in step with the champion: its predictions begin and end with the champion's.
+
+        Otherwise the one would be judged nearer to what was measured last than the other.
+        """
+        lane, of = self.lane(number, tracked=False), live.horizon
+        shared = min(len(lane.horizon.x), len(of.x))
+        lane.horizon.x[:shared] = of.x[:shared]
+        horizon = lane.horizon._replace(adopted=of.adopted.copy(), clock=of.clock.copy())
+        return lane._replace(horizon=horizon)
+
     def lane(self, number: int, *, tracked: bool) -> Lane:
         """A version from its start: nothing adopted yet."""
         track, horizon = self.stages(number)
