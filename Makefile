@@ -44,7 +44,7 @@ demo: .venv/.has-all
 	$(BIN)/evertwin demo
 
 test: .venv/.has-dev
-	$(BIN)/python -m pytest -n $(WORKERS) $(if $(filter true 1 yes,$(CI)),--cov --cov-report=term)
+	$(BIN)/python -m pytest -n $(WORKERS) $(if $(filter true 1 yes,$(CI)),--cov --cov-report=term --durations=40)
 
 lint: .venv/.has-dev
 	$(BIN)/ruff check .

@@ -1,4 +1,4 @@
-"""Beats before which a watched input has left what the live correction was learned for."""
+"""Has a watched input left the range that the live correction was learned for?"""
 
 from __future__ import annotations
 
@@ -7,6 +7,16 @@ import numpy as np
 from evertwin.fold import Block
 from evertwin.loop.setup import Setup
 from evertwin.loop.twin_state import TwinState
+from evertwin.types import Bool, Float64
+
+
+def outside(
+    now: Float64[np.ndarray, "... inputs"], learned: Float64[np.ndarray, "inputs 2"]
+) -> Bool[np.ndarray, "..."]:
+    """Which values lie farther outside the (low, high) of their input than a tenth of its range."""
+    low, high = learned.T
+    room = 0.1 * (high - low) + 1e-9
+    return np.asarray((now < low - room) | (now > high + room))
 
 
 def crossed(setup: Setup, state: TwinState, piece: Block, beats: np.ndarray) -> int:
@@ -16,8 +26,5 @@ def crossed(setup: Setup, state: TwinState, piece: Block, beats: np.ndarray) -> 
     columns = [setup.model.inputs.index(name) for name in setup.spec.correction.watch]
     last = (state.ring.end - 1) % setup.ring.capacity
     before = np.concatenate([state.ring.u[last : last + 1], piece.u])[beats - piece.row]
-    now, (low, high) = before[:, columns], state.watched.T
-    room = 0.1 * (high - low) + 1e-9
-    outside = (now < low - room) | (now > high + room)
-    found = np.flatnonzero(outside.any(axis=1))
+    found = np.flatnonzero(outside(before[:, columns], state.watched).any(axis=1))
     return int(beats[found[0]]) if len(found) else -1

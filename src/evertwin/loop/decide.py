@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from evertwin.fold import Answer, Event, Request, copy
+from evertwin.loop.crossing import outside
 from evertwin.loop.deviation import deviation, new_sums
 from evertwin.loop.follow import EMPTY, NONE, Follow
 from evertwin.loop.scores import new_scores
@@ -140,10 +141,9 @@ class Decide:
         if len(state.watched) and self.follow.versions[state.live.version].form.terms:
             last = (state.ring.end - 1) % setup.ring.capacity
             now = state.ring.u[last, [setup.model.inputs.index(name) for name in names]]
-            room = 0.1 * (state.watched[:, 1] - state.watched[:, 0]) + 1e-9
-            outside = (now < state.watched[:, 0] - room) | (now > state.watched[:, 1] + room)
-            if outside.any():
-                name = names[int(np.argmax(outside))]
+            left = outside(now, state.watched)
+            if left.any():
+                name = names[int(np.argmax(left))]
                 reason = f"{name} left the range that the correction was learned for"
                 evidence = {"now": now, "range": state.watched}
                 decision.say("training_restarted", name, reason, evidence)
