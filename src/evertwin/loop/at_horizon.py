@@ -49,7 +49,7 @@ class AtHorizon:
     """The stage; ``wanted`` is false where each row is a prediction of its own.
 
     >>> AtHorizon(False, 1).init().values.tolist()
-    [nan, nan, nan]
+    [nan, nan, nan, nan]
     """
 
     wanted: bool

@@ -35,6 +35,8 @@ Others: TypeAlias = Int64[np.ndarray, " m"]
 
 _MOST = 1 << 18
 """Grid points of the longest comparison."""
+_LARGEST = 1e60
+"""Rates of change above it, squared twice in a fit, would leave the range of numbers."""
 _WINDOWS = (7, 21, 63)
 """Rows of the Savitzky-Golay windows that the rates are taken with; the surest lag counts."""
 
@@ -101,7 +103,11 @@ def lag(ta: Stamps, a: First, tb: Others, b: Second, longest: float) -> Lag:
 def _by_rates(levels: _Pair, window: int, reach: int) -> Lag:
     """The lag from rates of change taken over ``window`` rows."""
     rates = _rates(levels, window)
-    if not (np.std(rates.a) > 1e-12 and np.std(rates.b) > 1e-12):
+    with np.errstate(over="ignore", invalid="ignore"):
+        size = np.std(rates.a), np.std(rates.b)
+    if not np.max(size) < _LARGEST:
+        return _none("one of the signals grows beyond all bounds: look at the model's prediction")
+    if not np.min(size) > 1e-12:
         return _none("one of the signals does not change: move the machine")
     score = _correlation(rates, reach)
     best = int(np.argmax(np.abs(score)))
