@@ -20,7 +20,7 @@ import threading
 import time
 from pathlib import Path
 
-from evertwin.app.worlds import record_arm, record_robot
+from planted.worlds import record_arm, record_robot
 
 ROOT = Path(__file__).parent.parent
 EVERTWIN = [sys.executable, "-m", "evertwin"]

@@ -24,9 +24,9 @@ from typing import Any
 import numpy as np
 
 from evertwin import RunResult, Twin
-from evertwin.app.worlds import record_arm
 from evertwin.fold import Answer
 from planted.twins import opened, shipped
+from planted.worlds import record_arm
 
 WEIGHTS = {"Fc1": 1.0, "Fc2": 0.5, "Fc3": 0.5, "Fc4": 0.5, "Fc5": 0.5, "Fc6": 0.5}
 CYCLES = 24

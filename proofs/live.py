@@ -20,12 +20,12 @@ from pathlib import Path
 
 import numpy as np
 
-from evertwin.app.worlds import record_arm, record_robot
 from evertwin.loop import Data
 from planted import joints
 from planted.pushed import compared, tank
 from planted.robots import drive
 from planted.twins import TWINS, opened, shipped
+from planted.worlds import record_arm, record_robot
 from proofs import elsewhere
 from proofs._verdict import ended, no_data
 

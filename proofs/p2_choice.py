@@ -18,9 +18,9 @@ from pathlib import Path
 
 import numpy as np
 
-from evertwin.app.worlds import record_arm
 from evertwin.engineering.engineer import Engineered, engineer
 from planted.twins import TWINS
+from planted.worlds import record_arm
 
 FILE = TWINS / "breakdowns" / "arm.toml"
 COULOMB = {f"gearbox{k}.Fc" for k in range(1, 7)}

@@ -18,12 +18,12 @@ from pathlib import Path
 import numpy as np
 
 from evertwin import Twin
-from evertwin.app.worlds import record_arm
 from evertwin.config import spec
 from evertwin.prognosis.component import ComponentLife
 from evertwin.prognosis.laws import Life
 from evertwin.prognosis.lives import Lives
 from planted.twins import opened
+from planted.worlds import record_arm
 from proofs._verdict import ended
 
 GROWTH = 0.01

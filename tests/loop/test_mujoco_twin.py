@@ -11,7 +11,6 @@ from evertwin import Twin
 from evertwin.models import check_model
 from evertwin.models.corrected import Corrected, Term
 from evertwin.models.mujoco import MuJoCo
-from evertwin.models.randomized import Randomized
 
 XML = """<mujoco><option timestep="0.002"/><worldbody><body name="rod">
   <joint name="pivot" axis="0 1 0" damping="{damping}"/>
@@ -93,7 +92,6 @@ def test_a_wrapper_of_it_is_a_model() -> None:
     model = MuJoCo.from_text(XML.format(damping=0.05, mass=1.0))
     rows, dt = np.random.default_rng(0).normal(size=(20, 1)), np.full(20, 0.01)
     check_model(Corrected(model, (Term("law", "motor", variant="dead zone"),)), rows, dt)
-    check_model(Randomized(model, seed=1), rows, dt)
 
 
 def test_a_table_and_a_coupling_come_from_a_twin_file(tmp_path: Path) -> None:

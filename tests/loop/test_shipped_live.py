@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evertwin.app.worlds import record_robot
 from evertwin.fold import Chunk
 from evertwin.loop import Data
 from evertwin.twin import Twin
 from planted.pushed import compared, tank
 from planted.robots import drive
 from planted.twins import shipped
+from planted.worlds import record_robot
 
 
 def world(folder: Path) -> Data:

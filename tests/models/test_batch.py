@@ -15,7 +15,6 @@ from evertwin.models.batch import WORTH, Batch
 from evertwin.models.corrected import Corrected, Term
 from evertwin.models.kernel import ADOPT, ANEW
 from evertwin.models.mujoco import MuJoCo
-from evertwin.models.randomized import Randomized
 from evertwin.signals import Layout
 
 
@@ -45,8 +44,6 @@ WRAPPED = {
     "lag and law": lambda: Corrected(cart(), (Term("lag", "*"), Term("law", "force"))),
     "state": lambda: Corrected(cart(), (Term("state", "rail.pos"),)),
     "delayed": lambda: Corrected(cart(), DELAY),
-    "randomized": lambda: Randomized(cart(), 1, (("body.cart.mass", 0.1),), (0.1,), (0.01, 0.02)),
-    "randomized and delayed": lambda: Randomized(Corrected(cart(), DELAY), 3, (), (0.1,)),
     "corrected twice": lambda: Corrected(
         Corrected(cart(), (Term("law", "force"),)), (Term("lag", "force"),)
     ),

@@ -10,10 +10,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from evertwin.app.worlds import record_arm
 from evertwin.machines.arm import Arm
 from evertwin.machines.arm.inertia import NAMES, point
 from evertwin.worlds.arm import Cycle, Truth, columns, load, path, planned, record
+from planted.worlds import record_arm
 
 URDF = Path(str(files("evertwin.machines").joinpath("data", "ur5_like.urdf")))
 SHORT = Cycle(seconds=6.0, turns=1, ramp=1.0)

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evertwin.app.worlds import record_robot
 from evertwin.errors import ModelError
 from evertwin.sources import open_recording
 from evertwin.worlds import robot
 from evertwin.worlds.drive import WORLDS, Commands, Drive, commands, positions, sweep, target
+from planted.worlds import record_robot
 
 SWEEP = robot.Plan(still=2, each=5, seconds=0)
 

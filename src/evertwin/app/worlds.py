@@ -64,15 +64,3 @@ def arm(out: Path, *options: str) -> World:
     """The arm writes cycles into the folder ``out``."""
     urdf = files("evertwin.machines").joinpath("data", "ur5_like.urdf")
     return World("arm", out, "--urdf", str(urdf), *options)
-
-
-def record_robot(out: Path, *options: str) -> None:
-    """The mobile robot writes ``out`` and is done."""
-    with robot(out, *options) as world:
-        world.recordings()
-
-
-def record_arm(out: Path, *options: str) -> None:
-    """The arm writes cycles into the folder ``out`` and is done."""
-    with arm(out, *options) as world:
-        world.recordings()

@@ -15,6 +15,7 @@ import math
 import shutil
 import sys
 import tempfile
+from importlib import import_module
 from importlib.metadata import version as version_of
 from pathlib import Path
 from typing import Any
@@ -28,10 +29,10 @@ _SCRIPT = '''"""{name}, version {number}: {need}."""
 
 from pathlib import Path
 
-from evertwin.machines.slave import TwinSlave
+from {module} import {base}
 
 
-class {identifier}(TwinSlave):
+class {identifier}({base}):
     folder = Path(__file__).resolve().parent
     description = "{need}"
 '''
@@ -52,7 +53,8 @@ def write_fmu(out: Exported, path: Path) -> str:
         ModelError: the model cannot be built from what the twin file says.
     """
     try:
-        from pythonfmu.builder import FmuBuilder
+        builder = import_module("pythonfmu.builder").FmuBuilder
+        slave = import_module("evertwin.machines.slave")
     except ModuleNotFoundError as error:
         raise MissingExtra.of("pythonfmu", "fmi") from error
     _check(out, path)
@@ -63,13 +65,18 @@ def write_fmu(out: Exported, path: Path) -> str:
         script = folder / f"evertwin_{identifier.lower()}_{out.version.hash[:12]}.py"
         script.write_text(
             _SCRIPT.format(
-                name=identifier, number=out.version.number, need=need_of(), identifier=identifier
+                name=identifier,
+                number=out.version.number,
+                need=need_of(),
+                identifier=identifier,
+                module=slave.__name__,
+                base=slave.TwinSlave.__name__,
             ),
             encoding="utf-8",
         )
         files, made = _collected(out, folder), folder / "made" / path.name
         try:
-            FmuBuilder.build_FMU(
+            builder.build_FMU(
                 script, dest=made, project_files=files, canGetAndSetFMUstate=True,
                 canSerializeFMUstate=True,
             )  # fmt: skip

@@ -18,7 +18,6 @@ from evertwin.models.fmu import Fmu, fmu
 from evertwin.models.function import FunctionModel
 from evertwin.models.kernel import ADOPT, ANEW
 from evertwin.models.parameters import Parameters
-from evertwin.models.randomized import Randomized
 from evertwin.signals import Layout
 
 from .native import build
@@ -155,7 +154,6 @@ WRAPPERS: dict[str, Callable[[Model], Model]] = {
     "law over lag": lambda m: Corrected(
         Corrected(m, (Term("lag", "*"),)), (Term("law", "force", variant="dead zone"),)
     ),
-    "randomized": lambda m: Randomized(m, 3, (("fv", 0.1),), output_noise=(0.1, 0.1, 0.1)),
 }
 
 
