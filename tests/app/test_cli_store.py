@@ -57,6 +57,12 @@ def test_a_head_is_printed_and_verified(call: Command, ran: Path, folder: Path) 
         assert said in call("store", "head", "robot.toml", "--key", key).err
 
 
+def test_what_never_ran_has_nothing_to_repair(call: Command, folder: Path) -> None:
+    done = call("store", "repair", "robot.toml")
+    assert done.code == 2 and "no such store" in done.err
+    assert not (folder / "robot.db").exists()
+
+
 def test_a_damaged_store_is_told_and_repaired(call: Command, ran: Path) -> None:
     changed(ran)
     told = call("store", "verify", "robot.toml")

@@ -107,6 +107,19 @@ def test_misuse_is_named() -> None:
             twin.push(Chunk("camera", np.array([0]), np.zeros((1, 2))))
 
 
+def test_samples_that_do_not_fit_are_not_stored(spec: TwinSpec) -> None:
+    data = pieces(drive(), [300, 300, 300])
+    with Twin(spec) as twin:
+        twin.push(data[0])
+        with pytest.raises(DataError, match="expected 2 columns"):
+            twin.push(Chunk("log", np.array([10**12]), np.zeros((1, 3))))
+        twin.push(data[1])
+        before = said(twin)
+    with Twin(spec) as twin:
+        twin.push(data[2])
+        assert said(twin)[: len(before)] == before
+
+
 # ---------------------------------------------------------------------- slow work elsewhere
 
 

@@ -199,6 +199,31 @@ def test_a_log_with_a_hole_is_not_taken_for_its_beginning(tmp_path: Path) -> Non
     store.close()
 
 
+TWICE = """
+import os, signal, sqlite3, sys
+db = sqlite3.connect(sys.argv[1], isolation_level=None)
+db.execute("PRAGMA page_size = 4096")
+db.execute("PRAGMA journal_mode = WAL")
+db.execute("PRAGMA cache_size = 2")
+db.execute("CREATE TABLE IF NOT EXISTS t (a)")
+db.execute("BEGIN")
+for k in range(int(sys.argv[2])):
+    db.execute("INSERT INTO t VALUES (?)", ("x" * 3000,))
+if sys.argv[2] == "1":
+    db.execute("COMMIT")
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_what_a_killed_transaction_left_behind_a_shorter_one_is_no_damage(tmp_path: Path) -> None:
+    path = tmp_path / "a.db"
+    for rows in ("1", "60", "1"):
+        killed = subprocess.run([sys.executable, "-c", TWICE, str(path), rows], check=False)
+        assert killed.returncode == -signal.SIGKILL
+        check_log(path)
+    assert len(Path(f"{path}-wal").read_bytes()) > 20 * 4096
+
+
 def test_rows_are_read_as_sqlite_reads_them(tmp_path: Path) -> None:
     path = tmp_path / "a.db"
     database = sqlite3.connect(path)

@@ -100,8 +100,8 @@ def test_autocorrelation_by_sums_and_by_spectrum_agree() -> None:
     short, long = autocorrelation(r, 10), autocorrelation(r, 60)[:11]
     np.testing.assert_allclose(short, long, atol=1e-12)
     white, both = (Correlation.of(e[:, None]) for e in (rng.normal(size=1000), r))
-    assert len(white.memory()[0]) <= 3
-    assert effective(both.rows, both.memory())[0] < 300
+    assert len(white.memory[0]) <= 3
+    assert effective(both.rows, both.memory)[0] < 300
     assert autocorrelation(np.zeros(9), 2).tolist() == [1.0, 0.0, 0.0]
     long = rng.normal(size=20_000)  # summed in pieces
     long -= long.mean()
@@ -119,7 +119,7 @@ def test_memory_widens_the_spread_of_an_estimate(length: int) -> None:
     c = rng.normal(size=(3000, 2)).cumsum(axis=0)
     slow = np.convolve(rng.normal(size=3000), np.ones(length))[:3000]
     used = np.arange(3000) % 7 > 0
-    rho = Correlation.of(np.where(used, slow, np.nan)[:, None]).memory()[0]
+    rho = Correlation.of(np.where(used, slow, np.nan)[:, None]).memory[0]
     assert (len(rho) > 65) == (length == 400)
     seen = np.where(used[:, None], c, 0.0)
     gain = np.array([[1.0, 0.5], [0.0, 2.0]])

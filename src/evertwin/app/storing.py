@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing
 from pathlib import Path
 
 from evertwin.app.console import show
@@ -50,12 +49,16 @@ def verify_store(twin: Path, text: str | None, key: Path | None, as_json: bool) 
 
 
 def repair_store(twin: Path, as_json: bool) -> None:
-    """``evertwin store repair``."""
-    store = SqliteStore(_path(twin))
-    try:
+    """``evertwin store repair``.
+
+    Raises:
+        UsageError: there is no store.
+    """
+    path = _path(twin)
+    if not path.is_file():
+        raise UsageError(f"{path}: no such store: nothing to repair")
+    with closing(SqliteStore(path)) as store:
         event = store.recovered or store.repair()
-    finally:
-        store.close()
     show({"schema": "evertwin.event/1", "event": event}, event.reason, as_json)
 
 
@@ -85,13 +88,8 @@ def _path(twin: Path) -> Path:
     return Path(spec.folder) / spec.store.path
 
 
-@contextmanager
-def _store(twin: Path) -> Iterator[SqliteStore]:
-    store = SqliteStore(_path(twin), read_only=True)
-    try:
-        yield store
-    finally:
-        store.close()
+def _store(twin: Path) -> closing[SqliteStore]:
+    return closing(SqliteStore(_path(twin), read_only=True))
 
 
 def _secret(key: Path | None) -> bytes:

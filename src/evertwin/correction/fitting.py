@@ -64,7 +64,8 @@ class Scored(NamedTuple):
     detail: str = ""
     """What was chosen on the way."""
     free: Free | None = None
-    """Numbers by which the deviations are right to first order only; None: they are exact."""
+    """Numbers that `confirm` fits anew without each fold; None: the deviations stay as they are,
+    exact without numbers of laws or lags, to first order for those beside a grid."""
 
     @property
     def mean(self) -> float:

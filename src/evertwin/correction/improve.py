@@ -193,7 +193,7 @@ def improve(
         )
     rows = Rows(stack.base, tuple(windows), chosen.channels, evidence.horizon, chosen.quantum)
     search = _Search(evidence, propose(rows, chosen.kinds), chosen)
-    return search.proposal(form, stack, search.run(stack))
+    return search.proposal(form, stack)
 
 
 def prepare(
@@ -227,10 +227,10 @@ class _Search:
     candidates: tuple[Candidate, ...]
     settings: Selection
 
-    def run(self, stack: Stack) -> tuple[Stack, float, list[Gain], dict[str, float]]:
+    def run(self, start: Scored) -> tuple[Stack, float, list[Gain], dict[str, float]]:
         """Climbs the tiers: stack found, its held-out deviation, what terms brought, what was
         tried."""
-        now = confirm(refit(stack, self.evidence), self.evidence)
+        now = start
         level, gains, tried = now.mean, list[Gain](), dict[str, float]()
         for tier in range(SIMPLE, FREE + 1):
             while len(gains) < self.settings.most:
@@ -308,12 +308,11 @@ class _Search:
                 now = less
         return now, level
 
-    def proposal(
-        self, form: Form, stack: Stack, found: tuple[Stack, float, list[Gain], dict[str, float]]
-    ) -> Proposal:
+    def proposal(self, form: Form, stack: Stack) -> Proposal:
         """The outcome as data."""
-        best, after, gains, tried = found
-        before = confirm(refit(stack, self.evidence), self.evidence).mean
+        start = confirm(refit(stack, self.evidence), self.evidence)
+        best, after, gains, tried = self.run(start)
+        before = start.mean
         kept = tuple(g for g in gains if any(g.term is part.term for part in best.parts))
         if not kept:
             best, after = stack, before

@@ -21,8 +21,6 @@ def outside(
 
 def crossed(setup: Setup, state: TwinState, piece: Block, beats: np.ndarray) -> int:
     """The first of the beats in a piece that follows ``state``; -1: there is none."""
-    if not len(state.watched):
-        return -1
     columns = [setup.model.inputs.index(name) for name in setup.spec.correction.watch]
     last = (state.ring.end - 1) % setup.ring.capacity
     before = np.concatenate([state.ring.u[last : last + 1], piece.u])[beats - piece.row]

@@ -75,8 +75,11 @@ class Decide:
         """Is nothing going on but watching, so that a beat decides only what rows bring up?"""
         agenda, detect = state.agenda, self.follow.setup.detect
         idle = agenda.phase == WATCH and agenda.open == 0 and agenda.retrain == 0
-        watches = len(state.watched) == 0 and detect.quiet(state.detect)
-        return idle and watches and self.follow.here(state)
+        return idle and detect.quiet(state.detect) and self.follow.here(state)
+
+    def watches(self, state: TwinState) -> bool:
+        """Was the live correction learned for a range of other inputs?"""
+        return len(state.watched) > 0 and bool(self.follow.versions[state.live.version].form.terms)
 
     def order(self, state: TwinState, said: Event) -> TwinState:
         """What an operator said takes effect; the log has it already. Consumes ``state``.
@@ -138,7 +141,7 @@ class Decide:
         """A correction learned for one range of another input is learned anew outside it."""
         state, setup = decision.state, self.follow.setup
         names = setup.spec.correction.watch
-        if len(state.watched) and self.follow.versions[state.live.version].form.terms:
+        if self.watches(state):
             last = (state.ring.end - 1) % setup.ring.capacity
             now = state.ring.u[last, [setup.model.inputs.index(name) for name in names]]
             left = outside(now, state.watched)

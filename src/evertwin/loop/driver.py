@@ -31,7 +31,6 @@ STRIDE = 8192
 """Most rows that are folded at once."""
 WORTH = 3
 """Beats from which on it pays to fold over them at once."""
-NOTHING = np.zeros((0, 2))
 CAREFUL = 16
 """Beats that are taken one by one after one that decided something."""
 Watcher = Callable[[TwinState, Block, Followed], None]
@@ -191,20 +190,21 @@ class Driver:
         opens = np.flatnonzero(rest.task != task)
         n = min(int(opens[0]) if len(opens) else len(rest.t), STRIDE)
         due = self.setup.schedule - (state.elapsed - state.agenda.fitted)
-        alone = state._replace(watched=NOTHING)  # watched inputs are looked at below
-        if not self.decide.quiet(alone) or task != state.task or state.row == 0:
+        if not self.decide.quiet(state) or task != state.task or state.row == 0:
             return state, at
         n = min(n, int(np.searchsorted(rest.t, state.time + due)))
         ordered = beats[beats >= self.outside.next_order()]
         n = min(n, int(ordered[0]) - at) if len(ordered) else n
+        if self.decide.watches(state):
+            left = crossed(self.setup, state, take(rest, 0, n), beats[beats < at + n])
+            n = n if left < 0 else left - at
         inside = beats[beats < at + n]
         if len(inside) < WORTH:
             return state, at
         tried = copy(state._replace(ring=NO_ROWS))._replace(ring=state.ring)
         piece = take(rest, 0, n)
-        left = crossed(self.setup, state, piece, inside)
         tried, out = self.follow.step(tried, piece, inside)
-        stop = min(out.stop, left) if min(out.stop, left) >= 0 else max(out.stop, left)
+        stop = out.stop
         if stop < 0:
             return self._seen(tried, piece, out), at + n
         if stop > at:
@@ -232,7 +232,7 @@ class Driver:
         said += [] if answer is None else [answer]
         state, events, requests = self.decide.step(state, answer, task_end)
         self._say(state.row, [*said, *events, *requests])
-        if self.outside.answer(state.agenda.open) is None:
+        if not state.agenda.open or self.outside.answer(state.agenda.open) is None:
             self.slow.send(state)
         return state
 

@@ -16,7 +16,6 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from itertools import groupby
 from typing import Any, NamedTuple
 
@@ -139,13 +138,13 @@ class Live:
             StoreError: they could not be stored; then nothing was folded.
         """
         chunk = samples if isinstance(samples, Chunk) else self._chunk(samples)
+        self._alignment.align.check(chunk)  # what does not fit is neither stored nor folded
         if self.lasting:
             self.ledger.store.commit(Batch(chunks=(chunk,)), wait=False)
         self._pushed.append(chunk)
         self._room -= len(chunk.t)
         waits = self._room > 0 and time.perf_counter() < self._folded + TOGETHER
-        as_before = chunk.task == self._newest and chunk.v.ndim == 2
-        if waits and as_before and self._widths.get(chunk.source) == chunk.v.shape[1]:
+        if waits and chunk.task == self._newest:
             # whoever pushed them may use the arrays again
             self._pushed[-1] = chunk._replace(t=chunk.t.copy(), v=chunk.v.copy())
         else:
@@ -158,9 +157,7 @@ class Live:
             return
         if not self.lasting:
             self.ledger.store.commit(Batch(chunks=tuple(pushed)), wait=False)
-        for _, alike in groupby(
-            pushed, lambda chunk: (chunk.source, chunk.task, chunk.v.shape[1:])
-        ):
+        for _, alike in groupby(pushed, lambda chunk: (chunk.source, chunk.task)):
             chunks = list(alike)
             t, v = ([c.t for c in chunks], [c.v for c in chunks])
             whole = chunks[0]._replace(t=np.concatenate(t), v=np.concatenate(v))
@@ -170,10 +167,6 @@ class Live:
             # what is seen at a row is told within a beat, also if several samples come at once
             self._room = min(-self._state.row % every + 1, max(3 * every // 4, 1), MOST)
         self._newest, self._folded = pushed[-1].task, time.perf_counter()
-
-    @cached_property
-    def _widths(self) -> dict[str, int]:
-        return {feed.name: len(feed.channels) for feed in self.feeds}
 
     def _chunk(self, columns: Mapping[str, Any]) -> Chunk:
         """Columns by name as samples of the one source.

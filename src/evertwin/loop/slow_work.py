@@ -14,7 +14,7 @@ from functools import partial
 
 from evertwin.engine import Engine
 from evertwin.fold import Answer, Request
-from evertwin.loop.twin_state import CORRECT, TwinState
+from evertwin.loop.twin_state import TwinState
 from evertwin.loop.work import Task, Work, rejected
 
 
@@ -41,12 +41,11 @@ class SlowWork:
         self._sent = agenda.open
         if not agenda.open:
             return
-        kind = "correct" if agenda.phase == CORRECT else "fit"
         window = (agenda.start, agenda.stop)
         version = self.work.versions[state.live.version]
         rows = self.work.setup.ring.between(state.ring, *window)
-        request = Request(agenda.open, kind, version.number, state.row, agenda.due, window)
-        task = Task(kind, version, rows, agenda.tunings)
+        request = Request(agenda.open, agenda.kind, version.number, state.row, agenda.due, window)
+        task = Task(agenda.kind, version, rows, agenda.tunings)
         self.engine.submit(request, partial(self.work.content, task))
 
     def take(self, state: TwinState, *, wait: bool) -> Answer | None:
@@ -63,8 +62,7 @@ class SlowWork:
         """The answer as it is logged: with the moment when it became known."""
         content = dict(answer.content)
         if "error" in content:
-            kind = "correct" if state.agenda.phase == CORRECT else "fit"
-            content = rejected(f"{kind}: {content['error']}")
+            content = rejected(f"{state.agenda.kind}: {content['error']}")
         # the parameter history is read by these
         when = {"time": state.time, "elapsed": state.elapsed, "task": state.task}
         return Answer(answer.id, answer.version, content | when)

@@ -6,7 +6,7 @@ number; a shadow is a second state of the same stage.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -90,6 +90,11 @@ class Agenda(NamedTuple):
     pinned: bool = False
     versions: int = 1
     """Versions so far."""
+
+    @property
+    def kind(self) -> Literal["fit", "correct"]:
+        """Of the open request."""
+        return "correct" if self.phase == CORRECT else "fit"
 
 
 class TwinState(NamedTuple):

@@ -73,10 +73,10 @@ class Section:
             number = isinstance(value, int | float) and not isinstance(value, bool)
             if number and not setting.holds(value):
                 raise UsageError(f"{setting.key}: expected {setting.range}, got {value}")
-            whole = value is None or not dataclasses.is_dataclass(setting.type)
-            if not whole and not isinstance(value, cast(type, setting.type)):
-                kind = cast(type, setting.type).__name__
-                raise UsageError(f"{setting.key}: expected {kind}(…), got {value!r}")
+            kind = setting.type if dataclasses.is_dataclass(setting.type) else object
+            if value is not None and not isinstance(value, cast(type, kind)):
+                name = cast(type, kind).__name__
+                raise UsageError(f"{setting.key}: expected {name}(…), got {value!r}")
 
     @classmethod
     def prepare(cls, table: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -62,10 +62,11 @@ def check_log(path: Path) -> None:
     """Is the write-ahead log whole up to its end?
 
     SQLite takes a log up to the first frame whose checksum fails for the end that a crash left.
-    Where sound frames follow, what was durable would be lost without a word.
+    Where a sound commit follows, what was durable would be lost without a word. Frames that commit
+    nothing may be left over from a transaction that was killed, behind a shorter one after it.
 
     Raises:
-        StoreDamaged: there are such frames.
+        StoreDamaged: there is such a commit.
     """
     raw = _raw(Path(f"{path}-wal"))
     frames = range(LOG_HEADER, len(raw) - PAGE - FRAME_HEADER + 1, PAGE + FRAME_HEADER)
@@ -80,7 +81,7 @@ def check_log(path: Path) -> None:
         # frames with other salts are left over from an older log
         if frame[8:16] != salts or _checksum(content, before, order) != frame[16:24]:
             broken = broken or at
-        elif broken:
+        elif broken and frame[4:8] != bytes(4):
             raise StoreDamaged(f"{path}-wal: byte {broken} and those behind it were changed")
         before = frame[16:24]
 

@@ -34,6 +34,7 @@ COLUMNS: Mapping[str, tuple[type, ...]] = {
     "shown": (type(None), int, bytes, str),
     "progress": (type(None), int, int, str, str),
     "samples": (type(None), str, int, int, int, bytes, str),
+    "inbox": (type(None), str, str),
 }
 """Table → types of its columns; a rowid is stored beside them."""
 TABLES = {types: name for name, types in COLUMNS.items()}
@@ -56,6 +57,14 @@ class _Sound:
     samples: set[int] = field(default_factory=set)
     damaged: set[int] = field(default_factory=set)
     """Samples of which something is left, but not all."""
+    asked: set[int] = field(default_factory=set)
+    """What other processes asked for: it may have been heard, so it is told and not kept."""
+
+    @property
+    def newest(self) -> int:
+        """Number of the newest sample that anything says of."""
+        counted = (int(row[3]) for row in self.checkpoints)
+        return max([0, *self.samples, *self.damaged, *counted])
 
 
 def rebuild(path: Path, why: StoreError) -> Event:
@@ -139,6 +148,8 @@ def _found(path: Path) -> _Sound:
             progress.append(row)
         elif table == "samples":
             (sound.samples if _is_sample(row) else sound.damaged).add(number)
+        elif table == "inbox" and proof(row[0]) == row[1]:
+            sound.asked.add(number)
     _split(sound, found)
     sound.checkpoints = [row for _, row in sorted(checkpoints.items()) if _holds(row, sound)][
         -KEPT:
@@ -198,6 +209,11 @@ def _told(sound: _Sound, name: str, why: str) -> Event:
         said.append(f"run {newest[0]} can go on from row {newest[1]}")
     if samples:
         said.append(f"{samples} samples are damaged")
+    if sound.asked:
+        said.append(
+            f"whether {len(sound.asked)} orders of other processes were heard is not known: say "
+            "them again"
+        )
     evidence = {
         "kept": kept, "lost": lost, "samples_damaged": samples, "file": name, "why": why,
         "checkpoint_row": None if newest is None else newest[1],
@@ -229,6 +245,9 @@ def _write(fresh: Path, path: Path, sound: _Sound, lost: Event) -> None:
             elif table == "samples" and _is_sample(values[1:]):
                 db.execute("INSERT OR IGNORE INTO samples VALUES (?, ?, ?, ?, ?, ?, ?)",
                            (number, *values[1:]))  # fmt: skip
+        # numbers of samples that are gone are not given again
+        db.execute("DELETE FROM sqlite_sequence WHERE name = 'samples'")
+        db.execute("INSERT INTO sqlite_sequence VALUES ('samples', ?)", (sound.newest,))
     database.close()
 
 

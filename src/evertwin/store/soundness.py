@@ -1,7 +1,7 @@
 """Is the log of a file what was written to it? All of it on demand, a share whenever it is opened.
 
 >>> database = Database(":memory:")
->>> verify(database, Head()), look(database, 0)
+>>> verify(database, 0)[0], look(database, 0)
 (Head(length=0, hash='287539cfca0c...'), 0)
 """
 
@@ -19,27 +19,36 @@ SMALL = 64 << 20
 """Bytes of a file whose pages are all looked at then."""
 
 
-def verify(database: Database, given: Head) -> Head:
-    """The end of the log, all of which matches the chain and a head that was printed.
+def verify(database: Database, length: int) -> tuple[Head, Head]:
+    """The end of the log, all of which matches the chain, and where it was at a ``length``.
 
     Raises:
         StoreDamaged: names the first entry that does not.
     """
     _check_pages(database, "1")
-    at = Head()
+    at = there = Head()
     while part := _stored(database, at.length):
-        inside = [entry for entry in part if entry.number <= given.length]
+        inside = [entry for entry in part if entry.number <= length]
         passed = chained(inside, at)
-        if inside and passed.length == given.length and passed.hash != given.hash:
-            raise StoreDamaged(
-                f"log: entry {given.length} has hash {passed.hash[:12]}, expected "
-                f"{given.hash[:12]}: the log was rewritten after that head was printed"
-            )
+        there = passed if passed.length <= length else there
         at = chained(part[len(inside) :], passed)
     _check_end(database, at)
-    if at.length < given.length:
-        raise StoreDamaged(f"log: it ends with entry {at.length}, expected {given.length}")
-    return at
+    return at, there
+
+
+def as_printed(given: Head, end: Head, there: Head) -> None:
+    """Is a sound log the one whose head was printed? ``there``: its head at that length.
+
+    Raises:
+        StoreDamaged: it was rewritten, or ends before.
+    """
+    if end.length < given.length:
+        raise StoreDamaged(f"log: it ends with entry {end.length}, expected {given.length}")
+    if given.length and there.hash != given.hash:
+        raise StoreDamaged(
+            f"log: entry {given.length} has hash {there.hash[:12]}, expected "
+            f"{given.hash[:12]}: the log was rewritten after that head was printed"
+        )
 
 
 def look(database: Database, verified: int) -> int:

@@ -35,7 +35,7 @@ from evertwin.store.lock import Lock
 from evertwin.store.pages import check_log
 from evertwin.store.pieces import name_of, proof
 from evertwin.store.salvage import finish, mark_of, rebuild
-from evertwin.store.soundness import found_head, look, verify
+from evertwin.store.soundness import as_printed, found_head, look, verify
 from evertwin.store.writer import Writer
 
 S = TypeVar("S")
@@ -53,7 +53,7 @@ class _Job(NamedTuple):
     batch: Batch
 
 
-class _Pages:
+class _Tables:
     """The tables, written batch by batch."""
 
     def __init__(self, database: Database, checkpoints: Checkpoints) -> None:
@@ -134,11 +134,11 @@ class SqliteStore:
         self._db = Database(self.path, read_only=self._read_only)
         try:
             self._checkpoints = Checkpoints(self._db)
-            self._pages = _Pages(self._db, self._checkpoints)
-            self._writer = Writer(self._pages, threaded=self._lock is not None)
+            self._tables = _Tables(self._db, self._checkpoints)
+            self._writer = Writer(self._tables, threaded=self._lock is not None)
             self._head, verified = found_head(self._db)
             if not self._read_only:
-                self._pages.verified = look(self._db, verified)
+                self._tables.verified = look(self._db, verified)
         except StoreError:
             self._db.close()
             raise
@@ -301,10 +301,13 @@ class SqliteStore:
         """Number of entries, all of which match the chain; names the first that does not."""
         self.flush()
         self._check_open()
-        found = verify(self._db, head or Head())
-        for _ in self.read_chunks():
-            pass
-        self._checkpoints.verify()
+        with self._marked():
+            found, there = verify(self._db, 0 if head is None else head.length)
+            for _ in self.read_chunks():
+                pass
+            self._checkpoints.verify()
+        if head is not None:
+            as_printed(head, found, there)
         return found.length
 
     def backup(self, path: Path) -> None:

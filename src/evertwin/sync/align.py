@@ -192,9 +192,23 @@ class Align:
         Raises:
             DataError: the source is unknown, or has another number of columns.
         """
+        s = self.check(block)
+        if s == loop.TICK:
+            return self._run(state, block, s)
+        if self.feeds[s].offset:
+            block = block._replace(t=block.t + nanoseconds(self.feeds[s].offset))
+        rows = self._straight(state, block)
+        return (state, Out(rows)) if rows is not None else self._run(state, block, s)
+
+    def check(self, block: Chunk) -> int:
+        """Place of the source that a chunk is of; `TICK` has one of its own.
+
+        Raises:
+            DataError: the source is unknown, or has another number of columns.
+        """
         names = [feed.name for feed in self.feeds]
         if block.source == TICK:
-            return self._run(state, block, loop.TICK)
+            return loop.TICK
         if block.source not in names:
             known = ", ".join(names)
             raise DataError(f"source {block.source!r}: expected one of {known}")
@@ -205,10 +219,7 @@ class Align:
                 f"source {block.source!r}: expected {width} columns "
                 f"({', '.join(self.feeds[s].channels)}), got values of shape {block.v.shape}"
             )
-        if self.feeds[s].offset:
-            block = block._replace(t=block.t + nanoseconds(self.feeds[s].offset))
-        rows = self._straight(state, block)
-        return (state, Out(rows)) if rows is not None else self._run(state, block, s)
+        return s
 
     def flush(self, state: AlignState) -> tuple[AlignState, Out]:
         """Everything that waits, at the end of the data."""

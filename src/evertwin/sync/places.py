@@ -58,7 +58,7 @@ TURN = 6
 FACTORS = np.array(
     [10.0, 100.0, 1e3, 1e4, 1e6, 1e9, 180.0 / np.pi, 25.4, 1 / 0.0254, 1 / 0.3048, -1.0]
 )
-"""Suspected factors; their inverses are tried too."""
+"""Suspected factors; their inverses are tried too; the last is a turned sign."""
 
 
 class Cause(IntEnum):

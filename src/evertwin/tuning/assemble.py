@@ -299,7 +299,7 @@ def _covariance(
     sigma, spectrum = told
     inverse = spectrum.inverse(1e-6)
     parts = ((inverse @ acting.weighted(sigma)) * inverse).sum(axis=2)
-    memory = correlation.memory()
+    memory = correlation.memory
     for o, rho in enumerate(memory):
         if len(rho) > 1 and acting.paid[o]:
             columns, mine = acting.of(o)

@@ -6,14 +6,15 @@ short lags directly, over long ones by way of the spectrum.
 >>> noise = np.random.default_rng(0).normal(size=(2000, 1))
 >>> slow = np.convolve(noise[:, 0], np.ones(20) / 20)[:2000, None]
 >>> both = Correlation.of(np.concatenate([noise, slow], axis=1))
->>> [len(rho) for rho in both.memory()], effective(both.rows, both.memory()).round().tolist()
+>>> [len(rho) for rho in both.memory], effective(both.rows, both.memory).round().tolist()
 ([1, 34], [2000.0, 136.0])
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy
@@ -39,7 +40,8 @@ def products(values: Series, lags: int) -> Lags:
     return np.asarray(scipy.fft.irfft(power, size)[: lags + 1])
 
 
-class Correlation(NamedTuple):
+@dataclass(frozen=True)
+class Correlation:
     """Residuals, centred, and their autocorrelation. See the module for an example."""
 
     centred: Float64[np.ndarray, "lanes more"]
@@ -81,6 +83,7 @@ class Correlation(NamedTuple):
         mean = found / np.maximum(pairs, 1.0)
         return np.asarray(mean / mean[0])
 
+    @cached_property
     def memory(self) -> tuple[Lags, ...]:
         """Per output ρ(0), ρ(1), … up to the last lag before it is lost."""
         reach = enumerate(self.reach.tolist())

@@ -97,7 +97,13 @@ def depends(
 ) -> tuple[Dependence, ...]:
     """`dependences` of residuals and inputs whose parts are known already."""
     share, f, above, below, asked = analysed(
-        classes.number, classes.count, *correlation[:4], _overlap(correlation, classes)
+        classes.number,
+        classes.count,
+        correlation.centred,
+        correlation.known,
+        correlation.rows,
+        correlation.square,
+        _overlap(correlation, classes),
     )
     asked &= classes.vary
     output, column = asked.nonzero()
@@ -122,7 +128,7 @@ def _overlap(correlation: Correlation, classes: Classes) -> PerInput:
         if not reach.any():
             return np.ones((len(reach), len(classes.number)))
         return np.asarray(overlapped(classes.number, classes.count, correlation.short, reach))
-    memory = correlation.memory()
+    memory = correlation.memory
     found = np.ones((len(reach), len(classes.number)))
     other = classes.correlation(max(len(rho) for rho in memory) - 1)
     for k, rho in enumerate(memory):
