@@ -148,6 +148,29 @@ def test_proposal(tmp_path: Path) -> None:
     assert all(("1" in column) == ("1" in name) for name, column in numbers.items() if name != "T")
 
 
+def test_proposal_takes_axes_apart_and_no_difference_for_the_quantity(tmp_path: Path) -> None:
+    base = Layout(
+        tuple(Channel(f"v{a}", "m/s") for a in "xy")
+        + (Channel("w", "rad/s"), Channel("x", "m"), Channel("heading", "rad", kind="angle"))
+    )
+    path = tmp_path / "run.csv"
+    path.write_text(
+        "time;Robot speed along Y axis [m/s];Robot speed along X axis [m/s]"
+        ";Rotational speed [rad/s];Delta X local position [m];Angle [deg]\n"
+        + "".join(
+            f"{i / 10};{i % 3 / 9};{i % 5 / 9};{i % 7 / 9};0.0{i % 4};{i}\n" for i in range(300)
+        )
+    )
+    proposal = propose(inspect(path), base)
+    assert {m.channel: m.column for m in proposal.matches} == {
+        "vy": "Robot speed along Y axis",
+        "vx": "Robot speed along X axis",
+        "w": "Rotational speed",
+        "heading": "Angle",
+    }
+    assert proposal.missing == ("x",)
+
+
 def test_proposal_names_what_is_missing(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     path.write_text("t,a,b\n0,1,2\n1,2,3\n2,3,4\n")

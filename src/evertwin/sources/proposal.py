@@ -28,9 +28,9 @@ from evertwin.sources.description import ColumnInfo, Info, TableInfo
 from evertwin.sources.names import unit_problem
 
 _SYNONYMS = (
-    {"v", "speed", "velocity", "vel", "linear", "forward", "vx"},
-    {"w", "omega", "turn", "yawrate", "angular", "wz"},
-    {"heading", "yaw", "theta", "orientation", "psi", "phi"},
+    {"v", "speed", "velocity", "vel", "linear", "forward"},
+    {"w", "omega", "turn", "yawrate", "angular", "rotational", "rotation", "wz"},
+    {"heading", "yaw", "theta", "orientation", "psi", "phi", "angle"},
     {"q", "position", "pos", "angle", "joint"},
     {"qd", "dq", "velocity", "vel", "speed", "joint"},
     {"qdd", "ddq", "acceleration", "accel", "joint"},
@@ -42,6 +42,9 @@ _SYNONYMS = (
     {"force", "f"},
     {"voltage", "vir", "u", "volt"},
 )
+_OTHERS = {"delta", "diff", "difference", "increment", "error", "variance", "std"}
+"""What a column with such a word holds is said about the quantity, and is not the quantity."""
+_AXIS = re.compile(r"(v)([xy])")
 _LEAST = 0.45
 _RANGES = (
     ("rad", "deg", 7.0, math.inf),
@@ -125,7 +128,9 @@ def propose(info: Info, layout: Layout) -> Proposal:
 
 def _words(name: str) -> list[str]:
     spaced = re.sub(r"([a-z])([A-Z])", r"\1 \2", name)
-    return re.findall(r"[a-z]+|\d+", spaced.lower())
+    words = re.findall(r"[a-z]+|\d+", spaced.lower())
+    along = ((word, _AXIS.fullmatch(word)) for word in words)  # vx: v along x
+    return [part for word, found in along for part in (found.groups() if found else (word,))]
 
 
 def _score(channel: Channel, table: TableInfo, column: ColumnInfo) -> float:
@@ -137,6 +142,8 @@ def _alike(channel: Channel, theirs: list[str], column: ColumnInfo) -> float:
     mine = _words(channel.name)
     numbers = [w for w in mine if w.isdigit()], [w for w in theirs if w.isdigit()]
     if mine != theirs and numbers[0][-1:] != numbers[1][-1:]:
+        return 0.0
+    if not _OTHERS.isdisjoint(theirs) and _OTHERS.isdisjoint(mine):
         return 0.0
     if column.unit and not _same_kind(column.unit, channel.unit):
         return 0.0
