@@ -150,8 +150,12 @@ def test_proposal(tmp_path: Path) -> None:
 
 def test_proposal_takes_axes_apart_and_no_difference_for_the_quantity(tmp_path: Path) -> None:
     base = Layout(
-        tuple(Channel(f"v{a}", "m/s") for a in "xy")
-        + (Channel("w", "rad/s"), Channel("x", "m"), Channel("heading", "rad", kind="angle"))
+        (
+            *(Channel(f"v{a}", "m/s") for a in "xy"),
+            Channel("w", "rad/s"),
+            Channel("x", "m"),
+            Channel("heading", "rad", kind="angle"),
+        )
     )
     path = tmp_path / "run.csv"
     path.write_text(
