@@ -9,7 +9,8 @@ from pathlib import Path
 import typer
 
 from evertwin.app.console import Progress, Search, show
-from evertwin.errors import DataError, StoreLocked, UsageError
+from evertwin.app.opening import store_path, to_work
+from evertwin.errors import DataError
 from evertwin.fold import plain
 from evertwin.loop.result import RunResult
 from evertwin.models.form import Version
@@ -64,7 +65,7 @@ def fit_twin(
     search, (train, test), (as_json, check, keep) = Search(), data, flags
     with Twin.open(twin, reading=not keep) as opened:
         if keep:
-            keeps_versions(twin, opened)
+            store_path(twin, opened.spec)
         result = opened.fit(_files(train), [str(_file(path)) for path in test], search, workers)
         search.close()
         version = opened.keep(result) if keep else None
@@ -76,16 +77,6 @@ def fit_twin(
     unsure = not result.fit.converged or "not" in result.fit.verdict
     if check and (unsure or any(one.finding for one in result.left_out)):
         raise typer.Exit(1)
-
-
-def keeps_versions(twin: Path, opened: Twin) -> None:
-    """Refuses a twin without a store.
-
-    Raises:
-        UsageError: it has none.
-    """
-    if opened.spec.store.path is None:
-        raise UsageError(f"{twin}: keeps nothing: say [store] path = 'twin.db' to keep versions")
 
 
 def examine(twin: Path, data: Files, as_json: bool) -> None:
@@ -146,8 +137,8 @@ def show_version(twin: Path, number: int, as_json: bool) -> None:
 def by_hand(twin: Path, verb: str, number: int | None, reason: str, as_json: bool) -> None:
     """``evertwin model promote | rollback | pin``."""
     person = getpass.getuser()
-    with to_say(twin) as opened:
-        keeps_versions(twin, opened)
+    with to_work(twin, telling=True) as opened:
+        store_path(twin, opened.spec)
         if verb == "pin":
             event = opened.pin(number, reason, person)
         elif verb == "rollback":
@@ -155,15 +146,6 @@ def by_hand(twin: Path, verb: str, number: int | None, reason: str, as_json: boo
         else:
             event = opened.promote(-1 if number is None else number, reason, person)
         show({"schema": "evertwin.event/1", "event": plain(event)}, event.reason, as_json)
-
-
-def to_say(twin: Path) -> Twin:
-    """The twin, to say something to it; a process that works with its store is asked to heed it."""
-    try:
-        return Twin.open(twin)
-    except StoreLocked as error:
-        typer.echo(f"evertwin: {error}; it is asked to heed this at its next beat", err=True)
-        return Twin.open(twin, reading=True)
 
 
 def _brief(version: Version) -> dict[str, object]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from evertwin.app.commands import keeps_versions
 from evertwin.app.console import show
+from evertwin.app.opening import store_path
 from evertwin.errors import DataError
 from evertwin.sources.excerpt import Excerpt
 from evertwin.twin import Twin
@@ -36,7 +36,7 @@ def export_twin(
 def load_parameters(twin: Path, file: Path, reason: str, as_json: bool) -> None:
     """``evertwin model load``."""
     with Twin.open(twin) as opened:
-        keeps_versions(twin, opened)
+        store_path(twin, opened.spec)
         version = opened.load(file, reason)
     content = {
         "schema": "evertwin.load/1", "version": version.number, "hash": version.hash,

@@ -8,10 +8,10 @@ from typing import Any, Literal, TypeAlias
 
 import typer
 
-from evertwin.app.commands import to_say
 from evertwin.app.console import show
+from evertwin.app.opening import store_path, to_work
 from evertwin.app.plan_shown import label_document, label_text, plan_document, plan_text
-from evertwin.errors import StoreLocked, UsageError
+from evertwin.errors import UsageError
 from evertwin.files import write_whole
 from evertwin.fold import plain
 from evertwin.loop.feed import Data
@@ -50,21 +50,13 @@ def show_forecast(
 def show_life(twin: Path, known: Known, report: Path | None, as_json: bool, check: bool) -> None:
     """``evertwin life``."""
     history, data = known
-    with _to_keep(twin) as opened:
+    with to_work(twin) as opened:
         found = opened.life(history, _files(data), drawn=report is not None)
         if report is not None:
             write_prognosis(found, None, report)
         show(found.to_dict(), str(found), as_json)
     if check and (found.alarms or found.held):
         raise typer.Exit(1)
-
-
-def _to_keep(twin: Path) -> Twin:
-    """The twin, to keep alarms; where another process has its store, to look at it alone."""
-    try:
-        return Twin.open(twin)
-    except StoreLocked:
-        return Twin.open(twin, reading=True)
 
 
 def show_whatif(twin: Path, scenario: Path, known: Known, as_json: bool, check: bool) -> None:
@@ -133,9 +125,8 @@ def keep_decision(
     verdict: Any = VERDICTS.get(word)
     if verdict is None:
         raise UsageError(f"decide: expected one of {', '.join(VERDICTS)}, got {word!r}")
-    with to_say(twin) as opened:
-        if opened.spec.store.path is None:
-            raise UsageError(f"{twin}: a decision is kept in a store: set [store] path")
+    with to_work(twin, telling=True) as opened:
+        store_path(twin, opened.spec)
         if verdict in DONE:
             event = opened.maintained(component, reason, verdict, when, history)
         else:

@@ -6,6 +6,7 @@ from contextlib import closing
 from pathlib import Path
 
 from evertwin.app.console import show
+from evertwin.app.opening import store_path
 from evertwin.config import read
 from evertwin.errors import StoreDamaged, UsageError
 from evertwin.fold import Event
@@ -54,7 +55,7 @@ def repair_store(twin: Path, as_json: bool) -> None:
     Raises:
         UsageError: there is no store.
     """
-    path = _path(twin)
+    path = store_path(twin, read(twin))
     if not path.is_file():
         raise UsageError(f"{path}: no such store: nothing to repair")
     with closing(SqliteStore(path)) as store:
@@ -81,15 +82,8 @@ def back_up(twin: Path, file: Path, as_json: bool) -> None:
     show(content, f"{file}: {length} entries", as_json)
 
 
-def _path(twin: Path) -> Path:
-    spec = read(twin)
-    if spec.store.path is None:
-        raise UsageError(f"{twin}: keeps nothing: say [store] path = 'twin.db'")
-    return Path(spec.folder) / spec.store.path
-
-
 def _store(twin: Path) -> closing[SqliteStore]:
-    return closing(SqliteStore(_path(twin), read_only=True))
+    return closing(SqliteStore(store_path(twin, read(twin)), read_only=True))
 
 
 def _secret(key: Path | None) -> bytes:
