@@ -182,8 +182,9 @@ class Twin:
         Args:
             samples: of a source of the twin file; or columns by name with ``t`` [s].
         """
-        here, engine = (self.setup, self._ledger, samples), self._engines.of(None)
-        self._live = self._live or loop.Live.of(*here, engine, self._lasting)
+        if self._live is None:
+            here, engine = (self.setup, self._ledger, samples), self._engines.of(None)
+            self._live = loop.Live.of(*here, engine, self._lasting)
         self._live.push(samples)
 
     def view(self, rows: int = 1000) -> loop.View:

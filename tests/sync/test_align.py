@@ -329,9 +329,10 @@ def test_a_uniform_grid() -> None:
     assert np.flatnonzero(out.rows.gap).tolist() == [0, 6]
 
 
-def test_infinite_values_are_errors_and_nan_is_absent() -> None:
-    v = [[1.0, 0.0], [np.inf, 0.0], [np.nan, 0.0], [4.0, 0.0]]
-    y = [[1.0], [np.inf], [np.nan], [4.0]]
+@pytest.mark.parametrize("broken", [np.inf, -1e200])
+def test_infinite_and_absurd_values_are_errors_and_nan_is_absent(broken: float) -> None:
+    v = [[1.0, 0.0], [broken, 0.0], [np.nan, 0.0], [4.0, 0.0]]
+    y = [[1.0], [broken], [np.nan], [4.0]]
     _, out = run(pair(), [chunk("a", [0, 1, 2, 3], v), chunk("b", [0, 1, 2, 3], y)])
     assert out.rows.mark[:, 1].tolist() == [Mark.OK, Mark.ERROR, Mark.ABSENT, Mark.OK]
     assert out.rows.u[:, 0].tolist() == [1.0, 1.0, 1.0, 1.0]

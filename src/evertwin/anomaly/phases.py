@@ -85,5 +85,7 @@ class TaskSteps:
 
     def of(self, t: Stamps, began: int) -> Tasks:
         """The step of each row of a task that began at a stamp [ns]."""
+        if self.parts == 1:
+            return np.zeros(len(t), dtype=np.int64)
         part = (t - began) * (1e-9 * self.parts / self.duration)
         return np.minimum(part, self.parts - 1).astype(np.int64)

@@ -42,7 +42,9 @@ class Beat:
             block: the rows.
             task: task of the row before the block (any number before the first row).
         """
-        opens = np.diff(block.task, prepend=task) != 0
-        regular = np.zeros(len(block.t), dtype=np.bool_)
-        regular[-block.row % self.every :: self.every] = True
-        return block.row + np.flatnonzero(opens | regular)
+        n = len(block.t)
+        regular = np.arange(block.row + -block.row % self.every, block.row + n, self.every)
+        if not (block.task != task).any():
+            return regular
+        opens = block.row + np.flatnonzero(np.diff(block.task, prepend=task))
+        return np.union1d(regular, opens)

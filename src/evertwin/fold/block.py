@@ -104,8 +104,9 @@ def make_block(
 
 def take(block: Block, start: int, stop: int) -> Block:
     """Rows ``start`` to ``stop`` (positions in the block), as views."""
-    row, *arrays = block
-    return Block(row + start, *(a[start:stop] for a in arrays))
+    if start == 0 and stop >= len(block.t):
+        return block
+    return Block(block.row + start, *[column[start:stop] for column in block[1:]])
 
 
 def concatenate(blocks: Sequence[Block]) -> Block:

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -25,7 +26,6 @@ import numpy as np
 from evertwin.config import TwinSpec
 from evertwin.errors import ConfigError
 from evertwin.fold import Block, Chunk, Event
-from evertwin.fold.block import LARGEST
 from evertwin.loop.channels import is_held, is_measured, recorded_as
 from evertwin.models import Model
 from evertwin.signals import Channel, Layout
@@ -98,7 +98,7 @@ class Alignment:
         )
         return cls(align, derive)
 
-    @property
+    @cached_property
     def plain(self) -> bool:
         """Does the alignment give the model's rows already?"""
         taken = tuple(one.column for one in (*self.derive.inputs, *self.derive.outputs))
@@ -122,8 +122,6 @@ class Alignment:
         Raises:
             DataError: the source is unknown, or has another number of columns.
         """
-        if np.abs(chunk.v).max(initial=0.0) > LARGEST:
-            chunk = chunk._replace(v=np.where(np.abs(chunk.v) > LARGEST, np.inf, chunk.v))
         aligned, out = self.align.step(state.align, chunk)
         derived, rows = self._derived(state.derive, out.rows, ends=False)
         return AlignmentState(aligned, derived), rows, _told(out.records)

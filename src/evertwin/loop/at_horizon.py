@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 
 from evertwin.loop.released import Released
-from evertwin.types import Bools, Float64
+from evertwin.types import Bools, Float64, Outputs
 
 
 class Newest(NamedTuple):
@@ -31,15 +31,18 @@ class Newest(NamedTuple):
 
 @njit(cache=True)
 def carried(
-    columns: Float64[np.ndarray, "n columns"], end: Bools, newest: Float64[np.ndarray, " columns"]
-) -> None:
+    sides: tuple[Outputs, Outputs, Outputs, Outputs], end: Bools,
+    newest: Float64[np.ndarray, " columns"], kept: Float64[np.ndarray, "four n ny"],
+) -> None:  # fmt: skip
     """Values stay where a prediction ends, the newest of each column; elsewhere they are NaN."""
-    for i in range(columns.shape[0]):
-        for c in range(columns.shape[1]):
-            value = columns[i, c]
-            if value == value:
-                newest[c] = value
-            columns[i, c] = newest[c] if end[i] else np.nan
+    ny = kept.shape[2]
+    for i in range(len(end)):
+        for s in range(4):
+            for k in range(ny):
+                value = sides[s][i, k]
+                if value == value:
+                    newest[s * ny + k] = value
+                kept[s, i, k] = newest[s * ny + k] if end[i] else np.nan
         if end[i]:
             newest[:] = np.nan
 
@@ -63,9 +66,7 @@ class AtHorizon:
         """The rows, with values where a prediction has ended. Consumes ``state``."""
         if not self.wanted:
             return state, rows
-        columns = np.concatenate(rows[3:7], axis=1)
-        carried(columns, rows.end, state.values)
-        measured, live, first, other = (
-            np.ascontiguousarray(part) for part in np.split(columns, 4, axis=1)
-        )
+        kept = np.empty((4, *rows.live.shape))
+        carried(rows[3:7], rows.end, state.values, kept)
+        measured, live, first, other = kept
         return state, rows._replace(measured=measured, live=live, first=first, other=other)

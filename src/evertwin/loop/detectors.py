@@ -89,12 +89,13 @@ class Detect:
         """More rows; consumes ``state``."""
         every = len(self.columns) == rows.live.shape[1]
         live = rows.live if every else rows.live.take(self.columns, axis=1)
-        known = ~np.isnan(live).all(axis=1)
-        if not known.any():
-            return state, ()
-        seen = Residuals(rows.row, rows.t, live, rows.phase)
-        if not known.all():
-            seen = Residuals(*(column[known] for column in seen))
+        seen, unknown = Residuals(rows.row, rows.t, live, rows.phase), np.isnan(live)
+        if unknown.any():
+            known = ~unknown.all(axis=1)
+            if not known.any():
+                return state, ()
+            if not known.all():
+                seen = Residuals(*(column[known] for column in seen))
         if self.calibration > 0 and not state.cusum.calibration.ready:
             return state._replace(cusum=self.cusum.collect(state.cusum, seen)), ()
         cusum, a = self.cusum.step(state.cusum, seen)

@@ -166,17 +166,20 @@ class Driver:
         at, careful = block.row, block.row
         while at < end:
             rest = take(block, at - block.row, len(block.t))
-            if at >= careful:
-                state, careful = self._stride(state, rest, beats[beats >= at])
+            later = beats[beats.searchsorted(at) :]
+            if at >= careful and len(later) >= WORTH:
+                state, careful = self._stride(state, rest, later)
                 if state.row > at:
                     at = state.row
                     continue
-            if state.row > 0 and at in beats:
-                state = self.beat(state, task_end=int(rest.task[0]) != state.task)
-            later = beats[beats > at]
+            if len(later) and later[0] == at:
+                if state.row > 0:
+                    state = self.beat(state, task_end=int(rest.task[0]) != state.task)
+                later = later[1:]
             stop = int(later[0]) if len(later) else end
-            state, out = self.follow.step(state, take(rest, 0, stop - at))
-            state = self._seen(state, take(rest, 0, stop - at), out)
+            piece = take(rest, 0, stop - at)
+            state, out = self.follow.step(state, piece)
+            state = self._seen(state, piece, out)
             at = stop
         return state
 

@@ -110,7 +110,8 @@ class Follow:
         other, c = self._predict(state.other, judged)
         opens = state.row == 0 or int(piece.task[0]) != state.task
         began = int(piece.t[0]) if opens else state.began
-        none = np.full_like(piece.y, np.nan)
+        none = np.empty(piece.y.shape)
+        none.fill(np.nan)
         rows = Released(
             np.arange(piece.row, piece.row + len(piece.t)), piece.t,
             self.setup.phase(piece.u, piece.t, began), piece.y, a.residual,

@@ -158,10 +158,11 @@ class Live:
         if not self.lasting:
             self.ledger.store.commit(Batch(chunks=tuple(pushed)), wait=False)
         for _, alike in groupby(pushed, lambda chunk: (chunk.source, chunk.task)):
-            chunks = list(alike)
-            t, v = ([c.t for c in chunks], [c.v for c in chunks])
-            whole = chunks[0]._replace(t=np.concatenate(t), v=np.concatenate(v))
-            self._fold(whole if len(chunks) > 1 else chunks[0])
+            chunk, *more = alike
+            if more:
+                t, v = zip(*((c.t, c.v) for c in (chunk, *more)), strict=True)
+                chunk = chunk._replace(t=np.concatenate(t), v=np.concatenate(v))
+            self._fold(chunk)
         if self._run is not None and self._state is not None:
             every = self._run.setup.beat.every
             # what is seen at a row is told within a beat, also if several samples come at once
@@ -190,15 +191,19 @@ class Live:
     def _take(self, block: Block | None, events: Sequence[Event]) -> None:
         if block is not None:
             self._task = int(block.task[0]) if self._task is None else self._task
-            self._waiting.append(block._replace(task=block.task - self._task))
-        rows = sum(len(part.t) for part in self._waiting)
-        known = self.setup.spec.clock.rate is not None or not self.setup.times
-        if self._run is None and rows and (known or rows >= ENOUGH):
+            numbered = block._replace(task=block.task - self._task) if self._task else block
+            self._waiting.append(numbered)
+        if self._run is None and self._may_begin():
             self._begin()
         if self._run is not None:
             self._step()
             if events:
                 self._run.tell(self._run.ledger.at, events)
+
+    def _may_begin(self) -> bool:
+        rows = sum(len(part.t) for part in self._waiting)
+        known = self.setup.spec.clock.rate is not None or not self.setup.times
+        return rows > 0 and (known or rows >= ENOUGH)
 
     def _begin(self) -> None:
         setup = self.setup.at(rate_of(self._waiting))

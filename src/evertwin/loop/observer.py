@@ -21,6 +21,12 @@ from evertwin.tuning.iteration import Round
 
 OFTEN = 100_000
 """Rows between two reports of progress."""
+PIECES, ROWS = 16, 8192
+"""Pieces, and rows in them, that are put into the trace at once."""
+COLUMNS = (
+    "t", "task", "input", "measured", "predicted", "sigma", "update", "first", "first_update",
+    "mark",
+)  # fmt: skip
 
 
 class Observer:
@@ -33,7 +39,9 @@ class Observer:
     def __init__(self, setup: Setup, progress: Callable[[int, float], None] | None = None) -> None:
         self.setup = setup
         self._angles = setup.model.outputs.angles
-        self.trace = Trace()
+        self._trace = Trace()
+        self._pieces: list[tuple[int, Block, Followed]] = []
+        self._waiting = 0
         self.events: list[Event] = []
         self.knowledge: dict[tuple[str, float], dict[str, Any]] = {}
         self.rounds: list[dict[str, Any]] = []
@@ -50,22 +58,40 @@ class Observer:
 
     def watch(self, state: TwinState, piece: Block, out: Followed) -> None:
         """One piece between beats."""
-        at, nu = self.trace.places(piece.row), piece.u.shape[1]
-        before = out.rows if out.first is None else out.first
+        self._pieces.append((state.live.version, piece, out))
+        self._waiting += len(piece.t)
+        if len(self._pieces) >= PIECES or self._waiting >= ROWS:
+            self._collect()
+        if self._progress is not None:
+            self._seconds += float(piece.dt.sum())
+            if state.row - self._told >= OFTEN:
+                self._told = state.row
+                self._progress(state.row, self._seconds)
+
+    @property
+    def trace(self) -> Trace:
+        """All rows so far."""
+        self._collect()
+        return self._trace
+
+    def _collect(self) -> None:
+        """Small pieces are put into the trace together."""
+        pieces, self._pieces, self._waiting = self._pieces, [], 0
+        if not pieces:
+            return
+        row, sizes = pieces[0][1].row, [len(piece.t) for _, piece, _ in pieces]
         columns = {
-            "row": np.arange(piece.row, piece.row + len(piece.t)), "t": piece.t,
-            "task": piece.task, "input": piece.u, "measured": piece.y, "predicted": out.rows.y,
-            "sigma": out.rows.sigma, "mark": out.judged.mark[:, nu:], "update": out.rows.update,
-            "first": before.y, "first_update": before.update,
-        }  # fmt: skip
+            "row": np.arange(row, row + sum(sizes)),
+            "version": np.repeat([version for version, _, _ in pieces], sizes),
+        }
+        parts = zip(*(_columns(piece, out) for _, piece, out in pieces), strict=True)
+        for name, column in zip(COLUMNS, parts, strict=True):
+            columns[name] = column[0] if len(column) == 1 else np.concatenate(column)
+        at = self._trace.places(row)
         kept = {name: column[at] for name, column in columns.items()}
-        residual = wrap(kept["measured"] - kept["predicted"], self._angles)
-        version = np.full(len(residual), state.live.version)
-        self.trace.add({**kept, "residual": residual, "version": version})
-        self._seconds += float(piece.dt.sum())
-        if self._progress is not None and state.row - self._told >= OFTEN:
-            self._told = state.row
-            self._progress(state.row, self._seconds)
+        kept["mark"] = kept["mark"][:, -len(self._angles) :]
+        kept["residual"] = wrap(kept["measured"] - kept["predicted"], self._angles)
+        self._trace.add(kept)
 
     def record(self, record: Record) -> None:
         """A record as it is logged."""
@@ -102,6 +128,14 @@ class Observer:
             models={v.form: driver.versions.model(v.number) for v in driver.versions},
             trace=self.trace.columns(), rounds=tuple(self.rounds),
         )  # fmt: skip
+
+
+def _columns(piece: Block, out: Followed) -> tuple[np.ndarray, ...]:
+    before = out.rows if out.first is None else out.first
+    return (
+        piece.t, piece.task, piece.u, piece.y, out.rows.y, out.rows.sigma, out.rows.update,
+        before.y, before.update, out.judged.mark,
+    )  # fmt: skip
 
 
 def figures(setup: Setup, state: TwinState) -> dict[str, OutputFigures]:

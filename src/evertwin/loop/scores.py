@@ -118,7 +118,7 @@ def accumulate(
     outputs at which both versions have one. Last: the first of ``watch``'s beats at which the
     champion is off by more than its limit, where the rows after it were left; −1: there is none.
     """
-    pairs = np.empty((int(np.count_nonzero(rows.end)), 2))
+    pairs = np.empty((len(rows.end), 2))
     sums = (scores.watch, scores.live, scores.first, scores.live_moving, scores.first_moving)
     count, stop = _accumulate(
         rows.row, rows[3:], tuple(tuple(s) for s in sums), scores.seen, scores.pair,

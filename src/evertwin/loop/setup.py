@@ -126,7 +126,9 @@ class Setup:
         """Which rows count as moving, per output, (n, ny); all where nothing is said of one."""
         rule = self.spec.moving
         if rule is None:
-            return np.ones((len(u), len(self.model.outputs)), dtype=np.bool_)
+            moving = np.empty((len(u), len(self.model.outputs)), dtype=np.bool_)
+            moving.fill(True)
+            return moving
         columns, unsaid = self._judged_by
         return np.asarray((np.abs(u.take(columns, axis=1)) > rule.above) | unsaid)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -19,11 +20,14 @@ Arrays: TypeAlias = Mapping[str, np.ndarray]
 
 def pack(arrays: Arrays) -> bytes:
     """One text of bytes; equal arrays give equal bytes."""
-    told, parts = [], []
-    for name, array in arrays.items():
-        told.append((name, array.dtype.str, array.shape))
-        parts.append(array.tobytes())
-    return b"\n".join([json.dumps(told, separators=(",", ":")).encode(), b"".join(parts)])
+    told = tuple((name, array.dtype.str, array.shape) for name, array in arrays.items())
+    return b"\n".join([_head(told), b"".join([array.tobytes() for array in arrays.values()])])
+
+
+@lru_cache(maxsize=256)
+def _head(told: tuple[tuple[str, str, tuple[int, ...]], ...]) -> bytes:
+    """The first line; samples come in few shapes."""
+    return json.dumps(told, separators=(",", ":")).encode()
 
 
 def unpack(content: bytes) -> dict[str, np.ndarray]:

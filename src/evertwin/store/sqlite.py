@@ -66,10 +66,11 @@ class _Tables:
         newest = next((k for k in reversed(range(len(jobs))) if jobs[k].batch.checkpoint), -1)
         with self.database.transaction() as db:
             for k, (entries, batch) in enumerate(jobs):
-                db.executemany("INSERT INTO samples VALUES (NULL, ?, ?, ?, ?, ?, ?)",
-                               (_sample(chunk) for chunk in batch.chunks))  # fmt: skip
-                db.executemany("INSERT INTO log VALUES (?, ?, ?, ?, ?, ?)", entries)
+                if batch.chunks:
+                    db.executemany("INSERT INTO samples VALUES (NULL, ?, ?, ?, ?, ?, ?)",
+                                   (_sample(chunk) for chunk in batch.chunks))  # fmt: skip
                 if entries:
+                    db.executemany("INSERT INTO log VALUES (?, ?, ?, ?, ?, ?)", entries)
                     end = (entries[-1].number, entries[-1].hash, self.verified)
                     db.execute("UPDATE head SET length = ?, hash = ?, verified = ?", end)
                 if batch.progress is not None:

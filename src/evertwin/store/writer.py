@@ -9,6 +9,7 @@ error nothing more is taken.
 >>> paper = Paper()
 >>> writer = Writer(paper, threaded=False)
 >>> writer.put("a", size=1)
+>>> writer.flush()
 >>> paper.text
 ['a']
 """
@@ -21,6 +22,8 @@ from typing import Generic, Protocol, TypeVar
 from evertwin.errors import StoreError
 
 T = TypeVar("T")
+SOME = 16
+"""Jobs that wait at most where there is no thread."""
 ROOM = 64 << 20
 """Bytes that may wait; beyond, `Writer.put` waits too."""
 
@@ -48,7 +51,7 @@ class Writer(Generic[T]):
     """
 
     def __init__(self, paper: Paper[T], *, threaded: bool) -> None:
-        """Not ``threaded``: each job is written where it is put."""
+        """Not ``threaded``: who puts or flushes writes what waits, `SOME` jobs at once."""
         self._paper = paper
         self._threaded = threaded
         self._waiting: list[T] = []
@@ -66,11 +69,11 @@ class Writer(Generic[T]):
             StoreError: an earlier job could not be written.
         """
         with self._changed:
+            if not self._threaded:
+                self._waiting.append(job)
+                return self._write(SOME)
             self._changed.wait_for(lambda: self._room < ROOM or self._failed is not None)
             self.check()
-            if not self._threaded:
-                self._failed = self._attempt([job])
-                return self.check()
             self._waiting.append(job)
             self._room += size
             self._changed.notify_all()
@@ -85,7 +88,17 @@ class Writer(Generic[T]):
             StoreError: something could not be written.
         """
         with self._changed:
+            if not self._threaded:
+                return self._write(1)
             self._changed.wait_for(lambda: not self._waiting and not self._busy)
+            self.check()
+
+    def _write(self, least: int) -> None:
+        """Writes what waits, here, if it is at least so many jobs."""
+        self.check()
+        if len(self._waiting) >= least:
+            jobs, self._waiting = self._waiting, []
+            self._failed = self._attempt(jobs)
             self.check()
 
     def close(self) -> None:

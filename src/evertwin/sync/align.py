@@ -12,6 +12,7 @@ What a row holds:
 * a command (``hold``) acts from its stamp on, so a row's input is the newest one before its
   interval; it is marked held where it is older than the row before;
 * a measured input (``lines``) is the one at the row, interpolated where its source has none;
+* a number beyond `LARGEST` is no measurement: it counts as infinite;
 * an output is there only where it was measured at that stamp (on a grid: interpolated).
 
 >>> feeds = (Feed("wheels", ("v",)), Feed("camera", ("x",)))
@@ -36,6 +37,7 @@ import numpy as np
 
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import Block, Chunk, Event, Out
+from evertwin.fold.block import LARGEST
 from evertwin.signals import Layout
 from evertwin.sync import align_loop as loop
 from evertwin.sync.horizon import nanoseconds
@@ -170,6 +172,10 @@ class Align:
         return s, self.feeds[s].channels.index(name)
 
     @cached_property
+    def _sources(self) -> dict[str, int]:
+        return {feed.name: s for s, feed in enumerate(self.feeds)}
+
+    @cached_property
     def _times(self) -> tuple[int, float, int]:
         period = 0.0 if self.rate is None else 1e9 / self.rate
         return nanoseconds(self.gap), period, nanoseconds(self.jump)
@@ -206,13 +212,12 @@ class Align:
         Raises:
             DataError: the source is unknown, or has another number of columns.
         """
-        names = [feed.name for feed in self.feeds]
         if block.source == TICK:
             return loop.TICK
-        if block.source not in names:
-            known = ", ".join(names)
+        s = self._sources.get(block.source, -1)
+        if s < 0:
+            known = ", ".join(self._sources)
             raise DataError(f"source {block.source!r}: expected one of {known}")
-        s = names.index(block.source)
         width = len(self.feeds[s].channels)
         if block.v.shape != (len(block.t), width):
             raise DataError(
@@ -230,24 +235,26 @@ class Align:
         t, v = np.ascontiguousarray(chunk.t), np.ascontiguousarray(chunk.v, dtype=np.float64)
         parts, events, start = [], [], 0
         while start < len(t):
-            rows = self._room(len(t) - start + int(state.sources[:, loop.COUNT].sum()) + 1)
+            rows = self._room(len(t) - start + sum(state.sources[:, loop.COUNT].tolist()) + 1)
             found = np.empty((NOTES + len(self.feeds), 6), dtype=np.int64)
             extent = np.zeros(2, dtype=np.int64)
             start = loop.push(
                 s, start, t, v, chunk.task, *self._plan, *state, *rows, found, extent, *self._times
             )
-            parts.append(Rows(*(column[: extent[0]] for column in rows)))
-            events += [self._event(note) for note in found[: extent[1]].tolist()]
-        columns: Sequence[Any] = list(zip(*(part for part in parts if len(part.t)), strict=True))
-        whole = Rows(*(np.concatenate(column) for column in columns)) if columns else None
-        return state, Out(whole, tuple(events))
+            given, said = extent.tolist()
+            if given:
+                parts.append(Rows(*[column[:given] for column in rows]))
+            events += [self._event(note) for note in found[:said].tolist()]
+        if len(parts) < 2:
+            return state, Out(parts[0] if parts else None, tuple(events))
+        columns: Sequence[Any] = list(zip(*parts, strict=True))
+        return state, Out(Rows(*map(np.concatenate, columns)), tuple(events))
 
     def _room(self, n: int) -> Rows:
         nu, ny = len(self.inputs), len(self.outputs)
-        whole, real = np.dtype(np.int64), np.dtype(np.float64)
         return Rows(
-            np.empty(n, whole), np.empty(n, whole), np.empty(n, real), np.empty((n, nu), real),
-            np.empty((n, ny), real), np.empty((n, nu + ny), np.uint8), np.empty(n, whole),
+            np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n), np.empty((n, nu)),
+            np.empty((n, ny)), np.empty((n, nu + ny), np.uint8), np.empty(n, np.int64),
             np.empty(n, np.bool_),
         )  # fmt: skip
 
@@ -264,7 +271,8 @@ class Align:
         t = chunk.t + (source[loop.OFFSET] + clock[loop.SHIFT])
         columns = self._plan[1][:, loop.COLUMN]
         values = chunk.v[:, columns]
-        if not (t[0] > clock[loop.LAST] and (t[1:] > t[:-1]).all() and np.isfinite(values).all()):
+        sound = np.isfinite(values).all() and not (np.abs(chunk.v) > LARGEST).any()
+        if not (sound and t[0] > clock[loop.LAST] and (t[1:] > t[:-1]).all()):
             return None
         return self._columns(state, t, values, chunk)
 

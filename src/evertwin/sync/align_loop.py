@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from evertwin.fold.block import LARGEST
 from evertwin.sync.borrow import borrowed
 from evertwin.sync.horizon_loop import NEVER, wrapped
 
@@ -84,7 +85,8 @@ def insert(sources: Any, times: Any, values: Any, s: int, stamp: int, v: Any, i:
         values[s, (head + m) % depth] = values[s, (head + m - 1) % depth]
     times[s, (head + k) % depth] = stamp
     for c in range(v.shape[1]):
-        values[s, (head + k) % depth, c] = v[i, c]
+        absurd = abs(v[i, c]) > LARGEST
+        values[s, (head + k) % depth, c] = np.inf if absurd else v[i, c]
     sources[s, COUNT] += 1
     return True
 

@@ -54,8 +54,7 @@ def contiguous(block: Block) -> Block:
     >>> contiguous(rows._replace(u=rows.u[:, 1:])).u.flags.c_contiguous
     True
     """
-    row, *arrays = block
-    return Block(row, *(np.ascontiguousarray(array) for array in arrays))
+    return Block(block.row, *map(np.ascontiguousarray, block[1:]))
 
 
 def trusted(block: Block) -> Outputs:
