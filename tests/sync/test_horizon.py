@@ -57,6 +57,12 @@ def test_compiled_and_plain_loop_agree_bit_for_bit(monkeypatch: pytest.MonkeyPat
     np.testing.assert_array_equal(
         horizon_loop.began(anew, known), plain(horizon_loop.began)(anew, known)
     )
+    rows = block.u, block.y, block.mark
+    counts = horizon_loop.counted(*rows)
+    np.testing.assert_array_equal(counts, plain(horizon_loop.counted)(*rows))
+    fed = np.isfinite(block.u) & ((block.mark[:, :2] <= 2) | (block.mark[:, :2] == 5))
+    expected = fed.all(axis=1)[:, None] & ~np.isnan(block.y) & (block.mark[:, 2:] <= 2)
+    np.testing.assert_array_equal(counts, expected)
 
 
 def test_a_wrong_gain_shows_over_one_horizon() -> None:

@@ -15,7 +15,16 @@ from evertwin.machines.arm import Arm
 from evertwin.models import FunctionModel, Parameters
 from evertwin.signals import Layout
 from evertwin.tuning import ClosedForm, Problem, solve
-from evertwin.tuning.gram import effects, residual, solved
+from evertwin.tuning.gram import (
+    combined,
+    effects,
+    inverted,
+    residual,
+    slotted,
+    solved,
+    unit,
+    weighed,
+)
 
 NOISE = np.array([0.5, 0.8, 0.5, 0.08, 0.08, 0.06])
 TRUTH = np.r_[np.array([12.0, 14, 10, 3, 3, 2.5]), np.array([10.0, 10, 8, 2, 2, 2]), 0.02]
@@ -180,13 +189,21 @@ def test_kernels_equal_their_plain_twins_bit_for_bit() -> None:
     at = np.array([[0, 1], [2, -1], [1, 3]])
     results = []
     for plain in (False, True):
-        kernels = (residual, effects, solved)
-        leave, effect, solve_it = (kernel.py_func if plain else kernel for kernel in kernels)
-        r, told = np.empty((40, 3)), np.zeros((3, 3))
-        leave(y, y0, columns, np.full((3, 2), 0.3), r)
+        kernels = (residual, effects, solved, slotted, weighed, unit, inverted, combined)
+        leave, effect, solve_it, slot, weigh, scale_it, invert, combine = (
+            kernel.py_func if plain else kernel for kernel in kernels
+        )
+        told, r = np.zeros((3, 3)), leave(y, y0, columns, at, np.full(4, 0.3))
         effect(columns, at, ~np.isnan(r), np.arange(4.0), np.arange(4) > 1, told)
         scale = np.array([np.nan, 0.5, np.nan])
-        results.append((r, told, *solve_it(r, columns, at, np.full(4, 0.1), scale)))
+        solution = solve_it(r, columns, at, np.full(4, 0.1), scale)
+        h = weigh(solution[2], np.full(3, 0.5))
+        length, scaled = scale_it(h)
+        inverse = invert(length, *np.linalg.eigh(scaled), 1e-6)
+        np.testing.assert_allclose(inverse, np.linalg.inv(h), rtol=1e-9, atol=1e-15)
+        parts = np.abs(r[:3, [0, 2, 0, 2]])
+        covariance = combine(parts, inverse, np.full(4, 0.1), np.full(3, 30.0))
+        results.append((r, told, *solution, *slot(at, np.array([3, 1])), *covariance))
     for left, right in zip(*results, strict=True):
         assert np.array_equal(left, right, equal_nan=True)
 

@@ -66,6 +66,23 @@ def plan(t: Any, anew: Any, y: Any, moved: Any, horizon: int, code: Any, adopts:
 
 
 @njit(cache=True, error_model="numpy")
+def counted(u: Any, y: Any, mark: Any) -> Any:
+    """Where an output was measured and is trusted, at a row whose inputs are too, (n, ny)."""
+    (n, ny), nu = y.shape, u.shape[1]
+    out = np.empty((n, ny), dtype=np.bool_)
+    for i in range(n):
+        fed, worst = is_known(u[i]), 0
+        for k in range(nu + ny):
+            worst |= mark[i, k]
+        if worst > 0:
+            for k in range(nu):
+                fed &= mark[i, k] <= HELD or mark[i, k] == OVERRULED
+        for k in range(ny):
+            out[i, k] = fed and y[i, k] == y[i, k] and (worst == 0 or mark[i, nu + k] <= HELD)
+    return out
+
+
+@njit(cache=True, error_model="numpy")
 def began(anew: Any, known: Any) -> Any:
     """True where an output was known at an earlier row since the state started anew, (n, ny)."""
     out = np.empty_like(known)

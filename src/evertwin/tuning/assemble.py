@@ -12,7 +12,6 @@ for filtered or coloured residuals it is larger. Degrees of freedom count effect
 
 from __future__ import annotations
 
-import math
 import time
 from typing import NamedTuple
 
@@ -23,11 +22,12 @@ from evertwin.tuning.advice import advise
 from evertwin.tuning.autocorrelation import Correlation, effective
 from evertwin.tuning.closed import summed
 from evertwin.tuning.fit import Fit, Residual
-from evertwin.tuning.identifiability import Gate, gate, grade
+from evertwin.tuning.gram import combined
+from evertwin.tuning.identifiability import gate, grade
 from evertwin.tuning.problem import Problem
 from evertwin.tuning.sensitivity import Sensitivity, Spectrum
 from evertwin.tuning.statistics import depends, spread, whiteness
-from evertwin.tuning.statistics_loop import tally
+from evertwin.tuning.statistics_loop import LONG, propagated, tally
 from evertwin.types import Float64, Outputs, PerOutput, Vector
 
 
@@ -74,41 +74,24 @@ class Squares(NamedTuple):
     measured: PerOutput
     left: PerOutput
     """Of the residual."""
-    moving: PerOutput
-    """Rows that move; then the same two over these."""
-    moving_measured: PerOutput
-    moving_left: PerOutput
+    rms: tuple[float, ...]
+    """Of the residual; NaN without rows."""
+    relative: tuple[float, ...]
+    """rms of the residual over that of the measurement."""
+    relative_moving: tuple[float, ...]
+    """The same over moving rows."""
+    counted: tuple[int, ...]
+    """Rows that count, predicted or not."""
     r: Outputs
     """The residual itself."""
-
-    @property
-    def rms(self) -> tuple[float, ...]:
-        """Of the residual; NaN without rows."""
-        return _roots(self.left, self.rows)
-
-    @property
-    def relative(self) -> tuple[float, ...]:
-        """rms of the residual over that of the measurement."""
-        return _roots(self.left, self.measured)
-
-    @property
-    def relative_moving(self) -> tuple[float, ...]:
-        """The same over moving rows."""
-        return _roots(self.moving_left, self.moving_measured)
-
-
-def _roots(above: PerOutput, below: PerOutput) -> tuple[float, ...]:
-    """√(above / below); of nothing over nothing NaN."""
-    pairs = zip(above.tolist(), below.tolist(), strict=True)
-    nothing = math.nan, math.inf
-    return tuple(math.sqrt(a / b) if b > 0 else nothing[a > 0] for a, b in pairs)
 
 
 def squares(problem: Problem, r: Outputs) -> Squares:
     """Of a residual (n, ny)."""
-    rows, found = problem.rows, np.zeros((6, r.shape[1]))
-    tally(rows.y, r, rows.moving, found)
-    return Squares(found[0], found[1], found[2], found[3], found[4], found[5], r)
+    found, roots = tally(problem.rows.y, r, problem.rows.moving)
+    rms, relative, moving = (tuple(row) for row in roots.tolist())
+    rows, measured, left, *_, counted = found
+    return Squares(rows, measured, left, rms, relative, moving, tuple(map(int, counted)), r)
 
 
 def noise_of(problem: Problem, left: Squares, parameters: PerOutput) -> PerOutput:
@@ -127,13 +110,6 @@ def noise_of(problem: Problem, left: Squares, parameters: PerOutput) -> PerOutpu
     # Exact data: below the rounding of the measurement nothing is known about the noise.
     measured = np.sqrt(left.measured / np.maximum(left.rows, 1.0))
     return np.asarray(np.maximum(sigma, 1e-12 * measured + 1e-300))
-
-
-def judge(problem: Problem, acting: Sensitivity, sigma: PerOutput, sizes: Vector) -> Gate:
-    """The identifiability gate on the rows that count; ``sizes`` from `sizes_of`."""
-    count = int(np.count_nonzero(problem.rows.used)) - len(sizes)
-    dof = math.inf if problem.scale is not None else float(max(count, 1))
-    return gate(acting, sigma, problem.names, sizes, dof)
 
 
 def sizes_of(problem: Problem, acting: Sensitivity, sigma: PerOutput, values: Vector) -> Vector:
@@ -163,8 +139,9 @@ def assemble(problem: Problem, outcome: Outcome, acting: Sensitivity, began: flo
     left = squares(problem, problem.residuals(outcome.values))
     sigma = noise_of(problem, left, acting.paid)
     sizes = sizes_of(problem, acting, sigma, outcome.values)
-    judged = judge(problem, acting, sigma, sizes)
-    refused = _refused(judged, held)
+    judged = gate(acting, sigma, problem.names, sizes)
+    before_and_now = zip(held or judged.reasons, judged.reasons, strict=True)
+    refused = [was or reason for was, reason in before_and_now]
     if any(held):
         acting = acting.without(np.array([bool(reason) for reason in held]))
     spectrum = judged.spectrum
@@ -222,12 +199,13 @@ def _doubted(
     problem: Problem, values: Vector, verdicts: tuple[str, ...], reasons: tuple[str, ...]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """What resists by its nature and was fitted below zero is not called identifiable."""
-    told = list(zip(verdicts, reasons, strict=True))
-    for k in np.flatnonzero(values < 0).tolist():
-        item = problem.parameters.items[problem.places[k]]
-        if item.resists and told[k][0] == "identifiable":
-            told[k] = ("weak", "negative, so it would drive: the rows or the form mislead it")
-    return tuple(verdict for verdict, _ in told), tuple(reason for _, reason in told)
+    words, why = list(verdicts), list(reasons)
+    for k, (value, place) in enumerate(zip(values.tolist(), problem.places.tolist(), strict=True)):
+        claimed = value < 0 and words[k] == "identifiable"
+        if claimed and problem.parameters.items[place].resists:
+            words[k] = "weak"
+            why[k] = "negative, so it would drive: the rows or the form mislead it"
+    return tuple(words), tuple(why)
 
 
 def _followed(
@@ -252,13 +230,6 @@ def _followed(
     out[free] += np.linalg.lstsq(unit, side[free] / size, rcond=1e-12)[0] / size
     low, high = problem.bounds
     return np.asarray(np.clip(out, low, high))
-
-
-def _refused(judged: Gate, held: tuple[str, ...]) -> list[str]:
-    """Why each parameter may not be tuned: held before solving, or refused by a direction."""
-    before = held or ("",) * len(judged.reasons)
-    rows = zip(before, judged.reasons, judged.undetermined, strict=True)
-    return [was or (reason if bad else "") for was, reason, bad in rows]
 
 
 def _reasons(
@@ -298,23 +269,20 @@ def _covariance(
     """
     sigma, spectrum = told
     inverse = spectrum.inverse(1e-6)
-    parts = ((inverse @ acting.weighted(sigma)) * inverse).sum(axis=2)
+    parts = propagated(
+        inverse, sigma, acting.columns, acting.at, acting.used, acting.blocks, correlation.short,
+        correlation.reach,
+    )  # fmt: skip
     memory = correlation.memory
-    for o, rho in enumerate(memory):
-        if len(rho) > 1 and acting.paid[o]:
-            columns, mine = acting.of(o)
-            more = spread(columns, acting.used[:, o], inverse[mine] / sigma[o], rho)
-            parts[o] += np.maximum(more, 0.0)  # never below the value for independent noise
-    variance, degrees = parts.sum(axis=0), np.full(len(inverse), np.inf)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        variance += np.square(inverse) @ problem.information
-        if problem.scale is None:
-            dof = np.maximum(effective(correlation.rows, memory) - acting.paid, 1.0)
-            degrees = np.square(variance) / ((1.0 / dof) @ np.square(parts))
-        factor = np.sqrt(variance / inverse.diagonal())
-    factor[~np.isfinite(factor)] = 1.0
-    degrees = np.where(np.isnan(degrees), np.inf, np.maximum(degrees, 1.0))
-    return inverse * factor * factor[:, None], student(degrees)
+    for o in np.flatnonzero(correlation.reach == LONG).tolist():
+        columns, mine = acting.of(o)
+        more = spread(columns, acting.used[:, o], inverse[mine] / sigma[o], memory[o])
+        parts[o] += np.maximum(more, 0.0)  # never below the value for independent noise
+    dof = np.full(len(sigma), np.inf)
+    if problem.scale is None:
+        dof = np.maximum(effective(correlation.rows, memory) - acting.paid, 1.0)
+    covariance, degrees = combined(parts, inverse, problem.information, dof)
+    return covariance, student(degrees)
 
 
 def student(degrees: Vector) -> Vector:
@@ -331,9 +299,8 @@ def _residuals(
 ) -> tuple[Residual, ...]:
     names, inputs = problem.model.outputs.names, problem.model.inputs.names
     found = {d.output: d for d in depends(correlation, problem.rows.classes, names, inputs)}
-    rows = problem.rows.used.sum(axis=0).tolist()
     rms = zip(before.rms, left.rms, whiteness(correlation).tolist(), strict=True)
     return tuple(
-        Residual(name, rows[k], first, last, white, found.get(name))
+        Residual(name, left.counted[k], first, last, white, found.get(name))
         for k, (name, (first, last, white)) in enumerate(zip(names, rms, strict=True))
     )

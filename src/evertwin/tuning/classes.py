@@ -5,14 +5,13 @@ that no form of the dependence has to be guessed. Classes follow from the inputs
 found once, however often the rows are tuned on.
 
 >>> found = Classes.of(np.array([[1.0], [1.0], [2.0], [5.0]]))
->>> found.number.ravel().tolist(), found.count[0, :4].tolist(), found.vary.tolist()
-([0, 0, 1, 2], [2.0, 1.0, 1.0, 0.0], [True])
+>>> found.number.ravel().tolist(), found.count[0, :4].tolist()
+([0, 0, 1, 2], [2.0, 1.0, 1.0, 0.0])
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -42,11 +41,6 @@ class Classes:
         """These inputs, then others at the same rows."""
         pairs = (self.number, other.number), (self.count, other.count)
         return Classes(*(np.concatenate(pair) for pair in pairs))
-
-    @cached_property
-    def vary(self) -> np.ndarray:
-        """Inputs that have more than one class, (nu,)."""
-        return np.asarray(self.count.max(axis=1) < self.number.shape[1])
 
     def correlation(self, lags: int) -> Float64[np.ndarray, "nu lags"]:
         """Autocorrelation of each input's classes at lags 1 … ``lags``; 0 where constant."""

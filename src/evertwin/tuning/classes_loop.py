@@ -13,6 +13,8 @@ from numba import njit
 
 BINS = 8
 """Classes of an input at most."""
+_BUCKETS = 4096
+"""At most, so that their counts stay near the processor."""
 _SIDE = 4
 """Columns that are read side by side: half a line of the processor's memory."""
 
@@ -105,11 +107,11 @@ def _distinct(values: Any, few: Any) -> int:
 @njit(cache=True)
 def _dealt(values: Any, low: float, high: float, work: Any, bucket: Any) -> Any:
     """Fills ``work`` with the values bucket by bucket; where each bucket starts."""
-    buckets = max(len(values) // 8, 1)
+    buckets = min(max(len(values) // 2, 1), _BUCKETS)
     scale = buckets / (high - low)
     if not scale < np.inf:
         scale = 0.0
-    start = np.zeros(buckets + 3, np.int64)
+    start = np.zeros(buckets + 3, np.int32)
     for i in range(len(values)):
         bucket[i] = np.int32((values[i] - low) * scale)
     for i in range(len(values)):

@@ -30,7 +30,6 @@ decomposition of the rows takes over.
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -38,7 +37,7 @@ import numpy as np
 
 from evertwin.errors import UsageError
 from evertwin.models import LinearModel, Parameters
-from evertwin.tuning.gram import FINE, gram, normal
+from evertwin.tuning.gram import FINE, gram, normal, slotted
 from evertwin.types import Float64, Int64, Outputs, PerOutput, Vector
 
 Regressor = Float64[np.ndarray, "n ny m"]
@@ -113,15 +112,8 @@ def slots(
     >>> slot.tolist(), at.tolist()
     ([[-1, 0], [0, 1]], [[0, -1], [1, 0]])
     """
-    place = {column: j for j, column in enumerate(tuned.tolist())}
-    own = [[place[c] for c in row if c in place] for row in columns.tolist()]
-    width = max(len(row) for row in own)
-    at = np.array([row + [-1] * (width - len(row)) for row in own], dtype=np.int64)
-    found = []
-    for row in columns.tolist():
-        count = itertools.count()
-        found.append([next(count) if c in place else -1 for c in row])
-    return np.array(found, dtype=np.int64), at.reshape(len(own), width)
+    slot, at = slotted(columns, tuned)
+    return slot, at
 
 
 @dataclass(frozen=True, eq=False)

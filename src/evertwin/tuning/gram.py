@@ -16,15 +16,37 @@ FINE, SINGULAR, ILL = 0, 1, 2
 
 
 @njit(cache=True)
-def residual(y: Any, y0: Any, columns: Any, p: Any, out: Any) -> None:
-    """Fills ``out`` (n, ny) with ``y − y0 − columns·p``; ``p`` (ny, t): value of each column."""
+def residual(y: Any, y0: Any, columns: Any, at: Any, values: Any) -> Any:
+    """``y − y0 − columns·p`` (n, ny), with p the ``values`` (k,) ``at`` (ny, t), −1: none."""
     n, ny, t = columns.shape
+    out, p = np.empty((n, ny)), np.zeros((ny, t))
+    for k in range(ny):
+        for a in range(t):
+            if at[k, a] >= 0:
+                p[k, a] = values[at[k, a]]
     for i in range(n):
         for k in range(ny):
             total = y[i, k] - y0[i, k]
             for a in range(t):
                 total -= columns[i, k, a] * p[k, a]
             out[i, k] = total
+    return out
+
+
+@njit(cache=True)
+def slotted(columns: Any, tuned: Any) -> Any:
+    """See `evertwin.tuning.closed.slots`."""
+    ny, m = columns.shape
+    slot, at, width = np.full((ny, m), -1), np.full((ny, m), -1), 0
+    for o in range(ny):
+        count = 0
+        for a in range(m):
+            for j in range(len(tuned)):
+                if columns[o, a] == tuned[j]:
+                    slot[o, a], at[o, count] = count, j
+                    count += 1
+        width = max(width, count)
+    return slot, at[:, :width].copy()
 
 
 @njit(cache=True)
@@ -83,6 +105,80 @@ def widened(products: Any, at: Any, out: Any) -> None:
                 out[o, i, j] += products[o, a, b]
                 if a != b:
                     out[o, j, i] += products[o, a, b]
+
+
+@njit(cache=True, error_model="numpy")
+def weighed(blocks: Any, sigma: Any) -> Any:
+    """Σ of ``blocks`` (ny, k, k) over σ², (k, k)."""
+    ny, k = blocks.shape[:2]
+    out = np.zeros((k, k))
+    for o in range(ny):
+        for i in range(k):
+            for j in range(k):
+                # twice, since the square of a tiny noise is zero
+                out[i, j] += blocks[o, i, j] / sigma[o] / sigma[o]
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def unit(h: Any) -> Any:
+    """(length √H_jj of each column of ``h`` (k, k), H with columns of unit length or none)."""
+    k = len(h)
+    length, out = np.empty(k), np.zeros((k, k))
+    for j in range(k):
+        length[j] = np.sqrt(max(h[j, j], 0.0))
+    for i in range(k):
+        for j in range(k):
+            if length[i] > 0.0 and length[j] > 0.0:
+                out[i, j] = h[i, j] / length[j] / length[i]
+    return length, out
+
+
+@njit(cache=True, error_model="numpy")
+def inverted(length: Any, squares: Any, vectors: Any, least: float) -> Any:
+    """H⁻¹ (k, k) of a spectrum, in the directions above the part ``least`` of the largest."""
+    k, most = len(length), 0.0
+    out, turned = np.zeros((k, k)), np.empty(k)
+    for value in squares:
+        most = max(most, value)
+    for a in range(len(squares)):
+        if not squares[a] > least * most:
+            continue
+        for j in range(k):
+            turned[j] = vectors[j, a] / length[j] if length[j] > 0.0 else 0.0
+        for i in range(k):
+            for j in range(k):
+                out[i, j] += turned[i] * turned[j] / squares[a]
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def combined(parts: Any, inverse: Any, information: Any, dof: Any) -> Any:
+    """(covariance (k,k), degrees of freedom (k,)) of the parameters, after Satterthwaite.
+
+    Args:
+        parts: what each output adds to their variance, (ny, k).
+        inverse: of the information, the prior's ``information`` (k,) included.
+        dof: degrees of freedom of each output's noise, (ny,).
+    """
+    ny, k = parts.shape
+    covariance, degrees, factor = np.empty((k, k)), np.empty(k), np.empty(k)
+    for j in range(k):
+        variance, spread = 0.0, 0.0
+        for o in range(ny):
+            variance += parts[o, j]
+            spread += parts[o, j] * parts[o, j] / dof[o]
+        for i in range(k):
+            variance += inverse[i, j] * inverse[i, j] * information[i]
+        found = variance * variance / spread
+        degrees[j] = max(found, 1.0) if found == found else np.inf
+        factor[j] = np.sqrt(variance / inverse[j, j])
+        if not factor[j] < np.inf:
+            factor[j] = 1.0
+    for i in range(k):
+        for j in range(k):
+            covariance[i, j] = inverse[i, j] * factor[j] * factor[i]
+    return covariance, degrees
 
 
 @njit(cache=True)

@@ -20,8 +20,8 @@ Diagnostics" (1980); the share of rows is the participation ratio (Σz²)²/Σz�
 >>> j = np.stack([np.sign(v), v, np.ones(4)], axis=1)   # one direction of motion only
 >>> acting = Sensitivity.dense(j[:, None], np.ones((4, 1), dtype=bool))
 >>> result = gate(acting, np.ones(1), ("Fc", "Bm", "offset"), np.ones(3))
->>> result.verdicts, result.rank
-(('not', 'identifiable', 'not'), 2)
+>>> result.undetermined, result.rank
+((True, False, True), 2)
 """
 
 from __future__ import annotations
@@ -55,37 +55,25 @@ identifiable."""
 class Gate(NamedTuple):
     """What the rows determine.
 
-    >>> Gate._fields[:2]
-    ('verdicts', 'reasons')
+    >>> Gate(("", "collinear"), 1, math.inf, Spectrum.of(np.eye(2))).undetermined
+    (False, True)
     """
 
-    verdicts: tuple[str, ...]
-    """identifiable, weak or not, per parameter."""
     reasons: tuple[str, ...]
-    """Why, per parameter; empty where identifiable."""
+    """Why a direction speaks against the parameter; empty where none does."""
     rank: int
     condition: float
     """Largest over smallest singular value of the unit columns."""
-    excitation: Vector
-    """Length of each column in noise standard deviations times the natural size, (k,): how much
-    signal the parameter makes in these rows."""
-    sigma: Vector
-    """Standard deviation that the rows alone allow, (k,); infinite where not determined."""
-    undetermined: np.ndarray
-    """True where a direction (not only a wide interval) speaks against the parameter, (k,)."""
     spectrum: Spectrum
     """The information of what acts at all, by its directions."""
 
     @property
-    def free(self) -> np.ndarray:
-        """True for parameters that may be tuned, (k,)."""
-        return np.array([v != "not" for v in self.verdicts], dtype=np.bool_)
+    def undetermined(self) -> tuple[bool, ...]:
+        """Which parameters stay as they are."""
+        return tuple(bool(reason) for reason in self.reasons)
 
 
-def gate(
-    acting: Sensitivity, sigma: PerOutput, names: tuple[str, ...], sizes: Vector,
-    dof: float = np.inf,
-) -> Gate:  # fmt: skip
+def gate(acting: Sensitivity, sigma: PerOutput, names: tuple[str, ...], sizes: Vector) -> Gate:
     """Judges each parameter.
 
     Args:
@@ -93,7 +81,6 @@ def gate(
         sigma: standard deviation of each output's noise, (ny,).
         names: the parameters.
         sizes: natural size of each, (k,); what counts as a large error.
-        dof: degrees of freedom of the noise estimate (infinite: known noise).
     """
     information, k = acting.information(sigma), len(names)
     spectrum = Spectrum.of(information)
@@ -115,19 +102,10 @@ def gate(
         if value < NULL or share < SHARE:
             _refuse(refused, directions[:, i], names, value, share)
     _nulls(refused, values, directions, names)
-    bad = np.array([bool(reason) for reason in refused])
-    spread = np.full(k, np.inf)
-    if not bad.any():
-        spread = np.sqrt(np.square(directions) @ (1.0 / spectrum.squares)) / spectrum.length
-    elif not bad.all():
-        free = Spectrum.of(information[np.ix_(~bad, ~bad)])
-        spread[~bad] = np.sqrt(free.inverse(1e-15).diagonal())
-    half = 1.96 * math.sqrt(1 + 2.5 / dof) * spread if dof > 2 else 12.7 * spread
-    verdicts, reasons = grade(refused, half / sizes)
     # in rising order; without what does not act there is no smallest one
     condition = values[-1] / values[0] if len(values) == k and values[0] > 0 else math.inf
     rank = sum(value >= NULL for value in values)
-    return Gate(verdicts, reasons, rank, condition, excitation, spread, bad, spectrum)
+    return Gate(tuple(refused), rank, condition, spectrum)
 
 
 def _refuse(

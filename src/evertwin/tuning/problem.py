@@ -72,10 +72,7 @@ class Reduced(NamedTuple):
 
     def residual(self, values: Vector) -> Outputs:
         """What is left at ``values`` (k,)."""
-        out = np.empty(self.y.shape)
-        p = np.where(self.at < 0, 0.0, values[self.at])
-        residual(self.y, self.y0, self.columns, p, out)
-        return out
+        return np.asarray(residual(*self, values))
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,9 +20,9 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from evertwin.errors import DataError
-from evertwin.fold import Block, Mark
+from evertwin.fold import Block
 from evertwin.sync.horizon import finite, openings, trusted
-from evertwin.sync.horizon_loop import began
+from evertwin.sync.horizon_loop import began, counted
 from evertwin.tuning.classes import Classes
 from evertwin.types import Bool, Bools, Inputs, Intervals, Outputs
 
@@ -63,15 +63,7 @@ def known(windows: Sequence[Block], stateful: bool) -> Bool[np.ndarray, "n ny"]:
 
 
 def _counts(block: Block, stateful: bool) -> Bool[np.ndarray, "n ny"]:
-    counts = ~np.isnan(block.y)
-    nu = block.u.shape[1]
-    fed = finite(block.u)
-    if block.mark.any():
-        counts &= block.mark[:, nu:] <= Mark.HELD
-        mark = block.mark[:, :nu]
-        fed = fed & ((mark <= Mark.HELD) | (mark == Mark.OVERRULED)).all(axis=1)
-    if not fed.all():
-        counts &= fed[:, None]
+    counts = counted(block.u, block.y, block.mark)
     if stateful:
         opens = openings(block)
         counts &= began(opens, ~np.isnan(trusted(block)))

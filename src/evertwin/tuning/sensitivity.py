@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.tuning.closed import Regressor, summed
-from evertwin.tuning.gram import effects, widened
+from evertwin.tuning.gram import effects, inverted, unit, weighed, widened
 from evertwin.types import Bool, Float64, Int64, PerOutput, Vector
 
 
@@ -41,17 +41,13 @@ class Spectrum(NamedTuple):
     @classmethod
     def of(cls, information: Float64[np.ndarray, "k k"]) -> Spectrum:
         """Of a matrix without negative directions."""
-        length = np.sqrt(np.maximum(information.diagonal(), 0.0))
-        unit = np.where(length > 0, length, np.inf)
-        squares, vectors = np.linalg.eigh(information / unit / unit[:, None])
+        length, scaled = unit(information)
+        squares, vectors = np.linalg.eigh(scaled)
         return cls(length, np.maximum(squares, 0.0), vectors)
 
     def inverse(self, least: float) -> Float64[np.ndarray, "k k"]:
         """H⁻¹ in the directions whose square is above the part ``least`` of the largest."""
-        kept = self.squares > least * self.squares.max(initial=0.0)
-        unit = np.where(self.length > 0, self.length, np.inf)
-        turned = self.vectors[:, kept] / unit[:, None]
-        return np.asarray((turned / self.squares[kept]) @ turned.T)
+        return np.asarray(inverted(*self, least))
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,13 +100,7 @@ class Sensitivity:
 
     def information(self, sigma: PerOutput) -> Float64[np.ndarray, "k k"]:
         """Σ JᵀJ/σ² over outputs with the noise ``sigma``, in 1/parameter²."""
-        return np.asarray(self.weighted(sigma).sum(axis=0))
-
-    def weighted(self, sigma: PerOutput) -> Float64[np.ndarray, "ny k k"]:
-        """The same of each output."""
-        # twice, since the square of a tiny noise is zero
-        weight = sigma[:, None, None]
-        return np.asarray(self.blocks / weight / weight)
+        return np.asarray(weighed(self.blocks, sigma))
 
     def share(self, direction: Vector, loaded: float, sigma: PerOutput) -> float:
         """Share of the rows that a direction of the parameters rests on.

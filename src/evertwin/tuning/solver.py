@@ -13,11 +13,11 @@ import numpy as np
 import scipy
 
 from evertwin.models import Parameters
-from evertwin.tuning.assemble import Outcome, assemble, judge, noise_of, sizes_of, squares
+from evertwin.tuning.assemble import Outcome, assemble, noise_of, sizes_of, squares
 from evertwin.tuning.closed import ClosedForm
 from evertwin.tuning.fit import Fit
 from evertwin.tuning.gram import FINE, solved
-from evertwin.tuning.identifiability import connected
+from evertwin.tuning.identifiability import connected, gate
 from evertwin.tuning.mixed import project, separable
 from evertwin.tuning.nonlinear import least_squares
 from evertwin.tuning.problem import Problem
@@ -65,8 +65,8 @@ def _linear(problem: Problem, began: float) -> Fit:
         careful = plan.carefully(problem.first, columns)
         values, noise = careful.values, careful.noise
     hit: tuple[str, ...] = ()
-    low, high = problem.bounds
-    if ((values < low) | (values > high)).any():
+    ends = zip(values.tolist(), *(end.tolist() for end in problem.bounds), strict=True)
+    if any(value < low or value > high for value, low, high in ends):
         values, hit = _bounded(problem, problem.first, noise)
     message = "solved" if not hit else f"solved; {', '.join(hit)} on a bound"
     return assemble(problem, Outcome(values, 1, 1, True, message, hit), acting, began)
@@ -101,7 +101,7 @@ def _search(problem: Problem, settings: Settings, began: float) -> Fit:
         first = squares(problem, problem.first)
         sigma = noise_of(problem, first, np.zeros(len(first.rows)))
         sizes = sizes_of(problem, acting, sigma, problem.start)
-        before = judge(problem, acting, sigma, sizes)
+        before = gate(acting, sigma, problem.names, sizes)
         # Collinear parameters take part, so that the others stay unbiased; they are put back after.
         held = tuple(r if r.startswith("not excited") else "" for r in before.reasons)
     free = np.array([not reason for reason in held])

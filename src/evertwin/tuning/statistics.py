@@ -53,9 +53,8 @@ def ljung_box(r: Series) -> float:
 
 def whiteness(correlation: Correlation) -> PerOutput:
     """The same of every output, (ny,); 1 where there are too few rows to tell."""
-    lags = np.minimum(LAGS, correlation.rows // 5)
-    found = scipy.special.chdtrc(np.maximum(lags, 1.0), correlation.statistic)
-    return np.asarray(np.where(lags < 1, 1.0, found))
+    lags = np.maximum(np.minimum(LAGS, correlation.rows // 5), 1.0)
+    return np.asarray(scipy.special.chdtrc(lags, correlation.statistic))
 
 
 def spread(
@@ -82,7 +81,7 @@ def spread(
         found = columns.T @ later
     else:
         shifted(columns, used, rho, found)
-    return np.asarray(2.0 * np.einsum("ak,ak->k", gain, found @ gain))
+    return np.asarray(2.0 * (gain * (found @ gain)).sum(axis=0))
 
 
 def dependences(
@@ -96,27 +95,18 @@ def depends(
     correlation: Correlation, classes: Classes, outputs: tuple[str, ...], inputs: tuple[str, ...]
 ) -> tuple[Dependence, ...]:
     """`dependences` of residuals and inputs whose parts are known already."""
-    share, f, above, below, asked = analysed(
-        classes.number,
-        classes.count,
-        correlation.centred,
-        correlation.known,
-        correlation.rows,
-        correlation.square,
-        _overlap(correlation, classes),
-    )
-    asked &= classes.vary
-    output, column = asked.nonzero()
-    p = scipy.special.fdtrc(above[asked], below[asked], f[asked])
-    tests = int(np.count_nonzero(classes.vary))
-    best: dict[int, tuple[float, float, int]] = {}
-    told = zip(output.tolist(), p.tolist(), share[asked].tolist(), column.tolist(), strict=True)
-    for k, chance, part, j in told:
+    tests, told = analysed(
+        classes.number, classes.count, correlation.centred, correlation.known, correlation.rows,
+        correlation.square, _overlap(correlation, classes),
+    )  # fmt: skip
+    p = scipy.special.fdtrc(told[:, 4], told[:, 5], told[:, 3])
+    best: dict[float, tuple[float, float, float]] = {}
+    for chance, (k, j, part, *_) in zip(p.tolist(), told.tolist(), strict=True):
         # the least probable; of equals the one that explains most
         one = (1.0 if math.isnan(chance) else chance, -part, j)
         best[k] = min(best.get(k, one), one)
     return tuple(
-        Dependence(outputs[k], inputs[j], -less, min(1.0, tests * chance))
+        Dependence(outputs[int(k)], inputs[int(j)], -less, min(1.0, tests * chance))
         for k, (chance, less, j) in best.items()
     )
 
@@ -125,8 +115,6 @@ def _overlap(correlation: Correlation, classes: Classes) -> PerInput:
     """How many rows count as one for the correlation of two series: 1 + 2 Σ ρ_r ρ_c, at least 1."""
     reach = correlation.reach
     if reach.min(initial=0) >= 0:
-        if not reach.any():
-            return np.ones((len(reach), len(classes.number)))
         return np.asarray(overlapped(classes.number, classes.count, correlation.short, reach))
     memory = correlation.memory
     found = np.ones((len(reach), len(classes.number)))

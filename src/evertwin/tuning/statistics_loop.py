@@ -19,20 +19,26 @@ LONG = -1
 """Reach of a residual that remembers longer than `LAGS`."""
 _PIECE = 8192
 """Rows that are summed at a time: below what the linear algebra library starts threads for."""
+_NEAR = 512
+"""Rows that stay near the processor."""
 
 
 @njit(cache=True)
-def tally(y: Any, r: Any, moving: Any, out: Any) -> None:
-    """Adds rows whose ``r`` (n, ny) is known to ``out`` (6, ny).
+def tally(y: Any, r: Any, moving: Any) -> Any:
+    """(sums, roots) of the rows whose ``r`` (n, ny) is known.
 
-    That is count, Σ y², Σ r², then the same over the rows that are ``moving`` (n, ny).
+    Sums (7, ny): count, Σ y², Σ r², then the same over the rows that are ``moving`` (n, ny); the
+    count of known ``y``. Roots (3, ny): rms of the residual, the same over that of ``y``, and over
+    the moving rows.
     """
+    ny = r.shape[1]
+    out, roots = np.zeros((7, ny)), np.empty((3, ny))
     for i in range(r.shape[0]):
-        for k in range(r.shape[1]):
-            e = r[i, k]
+        for k in range(ny):
+            e, s = r[i, k], y[i, k] * y[i, k]
+            out[6, k] += s == s
             if e != e:
                 continue
-            s = y[i, k] * y[i, k]
             out[0, k] += 1.0
             out[1, k] += s
             out[2, k] += e * e
@@ -40,6 +46,12 @@ def tally(y: Any, r: Any, moving: Any, out: Any) -> None:
                 out[3, k] += 1.0
                 out[4, k] += s
                 out[5, k] += e * e
+    for k in range(ny):
+        for j, (above, below) in enumerate(((2, 0), (2, 1), (5, 4))):
+            roots[j, k] = np.nan if out[above, k] == 0.0 else np.inf
+            if out[below, k] > 0.0:
+                roots[j, k] = np.sqrt(out[above, k] / out[below, k])
+    return out, roots
 
 
 @njit(cache=True)
@@ -116,26 +128,73 @@ def shifted(columns: Any, used: Any, rho: Any, out: Any) -> None:
     ``columns`` c (n, m), of which the rows that are ``used`` (n,) count.
     """
     n, m = columns.shape
-    for i in range(n):
-        if not used[i]:
+    lags = len(rho)
+    rows, later = np.zeros((m, _NEAR + lags)), np.empty(_NEAR)
+    for a in range(0, n, _NEAR):
+        size = min(_NEAR, n - a)
+        for k in range(m):
+            for i in range(_NEAR + lags):
+                t = a + i
+                rows[k, i] = columns[t, k] if t < n and used[t] else 0.0
+        for b in range(m):
+            later[:] = 0.0
+            for h in range(1, lags):
+                part = rows[b, h : h + _NEAR]
+                for i in range(_NEAR):
+                    later[i] += rho[h] * part[i]
+            for k in range(m):
+                for i in range(size):
+                    out[k, b] += rows[k, i] * later[i]
+
+
+@njit(cache=True, error_model="numpy")
+def propagated(
+    inverse: Any, sigma: Any, columns: Any, at: Any, used: Any, blocks: Any, rho: Any, reach: Any
+) -> Any:
+    """What each output's noise adds to the variance of the parameters, (ny, k).
+
+    Of outputs that remember longer than `LAGS` only what independent noise would add.
+
+    Args:
+        inverse: of the information, (k, k).
+        columns, at, used, blocks: of `evertwin.tuning.sensitivity.Sensitivity`.
+        rho, reach: of `remember`.
+    """
+    (ny, t), k = at.shape, len(inverse)
+    out, found, gain = np.zeros((ny, k)), np.empty((t, t)), np.zeros((t, k))
+    for o in range(ny):
+        for i in range(k):
+            for j in range(k):
+                # twice, since the square of a tiny noise is zero
+                w = blocks[o, i, j] / sigma[o] / sigma[o]
+                if w != 0.0:
+                    for a in range(k):
+                        out[o, a] += inverse[i, a] * w * inverse[j, a]
+        if reach[o] < 1:
             continue
-        for h in range(1, min(len(rho), n - i)):
-            if not used[i + h]:
-                continue
-            for a in range(m):
-                for b in range(m):
-                    out[a, b] += rho[h] * columns[i, a] * columns[i + h, b]
+        gain[:], found[:] = 0.0, 0.0
+        for a in range(t):
+            if at[o, a] >= 0:
+                gain[a] = inverse[at[o, a]] / sigma[o]
+        shifted(columns[:, o], used[:, o], rho[o, : reach[o] + 1], found)
+        for j in range(k):
+            more = 0.0
+            for a in range(t):
+                for b in range(t):
+                    more += 2.0 * gain[a, j] * found[a, b] * gain[b, j]
+            out[o, j] += max(more, 0.0)  # never below the value for independent noise
+    return out
 
 
 @njit(cache=True)
 def analysed(
     number: Any, count: Any, centred: Any, known: Any, rows: Any, square: Any, overlap: Any
 ) -> Any:
-    """(share, f, groups − 1, rows − groups, asked): variance between classes, (ny, nu) each.
+    """(inputs of several classes, variance of residuals between the classes of inputs).
 
-    The share of a residual's variance that lies between the classes of an input, and the figures
-    of its F test. ``asked``: no other input is certain to be less probable; f is NaN where there is
-    nothing to test.
+    The second has a row for each output with each of these inputs of which no other one is certain
+    to be less probable: output, input, the share of the residual's variance between the classes,
+    and f, groups − 1 and rows − groups of its F test. f is NaN where there is nothing to test.
 
     Args:
         number, count: class of each input at each row, (nu, n), and rows of each class, (nu, BINS).
@@ -168,7 +227,16 @@ def analysed(
             share[k, j], above[k, j], below[k, j] = part, groups - 1, left
             if left > 1.0 and part < 1.0:
                 f[k, j] = part / (groups - 1) / ((1.0 - part) / left)
-    return share, f, above, below, _asked(share, f, above, below)
+    told, m, vary = np.empty((ny * nu, 6)), 0, np.empty(nu, np.bool_)
+    for j in range(nu):
+        vary[j] = count[j].max() < n
+    for k in range(ny):
+        for j in range(nu):
+            if vary[j] and _asked(k, j, share, f, above, below):
+                told[m, 0], told[m, 1], told[m, 2] = k, j, share[k, j]
+                told[m, 3], told[m, 4], told[m, 5] = f[k, j], above[k, j], below[k, j]
+                m += 1
+    return vary.sum(), told[:m]
 
 
 @njit(cache=True)
@@ -184,6 +252,8 @@ def overlapped(number: Any, count: Any, rho: Any, reach: Any) -> Any:
     most, found = reach.max(), np.ones((len(reach), nu))
     centred, other = np.zeros(n + most), np.zeros(most + 1)
     for j in range(nu):
+        if most == 0:
+            break
         mean = 0.0
         for c in range(BINS):
             mean += c * count[j, c] / n
@@ -201,19 +271,14 @@ def overlapped(number: Any, count: Any, rho: Any, reach: Any) -> Any:
 
 
 @njit(cache=True)
-def _asked(share: Any, f: Any, above: Any, below: Any) -> Any:
-    """Inputs that no other one beats in all: share, fewer classes and more rows."""
-    ny, nu = share.shape
-    asked = np.ones((ny, nu), np.bool_)
-    for k in range(ny):
-        for j in range(nu):
-            for i in range(nu):
-                rows, other = below[k, j] + above[k, j], below[k, i] + above[k, i]
-                beats = above[k, i] <= above[k, j] and other >= rows and f[k, i] == f[k, i]
-                if beats and (share[k, i] > share[k, j] or (share[k, i] == share[k, j] and i < j)):
-                    asked[k, j] = False
-                    break
-    return asked
+def _asked(k: int, j: int, share: Any, f: Any, above: Any, below: Any) -> bool:
+    """Does no other input beat ``j`` in all: share, fewer classes and more rows?"""
+    for i in range(share.shape[1]):
+        rows, other = below[k, j] + above[k, j], below[k, i] + above[k, i]
+        beats = above[k, i] <= above[k, j] and other >= rows and f[k, i] == f[k, i]
+        if beats and (share[k, i] > share[k, j] or (share[k, i] == share[k, j] and i < j)):
+            return False
+    return True
 
 
 @njit(cache=True)

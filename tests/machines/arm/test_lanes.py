@@ -31,16 +31,17 @@ def test_torques_agree_with_the_recursion_row_by_row(sliding: bool) -> None:
 def test_cuts_change_no_bit() -> None:
     u, width, still = rows(100), np.array([0.02, 0.5, 0, 0.02, 1, 0]), np.full(6, 0.1)
     whole = lanes.batch(ARM.chain.geometry, ARM.chain.inertia, u)
-    switched = lanes.switches(u, width, still)
+    places = np.array([0, 1, -1, 3, 4, 5])
+    switched = lanes.switches(u, places, width, still)
     for a, b in ((0, 1), (1, 34), (34, 67), (67, 100)):
         part = np.ascontiguousarray(u[a:b])
         assert np.array_equal(lanes.batch(ARM.chain.geometry, ARM.chain.inertia, part), whole[a:b])
-        assert np.array_equal(lanes.switches(part, width, still), switched[a:b])
+        assert np.array_equal(lanes.switches(part, places, width, still), switched[a:b])
 
 
 def test_switches_agree_with_the_law() -> None:
     u, width, still = rows(200), np.array([0.02, 0.5, 0, 3, 30, 0]), np.full(6, 0.1)
-    found = lanes.switches(u, width, still)
+    found = lanes.switches(u, np.arange(6), width, still)
     expected = [[switch(row[6 + j], width[j], still[j]) for j in range(6)] for row in u]
     np.testing.assert_allclose(found, expected, atol=1e-14)
 
@@ -54,12 +55,12 @@ def test_sine_and_cosine_over_many_turns() -> None:
 def test_compiled_equals_plain_bit_for_bit(monkeypatch: pytest.MonkeyPatch) -> None:
     u, width, still = rows(40), np.array([0.02, 0.5, 0, 0.02, 1, 0]), np.full(6, 0.1)
     torques = lanes.batch(ARM.chain.geometry, ARM.chain.inertia, u)
-    switched = lanes.switches(u, width, still)
+    switched = lanes.switches(u, np.arange(6), width, still)
     for name in ("sine", "_tanh", "_outwards", "_inwards", "_smooth"):
         monkeypatch.setattr(lanes, name, getattr(lanes, name).py_func)
     plain = lanes.batch.py_func(ARM.chain.geometry, ARM.chain.inertia, u)
     assert np.array_equal(plain, torques)
-    assert np.array_equal(lanes.switches.py_func(u, width, still), switched)
+    assert np.array_equal(lanes.switches.py_func(u, np.arange(6), width, still), switched)
 
 
 def test_the_regressor_agrees_with_the_kernel() -> None:

@@ -186,18 +186,20 @@ def _smooth(v: Any, width: float, out: Any) -> None:
 
 
 @njit(cache=True)
-def switches(u: Any, width: Any, standstill: Any) -> Any:
+def switches(u: Any, places: Any, p: Any, standstill: Any) -> Any:
     """`evertwin.machines.friction.kernel.switch` of every row and joint, (rows, n).
 
     Args:
         u: rows of q, q̇, q̈, (rows, 3 n).
-        width: width of each joint's tanh, (n,); 0 for the sign outside ``standstill``.
+        places: where in ``p`` the width of each joint's tanh is, (n,); −1 for the sign outside
+            ``standstill``, as with a width of 0.
     """
     rows, n = u.shape[0], u.shape[1] // 3
     out = np.empty((rows, n))
     v, t = np.zeros(W), np.zeros(W)
     for j in range(n):
-        if not width[j] > 0.0:
+        width = p[places[j]] if places[j] >= 0 else 0.0
+        if not width > 0.0:
             for i in range(rows):
                 out[i, j] = switch(u[i, n + j], 0.0, standstill[j])
             continue
@@ -205,7 +207,7 @@ def switches(u: Any, width: Any, standstill: Any) -> Any:
             m = min(W, rows - first)
             for i in range(m):
                 v[i] = u[first + i, n + j]
-            _smooth(v, width[j], t)
+            _smooth(v, width, t)
             for i in range(m):
                 out[first + i, j] = t[i]
     return out

@@ -41,7 +41,7 @@ from evertwin.machines.arm.lanes import batch, switches
 from evertwin.machines.arm.rnea import BODY
 from evertwin.machines.arm.urdf import Robot, parse, read
 from evertwin.machines.friction import Law, Rung, shape_of
-from evertwin.machines.friction.kernel import width_of
+from evertwin.machines.friction.kernel import WIDTH
 from evertwin.models import Kernel, Parameter, Parameters, Restart, roll
 from evertwin.models.given import check_options
 from evertwin.models.static import StaticMap
@@ -194,6 +194,11 @@ class Arm(StaticMap):
         return np.array([law.standstill for law in self.laws])
 
     @cached_property
+    def _widths(self) -> Int64[np.ndarray, " ny"]:
+        """Place in ``p`` of the width of each joint's switch; −1: a sign."""
+        return np.array([law[WIDTH] for law in self._drives.laws])
+
+    @cached_property
     def _payload_map(self) -> Float64[np.ndarray, "10 10"]:
         return layout.payload_map(self.chain)
 
@@ -271,8 +276,7 @@ class Arm(StaticMap):
         y0 = load = self._felt(batch(self.chain.geometry, rest, joints))
         if self.base:
             load = self._felt(batch(self.chain.geometry, self.chain.inertia, joints))
-        widths = np.array([width_of(law, 0, p) for law in self._drives.laws])
-        s = switches(motors, widths, self._standstill)
+        s = switches(motors, self._widths, p, self._standstill)
         return y0, motors, s, load, self._felt(self._bodies(joints))
 
     def _driven(self, p: ParameterVector, y0: Any, phi: Any) -> tuple[Any, Any]:
