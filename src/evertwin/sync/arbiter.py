@@ -6,8 +6,9 @@ Müller, Jazdi, Weyrich, "Self-improving Models for the Intelligent Digital Twin
 gate cannot do that, so each sample of a signal group passes four steps:
 
 1. *Syntax*: NaN, infinity, refused by its source → error.
-2. *Hard plausibility*: range, rate, frozen value while the model predicts motion, sentinel code,
-   suspected factor (10ⁿ, 180/π, 25.4, a foot, −1) → obvious error: predict on, less certain.
+2. *Hard plausibility*: range, rate, frozen while the model predicts motion (one value, two in
+   turn, or less scatter than the sensor's own noise; spikes in between), sentinel code, suspected
+   factor (10ⁿ, 180/π, 25.4, a foot, −1) → obvious error: predict on, less certain.
 3. *Innovation gate*: innovation² ≤ gate²·S + path². S is the arbiter's own, from the statistics of
    the innovation (per phase where one is set), growing while it predicts; path is twice
    what the model predicted to move since the last trusted sample, or usually does (the tolerance,
@@ -21,8 +22,9 @@ gate cannot do that, so each sample of a signal group passes four steps:
 Tolerance updates and overrulings are different events. The innovation is the change since the last
 trusted sample, beside the prediction: a slow drift of the model is no error of the sensor.
 
-What one sensor cannot tell: its own slow drift from the machine's, a dithering sensor that stands
-still from a machine that does, and a factor of about ten at zero from noise that has risen as much.
+What one sensor cannot tell: its own slow drift from the machine's, a sensor frozen with as much
+noise as it had from a machine that stands, a burst longer than the vote from a machine that was
+moved there and back, and a factor of about ten at zero from noise that has risen as much.
 The measurement is believed in these cases.
 
 >>> Rule(use="tolerance", tolerance=0.02).vote

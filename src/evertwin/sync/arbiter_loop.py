@@ -14,7 +14,8 @@ from evertwin.sync import places as at
 from evertwin.sync.borrow import COLD, HOT
 from evertwin.sync.factor_loop import blamed, persists, scaled
 from evertwin.sync.horizon_loop import wrapped
-from evertwin.sync.plausible_loop import doubted, grown, implausible, learn, measure, standstill
+from evertwin.sync.plausible_loop import doubted, grown, implausible, learn, measure
+from evertwin.sync.run_loop import follow, heard, withdraw
 from evertwin.sync.vote_loop import (
     agrees,
     end_contest,
@@ -41,7 +42,9 @@ def forget(rules: Any, memory: Any, rows: Any, notes: Any, g: int, now: Any) -> 
     """The state starts anew: what is open is closed, and the next sample is adopted as it is."""
     end_contest(rules, memory, rows, notes, g, now)
     end_fault(memory, notes, g, now)
-    memory[1][g, at.STARTED] = memory[1][g, at.RUN] = 0
+    memory[1][g, at.STARTED] = 0
+    for kind in range(2):
+        memory[1][g, at.RUN + kind] = memory[1][g, at.STOOD + kind] = 0
 
 
 @njit(**HOT)
@@ -59,7 +62,7 @@ def settle(
         after = take[j] if take[j] == take[j] else predicted[j]
         off = wrapped(y[j] - after, limits[j, at.ANGLE] > 0)
         values[j, at.OFFSET] = off if off == off else 0.0
-        values[j, at.GOOD], values[j, at.PATH] = y[j], 0.0
+        values[j, at.GOOD], values[j, at.PATH], values[j, at.WAY] = y[j], 0.0, 0.0
     figures[g, at.SPREAD] = spread
     numbers[g, at.STARTED], numbers[g, at.GOOD_AT] = 1, stamp
     numbers[g, at.SAMPLES] += 1
@@ -122,42 +125,6 @@ def use(settings: Any, memory: Any, sample: Any, g: int, size: int, stamp: int) 
     settle(limits, memory, sample, g, size, stamp, adopt, share)
     numbers[g, at.UPDATES] += adopt
     return ADOPTED if adopt else 0
-
-
-@njit(**HOT)
-def follow(settings: Any, memory: Any, sample: Any, g: int, size: int, now: Any) -> None:
-    """Keeps the run of equal values."""
-    rules = settings[1]
-    values, numbers, _ = memory
-    room, y = sample[0], sample[1]
-    same = numbers[g, at.RUN] > 0
-    for k in range(size):
-        j = room[k]
-        same = same and y[j] == values[j, at.LAST]
-    if same:
-        numbers[g, at.RUN] += 1
-        return
-    if 0 < rules[g, at.FROZEN] <= numbers[g, at.RUN]:
-        numbers[g, at.STILL] += standstill(settings, memory, sample, g, size)
-    numbers[g, at.RUN], numbers[g, at.RUN_ROW], numbers[g, at.RUN_AT] = 1, now[0], now[1]
-    for k in range(size):
-        j = room[k]
-        values[j, at.WAY] = 0.0
-
-
-@njit(**COLD)
-def withdraw(settings: Any, memory: Any, sample: Any, g: int, size: int) -> None:
-    """The sensor turned out to be frozen: its equal values lose their effect on the state."""
-    limits, rules, _ = settings
-    values, numbers, _ = memory
-    room, take = sample[0], sample[3]
-    for k in range(size):
-        j = room[k]
-        if rules[g, at.USE] != at.NONE and limits[j, at.ADOPTS] > 0:
-            take[j] = values[j, at.ORIGIN] + values[j, at.WAY]
-        values[j, at.OFFSET] = values[j, at.BEFORE]
-        values[j, at.PATH] = abs(values[j, at.WAY])
-    numbers[g, at.GOOD_AT] = numbers[g, at.RUN_AT]
 
 
 @njit(**COLD)
@@ -245,7 +212,7 @@ def judge(
         started = started and predicted[room[k]] == predicted[room[k]]
     if started:
         ratio = measure(settings, memory, statistics, sample, g, size, now[1], phase)
-    follow(settings, memory, sample, g, size, now)
+    follow(settings, memory, sample, g, size, now, ratio > 1.0)
     cause = implausible(settings, memory, sample, g, size, now[1])
     held = started and numbers[g, at.CAUSE] == FACTOR
     if held:
@@ -260,13 +227,14 @@ def judge(
     if cause > 0 or ratio > 1.0:
         for k in range(size):
             values[room[k], at.WRONG] = values[room[k], at.NU]
+            values[room[k], at.NU_BEFORE] = np.nan
     if cause > 0:
         if cause == FROZEN and numbers[g, at.CAUSE] != FROZEN:
             withdraw(settings, memory, sample, g, size)
-            if numbers[g, at.BATCH_ROW] >= numbers[g, at.RUN_ROW]:
+            if numbers[g, at.BATCH_ROW] >= numbers[g, at.RUN_ROW + numbers[g, at.HELD_BY]]:
                 # What was contested since then is part of the same fault.
                 numbers[g, at.CONTEST] = numbers[g, at.BATCH] = 0
-        onset = numbers[g, at.RUN_ROW] if cause == FROZEN else now[0]
+        onset = numbers[g, at.RUN_ROW + numbers[g, at.HELD_BY]] if cause == FROZEN else now[0]
         fault(rules, memory, notes, g, cause, onset, now)
         return ERROR, 0
     if numbers[g, at.CAUSE] != FACTOR or numbers[g, at.SOUND] >= rules[g, at.VOTE]:
@@ -290,5 +258,6 @@ def judge(
     for k in range(size):
         nu = values[room[k], at.NU]
         learn(statistics, phase, room[k], nu * nu / growth)
+    heard(values, numbers, room, g, size)
     figures[g, at.OUTSIDE] *= 1.0 - 1.0 / (4.0 * rules[g, at.VOTE])
     return OK, use(settings, memory, sample, g, size, now[1])

@@ -18,24 +18,34 @@ NONE, UPDATE, MIX = range(3)
 """Values of ``USE``."""
 
 (
-    OFFSET, LAST, GOOD, PATH, WAY, AFTER, ORIGIN, NU, BASE, WRONG, USUAL, SLOPE, PROVEN, BEFORE,
-    SQUARE, MOVE, CROSS, POWER,
-) = range(18)  # fmt: skip
+    OFFSET, LAST, GOOD, PATH, WAY, AFTER, NU, BASE, WRONG, USUAL, SLOPE, PROVEN, SQUARE, MOVE,
+    CROSS, POWER, NU_BEFORE, NOISE, OTHER,
+) = range(19)  # fmt: skip
 """Memory per output: what the last trusted sample was off the state after it; last sample; last
-trusted value; path that was predicted since; way that was predicted since the value changed; output
-after the row, and when the run of equal values began; innovation of this sample (its change of the
-offset) and its regular variance; innovation of the last doubted sample; usual path from sample to
-sample; how fast the contested samples move beside the prediction [per sample], and how fast
-agreeing ones did; offset when the run began; mean square of measured − predicted; way that was
-predicted for this sample, its mean product with the innovation and its mean square."""
+trusted value; path and way that were predicted since; output after the row; innovation of this
+sample (its change of the offset) and its regular variance; innovation of the last doubted sample;
+usual path from sample to sample; how fast the contested samples move beside the prediction [per
+sample], and how fast agreeing ones did; mean square of measured − predicted; way that was predicted
+for this sample, its mean product with the innovation and its mean square; innovation of the trusted
+sample before; variance of the sensor's noise; second value of a run of equal ones."""
+HELD, GONE, ORIGIN, BEFORE = range(19, 27, 2)
+"""Memory per output and kind of run (equal, near): its value; way that was predicted since it
+began; output after the row at which it began, and offset then."""
+VALUES = 27
 (
-    STARTED, VALID, GOOD_AT, LAST_AT, RUN, RUN_ROW, RUN_AT, STILL, CAUSE, ONSET, UNTIL, FAULTS,
-    TOLD, CONTEST, BATCH, BATCH_ROW, LEFT, SAMPLES, UPDATES, RESETS, CONTESTED, ERRORS, SOUND,
-) = range(23)  # fmt: skip
-"""Memory per group, integers: started? valid? stamps of the last trusted and the last sample; run
-of equal values: length, first row and stamp, runs that were a standstill; the open fault: cause,
-first and last row, samples, told?; the open contest: samples, those without verdict, the first of
-them, the last that left the vote; counters; sound values in a row since an error by a factor."""
+    STARTED, VALID, GOOD_AT, LAST_AT, CAUSE, ONSET, UNTIL, FAULTS, TOLD, CONTEST, BATCH, BATCH_ROW,
+    LEFT, SAMPLES, UPDATES, RESETS, CONTESTED, ERRORS, SOUND, TURNS, HELD_BY,
+    QUIET,
+) = range(22)  # fmt: skip
+"""Memory per group, integers: started? valid? stamps of the last trusted and the last sample; the
+open fault: cause, first and last row, samples, told?; the open contest: samples, those without
+verdict, the first of them, the last that left the vote; counters; sound
+values in a row since an error by a factor; turns to the second value of a run; kind of run that
+showed the sensor frozen; were there equal values that were none?"""
+RUN, RUN_ROW, RUN_AT, AWAY, STOOD, STILL = range(22, 34, 2)
+"""Memory per group and kind of run: samples, first row and stamp; samples away from it by now, and
+whether the first of them told of a machine that stood still; runs that did."""
+NUMBERS = 34
 SPREAD, INTERVAL, OUTSIDE, FACTOR = range(4)
 """Memory per group, numbers: variance of the state over that of the measurement; mean interval of
 trusted samples [ns]; share of contested samples; suspected factor."""

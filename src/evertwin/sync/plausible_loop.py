@@ -17,6 +17,7 @@ from numba import njit
 from evertwin.sync import places as at
 from evertwin.sync.borrow import COLD, HOT
 from evertwin.sync.horizon_loop import wrapped
+from evertwin.sync.run_loop import is_frozen, may_revive
 
 NONE, RANGE, RATE, FROZEN, SENTINEL, FACTOR = 0, 2, 3, 4, 5, 6
 
@@ -101,6 +102,7 @@ def measure(
     elapsed = (stamp - numbers[g, at.GOOD_AT]) * 1e-9
     usual = figures[g, at.INTERVAL] * 1e-9
     steps = max(1.0, elapsed / usual) if usual > 0 else 1.0
+    revived = may_revive(rules, numbers, g)
     for k in range(size):
         j = room[k]
         nu = wrapped(y[j] - predicted[j] - values[j, at.OFFSET], limits[j, at.ANGLE] > 0)
@@ -110,37 +112,14 @@ def measure(
         spread = base * growth
         if rules[g, at.GROWTH] > 0:
             spread = base + rules[g, at.GROWTH] * rules[g, at.GROWTH] * elapsed
-        room_for = credible(limits, rules, values, g, j, steps)
+        room_for = credible(limits, rules, values, g, j, steps) if revived else 0.0
         worst = max(worst, nu * nu / (gate * spread + room_for * room_for))
     return worst
 
 
-@njit(**COLD)
-def standstill(settings: Any, memory: Any, sample: Any, g: int, size: int) -> bool:
-    """A run of equal values ends: did the machine stand still, against the model's prediction?
-
-    Then the new value continues from the old one; after a sensor's fault it lies at the prediction.
-    """
-    limits, rules, _ = settings
-    values = memory[0]
-    room, y = sample[0], sample[1]
-    for k in range(size):
-        j = room[k]
-        if abs(values[j, at.WAY]) > 2 * rules[g, at.GATE] * np.sqrt(values[j, at.BASE]):
-            angle = limits[j, at.ANGLE] > 0
-            moved = abs(wrapped(y[j] - values[j, at.LAST], angle))
-            expected = values[j, at.ORIGIN] + values[j, at.BEFORE] + values[j, at.WAY]
-            return bool(moved < 0.5 * abs(wrapped(y[j] - expected, angle)))
-    return False
-
-
 @njit(**HOT)
 def implausible(settings: Any, memory: Any, sample: Any, g: int, size: int, stamp: int) -> int:
-    """Range, rate, and a frozen value: the first cause that holds, or none.
-
-    Frozen are equal values while the model predicts motion beyond the noise. A sensor whose equal
-    values proved to be real standstills (twice) is not judged by this.
-    """
+    """Range, rate, and a frozen value: the first cause that holds, or none."""
     limits, rules, _ = settings
     values, numbers, _ = memory
     room, y = sample[0], sample[1]
@@ -159,12 +138,7 @@ def implausible(settings: Any, memory: Any, sample: Any, g: int, size: int, stam
         fast = abs(wrapped(y[j] - values[j, at.GOOD], angle)) > rate * since
         if fast and abs(wrapped(y[j] - values[j, at.LAST], angle)) > rate * before:
             return RATE
-    if 0 < rules[g, at.FROZEN] <= numbers[g, at.RUN] and numbers[g, at.STILL] < 2:
-        for k in range(size):
-            j = room[k]
-            if abs(values[j, at.WAY]) > rules[g, at.GATE] * np.sqrt(values[j, at.BASE]):
-                return FROZEN
-    return NONE
+    return FROZEN if is_frozen(rules, memory, room, g, size) else NONE
 
 
 @njit(**COLD)

@@ -58,9 +58,9 @@ class TrackState(NamedTuple):
     p: ParameterVector
     x0: StateVector
     """State that a new start begins with."""
-    values: Float64[np.ndarray, "ny 18"]
+    values: Float64[np.ndarray, "ny 27"]
     """Memory per output, see `evertwin.sync.places`."""
-    numbers: Int64[np.ndarray, "ng 23"]
+    numbers: Int64[np.ndarray, "ng 34"]
     """Memory per group: flags, stamps, the open fault and contest, counters."""
     figures: Float64[np.ndarray, "ng 4"]
     """Memory per group: growth, interval, share of contested samples, suspected factor."""
@@ -170,10 +170,10 @@ class Track:
         variance, counts = np.zeros((kinds, ny)), np.zeros((kinds, ny), dtype=np.int64)
         # An innovation is the difference of two measurements.
         variance[-1], counts[-1] = 2.0 * sigma**2, np.where(sigma > 0, at.LEARN, 0)
-        values = np.zeros((ny, 18))
-        values[:, [at.AFTER, at.BASE]] = np.nan, np.inf
+        values = np.zeros((ny, at.VALUES))
+        values[:, [at.AFTER, at.NU_BEFORE, at.OTHER]], values[:, at.BASE] = np.nan, np.inf
         values[:, at.SQUARE] = np.where(sigma > 0, sigma**2, np.inf)
-        numbers = np.zeros((ng, 23), dtype=np.int64)
+        numbers = np.zeros((ng, at.NUMBERS), dtype=np.int64)
         numbers[:, [at.GOOD_AT, at.LAST_AT]] = NEVER
         return TrackState(
             x0.copy(), p, x0, values, numbers, np.zeros((ng, 4)), variance, counts,

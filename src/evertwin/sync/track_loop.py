@@ -17,6 +17,7 @@ from evertwin.sync.arbiter_loop import forget, judge
 from evertwin.sync.borrow import HOT, borrowed
 from evertwin.sync.horizon_loop import is_known, wrapped
 from evertwin.sync.plausible_loop import grown, variance_of
+from evertwin.sync.run_loop import begun
 from evertwin.sync.vote_loop import note
 
 TASK, BEGUN = 0, 1
@@ -52,6 +53,8 @@ def proceed(limits: Any, values: Any, predicted: Any) -> None:
         if moved == moved:
             values[j, at.PATH] += abs(moved)
             values[j, at.WAY] += moved
+            for kind in range(2):
+                values[j, at.GONE + kind] += moved
 
 
 @njit(**HOT)
@@ -169,9 +172,7 @@ def run(
                 j = members[g, k]
                 if j < 0:
                     break
-                if numbers[g, at.RUN] == 1:
-                    values[j, at.ORIGIN] = values[j, at.AFTER]
-                    values[j, at.BEFORE] = values[j, at.OFFSET]
+                begun(memory[0], memory[1], g, j, now[0])
                 spread = variance_of(statistics[0], statistics[1], phase, j) * growth
                 spread += values[j, at.OFFSET] * values[j, at.OFFSET]
                 if rules[g, at.USE] == at.MIX and limits[j, at.ADOPTS] > 0:

@@ -1,0 +1,214 @@
+"""Compiled: runs of values that do not follow the motion that the model predicts.
+
+Two kinds are kept beside each other. *Equal*: the same value again, or one of two in turn, as a
+frozen sensor gives it. *Near*: values that stay closer together than the sensor's own noise lets
+them, as a frozen sensor with a dither gives them. Single samples outside the gate do not end a run.
+
+A machine that stands against its model keeps the sensor's noise; so equal values of a sensor that
+proved to stand still with its machine (twice) say nothing.
+
+See `evertwin.sync.plausible_loop` for the tuples of arrays.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from evertwin.sync import places as at
+from evertwin.sync.borrow import COLD, HOT
+from evertwin.sync.horizon_loop import wrapped
+
+FROZEN, FACTOR = 4, 6
+EQUAL, NEAR = 0, 1
+SURE = 12
+"""Near values in a row: of Gaussian noise, four in ten lie as near to the first."""
+MEMORY = 2000
+"""Samples that the noise of the sensor is estimated from."""
+
+
+@njit(**HOT)
+def nearness(values: Any, numbers: Any, g: int, j: int) -> float:
+    """How near to each other the sensor's noise hardly lets values lie: half a deviation.
+
+    Successive changes share one sample's noise: −E[ν·ν'] is its variance, whatever else moves. Of
+    the estimate the lower bound counts (2σ). What is known to be frozen may scatter four times as
+    much.
+    """
+    n = min(max(numbers[g, at.SAMPLES], 1), MEMORY)
+    variance = values[j, at.NOISE] - 2.0 * values[j, at.BASE] / np.sqrt(n)
+    found = numbers[g, at.CAUSE] == FROZEN and numbers[g, at.HELD_BY] == NEAR
+    return float((2.0 if found else 0.5) * np.sqrt(max(variance, 0.0)))
+
+
+@njit(**HOT)
+def heard(values: Any, numbers: Any, room: Any, g: int, size: int) -> None:
+    """One more trusted innovation, for the noise of the sensor; not of one that may be frozen."""
+    n = min(max(numbers[g, at.SAMPLES], 1), MEMORY)
+    for k in range(size):
+        j = room[k]
+        nu, before = values[j, at.NU], values[j, at.NU_BEFORE]
+        if before == before and numbers[g, at.RUN + NEAR] < 2:
+            values[j, at.NOISE] += (-nu * before - values[j, at.NOISE]) / n
+        values[j, at.NU_BEFORE] = nu
+
+
+@njit(**HOT)
+def enough(rules: Any, g: int, kind: int) -> float:
+    """Values in a row that make a sensor frozen, where motion is predicted."""
+    return float(rules[g, at.FROZEN] if kind == EQUAL else SURE)
+
+
+@njit(**HOT)
+def belongs(
+    limits: Any, values: Any, numbers: Any, sample: Any, g: int, size: int, kind: int
+) -> int:
+    """1: the sample has the value of the run; 2: the other one of two in turn; 0: neither."""
+    room, y = sample[0], sample[1]
+    if numbers[g, at.RUN + kind] == 0:
+        return 0
+    held, other = True, kind == EQUAL
+    for k in range(size):
+        j = room[k]
+        other = other and y[j] == values[j, at.OTHER]
+        if kind == EQUAL:
+            held = held and y[j] == values[j, at.HELD]
+        else:
+            angle = limits[j, at.ANGLE] > 0
+            off = abs(wrapped(y[j] - values[j, at.HELD + kind], angle))
+            held = held and off <= nearness(values, numbers, g, j)
+    return 1 if held else 2 * other
+
+
+@njit(**COLD)
+def standstill(settings: Any, memory: Any, sample: Any, g: int, size: int, kind: int) -> bool:
+    """A run ends: did the machine stand still, against the model's prediction?
+
+    Then the new value continues from the old one; after a sensor's fault it lies at the prediction.
+    """
+    limits, rules, _ = settings
+    values, numbers, _ = memory
+    room, y = sample[0], sample[1]
+    if not 0 < enough(rules, g, kind) <= numbers[g, at.RUN + kind]:
+        return False
+    for k in range(size):
+        j = room[k]
+        gone = values[j, at.GONE + kind]
+        if abs(gone) > 2 * rules[g, at.GATE] * np.sqrt(values[j, at.BASE]):
+            angle = limits[j, at.ANGLE] > 0
+            moved = abs(wrapped(y[j] - values[j, at.HELD + kind], angle))
+            expected = values[j, at.ORIGIN + kind] + values[j, at.BEFORE + kind] + gone
+            return bool(moved < 0.5 * abs(wrapped(y[j] - expected, angle)))
+    return False
+
+
+@njit(**HOT)
+def follow(
+    settings: Any, memory: Any, sample: Any, g: int, size: int, now: Any, outside: bool
+) -> None:
+    """Keeps the runs: the sample continues, leaves for a moment, or ends each.
+
+    The same value twice away from a run is the next run, unless the sensor is known to be frozen.
+    """
+    limits, rules, _ = settings
+    values, numbers, _ = memory
+    room, y, again = sample[0], sample[1], True
+    for k in range(size):
+        again = again and y[room[k]] == values[room[k], at.LAST]
+    for kind in range(2):
+        place = belongs(limits, values, numbers, sample, g, size, kind)
+        if place > 0:
+            numbers[g, at.RUN + kind] += 1
+            numbers[g, at.AWAY + kind] = 0
+            numbers[g, at.TURNS] += place - 1
+            continue
+        if numbers[g, at.AWAY + kind] == 0:
+            stood = standstill(settings, memory, sample, g, size, kind)
+            numbers[g, at.STOOD + kind] = stood
+        lasting = numbers[g, at.CAUSE] == FROZEN or (numbers[g, at.RUN + kind] > 1 and not again)
+        if outside and lasting and numbers[g, at.AWAY + kind] + 1 < rules[g, at.FROZEN]:
+            numbers[g, at.AWAY + kind] += 1
+            continue
+        numbers[g, at.STILL + kind] += numbers[g, at.STOOD + kind]
+        ended = numbers[g, at.RUN + kind]
+        numbers[g, at.RUN + kind], numbers[g, at.AWAY + kind] = 1, 0
+        numbers[g, at.RUN_ROW + kind], numbers[g, at.RUN_AT + kind] = now[0], now[1]
+        if kind == EQUAL:
+            numbers[g, at.TURNS] = 0
+            numbers[g, at.QUIET] |= ended >= rules[g, at.FROZEN] and numbers[g, at.CAUSE] != FROZEN
+        for k in range(size):
+            j = room[k]
+            if kind == EQUAL:
+                values[j, at.OTHER] = values[j, at.HELD]
+            values[j, at.HELD + kind], values[j, at.GONE + kind] = y[j], 0.0
+
+
+@njit(**HOT)
+def may_revive(rules: Any, numbers: Any, g: int) -> bool:
+    """May a sample be believed that leaves the prediction, though the sensor was frozen until now?
+
+    One that is where it is predicted, always; another one only after some in a row.
+    """
+    away = numbers[g, at.AWAY + numbers[g, at.HELD_BY]]
+    return bool(numbers[g, at.CAUSE] != FROZEN or away + 1 >= rules[g, at.FROZEN])
+
+
+@njit(**HOT)
+def is_frozen(rules: Any, memory: Any, room: Any, g: int, size: int) -> bool:
+    """Is the sample one of a run while the model predicts motion beyond the noise?
+
+    Of two values in turn, motion beyond twice as much: a machine may creep from one to the other.
+    Equal values that leave the prediction need no motion, where the sensor's noise never let any be
+    equal.
+    """
+    values, numbers, _ = memory
+    if not rules[g, at.FROZEN] > 0:
+        return False
+    if numbers[g, at.CAUSE] == FROZEN and numbers[g, at.AWAY + numbers[g, at.HELD_BY]] > 0:
+        return True
+    for kind in range(2):
+        if numbers[g, at.AWAY + kind] > 0 or numbers[g, at.RUN + kind] < enough(rules, g, kind):
+            continue
+        if numbers[g, at.STILL + kind] >= 2:
+            continue
+        if kind == NEAR and numbers[g, at.CAUSE] == FACTOR:
+            continue  # a small factor brings values near to each other
+        levels = 2 if kind == EQUAL and numbers[g, at.TURNS] > 0 else 1
+        if kind == EQUAL and numbers[g, at.CONTEST] > 0 and numbers[g, at.QUIET] == 0:
+            levels = 0
+        for k in range(size):
+            j = room[k]
+            gate = rules[g, at.GATE] * np.sqrt(values[j, at.BASE])
+            noisy = levels > 0 or nearness(values, numbers, g, j) > 0
+            if noisy and abs(values[j, at.GONE + kind]) >= levels * gate:
+                if numbers[g, at.CAUSE] != FROZEN:
+                    numbers[g, at.HELD_BY] = kind
+                return True
+    return False
+
+
+@njit(**COLD)
+def withdraw(settings: Any, memory: Any, sample: Any, g: int, size: int) -> None:
+    """The sensor turned out to be frozen: the values of the run lose their effect on the state."""
+    limits, rules, _ = settings
+    values, numbers, _ = memory
+    room, take, kind = sample[0], sample[3], numbers[g, at.HELD_BY]
+    for k in range(size):
+        j = room[k]
+        gone = values[j, at.GONE + kind]
+        if rules[g, at.USE] != at.NONE and limits[j, at.ADOPTS] > 0:
+            take[j] = values[j, at.ORIGIN + kind] + gone
+        values[j, at.OFFSET], values[j, at.WAY] = values[j, at.BEFORE + kind], gone
+        values[j, at.PATH] = abs(gone)
+    numbers[g, at.GOOD_AT] = numbers[g, at.RUN_AT + kind]
+
+
+@njit(**HOT)
+def begun(values: Any, numbers: Any, g: int, j: int, row: int) -> None:
+    """After the row at which a run began: where the state stood, and how far off it was."""
+    for kind in range(2):
+        if numbers[g, at.RUN_ROW + kind] == row:
+            values[j, at.ORIGIN + kind] = values[j, at.AFTER]
+            values[j, at.BEFORE + kind] = values[j, at.OFFSET]
