@@ -78,12 +78,12 @@ def _compress(window: Any) -> None:
 
 
 @njit(cache=True)
-def _differs(n0: float, u0: float, n1: float, u1: float, all_: Any, delta: float) -> bool:
+def _differs(
+    n0: float, u0: float, n1: float, u1: float, variance: float, confidence: float
+) -> bool:
     if n0 < LEAST or n1 < LEAST:
         return False
-    confidence = math.log(2.0 * math.log(all_[WIDTH]) / delta)
     m = 1.0 / (n0 - LEAST + 1.0) + 1.0 / (n1 - LEAST + 1.0)
-    variance = all_[SPREAD] / all_[WIDTH]
     epsilon = math.sqrt(2.0 * m * variance * confidence) + 2.0 / 3.0 * confidence * m
     return bool(abs(u0 / n0 - u1 / n1) > epsilon)
 
@@ -91,13 +91,21 @@ def _differs(n0: float, u0: float, n1: float, u1: float, all_: Any, delta: float
 @njit(cache=True)
 def _splits(window: Any, delta: float) -> bool:
     """Is there a split whose parts differ? From the oldest bucket on."""
-    all_ = window[LEVELS]
-    n0, u0 = 0.0, 0.0
+    all_, n0, u0 = window[LEVELS], 0.0, 0.0
+    width, total, variance = all_[WIDTH], all_[TOTAL], all_[SPREAD] / all_[WIDTH]
+    confidence = math.log(2.0 * math.log(width) / delta)
+    # ε² is above 2·m·σ²·ln(…) and m above 1/n₀ + 1/n₁: most splits are passed over undivided
+    least = 1.999 * variance * confidence * width
     for at in range(LEVELS - 1, -1, -1):
+        n = 2.0**at
         for m in range(int(window[at, USED])):
-            n0 += 2.0**at
+            n0 += n
             u0 += window[at, SUM + m]
-            if _differs(n0, u0, all_[WIDTH] - n0, all_[TOTAL] - u0, all_, delta):
+            n1, u1 = width - n0, total - u0
+            between = u0 * n1 - u1 * n0
+            if between * between <= least * n0 * n1:
+                continue
+            if _differs(n0, u0, n1, u1, variance, confidence):
                 return True
     return False
 

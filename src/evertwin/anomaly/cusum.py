@@ -160,9 +160,9 @@ class Cusum:
     def step(self, state: CusumState, block: Residuals) -> tuple[CusumState, Out]:
         """Rows of `Alarms`, and an event per excursion. Consumes ``state``."""
         n = len(block.row)
-        rows = Alarms(
-            block.row, np.zeros(block.r.shape, dtype=np.int8), np.full(block.r.shape, np.nan)
-        )
+        shape = block.r.shape
+        rows = Alarms(block.row, np.zeros(shape, dtype=np.int8), np.empty(shape))
+        rows.statistic.fill(np.nan)
         records: list[Event] = []
         at = 0
         while at < n:

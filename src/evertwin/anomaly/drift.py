@@ -125,7 +125,8 @@ class Drift:
         known = state.calibration
         if not known.ready:
             return state, Out()
-        level = np.full((len(block.row), 2 * len(self.names)), np.nan)
+        level = np.empty((len(block.row), 2 * len(self.names)))
+        level.fill(np.nan)
         changes = watch(
             block.r, block.phase, known.mean, known.scale, known.ar, known.sigma, self.clip,
             self.delta, self.batch, state.past, state.seen, state.sums, state.windows, level,

@@ -52,14 +52,15 @@ def alarms(e: Any, k: float, limits: Any, counts: Any) -> float:
         up = max(0.0, up + e[i] - k)
         down = max(0.0, down - e[i] - k)
         worst = max(worst, up, down)
-    for m in range(limits.shape[0]):
-        up = down = 0.0
-        for i in range(e.shape[0]):
-            up = max(0.0, up + e[i] - k)
-            down = max(0.0, down - e[i] - k)
-            if up > limits[m] or down > limits[m]:
-                counts[m] += 1
-                up = down = 0.0
+    # all limits at once: one sum has to wait for the one before, sums beside each other do not
+    ups, downs = np.zeros_like(limits), np.zeros_like(limits)
+    for i in range(e.shape[0]):
+        for m in range(limits.shape[0]):
+            up = max(0.0, ups[m] + e[i] - k)
+            down = max(0.0, downs[m] - e[i] - k)
+            over = up > limits[m] or down > limits[m]
+            counts[m] += over
+            ups[m], downs[m] = 0.0 if over else up, 0.0 if over else down
     return worst
 
 

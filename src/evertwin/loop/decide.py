@@ -161,7 +161,7 @@ class Decide:
     def _deviates(self, state: TwinState, task_end: bool) -> tuple[str | None, str, dict[str, Any]]:
         """(None, …) when it is too early to say, ("", …) when within the requirement."""
         setup, watch = self.follow.setup, state.scores.watch
-        samples = watch.samples.max(initial=0)
+        samples = max(watch.samples.tolist(), default=0)
         enough = samples >= setup.least if task_end else setup.watch(NONE).enough(state.scores)
         if not np.isfinite(setup.requirement) or not enough:
             return None, "", {}

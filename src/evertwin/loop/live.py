@@ -155,13 +155,11 @@ class Live:
         pushed, self._pushed = self._pushed, []
         if not pushed:
             return
+        groups = groupby(pushed, lambda chunk: (chunk.source, chunk.task))
+        chunks = tuple(_joined(*alike) for _, alike in groups)
         if not self.lasting:
-            self.ledger.store.commit(Batch(chunks=tuple(pushed)), wait=False)
-        for _, alike in groupby(pushed, lambda chunk: (chunk.source, chunk.task)):
-            chunk, *more = alike
-            if more:
-                t, v = zip(*((c.t, c.v) for c in (chunk, *more)), strict=True)
-                chunk = chunk._replace(t=np.concatenate(t), v=np.concatenate(v))
+            self.ledger.store.commit(Batch(chunks=chunks), wait=False)
+        for chunk in chunks:
             self._fold(chunk)
         if self._run is not None and self._state is not None:
             every = self._run.setup.beat.every
@@ -247,3 +245,11 @@ class Live:
             self._take(None, ())
         assert self._run is not None and self._state is not None
         return self._run.ended(self._state, time.perf_counter() - self._began)
+
+
+def _joined(first: Chunk, *more: Chunk) -> Chunk:
+    """Samples of one source and task, one after the other."""
+    if not more:
+        return first
+    t, v = zip((first.t, first.v), *((c.t, c.v) for c in more), strict=True)
+    return first._replace(t=np.concatenate(t), v=np.concatenate(v))

@@ -47,8 +47,9 @@ class Watch(NamedTuple):
 
     def enough(self, scores: Scores) -> bool:
         """Is there enough to judge it?"""
-        samples = int(scores.watch.samples.max(initial=0))
-        return int(scores.seen[0]) >= self.rows and samples >= min(self.least, self.rows)
+        if int(scores.seen[0]) < self.rows:
+            return False
+        return max(scores.watch.samples.tolist(), default=0) >= min(self.least, self.rows)
 
 
 @njit(cache=True)

@@ -55,8 +55,10 @@ class Trace:
         while True:
             wanted = at + np.flatnonzero(rows[at:] % self.step == 0)
             part = wanted[: self.most - self._kept]
+            whole = len(part) == len(rows)
             for name, column in columns.items():
-                self._room[name][self._kept : self._kept + len(part)] = column[part]
+                kept = column if whole else column[part]
+                self._room[name][self._kept : self._kept + len(part)] = kept
             self._kept += len(part)
             if len(part) == len(wanted):
                 return

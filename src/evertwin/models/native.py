@@ -71,6 +71,16 @@ def calling(builder: Any, arguments: list[Any], kinds: list[ir.Type]) -> Any:
     return builder.call(pointer, values)
 
 
+@intrinsic
+def scratch(typing: Any, size: Any) -> Any:
+    """Room for ``size`` numbers until the function that asks returns; not for one that loops."""
+
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.alloca(ir.DoubleType(), arguments[0])
+
+    return _P(types.int64), code
+
+
 _I64, _F64 = ir.IntType(64), ir.DoubleType()
 _STEP_KINDS = [_I64.as_pointer(), *[_F64.as_pointer()] * 2, _F64, *[_F64.as_pointer()] * 3]
 _OBSERVE_KINDS = [_I64.as_pointer(), _F64.as_pointer(), _F64.as_pointer()]

@@ -22,8 +22,9 @@ from typing import Generic, Protocol, TypeVar
 from evertwin.errors import StoreError
 
 T = TypeVar("T")
-SOME = 16
-"""Jobs that wait at most where there is no thread."""
+SOME = 4096
+"""Bytes that wait at most where there is no thread; a job counts as some at least."""
+LEAST = SOME // 16
 ROOM = 64 << 20
 """Bytes that may wait; beyond, `Writer.put` waits too."""
 
@@ -51,7 +52,7 @@ class Writer(Generic[T]):
     """
 
     def __init__(self, paper: Paper[T], *, threaded: bool) -> None:
-        """Not ``threaded``: who puts or flushes writes what waits, `SOME` jobs at once."""
+        """Not ``threaded``: who puts or flushes writes what waits, some jobs at once."""
         self._paper = paper
         self._threaded = threaded
         self._waiting: list[T] = []
@@ -71,6 +72,7 @@ class Writer(Generic[T]):
         with self._changed:
             if not self._threaded:
                 self._waiting.append(job)
+                self._room += max(size, LEAST)
                 return self._write(SOME)
             self._changed.wait_for(lambda: self._room < ROOM or self._failed is not None)
             self.check()
@@ -94,10 +96,10 @@ class Writer(Generic[T]):
             self.check()
 
     def _write(self, least: int) -> None:
-        """Writes what waits, here, if it is at least so many jobs."""
+        """Writes what waits, here, if it is at least so much."""
         self.check()
-        if len(self._waiting) >= least:
-            jobs, self._waiting = self._waiting, []
+        if self._room >= least:
+            jobs, self._waiting, self._room = self._waiting, [], 0
             self._failed = self._attempt(jobs)
             self.check()
 

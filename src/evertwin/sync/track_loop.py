@@ -109,7 +109,7 @@ def run(
     n, nu, ny, nx, ng = u.shape[0], u.shape[1], y.shape[1], x.shape[0], rules.shape[0]
     # The row's own arrays: views into the block would cost a reference count each.
     ahead, measured, predicted, take = np.empty_like(x), np.empty(ny), np.empty(ny), np.empty(ny)
-    marked, room = np.empty(ny, dtype=np.uint8), np.empty(ny, dtype=np.int64)
+    marked, room = np.empty(ny, dtype=np.uint8), np.empty(ny, dtype=np.uint64)
     settings = borrowed(limits), borrowed(rules), borrowed(sentinels)
     memory = borrowed(values), borrowed(numbers), borrowed(figures)
     statistics = borrowed(variance), borrowed(counts), borrowed(warm)

@@ -23,7 +23,15 @@ from numba.extending import intrinsic
 
 from evertwin.errors import UsageError
 from evertwin.models.kernel import ANEW
-from evertwin.models.native import OBSERVE, STEP, call_observe, call_step, calling, cfunc
+from evertwin.models.native import (
+    OBSERVE,
+    STEP,
+    call_observe,
+    call_step,
+    calling,
+    cfunc,
+    scratch,
+)
 from evertwin.models.terms.contract import CorrectionTerm, Place
 from evertwin.models.terms.registry import kind
 
@@ -192,7 +200,8 @@ def step(context: Any, x: Any, u: Any, dt: float, p: Any, x_next: Any, y: Any) -
     plan = carray(context, (carray(context, (1,))[0],))
     now, ahead = carray(x, (plan[6],)), carray(x_next, (plan[6],))
     numbers, out = carray(p, (plan[7],)), carray(y, (plan[8],))
-    inputs = carray(u, (plan[4],)).copy()
+    inputs = carray(scratch(plan[4]), (plan[4],))
+    inputs[:] = carray(u, (plan[4],))
     first = plan[5]
     for i in range(first, plan[6]):
         ahead[i] = now[i]
@@ -212,7 +221,8 @@ def adopt(context: Any, x: Any, y: Any) -> Any:
     """The inner model adopts; terms keep what they have to keep."""
     plan = carray(context, (carray(context, (1,))[0],))
     now = carray(x, (plan[6],))
-    before = now[: plan[5]].copy()
+    before = carray(scratch(plan[5]), (plan[5],))
+    before[:] = now[: plan[5]]
     call_observe(plan[2], plan[3], now.ctypes.data, carray(y, (plan[8],)).ctypes.data)
     _adopted(plan, before.ctypes.data, now.ctypes.data)
     return 0
