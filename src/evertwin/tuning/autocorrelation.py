@@ -45,7 +45,7 @@ class Correlation:
     """Residuals, centred, and their autocorrelation. See the module for an example."""
 
     centred: Float64[np.ndarray, "lanes more"]
-    """Less the mean, an output a row; 0 where unknown, behind the rows, and up to whole eights."""
+    """Less the mean, an output a row; 0 where unknown, behind the rows, and up to whole `LANES`."""
     known: Float64[np.ndarray, "some more"]
     """1 where known, else 0; nothing where all are."""
     rows: PerOutput

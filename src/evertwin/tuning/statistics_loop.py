@@ -9,8 +9,8 @@ from numba import njit
 
 from evertwin.tuning.classes_loop import BINS
 
-LANES = 8
-"""Outputs that are summed side by side."""
+LANES = 6
+"""Outputs that are summed side by side: as many as most arms have."""
 LAGS = 20
 """Lags that the whiteness test looks at."""
 MOST = 4000
@@ -59,7 +59,7 @@ def remember(r: Any) -> Any:
     """(centred, known, rows, square, rho, reach, statistic) of residuals ``r`` (n, ny).
 
     Less the mean, 0 where unknown, and 1 where known (nothing if everywhere), both with outputs as
-    rows, up to whole eights of them, and zeros behind the rows of the data; known rows and sum of
+    rows, up to whole `LANES` of them, and zeros behind the rows of the data; known rows and sum of
     squares, (ny,); autocorrelation (ny, LAGS + 1); the last lag before it is lost in its own
     scatter, or `LONG`, (ny,); the statistic of Ljung and Box, (ny,).
     """
@@ -287,7 +287,7 @@ def _by_class(number: Any, values: Any, total: Any) -> None:
     total[:] = 0.0
     for i in range(number.shape[1]):
         a, b, c, d = values[0, i], values[1, i], values[2, i], values[3, i]
-        e, f, g, h = values[4, i], values[5, i], values[6, i], values[7, i]
+        e, f = values[4, i], values[5, i]
         for j in range(number.shape[0]):
             s = total[j, number[j, i]]
             s[0] += a
@@ -296,5 +296,3 @@ def _by_class(number: Any, values: Any, total: Any) -> None:
             s[3] += d
             s[4] += e
             s[5] += f
-            s[6] += g
-            s[7] += h
