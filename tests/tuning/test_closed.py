@@ -199,10 +199,10 @@ def test_kernels_equal_their_plain_twins_bit_for_bit() -> None:
         solution = solve_it(r, columns, at, np.full(4, 0.1), scale)
         h = weigh(solution[2], np.full(3, 0.5))
         length, scaled = scale_it(h)
-        inverse = invert(length, *np.linalg.eigh(scaled), 1e-6)
+        inverse = invert((length, *np.linalg.eigh(scaled)), 1e-6)
         np.testing.assert_allclose(inverse, np.linalg.inv(h), rtol=1e-9, atol=1e-15)
         parts = np.abs(r[:3, [0, 2, 0, 2]])
-        covariance = combine(parts, inverse, np.full(4, 0.1), np.full(3, 30.0))
+        covariance = combine(parts, inverse, np.full(4, 0.1), np.full(3, 30.0), np.ones(3))
         results.append((r, told, *solution, *slot(at, np.array([3, 1])), *covariance))
     for left, right in zip(*results, strict=True):
         assert np.array_equal(left, right, equal_nan=True)

@@ -108,7 +108,7 @@ def test_autocorrelation_by_sums_and_by_spectrum_agree() -> None:
     np.testing.assert_allclose(short, long, atol=1e-12)
     white, both = (Correlation.of(e[:, None]) for e in (rng.normal(size=1000), r))
     assert len(white.memory[0]) <= 3
-    assert effective(both.rows, both.memory)[0] < 300
+    assert effective(1000.0, both.memory[0]) < 300
     assert autocorrelation(np.zeros(9), 2).tolist() == [1.0, 0.0, 0.0]
     long = rng.normal(size=20_000)  # summed in pieces
     long -= long.mean()
@@ -176,11 +176,16 @@ def test_loops_of_the_statistics_equal_their_plain_twins(holes: bool) -> None:
         class_of(u, number, count)
         centred, known, rows, square, rho, reach, statistic = know(r)
         shared = overlap(number, count, rho, reach)
-        varying, analysis = analyse(number, count, centred, known, rows, square, shared)
+        told = number, count, centred, known, rows, square, rho, reach
+        varying, analysis = analyse(*told, np.empty((0, 0)))
         assert varying == 3
         columns, blocks = np.stack([y, y * y], axis=2), np.stack([np.eye(3)] * 9)
         at = np.array([[0, 2]] * 8 + [[1, -1]])
-        variance = propagate(blocks[0], rows, columns, at, r == r, blocks, rho, reach)
+        spectrum = np.ones(3), np.array([0.0, 1.0, 2.0]), np.eye(3)
+        seen = columns, at, r == r, blocks
+        inverse, variance, worth = propagate(spectrum, 1e-6, rows, *seen, rows, rho, reach)
+        assert inverse.tolist() == np.diag([0.0, 1.0, 0.5]).tolist()
+        assert worth[0] == pytest.approx(effective(rows[0], rho[0, : reach[0] + 1]))
         exact.append((*moved, out, number, count, centred, known, rows, reach))
         close.append((square, rho, statistic, shared, analysis, variance))
     for left, right in zip(*exact, strict=True):

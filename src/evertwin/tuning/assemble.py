@@ -268,20 +268,19 @@ def _covariance(
         told: noise of each output, and the information with the prior's.
     """
     sigma, spectrum = told
-    inverse = spectrum.inverse(1e-6)
-    parts = propagated(
-        inverse, sigma, acting.columns, acting.at, acting.used, acting.blocks, correlation.short,
-        correlation.reach,
+    inverse, parts, rows = propagated(
+        tuple(spectrum), 1e-6, sigma, acting.columns, acting.at, acting.used, acting.blocks,
+        correlation.rows, correlation.short, correlation.reach,
     )  # fmt: skip
-    memory = correlation.memory
-    for o in np.flatnonzero(correlation.reach == LONG).tolist():
-        columns, mine = acting.of(o)
-        more = spread(columns, acting.used[:, o], inverse[mine] / sigma[o], memory[o])
-        parts[o] += np.maximum(more, 0.0)  # never below the value for independent noise
-    dof = np.full(len(sigma), np.inf)
-    if problem.scale is None:
-        dof = np.maximum(effective(correlation.rows, memory) - acting.paid, 1.0)
-    covariance, degrees = combined(parts, inverse, problem.information, dof)
+    for o, reach in enumerate(correlation.reach.tolist()):
+        if reach == LONG:
+            (columns, mine), rho = acting.of(o), correlation.memory[o]
+            more = spread(columns, acting.used[:, o], inverse[mine] / sigma[o], rho)
+            parts[o] += np.maximum(more, 0.0)
+            rows[o] = effective(rows[o], rho)
+    if problem.scale is not None:
+        rows[:] = np.inf
+    covariance, degrees = combined(parts, inverse, problem.information, rows, acting.paid)
     return covariance, student(degrees)
 
 

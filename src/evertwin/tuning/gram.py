@@ -135,8 +135,10 @@ def unit(h: Any) -> Any:
 
 
 @njit(cache=True, error_model="numpy")
-def inverted(length: Any, squares: Any, vectors: Any, least: float) -> Any:
-    """H⁻¹ (k, k) of a spectrum, in the directions above the part ``least`` of the largest."""
+def inverted(spectrum: Any, least: float) -> Any:
+    """H⁻¹ (k, k) of an `evertwin.tuning.sensitivity.Spectrum`, in the directions whose square is
+    above the part ``least`` of the largest."""
+    length, squares, vectors = spectrum
     k, most = len(length), 0.0
     out, turned = np.zeros((k, k)), np.empty(k)
     for value in squares:
@@ -153,13 +155,14 @@ def inverted(length: Any, squares: Any, vectors: Any, least: float) -> Any:
 
 
 @njit(cache=True, error_model="numpy")
-def combined(parts: Any, inverse: Any, information: Any, dof: Any) -> Any:
+def combined(parts: Any, inverse: Any, information: Any, rows: Any, paid: Any) -> Any:
     """(covariance (k,k), degrees of freedom (k,)) of the parameters, after Satterthwaite.
 
     Args:
         parts: what each output adds to their variance, (ny, k).
         inverse: of the information, the prior's ``information`` (k,) included.
-        dof: degrees of freedom of each output's noise, (ny,).
+        rows: each output's effective rows, (ny,); infinite where its noise is known.
+        paid: number of parameters that they pay for, (ny,).
     """
     ny, k = parts.shape
     covariance, degrees, factor = np.empty((k, k)), np.empty(k), np.empty(k)
@@ -167,7 +170,7 @@ def combined(parts: Any, inverse: Any, information: Any, dof: Any) -> Any:
         variance, spread = 0.0, 0.0
         for o in range(ny):
             variance += parts[o, j]
-            spread += parts[o, j] * parts[o, j] / dof[o]
+            spread += parts[o, j] * parts[o, j] / max(rows[o] - paid[o], 1.0)
         for i in range(k):
             variance += inverse[i, j] * inverse[i, j] * information[i]
         found = variance * variance / spread

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.tuning.closed import Regressor, summed
-from evertwin.tuning.gram import effects, inverted, unit, weighed, widened
+from evertwin.tuning.gram import effects, unit, weighed, widened
 from evertwin.types import Bool, Float64, Int64, PerOutput, Vector
 
 
@@ -27,8 +27,8 @@ class Spectrum(NamedTuple):
     """Information H by the directions of its unit columns, so that the question has no units.
 
     >>> found = Spectrum.of(np.array([[4.0, 0.0], [0.0, 0.0]]))
-    >>> found.length.tolist(), found.squares.tolist(), found.inverse(1e-6).tolist()
-    ([2.0, 0.0], [0.0, 1.0], [[0.25, 0.0], [0.0, 0.0]])
+    >>> found.length.tolist(), found.squares.tolist()
+    ([2.0, 0.0], [0.0, 1.0])
     """
 
     length: Vector
@@ -44,10 +44,6 @@ class Spectrum(NamedTuple):
         length, scaled = unit(information)
         squares, vectors = np.linalg.eigh(scaled)
         return cls(length, np.maximum(squares, 0.0), vectors)
-
-    def inverse(self, least: float) -> Float64[np.ndarray, "k k"]:
-        """H⁻¹ in the directions whose square is above the part ``least`` of the largest."""
-        return np.asarray(inverted(*self, least))
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +77,7 @@ class Sensitivity:
     @cached_property
     def squares(self) -> Float64[np.ndarray, "ny k"]:
         """Sum of squares of each output's change per parameter."""
-        return np.diagonal(self.blocks, axis1=1, axis2=2)
+        return self.blocks.diagonal(axis1=1, axis2=2)
 
     @cached_property
     def acts(self) -> Bool[np.ndarray, "ny k"]:

@@ -20,7 +20,7 @@ import scipy
 
 from evertwin.tuning.autocorrelation import DIRECT, Correlation, Lags, Series
 from evertwin.tuning.classes import Classes
-from evertwin.tuning.statistics_loop import LAGS, analysed, overlapped, shifted
+from evertwin.tuning.statistics_loop import LAGS, LONG, analysed, shifted
 from evertwin.types import Float64, Inputs, Outputs, PerOutput
 
 PerInput = Float64[np.ndarray, "ny nu"]
@@ -97,7 +97,7 @@ def depends(
     """`dependences` of residuals and inputs whose parts are known already."""
     tests, told = analysed(
         classes.number, classes.count, correlation.centred, correlation.known, correlation.rows,
-        correlation.square, _overlap(correlation, classes),
+        correlation.square, correlation.short, correlation.reach, _overlap(correlation, classes),
     )  # fmt: skip
     p = scipy.special.fdtrc(told[:, 4], told[:, 5], told[:, 3])
     best: dict[float, tuple[float, float, float]] = {}
@@ -112,12 +112,13 @@ def depends(
 
 
 def _overlap(correlation: Correlation, classes: Classes) -> PerInput:
-    """How many rows count as one for the correlation of two series: 1 + 2 Σ ρ_r ρ_c, at least 1."""
-    reach = correlation.reach
-    if reach.min(initial=0) >= 0:
-        return np.asarray(overlapped(classes.number, classes.count, correlation.short, reach))
+    """How many rows count as one for the correlation of two series: 1 + 2 Σ ρ_r ρ_c, at least 1.
+
+    Nothing where no residual has a long memory: that is summed on the way."""
+    if LONG not in correlation.reach:
+        return np.empty((0, 0))
     memory = correlation.memory
-    found = np.ones((len(reach), len(classes.number)))
+    found = np.ones((len(memory), len(classes.number)))
     other = classes.correlation(max(len(rho) for rho in memory) - 1)
     for k, rho in enumerate(memory):
         found[k] += 2.0 * other[:, : len(rho) - 1] @ rho[1:]

@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 
 from evertwin.tuning.classes_loop import BINS
+from evertwin.tuning.gram import inverted
 
 LANES = 6
 """Outputs that are summed side by side: as many as most arms have."""
@@ -149,19 +150,23 @@ def shifted(columns: Any, used: Any, rho: Any, out: Any) -> None:
 
 @njit(cache=True, error_model="numpy")
 def propagated(
-    inverse: Any, sigma: Any, columns: Any, at: Any, used: Any, blocks: Any, rho: Any, reach: Any
-) -> Any:
-    """What each output's noise adds to the variance of the parameters, (ny, k).
+    spectrum: Any, least: float, sigma: Any, columns: Any, at: Any, used: Any, blocks: Any,
+    rows: Any, rho: Any, reach: Any,
+) -> Any:  # fmt: skip
+    """(H⁻¹ (k, k), what each output's noise adds to the variance of the parameters (ny, k), its
+    effective rows (ny,): n / (1 + 2 Σ ρ²)).
 
-    Of outputs that remember longer than `LAGS` only what independent noise would add.
+    Of outputs that remember longer than `LAGS` as if their noise were independent.
 
     Args:
-        inverse: of the information, (k, k).
+        spectrum, least: of the information H; see `evertwin.tuning.gram.inverted`.
         columns, at, used, blocks: of `evertwin.tuning.sensitivity.Sensitivity`.
-        rho, reach: of `remember`.
+        rows, rho, reach: of `remember`.
     """
+    inverse = inverted(spectrum, least)
     (ny, t), k = at.shape, len(inverse)
     out, found, gain = np.zeros((ny, k)), np.empty((t, t)), np.zeros((t, k))
+    effective = rows.copy()
     for o in range(ny):
         for i in range(k):
             for j in range(k):
@@ -172,6 +177,8 @@ def propagated(
                         out[o, a] += inverse[i, a] * w * inverse[j, a]
         if reach[o] < 1:
             continue
+        memory = rho[o, 1 : reach[o] + 1]
+        effective[o] /= 1.0 + 2.0 * (memory * memory).sum()
         gain[:], found[:] = 0.0, 0.0
         for a in range(t):
             if at[o, a] >= 0:
@@ -183,13 +190,14 @@ def propagated(
                 for b in range(t):
                     more += 2.0 * gain[a, j] * found[a, b] * gain[b, j]
             out[o, j] += max(more, 0.0)  # never below the value for independent noise
-    return out
+    return inverse, out, effective
 
 
 @njit(cache=True)
 def analysed(
-    number: Any, count: Any, centred: Any, known: Any, rows: Any, square: Any, overlap: Any
-) -> Any:
+    number: Any, count: Any, centred: Any, known: Any, rows: Any, square: Any, rho: Any,
+    reach: Any, overlap: Any,
+) -> Any:  # fmt: skip
     """(inputs of several classes, variance of residuals between the classes of inputs).
 
     The second has a row for each output with each of these inputs of which no other one is certain
@@ -198,10 +206,12 @@ def analysed(
 
     Args:
         number, count: class of each input at each row, (nu, n), and rows of each class, (nu, BINS).
-        centred, known, rows, square: of `remember`.
-        overlap: rows that count as one, (ny, nu).
+        centred, known, rows, square, rho, reach: of `remember`.
+        overlap: rows that count as one, (ny, nu); nothing: from ``rho`` and ``reach``.
     """
     ny, nu, n = len(rows), number.shape[0], number.shape[1]
+    if not len(overlap):
+        overlap = overlapped(number, count, rho, reach)
     share, f = np.zeros((ny, nu)), np.full((ny, nu), np.nan)
     above, below = np.zeros((ny, nu)), np.zeros((ny, nu))
     sums, counts = np.zeros((nu, BINS, LANES)), np.zeros((nu, BINS, LANES))
