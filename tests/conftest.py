@@ -17,7 +17,9 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from jaxtyping import install_import_hook
 
@@ -25,14 +27,18 @@ ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "src" / "evertwin"
 
 
+COMPILING = {"cfunc", "instead", "njit"}
+"""Decorators of `evertwin.compiled.functions`."""
+
+
 def compiles(source: str) -> bool:
-    """True if the module imports Numba, llvmlite, or the decorator of C functions."""
+    """True if the module imports Numba, llvmlite, or a decorator of compiled functions."""
     for node in ast.walk(ast.parse(source)):
         names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
         names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
         if any(name.split(".")[0] in ("numba", "llvmlite") for name in names):
             return True
-        if isinstance(node, ast.ImportFrom) and any(a.name == "cfunc" for a in node.names):
+        if isinstance(node, ast.ImportFrom) and COMPILING & {a.name for a in node.names}:
             return True
     return False
 
@@ -55,6 +61,9 @@ CHECKER = (
 install_import_hook(hooked_modules(), CHECKER)
 
 
+from evertwin.compiled import functions  # noqa: E402  (the hook comes before evertwin)
+
+
 def _from_module(
     self: doctest.DocTestFinder,
     module: object,
@@ -66,6 +75,22 @@ def _from_module(
 
 
 doctest.DocTestFinder._from_module = _from_module  # type: ignore[attr-defined]
+
+
+@pytest.fixture
+def run_as(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
+    """``run_as("machine code")``, ``run_as("plain")``: the form that compiled functions take."""
+
+    def machine_code(function: functions.Function, *arguments: Any) -> Any:
+        told = (int(a) if isinstance(a, functions.CFunction) else a for a in arguments)
+        return function.compiled(*told)
+
+    def plain(function: functions.Function, *arguments: Any) -> Any:
+        with np.errstate(all="ignore"):
+            return functions._python(function.plain(*arguments))
+
+    forms = {"machine code": machine_code, "plain": plain}
+    return lambda form: monkeypatch.setattr(functions.Function, "__call__", forms[form])
 
 
 def in_ci() -> bool:

@@ -227,6 +227,80 @@ def test_no_local_imports_of_the_package() -> None:
     assert not (found := offenders(local)), f"imports inside functions: {found}"
 
 
+NUMBA = {"compiled/functions.py", "compiled/intrinsics.py", "models/fmu/calls.py"}
+"""What knows Numba: all others decorate with `evertwin.compiled.functions`."""
+
+
+def test_numba_is_loaded_where_something_is_compiled() -> None:
+    found = [
+        f"{s.name}:{node.lineno}"
+        for s in sources()
+        if s.name not in NUMBA
+        for node in ast.walk(s.tree)
+        if (isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "numba")
+        or (
+            isinstance(node, ast.Import)
+            and any(a.name.split(".")[0] == "numba" for a in node.names)
+        )
+    ]
+    assert not found, f"imports of Numba: {found}"
+
+
+SAME_BITS = {
+    "np": {
+        "abs", "all", "any", "arange", "bool_", "ceil", "empty", "empty_like", "float64", "floor",
+        "full", "iinfo", "inf", "int32", "int64", "isfinite", "isinf", "isnan", "median", "nan",
+        "ndarray", "ones", "pi", "rint", "sort", "sqrt", "uint8", "uint64", "zeros", "zeros_like",
+    },
+    "math": {
+        "acos", "asin", "atan", "atan2", "ceil", "cos", "cosh", "e", "erfc", "exp", "floor", "inf",
+        "isfinite", "isnan", "log", "log10", "log1p", "nan", "pi", "pow", "sin", "sinh", "sqrt",
+        "tan", "tanh",
+    },
+}  # fmt: skip
+"""What compiled functions may take of NumPy and of `math`: the same bits in plain Python. Sums and
+products are loops, whose order is written down; powers are products, or `math.pow`."""
+METHODS = {"any", "copy", "max", "min", "view"}
+"""What they may ask an array for; they name what they call otherwise."""
+WHOLE = {"sources[:, TIMELY].sum", "samples.sum", "vary.sum"}
+"""Sums of whole numbers."""
+
+
+def runs_in_both_forms(source: Source, node: ast.AST) -> bool:
+    """Is it a function that may be compiled and may run plain?"""
+    if "friction/terms/" in source.name:
+        return isinstance(node, ast.FunctionDef)
+    made = [ast.unparse(d) for d in getattr(node, "decorator_list", ())]
+    return any(d.startswith(("njit(", "cfunc(")) and "exact=False" not in d for d in made)
+
+
+def strange(part: ast.AST) -> bool:
+    """May the two forms of this differ by a bit?"""
+    if isinstance(part, ast.BinOp):
+        exact = isinstance(part.left, ast.Constant) and part.left.value == 2.0
+        power = isinstance(part.op, ast.Pow) and not exact
+        return power or isinstance(part.op, ast.MatMult)
+    if isinstance(part, ast.Call) and isinstance(part.func, ast.Attribute):
+        asked = ast.unparse(part.func.value) not in SAME_BITS and part.func.attr not in METHODS
+        return asked and ast.unparse(part.func) not in WHOLE
+    if isinstance(part, ast.Attribute):
+        known = SAME_BITS.get(ast.unparse(part.value))
+        return known is not None and part.attr not in known
+    return False
+
+
+def test_compiled_functions_give_the_same_bits_in_plain_python() -> None:
+    found = [
+        f"{source.name}:{part.lineno} {ast.unparse(part)}"
+        for source in sources()
+        for node in ast.walk(source.tree)
+        if runs_in_both_forms(source, node)
+        for part in ast.walk(node)
+        if isinstance(part, ast.expr) and strange(part)
+    ]
+    assert not found, f"not the same bits in both forms: {found}"
+
+
 def test_no_room_imports_the_root() -> None:
     found = [
         f"{s.name}:{node.lineno}"

@@ -67,7 +67,7 @@ def test_compiled_and_plain_python_agree_bit_for_bit() -> None:
     x[400:] += 2.0
     compiled, plain = adwin.new(2)
     for value in x.tolist():
-        a = adwin.add(compiled, value, 0.01, 8)
-        b = adwin.add.py_func(plain, value, 0.01, 8)
+        a = adwin.add.compiled(compiled, value, 0.01, 8)
+        b = adwin.add.plain(plain, value, 0.01, 8)
         assert a == b
     assert compiled.tobytes() == plain.tobytes()

@@ -164,7 +164,7 @@ def test_compiled_and_plain_loops_agree_bit_for_bit(module: Any) -> None:
         ]  # fmt: skip
 
     results = []
-    for loop in (module.watch, module.watch.py_func):
+    for loop in (module.watch.compiled, module.watch.plain):
         state, out = fixed(), outputs()
         loop(part.r, part.phase, known.mean, known.scale, *state, *out)
         results.append([np.asarray(x).tobytes() for x in (*state, *out)])

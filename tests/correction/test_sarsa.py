@@ -152,7 +152,7 @@ def test_the_compiled_learner_equals_its_plain_twin(mode: SarsaSettings) -> None
     samples = (out.rows.level, out.rows.fresh, out.rows.training, out.rows.error)
     angle = np.zeros(1, dtype=np.bool_)
     results = []
-    for learn in (kernels.learn, kernels.learn.py_func):
+    for learn in (kernels.learn.compiled, kernels.learn.plain):
         own = agent.init()
         learn(
             samples, agent.rule, mode.mode == "full", mode.accumulate, angle, own.q, own.tried,
@@ -160,11 +160,11 @@ def test_the_compiled_learner_equals_its_plain_twin(mode: SarsaSettings) -> None
         )  # fmt: skip
         results.append(own)
     assert equal(*results)
-    levels = [kernels.level_of.py_func(v, 0.0, 0.01, 21) for v in (-0.1, 0.004, 0.006, 0.3)]
+    levels = [kernels.level_of.plain(v, 0.0, 0.01, 21) for v in (-0.1, 0.004, 0.006, 0.3)]
     assert levels == [-1, 0, 1, -1]
     if mode.mode == "replay":
         own = agent.init()
-        kernels.remember.py_func(samples, own.log_level, own.log_fresh, own.log_error, own.learner)
+        kernels.remember.plain(samples, own.log_level, own.log_fresh, own.log_error, own.learner)
         assert equal(own.log_error, state.log_error)
 
 
@@ -173,8 +173,8 @@ def test_the_plain_choice_settles_and_forgets_alike() -> None:
     tried = np.array([[4, 4, 4], [0, 0, 0], [2, 2, 2]])
     deviation = np.array([[0.1, 0.4, 0.0], [0.0, 0.0, 0.0], [1.0, 0.0, 1.0]])
     for level, action in ((0, 0), (1, 1), (2, 2)):
-        assert kernels.choose.py_func(q, tried, deviation, level, kernels.CLOSE) == action
-        assert kernels.choose(q, tried, deviation, level, kernels.CLOSE) == action
+        assert kernels.choose.plain(q, tried, deviation, level, kernels.CLOSE) == action
+        assert kernels.choose.compiled(q, tried, deviation, level, kernels.CLOSE) == action
 
 
 def two_inputs() -> FunctionModel:

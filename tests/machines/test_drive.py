@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -29,7 +31,8 @@ def test_the_laws_of_a_model_hold(law: str, two_sided: bool) -> None:
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_compiled_and_plain_step_agree_bit_for_bit(law: str) -> None:
+def test_compiled_and_plain_step_agree_bit_for_bit(law: str, run_as: Callable[[str], None]) -> None:
+    run_as("machine code")
     rng = np.random.default_rng(1)
     for model, step in (
         (Drive(law, True), drive.step),
@@ -41,16 +44,17 @@ def test_compiled_and_plain_step_agree_bit_for_bit(law: str) -> None:
         _, compiled = model.simulate(x, u, dt, p)
         context, ahead, y = np.array(model.context), x.copy(), np.zeros(len(model.outputs))
         for i in range(50):
-            assert step.py_func(context, x, u[i], dt[i], p, ahead, y) == 0
+            assert step.plain(context, x, u[i], dt[i], p, ahead, y) == 0
             x = ahead.copy()
             assert y.tolist() == compiled[i].tolist()
 
 
-def test_observing_adopts_what_was_measured() -> None:
+def test_observing_adopts_what_was_measured(run_as: Callable[[str], None]) -> None:
+    run_as("machine code")
     x = np.array([1.0, 2.0])
-    drive.observe.py_func(np.zeros(1), x, np.array([5.0, np.nan]))
+    drive.observe.plain(np.zeros(1), x, np.array([5.0, np.nan]))
     assert x.tolist() == [5.0, 2.0]
-    assert drive.force_observe.py_func(np.zeros(1), x, x) == 0
+    assert drive.force_observe.plain(np.zeros(1), x, x) == 0
 
 
 @pytest.mark.parametrize("law", LAWS)

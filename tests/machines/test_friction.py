@@ -38,13 +38,13 @@ def test_force_is_features_times_coefficients(name: str) -> None:
     rng = np.random.default_rng(1)
     p = np.array([item.value for item in law.parameters("2")])
     p[:linear] = rng.normal(size=linear)
-    v, load = rng.uniform(-1, 1, 20), rng.uniform(-50, 50, 20)
+    v, load = rng.uniform(-1, 1, 200), rng.uniform(-50, 50, 200)
     v[0] = 0.0
     expected = features(law, v, load) @ p[:linear]
     rows = [(record, 0, p, a, b, np.nan, np.nan, law.standstill) for a, b in zip(v, load)]
-    found = [force(*row) for row in rows]
+    found = [force.compiled(*row) for row in rows]
     np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
-    np.testing.assert_array_equal(found, [force.py_func(*row) for row in rows])
+    np.testing.assert_array_equal(found, [force.plain(*row) for row in rows])
 
 
 def test_every_term_dissipates() -> None:

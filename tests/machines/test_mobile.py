@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -24,7 +25,8 @@ def test_laws(base: Compiled) -> None:
 
 
 @pytest.mark.parametrize("number", range(len(BASES)))
-def test_kernel_equals_its_plain_twin(number: int) -> None:
+def test_kernel_equals_its_plain_twin(number: int, run_as: Callable[[str], None]) -> None:
+    run_as("machine code")
     base, rng = BASES[number], np.random.default_rng(1)
     p = base.parameters.values * 1.1
     x = rng.normal(size=len(base.states))
@@ -32,13 +34,13 @@ def test_kernel_equals_its_plain_twin(number: int) -> None:
     for _ in range(20):
         u = rng.normal(size=len(base.inputs))
         end, out = base.simulate(x, u[None], np.array([0.07]), p)
-        assert STEPS[number].py_func(context, x, u, 0.07, p, ahead, y) == 0
+        assert STEPS[number].plain(context, x, u, 0.07, p, ahead, y) == 0
         assert np.array_equal(end, ahead) and np.array_equal(out[0], y)
         x = ahead.copy()
     measured = rng.normal(size=len(base.outputs))
     measured[0] = np.nan
     adopted = base.observe(x, measured)
-    kernels.observe.py_func(context, x, measured)
+    kernels.observe.plain(context, x, measured)
     assert np.array_equal(adopted, x)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -23,7 +25,10 @@ def test_the_laws_of_a_model_hold(wall: bool) -> None:
 
 
 @pytest.mark.parametrize("wall", [False, True])
-def test_compiled_and_plain_step_agree_bit_for_bit(wall: bool) -> None:
+def test_compiled_and_plain_step_agree_bit_for_bit(
+    wall: bool, run_as: Callable[[str], None]
+) -> None:
+    run_as("machine code")
     box = ThermalBox(wall=wall)
     p = box.parameters.values
     u, dt = heated(30)
@@ -31,12 +36,12 @@ def test_compiled_and_plain_step_agree_bit_for_bit(wall: bool) -> None:
     _, compiled = box.simulate(x, u, dt, p)
     context, ahead, y = np.array(box.context), np.zeros_like(x), np.zeros(1)
     for i in range(len(u)):
-        assert thermal.step.py_func(context, x, u[i], dt[i], p, ahead, y) == 0
+        assert thermal.step.plain(context, x, u[i], dt[i], p, ahead, y) == 0
         x = ahead.copy()
         assert y[0] == compiled[i, 0]
-    thermal.observe.py_func(context, x, np.array([np.nan]))
+    thermal.observe.plain(context, x, np.array([np.nan]))
     assert x[1] == ahead[1]
-    thermal.observe.py_func(context, x, np.array([300.0]))
+    thermal.observe.plain(context, x, np.array([300.0]))
     assert x[1] == 300.0
 
 

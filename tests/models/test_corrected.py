@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import math
-import types as python_types
 from collections.abc import Iterator
 from typing import Any, ClassVar
 
@@ -13,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from evertwin.compiled.functions import STEP, CFunction
 from evertwin.errors import UsageError
 from evertwin.machines.mobile import Differential, Robot1D
 from evertwin.models import check_model
@@ -125,12 +125,7 @@ def parts(model: Corrected) -> Iterator[tuple[Functions, np.ndarray, np.ndarray,
 
 def plain(function: Any) -> Any:
     """A function run by Python itself, with the compiled ones that it calls."""
-    own = inspect.unwrap(getattr(function, "py_func", function))
-    used = {
-        name: own.__globals__[name] for name in own.__code__.co_names if name in own.__globals__
-    }
-    inside = {n: plain(value) if hasattr(value, "py_func") else value for n, value in used.items()}
-    return python_types.FunctionType(own.__code__, inside)
+    return CFunction(inspect.unwrap(function), STEP, {}).plain
 
 
 def effective(term: Term, values: list[float], u: np.ndarray, dt: float = 1.0) -> np.ndarray:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,6 @@ from evertwin.signals import Channel, Layout
 from evertwin.sync import Align, Feed, Track, align_loop
 
 from .machines import drive
-from .plain import plain
 
 V, X = Layout.of(v="m/s"), Layout.of(x="m")
 HEADING = Layout((Channel("heading", "rad", kind="angle"),))
@@ -159,7 +159,7 @@ def test_the_straight_way_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("options", OPTIONS)
 def test_compiled_and_plain_loop_agree_bit_for_bit(
-    options: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+    options: dict[str, Any], run_as: Callable[[str], None]
 ) -> None:
     rng = np.random.default_rng(3)
     chunks = []
@@ -168,8 +168,9 @@ def test_compiled_and_plain_loop_agree_bit_for_bit(
         t = 40 * k + np.cumsum(rng.choice([10, 5, -30, 0, 800], 4, p=[0.5, 0.3, 0.1, 0.05, 0.05]))
         chunks.append(chunk(source, t, rng.normal(size=(4, 2 if source == "a" else 1)), k // 30))
         chunks.append(chunk("", [40 * k]))
+    run_as("machine code")
     compiled = run(pair(**options), chunks)
-    monkeypatch.setattr("evertwin.sync.align.loop.push", plain(align_loop.push))
+    run_as("plain")
     other = run(pair(**options), chunks)
     assert equal(compiled[0], other[0]) and equal(compiled[1].rows, other[1].rows)
     assert compiled[1].records == other[1].records

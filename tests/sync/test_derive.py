@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
 from evertwin.errors import ConfigError
 from evertwin.fold.state import equal
 from evertwin.signals.fir import Symmetric
-from evertwin.sync import derive as stage
-from evertwin.sync import derive_loop as loop
 from evertwin.sync.align import Rows
 from evertwin.sync.derive import Derive, Operation, Taken
-
-from .plain import plain
 
 LOW = Symmetric.butterworth(20.0, 100.0)
 ALL = (
@@ -28,7 +26,6 @@ ALL = (
     Operation("scale", "scale", ("z",), value=3.0),
 )
 OUTPUTS = (*(Taken(one.name) for one in ALL), Taken(None))
-PLAIN = plain(loop.advance)
 DERIVE = Derive(("u", "x", "y", "z"), ALL, (Taken("u", "held"), Taken("z", "step")), OUTPUTS, 100.0)
 
 
@@ -44,19 +41,16 @@ def rows(seed: int, n: int = 300) -> Rows:
     return Rows(np.arange(n), np.cumsum(steps), steps * 1e-9, v[:, :1], v[:, 1:], mark, task, gap)
 
 
-def folded(seed: int, *, monkeypatch: pytest.MonkeyPatch | None = None) -> list[Rows | None]:
-    if monkeypatch is not None:
-        monkeypatch.setattr(stage.loop, "advance", PLAIN)
+def folded(seed: int) -> list[Rows | None]:
     state, first = DERIVE.step(DERIVE.init(), rows(seed))
     return [first, DERIVE.flush(state)[1]]
 
 
-def test_compiled_rows_are_those_of_plain_python(monkeypatch: pytest.MonkeyPatch) -> None:
-    compiled = [folded(seed) for seed in range(3)]
-    with np.errstate(all="ignore"):
-        assert equal(tuple(map(tuple, compiled)), tuple(
-            tuple(folded(seed, monkeypatch=monkeypatch)) for seed in range(3)
-        ))  # fmt: skip
+def test_compiled_rows_are_those_of_plain_python(run_as: Callable[[str], None]) -> None:
+    run_as("machine code")
+    compiled = tuple(tuple(folded(seed)) for seed in range(3))
+    run_as("plain")
+    assert equal(compiled, tuple(tuple(folded(seed)) for seed in range(3)))
 
 
 def test_every_row_leaves_once() -> None:

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,7 +14,6 @@ from evertwin.signals import Layout
 from evertwin.sync import Horizon, horizon_loop, residuals, restarts
 
 from .machines import drive, drive_rows, unicycle, unicycle_rows
-from .plain import plain
 
 
 def spoiled(seed: int) -> Block:
@@ -42,24 +43,25 @@ def test_the_stream_agrees_with_the_roll_out(horizon: float) -> None:
     np.testing.assert_array_equal(residuals(model, block, y), out.rows.residual)
 
 
-def test_compiled_and_plain_loop_agree_bit_for_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_compiled_and_plain_loop_agree_bit_for_bit(run_as: Callable[[str], None]) -> None:
     stage, block = Horizon(unicycle(), 0.5), spoiled(1)
+    run_as("machine code")
     compiled = fold(stage, [block])
-    monkeypatch.setattr("evertwin.sync.horizon.run", plain(horizon_loop.run))
+    run_as("plain")
     assert equal(fold(stage, [block]), compiled)
     y, anew = np.where(block.mark[:, 2:] == 0, block.y, np.nan), block.gap
-    for function in (horizon_loop.plan, plain(horizon_loop.plan)):
+    for function in (horizon_loop.plan.compiled, horizon_loop.plan.plain):
         code, adopts = np.zeros(len(y), dtype=np.uint8), np.full_like(y, np.nan)
         function(block.t, anew, y, block.mark[:, 2:] == 5, 10**9, code, adopts)
         last = locals().get("last", (code, adopts))
         assert equal((code, adopts), last)
     known = ~np.isnan(y)
     np.testing.assert_array_equal(
-        horizon_loop.began(anew, known), plain(horizon_loop.began)(anew, known)
+        horizon_loop.began.compiled(anew, known), horizon_loop.began.plain(anew, known)
     )
     rows = block.u, block.y, block.mark
-    counts = horizon_loop.counted(*rows)
-    np.testing.assert_array_equal(counts, plain(horizon_loop.counted)(*rows))
+    counts = horizon_loop.counted.compiled(*rows)
+    np.testing.assert_array_equal(counts, horizon_loop.counted.plain(*rows))
     fed = np.isfinite(block.u) & ((block.mark[:, :2] <= 2) | (block.mark[:, :2] == 5))
     expected = fed.all(axis=1)[:, None] & ~np.isnan(block.y) & (block.mark[:, 2:] <= 2)
     np.testing.assert_array_equal(counts, expected)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -12,11 +13,10 @@ from evertwin.errors import UsageError
 from evertwin.fold import Block, Mark, check_online, equal, fold, make_block, take
 from evertwin.models import FunctionModel
 from evertwin.signals import Layout
-from evertwin.sync import Arbiter, Horizon, Phases, Rule, Track, track_loop
+from evertwin.sync import Arbiter, Horizon, Phases, Rule, Track
 
 from .faults import FAULTS, LENGTH, ONSET, recording
 from .machines import drive, drive_rows, unicycle, unicycle_rows
-from .plain import plain
 
 RULES = {
     "none": Rule(),
@@ -59,11 +59,12 @@ def test_partition(seed: int, rule: str, cuts: list[int]) -> None:
 
 @pytest.mark.parametrize("rule", sorted(RULES))
 def test_compiled_and_plain_loop_agree_bit_for_bit(
-    rule: str, monkeypatch: pytest.MonkeyPatch
+    rule: str, run_as: Callable[[str], None]
 ) -> None:
     stage = Track(unicycle(1.02), Arbiter(RULES[rule], phases=Phases("w", (0.0, 1.0))))
+    run_as("machine code")
     compiled = [fold(stage, [spoiled(seed)]) for seed in (0, 1)]
-    monkeypatch.setattr("evertwin.sync.track.run", plain(track_loop.run))
+    run_as("plain")
     for seed in (0, 1):
         state, out = fold(stage, [spoiled(seed)])
         assert equal(state, compiled[seed][0])

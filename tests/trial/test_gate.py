@@ -114,15 +114,16 @@ def test_a_decision_is_final() -> None:
 def test_the_compiled_loops_equal_their_plain_twins() -> None:
     losses = segments(np.random.default_rng(4), 1.1, (1.0, 1.1))
     stage = Trial(horizon=2.0)
-    state, _ = stage.step(stage.init(), losses)
+    state = stage.init()
+    run.compiled(losses, stage.rule, LENGTHS, GRID, *state)
     fast, slow = open_bets(), open_bets()
     for c, x in np.sqrt(losses):
-        place(c, x, 0.02, LENGTHS, GRID, fast)
-        place.py_func(c, x, 0.02, LENGTHS, GRID, slow)
+        place.compiled(c, x, 0.02, LENGTHS, GRID, fast)
+        place.plain(c, x, 0.02, LENGTHS, GRID, slow)
     assert equal(fast, slow)
-    assert evidence(fast) == evidence.py_func(slow)
+    assert evidence.compiled(fast) == evidence.plain(slow)
     twin = stage.init()
-    run.py_func(losses, stage.rule, LENGTHS, GRID, *twin)
+    run.plain(losses, stage.rule, LENGTHS, GRID, *twin)
     assert equal(state, twin)
 
 
@@ -135,7 +136,7 @@ def test_a_challenger_that_exceeds_limits_more_often_is_not_promoted() -> None:
     state, verdict = stage.step(stage.init(), np.hstack([losses, harm]))
     assert verdict is None
     assert stage.verdict(state)[1]["missed"] == ("safety",)
-    assert unsafe.py_func(state.harm)
+    assert unsafe.plain(state.harm)
 
 
 def test_perfect_and_absent_losses() -> None:

@@ -191,7 +191,7 @@ def test_kernels_equal_their_plain_twins_bit_for_bit() -> None:
     for plain in (False, True):
         kernels = (residual, effects, solved, slotted, weighed, unit, inverted, combined)
         leave, effect, solve_it, slot, weigh, scale_it, invert, combine = (
-            kernel.py_func if plain else kernel for kernel in kernels
+            kernel.plain if plain else kernel.compiled for kernel in kernels
         )
         told, r = np.zeros((3, 3)), leave(y, y0, columns, at, np.full(4, 0.3))
         effect(columns, at, ~np.isnan(r), np.arange(4.0), np.arange(4) > 1, told)

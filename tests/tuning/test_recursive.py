@@ -120,7 +120,7 @@ def test_kernels_equal_their_plain_twins_bit_for_bit(axes: Any, measured: Any) -
     stage = Recursive(model, scale=(0.1, 0.2), memory=2.0, every=3, moving=((0, 0, 0.3),))
     y0, phi = model.regressor(None, block.u, block.dt, model.parameters.values)
     results = []
-    for kernel in (learn, learn.py_func):
+    for kernel in (learn.compiled, learn.plain):
         state = stage.init()
         rows = np.empty((40, 2)), np.empty((40, 2)), np.empty((40, 4))
         kernel(block.row, block.dt, block.u, block.y, block.mark, y0, phi, *stage.fixed,
@@ -129,9 +129,9 @@ def test_kernels_equal_their_plain_twins_bit_for_bit(axes: Any, measured: Any) -
     for left, right in zip(*results, strict=True):
         assert np.array_equal(left, right, equal_nan=True)
     singular = np.zeros((2, 2)), np.zeros(2), np.zeros(2), np.zeros(2)
-    assert not solve_information.py_func(*singular)
+    assert not solve_information.plain(*singular)
     twice = [np.array([[2.0, 1.0], [1.0, 3.0]]), np.array([1.0, 2.0])]
     outs = [(np.zeros(2), np.zeros(2)) for _ in range(2)]
-    assert solve_information(*twice, *outs[0])
-    assert solve_information.py_func(*twice, *outs[1])
+    assert solve_information.compiled(*twice, *outs[0])
+    assert solve_information.plain(*twice, *outs[1])
     assert np.array_equal(outs[0], outs[1])

@@ -21,8 +21,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from evertwin.compiled.functions import njit
 from evertwin.types import Float64
 
 LEVELS, BUCKETS = 40, 5

@@ -21,10 +21,10 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from evertwin.anomaly.calibration import Calibration, Calm, blank, calibrate
 from evertwin.anomaly.residuals import Alarms, Residuals
+from evertwin.compiled.functions import njit
 from evertwin.errors import UsageError
 from evertwin.fold import Event, Out
 from evertwin.types import Float64, Int64

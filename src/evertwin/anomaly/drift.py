@@ -23,12 +23,12 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from evertwin.anomaly import adwin
 from evertwin.anomaly.adwin import CLOCK, LEVELS, TOTAL, WIDTH, add
 from evertwin.anomaly.calibration import Calibration, blank
 from evertwin.anomaly.residuals import Residuals
+from evertwin.compiled.functions import njit
 from evertwin.fold import Event, Out
 from evertwin.types import Float64, Int64
 

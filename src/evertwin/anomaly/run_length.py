@@ -22,8 +22,8 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numba import njit
 
+from evertwin.compiled.functions import njit
 from evertwin.types import Vector
 
 MONTH = 30 * 86400.0

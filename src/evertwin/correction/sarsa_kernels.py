@@ -11,9 +11,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from numba import njit
-
-from evertwin.models.native import call_observe, call_step
+from evertwin.compiled.calls import call
+from evertwin.compiled.functions import njit
 
 CLOSE = 0.5
 """Values this close count as equal: then the least mean deviation decides."""
@@ -91,13 +90,13 @@ def explore(
                 for a in range(count):
                     command[channel] = actions[a]
                     at, o = x[1 + a].ctypes.data, predicted[a].ctypes.data
-                    code = call_step(step, c, at, command_at, dt[i], params, b, o)
+                    code = call(step, c, at, command_at, dt[i], params, b, o)
                     x[1 + a] = ahead
                     if code != 0:
                         n[LEVEL] = -1
                 command[channel] = u[i, channel]
             o = predicted[count].ctypes.data
-            code = call_step(step, c, x[0].ctypes.data, command_at, dt[i], params, b, o)
+            code = call(step, c, x[0].ctypes.data, command_at, dt[i], params, b, o)
             x[0] = ahead
             anew = code != 0
         if anew:
@@ -115,7 +114,7 @@ def explore(
                 samples += 1
             n[OPEN] = 0
         if known and n[OPEN] == 0:
-            call_observe(observe, c, x[0].ctypes.data, taken_at)
+            call(observe, c, x[0].ctypes.data, taken_at)
             for a in range(count):
                 x[1 + a] = x[0]
             n[OPEN], elapsed[0] = 1, 0.0

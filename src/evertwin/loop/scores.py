@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from evertwin.compiled.functions import njit
 from evertwin.loop.deviation import new_sums
 from evertwin.loop.released import Released
 from evertwin.loop.twin_state import Scores

@@ -30,8 +30,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from evertwin.compiled.functions import OBSERVE, STEP, cfunc, njit
 from evertwin.machines.friction import Law, Rung
 from evertwin.machines.friction.kernel import (
     WIDTH,
@@ -44,7 +44,6 @@ from evertwin.machines.friction.kernel import (
 )
 from evertwin.machines.friction.terms.two_sided import TWO_SIDED
 from evertwin.models import Compiled, Parameter, Parameters
-from evertwin.models.native import OBSERVE, STEP, cfunc
 from evertwin.signals import Layout
 from evertwin.types import (
     Float64,
@@ -178,9 +177,7 @@ class Drive(_Rubs, Compiled):
     def __init__(self, law: Law | str = "sign", two_sided: bool = False) -> None:
         self.law, parameters, context = _build(law, two_sided, 0.0, ("q",))
         motion = Layout.of(position="m", speed="m/s")
-        super().__init__(
-            Layout.of(force="N"), motion, motion, parameters, step.address, observe.address, context
-        )
+        super().__init__(Layout.of(force="N"), motion, motion, parameters, step, observe, context)
 
 
 @dataclass(frozen=True, init=False)
@@ -205,8 +202,8 @@ class DriveForce(_Rubs, Compiled):
             Layout.of(force="N"),
             Layout(),
             parameters,
-            force_step.address,
-            force_observe.address,
+            force_step,
+            force_observe,
             context,
         )
         object.__setattr__(self, "law", form)

@@ -31,10 +31,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from evertwin.compiled.functions import OBSERVE, STEP, cfunc, njit
 from evertwin.models import Compiled, Parameter, Parameters
-from evertwin.models.native import OBSERVE, STEP, cfunc
 from evertwin.signals import Channel, Layout
 from evertwin.types import ParameterVector, StateVector
 
@@ -145,8 +144,8 @@ class ThermalBox(Compiled):
             Layout((Channel("box", "K", low=150.0, high=1500.0),)),
             Layout.of(**dict.fromkeys(states, "K")),
             _parameters(wall),
-            step.address,
-            observe.address,
+            step,
+            observe,
             (int(wall),),
         )
 

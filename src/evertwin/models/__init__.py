@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 from evertwin.surface import surface
 
 if TYPE_CHECKING:
+    from evertwin.compiled.functions import OBSERVE, STEP
     from evertwin.models.check import check_model
     from evertwin.models.compiled import Compiled
     from evertwin.models.contract import BatchModel, KernelModel, LinearModel, Model, PartialModel
     from evertwin.models.function import FunctionModel, kernel_of, python_kernel
     from evertwin.models.kernel import Kernel, Restart
-    from evertwin.models.native import OBSERVE, STEP
     from evertwin.models.parameters import Parameter, Parameters
     from evertwin.models.rollout import roll
 

@@ -24,8 +24,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from evertwin.compiled.functions import njit
 from evertwin.models.contract import BatchModel, Model
 from evertwin.models.function import kernel_of
 from evertwin.models.kernel import Kernel, Restart
@@ -104,9 +104,11 @@ def _threads(
     (u, dt, restart), (out, threads) = rows, into
     u, dt, y = (np.ascontiguousarray(a) for a in (u, dt, restart.y))
 
+    step, observe = int(kernel.step), int(kernel.observe)
+
     def one(j: int) -> None:
-        _free(
-            kernel.step, kernel.observe, kernel.context, starts[j].copy(), u, dt,
+        _free.compiled(
+            step, observe, kernel.context, starts[j].copy(), u, dt,
             np.ascontiguousarray(p[j]), y, restart.code, starts[j], out[j],
         )  # fmt: skip
 

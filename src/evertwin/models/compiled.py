@@ -5,20 +5,18 @@ A machine then consists of its layouts, its parameters and two compiled function
 
 from __future__ import annotations
 
-import ctypes
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import SupportsIndex
 
 import numpy as np
 
+from evertwin.compiled.calls import call
 from evertwin.models.kernel import Kernel, Restart
 from evertwin.models.parameters import Parameters
 from evertwin.models.rollout import roll
 from evertwin.signals.channels import Layout
 from evertwin.types import Float64, Inputs, Intervals, Outputs, ParameterVector, StateVector
-
-_OBSERVE = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 3)
-"""How a compiled observe is called from Python."""
 
 
 @dataclass(frozen=True)
@@ -35,10 +33,10 @@ class Compiled:
     outputs: Layout
     states: Layout
     parameters: Parameters
-    step: int
-    """Address of the compiled step."""
-    adopt: int
-    """Address of the compiled observe."""
+    step: SupportsIndex
+    """The compiled step, or its address."""
+    adopt: SupportsIndex
+    """The compiled observe, or its address."""
     context: tuple[int, ...] = (0,)
     start: tuple[float, ...] = field(default=())
     """State before the first row when nothing is known; zeros by default."""
@@ -65,5 +63,5 @@ class Compiled:
         """The state that agrees with the outputs in ``y`` that are not NaN."""
         state = np.array(x, dtype=np.float64)
         told = np.ascontiguousarray(y, dtype=np.float64)
-        _OBSERVE(self.adopt)(self._context.ctypes.data, state.ctypes.data, told.ctypes.data)
+        call(self.adopt, self._context.ctypes.data, state.ctypes.data, told.ctypes.data)
         return state

@@ -189,8 +189,8 @@ class Corrected(Wrapper):
     def compiled(self) -> Compiled:
         """The kernel; its context holds the plan and points to the inner kernel."""
         return Compiled(
-            self.inputs, self.outputs, self.states, self.parameters, kernels.step.address,
-            kernels.adopt.address, tuple(self.plan.tolist()),
+            self.inputs, self.outputs, self.states, self.parameters, kernels.step,
+            kernels.adopt, tuple(self.plan.tolist()),
         )  # fmt: skip
 
     @cached_property
@@ -199,7 +199,7 @@ class Corrected(Wrapper):
         model, inner = self.model, self.inner
         records = list(self._records())
         head = [
-            kernels.HEADER + sum(map(len, records)), inner.step, inner.observe,
+            kernels.HEADER + sum(map(len, records)), int(inner.step), int(inner.observe),
             int(inner.context.ctypes.data), len(model.inputs), len(model.states), len(self.states),
             len(self.parameters), len(model.outputs), len(self.terms),
         ]  # fmt: skip

@@ -1,10 +1,10 @@
 """Compiled models: C functions called by address from one fused loop.
 
 A position update changes the state inside a block, so simulating and judging are one loop, and
-Numba caches such a loop only when the model comes in as an address: see `evertwin.models.native`
-for the signatures. ``context`` is an int64 array that a model may use as it likes: a wrapper keeps
-the addresses of the inner kernel there. A kernel must not raise: a return code other than 0, or
-NaN, tells. ``x`` and ``x_next`` never overlap.
+Numba caches such a loop only when the model comes in as an address: see `STEP` in
+`evertwin.compiled.functions`. ``context`` is an int64 array that a model may use as it likes: a
+wrapper keeps the addresses of the inner kernel there. A kernel must not raise: a return code other
+than 0, or NaN, tells. ``x`` and ``x_next`` never overlap.
 
 A model in plain Python enters by the same signatures, at about a microsecond a row. A model that
 lives in another process (`Remote`) has the whole loop run there, with the kernels of its wrappers:
@@ -14,7 +14,7 @@ see `looped`.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, SupportsIndex
 
 import numpy as np
 
@@ -92,8 +92,9 @@ class Kernel(NamedTuple):
     ()
     """
 
-    step: int
-    observe: int
+    step: SupportsIndex
+    observe: SupportsIndex
+    """Addresses, or functions that tell theirs once machine code needs it (`CFunction`)."""
     context: np.ndarray
     """int64, (k,), at least one entry; stays alive as long as the kernel is used."""
     keep: tuple[Any, ...] = ()

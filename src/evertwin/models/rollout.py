@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from evertwin.compiled.calls import call
+from evertwin.compiled.functions import njit
 from evertwin.models.kernel import ADOPT, ANEW, Kernel, Restart, looped
-from evertwin.models.native import call_observe, call_step
 from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
 
 
@@ -26,11 +26,11 @@ def roll_rows(
         if code[i] == ANEW:
             x[:] = x0
             out[i, :] = np.nan
-            call_observe(observe, c, a, y_at + 8 * i * ny)
+            call(observe, c, a, y_at + 8 * i * ny)
             continue
         if code[i] == ADOPT:
-            call_observe(observe, c, a, y_at + 8 * (i - 1) * ny)
-        failed = call_step(step, c, a, u_at + 8 * i * nu, dt[i], parameters, b, out_at + 8 * i * ny)
+            call(observe, c, a, y_at + 8 * (i - 1) * ny)
+        failed = call(step, c, a, u_at + 8 * i * nu, dt[i], parameters, b, out_at + 8 * i * ny)
         if failed != 0:
             out[i, :] = np.nan
         x[:] = ahead

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from evertwin.compiled.functions import njit
 from evertwin.types import Outputs, Vector
 
 LEAST = 0.5

@@ -9,10 +9,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from evertwin.compiled.functions import njit
+from evertwin.compiled.memory import borrowed
 from evertwin.fold.block import LARGEST
-from evertwin.sync.borrow import borrowed
 from evertwin.sync.horizon_loop import NEVER, wrapped
 
 SLACK, TIMEOUT = 0, 1
@@ -316,7 +316,7 @@ def open_task(clock: Any, sources: Any, known: Any, notes: Any, task: int, stamp
     clock[TASK], clock[BEGUN], clock[ANEW] = task, 0, 1
 
 
-@njit(cache=True, error_model="numpy")
+@njit("v", cache=True, error_model="numpy")
 def push(
     s: int, start: int, t: Any, v: Any, task: int, settings: Any, wiring: Any, counters: Any,
     memory: Any, ring_t: Any, ring_v: Any, known_t: Any, known_v: Any, broken_t: Any, number: Any,

@@ -8,12 +8,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from evertwin.compiled.functions import njit
 from evertwin.sync import places as at
-from evertwin.sync.borrow import COLD, HOT
 from evertwin.sync.factor_loop import blamed, persists, scaled
 from evertwin.sync.horizon_loop import wrapped
+from evertwin.sync.options import COLD, HOT
 from evertwin.sync.plausible_loop import doubted, grown, implausible, learn, measure
 from evertwin.sync.run_loop import follow, heard, withdraw
 from evertwin.sync.vote_loop import (

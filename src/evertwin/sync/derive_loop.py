@@ -6,11 +6,12 @@ is computed from are there, in the order of the rows, so that it cannot matter h
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from evertwin.compiled.functions import njit
 from evertwin.sync.horizon_loop import wrapped
 from evertwin.types import (
     Bools,
@@ -180,7 +181,7 @@ def travelled(ring: Lines, at: int, sources: Int64[np.ndarray, " most"], sums: V
     turn = wrapped(heading - sums[3], True)
     middle = sums[3] + 0.5 * turn
     dx, dy = x - sums[1], y - sums[2]
-    along = dx * np.cos(middle) + dy * np.sin(middle)
+    along = dx * math.cos(middle) + dy * math.sin(middle)
     step = along
     if path:
         length = np.sqrt(dx * dx + dy * dy)
@@ -332,7 +333,7 @@ def close(program: Program, ring: Lines, memory: Memory, counters: Counters, roo
     return at
 
 
-@njit(cache=True, error_model="numpy")
+@njit("lines", cache=True, error_model="numpy")
 def advance(
     program: Program, ring: Lines, memory: Memory, counters: Counters, lines: Lines, task: Tasks,
     gap: Bools, room: Room, ends: bool,

@@ -9,14 +9,15 @@ factor times the noise. See `evertwin.sync.plausible_loop` for the tuples of arr
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from evertwin.compiled.functions import njit
 from evertwin.sync import places as at
-from evertwin.sync.borrow import COLD
 from evertwin.sync.horizon_loop import wrapped
+from evertwin.sync.options import COLD
 
 FACTOR = 6
 
@@ -90,7 +91,7 @@ def likelier(board: Any, votes: int, g: int, j: int, f: float, noise: float, ang
     """
     moved = scatter(board, votes, g, j, 1.0, angle)
     factor = scatter(board, votes, g, j, f, angle)
-    return bool(moved - factor >= (votes - 2) * noise * 2.0 * np.log(abs(f)))
+    return bool(moved - factor >= (votes - 2) * noise * 2.0 * math.log(abs(f)))
 
 
 @njit(**COLD)

@@ -8,10 +8,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from evertwin.compiled.calls import call
+from evertwin.compiled.functions import njit
 from evertwin.models.kernel import ADOPT, ANEW
-from evertwin.models.native import call_observe, call_step
 
 NEVER = np.iinfo(np.int64).min
 """Stamp of an output that was not adopted since the state started anew."""
@@ -125,7 +125,7 @@ def run(
         failed = anew and nx > 0
         if not failed and not given:
             at = out_at + 8 * i * ny
-            code = call_step(step, c, a, u_at + 8 * i * nu, dt[i], parameters, b, at)
+            code = call(step, c, a, u_at + 8 * i * nu, dt[i], parameters, b, at)
             failed = code != 0 or not is_known(ahead)
         if failed:
             x[:], out[i] = x0, np.nan
@@ -150,7 +150,7 @@ def run(
             if nx > 0 and (moved or fresh):
                 taken, take[j], adopted[j] = True, y[i, j], t[i]
         if taken:
-            call_observe(observe, c, a, take_at)
+            call(observe, c, a, take_at)
         if (taken or nx == 0) and t[i] - clock[END] >= horizon - SLACK:
             end[i], sums[i], counts[i] = True, square, samples
             square[:], samples[:], clock[END] = 0.0, 0, t[i]

@@ -12,11 +12,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from evertwin.compiled.functions import njit
 from evertwin.sync import places as at
-from evertwin.sync.borrow import COLD, HOT
 from evertwin.sync.horizon_loop import wrapped
+from evertwin.sync.options import COLD, HOT
 from evertwin.sync.run_loop import is_frozen, may_revive
 
 NONE, RANGE, RATE, FROZEN, SENTINEL, FACTOR = 0, 2, 3, 4, 5, 6

@@ -15,11 +15,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from evertwin.compiled.functions import njit
 from evertwin.sync import places as at
-from evertwin.sync.borrow import COLD, HOT
 from evertwin.sync.horizon_loop import wrapped
+from evertwin.sync.options import COLD, HOT
 
 FROZEN, FACTOR = 4, 6
 EQUAL, NEAR = 0, 1

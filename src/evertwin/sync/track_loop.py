@@ -9,13 +9,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
-from evertwin.models.native import call_observe, call_step
+from evertwin.compiled.calls import call
+from evertwin.compiled.functions import njit
+from evertwin.compiled.memory import borrowed
 from evertwin.sync import places as at
 from evertwin.sync.arbiter_loop import forget, judge
-from evertwin.sync.borrow import HOT, borrowed
 from evertwin.sync.horizon_loop import is_known, wrapped
+from evertwin.sync.options import HOT
 from evertwin.sync.plausible_loop import grown, variance_of
 from evertwin.sync.run_loop import begun
 from evertwin.sync.vote_loop import note
@@ -129,7 +130,7 @@ def run(
         clock[BEGUN], clock[TASK] = 1, task[i]
         failed = anew and nx > 0
         if not failed:
-            code = call_step(step, c, a, u_at + 8 * i * nu, dt[i], parameters, b, out_at)
+            code = call(step, c, a, u_at + 8 * i * nu, dt[i], parameters, b, out_at)
             failed = code != 0 or not is_known(next_x) or (anew and not is_known(sample[2]))
         for k in range(nx):
             x[k] = x0[k] if failed else ahead[k]
@@ -162,7 +163,7 @@ def run(
             values[j, at.AFTER] = take[j] if take[j] == take[j] else predicted[j]
             taken = taken or take[j] == take[j]
         if taken and nx > 0:
-            call_observe(observe, c, a, take_at)
+            call(observe, c, a, take_at)
         for g in range(ng):
             ages[i, g] = age(settings[1], memory, notes, g, now)
             growth = (

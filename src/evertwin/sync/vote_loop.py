@@ -8,11 +8,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from evertwin.compiled.functions import njit
 from evertwin.sync import places as at
-from evertwin.sync.borrow import COLD
 from evertwin.sync.horizon_loop import wrapped
+from evertwin.sync.options import COLD
 
 ERROR, OVERRULED, RESTORED, STALE, FRESH, WIDER = range(6)
 VOTE = 7

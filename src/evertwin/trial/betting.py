@@ -27,8 +27,8 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from evertwin.compiled.functions import njit
 from evertwin.types import Float64, Int64
 
 LENGTHS = np.array([1, 2, 4, 8, 16], dtype=np.int64)

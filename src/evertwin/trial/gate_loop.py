@@ -8,8 +8,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from numba import njit
-
+from evertwin.compiled.functions import njit
 from evertwin.trial.betting import evidence, place
 
 OPEN, OTHER, STAYS = 0, 1, 2

@@ -9,7 +9,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
+
+from evertwin.compiled.functions import njit
 
 BINS = 8
 """Classes of an input at most."""

@@ -9,7 +9,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
+
+from evertwin.compiled.functions import njit
 
 FINE, SINGULAR, ILL = 0, 1, 2
 """Return codes of `normal`: solved; a parameter has no effect; too ill-conditioned."""

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
+from scipy.linalg.blas import ddot
 
+from evertwin.compiled.functions import instead, njit
 from evertwin.tuning.classes_loop import BINS
 from evertwin.tuning.gram import inverted
 
@@ -102,13 +103,19 @@ def remember(r: Any) -> Any:
     return centred, known, rows, square, rho, reach, statistic
 
 
+@instead("numpy:dot")
+def _dot(a: Any, b: Any) -> float:
+    """What compiled functions take SciPy's library for too: NumPy's own differs in the last bit."""
+    return float(ddot(a, b))
+
+
 @njit(cache=True)
 def _product(values: Any, n: int, lag: int) -> float:
     """Σ_t v(t)·v(t + lag) over ``n`` rows, which are zero behind them."""
     total = 0.0
     for a in range(0, n, _PIECE):
         b = min(a + _PIECE, n)
-        total += np.dot(values[a:b], values[a + lag : b + lag])
+        total += _dot(values[a:b], values[a + lag : b + lag])
     return total
 
 
@@ -177,8 +184,10 @@ def propagated(
                         out[o, a] += inverse[i, a] * w * inverse[j, a]
         if reach[o] < 1:
             continue
-        memory = rho[o, 1 : reach[o] + 1]
-        effective[o] /= 1.0 + 2.0 * (memory * memory).sum()
+        memory = 0.0
+        for h in range(1, reach[o] + 1):
+            memory += rho[o, h] * rho[o, h]
+        effective[o] /= 1.0 + 2.0 * memory
         gain[:], found[:] = 0.0, 0.0
         for a in range(t):
             if at[o, a] >= 0:

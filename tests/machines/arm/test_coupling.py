@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -38,13 +39,14 @@ def test_the_laws_of_a_model_hold(where: str, law: str, extra: dict[str, bool]) 
 
 
 @pytest.mark.parametrize("where", ["joint", "motor"])
-def test_the_kernel_and_its_plain_twin_agree(where: str) -> None:
+def test_the_kernel_and_its_plain_twin_agree(where: str, run_as: Callable[[str], None]) -> None:
+    run_as("machine code")
     arm = planted(Arm.of("ur5_like", law="tanh+load", base=True, coupling=ROWS, motion=where))
     u, p = motion(3), arm.parameters.values
     _, compiled = arm.simulate(np.zeros(0), u, np.zeros(3), p)
     for row, y in zip(u, compiled, strict=True):
         plain = np.zeros(6)
-        kernel.step.py_func(arm.kernel().context, np.zeros(0), row, 0.0, p, np.zeros(0), plain)
+        kernel.step.plain(arm.kernel().context, np.zeros(0), row, 0.0, p, np.zeros(0), plain)
         np.testing.assert_allclose(plain, y, rtol=1e-14, atol=1e-14)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import itertools
+from collections.abc import Callable
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
@@ -76,15 +77,14 @@ def test_planted_truth_is_recovered(case: str) -> None:
 
 
 @pytest.mark.parametrize("case", OPTIONS)
-def test_the_kernel_and_its_plain_twin_agree(case: str) -> None:
+def test_the_kernel_and_its_plain_twin_agree(case: str, run_as: Callable[[str], None]) -> None:
+    run_as("machine code")
     arm = planted(Arm.of("ur5_like", **OPTIONS[case]))
     u, p = motion(4), arm.parameters.values
     _, compiled = arm.simulate(np.zeros(0), u, np.zeros(4), p)
     for row, y in zip(u, compiled, strict=True):
         plain = np.zeros(6)
-        code = kernel.step.py_func(
-            arm.kernel().context, np.zeros(0), row, 0.0, p, np.zeros(0), plain
-        )
+        code = kernel.step.plain(arm.kernel().context, np.zeros(0), row, 0.0, p, np.zeros(0), plain)
         assert code == 0
         np.testing.assert_allclose(plain, y, rtol=1e-15, atol=1e-15)
 

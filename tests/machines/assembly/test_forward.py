@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -71,7 +72,10 @@ def test_an_assembly_of_one_axis_is_the_drive(law: str) -> None:
         [CONTROL, TABLE, {**GUIDE, "friction": "tanh"}],
     ],
 )
-def test_the_laws_of_a_model_hold(lines: list[dict[str, Any]]) -> None:
+def test_the_laws_of_a_model_hold(
+    lines: list[dict[str, Any]], run_as: Callable[[str], None]
+) -> None:
+    run_as("machine code")
     model = assembly(lines, "forward")
     check_model(model)
     rng = np.random.default_rng(1)
@@ -81,12 +85,12 @@ def test_the_laws_of_a_model_hold(lines: list[dict[str, Any]]) -> None:
     _, compiled = model.simulate(x, u, dt, p)
     for i in range(12):
         ahead, y = x.copy(), np.zeros(len(model.outputs))
-        assert onward.step.py_func(context, x, u[i], dt[i], p, ahead, y) == 0
+        assert onward.step.plain(context, x, u[i], dt[i], p, ahead, y) == 0
         assert y.tolist() == compiled[i].tolist()
         x = ahead
     y[0] = np.nan
     adopted = x.copy()
-    onward.adopt.py_func(context, adopted, y)
+    onward.adopt.plain(context, adopted, y)
     assert adopted.tolist() == model.observe(x, y).tolist()
 
 

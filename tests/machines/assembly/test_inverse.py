@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -264,7 +265,8 @@ def test_a_black_box_is_replaced_by_an_fmu(tmp_path: Any) -> None:
     check_model(assembly([box, AXIS[3]], "forward"))
 
 
-def test_compiled_and_plain_step_agree_bit_for_bit() -> None:
+def test_compiled_and_plain_step_agree_bit_for_bit(run_as: Callable[[str], None]) -> None:
+    run_as("machine code")
     for model in (
         assembly(AXIS, measure="voltage", sensors=["motor.loss", "guide.heat"]),
         assembly(arm(friction="tanh+load", temperature="state")),
@@ -275,10 +277,10 @@ def test_compiled_and_plain_step_agree_bit_for_bit() -> None:
         _, compiled = model.simulate(x, u, dt, p)
         for i in range(20):
             ahead, y = x.copy(), np.zeros(len(model.outputs))
-            assert backward.step.py_func(context, x, u[i], dt[i], p, ahead, y) == 0
+            assert backward.step.plain(context, x, u[i], dt[i], p, ahead, y) == 0
             assert y.tolist() == compiled[i].tolist()
             x = ahead
-        assert backward.adopt.py_func(context, x, y) == 0
+        assert backward.adopt.plain(context, x, y) == 0
 
 
 def test_it_survives_another_process() -> None:

@@ -155,7 +155,7 @@ def test_compiled_code_does_what_plain_code_does(kernel: str) -> None:
 
     def run(module: object, plain: bool) -> list[np.ndarray]:
         function = getattr(module, kernel)
-        function = function.py_func if plain else function
+        function = function.plain if plain else function.compiled
         if kernel == "grams":
             out = arrays()
             function(y, np.ones(40), fixed, clock, q, *out)

@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numba import njit
 
+from evertwin.compiled.functions import njit
 from evertwin.machines.arm.coupling import Coupling
 from evertwin.machines.arm.rnea import BODY, joint_torques
 from evertwin.types import Float64

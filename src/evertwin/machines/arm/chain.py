@@ -19,12 +19,13 @@ import numpy as np
 
 from evertwin.errors import ModelError
 from evertwin.machines.arm.inertia import Body, Matrix, Position, moved, of_body
-from evertwin.machines.arm.memory import JOINTS
 from evertwin.machines.arm.urdf import Joint, Robot
 from evertwin.types import Float64
 
 GRAVITY = (0.0, 0.0, -9.81)
 """In the base's frame [m/s²]: standing upright."""
+JOINTS = 16
+"""Joints that a compiled arm can have: ten reals each in one piece of working memory."""
 
 
 @dataclass(frozen=True, eq=False)

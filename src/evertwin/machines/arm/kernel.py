@@ -13,12 +13,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from numba import njit
-
-from evertwin.machines.arm.memory import reals, scratch
+from evertwin.compiled.functions import OBSERVE, STEP, cfunc, njit
+from evertwin.compiled.memory import reals, scratch
 from evertwin.machines.arm.rnea import BODY, joint_torques
 from evertwin.machines.friction.kernel import force
-from evertwin.models.native import OBSERVE, STEP, cfunc
 
 N, GEOMETRY, INERTIAS, OTHERS, CHOSEN, PAYLOAD, DELAY, MOTOR, SHARED, COUPLED = range(10)
 HEAD = 10

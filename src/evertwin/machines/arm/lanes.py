@@ -14,8 +14,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from evertwin.compiled.functions import njit
 from evertwin.machines.arm.rnea import BODY, JOINT
 from evertwin.machines.friction.kernel import switch
 

@@ -11,11 +11,12 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from evertwin.compiled.functions import njit
+from evertwin.compiled.memory import behind
 from evertwin.machines.arm.layout import Drives
 from evertwin.machines.arm.rnea import BODY
-from evertwin.machines.friction.kernel import FEATURE, PLACE, SHAPE, behind, feature
+from evertwin.machines.friction.kernel import FEATURE, PLACE, SHAPE, feature
 from evertwin.types import Int64
 
 UNUSED, INERTIA, FRICTION = -1, -2, -3

@@ -213,7 +213,7 @@ class Arm(StaticMap):
         context = layout.context_of(
             self.chain, self.base, self._drives, self.parameters, addresses, self.coupling
         )
-        return Kernel(compiled.step.address, compiled.adopt.address, context, kept)
+        return Kernel(compiled.step, compiled.adopt, context, kept)
 
     def kernel(self) -> Kernel:
         """Addresses for the fused loop; under a microsecond a row."""

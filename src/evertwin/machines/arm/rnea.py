@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from numba import njit
+from evertwin.compiled.functions import njit
 
 JOINT = 13
 """Reals of a joint in ``geometry``, after three of gravity: rotation (9), position (3), slides?"""

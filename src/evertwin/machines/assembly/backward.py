@@ -12,14 +12,15 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
-from evertwin.machines.arm.memory import reals
+from evertwin.compiled.functions import OBSERVE, STEP, cfunc, njit
+from evertwin.compiled.memory import reals
 from evertwin.machines.arm.rnea import BODY, joint_torques
 from evertwin.machines.assembly import context as slot
 from evertwin.machines.assembly import shared
 from evertwin.machines.assembly.boxes import address, box_axis, run_boxes
 from evertwin.machines.assembly.shared import (
+    alone,
     bodies,
     bus_size,
     heated,
@@ -29,7 +30,6 @@ from evertwin.machines.assembly.shared import (
     show,
     warmth,
 )
-from evertwin.models.native import OBSERVE, STEP, cfunc
 
 
 @njit(cache=True)
@@ -48,7 +48,7 @@ def _loads(context: Any, p: Any, bus: Any, carried: Any) -> None:
     if context[slot.ARM] == 0:
         for j in range(n):
             at, q = slot.HEAD + slot.AXIS * j, shared.QUANTITIES * j
-            bus[q + shared.LOAD] = shared.alone(context, at, p) * bus[q + shared.ACCELERATION]
+            bus[q + shared.LOAD] = alone(context, at, p) * bus[q + shared.ACCELERATION]
             carried[j] = 0.0
         return
     geometry, described = reals(context[slot.GEOMETRY]), reals(context[slot.INERTIAS])

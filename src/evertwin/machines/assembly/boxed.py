@@ -70,7 +70,7 @@ def box_plan(
         kernel = kernel_of(model)
         kernels.append(kernel)
         rows += [
-            kernel.step, int(kernel.context.ctypes.data), box.axis, first_state,
+            int(kernel.step), int(kernel.context.ctypes.data), box.axis, first_state,
             _first_parameter(box, parameters), len(model.inputs), len(model.outputs), box.output,
             boxes.BOX * len(train.boxes) + len(sources),
         ]  # fmt: skip

@@ -10,11 +10,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import carray, njit
 
+from evertwin.compiled.calls import call
+from evertwin.compiled.functions import STEP, cfunc, njit
+from evertwin.compiled.memory import carray
 from evertwin.machines.assembly.context import END, NB, NF, N
 from evertwin.machines.assembly.shared import QUANTITIES, RUBS
-from evertwin.models.native import STEP, call_step, cfunc
 
 STEP_AT, CONTEXT_AT, BOX_AXIS, STATES, PARAMETERS, INPUTS, OUTPUTS, EFFORT, SOURCES = range(9)
 BOX = 9
@@ -53,7 +54,7 @@ def run_boxes(context: Any, x: int, u: Any, dt: float, p: int, ahead: int, bus: 
             values[i] = bus[source] if source >= 0 else u[-1 - source]
         out = np.zeros(context[at + OUTPUTS])
         states = 8 * context[at + STATES]
-        failed |= call_step(
+        failed |= call(
             context[at + STEP_AT], context[at + CONTEXT_AT], x + states, values.ctypes.data, dt,
             p + 8 * context[at + PARAMETERS], ahead + states, out.ctypes.data,
         )  # fmt: skip

@@ -10,9 +10,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba import njit
-
-from evertwin.machines.arm.memory import reals
+from evertwin.compiled.functions import njit
+from evertwin.compiled.memory import reals
 from evertwin.machines.assembly import context as slot
 from evertwin.machines.assembly import shared
 from evertwin.machines.assembly.shared import losses, ratio

@@ -266,7 +266,7 @@ class Forward(Laddered):
         context, kept = context_of(self.train, places)
         more, inner = box_plan(self.train, self.parameters, self.inputs, places.boxed)
         whole = np.concatenate([context, more])
-        return Kernel(onward.step.address, onward.adopt.address, whole, (*kept, *inner))
+        return Kernel(onward.step, onward.adopt, whole, (*kept, *inner))
 
     def kernel(self) -> Kernel:
         """Addresses for the fused loop."""

@@ -177,7 +177,7 @@ class Inverse:
         first = sum(rub.temperature == "state" for rub in self.train.rubs)
         more, inner = box_plan(self.train, self.parameters, self.inputs, first)
         whole = np.concatenate([context, more])
-        return Kernel(backward.step.address, backward.adopt.address, whole, (*kept, *inner))
+        return Kernel(backward.step, backward.adopt, whole, (*kept, *inner))
 
     def kernel(self) -> Kernel:
         """Addresses for the fused loop."""
@@ -194,7 +194,7 @@ class Inverse:
         context, kept = context_of(self.train, self._places)
         plan = given_plan(self.train, len(self.inputs))
         whole = np.concatenate([context, plan])
-        return Kernel(backward.step.address, backward.adopt.address, whole, (*kept, plan))
+        return Kernel(backward.step, backward.adopt, whole, (*kept, plan))
 
     def simulate(
         self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector

@@ -13,16 +13,23 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 
-from evertwin.machines.arm.memory import reals
+from evertwin.compiled.functions import OBSERVE, STEP, cfunc, njit
+from evertwin.compiled.memory import reals
 from evertwin.machines.assembly import context as slot
 from evertwin.machines.assembly import shared
 from evertwin.machines.assembly.boxes import address, run_boxes
-from evertwin.machines.assembly.shared import bus_size, heated, ratio, reflected, show, warmth
+from evertwin.machines.assembly.shared import (
+    alone,
+    bus_size,
+    heated,
+    ratio,
+    reflected,
+    show,
+    warmth,
+)
 from evertwin.machines.assembly.slopes import slopes
 from evertwin.machines.friction.kernel import steepness
-from evertwin.models.native import OBSERVE, STEP, cfunc
 
 PARTS = 4000
 """Most parts of one row; a row whose interval needs more is an error."""
@@ -49,7 +56,7 @@ def _rate(context: Any, j: int, x: Any, u: Any, p: Any) -> float:
         # the least inertia over all postures; what the rotor adds, it adds in each of them
         body = inertia if elastic else inertia + rotor
     else:
-        body = shared.alone(context, at, p) + (0.0 if elastic else rotor)
+        body = alone(context, at, p) + (0.0 if elastic else rotor)
     rate = _steep(context, j, 0, x, u, p) / body
     driven = body
     if elastic:

@@ -9,10 +9,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from numba import njit
-
+from evertwin.compiled.functions import njit
+from evertwin.compiled.memory import reals
 from evertwin.machines.arm.kernel import carry
-from evertwin.machines.arm.memory import reals
 from evertwin.machines.arm.rnea import BODY
 from evertwin.machines.assembly import context as slot
 from evertwin.machines.friction.kernel import force

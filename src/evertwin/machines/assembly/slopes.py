@@ -16,9 +16,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 
-from evertwin.machines.arm.memory import reals
+from evertwin.compiled.functions import njit
+from evertwin.compiled.memory import reals
 from evertwin.machines.arm.rnea import BODY, joint_torques
 from evertwin.machines.assembly import context as slot
 from evertwin.machines.assembly import shared

@@ -12,9 +12,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from evertwin.compiled.memory import behind
 from evertwin.errors import LawBroken
 from evertwin.machines.friction.contract import Coefficient, FrictionTerm
-from evertwin.machines.friction.kernel import FEATURE, SLOPE, behind, columns_of, feature, slope
+from evertwin.machines.friction.kernel import FEATURE, SLOPE, columns_of, feature, slope
 from evertwin.machines.friction.law import Law
 from evertwin.types import Int64, Vector
 

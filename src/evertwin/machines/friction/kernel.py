@@ -15,22 +15,17 @@ True
 
 from __future__ import annotations
 
-import ctypes
 import math
 from collections.abc import Callable
 from functools import cache
 from inspect import unwrap
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
-from numba import cfunc, njit, types
-from numba.core import cgutils
-from numba.core.errors import NumbaError
-from numba.extending import intrinsic, overload
 
-from evertwin.errors import UsageError
+from evertwin.compiled.calls import call_real
+from evertwin.compiled.functions import CFunction, njit
+from evertwin.compiled.memory import behind
 from evertwin.machines.friction.contract import FrictionTerm
 from evertwin.machines.friction.law import Law
 from evertwin.machines.friction.terms import (
@@ -55,9 +50,8 @@ COLUMN = 4
 places in ``p`` of the coefficient and of the term's first shape number."""
 
 
-_POINTER = types.CPointer(types.float64)
-_FEATURE = types.float64(*[types.float64] * 5, _POINTER)
-_SLOPE = types.float64(*[types.float64] * 3, _POINTER)
+_FEATURE = "float64(float64, float64, float64, float64, float64, CPointer(float64))"
+_SLOPE = "float64(float64, float64, float64, CPointer(float64))"
 
 _MODULES = (viscous, direction, coulomb, offset, stribeck, root, load)
 """Terms that are compiled into the sums, in the order of `feature` and `slope`."""
@@ -69,47 +63,6 @@ _viscous2, _direction2, _coulomb2, _offset2, _stribeck2, _root2, _load2 = (
 )
 
 INSIDE = len(_MODULES)
-
-
-def behind(p: Any, place: int) -> Any:
-    """The numbers of ``p`` from ``place`` on; ``p``: an array, or a pointer in a kernel."""
-    return p[place:]
-
-
-def call(address: int, numbers: tuple[float, ...], k: Any) -> float:
-    """The feature or slope bound at ``address``, of these numbers and of the shape ``k``."""
-    kinds = [ctypes.c_double] * len(numbers)
-    function = ctypes.CFUNCTYPE(ctypes.c_double, *kinds, ctypes.c_void_p)(address)
-    return float(function(*numbers, k.ctypes.data))
-
-
-@intrinsic
-def _behind(typing: Any, p: Any, place: Any) -> Any:
-    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        first = arguments[0]
-        if isinstance(signature.args[0], types.Array):
-            first = cgutils.create_struct_proxy(signature.args[0])(context, builder, first).data
-        return builder.gep(first, [arguments[1]])
-
-    return _POINTER(p, types.int64), code
-
-
-@intrinsic
-def _call(typing: Any, address: Any, numbers: Any, k: Any) -> Any:
-    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        given = cgutils.unpack_tuple(builder, arguments[1])
-        real = ir.DoubleType()
-        kind = ir.FunctionType(real, [*[real] * len(given), real.as_pointer()])
-        function = builder.inttoptr(arguments[0], kind.as_pointer())
-        return builder.call(function, [*given, arguments[2]])
-
-    return types.float64(types.int64, types.UniTuple(types.float64, len(numbers)), _POINTER), code
-
-
-overload(behind)(lambda p, place: lambda p, place: _behind(p, place))
-overload(call)(
-    lambda address, numbers, k: lambda address, numbers, k: _call(address, numbers, _behind(k, 0))
-)
 
 
 @njit(cache=True)
@@ -141,7 +94,7 @@ def feature(code: int, v: float, s: float, load: float, T: float, q: float, k: A
         return _root(v, s, load, T, q, k)  # type: ignore[no-any-return]
     if code == 6:
         return _load(v, s, load, T, q, k)  # type: ignore[no-any-return]
-    return call(code, (v, s, load, T, q), k)
+    return call_real(code, v, s, load, T, q, k)
 
 
 @njit(cache=True)
@@ -161,7 +114,7 @@ def slope(code: int, width: float, load: float, T: float, k: Any) -> float:
         return _root2(width, load, T, k)  # type: ignore[no-any-return]
     if code == 6:
         return _load2(width, load, T, k)  # type: ignore[no-any-return]
-    return call(code, (width, load, T), k)
+    return call_real(code, width, load, T, k)
 
 
 @njit(cache=True)
@@ -185,7 +138,7 @@ def force(
     for number in range(laws[at + COUNT]):
         c = at + HEAD + 2 * INSIDE + COLUMN * number
         k = behind(p, laws[c + SHAPE])
-        total += p[laws[c + PLACE]] * call(laws[c + FEATURE], (v, s, load, T, q), k)
+        total += p[laws[c + PLACE]] * call_real(laws[c + FEATURE], v, s, load, T, q, k)
     return total
 
 
@@ -200,7 +153,7 @@ def steepness(laws: Any, at: int, p: Any, load: float, T: float) -> float:
     for number in range(laws[at + COUNT]):
         c = at + HEAD + 2 * INSIDE + COLUMN * number
         k = behind(p, laws[c + SHAPE])
-        total += abs(p[laws[c + PLACE]]) * call(laws[c + SLOPE], (width, load, T), k)
+        total += abs(p[laws[c + PLACE]]) * call_real(laws[c + SLOPE], width, load, T, k)
     return total
 
 
@@ -251,14 +204,7 @@ def _code(item: FrictionTerm, function: Callable[..., float], what: str) -> int:
 
 
 @cache
-def _compiled(name: str, function: Callable[..., float], what: str) -> Any:
+def _compiled(name: str, function: Callable[..., float], what: str) -> CFunction:
     """The C function; the cache keeps it alive."""
-    plain = unwrap(function)
-    kept = Path(plain.__code__.co_filename).is_file()
-    try:
-        return cfunc(_FEATURE if what == "feature" else _SLOPE, cache=kept)(plain)
-    except NumbaError as error:
-        raise UsageError(
-            f"friction term {name!r}: its {what} cannot be compiled: expected a function of "
-            f"numbers with math alone; {error}"
-        ) from error
+    signature = _FEATURE if what == "feature" else _SLOPE
+    return CFunction(unwrap(function), signature, {}, f"friction term {name!r}: its {what}")

@@ -29,7 +29,7 @@ class Robot1D(Compiled):
         line = Layout.of(x="m")
         super().__init__(
             Layout.of(v="m/s"), line, line, Parameters((_gain("gain"),)),
-            kernels.travel_step.address, kernels.observe.address, (1,),
+            kernels.travel_step, kernels.observe, (1,),
         )  # fmt: skip
 
 
@@ -52,10 +52,10 @@ class Differential(Compiled):
             raise UsageError(
                 f"expected wheel_radius and wheel_base above 0 m, got {wheel_radius}, {wheel_base}"
             )
-        step, observe = kernels.twist_step.address, kernels.observe.address
+        step, observe = kernels.twist_step, kernels.observe
         inputs, items = Layout.of(v="m/s", w="rad/s"), (_gain("gain"), _gain("turn_gain"))
         if wheels:
-            step, inputs = kernels.wheel_step.address, Layout.of(left="rad/s", right="rad/s")
+            step, inputs = kernels.wheel_step, Layout.of(left="rad/s", right="rad/s")
             items = (
                 Parameter("wheel_radius", wheel_radius, "m", 0.2 * wheel_radius, 5 * wheel_radius),
                 Parameter("wheel_base", wheel_base, "m", 0.2 * wheel_base, 5 * wheel_base),
@@ -76,8 +76,8 @@ class Odometer(Compiled):
         way = Layout((Channel("travel", "m"), Channel("heading", "rad", kind="angle")))
         items = Parameters((_gain("gain"), _gain("turn_gain")))
         super().__init__(
-            Layout.of(v="m/s", w="rad/s"), way, way, items, kernels.travel_step.address,
-            kernels.observe.address, (2,),
+            Layout.of(v="m/s", w="rad/s"), way, way, items, kernels.travel_step,
+            kernels.observe, (2,),
         )  # fmt: skip
 
 
@@ -92,5 +92,5 @@ class Omni(Compiled):
         items = Parameters((_gain("gain"), _gain("side_gain"), _gain("turn_gain")))
         super().__init__(
             Layout.of(vx="m/s", vy="m/s", w="rad/s"), POSE, POSE, items,
-            kernels.omni_step.address, kernels.observe.address, (3,),
+            kernels.omni_step, kernels.observe, (3,),
         )  # fmt: skip

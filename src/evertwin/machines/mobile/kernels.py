@@ -8,9 +8,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from numba import njit
-
-from evertwin.models.native import OBSERVE, STEP, cfunc
+from evertwin.compiled.functions import OBSERVE, STEP, cfunc, njit
 
 
 @cfunc(OBSERVE)

@@ -12,11 +12,11 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import carray, njit
 
+from evertwin.compiled.functions import OBSERVE, STEP, cfunc, njit
+from evertwin.compiled.memory import carray
 from evertwin.models.fmu import slots as at
 from evertwin.models.fmu.calls import call
-from evertwin.models.native import OBSERVE, STEP, call_observe, cfunc
 
 MOST = 100_000
 """Steps inside one row."""
@@ -191,7 +191,7 @@ def settle(page: Any, numbers: Any, t: float) -> Any:
         for k in range(nz):
             event = event or (numbers[before + k] > 0.0) != (numbers[after + k] > 0.0)
     if status <= 1 and event:
-        status = call_observe(page[at.EVENTS], base, base + 8 * w, base + 8 * w)
+        status = call(page[at.EVENTS], (base, base + 8 * w, base + 8 * w))
     return int(status)
 
 
@@ -282,7 +282,7 @@ def advance(page: Any, numbers: Any, now: Any, u: Any, dt: float, p: Any, ahead:
     base, q = page.ctypes.data, page[at.REALS]
     fresh = page[at.HELD] == 0 or differs(numbers, page[at.LAST_P], p)
     if fresh or differs(numbers, page[at.LAST_X], now):
-        status = call_observe(page[at.RESTORE], base, now.ctypes.data, p.ctypes.data)
+        status = call(page[at.RESTORE], (base, now.ctypes.data, p.ctypes.data))
         if status > 1:
             return int(status)
     if page[at.CLOCK] >= 0:

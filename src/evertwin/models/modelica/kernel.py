@@ -16,9 +16,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import carray, njit
 
-from evertwin.models.native import OBSERVE, STEP, cfunc
+from evertwin.compiled.functions import OBSERVE, STEP, cfunc, njit
+from evertwin.compiled.memory import carray
 
 WORDS = 5
 """Integers per operation."""
@@ -67,7 +67,7 @@ def one(op: int, a: Any, b: Any, c: Any) -> Any:
         if op == 3:
             return a / b
         if op == 4:
-            return a**b
+            return math.pow(a, b)
         if op == 5:
             return -a
         return b if a != 0.0 else c
@@ -83,25 +83,25 @@ def _function(op: int, a: Any, b: Any) -> Any:
     if op == 9:
         return math.tan(a)
     if op == 10:
-        return np.arcsin(a)
+        return math.asin(a)
     if op == 11:
-        return np.arccos(a)
+        return math.acos(a)
     if op == 12:
         return math.atan(a)
     if op == 13:
         return math.atan2(a, b)
     if op == 14:
-        return np.sinh(a)
+        return math.sinh(a)
     if op == 15:
-        return np.cosh(a)
+        return math.cosh(a)
     if op == 16:
         return math.tanh(a)
     if op == 17:
-        return np.exp(a)
+        return math.exp(a)
     if op == 18:
-        return np.log(a)
+        return math.log(a)
     if op == 19:
-        return np.log10(a)
+        return math.log10(a)
     if op == 20:
         return np.sqrt(a)
     return abs(a)
@@ -297,7 +297,7 @@ def _integrate(tape: Any, r: Any, x: Any, dt: float) -> bool:
                 x[i] = r[at + i]
             if done >= dt * (1.0 - 1e-14):
                 return True
-        factor = 0.9 * error**-0.2 if error > 0.0 else 5.0
+        factor = 0.9 * math.pow(error, -0.2) if error > 0.0 else 5.0
         h *= min(5.0, max(0.1, factor)) if math.isfinite(error) else 0.1
         if not h > 1e-12 * dt:
             return False

@@ -11,27 +11,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import cache
 from inspect import unwrap
-from pathlib import Path
 from typing import Any
 
-import numba
 import numpy as np
-from llvmlite import ir
-from numba import carray, njit, types
-from numba.core.errors import NumbaError
-from numba.extending import intrinsic
 
-from evertwin.errors import UsageError
+from evertwin.compiled.calls import call
+from evertwin.compiled.functions import OBSERVE, STEP, CFunction, cfunc, njit
+from evertwin.compiled.memory import carray, room
 from evertwin.models.kernel import ANEW
-from evertwin.models.native import (
-    OBSERVE,
-    STEP,
-    call_observe,
-    call_step,
-    calling,
-    cfunc,
-    scratch,
-)
 from evertwin.models.terms.contract import CorrectionTerm, Place
 from evertwin.models.terms.registry import kind
 
@@ -43,13 +30,13 @@ RECORD = PLACE + len(Place._fields)
 """Record: its length, three addresses (0: none), first parameter, then its `Place` and grids."""
 MEMORY = PLACE + Place._fields.index("memory")
 
-_REALS, _INTEGERS = types.CPointer(types.float64), types.CPointer(types.int64)
 _SIGNATURES = {
-    "before": types.int64(_INTEGERS, _REALS, _REALS, types.float64, _REALS, _REALS),
-    "after": types.int64(_INTEGERS, types.float64, _REALS, _REALS, _REALS, _REALS),
-    "adopted": types.int64(_INTEGERS, _REALS, _REALS),
+    "before": "int64(CPointer(int64), CPointer(float64), CPointer(float64), float64, "
+    "CPointer(float64), CPointer(float64))",
+    "after": "int64(CPointer(int64), float64, CPointer(float64), CPointer(float64), "
+    "CPointer(float64), CPointer(float64))",
+    "adopted": "int64(CPointer(int64), CPointer(float64), CPointer(float64))",
 }
-_I, _R, _D = ir.IntType(64).as_pointer(), ir.DoubleType().as_pointer(), ir.DoubleType()
 
 
 @njit(cache=True)
@@ -76,48 +63,10 @@ def address(plan: np.ndarray, kinds: Sequence[CorrectionTerm]) -> None:
 
 
 @cache
-def _compiled(name: str, role: str, function: Callable[..., Any]) -> Any:
+def _compiled(name: str, role: str, function: Callable[..., Any]) -> CFunction:
     """The C function; the cache keeps it alive."""
-    plain = unwrap(function)
-    kept = Path(plain.__code__.co_filename).is_file()
-    try:
-        return numba.cfunc(_SIGNATURES[role], cache=kept)(plain)
-    except NumbaError as error:
-        raise UsageError(
-            f"correction term {name!r}: its function {role!r} cannot be compiled: expected plain "
-            f"arithmetic; {error}"
-        ) from error
-
-
-@intrinsic
-def _call_before(
-    typing: Any, address: Any, at: Any, grid: Any, u: Any, dt: Any, p: Any, x: Any
-) -> Any:
-    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return calling(builder, list(arguments), [_I, _R, _R, _D, _R, _R])
-
-    i = types.int64
-    return i(i, i, i, i, types.float64, i, i), code
-
-
-@intrinsic
-def _call_after(
-    typing: Any, address: Any, at: Any, dt: Any, p: Any, x: Any, ahead: Any, y: Any
-) -> Any:
-    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return calling(builder, list(arguments), [_I, _D, _R, _R, _R, _R])
-
-    i = types.int64
-    return i(i, i, types.float64, i, i, i, i), code
-
-
-@intrinsic
-def _call_adopted(typing: Any, address: Any, at: Any, before: Any, x: Any) -> Any:
-    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return calling(builder, list(arguments), [_I, _R, _R])
-
-    i = types.int64
-    return i(i, i, i, i), code
+    what = f"correction term {name!r}: its function {role!r}"
+    return CFunction(unwrap(function), _SIGNATURES[role], {}, what)
 
 
 @njit(cache=True)
@@ -133,7 +82,7 @@ def effective(plan: Any, u: int, dt: float, p: int, x: int) -> int:
     at, here = HEADER, plan.ctypes.data
     for _ in range(plan[9]):
         if plan[at + BEFORE] != 0:
-            failed = _call_before(
+            failed = call(
                 plan[at + BEFORE], here + 8 * (at + PLACE), here + 8 * (at + RECORD), u, dt,
                 p + 8 * plan[at + PARAMETER], x + 8 * plan[at + MEMORY],
             )  # fmt: skip
@@ -176,7 +125,7 @@ def _behind(plan: Any, dt: float, p: int, x: int, ahead: int, y: int) -> int:
     at, here, failed = HEADER, plan.ctypes.data, 0
     for _ in range(plan[9]):
         if plan[at + AFTER] != 0:
-            failed |= _call_after(
+            failed |= call(
                 plan[at + AFTER], here + 8 * (at + PLACE), dt, p + 8 * plan[at + PARAMETER], x,
                 ahead, y,
             )  # fmt: skip
@@ -190,7 +139,7 @@ def _adopted(plan: Any, before: int, x: int) -> None:
     at, here = HEADER, plan.ctypes.data
     for _ in range(plan[9]):
         if plan[at + ADOPTED] != 0:
-            _call_adopted(plan[at + ADOPTED], here + 8 * (at + PLACE), before, x)
+            call(plan[at + ADOPTED], here + 8 * (at + PLACE), before, x)
         at += plan[at]
 
 
@@ -200,7 +149,7 @@ def step(context: Any, x: Any, u: Any, dt: float, p: Any, x_next: Any, y: Any) -
     plan = carray(context, (carray(context, (1,))[0],))
     now, ahead = carray(x, (plan[6],)), carray(x_next, (plan[6],))
     numbers, out = carray(p, (plan[7],)), carray(y, (plan[8],))
-    inputs = carray(scratch(plan[4]), (plan[4],))
+    inputs = carray(room(plan[4]), (plan[4],))
     inputs[:] = carray(u, (plan[4],))
     first = plan[5]
     for i in range(first, plan[6]):
@@ -210,7 +159,7 @@ def step(context: Any, x: Any, u: Any, dt: float, p: Any, x_next: Any, y: Any) -
         ahead[:] = now
         out[:] = np.nan
         return 1
-    failed = call_step(
+    failed = call(
         plan[1], plan[3], now.ctypes.data, inputs.ctypes.data, dt, given, at, out.ctypes.data
     )
     return failed | _behind(plan, dt, given, now.ctypes.data, at, out.ctypes.data)
@@ -221,8 +170,8 @@ def adopt(context: Any, x: Any, y: Any) -> Any:
     """The inner model adopts; terms keep what they have to keep."""
     plan = carray(context, (carray(context, (1,))[0],))
     now = carray(x, (plan[6],))
-    before = carray(scratch(plan[5]), (plan[5],))
+    before = carray(room(plan[5]), (plan[5],))
     before[:] = now[: plan[5]]
-    call_observe(plan[2], plan[3], now.ctypes.data, carray(y, (plan[8],)).ctypes.data)
+    call(plan[2], plan[3], now.ctypes.data, carray(y, (plan[8],)).ctypes.data)
     _adopted(plan, before.ctypes.data, now.ctypes.data)
     return 0

@@ -10,8 +10,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from numba import njit
-
+from evertwin.compiled.functions import njit
 from evertwin.models.contract import Model
 from evertwin.models.form import Term
 from evertwin.models.parameters import Parameter

@@ -21,12 +21,13 @@ Sources: Zellner, "An Introduction to Bayesian Inference in Econometrics" (1971)
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
-from numba import njit
 
+from evertwin.compiled.functions import njit
 from evertwin.types import Float64
 
 RIDGE = 1e-4
@@ -88,7 +89,7 @@ def grams(
                 row[j] = new * scale
                 carried[j] += gain * new
             variance = variance * omega[i] / f
-            total += np.log(f)
+            total += math.log(f)
             for j in range(k + 2):
                 for m in range(j + 1):
                     gram[h, j, m] += row[j] * row[m]

@@ -32,8 +32,8 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numba import njit
 
+from evertwin.compiled.functions import njit
 from evertwin.prognosis.laws.indicator import Indicator
 from evertwin.prognosis.laws.life import Onset
 from evertwin.prognosis.laws.scaled import scaled
@@ -129,7 +129,7 @@ def persistence(y: Float64[np.ndarray, " n"], fixed: Float64[np.ndarray, "n k"])
     return min(found, 0.9) if found > 2.0 / math.sqrt(n) else 0.0
 
 
-@njit(cache=True)
+@njit(exact=False, cache=True)
 def watch(
     y: Any, fixed: Any, lean: float, first: int, score: Any, step: float, limit: float, shift: float
 ) -> Any:

@@ -24,8 +24,8 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numba import njit
 
+from evertwin.compiled.functions import njit
 from evertwin.prognosis.laws.bank import Posterior
 from evertwin.types import Float64
 

@@ -13,7 +13,8 @@ from evertwin.machines.friction.contract import Coefficient, FrictionTerm, Numbe
 
 def feature(v: float, s: float, load: float, T: float, q: float, k: Numbers) -> float:
     """The switch, fallen to 1/e at the speed ``vs``."""
-    return s * math.exp(-((v / k[0]) ** 2))
+    ratio = v / k[0]
+    return s * math.exp(-ratio * ratio)
 
 
 def slope(width: float, load: float, T: float, k: Numbers) -> float:
