@@ -43,6 +43,7 @@ def spoiled(seed: int) -> Block:
     block.y[230:260, 1] *= 100.0
     block.mark[:, 2:][rng.random((len(block.t), 3)) < 0.02] = Mark.ERROR
     block.u[150] = np.nan
+    block.u[300:320] *= 1000.0
     return block
 
 
@@ -330,6 +331,45 @@ def test_a_sensor_that_lost_its_response_is_not_followed(frozen: Any, stops: boo
         errors = [fold(stage, [b])[1].rows.y[1:, 0] - truth[1:] for b in (block, told)]
         worst.append(np.sqrt(np.mean(errors[0] ** 2) / np.mean(errors[1] ** 2)))
     assert np.median(worst) < 1.2 and max(worst) < 3.0
+
+
+def wrong_inputs(seed: int, factor: float, rows: slice) -> tuple[Block, np.ndarray]:
+    """A robot whose recorded command is off by a factor for some rows, and its true position."""
+    block = drive_rows(seed)
+    block.u[:, 0] = 0.2 + 0.05 * np.sin(0.2 * np.arange(600) + seed)
+    truth = np.concatenate([[0.0], np.cumsum(block.u[1:, 0] * block.dt[1:])])
+    block.y[:, 0] = truth + np.random.default_rng(seed).normal(0, 0.01, 600)
+    block.u[rows] *= factor
+    return block, truth
+
+
+@pytest.mark.parametrize("use", ["none", "tolerance", "blend"])
+@pytest.mark.parametrize(("factor", "length"), [(1000.0, 100), (-1000.0, 1), (10.0, 30), (1e9, 5)])
+def test_a_command_that_the_machine_never_got(use: Any, factor: float, length: int) -> None:
+    stage = Track(drive(1.05), Arbiter(Rule(use=use, tolerance=0.02, sigma=0.01)))
+    block, truth = wrong_inputs(1, factor, slice(200, 200 + length))
+    _, out = fold(stage, [block])
+    assert kinds(out.records) == ["measurement_error", "measurement_restored"]
+    told, over = out.records
+    assert told.signal == "v" and told.row == 200 and "do not follow" in told.reason
+    assert over.row == 200 + length and over.evidence["samples"] == length
+    assert (out.rows.doubt[200 : 200 + length] == Mark.ERROR).all()
+    assert (out.rows.u[200 : 200 + length] == block.u[199]).all()
+    near = 0.1 if use != "none" else 2.0
+    assert np.abs(out.rows.y[1:, 0] - truth[1:]).max() < near
+
+
+def test_a_command_that_the_machine_follows_is_believed() -> None:
+    """Creeping first, then twenty times as fast; also where the machine cannot follow all of it."""
+    for seed, cap in [(seed, cap) for seed in range(10) for cap in (np.inf, 0.3)]:
+        block, t = drive_rows(seed), np.arange(600)
+        block.u[:, 0] = np.where(t < 300, 0.02, 0.4) * (1.0 + 0.2 * np.sin(0.3 * t))
+        moved = np.minimum(block.u[1:, 0], cap) * block.dt[1:]
+        truth = np.concatenate([[0.0], np.cumsum(moved)])
+        block.y[:, 0] = truth + np.random.default_rng(seed).normal(0, 0.01, 600)
+        _, out = fold(Track(drive(), Arbiter(Rule(use="blend", sigma=0.01))), [block])
+        assert "v" not in [record.signal for record in out.records]
+        assert (out.rows.doubt == 0).all()
 
 
 def test_a_noisy_machine_that_stands_against_its_model_is_believed() -> None:

@@ -96,8 +96,7 @@ def view(setup: Setup, versions: Versions, number: int, data: Data) -> View:
     judged, events = [], []
     for window in windows:
         state, out = track.step(state, window)
-        mark = np.concatenate([window.mark[:, : window.u.shape[1]], out.rows.mark], axis=1)
-        judged.append(window._replace(mark=mark))
+        judged.append(out.rows.judged(window))
         events += [record for record in out.records if isinstance(record, Event)]
     return View(setup, versions, version, windows, tuple(judged), tuple(events), feed.left_out)
 

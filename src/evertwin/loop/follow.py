@@ -100,11 +100,10 @@ class Follow:
         """
         track, _ = self.stages(state.live.version)
         tracked, out = track.step(state.live.track, piece)
-        mark = np.concatenate([piece.mark[:, : piece.u.shape[1]], out.rows.mark], axis=1)
-        judged = piece._replace(mark=mark)
+        judged = out.rows.judged(piece)
         known = out.rows.y if self.setup.static else None
         live, a = self._predict(state.live._replace(track=tracked), judged, known)
-        first, before = self._track(state.first, piece)
+        first, before = self._track(state.first, piece._replace(u=judged.u))
         seen = before.y if known is not None and before is not None else None
         first, b = self._predict(first, judged, seen)
         other, c = self._predict(state.other, judged)
@@ -114,9 +113,9 @@ class Follow:
         none.fill(np.nan)
         rows = Released(
             np.arange(piece.row, piece.row + len(piece.t)), piece.t,
-            self.setup.phase(piece.u, piece.t, began), piece.y, a.residual,
+            self.setup.phase(judged.u, piece.t, began), piece.y, a.residual,
             none if b is None else b.residual, none if c is None else c.residual,
-            self.setup.moving(piece.u), a.end,
+            self.setup.moving(judged.u), a.end,
         )  # fmt: skip
         newest, rows = self.setup.at_horizon.step(state.newest, rows)
         waiting, released = self.setup.residual_filter.step(state.waiting, rows)

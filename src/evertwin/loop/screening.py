@@ -31,9 +31,9 @@ def screened(
         state, seen = track.step(state, window)
         bad = (seen.rows.mark == Mark.ERROR) | _far(window.y)
         nu = window.u.shape[1]
-        mark = window.mark.copy()
+        mark = np.concatenate([seen.rows.doubt, window.mark[:, nu:]], axis=1)
         mark[:, nu:] = np.where(bad, np.uint8(Mark.ERROR), mark[:, nu:])
-        out.append(window._replace(mark=mark))
+        out.append(window._replace(u=seen.rows.u, mark=mark))
     return tuple(out)
 
 

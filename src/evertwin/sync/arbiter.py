@@ -42,6 +42,7 @@ import numpy as np
 
 from evertwin.errors import UsageError
 from evertwin.fold import Event
+from evertwin.models import Model
 from evertwin.signals import Layout
 from evertwin.sync import places as at
 from evertwin.types import Bools, Vector
@@ -194,9 +195,12 @@ _CAUSES = {
 }
 
 
-def describe(outputs: Layout, found: np.ndarray, detail: np.ndarray) -> Event:
+def describe(model: Model, found: np.ndarray, detail: np.ndarray) -> Event:
     """A finding of the compiled loop as a record."""
     row, time, kind, g, cause, first, final, number = found.tolist()
+    if kind >= at.Finding.INPUT:
+        return _input_event(model.inputs, found, detail)
+    outputs = model.outputs
     ny = len(outputs)
     group = outputs.groups[g]
     which = [j for j in range(ny) if outputs.group_of[j] == g]
@@ -226,6 +230,21 @@ def describe(outputs: Layout, found: np.ndarray, detail: np.ndarray) -> Event:
         return _event(row, time, "valid", group, "trusted samples are back", {"since": first})
     reason = "too many samples outside the gate: its variance was doubled"
     return _event(row, time, "gate_widened", group, reason, {"sigma": sigma})
+
+
+def _input_event(inputs: Layout, found: np.ndarray, detail: np.ndarray) -> Event:
+    row, time, kind, k, _, first, final, number = found.tolist()
+    value, low, high = detail[:3].tolist()
+    unit = inputs.units[k]
+    evidence = {"onset": first, "end": final, "samples": number, "range": [low, high]}
+    if kind == at.Finding.SOUND:
+        reason = f"the outputs follow {value:.4g} {unit} again"
+        return _event(row, time, "measurement_restored", inputs.names[k], reason, evidence)
+    reason = (
+        f"{value:.4g} {unit} lies far outside of what it was ({low:.4g} to {high:.4g} {unit}), and "
+        "the outputs do not follow it: taken as it was believed last"
+    )
+    return _event(row, time, "measurement_error", inputs.names[k], reason, evidence)
 
 
 def _event(

@@ -49,6 +49,10 @@ NUMBERS = 34
 SPREAD, INTERVAL, OUTSIDE, FACTOR = range(4)
 """Memory per group, numbers: variance of the state over that of the measurement; mean interval of
 trusted samples [ns]; share of contested samples; suspected factor."""
+LOWEST, HIGHEST, BELIEVED = range(3)
+"""Memory per input: range of its believed values; the last one."""
+SEEN, DOUBTED, SINCE, TO = range(4)
+"""Memory per input, integers: believed values; doubted ones since then, the first and last row."""
 
 ROW, STAMP, KIND, GROUP, WHY, FIRST, FINAL, NUMBER = range(8)
 """Integers of a finding."""
@@ -101,3 +105,5 @@ class Finding(IntEnum):
     STALE = 3
     FRESH = 4
     WIDER = 5
+    INPUT = 6
+    SOUND = 7

@@ -39,7 +39,16 @@ from evertwin.sync.arbiter import Arbiter, Rule, describe, members
 from evertwin.sync.horizon import contiguous
 from evertwin.sync.horizon_loop import NEVER
 from evertwin.sync.track_loop import run
-from evertwin.types import Bools, Float64, Int64, Outputs, ParameterVector, StateVector, UInt8
+from evertwin.types import (
+    Bools,
+    Float64,
+    Inputs,
+    Int64,
+    Outputs,
+    ParameterVector,
+    StateVector,
+    UInt8,
+)
 
 __all__ = ["Arbiter", "Rule", "Track", "TrackRows", "TrackState"]
 
@@ -77,6 +86,10 @@ class TrackState(NamedTuple):
     rows: Int64[np.ndarray, "vote ng"]
     expected: Float64[np.ndarray, "vote ny"]
     """What was expected of the contested samples."""
+    ranges: Float64[np.ndarray, "nu 3"]
+    """Range of each input's believed values, and the last of them."""
+    beliefs: Int64[np.ndarray, "nu 4"]
+    """How many they are; the open doubt."""
     clock: Int64[np.ndarray, " two"]
     """Task of the last row, has a row come?"""
 
@@ -101,7 +114,7 @@ class TrackRows(NamedTuple):
     """One row out per row in.
 
     >>> TrackRows._fields
-    ('y', 'residual', 'mark', 'update', 'sigma', 'age')
+    ('y', 'residual', 'mark', 'update', 'sigma', 'age', 'u', 'doubt')
     """
 
     y: Outputs
@@ -117,6 +130,14 @@ class TrackRows(NamedTuple):
     not known."""
     age: Float64[np.ndarray, "n ng"]
     """Seconds since the group's last trusted sample; NaN before the first."""
+    u: Inputs
+    """Believed inputs, (n, nu)."""
+    doubt: UInt8[np.ndarray, "n nu"]
+    """`Mark` of each input after judging."""
+
+    def judged(self, block: Block) -> Block:
+        """The rows that were judged, with believed inputs and the marks of all channels."""
+        return block._replace(u=self.u, mark=np.concatenate([self.doubt, self.mark], axis=1))
 
 
 @dataclass(frozen=True)
@@ -163,6 +184,7 @@ class Track:
         """The state before the first row, with the model's own parameters."""
         p, outputs = self.model.parameters.values, self.model.outputs
         x0, ny, ng = self.model.initial(p), len(outputs), len(outputs.groups)
+        nu = len(self.model.inputs)
         phases = self.arbiter.phases
         kinds = len(phases.edges) + 2 if phases else 1
         vote = int(self._settings[1][:, at.VOTE].max()) if ng else 2
@@ -179,7 +201,8 @@ class Track:
             x0.copy(), p, x0, values, numbers, np.zeros((ng, 4)), variance, counts,
             np.zeros((at.LEARN, ny)), np.zeros((vote, ny)), np.zeros((vote, ny)),
             np.zeros((vote, ng), dtype=np.int64), np.zeros((vote, ng), dtype=np.int64),
-            np.zeros((vote, ny)), np.zeros(2, dtype=np.int64),
+            np.zeros((vote, ny)), np.zeros((nu, 3)), np.zeros((nu, 4), dtype=np.int64),
+            np.zeros(2, dtype=np.int64),
         )  # fmt: skip
 
     def renew(self, state: TrackState, p: ParameterVector) -> TrackState:
@@ -208,13 +231,14 @@ class Track:
 
     def step(self, state: TrackState, block: Block) -> tuple[TrackState, Out]:
         n, ny = block.y.shape
-        ng = len(state.numbers)
+        ng, nu = len(state.numbers), block.u.shape[1]
         rows = TrackRows(
             np.empty((n, ny)), np.empty((n, ny)), np.empty((n, ny), dtype=np.uint8),
             np.zeros((n, ng), dtype=np.uint8), np.empty((n, ny)), np.empty((n, ng)),
+            np.array(block.u, order="C"), np.array(block.mark[:, :nu], order="C"),
         )  # fmt: skip
-        room = min(8 * n, NOTES) * ng + 8 * ng + 1
-        found, detail = np.empty((room, 8), dtype=np.int64), np.empty((room, 1 + 2 * ny))
+        room = min(8 * n, NOTES) * ng + 8 * ng + 2 * nu + 1
+        found, detail = np.empty((room, 8), dtype=np.int64), np.empty((room, 3 + 2 * ny))
         kernel, extent, start = self._kernel, np.zeros(1, dtype=np.int64), 0
         records: list[Event] = []
         columns = contiguous(block)[1:]
@@ -225,7 +249,7 @@ class Track:
             )  # fmt: skip
             if extent[0]:
                 notes = zip(found[: extent[0]], detail[: extent[0]], strict=True)
-                records += [describe(self.model.outputs, note, more) for note, more in notes]
+                records += [describe(self.model, note, more) for note, more in notes]
                 extent[0] = 0
         if kernel.remote is not None:
             row, time = block.row + n - 1, int(block.t[-1])

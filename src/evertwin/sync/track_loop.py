@@ -16,6 +16,7 @@ from evertwin.compiled.memory import borrowed
 from evertwin.sync import places as at
 from evertwin.sync.arbiter_loop import forget, judge
 from evertwin.sync.horizon_loop import is_known, wrapped
+from evertwin.sync.input_loop import believe, doubt, explains, instead, is_any_far
 from evertwin.sync.options import HOT
 from evertwin.sync.plausible_loop import grown, variance_of
 from evertwin.sync.run_loop import begun
@@ -102,8 +103,9 @@ def run(
     mark: Any, task: Any, gap: Any, limits: Any, rules: Any, sentinels: Any, members: Any,
     column: int, edges: Any, x: Any, p: Any, x0: Any, values: Any, numbers: Any, figures: Any,
     variance: Any, counts: Any, warm: Any, ring: Any, paths: Any, times: Any, rows: Any,
-    expected: Any, clock: Any, out: Any, residual: Any, marks: Any, update: Any, sigma: Any,
-    ages: Any, found: Any, detail: Any, extent: Any,
+    expected: Any, ranges: Any, beliefs: Any, clock: Any, out: Any, residual: Any, marks: Any,
+    update: Any, sigma: Any, ages: Any, used: Any, doubts: Any, found: Any, detail: Any,
+    extent: Any,
 ) -> int:  # fmt: skip
     """Rows from ``start`` on, until the notes are full; gives the next row."""
     # longer than the budget: one row is one thought, and cutting it costs a third of the speed
@@ -116,11 +118,14 @@ def run(
     statistics = borrowed(variance), borrowed(counts), borrowed(warm)
     board = borrowed(ring), borrowed(paths), borrowed(times), borrowed(rows), borrowed(expected)
     groups, seen, next_x = borrowed(members), borrowed(marked), borrowed(ahead)
-    inputs, borders = borrowed(u), borrowed(edges)
+    inputs, borders, doubted = borrowed(used), borrowed(edges), borrowed(doubts)
+    known = borrowed(ranges), borrowed(beliefs)
+    other, beyond, expects = np.empty(nu), np.empty_like(x), np.empty(ny)
+    tried = borrowed(expects)
     notes = borrowed(found), borrowed(detail), borrowed(extent)
     sample = borrowed(room), borrowed(measured), borrowed(predicted), borrowed(take)
-    space = found.shape[0] - 8 * ng
-    u_at, out_at, take_at = u.ctypes.data, predicted.ctypes.data, take.ctypes.data
+    space = found.shape[0] - 8 * ng - 2 * nu
+    u_at, out_at, take_at = used.ctypes.data, predicted.ctypes.data, take.ctypes.data
     c, a, b, parameters = context.ctypes.data, x.ctypes.data, ahead.ctypes.data, p.ctypes.data
     for i in range(start, n):
         if extent[0] > space:
@@ -132,10 +137,28 @@ def run(
         if not failed:
             code = call(step, c, a, u_at + 8 * i * nu, dt[i], parameters, b, out_at)
             failed = code != 0 or not is_known(next_x) or (anew and not is_known(sample[2]))
+        for j in range(ny):
+            measured[j], marked[j], take[j] = y[i, j], mark[i, nu + j], np.nan
+        if not anew and is_any_far(known[0], known[1], inputs, i):
+            instead(known[0], known[1], inputs, i, other)
+            code = call(
+                step, c, a, other.ctypes.data, dt[i], parameters, beyond.ctypes.data,
+                expects.ctypes.data,
+            )  # fmt: skip
+            row = groups, sample[1], seen, now, phase
+            if code == 0 and is_known(beyond) and explains(
+                settings, memory, statistics, row, tried, sample[2], failed
+            ):  # fmt: skip
+                doubt(known[0], known[1], notes, inputs, doubted, i, now)
+                failed, phase = False, phase_of(inputs, i, column, borders)
+                for k in range(nx):
+                    ahead[k] = beyond[k]
+                for j in range(ny):
+                    predicted[j] = expects[j]
+        believe(known[0], known[1], notes, inputs, doubted, i, now)
         for k in range(nx):
             x[k] = x0[k] if failed else ahead[k]
         for j in range(ny):
-            measured[j], marked[j], take[j] = y[i, j], mark[i, nu + j], np.nan
             if failed:
                 predicted[j] = np.nan
             out[i, j], marks[i, j], residual[i, j] = predicted[j], marked[j], np.nan
@@ -185,5 +208,7 @@ def run(
                 sigma[i, j] = np.sqrt(spread)
     # The scratch arrays are used here once more, so that they outlive their borrowed forms.
     return int(
-        n + 0 * (room.size + measured.size + predicted.size + take.size + ahead.size + marked.size)
+        n
+        + 0 * (room.size + measured.size + predicted.size + take.size + ahead.size + marked.size)
+        + 0 * (other.size + beyond.size + expects.size)
     )
