@@ -99,7 +99,10 @@ def main() -> int:
     chosen = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        environment = os.environ | {"NUMBA_CACHE_DIR": str(folder / "cache")}
+        # As installed: Python's own byte code is kept.
+        environment = os.environ | {
+            "NUMBA_CACHE_DIR": str(folder / "cache"), "PYTHONDONTWRITEBYTECODE": "",
+        }  # fmt: skip
         held = processor(folder, environment)
         for cache, asked in (("empty", 30.0), ("full", 8.0)) if chosen.demo else ():
             kept = environment | {"NUMBA_CACHE_DIR": str(folder / "demo")}

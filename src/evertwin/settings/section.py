@@ -247,8 +247,8 @@ def _setting(field: dataclasses.Field[Any], hint: Any) -> Setting:
 def split(hint: Any) -> tuple[Any, tuple[object, ...]]:
     """The type and the notes of ``Annotated[type, *notes]``.
 
-    >>> split(Annotated[float, Gt(0.0)])
-    (<class 'float'>, (Gt(gt=0.0),))
+    >>> split(Annotated[float, Gt(0.25)])
+    (<class 'float'>, (Gt(gt=0.25),))
     """
     if get_origin(hint) is Annotated:
         kind, *notes = get_args(hint)
