@@ -125,7 +125,8 @@ class Function(_Written):
                 return self._plainly(arguments)
             self._ready = self.compiled
         if arguments and isinstance(arguments[0], CFunction):
-            arguments = tuple(int(a) if isinstance(a, CFunction) else a for a in arguments)
+            count = 1 + isinstance(arguments[1], CFunction)  # a model's step and observe
+            arguments = (*map(int, arguments[:count]), *arguments[count:])
         return self._ready(*arguments)
 
     def _pays(self, arguments: tuple[Any, ...]) -> bool:
@@ -206,7 +207,7 @@ class CFunction(_Written):
             ) from error
         return made
 
-    @property
+    @cached_property
     def address(self) -> int:
         """Where its machine code stands, for as long as this object lives.
 
