@@ -41,6 +41,19 @@ def is_far(inputs: Any, counts: Any, k: int, u: float) -> bool:
 
 
 @njit(**HOT)
+def is_usual(inputs: Any, counts: Any, u: Any, i: int) -> bool:
+    """Are all inputs of the row in the range that they had, none doubted? Then they count."""
+    for k in range(u.shape[1]):
+        value = u[i, k]
+        if not inputs[k, at.LOWEST] <= value <= inputs[k, at.HIGHEST] or counts[k, at.DOUBTED] > 0:
+            return False
+    for k in range(u.shape[1]):
+        inputs[k, at.BELIEVED] = u[i, k]
+        counts[k, at.SEEN] += 1
+    return True
+
+
+@njit(**HOT)
 def is_any_far(inputs: Any, counts: Any, u: Any, i: int) -> bool:
     """Is there an input to be tried?"""
     for k in range(u.shape[1]):  # noqa: SIM110 - generators do not compile
@@ -123,7 +136,7 @@ def doubt(inputs: Any, counts: Any, notes: Any, u: Any, doubts: Any, i: int, now
         u[i, k], doubts[i, k] = inputs[k, at.BELIEVED], ERROR
 
 
-@njit(**HOT)
+@njit(**COLD)
 def believe(inputs: Any, counts: Any, notes: Any, u: Any, doubts: Any, i: int, now: Any) -> None:
     """The row's inputs that are believed: their range, and the end of a doubt."""
     for k in range(u.shape[1]):

@@ -31,7 +31,7 @@ MEMORY = 2000
 
 @njit(**HOT)
 def nearness(values: Any, numbers: Any, g: int, j: int) -> float:
-    """How near to each other the sensor's noise hardly lets values lie: half a deviation.
+    """How near to each other the sensor's noise hardly lets values lie, squared: half a deviation.
 
     Successive changes share one sample's noise: −E[ν·ν'] is its variance, whatever else moves. Of
     the estimate the lower bound counts (2σ). What is known to be frozen may scatter four times as
@@ -40,18 +40,19 @@ def nearness(values: Any, numbers: Any, g: int, j: int) -> float:
     n = min(max(numbers[g, at.SAMPLES], 1), MEMORY)
     variance = values[j, at.NOISE] - 2.0 * values[j, at.BASE] / np.sqrt(n)
     found = numbers[g, at.CAUSE] == FROZEN and numbers[g, at.HELD_BY] == NEAR
-    return float((2.0 if found else 0.5) * np.sqrt(max(variance, 0.0)))
+    return float((4.0 if found else 0.25) * max(variance, 0.0))
 
 
 @njit(**HOT)
 def heard(values: Any, numbers: Any, room: Any, g: int, size: int) -> None:
     """One more trusted innovation, for the noise of the sensor; not of one that may be frozen."""
-    n = min(max(numbers[g, at.SAMPLES], 1), MEMORY)
+    share = 1.0 / min(max(numbers[g, at.SAMPLES], 1), MEMORY)
+    alone = numbers[g, at.RUN + NEAR] < 2
     for k in range(size):
         j = room[k]
         nu, before = values[j, at.NU], values[j, at.NU_BEFORE]
-        if before == before and numbers[g, at.RUN + NEAR] < 2:
-            values[j, at.NOISE] += (-nu * before - values[j, at.NOISE]) / n
+        if alone and before == before:
+            values[j, at.NOISE] -= (nu * before + values[j, at.NOISE]) * share
         values[j, at.NU_BEFORE] = nu
 
 
@@ -69,17 +70,25 @@ def belongs(
     room, y = sample[0], sample[1]
     if numbers[g, at.RUN + kind] == 0:
         return 0
-    held, other = True, kind == EQUAL
+    if kind == NEAR:
+        for k in range(size):
+            j = room[k]
+            off = wrapped(y[j] - values[j, at.HELD + NEAR], limits[j, at.ANGLE] > 0)
+            # the bound first: most samples are beyond what any noise could be
+            square = off * off
+            if square > 4.0 * values[j, at.NOISE] or square > nearness(values, numbers, g, j):
+                return 0
+        return 1
+    place = 1
     for k in range(size):
         j = room[k]
-        other = other and y[j] == values[j, at.OTHER]
-        if kind == EQUAL:
-            held = held and y[j] == values[j, at.HELD]
-        else:
-            angle = limits[j, at.ANGLE] > 0
-            off = abs(wrapped(y[j] - values[j, at.HELD + kind], angle))
-            held = held and off <= nearness(values, numbers, g, j)
-    return 1 if held else 2 * other
+        if y[j] != values[j, at.HELD]:
+            place = 2
+    for k in range(size):
+        j = room[k]
+        if place == 2 and y[j] != values[j, at.OTHER]:
+            return 0
+    return place
 
 
 @njit(**COLD)
@@ -89,10 +98,8 @@ def standstill(settings: Any, memory: Any, sample: Any, g: int, size: int, kind:
     Then the new value continues from the old one; after a sensor's fault it lies at the prediction.
     """
     limits, rules, _ = settings
-    values, numbers, _ = memory
+    values = memory[0]
     room, y = sample[0], sample[1]
-    if not 0 < enough(rules, g, kind) <= numbers[g, at.RUN + kind]:
-        return False
     for k in range(size):
         j = room[k]
         gone = values[j, at.GONE + kind]
@@ -125,7 +132,8 @@ def follow(
             numbers[g, at.TURNS] += place - 1
             continue
         if numbers[g, at.AWAY + kind] == 0:
-            stood = standstill(settings, memory, sample, g, size, kind)
+            long = 0 < enough(rules, g, kind) <= numbers[g, at.RUN + kind]
+            stood = long and standstill(settings, memory, sample, g, size, kind)
             numbers[g, at.STOOD + kind] = stood
         lasting = numbers[g, at.CAUSE] == FROZEN or (numbers[g, at.RUN + kind] > 1 and not again)
         if outside and lasting and numbers[g, at.AWAY + kind] + 1 < rules[g, at.FROZEN]:

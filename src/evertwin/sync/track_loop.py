@@ -16,7 +16,7 @@ from evertwin.compiled.memory import borrowed
 from evertwin.sync import places as at
 from evertwin.sync.arbiter_loop import forget, judge
 from evertwin.sync.horizon_loop import is_known, wrapped
-from evertwin.sync.input_loop import believe, doubt, explains, instead, is_any_far
+from evertwin.sync.input_loop import believe, doubt, explains, instead, is_any_far, is_usual
 from evertwin.sync.options import HOT
 from evertwin.sync.plausible_loop import grown, variance_of
 from evertwin.sync.run_loop import begun
@@ -139,7 +139,8 @@ def run(
             failed = code != 0 or not is_known(next_x) or (anew and not is_known(sample[2]))
         for j in range(ny):
             measured[j], marked[j], take[j] = y[i, j], mark[i, nu + j], np.nan
-        if not anew and is_any_far(known[0], known[1], inputs, i):
+        usual = is_usual(known[0], known[1], inputs, i)
+        if not usual and not anew and is_any_far(known[0], known[1], inputs, i):
             instead(known[0], known[1], inputs, i, other)
             code = call(
                 step, c, a, other.ctypes.data, dt[i], parameters, beyond.ctypes.data,
@@ -155,7 +156,8 @@ def run(
                     ahead[k] = beyond[k]
                 for j in range(ny):
                     predicted[j] = expects[j]
-        believe(known[0], known[1], notes, inputs, doubted, i, now)
+        if not usual:
+            believe(known[0], known[1], notes, inputs, doubted, i, now)
         for k in range(nx):
             x[k] = x0[k] if failed else ahead[k]
         for j in range(ny):
