@@ -66,6 +66,13 @@ def test_a_lag_is_given_with_its_figure() -> None:
     assert "offset" in finding.step and "ms" in finding.reason
 
 
+def test_positions_that_are_held_are_told() -> None:
+    data = drive()
+    data["x"] = data["x"][np.arange(1500) // 3 * 3]
+    (finding,) = Twin(SPEC).doctor(data).of_kind("held")
+    assert finding.subject == "x" and "3.3 Hz" in finding.step and "filter" not in finding.step
+
+
 def test_a_horizon_within_the_noise() -> None:
     spec = replace(SPEC, prediction=PredictionSpec(horizon=0.1))
     found = Twin(spec).doctor(drive(noise=0.02))

@@ -4,6 +4,8 @@ Each look is a function from a `View` (the twin and its rows) to findings, each 
 where, why, and the next step. Nothing is changed.
 
 * `look_data`: clocks, gaps, frozen and absurd channels, lost rows;
+* `look_samples`: held values, recordings that are there twice;
+* `look_rates`: positions against the speeds that were measured with them;
 * `look_units`: factors, signs and lags between what is predicted and what is measured;
 * `look_clocks`: offset, drift and shared lag between the clocks of two or more sources;
 * `look_tuning`: what the rows determine of the parameters, knobs and bounds;
@@ -14,6 +16,8 @@ from __future__ import annotations
 
 from evertwin.doctor.check_clocks import look_clocks
 from evertwin.doctor.check_data import look_data
+from evertwin.doctor.check_rates import look_rates
+from evertwin.doctor.check_samples import look_samples
 from evertwin.doctor.check_settings import look_settings
 from evertwin.doctor.check_tuning import look_bounds, look_tuning
 from evertwin.doctor.check_units import look_lags, look_units
@@ -39,7 +43,7 @@ def diagnose(setup: Setup, versions: Versions, number: int, data: Data) -> Diagn
         return Diagnosis(name, 0, tuple(look_bounds(setup, versions, version)), {})
     seen: View = view(setup, versions, number, data)
     figures: dict[str, object] = {}
-    found = [*look_data(seen)]
+    found = [*look_data(seen), *look_samples(seen), *look_rates(seen, figures)]
     units = look_units(seen, figures)
     found += units
     if not units:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.fold import Block, Event
+from evertwin.fold import Block, Chunk, Event
 from evertwin.loop.feed import Data, Feed
 from evertwin.loop.setup import Setup
 from evertwin.loop.versions import Versions
@@ -21,6 +23,50 @@ from evertwin.types import Outputs, ParameterVector, Vector
 
 MOST = 20_000
 """Rows that are tuned and compared on."""
+
+
+class Samples(NamedTuple):
+    """What one source recorded in one task.
+
+    >>> Samples("log", "a.csv", ("x",), 0.01, np.zeros((2, 1))).file
+    'a.csv'
+    """
+
+    source: str
+    file: str
+    """Its file, or the number of its recording."""
+    names: tuple[str, ...]
+    step: float
+    """Typical interval between its samples [s]."""
+    v: np.ndarray
+
+
+@dataclass
+class _Heard(Feed):
+    """A feed that keeps the samples that went through it."""
+
+    heard: list[Chunk] = field(default_factory=list)
+
+    def chunks(self, data: Data = None) -> Iterator[Chunk]:
+        """The samples of all sources, merged by stamp."""
+        for chunk in super().chunks(data):
+            self.heard.append(chunk)
+            yield chunk
+
+    def samples(self, data: Data) -> Iterator[Samples]:
+        """What was heard, by source and task."""
+        parts: dict[tuple[str, int], list[Chunk]] = {}
+        for chunk in self.heard:
+            parts.setdefault((chunk.source, chunk.task), []).append(chunk)
+        names = {one.name: one.channels for one in self.brings(data)} if parts else {}
+        for source, task in parts:
+            files, count = self.files.get(source, []), sum(name == source for name, _ in parts)
+            file = files[task].name if len(files) == count else f"recording {task}"
+            listed = parts[source, task]
+            steps = np.diff(np.concatenate([one.t for one in listed]))
+            step = 1e-9 * float(np.median(steps)) if len(steps) else 1.0
+            whole = np.concatenate([one.v for one in listed])[:, : len(names[source])]
+            yield Samples(source, file, names[source], step, whole)
 
 
 @dataclass(frozen=True)
@@ -42,6 +88,8 @@ class View:
     """What the arbiter found."""
     tallies: tuple[Tally, ...]
     """What the sources found."""
+    recorded: tuple[Samples, ...]
+    """Samples as they were recorded, by source and task; none where rows were given as such."""
 
     @cached_property
     def model(self) -> Model:
@@ -88,7 +136,7 @@ def view(setup: Setup, versions: Versions, number: int, data: Data) -> View:
     Raises:
         DataError: a recording cannot be read, or nothing is left of it.
     """
-    feed = Feed(setup.spec, setup.model)
+    feed = _Heard(setup.spec, setup.model)
     windows = tuple(feed.blocks(data))
     version = versions[number]
     track = setup.track(versions.model(number))
@@ -98,7 +146,8 @@ def view(setup: Setup, versions: Versions, number: int, data: Data) -> View:
         state, out = track.step(state, window)
         judged.append(out.rows.judged(window))
         events += [record for record in out.records if isinstance(record, Event)]
-    return View(setup, versions, version, windows, tuple(judged), tuple(events), feed.left_out)
+    seen = windows, tuple(judged), tuple(events), feed.left_out, tuple(feed.samples(data))
+    return View(setup, versions, version, *seen)
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,9 @@ class Finding:
     """
 
     kind: str
-    """unit, sign, lag, clock, gap, frozen, absurd, missing, lost, not_identifiable, weak,
-    not_connected, at_bound, range, horizon, tolerance, requirement, not_possible."""
+    """unit, sign, lag, rate, held, repeated, clock, gap, frozen, absurd, missing,
+    lost, not_identifiable, weak, not_connected, at_bound, range, horizon, tolerance,
+    requirement, not_possible."""
     subject: str
     """Channel, parameter or setting."""
     reason: str

@@ -80,6 +80,8 @@ class Feed:
     """By source, once it is read."""
     events: list[Event] = field(default_factory=list)
     """What the alignment said of the samples so far."""
+    files: dict[str, list[Path]] = field(default_factory=dict)
+    """By source, in the order in which they were read."""
 
     def blocks(self, data: Data = None) -> Iterator[Block]:
         """One block a task, cropped; row numbers and tasks run on over all of them.
@@ -214,6 +216,7 @@ class Feed:
             for name, c in spec.channels.items()
         ]
         cells += [Cell(f"?{column}", column, "1") for column in spec.where]
+        self.files.setdefault(spec.name, []).extend(paths)
         time = spec.time
         clock = Clock(time.column, time.unit, time.rate, round(spec.offset * 1e9))
         stated = Stated(spec.header, spec.delimiter, spec.decimal)
