@@ -24,6 +24,7 @@ from evertwin.loop.setup import Setup
 from evertwin.loop.term_search import own_start
 from evertwin.loop.versions import Versions
 from evertwin.loop.windows import starts
+from evertwin.machines.friction.resisting import WITHIN, within
 from evertwin.models import Model
 from evertwin.types import Inputs, Intervals, Json, ParameterVector
 
@@ -142,10 +143,7 @@ def _rows(model: Model, seen: list[Prediction]) -> tuple[Inputs, Intervals]:
     if seen:
         block: Block = seen[0].window
         return block.u, block.dt
-    low = np.clip([c.low for c in model.inputs], -1.0, None)
-    high = np.clip([c.high for c in model.inputs], None, np.maximum(low, 0.0) + 1.0)
-    rng = np.random.default_rng(0)
-    return rng.uniform(low, high, (200, len(low))), np.full(200, 0.01)
+    return within(model.inputs), np.full(WITHIN, 0.01)
 
 
 def _run(name: str, seen: list[Prediction]) -> Run:

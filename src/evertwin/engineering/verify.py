@@ -17,10 +17,11 @@ from typing import Any
 import numpy as np
 
 from evertwin.engineering.verification import Check, VerificationReport
-from evertwin.engineering.verify_arm import verify_arm
+from evertwin.engineering.verify_arm import resists, verify_arm
 from evertwin.engineering.verify_machines import closed_forms
 from evertwin.errors import LawBroken
 from evertwin.machines.arm import Arm
+from evertwin.machines.assembly.inverse import StaticInverse
 from evertwin.models import Model, check_model
 from evertwin.models.configured import configured
 from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
@@ -66,6 +67,7 @@ def verify(
             )
         )
         checks += closed_forms(model, values)
+        checks += [resists(model, u[known], values)] if isinstance(model, StaticInverse) else []
     if len(model.states):
         checks += [_halved(model, start, rows, steps, values), _rest(model, start, steps, values)]
     else:

@@ -33,6 +33,8 @@ from evertwin.machines.arm.mjcf import central, mjcf_of
 from evertwin.machines.arm.rnea import BODY
 from evertwin.machines.assembly.kinematics import frames
 from evertwin.machines.catalog import machine
+from evertwin.machines.friction.resisting import pushing
+from evertwin.models import Model
 from evertwin.types import Float64, Inputs, Outputs, ParameterVector, Vector
 
 TORQUE, EXACT, POWER, ENERGY = 1e-7, 1e-12, 1e-6, 1e-6
@@ -94,7 +96,8 @@ class Rigid(NamedTuple):
 def verify_arm(arm: Arm, u: Inputs, p: ParameterVector) -> tuple[Check, ...]:
     """All checks of an arm at the parameters ``p``, on rows ``u`` of joint (or motor) motion."""
     p, said = _physical(arm, p)
-    seen = u[np.isfinite(u).all(axis=1)][:: max(1, len(u) // ROWS)][:ROWS]
+    whole = u[np.isfinite(u).all(axis=1)]
+    seen = whole[:: max(1, len(u) // ROWS)][:ROWS]
     rng = np.random.default_rng(0)
     rows = np.concatenate([seen, rng.uniform(-2.0, 2.0, (ROWS, 3 * arm.chain.n))])
     rigid = Rigid.of(replace(arm.chain, inertia=arm.bodies(p).ravel()))
@@ -102,7 +105,7 @@ def verify_arm(arm: Arm, u: Inputs, p: ParameterVector) -> tuple[Check, ...]:
     return (
         *_against_engine(arm, p, rows, joints, (rigid, said)),
         *_laws(rigid, joints, rng),
-        _friction(arm, p, seen if len(seen) else rows),
+        resists(arm, whole if len(whole) else rows, p),
     )
 
 
@@ -259,14 +262,9 @@ def _free_motion(rigid: Rigid, rng: np.random.Generator) -> Check:
     return Check("energy of a free motion", "law", drift, ENERGY, "1", said)
 
 
-def _friction(arm: Arm, p: ParameterVector, rows: Inputs) -> Check:
-    """Power that friction gives out; an offset is no friction and left out."""
-    n = arm.chain.n
-    torque = _torques(arm, rows, _unbiased(arm, p)) - _torques(arm, rows, _bare(arm, p))
-    power = torque * _motors(arm, rows)[:, n : 2 * n]
-    worst, joint = max(0.0, float(-power.min())), int(np.argmin(power.min(axis=0)))
-    limit = 1e-9 * max(1.0, float(np.abs(power).max()))
-    said = f"{len(rows)} rows"
-    if worst > limit:
-        said += f"; joint {joint + 1} gives power out: a friction parameter has the wrong sign"
-    return Check("friction takes power out", "law", worst, limit, "W", said)
+def resists(model: Model, u: Inputs, p: ParameterVector) -> Check:
+    """Power that the friction of a static map gives out; an offset is no friction and left out."""
+    found = pushing(model, u, np.empty((len(u), 0)), p)
+    said = "; ".join((f"{len(u)} rows", *map(str, found)))
+    worst = max((push.power for push in found), default=0.0)
+    return Check("friction takes power out", "law", worst, 0.0, "W", said)

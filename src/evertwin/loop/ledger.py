@@ -16,6 +16,7 @@ from typing import Any
 from evertwin.errors import StoreDamaged, StoreError, UsageError
 from evertwin.fold import Answer, Event, Record
 from evertwin.loop.versions import Versions
+from evertwin.machines.friction.resisting import not_physical
 from evertwin.models.form import Form, Version
 from evertwin.store import Batch, Entry, Estimate, Kept, Store
 
@@ -221,9 +222,10 @@ class Ledger:
         """Makes a version live, whatever the gate says.
 
         Raises:
-            UsageError: there is no such version, or another one is pinned.
+            UsageError: there is no such version, another one is pinned, or it is not physical.
         """
         self._refuse_pinned(self.versions[number].number)
+        self._refuse_unphysical(number)
         return self.switch(number, "promoted", reason, person)
 
     def roll_back(self, reason: str, person: str = "") -> Event:
@@ -244,6 +246,16 @@ class Ledger:
                 f"version {number}"
             )
 
+    def _refuse_unphysical(self, number: int) -> None:
+        """What has been live may be so again: a roll-back asks nothing."""
+        p = self.versions[number].p
+        wrong = "" if number in self.lives else not_physical(self.versions.model(number), p)
+        if wrong:
+            raise UsageError(
+                f"version {number} is not physical: {wrong}: fit it with bounds on these numbers, "
+                "or on rows that tell them apart"
+            )
+
     def switch(self, number: int, kind: str, reason: str, person: str = "") -> Event:
         """Makes a version live by an event."""
         version = self.versions[number]
@@ -257,6 +269,7 @@ class Ledger:
         if number is not None and not 0 <= number < len(self.versions):
             raise UsageError(f"pin: there are versions 0 to {len(self.versions) - 1}")
         chosen = self.champion if number is None else number
+        self._refuse_unphysical(chosen)
         evidence = {"version": chosen, "pinned": number is not None}
         said = f"version {chosen} pinned: {reason}" if number is not None else f"unpinned: {reason}"
         return self._ordered("pinned", said, evidence, person)

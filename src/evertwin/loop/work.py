@@ -21,11 +21,13 @@ from evertwin.errors import DataError, ModelError, UsageError
 from evertwin.fold import Block, plain
 from evertwin.loop.correcting import learn
 from evertwin.loop.friction_law import climb_laws
+from evertwin.loop.physical import physically
 from evertwin.loop.posterior import posterior
 from evertwin.loop.recursive_fit import Recursion
 from evertwin.loop.setup import Setup
 from evertwin.loop.versions import Versions
 from evertwin.loop.workers import setup_of
+from evertwin.machines.friction.resisting import not_physical
 from evertwin.models import Model
 from evertwin.models.corrected import Corrected
 from evertwin.models.form import Form, Version
@@ -90,12 +92,28 @@ class Work:
                 content = self.fit(task.version, task.windows, task.tunings)
             else:
                 content = self.correct(task.version, task.windows)
+            self._refuse(task, content)
         except TooFew as error:
             # not a verdict on anything: more rows come
             content = {"events": [], "waits": str(error)}
         except (DataError, ModelError, UsageError) as error:
             content = rejected(f"{task.kind}: {error}")
         return plain(content)  # type: ignore[return-value]
+
+    def _refuse(self, task: Task, content: dict[str, Any]) -> None:
+        """A candidate that is not physical on its rows is none, and an event says why."""
+        found = content.get("candidate")
+        if found is None:
+            return
+        model = self.versions.model_of(found["form"])
+        own = dict(zip(task.version.names, task.version.values, strict=True)) | found["values"]
+        names = model.parameters.names
+        p = model.parameters.with_values({n: own[n] for n in names if n in own}).values
+        wrong = not_physical(model, p, task.windows)
+        if wrong:
+            content["candidate"] = None
+            said, evidence = f"not physical: {wrong}", {"values": found["values"]}
+            content["events"].append(_event("rejected", "", said, evidence))
 
     # ------------------------------------------------------------------ tuning
 
@@ -128,7 +146,11 @@ class Work:
         return schedule.due(tunings)
 
     def tune(self, problem: Problem) -> tuple[Fit, dict[str, Any]]:
-        """The fit; where it went by rounds, these and the single-axis simulations they took."""
+        """The fit, its friction held to what resists; where it went by rounds, these and the
+        single-axis simulations they took."""
+        return physically(problem, self._tune)
+
+    def _tune(self, problem: Problem) -> tuple[Fit, dict[str, Any]]:
         rule = self.setup.spec.tuning
         if rule.method != "iteration":
             return solve(problem), {}

@@ -42,6 +42,7 @@ from evertwin.machines.friction.kernel import (
     steepness,
     width_of,
 )
+from evertwin.machines.friction.resisting import Rubbed
 from evertwin.machines.friction.terms.two_sided import TWO_SIDED
 from evertwin.models import Compiled, Parameter, Parameters
 from evertwin.signals import Layout
@@ -53,6 +54,7 @@ from evertwin.types import (
     Outputs,
     ParameterVector,
     StateVector,
+    Vector,
 )
 
 INERTIA, STANDSTILL, LAW = range(3)
@@ -158,6 +160,19 @@ class _Rubs:
         """Friction's coefficients."""
         return self.law.rubbing()
 
+    def _drive(
+        self, context: Any, p: ParameterVector, rows: tuple[Vector, Vector]
+    ) -> tuple[Rubbed, ...]:
+        """Friction at rows of speed and position, without its constant force."""
+        free = np.array(p)
+        for k, (_, one) in enumerate(self.law.coefficients, start=1):
+            free[k] = 0.0 if one.bias else free[k]
+        force = [
+            _friction(context, free, v, q, self.law.standstill)
+            for v, q in zip(*(each.tolist() for each in rows), strict=True)
+        ]
+        return (Rubbed("the drive", self.rubbing, ("m/s", "N"), rows[0], np.array(force)),)
+
     def rungs(self) -> tuple[Rung, ...]:
         """Steps up the ladder of friction laws; each has to pay on unseen data."""
         return self.law.rungs()
@@ -178,6 +193,10 @@ class Drive(_Rubs, Compiled):
         self.law, parameters, context = _build(law, two_sided, 0.0, ("q",))
         motion = Layout.of(position="m", speed="m/s")
         super().__init__(Layout.of(force="N"), motion, motion, parameters, step, observe, context)
+
+    def rubbed(self, u: Inputs, y: Outputs, p: ParameterVector) -> tuple[Rubbed, ...]:
+        """Friction at the measured speeds."""
+        return self._drive(self._context, p, (y[:, 1], y[:, 0]))
 
 
 @dataclass(frozen=True, init=False)
@@ -207,6 +226,10 @@ class DriveForce(_Rubs, Compiled):
             context,
         )
         object.__setattr__(self, "law", form)
+
+    def rubbed(self, u: Inputs, y: Outputs, p: ParameterVector) -> tuple[Rubbed, ...]:
+        """Friction at the rows' speeds."""
+        return self._drive(self._context, p, (u[:, 0], np.full(len(u), np.nan)))
 
     @property
     def columns(self) -> Int64[np.ndarray, "1 m"]:

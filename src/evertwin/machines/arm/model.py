@@ -42,6 +42,7 @@ from evertwin.machines.arm.rnea import BODY
 from evertwin.machines.arm.urdf import Robot, parse, read
 from evertwin.machines.friction import Law, Rung, shape_of
 from evertwin.machines.friction.kernel import WIDTH
+from evertwin.machines.friction.resisting import Rubbed, friction
 from evertwin.models import Kernel, Parameter, Parameters, Restart, roll
 from evertwin.models.given import check_options
 from evertwin.models.static import StaticMap
@@ -339,6 +340,24 @@ class Arm(StaticMap):
     def biases(self) -> tuple[str, ...]:
         """Constant forces of the drives."""
         return tuple(n for j, law in enumerate(self.laws) for n in law.biases(str(j + 1)))
+
+    def rubbed(self, u: Inputs, y: Outputs, p: ParameterVector) -> tuple[Rubbed, ...]:
+        """Friction of every joint at rows of motion, as its motor feels it."""
+        force = friction(self, u, p, self.rubbing, self.biases)
+        if self.motor:
+            at = self.parameters.index("K1")
+            force = force * p[at : at + len(self.motor)]
+        motors = u
+        if self.coupling is not None and not self.coupling.motors:
+            motors = self.coupling.of_joints(u)
+        n, slides = self.chain.n, self.chain.sliding
+        return tuple(
+            Rubbed(
+                f"joint {j + 1}", law.rubbing(str(j + 1)),
+                ("m/s", "N") if slides[j] else ("rad/s", "Nm"), motors[:, n + j], force[:, j],
+            )
+            for j, law in enumerate(self.laws)
+        )  # fmt: skip
 
     def rungs(self) -> tuple[Rung, ...]:
         """Steps up the ladder of friction laws, joint by joint; each has to pay on unseen data."""

@@ -42,6 +42,7 @@ from evertwin.machines.assembly.ladder import Laddered
 from evertwin.machines.assembly.sensors import Sensor, sensors_of
 from evertwin.machines.assembly.shared import QUANTITIES
 from evertwin.machines.assembly.train import Train
+from evertwin.machines.friction.resisting import Rubbed, friction
 from evertwin.models import Kernel, Parameters, Restart, roll
 from evertwin.signals import Channel, Layout
 from evertwin.signals.channels import position
@@ -219,6 +220,19 @@ class StaticInverse(Laddered, Inverse):
     >>> hasattr(StaticInverse, "regressor")
     True
     """
+
+    def rubbed(self, u: Inputs, y: Outputs, p: ParameterVector) -> tuple[Rubbed, ...]:
+        """Friction of every axis at rows of motion, in what is measured of it."""
+        rubs, units = self.train.rubs, self.outputs.units
+        biases = [f"{rub.name}.{name}" for rub in rubs for name in rub.law.biases()]
+        force, found = friction(self, u, p, self.rubbing, biases), []
+        for axis in self.train.axes:
+            k, per = axis.number, "m/s" if axis.slides else "rad/s"
+            own = [rub for rub in rubs if rub.axis == k]
+            names = tuple(f"{rub.name}.{name}" for rub in own for name in rub.law.rubbing())
+            speed = u[:, self.inputs.index(f"qd{k + 1}")]
+            found.append(Rubbed(f"axis {k + 1}", names, (per, units[k]), speed, force[:, k]))
+        return tuple(found)
 
     @cached_property
     def _columns(self) -> tuple[tuple[Column, ...], ...]:
