@@ -13,6 +13,7 @@ for filtered or coloured residuals it is larger. Degrees of freedom count effect
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -112,17 +113,19 @@ def noise_of(problem: Problem, left: Squares, parameters: PerOutput) -> PerOutpu
     return np.asarray(np.maximum(sigma, 1e-12 * measured + 1e-300))
 
 
-def sizes_of(problem: Problem, acting: Sensitivity, sigma: PerOutput, values: Vector) -> Vector:
+def sizes_of(problem: Problem, acting: Sensitivity, values: Vector) -> Vector:
     """Natural size of each parameter, (k,): what counts as a large error of it."""
     sizes = np.maximum(np.abs(problem.start), np.abs(values))
     zero = problem.start == 0
     if zero.any():
         # A parameter that starts at zero may well end near it and has no size of its own there: a
-        # tenth of what would explain the whole output.
-        length = np.sqrt(acting.information(sigma).diagonal())
-        whole = np.sqrt(np.nansum(np.square(problem.rows.y / sigma)))
-        tenth = np.divide(0.1 * whole, length, out=np.ones(len(sizes)), where=length > 0)
-        sizes[zero] = np.maximum(sizes[zero], tenth[zero])
+        # tenth of what would explain the whole of the output that it explains best.
+        whole = np.nansum(np.square(problem.rows.y), axis=0)[:, None]
+        square = np.divide(whole, acting.squares, out=np.full_like(acting.squares, np.inf),
+                           where=acting.acts)  # fmt: skip
+        tenth = 0.1 * np.sqrt(square.min(axis=0))
+        known = zero & np.isfinite(tenth)
+        sizes[known] = np.maximum(sizes[known], tenth[known])
     sizes[sizes == 0] = 1.0
     return np.asarray(sizes)
 
@@ -138,7 +141,7 @@ def assemble(problem: Problem, outcome: Outcome, acting: Sensitivity, began: flo
     before = squares(problem, problem.first)
     left = squares(problem, problem.residuals(outcome.values))
     sigma = noise_of(problem, left, acting.paid)
-    sizes = sizes_of(problem, acting, sigma, outcome.values)
+    sizes = sizes_of(problem, acting, outcome.values)
     judged = gate(acting, sigma, problem.names, sizes)
     before_and_now = zip(held or judged.reasons, judged.reasons, strict=True)
     refused = [was or reason for was, reason in before_and_now]
@@ -151,7 +154,7 @@ def assemble(problem: Problem, outcome: Outcome, acting: Sensitivity, began: flo
     covariance, quantile = _covariance(problem, acting, correlation, (sigma, spectrum))
     half = quantile * np.sqrt(covariance.diagonal())
     verdicts, reasons = grade(refused, half / sizes)
-    verdicts, reasons = _doubted(problem, outcome.values, verdicts, reasons)
+    verdicts, reasons = _doubted(problem, outcome.values, half, (verdicts, reasons))
     values = outcome.values
     if "not" in verdicts:
         free = np.array([verdict != "not" for verdict in verdicts])
@@ -196,13 +199,17 @@ def assemble(problem: Problem, outcome: Outcome, acting: Sensitivity, began: flo
 
 
 def _doubted(
-    problem: Problem, values: Vector, verdicts: tuple[str, ...], reasons: tuple[str, ...]
+    problem: Problem, values: Vector, half: Vector, judged: tuple[Sequence[str], Sequence[str]]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """What resists by its nature and was fitted below zero is not called identifiable."""
-    words, why = list(verdicts), list(reasons)
+    """Not called identifiable: what is not told from zero, or resists and was fitted below it."""
+    words, why = map(list, judged)
     for k, (value, place) in enumerate(zip(values.tolist(), problem.places.tolist(), strict=True)):
-        claimed = value < 0 and words[k] == "identifiable"
-        if claimed and problem.parameters.items[place].resists:
+        if words[k] != "identifiable":
+            continue
+        if half[k] >= abs(value):
+            words[k] = "weak"
+            why[k] = f"not told from zero: {value - half[k]:.3g} to {value + half[k]:.3g}"
+        elif value < 0 and problem.parameters.items[place].resists:
             words[k] = "weak"
             why[k] = "negative, so it would drive: the rows or the form mislead it"
     return tuple(words), tuple(why)

@@ -100,7 +100,7 @@ def _search(problem: Problem, settings: Settings, began: float) -> Fit:
         _check_knobs(problem, acting)
         first = squares(problem, problem.first)
         sigma = noise_of(problem, first, np.zeros(len(first.rows)))
-        sizes = sizes_of(problem, acting, sigma, problem.start)
+        sizes = sizes_of(problem, acting, problem.start)
         before = gate(acting, sigma, problem.names, sizes)
         # Collinear parameters take part, so that the others stay unbiased; they are put back after.
         held = tuple(r if r.startswith("not excited") else "" for r in before.reasons)
