@@ -31,6 +31,12 @@ def joint(name: str, parent: str, child: str, kind: str = "revolute") -> str:
     return f'<joint name="{name}" type="{kind}">{ends}<axis xyz="0 0 1"/></joint>'
 
 
+def test_a_link_without_inertia_is_a_mass_in_one_point() -> None:
+    robot = parse(text(ixx="0", izz="0").replace('iyy="0.1"', 'iyy="0"'), "rod.urdf")
+    assert robot.links["rod"].mass == 2.0 and not robot.links["rod"].inertia.any()
+    assert "link 'rod' has no inertia: taken as a mass in one point" in robot.notes[0]
+
+
 BROKEN = {
     "zero mass": (text(mass="0"), "link 'rod' has mass 0 kg"),
     "negative mass": (text(mass="-1"), "link 'rod' has mass -1 kg"),

@@ -232,7 +232,10 @@ def _link(where: str, element: Element, notes: list[str]) -> Link:
         for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
     )
     own = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=np.float64)
-    notes += checked(at, mass, own)
+    if own.any():
+        notes += checked(at, mass, own)
+    else:
+        notes.append(f"{at} has no inertia: taken as a mass in one point")
     origin = inertial.find("origin")
     turn = rotation(*_numbers(at, origin, "rpy", "0 0 0", 3))
     centre = np.array(_numbers(at, origin, "xyz", "0 0 0", 3))
