@@ -84,6 +84,18 @@ def test_friction_that_gives_power_out_is_found_with_its_joint() -> None:
     assert not check.passed and "joint 4 gives power out" in check.said
 
 
+def test_a_point_on_the_axis_of_the_last_joint_is_told_and_stops_nothing() -> None:
+    rows = [
+        {"a": 0.3, "mass": 2.0, "com": [-0.1, 0, 0], "inertia": [0.01, 0.02, 0.02]},
+        {"d": 0.1, "mass": 0.2, "com": [0, 0, 0.04]},
+    ]
+    arm = Arm.of(dh=rows)
+    u = np.random.default_rng(0).uniform(-1, 1, (300, 6))
+    found = named(verify_arm(arm, u, arm.parameters.values))
+    assert "turns no inertia" in found["energy of a free motion"].said
+    assert found["power balance"].passed and not found["energy of a free motion"].ran
+
+
 def test_base_parameters_that_no_body_has_are_told() -> None:
     arm, p = set_up(base=True)
     k = next(k for k, name in enumerate(arm.parameters.names) if name.endswith(".Izz"))
