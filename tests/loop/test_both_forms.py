@@ -14,7 +14,7 @@ from evertwin.compiled.functions import CFunction, Function
 
 from .machines import arm, play, robot
 
-CALLS = 12
+CALLS = 4
 """Calls of each function that are compared."""
 
 

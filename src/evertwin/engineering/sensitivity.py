@@ -16,11 +16,11 @@ parameters those components need no simulation at all.
 >>> from evertwin.models import FunctionModel, Parameters
 >>> from evertwin.signals import Layout
 >>> import numpy as np
->>> v = np.linspace(-1, 1, 50)[:, None]
+>>> v = np.linspace(-1, 1, 6)[:, None]
 >>> axis = FunctionModel(lambda x, u, dt, p: ([], [p[0] * np.sign(u[0]) + p[1] * u[0]]),
 ...     Layout.of(speed="rad/s"), Layout.of(torque="Nm"),
 ...     parameters=Parameters.of(Fc=(9.0, "Nm"), Fv=(1.0, "Nms/rad")))
->>> rows = make_block(t=np.arange(50), u=v, y=10 * v)
+>>> rows = make_block(t=np.arange(6), u=v, y=10 * v)
 >>> found = sobol(Problem(axis, (rows,)), np.array([4.5, 0.5]), seed=1)
 >>> found.share.round(1).tolist()
 [[1.0, 0.0]]
