@@ -8,7 +8,7 @@ arbiter lies above it, with a 95 % interval (bootstrap over the runs, paired). "
 runs in which the twin was ever 0.3 m away from the one that is told.
 
 Faults of 10 s begin after 10 to 17 s. Each has its relatives: a frozen sensor with dither, at two
-values, with spikes.
+values, with spikes. A recorded command may be wrong too; then "told" has the true one.
 """
 
 from __future__ import annotations
@@ -51,6 +51,8 @@ FAULTS: dict[str, Change] = {
         for factor in (1e6, 1000.0, 100.0, 180 / np.pi, 25.4, 10.0, 3.281, 0.1, 0.01, 0.001)
     },
 }
+COMMANDS = {f"command x {factor:g}": factor for factor in (1000.0, 10.0, 3.0, -1.0, 0.0)}
+"""Factors on the recorded command; the machine got the true one."""
 SAYS = {"overruled": "overruled", "measurement_error": "errors", "measurement_restored": "restored"}
 
 
@@ -64,6 +66,10 @@ def faulty(fault: str, seed: int, way: str) -> Run:
     elif fault == "real 1 m jump":
         y[onset:] += 1.0
         run.truth[onset:] += 1.0
+    elif fault in COMMANDS:
+        v = run.v.copy()
+        v[onset : onset + LONG] *= COMMANDS[fault]
+        run = run._replace(v=v)
     elif fault in FAULTS:
         at = slice(onset, onset + LONG)
         y[at] = FAULTS[fault](y[at], rng)
@@ -84,6 +90,8 @@ def case(fault: str, seed: int, gain: float, way: str) -> Case:
     """A fault's recording through the twins."""
     run = faulty(fault, seed, way)
     told = run._replace(y=np.where(run.faulty, np.nan, run.y))
+    if fault in COMMANDS:
+        told = drive(seed, way=way)
     ours, learned, known = (
         followed(run, gain=gain), followed(run, 0.0, gain), followed(told, gain=gain)
     )  # fmt: skip
@@ -141,7 +149,7 @@ def main() -> int:
         print(f"gain {gain}, {way}, {seeds} seeds; found per run")
         heads = f"{'fault':22}{'no gate':>9}{'arbiter':>10}{'σ learned':>11}{'told':>9}"
         print(f"{heads}  {'more than told':27}adopted  found")
-        for fault in ("clean", "8 spikes of 2 m", "real 1 m jump", *FAULTS):
+        for fault in ("clean", "8 spikes of 2 m", "real 1 m jump", *FAULTS, *COMMANDS):
             print(show(fault, seeds, gain, way), flush=True)
     print(calm(24.0))
     return 0
