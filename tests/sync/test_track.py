@@ -359,6 +359,34 @@ def test_a_command_that_the_machine_never_got(use: Any, factor: float, length: i
     assert np.abs(out.rows.y[1:, 0] - truth[1:]).max() < near
 
 
+@pytest.mark.parametrize("rate", [1, 10])
+def test_a_machine_that_is_blocked_at_a_new_speed_is_no_wrong_command(rate: int) -> None:
+    """Nor is one that stands in a dead zone that ends above all that was asked of it before."""
+    n, rng = 900 * rate, np.random.default_rng(rate)
+    for top in (0.1, 0.3, 0.6):
+        v = np.repeat(rng.choice([0.0, 0.05, 0.08], 300), 3 * rate)
+        v[300 * rate : 360 * rate] = top
+        truth = np.concatenate([[0.0], np.cumsum(np.where(v == top, 0.0, v)[1:] / rate)])
+        y = truth + rng.normal(0, 0.003, n)
+        block = make_block(t=np.arange(n) * (10**9 // rate), u=v[:, None], y=y[:, None])
+        _, out = fold(Track(drive(), Arbiter(Rule(use="tolerance", tolerance=0.02))), [block])
+        assert (out.rows.doubt == 0).all() and (out.rows.u == block.u).all()
+        assert np.nanmedian(np.abs(out.rows.residual[305 * rate : 355 * rate])) > 0.5 * top / rate
+
+
+def test_a_doubt_about_a_command_gives_way() -> None:
+    block, _ = wrong_inputs(1, 1.0, slice(0, 0))
+    block, n = make_block(t=np.arange(2400) * 10**8, u=np.tile(block.u, (4, 1)),
+                          y=np.zeros((2400, 1))), 2400  # fmt: skip
+    v = block.u[:, 0].copy()
+    moved = np.concatenate([[0.0], np.cumsum(v[1:] * 0.1)])
+    block.y[:, 0] = moved + np.random.default_rng(0).normal(0, 0.01, n)
+    block.u[400:, 0] *= 1000.0
+    _, out = fold(Track(drive(), Arbiter(Rule(use="blend", sigma=0.01))), [block])
+    doubted = np.flatnonzero(out.rows.doubt[:, 0] == Mark.ERROR)
+    assert doubted.tolist() == list(range(400, 1400))
+
+
 def test_a_command_that_the_machine_follows_is_believed() -> None:
     """Creeping first, then twenty times as fast; also where the machine cannot follow all of it."""
     for seed, cap in [(seed, cap) for seed in range(10) for cap in (np.inf, 0.3)]:

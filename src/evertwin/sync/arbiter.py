@@ -238,11 +238,11 @@ def _input_event(inputs: Layout, found: np.ndarray, detail: np.ndarray) -> Event
     unit = inputs.units[k]
     evidence = {"onset": first, "end": final, "samples": number, "range": [low, high]}
     if kind == at.Finding.SOUND:
-        reason = f"the outputs follow {value:.4g} {unit} again"
+        reason = f"{value:.4g} {unit} is believed again"
         return _event(row, time, "measurement_restored", inputs.names[k], reason, evidence)
     reason = (
         f"{value:.4g} {unit} lies far outside of what it was ({low:.4g} to {high:.4g} {unit}), and "
-        "the outputs do not follow it: taken as it was believed last"
+        "the outputs do not follow it: taken as it was before"
     )
     return _event(row, time, "measurement_error", inputs.names[k], reason, evidence)
 

@@ -1,9 +1,9 @@
 """Compiled: is an input of this row believed?
 
-An input far outside the range that it had until now is tried against its last believed value. Where
-the outputs are off by far less with that, they do not follow it: it did not reach the machine as it
-was recorded, and the last believed value stands in its place. Where they follow, or tell nothing of
-it, it is believed and widens the range.
+An input outside the range that it had is tried against its last usual value. Where the outputs are
+off by far less with that, they do not follow it. Far outside, that is no machine's doing: the input
+did not reach it as it was recorded, and the usual value stands in its place. Nearer, a machine that
+is blocked gives such rows too: the input is believed, but it does not widen the range.
 
 See `evertwin.sync.plausible_loop` for the tuples of arrays.
 """
@@ -20,8 +20,10 @@ from evertwin.sync.horizon_loop import wrapped
 from evertwin.sync.options import COLD, HOT
 from evertwin.sync.plausible_loop import grown, variance_of
 
-REACH = 1.0
-"""Widths of its range that an input is outside it to be tried."""
+REACH = 10.0
+"""Widths of its range by which an input is outside it that no machine was meant to follow."""
+LONGEST = 1000
+"""Rows after which a doubt gives way: what lasts may be the machine's as well."""
 ENOUGH = 100
 """Believed rows from which the range is known."""
 BETTER = 0.1
@@ -31,13 +33,21 @@ FOUND_INPUT, FOUND_SOUND = 6, 7
 
 
 @njit(**HOT)
-def is_far(inputs: Any, counts: Any, k: int, u: float) -> bool:
-    """Is a value far outside the range that the input had?"""
+def is_beyond(inputs: Any, counts: Any, k: int, u: float, widths: float) -> bool:
+    """Is a value outside the known range of its input, by more than so many widths of it?"""
     low, high = inputs[k, at.LOWEST], inputs[k, at.HIGHEST]
-    reach = REACH * (high - low)
-    if counts[k, at.SEEN] < ENOUGH or not reach > 0:
+    if counts[k, at.SEEN] < ENOUGH or not high > low:
         return False
-    return bool(u > high + reach or u < low - reach)
+    return bool(u > high + widths * (high - low) or u < low - widths * (high - low))
+
+
+@njit(**COLD)
+def is_any_beyond(inputs: Any, counts: Any, u: Any, i: int, widths: float) -> bool:
+    """Is an input of the row, whose doubt has not given way?"""
+    for k in range(u.shape[1]):
+        if counts[k, at.DOUBTED] < LONGEST and is_beyond(inputs, counts, k, u[i, k], widths):
+            return True
+    return False
 
 
 @njit(**HOT)
@@ -53,21 +63,12 @@ def is_usual(inputs: Any, counts: Any, u: Any, i: int) -> bool:
     return True
 
 
-@njit(**HOT)
-def is_any_far(inputs: Any, counts: Any, u: Any, i: int) -> bool:
-    """Is there an input to be tried?"""
-    for k in range(u.shape[1]):  # noqa: SIM110 - generators do not compile
-        if is_far(inputs, counts, k, u[i, k]):
-            return True
-    return False
-
-
 @njit(**COLD)
 def instead(inputs: Any, counts: Any, u: Any, i: int, other: Any) -> None:
-    """Fills ``other`` with the row's inputs, those far outside as they were believed last."""
+    """Fills ``other`` with the row's inputs, those outside their range as they usually were."""
     for k in range(u.shape[1]):
-        far = is_far(inputs, counts, k, u[i, k])
-        other[k] = inputs[k, at.BELIEVED] if far else u[i, k]
+        beyond = is_beyond(inputs, counts, k, u[i, k], 0.0)
+        other[k] = inputs[k, at.BELIEVED] if beyond else u[i, k]
 
 
 @njit(**COLD)
@@ -124,9 +125,9 @@ def tell(inputs: Any, counts: Any, notes: Any, k: int, kind: int, u: float, now:
 
 @njit(**COLD)
 def doubt(inputs: Any, counts: Any, notes: Any, u: Any, doubts: Any, i: int, now: Any) -> None:
-    """The outputs do not follow what is far outside: taken as it was believed last, and told."""
+    """The outputs do not follow what is outside: taken as it usually was, and told."""
     for k in range(u.shape[1]):
-        if not is_far(inputs, counts, k, u[i, k]):
+        if not is_beyond(inputs, counts, k, u[i, k], 0.0):
             continue
         if counts[k, at.DOUBTED] == 0:
             counts[k, at.SINCE] = now[0]
@@ -137,17 +138,20 @@ def doubt(inputs: Any, counts: Any, notes: Any, u: Any, doubts: Any, i: int, now
 
 
 @njit(**COLD)
-def believe(inputs: Any, counts: Any, notes: Any, u: Any, doubts: Any, i: int, now: Any) -> None:
-    """The row's inputs that are believed: their range, and the end of a doubt."""
+def believe(
+    inputs: Any, counts: Any, notes: Any, u: Any, doubts: Any, i: int, now: Any, follows: bool
+) -> None:  # fmt: skip
+    """The row's inputs that are believed: the end of a doubt, and what they widen if followed."""
     for k in range(u.shape[1]):
         value = u[i, k]
         if doubts[i, k] == ERROR or not np.isfinite(value):
             continue
-        first = counts[k, at.SEEN] == 0
-        inputs[k, at.BELIEVED] = value
-        inputs[k, at.LOWEST] = value if first else min(inputs[k, at.LOWEST], value)
-        inputs[k, at.HIGHEST] = value if first else max(inputs[k, at.HIGHEST], value)
-        counts[k, at.SEEN] += 1
+        if follows or not is_beyond(inputs, counts, k, value, 0.0):
+            first = counts[k, at.SEEN] == 0
+            inputs[k, at.BELIEVED] = value
+            inputs[k, at.LOWEST] = value if first else min(inputs[k, at.LOWEST], value)
+            inputs[k, at.HIGHEST] = value if first else max(inputs[k, at.HIGHEST], value)
+            counts[k, at.SEEN] += 1
         if counts[k, at.DOUBTED] > 0:
             tell(inputs, counts, notes, k, FOUND_SOUND, value, now)
             counts[k, at.DOUBTED] = 0

@@ -16,7 +16,15 @@ from evertwin.compiled.memory import borrowed
 from evertwin.sync import places as at
 from evertwin.sync.arbiter_loop import forget, judge
 from evertwin.sync.horizon_loop import is_known, wrapped
-from evertwin.sync.input_loop import believe, doubt, explains, instead, is_any_far, is_usual
+from evertwin.sync.input_loop import (
+    REACH,
+    believe,
+    doubt,
+    explains,
+    instead,
+    is_any_beyond,
+    is_usual,
+)
 from evertwin.sync.options import HOT
 from evertwin.sync.plausible_loop import grown, variance_of
 from evertwin.sync.run_loop import begun
@@ -139,17 +147,20 @@ def run(
             failed = code != 0 or not is_known(next_x) or (anew and not is_known(sample[2]))
         for j in range(ny):
             measured[j], marked[j], take[j] = y[i, j], mark[i, nu + j], np.nan
-        usual = is_usual(known[0], known[1], inputs, i)
-        if not usual and not anew and is_any_far(known[0], known[1], inputs, i):
+        usual, follows = is_usual(known[0], known[1], inputs, i), True
+        # what no state keeps spoils its own row alone
+        judged = not usual and not anew and nx > 0
+        if judged and is_any_beyond(known[0], known[1], inputs, i, 0.0):
             instead(known[0], known[1], inputs, i, other)
             code = call(
                 step, c, a, other.ctypes.data, dt[i], parameters, beyond.ctypes.data,
                 expects.ctypes.data,
             )  # fmt: skip
             row = groups, sample[1], seen, now, phase
-            if code == 0 and is_known(beyond) and explains(
+            follows = code != 0 or not is_known(beyond) or not explains(
                 settings, memory, statistics, row, tried, sample[2], failed
-            ):  # fmt: skip
+            )  # fmt: skip
+            if not follows and is_any_beyond(known[0], known[1], inputs, i, REACH):
                 doubt(known[0], known[1], notes, inputs, doubted, i, now)
                 failed, phase = False, phase_of(inputs, i, column, borders)
                 for k in range(nx):
@@ -157,7 +168,7 @@ def run(
                 for j in range(ny):
                     predicted[j] = expects[j]
         if not usual:
-            believe(known[0], known[1], notes, inputs, doubted, i, now)
+            believe(known[0], known[1], notes, inputs, doubted, i, now, follows)
         for k in range(nx):
             x[k] = x0[k] if failed else ahead[k]
         for j in range(ny):
