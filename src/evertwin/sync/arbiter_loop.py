@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 
 from evertwin.compiled.functions import njit
+from evertwin.fold import Mark
 from evertwin.sync import places as at
 from evertwin.sync.factor_loop import blamed, persists, scaled
 from evertwin.sync.horizon_loop import wrapped
 from evertwin.sync.options import COLD, HOT
+from evertwin.sync.places import Cause, Finding
 from evertwin.sync.plausible_loop import doubted, grown, implausible, learn, measure
-from evertwin.sync.run_loop import follow, heard, withdraw
+from evertwin.sync.run_loop import follow, learn_noise, withdraw
 from evertwin.sync.vote_loop import (
     agrees,
     end_contest,
@@ -27,14 +29,16 @@ from evertwin.sync.vote_loop import (
     widen,
 )
 
-OK, CONTESTED, OVERRULED, ERROR = 0, 4, 5, 6
+OK, CONTESTED = int(Mark.OK), int(Mark.CONTESTED)
+OVERRULED, ERROR = int(Mark.OVERRULED), int(Mark.ERROR)
 ADOPTED, BLENDED, RESET, FIRST = 1, 2, 3, 4
-SYNTAX, FROZEN, FACTOR, VOTE = 1, 4, 6, 7
+SYNTAX, FROZEN, FACTOR, VOTE = map(int, (Cause.SYNTAX, Cause.FROZEN, Cause.FACTOR, Cause.VOTE))
 RECENT = 300
 """Samples that the mean square of measured − predicted remembers."""
 QUICKLY = 20
 """Samples in which the usual path rises; it falls over the memory of the variance."""
-FOUND_ERROR, FOUND_OVERRULED, FOUND_FRESH, FOUND_WIDER = 0, 1, 4, 5
+FOUND_ERROR, FOUND_OVERRULED = int(Finding.ERROR), int(Finding.OVERRULED)
+FOUND_FRESH, FOUND_WIDER = int(Finding.FRESH), int(Finding.WIDER)
 
 
 @njit(**COLD)
@@ -258,6 +262,6 @@ def judge(
     for k in range(size):
         nu = values[room[k], at.NU]
         learn(statistics, phase, room[k], nu * nu / growth)
-    heard(values, numbers, room, g, size)
+    learn_noise(values, numbers, room, g, size)
     figures[g, at.OUTSIDE] *= 1.0 - 1.0 / (4.0 * rules[g, at.VOTE])
     return OK, use(settings, memory, sample, g, size, now[1])

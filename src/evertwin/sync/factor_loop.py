@@ -18,8 +18,9 @@ from evertwin.compiled.functions import njit
 from evertwin.sync import places as at
 from evertwin.sync.horizon_loop import wrapped
 from evertwin.sync.options import COLD
+from evertwin.sync.places import Cause
 
-FACTOR = 6
+FACTOR = int(Cause.FACTOR)
 
 
 @njit(**COLD)

@@ -15,9 +15,11 @@ from typing import Any
 import numpy as np
 
 from evertwin.compiled.functions import njit
+from evertwin.fold import Mark
 from evertwin.sync import places as at
 from evertwin.sync.horizon_loop import wrapped
 from evertwin.sync.options import COLD, HOT
+from evertwin.sync.places import Finding
 from evertwin.sync.plausible_loop import grown, variance_of
 
 REACH = 10.0
@@ -28,8 +30,8 @@ ENOUGH = 100
 """Believed rows from which the range is known."""
 BETTER = 0.1
 """Share of the squared test ratio that remains where the last believed value explains a row."""
-ERROR = 6
-FOUND_INPUT, FOUND_SOUND = 6, 7
+ERROR = int(Mark.ERROR)
+FOUND_INPUT, FOUND_SOUND = int(Finding.INPUT), int(Finding.SOUND)
 
 
 @njit(**HOT)
@@ -51,8 +53,8 @@ def is_any_beyond(inputs: Any, counts: Any, u: Any, i: int, widths: float) -> bo
 
 
 @njit(**HOT)
-def is_usual(inputs: Any, counts: Any, u: Any, i: int) -> bool:
-    """Are all inputs of the row in the range that they had, none doubted? Then they count."""
+def count_usual(inputs: Any, counts: Any, u: Any, i: int) -> bool:
+    """Counts a row whose inputs are all in the range that they had, none doubted; else False."""
     for k in range(u.shape[1]):
         value = u[i, k]
         if not inputs[k, at.LOWEST] <= value <= inputs[k, at.HIGHEST] or counts[k, at.DOUBTED] > 0:
@@ -64,7 +66,7 @@ def is_usual(inputs: Any, counts: Any, u: Any, i: int) -> bool:
 
 
 @njit(**COLD)
-def instead(inputs: Any, counts: Any, u: Any, i: int, other: Any) -> None:
+def usual_instead(inputs: Any, counts: Any, u: Any, i: int, other: Any) -> None:
     """Fills ``other`` with the row's inputs, those outside their range as they usually were."""
     for k in range(u.shape[1]):
         beyond = is_beyond(inputs, counts, k, u[i, k], 0.0)
@@ -72,7 +74,7 @@ def instead(inputs: Any, counts: Any, u: Any, i: int, other: Any) -> None:
 
 
 @njit(**COLD)
-def worst(settings: Any, memory: Any, statistics: Any, row: Any, predicted: Any) -> float:
+def largest_ratio(settings: Any, memory: Any, statistics: Any, row: Any, predicted: Any) -> float:
     """The largest test ratio of the row's samples against a prediction; 0: nothing can be told.
 
     Args:
@@ -106,12 +108,14 @@ def explains(
     settings: Any, memory: Any, statistics: Any, row: Any, tried: Any, predicted: Any, failed: bool
 ) -> bool:
     """Are the samples off by far less from what was tried than from what was predicted?"""
-    was = np.inf if failed else worst(settings, memory, statistics, row, predicted)
-    return bool(was > 1.0 and BETTER * was > worst(settings, memory, statistics, row, tried))
+    was = np.inf if failed else largest_ratio(settings, memory, statistics, row, predicted)
+    return bool(
+        was > 1.0 and BETTER * was > largest_ratio(settings, memory, statistics, row, tried)
+    )
 
 
 @njit(**COLD)
-def tell(inputs: Any, counts: Any, notes: Any, k: int, kind: int, u: float, now: Any) -> None:
+def note_input(inputs: Any, counts: Any, notes: Any, k: int, kind: int, u: float, now: Any) -> None:
     """Notes that an input is doubted, or believed again."""
     found, detail, extent = notes
     n = extent[0]
@@ -131,7 +135,7 @@ def doubt(inputs: Any, counts: Any, notes: Any, u: Any, doubts: Any, i: int, now
             continue
         if counts[k, at.DOUBTED] == 0:
             counts[k, at.SINCE] = now[0]
-            tell(inputs, counts, notes, k, FOUND_INPUT, u[i, k], now)
+            note_input(inputs, counts, notes, k, FOUND_INPUT, u[i, k], now)
         counts[k, at.DOUBTED] += 1
         counts[k, at.TO] = now[0]
         u[i, k], doubts[i, k] = inputs[k, at.BELIEVED], ERROR
@@ -153,5 +157,5 @@ def believe(
             inputs[k, at.HIGHEST] = value if first else max(inputs[k, at.HIGHEST], value)
             counts[k, at.SEEN] += 1
         if counts[k, at.DOUBTED] > 0:
-            tell(inputs, counts, notes, k, FOUND_SOUND, value, now)
+            note_input(inputs, counts, notes, k, FOUND_SOUND, value, now)
             counts[k, at.DOUBTED] = 0

@@ -17,9 +17,11 @@ from evertwin.compiled.functions import njit
 from evertwin.sync import places as at
 from evertwin.sync.horizon_loop import wrapped
 from evertwin.sync.options import COLD, HOT
+from evertwin.sync.places import Cause
 from evertwin.sync.run_loop import is_frozen, may_revive
 
-NONE, RANGE, RATE, FROZEN, SENTINEL, FACTOR = 0, 2, 3, 4, 5, 6
+NONE, RANGE, RATE = int(Cause.NONE), int(Cause.RANGE), int(Cause.RATE)
+FROZEN, SENTINEL, FACTOR = int(Cause.FROZEN), int(Cause.SENTINEL), int(Cause.FACTOR)
 
 
 @njit(**HOT)

@@ -20,8 +20,9 @@ from evertwin.compiled.functions import njit
 from evertwin.sync import places as at
 from evertwin.sync.horizon_loop import wrapped
 from evertwin.sync.options import COLD, HOT
+from evertwin.sync.places import Cause
 
-FROZEN, FACTOR = 4, 6
+FROZEN, FACTOR = int(Cause.FROZEN), int(Cause.FACTOR)
 EQUAL, NEAR = 0, 1
 SURE = 12
 """Near values in a row: of Gaussian noise, four in ten lie as near to the first."""
@@ -30,7 +31,7 @@ MEMORY = 2000
 
 
 @njit(**HOT)
-def nearness(values: Any, numbers: Any, g: int, j: int) -> float:
+def near_square(values: Any, numbers: Any, g: int, j: int) -> float:
     """How near to each other the sensor's noise hardly lets values lie, squared: half a deviation.
 
     Successive changes share one sample's noise: −E[ν·ν'] is its variance, whatever else moves. Of
@@ -44,7 +45,7 @@ def nearness(values: Any, numbers: Any, g: int, j: int) -> float:
 
 
 @njit(**HOT)
-def heard(values: Any, numbers: Any, room: Any, g: int, size: int) -> None:
+def learn_noise(values: Any, numbers: Any, room: Any, g: int, size: int) -> None:
     """One more trusted innovation, for the noise of the sensor; not of one that may be frozen."""
     share = 1.0 / min(max(numbers[g, at.SAMPLES], 1), MEMORY)
     alone = numbers[g, at.RUN + NEAR] < 2
@@ -57,13 +58,13 @@ def heard(values: Any, numbers: Any, room: Any, g: int, size: int) -> None:
 
 
 @njit(**HOT)
-def enough(rules: Any, g: int, kind: int) -> float:
+def needed(rules: Any, g: int, kind: int) -> float:
     """Values in a row that make a sensor frozen, where motion is predicted."""
     return float(rules[g, at.FROZEN] if kind == EQUAL else SURE)
 
 
 @njit(**HOT)
-def belongs(
+def place_in_run(
     limits: Any, values: Any, numbers: Any, sample: Any, g: int, size: int, kind: int
 ) -> int:
     """1: the sample has the value of the run; 2: the other one of two in turn; 0: neither."""
@@ -76,7 +77,7 @@ def belongs(
             off = wrapped(y[j] - values[j, at.HELD + NEAR], limits[j, at.ANGLE] > 0)
             # the bound first: most samples are beyond what any noise could be
             square = off * off
-            if square > 4.0 * values[j, at.NOISE] or square > nearness(values, numbers, g, j):
+            if square > 4.0 * values[j, at.NOISE] or square > near_square(values, numbers, g, j):
                 return 0
         return 1
     place = 1
@@ -125,14 +126,14 @@ def follow(
     for k in range(size):
         again = again and y[room[k]] == values[room[k], at.LAST]
     for kind in range(2):
-        place = belongs(limits, values, numbers, sample, g, size, kind)
+        place = place_in_run(limits, values, numbers, sample, g, size, kind)
         if place > 0:
             numbers[g, at.RUN + kind] += 1
             numbers[g, at.AWAY + kind] = 0
             numbers[g, at.TURNS] += place - 1
             continue
         if numbers[g, at.AWAY + kind] == 0:
-            long = 0 < enough(rules, g, kind) <= numbers[g, at.RUN + kind]
+            long = 0 < needed(rules, g, kind) <= numbers[g, at.RUN + kind]
             stood = long and standstill(settings, memory, sample, g, size, kind)
             numbers[g, at.STOOD + kind] = stood
         lasting = numbers[g, at.CAUSE] == FROZEN or (numbers[g, at.RUN + kind] > 1 and not again)
@@ -177,7 +178,7 @@ def is_frozen(rules: Any, memory: Any, room: Any, g: int, size: int) -> bool:
     if numbers[g, at.CAUSE] == FROZEN and numbers[g, at.AWAY + numbers[g, at.HELD_BY]] > 0:
         return True
     for kind in range(2):
-        if numbers[g, at.AWAY + kind] > 0 or numbers[g, at.RUN + kind] < enough(rules, g, kind):
+        if numbers[g, at.AWAY + kind] > 0 or numbers[g, at.RUN + kind] < needed(rules, g, kind):
             continue
         if numbers[g, at.STILL + kind] >= 2:
             continue
@@ -189,7 +190,7 @@ def is_frozen(rules: Any, memory: Any, room: Any, g: int, size: int) -> bool:
         for k in range(size):
             j = room[k]
             gate = rules[g, at.GATE] * np.sqrt(values[j, at.BASE])
-            noisy = levels > 0 or nearness(values, numbers, g, j) > 0
+            noisy = levels > 0 or near_square(values, numbers, g, j) > 0
             if noisy and abs(values[j, at.GONE + kind]) >= levels * gate:
                 if numbers[g, at.CAUSE] != FROZEN:
                     numbers[g, at.HELD_BY] = kind
@@ -214,7 +215,7 @@ def withdraw(settings: Any, memory: Any, sample: Any, g: int, size: int) -> None
 
 
 @njit(**HOT)
-def begun(values: Any, numbers: Any, g: int, j: int, row: int) -> None:
+def keep_start(values: Any, numbers: Any, g: int, j: int, row: int) -> None:
     """After the row at which a run began: where the state stood, and how far off it was."""
     for kind in range(2):
         if numbers[g, at.RUN_ROW + kind] == row:

@@ -13,27 +13,29 @@ import numpy as np
 from evertwin.compiled.calls import call
 from evertwin.compiled.functions import njit
 from evertwin.compiled.memory import borrowed
+from evertwin.fold import Mark
 from evertwin.sync import places as at
 from evertwin.sync.arbiter_loop import forget, judge
 from evertwin.sync.horizon_loop import is_known, wrapped
 from evertwin.sync.input_loop import (
     REACH,
     believe,
+    count_usual,
     doubt,
     explains,
-    instead,
     is_any_beyond,
-    is_usual,
+    usual_instead,
 )
 from evertwin.sync.options import HOT
+from evertwin.sync.places import Finding
 from evertwin.sync.plausible_loop import grown, variance_of
-from evertwin.sync.run_loop import begun
+from evertwin.sync.run_loop import keep_start
 from evertwin.sync.vote_loop import note
 
 TASK, BEGUN = 0, 1
-ABSENT, OVERRULED, ERROR = 1, 5, 6
+ABSENT, OVERRULED, ERROR = int(Mark.ABSENT), int(Mark.OVERRULED), int(Mark.ERROR)
 FIRST = 4
-FOUND_STALE = 3
+FOUND_STALE = int(Finding.STALE)
 
 
 @njit(**HOT)
@@ -147,11 +149,11 @@ def run(
             failed = code != 0 or not is_known(next_x) or (anew and not is_known(sample[2]))
         for j in range(ny):
             measured[j], marked[j], take[j] = y[i, j], mark[i, nu + j], np.nan
-        usual, follows = is_usual(known[0], known[1], inputs, i), True
+        usual, follows = count_usual(known[0], known[1], inputs, i), True
         # what no state keeps spoils its own row alone
         judged = not usual and not anew and nx > 0
         if judged and is_any_beyond(known[0], known[1], inputs, i, 0.0):
-            instead(known[0], known[1], inputs, i, other)
+            usual_instead(known[0], known[1], inputs, i, other)
             code = call(
                 step, c, a, other.ctypes.data, dt[i], parameters, beyond.ctypes.data,
                 expects.ctypes.data,
@@ -209,7 +211,7 @@ def run(
                 j = members[g, k]
                 if j < 0:
                     break
-                begun(memory[0], memory[1], g, j, now[0])
+                keep_start(memory[0], memory[1], g, j, now[0])
                 spread = variance_of(statistics[0], statistics[1], phase, j) * growth
                 spread += values[j, at.OFFSET] * values[j, at.OFFSET]
                 if rules[g, at.USE] == at.MIX and limits[j, at.ADOPTS] > 0:

@@ -13,9 +13,10 @@ from evertwin.compiled.functions import njit
 from evertwin.sync import places as at
 from evertwin.sync.horizon_loop import wrapped
 from evertwin.sync.options import COLD
+from evertwin.sync.places import Cause, Finding
 
-ERROR, OVERRULED, RESTORED, STALE, FRESH, WIDER = range(6)
-VOTE = 7
+ERROR, OVERRULED, RESTORED = int(Finding.ERROR), int(Finding.OVERRULED), int(Finding.RESTORED)
+VOTE = int(Cause.VOTE)
 
 
 @njit(**COLD)
