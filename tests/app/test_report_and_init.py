@@ -56,6 +56,28 @@ def test_a_model_of_ones_own_is_driven_by_what_varies(call: Command, folder: Pat
     assert done.json["unused"] == ["interval"]
 
 
+def test_inputs_and_outputs_go_by_their_names(call: Command, folder: Path) -> None:
+    rows = [f"{k},{k % 7},{k % 5},{k % 3},{k % 4}" for k in range(50)]
+    (folder / "tank.csv").write_text("\n".join(["t,uEst,uVal,yEst,yVal", *rows]))
+    done = call("init", "tank.csv", "-o", "tank.toml", "--json")
+    assert [m["column"] for m in done.json["channels"].values()] == ["uEst", "yEst"]
+
+
+def test_the_rate_is_read_or_asked_for_where_no_column_is_a_time(
+    call: Command, folder: Path
+) -> None:
+    rows = [f"{3 + k % 2},{20 + k % 9}" for k in range(50)]
+    (folder / "box.csv").write_text("\n".join(["heater,box", *rows]))
+    (folder / "stated.csv").write_text("\n".join(["heater,box,Ts", *(f"{r},4" for r in rows)]))
+    stated = call("init", "stated.csv", "-o", "stated.toml")
+    assert stated.code == 0 and not stated.err
+    assert 'rate = "0.25 Hz"' in (folder / "stated.toml").read_text()
+    asked = call("init", "box.csv", "-o", "box.toml")
+    assert asked.code == 0 and "how many rows there are in a second" in asked.err
+    run = call("run", "box.toml")
+    assert run.code == 2 and "time.rate" in run.err and "'?'" in run.err
+
+
 def test_what_finds_no_column_is_marked_and_refused(call: Command, folder: Path) -> None:
     done = call("init", "robot.csv", "-o", "new.toml", "--model", "differential", "--json")
     assert done.code == 0 and "heading" in done.json["missing"] and "heading" in done.err

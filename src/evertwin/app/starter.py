@@ -1,7 +1,8 @@
 """A first twin file for a recording: which column feeds which channel, and settings to begin with.
 
 What could not be told from the recording is marked in the file and named on stderr. Nothing is
-invented: a channel without a column gets the column ``"?"``, which a run refuses by name.
+invented: a channel without a column gets the column ``"?"``, rows without a time the rate ``"?"``,
+which a run refuses by name.
 """
 
 from __future__ import annotations
@@ -30,6 +31,9 @@ from evertwin.sources.description import ColumnInfo, Info, TableInfo
 from evertwin.sources.info import inspect
 from evertwin.sources.names import unit_problem
 from evertwin.sources.proposal import Match, Proposal, propose
+
+PERIODS = ("ts", "dt", "t_s", "sampling_time", "sample_time")
+"""Names of a column that holds one number: seconds from row to row."""
 
 
 def write_starter(
@@ -62,8 +66,8 @@ def write_starter(
     if kind == "python" and (force or not own.exists()):
         template = files("evertwin.app").joinpath("templates", "model.py.txt")
         write_whole(own, template.read_text("utf-8"))
-    spec = read(out)
-    model_of(spec)
+    if draft.period is not None:  # else the file holds a question, which no reader takes
+        model_of(read(out))
     content: dict[str, Any] = {
         "schema": "evertwin.init/1", "file": str(out),
         "model_file": str(own) if kind == "python" else None,
@@ -73,6 +77,11 @@ def write_starter(
     show(content, draft.summary(), as_json)
     for name in draft.missing:
         typer.echo(f"evertwin: no column was found for {name}: name it in {out}", err=True)
+    if draft.period is None:
+        typer.echo(
+            f"evertwin: no column of time was found: say in {out} how many rows there are in a "
+            "second (rate)", err=True,
+        )  # fmt: skip
     units = {column.name: column.unit for one in info.tables for column in one.columns}
     for match in proposal.matches:
         problem = unit_problem(units[match.column])
@@ -96,6 +105,8 @@ def _options(kind: str, urdf: Path | None, own: Path) -> dict[str, Any]:
 def _first_two(table: TableInfo) -> Proposal:
     """For a model of one's own: the first column that varies drives, the next one answers.
 
+    A column whose name begins as inputs (u, in) or outputs (y, out) are called goes before others.
+
     Raises:
         DataError: there are fewer than two columns of numbers.
     """
@@ -105,12 +116,18 @@ def _first_two(table: TableInfo) -> Proposal:
     if len(columns) < 2:
         raise DataError("expected two columns of numbers beside the time: an input and an output")
     columns.sort(key=lambda c: c.low == c.high)  # what is constant can drive nothing
-    places = "assumed: the first that varies", "assumed: the second that varies"
+    drives = min(columns, key=lambda c: (_called(c, "y", "out"), not _called(c, "u", "in")))
+    answers = min((c for c in columns if c is not drives), key=lambda c: not _called(c, "y", "out"))
     matches = tuple(
-        Match(name, table.name, column.name, _unit(column), 0.0, place)
-        for name, column, place in zip(("u", "y"), columns, places, strict=False)
+        Match(name, table.name, column.name, _unit(column), 0.0, "assumed: by its name or place")
+        for name, column in (("u", drives), ("y", answers))
     )
-    return Proposal(matches, (), tuple(c.name for c in columns[2:]))
+    rest = tuple(c.name for c in columns if c is not drives and c is not answers)
+    return Proposal(matches, (), rest)
+
+
+def _called(column: ColumnInfo, *starts: str) -> bool:
+    return column.low != column.high and column.name.lower().startswith(starts)
 
 
 def _unit(column: ColumnInfo) -> str:
@@ -152,11 +169,19 @@ class _Draft:
         return tuple(n for n in self.proposal.missing if n not in self.derived)
 
     @property
+    def period(self) -> float | None:
+        """Seconds from row to row: of the column of time, or what a constant column says."""
+        if self.table.time is not None:
+            return self.table.time.period
+        said = (c.low for c in self.table.columns if c.name.lower() in PERIODS and c.low == c.high)
+        return next((value for value in said if value > 0.0), None)
+
+    @property
     def rate(self) -> float | None:
         """Rate to resample to: where derivatives or a filter need one."""
-        if not self.static or self.table.time is None or not self.table.time.period > 0:
+        if not self.static or self.period is None or not self.period > 0:
             return None
-        return float(f"{self.table.time.rate:.3g}")
+        return float(f"{1.0 / self.period:.3g}")
 
     def text(self) -> str:
         parts = [
@@ -203,18 +228,8 @@ class _Draft:
 
     def _source(self) -> list[str]:
         path = os.path.relpath(self.file.resolve(), self.out.resolve().parent)
-        time = self.table.time
-        if time is None:
-            clock = [
-                "# No column of time was found: the rate of the rows.",
-                'time = { rate = "100 Hz" }',
-            ]
-        else:
-            sure = "" if time.sure else f"  # {time.reason}: please check"
-            column = _toml(_column(time.column))
-            clock = [f"time = {{ column = {column}, unit = {_toml(time.unit)} }}{sure}"]
         lines = [
-            "", "[[source]]", 'name = "log"', f"files = [{_toml(path)}]", *clock, "",
+            "", "[[source]]", 'name = "log"', f"files = [{_toml(path)}]", *self._time(), "",
             "[source.channels]",
         ]  # fmt: skip
         for match in self.proposal.matches:
@@ -226,6 +241,20 @@ class _Draft:
             entry = f'{name} = {{ column = "?", unit = {_toml(unit)} }}'
             lines.append(f"{entry}  # no column was found")
         return lines
+
+    def _time(self) -> list[str]:
+        time = self.table.time
+        if time is not None:
+            sure = "" if time.sure else f"  # {time.reason}: please check"
+            column = _toml(_column(time.column))
+            return [f"time = {{ column = {column}, unit = {_toml(time.unit)} }}{sure}"]
+        if self.period is not None:
+            rate = f"{1.0 / self.period:.6g} Hz"
+            return [f"time = {{ rate = {_toml(rate)} }}  # no column is a time: please check"]
+        return [
+            '# No column of time was found: how many rows are there in a second? As in "100 Hz".',
+            'time = { rate = "?" }',
+        ]
 
     def _derive(self) -> list[str]:
         lines: list[str] = []
@@ -270,8 +299,7 @@ class _Draft:
         return [*lines, "[moving.channels]", *deciders]
 
     def _horizon(self) -> float:
-        time = self.table.time
-        period = 0.01 if time is None or not time.period > 0 else time.period
+        period = self.period or 0.01
         return max(1.0, float(f"{10 ** math.ceil(math.log10(10 * period)):g}"))
 
     def _learning(self) -> list[str]:
