@@ -14,40 +14,24 @@ from typing import TYPE_CHECKING
 from evertwin.surface import surface
 
 if TYPE_CHECKING:
-    from evertwin.config import TwinSpec
-    from evertwin.errors import EvertwinError
-    from evertwin.fold import Block, check_online, make_block
-    from evertwin.loop.fitting import FitResult
-    from evertwin.loop.result import RunResult
-    from evertwin.machines.friction.check import check_friction
-    from evertwin.models import FunctionModel, Model, Parameter, Parameters, check_model
-    from evertwin.models.terms.check import check_term
-    from evertwin.signals import Channel, Layout
-    from evertwin.sources import check_source
-    from evertwin.store import check_store
-    from evertwin.twin import Twin
-
-__all__ = [
-    "Block",
-    "Channel",
-    "EvertwinError",
-    "FitResult",
-    "FunctionModel",
-    "Layout",
-    "Model",
-    "Parameter",
-    "Parameters",
-    "RunResult",
-    "Twin",
-    "TwinSpec",
-    "check_friction",
-    "check_model",
-    "check_online",
-    "check_source",
-    "check_store",
-    "check_term",
-    "make_block",
-]
+    from evertwin.config import TwinSpec as TwinSpec
+    from evertwin.errors import EvertwinError as EvertwinError
+    from evertwin.fold import Block as Block, check_online as check_online, make_block as make_block
+    from evertwin.loop.fitting import FitResult as FitResult
+    from evertwin.loop.result import RunResult as RunResult
+    from evertwin.machines.friction.check import check_friction as check_friction
+    from evertwin.models import (
+        FunctionModel as FunctionModel,
+        Model as Model,
+        Parameter as Parameter,
+        Parameters as Parameters,
+        check_model as check_model,
+    )
+    from evertwin.models.terms.check import check_term as check_term
+    from evertwin.signals import Channel as Channel, Layout as Layout
+    from evertwin.sources import check_source as check_source
+    from evertwin.store import check_store as check_store
+    from evertwin.twin import Twin as Twin
 
 __getattr__ = surface(__name__)
 
@@ -55,4 +39,5 @@ logging.getLogger("evertwin").addHandler(logging.NullHandler())
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    names: list[str] = __getattr__("__all__")
+    return names

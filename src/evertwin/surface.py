@@ -1,8 +1,8 @@
 """The public names of a package, each loaded when it is first used (PEP 562).
 
-A package lists its names once, as imports under ``if TYPE_CHECKING:``, where type checkers, editors
-and the ladder of imports read them. ``__getattr__ = surface(__name__)`` reads the same list, so
-that importing one file of a room does not load the others:
+A package lists its names once, as ``import Name as Name`` under ``if TYPE_CHECKING:``, where type
+checkers, editors and the ladder of imports read them. ``__getattr__ = surface(__name__)`` reads the
+same list and gives it as ``__all__``; importing one file of a room does not load the others:
 
 >>> import evertwin.signals
 >>> evertwin.signals.Layout.__module__
@@ -27,6 +27,8 @@ def surface(package: str) -> Callable[[str], Any]:
     """
 
     def load(name: str) -> Any:
+        if name == "__all__":
+            return sorted(_listed(package))
         home = None if name.startswith("__") else _listed(package).get(name)
         if home is None:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")

@@ -11,14 +11,12 @@ from typing import TYPE_CHECKING
 from evertwin.surface import surface
 
 if TYPE_CHECKING:
-    from evertwin.ahead.basis import Basis
-    from evertwin.ahead.docking import dock
-    from evertwin.ahead.forecasting import Forecast, forecast
-    from evertwin.ahead.future import Mode
-    from evertwin.ahead.paths import rows_of_file
-    from evertwin.ahead.whatif import WhatIf
-    from evertwin.sources.small_table import read_table
-
-__all__ = ["Basis", "Forecast", "Mode", "WhatIf", "dock", "forecast", "read_table", "rows_of_file"]
+    from evertwin.ahead.basis import Basis as Basis
+    from evertwin.ahead.docking import dock as dock
+    from evertwin.ahead.forecasting import Forecast as Forecast, forecast as forecast
+    from evertwin.ahead.future import Mode as Mode
+    from evertwin.ahead.paths import rows_of_file as rows_of_file
+    from evertwin.ahead.whatif import WhatIf as WhatIf
+    from evertwin.sources.small_table import read_table as read_table
 
 __getattr__ = surface(__name__)

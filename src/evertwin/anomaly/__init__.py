@@ -11,34 +11,23 @@ from typing import TYPE_CHECKING
 from evertwin.surface import surface
 
 if TYPE_CHECKING:
-    from evertwin.anomaly.calibration import Calibrated, Calibration, Calm, blank, calibrate
-    from evertwin.anomaly.cusum import Cusum, CusumState
-    from evertwin.anomaly.drift import Drift, DriftState
-    from evertwin.anomaly.phases import Regimes, TaskSteps
-    from evertwin.anomaly.residuals import Alarms, Residuals
-    from evertwin.anomaly.snr import SnrLimit, SnrState
-    from evertwin.anomaly.verdict import Rule, Verdict, branch, explained
-
-__all__ = [
-    "Alarms",
-    "Calibrated",
-    "Calibration",
-    "Calm",
-    "Cusum",
-    "CusumState",
-    "Drift",
-    "DriftState",
-    "Regimes",
-    "Residuals",
-    "Rule",
-    "SnrLimit",
-    "SnrState",
-    "TaskSteps",
-    "Verdict",
-    "blank",
-    "branch",
-    "calibrate",
-    "explained",
-]
+    from evertwin.anomaly.calibration import (
+        Calibrated as Calibrated,
+        Calibration as Calibration,
+        Calm as Calm,
+        blank as blank,
+        calibrate as calibrate,
+    )
+    from evertwin.anomaly.cusum import Cusum as Cusum, CusumState as CusumState
+    from evertwin.anomaly.drift import Drift as Drift, DriftState as DriftState
+    from evertwin.anomaly.phases import Regimes as Regimes, TaskSteps as TaskSteps
+    from evertwin.anomaly.residuals import Alarms as Alarms, Residuals as Residuals
+    from evertwin.anomaly.snr import SnrLimit as SnrLimit, SnrState as SnrState
+    from evertwin.anomaly.verdict import (
+        Rule as Rule,
+        Verdict as Verdict,
+        branch as branch,
+        explained as explained,
+    )
 
 __getattr__ = surface(__name__)

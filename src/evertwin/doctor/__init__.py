@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING
 from evertwin.surface import surface
 
 if TYPE_CHECKING:
-    from evertwin.doctor.diagnosis import Diagnosis, diagnose
-    from evertwin.doctor.finding import Finding
-
-__all__ = ["Diagnosis", "Finding", "diagnose"]
+    from evertwin.doctor.diagnosis import Diagnosis as Diagnosis, diagnose as diagnose
+    from evertwin.doctor.finding import Finding as Finding
 
 __getattr__ = surface(__name__)

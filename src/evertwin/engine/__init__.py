@@ -7,11 +7,9 @@ from typing import TYPE_CHECKING
 from evertwin.surface import surface
 
 if TYPE_CHECKING:
-    from evertwin.engine.contract import Engine, Job
-    from evertwin.engine.in_process import InProcess
-    from evertwin.engine.pool import Pool
-    from evertwin.engine.spec import EngineSpec
-
-__all__ = ["Engine", "EngineSpec", "InProcess", "Job", "Pool"]
+    from evertwin.engine.contract import Engine as Engine, Job as Job
+    from evertwin.engine.in_process import InProcess as InProcess
+    from evertwin.engine.pool import Pool as Pool
+    from evertwin.engine.spec import EngineSpec as EngineSpec
 
 __getattr__ = surface(__name__)

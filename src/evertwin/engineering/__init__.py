@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING
 from evertwin.surface import surface
 
 if TYPE_CHECKING:
-    from evertwin.engineering.validation import Validation, validated
-
-__all__ = ["Validation", "validated"]
+    from evertwin.engineering.validation import Validation as Validation, validated as validated
 
 __getattr__ = surface(__name__)

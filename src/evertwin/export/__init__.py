@@ -15,10 +15,8 @@ from typing import TYPE_CHECKING
 from evertwin.surface import surface
 
 if TYPE_CHECKING:
-    from evertwin.export.back import values_in
-    from evertwin.export.content import Exported, exported
-    from evertwin.export.formats import FORMATS, Written, write
-
-__all__ = ["FORMATS", "Exported", "Written", "exported", "values_in", "write"]
+    from evertwin.export.back import values_in as values_in
+    from evertwin.export.content import Exported as Exported, exported as exported
+    from evertwin.export.formats import FORMATS as FORMATS, Written as Written, write as write
 
 __getattr__ = surface(__name__)

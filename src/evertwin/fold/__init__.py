@@ -11,38 +11,25 @@ from typing import TYPE_CHECKING
 from evertwin.surface import surface
 
 if TYPE_CHECKING:
-    from evertwin.fold.beats import Beat
-    from evertwin.fold.block import Block, concatenate, make_block, take
-    from evertwin.fold.chunk import Chunk
-    from evertwin.fold.laws import check_online, fold, join
-    from evertwin.fold.marks import Mark
-    from evertwin.fold.online import Online, Out
-    from evertwin.fold.records import Answer, Event, Record, Request, canonical, plain
-    from evertwin.fold.state import copy, equal, load, save
-
-__all__ = [
-    "Answer",
-    "Beat",
-    "Block",
-    "Chunk",
-    "Event",
-    "Mark",
-    "Online",
-    "Out",
-    "Record",
-    "Request",
-    "canonical",
-    "check_online",
-    "concatenate",
-    "copy",
-    "equal",
-    "fold",
-    "join",
-    "load",
-    "make_block",
-    "plain",
-    "save",
-    "take",
-]
+    from evertwin.fold.beats import Beat as Beat
+    from evertwin.fold.block import (
+        Block as Block,
+        concatenate as concatenate,
+        make_block as make_block,
+        take as take,
+    )
+    from evertwin.fold.chunk import Chunk as Chunk
+    from evertwin.fold.laws import check_online as check_online, fold as fold, join as join
+    from evertwin.fold.marks import Mark as Mark
+    from evertwin.fold.online import Online as Online, Out as Out
+    from evertwin.fold.records import (
+        Answer as Answer,
+        Event as Event,
+        Record as Record,
+        Request as Request,
+        canonical as canonical,
+        plain as plain,
+    )
+    from evertwin.fold.state import copy as copy, equal as equal, load as load, save as save
 
 __getattr__ = surface(__name__)

@@ -7,33 +7,23 @@ from typing import TYPE_CHECKING
 from evertwin.surface import surface
 
 if TYPE_CHECKING:
-    from evertwin.compiled.functions import OBSERVE, STEP
-    from evertwin.models.check import check_model
-    from evertwin.models.compiled import Compiled
-    from evertwin.models.contract import BatchModel, KernelModel, LinearModel, Model, PartialModel
-    from evertwin.models.function import FunctionModel, kernel_of, python_kernel
-    from evertwin.models.kernel import Kernel, Restart
-    from evertwin.models.parameters import Parameter, Parameters
-    from evertwin.models.rollout import roll
-
-__all__ = [
-    "OBSERVE",
-    "STEP",
-    "BatchModel",
-    "Compiled",
-    "FunctionModel",
-    "Kernel",
-    "KernelModel",
-    "LinearModel",
-    "Model",
-    "Parameter",
-    "Parameters",
-    "PartialModel",
-    "Restart",
-    "check_model",
-    "kernel_of",
-    "python_kernel",
-    "roll",
-]
+    from evertwin.compiled.functions import OBSERVE as OBSERVE, STEP as STEP
+    from evertwin.models.check import check_model as check_model
+    from evertwin.models.compiled import Compiled as Compiled
+    from evertwin.models.contract import (
+        BatchModel as BatchModel,
+        KernelModel as KernelModel,
+        LinearModel as LinearModel,
+        Model as Model,
+        PartialModel as PartialModel,
+    )
+    from evertwin.models.function import (
+        FunctionModel as FunctionModel,
+        kernel_of as kernel_of,
+        python_kernel as python_kernel,
+    )
+    from evertwin.models.kernel import Kernel as Kernel, Restart as Restart
+    from evertwin.models.parameters import Parameter as Parameter, Parameters as Parameters
+    from evertwin.models.rollout import roll as roll
 
 __getattr__ = surface(__name__)

@@ -7,21 +7,15 @@ from typing import TYPE_CHECKING
 from evertwin.surface import surface
 
 if TYPE_CHECKING:
-    from evertwin.prognosis.alarm_log import alarmed
-    from evertwin.prognosis.lives import Lives
-    from evertwin.prognosis.prospect import Prospect
-    from evertwin.prognosis.scenario_lives import run_scenario
-    from evertwin.prognosis.upkeep import Verdict, label, maintenance, plan
-
-__all__ = [
-    "Lives",
-    "Prospect",
-    "Verdict",
-    "alarmed",
-    "label",
-    "maintenance",
-    "plan",
-    "run_scenario",
-]
+    from evertwin.prognosis.alarm_log import alarmed as alarmed
+    from evertwin.prognosis.lives import Lives as Lives
+    from evertwin.prognosis.prospect import Prospect as Prospect
+    from evertwin.prognosis.scenario_lives import run_scenario as run_scenario
+    from evertwin.prognosis.upkeep import (
+        Verdict as Verdict,
+        label as label,
+        maintenance as maintenance,
+        plan as plan,
+    )
 
 __getattr__ = surface(__name__)

@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 from evertwin.surface import surface
 
 if TYPE_CHECKING:
-    from evertwin.report.run_pictures import draw_run
-
-__all__ = ["draw_run"]
+    from evertwin.report.run_pictures import draw_run as draw_run
 
 __getattr__ = surface(__name__)

@@ -7,9 +7,13 @@ from typing import TYPE_CHECKING
 from evertwin.surface import surface
 
 if TYPE_CHECKING:
-    from evertwin.signals.channels import Channel, Layout, wrap
-    from evertwin.signals.units import compatible, conversion, from_si, si_unit, to_si
-
-__all__ = ["Channel", "Layout", "compatible", "conversion", "from_si", "si_unit", "to_si", "wrap"]
+    from evertwin.signals.channels import Channel as Channel, Layout as Layout, wrap as wrap
+    from evertwin.signals.units import (
+        compatible as compatible,
+        conversion as conversion,
+        from_si as from_si,
+        si_unit as si_unit,
+        to_si as to_si,
+    )
 
 __getattr__ = surface(__name__)

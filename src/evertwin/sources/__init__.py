@@ -11,44 +11,28 @@ from typing import TYPE_CHECKING
 from evertwin.surface import surface
 
 if TYPE_CHECKING:
-    from evertwin.sources.contract import Source, check_source
-    from evertwin.sources.description import ColumnInfo, Info, TableInfo, TimeInfo
-    from evertwin.sources.guard import Rules
-    from evertwin.sources.info import inspect
-    from evertwin.sources.info_text import render
-    from evertwin.sources.merging import merge
-    from evertwin.sources.proposal import Match, Proposal, propose
-    from evertwin.sources.recorded import Cell, Clock, Recorded
-    from evertwin.sources.recording import open_recording
-    from evertwin.sources.table import Column, Problem, Recording, Rows, Table
-    from evertwin.sources.tally import Tally
-    from evertwin.sources.writers import write
-
-__all__ = [
-    "Cell",
-    "Clock",
-    "Column",
-    "ColumnInfo",
-    "Info",
-    "Match",
-    "Problem",
-    "Proposal",
-    "Recorded",
-    "Recording",
-    "Rows",
-    "Rules",
-    "Source",
-    "Table",
-    "TableInfo",
-    "Tally",
-    "TimeInfo",
-    "check_source",
-    "inspect",
-    "merge",
-    "open_recording",
-    "propose",
-    "render",
-    "write",
-]
+    from evertwin.sources.contract import Source as Source, check_source as check_source
+    from evertwin.sources.description import (
+        ColumnInfo as ColumnInfo,
+        Info as Info,
+        TableInfo as TableInfo,
+        TimeInfo as TimeInfo,
+    )
+    from evertwin.sources.guard import Rules as Rules
+    from evertwin.sources.info import inspect as inspect
+    from evertwin.sources.info_text import render as render
+    from evertwin.sources.merging import merge as merge
+    from evertwin.sources.proposal import Match as Match, Proposal as Proposal, propose as propose
+    from evertwin.sources.recorded import Cell as Cell, Clock as Clock, Recorded as Recorded
+    from evertwin.sources.recording import open_recording as open_recording
+    from evertwin.sources.table import (
+        Column as Column,
+        Problem as Problem,
+        Recording as Recording,
+        Rows as Rows,
+        Table as Table,
+    )
+    from evertwin.sources.tally import Tally as Tally
+    from evertwin.sources.writers import write as write
 
 __getattr__ = surface(__name__)

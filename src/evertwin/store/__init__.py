@@ -7,25 +7,16 @@ from typing import TYPE_CHECKING
 from evertwin.surface import surface
 
 if TYPE_CHECKING:
-    from evertwin.store.chain import Entry, Head
-    from evertwin.store.check import check_store
-    from evertwin.store.contract import Batch, Checkpoint, Progress, Store
-    from evertwin.store.kinds import Estimate, Kept
-    from evertwin.store.opening import opened
-    from evertwin.store.sqlite import SqliteStore
-
-__all__ = [
-    "Batch",
-    "Checkpoint",
-    "Entry",
-    "Estimate",
-    "Head",
-    "Kept",
-    "Progress",
-    "SqliteStore",
-    "Store",
-    "check_store",
-    "opened",
-]
+    from evertwin.store.chain import Entry as Entry, Head as Head
+    from evertwin.store.check import check_store as check_store
+    from evertwin.store.contract import (
+        Batch as Batch,
+        Checkpoint as Checkpoint,
+        Progress as Progress,
+        Store as Store,
+    )
+    from evertwin.store.kinds import Estimate as Estimate, Kept as Kept
+    from evertwin.store.opening import opened as opened
+    from evertwin.store.sqlite import SqliteStore as SqliteStore
 
 __getattr__ = surface(__name__)

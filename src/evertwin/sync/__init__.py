@@ -10,35 +10,21 @@ from typing import TYPE_CHECKING
 from evertwin.surface import surface
 
 if TYPE_CHECKING:
-    from evertwin.sync.align import Align, AlignState, Feed, Rows
-    from evertwin.sync.arbiter import Arbiter, Phases, Rule
-    from evertwin.sync.horizon import (
-        Horizon,
-        HorizonRows,
-        HorizonState,
-        residuals,
-        restarts,
-        trusted,
+    from evertwin.sync.align import (
+        Align as Align,
+        AlignState as AlignState,
+        Feed as Feed,
+        Rows as Rows,
     )
-    from evertwin.sync.track import Track, TrackRows, TrackState
-
-__all__ = [
-    "Align",
-    "AlignState",
-    "Arbiter",
-    "Feed",
-    "Horizon",
-    "HorizonRows",
-    "HorizonState",
-    "Phases",
-    "Rows",
-    "Rule",
-    "Track",
-    "TrackRows",
-    "TrackState",
-    "residuals",
-    "restarts",
-    "trusted",
-]
+    from evertwin.sync.arbiter import Arbiter as Arbiter, Phases as Phases, Rule as Rule
+    from evertwin.sync.horizon import (
+        Horizon as Horizon,
+        HorizonRows as HorizonRows,
+        HorizonState as HorizonState,
+        residuals as residuals,
+        restarts as restarts,
+        trusted as trusted,
+    )
+    from evertwin.sync.track import Track as Track, TrackRows as TrackRows, TrackState as TrackState
 
 __getattr__ = surface(__name__)

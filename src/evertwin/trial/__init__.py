@@ -11,10 +11,8 @@ from typing import TYPE_CHECKING
 from evertwin.surface import surface
 
 if TYPE_CHECKING:
-    from evertwin.trial.admission import admit
-    from evertwin.trial.gate import Check, GateState, Trial
-    from evertwin.trial.probation import Probation
-
-__all__ = ["Check", "GateState", "Probation", "Trial", "admit"]
+    from evertwin.trial.admission import admit as admit
+    from evertwin.trial.gate import Check as Check, GateState as GateState, Trial as Trial
+    from evertwin.trial.probation import Probation as Probation
 
 __getattr__ = surface(__name__)

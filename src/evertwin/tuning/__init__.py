@@ -12,42 +12,28 @@ from typing import TYPE_CHECKING
 from evertwin.surface import surface
 
 if TYPE_CHECKING:
-    from evertwin.tuning.advice import advise
-    from evertwin.tuning.closed import ClosedForm, Solution
-    from evertwin.tuning.fit import Fit, Residual
-    from evertwin.tuning.identifiability import Gate, connected, gate
-    from evertwin.tuning.iteration import Iterated, Iteration, Round
-    from evertwin.tuning.problem import Problem
-    from evertwin.tuning.recursive import Recursive, RecursiveRows, RecursiveState
-    from evertwin.tuning.schedule import Schedule, weights_from_growth
-    from evertwin.tuning.settings import Far, Settings
-    from evertwin.tuning.solver import solve
-    from evertwin.tuning.statistics import Dependence
-    from evertwin.tuning.unseen import held_out
-
-__all__ = [
-    "ClosedForm",
-    "Dependence",
-    "Far",
-    "Fit",
-    "Gate",
-    "Iterated",
-    "Iteration",
-    "Problem",
-    "Recursive",
-    "RecursiveRows",
-    "RecursiveState",
-    "Residual",
-    "Round",
-    "Schedule",
-    "Settings",
-    "Solution",
-    "advise",
-    "connected",
-    "gate",
-    "held_out",
-    "solve",
-    "weights_from_growth",
-]
+    from evertwin.tuning.advice import advise as advise
+    from evertwin.tuning.closed import ClosedForm as ClosedForm, Solution as Solution
+    from evertwin.tuning.fit import Fit as Fit, Residual as Residual
+    from evertwin.tuning.identifiability import Gate as Gate, connected as connected, gate as gate
+    from evertwin.tuning.iteration import (
+        Iterated as Iterated,
+        Iteration as Iteration,
+        Round as Round,
+    )
+    from evertwin.tuning.problem import Problem as Problem
+    from evertwin.tuning.recursive import (
+        Recursive as Recursive,
+        RecursiveRows as RecursiveRows,
+        RecursiveState as RecursiveState,
+    )
+    from evertwin.tuning.schedule import (
+        Schedule as Schedule,
+        weights_from_growth as weights_from_growth,
+    )
+    from evertwin.tuning.settings import Far as Far, Settings as Settings
+    from evertwin.tuning.solver import solve as solve
+    from evertwin.tuning.statistics import Dependence as Dependence
+    from evertwin.tuning.unseen import held_out as held_out
 
 __getattr__ = surface(__name__)

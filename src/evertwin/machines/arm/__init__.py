@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 from evertwin.surface import surface
 
 if TYPE_CHECKING:
-    from evertwin.machines.arm.model import Arm
-
-__all__ = ["Arm"]
+    from evertwin.machines.arm.model import Arm as Arm
 
 __getattr__ = surface(__name__)

@@ -24,9 +24,16 @@ from typing import TYPE_CHECKING
 from evertwin.surface import surface
 
 if TYPE_CHECKING:
-    from evertwin.machines.friction.contract import Coefficient, FrictionTerm, Shape
-    from evertwin.machines.friction.law import Law, Rubbing, Rung, shape_of
-
-__all__ = ["Coefficient", "FrictionTerm", "Law", "Rubbing", "Rung", "Shape", "shape_of"]
+    from evertwin.machines.friction.contract import (
+        Coefficient as Coefficient,
+        FrictionTerm as FrictionTerm,
+        Shape as Shape,
+    )
+    from evertwin.machines.friction.law import (
+        Law as Law,
+        Rubbing as Rubbing,
+        Rung as Rung,
+        shape_of as shape_of,
+    )
 
 __getattr__ = surface(__name__)

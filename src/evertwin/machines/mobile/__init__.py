@@ -22,8 +22,11 @@ from typing import TYPE_CHECKING
 from evertwin.surface import surface
 
 if TYPE_CHECKING:
-    from evertwin.machines.mobile.bases import Differential, Odometer, Omni, Robot1D
-
-__all__ = ["Differential", "Odometer", "Omni", "Robot1D"]
+    from evertwin.machines.mobile.bases import (
+        Differential as Differential,
+        Odometer as Odometer,
+        Omni as Omni,
+        Robot1D as Robot1D,
+    )
 
 __getattr__ = surface(__name__)

@@ -7,10 +7,8 @@ from typing import TYPE_CHECKING
 from evertwin.surface import surface
 
 if TYPE_CHECKING:
-    from evertwin.models.fmu.faults import Fault
-    from evertwin.models.fmu.model import Fmu, fmu
-    from evertwin.models.fmu.options import Options
-
-__all__ = ["Fault", "Fmu", "Options", "fmu"]
+    from evertwin.models.fmu.faults import Fault as Fault
+    from evertwin.models.fmu.model import Fmu as Fmu, fmu as fmu
+    from evertwin.models.fmu.options import Options as Options
 
 __getattr__ = surface(__name__)

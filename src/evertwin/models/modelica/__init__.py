@@ -11,9 +11,7 @@ from typing import TYPE_CHECKING
 from evertwin.surface import surface
 
 if TYPE_CHECKING:
-    from evertwin.models.modelica.compiler import Limits, equations
-    from evertwin.models.modelica.model import LIBRARY, Modelica
-
-__all__ = ["LIBRARY", "Limits", "Modelica", "equations"]
+    from evertwin.models.modelica.compiler import Limits as Limits, equations as equations
+    from evertwin.models.modelica.model import LIBRARY as LIBRARY, Modelica as Modelica
 
 __getattr__ = surface(__name__)

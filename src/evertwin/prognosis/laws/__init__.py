@@ -11,27 +11,21 @@ from typing import TYPE_CHECKING
 from evertwin.surface import surface
 
 if TYPE_CHECKING:
-    from evertwin.prognosis.laws.fleet import Fleet
-    from evertwin.prognosis.laws.fleet_prior import learn
-    from evertwin.prognosis.laws.indicator import Indicator, Limit, Maintenance
-    from evertwin.prognosis.laws.life import Life, NotEnough, Onset, first_of
-    from evertwin.prognosis.laws.onset import find_onset
-    from evertwin.prognosis.laws.predict import predict_life
-    from evertwin.prognosis.laws.workload import Workload
-
-__all__ = [
-    "Fleet",
-    "Indicator",
-    "Life",
-    "Limit",
-    "Maintenance",
-    "NotEnough",
-    "Onset",
-    "Workload",
-    "find_onset",
-    "first_of",
-    "learn",
-    "predict_life",
-]
+    from evertwin.prognosis.laws.fleet import Fleet as Fleet
+    from evertwin.prognosis.laws.fleet_prior import learn as learn
+    from evertwin.prognosis.laws.indicator import (
+        Indicator as Indicator,
+        Limit as Limit,
+        Maintenance as Maintenance,
+    )
+    from evertwin.prognosis.laws.life import (
+        Life as Life,
+        NotEnough as NotEnough,
+        Onset as Onset,
+        first_of as first_of,
+    )
+    from evertwin.prognosis.laws.onset import find_onset as find_onset
+    from evertwin.prognosis.laws.predict import predict_life as predict_life
+    from evertwin.prognosis.laws.workload import Workload as Workload
 
 __getattr__ = surface(__name__)
