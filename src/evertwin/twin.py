@@ -10,7 +10,8 @@ your own as second argument.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -125,13 +126,6 @@ class Twin:
         return self._ledger.pinned
 
     @property
-    def decides(self) -> bool:
-        """Is anything tuned or corrected: is there a requirement, a schedule, or a stream?"""
-        rule = self.spec.tuning
-        said = np.isfinite([self.setup.requirement, rule.every])
-        return bool(said.any() or rule.method == "recursive")
-
-    @property
     def events(self) -> tuple[Event, ...]:
         """Everything that was decided, in order."""
         if self._live is not None:
@@ -186,6 +180,13 @@ class Twin:
             here, engine = (self.setup, self._ledger, samples), self._engines.of(None)
             self._live = loop.Live.of(*here, engine, self._lasting)
         self._live.push(samples)
+
+    def samples(
+        self, source: str, first: float = -math.inf, last: float = math.inf
+    ) -> Iterator[Chunk]:
+        """Pushed samples of a source that are kept, arrays too, stamped in [first, last] [s]."""
+        low, high = (int(1e9 * min(max(edge, -4e9), 4e9)) for edge in (first, last))
+        return self.store.samples(source, low, high)
 
     def view(self, rows: int = 1000) -> loop.View:
         """The newest rows that were pushed: measured, predicted, band, mark, version."""

@@ -12,6 +12,7 @@ import pytest
 from evertwin import Twin, TwinSpec
 from evertwin.config.spec import (
     AnomalySpec,
+    ArraySpec,
     ChannelSpec,
     ModelSpec,
     PredictionSpec,
@@ -81,6 +82,107 @@ def test_a_twin_that_died_goes_on(tmp_path: Path) -> None:
             if number == 2:
                 twin.finish()
                 assert said(twin) == expected
+
+
+def test_a_twin_that_died_folds_what_came_after_its_checkpoint(
+    spec: TwinSpec, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("evertwin.loop.run.SECONDS", 0.0)
+    monkeypatch.setattr("evertwin.loop.run.SHARE", 0.0)
+    data = pieces(drive(), [30])
+    with Twin(SPEC) as unbroken:
+        for piece in data:
+            unbroken.push(piece)
+        expected = unbroken.finish(), said(unbroken)
+    began = []
+    for part in (data[:3], data[3:9], data[9:22], data[22:]):
+        with Twin(spec) as twin:
+            for piece in part:
+                twin.push(piece)
+            view = twin.view(10)
+            if part[-1] is data[-1]:
+                result = twin.finish()
+                began.append(result.began)
+                assert said(twin) == expected[1]
+    assert began[0] >= 600  # not from the first row
+    assert result.champion == expected[0].champion
+    for name, column in expected[0].trace.items():
+        np.testing.assert_array_equal(result.trace[name], column, err_msg=name)
+    assert view.row.tolist() == list(range(890, 900))
+
+
+def test_other_settings_begin_another_run(spec: TwinSpec) -> None:
+    data = pieces(drive(), [300])
+    for requirement, piece in zip((0.02, 0.05, 0.05), data, strict=True):
+        rule = replace(spec.anomaly, requirement=requirement)
+        with Twin(replace(spec, anomaly=rule)) as twin:
+            twin.push(piece)
+            kinds = [e.kind for e in twin.events]
+    assert kinds.count("started") == 2
+    with Twin(replace(spec, anomaly=rule)) as twin:
+        assert [e.reason for e in twin.events if e.kind == "ran"] == [
+            "run 1 was cut off and is given up: other rows were run"
+        ]
+        twin.push({k: v + 300.0 * (k == "t") for k, v in data[2].items()})
+        assert twin.finish().samples == 900  # those of the first run are not in it
+
+
+def test_what_was_pushed_before_a_run_began_is_not_lost(spec: TwinSpec) -> None:
+    data = drive(100)
+    with Twin(spec) as twin:
+        twin.push({k: v[:20] for k, v in data.items()})  # too few for their rate
+    with Twin(spec) as twin:
+        twin.push({k: v[20:] for k, v in data.items()})
+        assert twin.finish().samples == 100
+    with Twin(spec) as twin:
+        twin.push({k: v + 1000.0 * (k == "t") for k, v in data.items()})
+        assert twin.finish().samples == 100  # a run of its own
+
+
+def test_arrays_stand_beside_the_rows_and_old_samples_go(
+    spec: TwinSpec, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("evertwin.loop.run.SECONDS", 0.0)
+    monkeypatch.setattr("evertwin.loop.run.SHARE", 0.0)
+    monkeypatch.setattr("evertwin.loop.samples.SECONDS", 0.0)
+    source = (replace(SPEC.source[0], keep=300.0),)
+    spec = replace(spec, source=source, array=(ArraySpec("lidar", (4, 2), keep=100.0),))
+    scan = np.arange(8, dtype=np.float32).reshape(1, 4, 2)
+    with Twin(spec) as twin:
+        for piece in pieces(drive(), [30]):
+            twin.push(piece)
+            twin.push(Chunk("lidar", (piece["t"][-1:] * 1e9).astype(np.int64), scan))
+        scans = list(twin.samples("lidar"))
+        assert 4 <= len(scans) <= 6 and int(scans[-1].t[0]) == 899 * 10**9
+        assert scans[0].v.dtype == np.float32 and np.array_equal(scans[0].v, scan)
+        kept = list(twin.samples("log"))
+        assert 500 <= kept[0].t[0] / 1e9 <= 600
+        assert [len(c.t) for c in twin.samples("log", 890.0, 1e6)] == [10]
+        with pytest.raises(DataError, match=r"lidar.*1 arrays of shape \(4, 2\)"):
+            twin.push(Chunk("lidar", np.array([0]), scan[:, :3]))
+        before = said(twin)
+    with Twin(spec) as twin:  # the samples before its checkpoint are gone
+        twin.push(Chunk("log", np.array([900 * 10**9]), np.array([[0.0, 100.0]])))
+        assert said(twin)[: len(before)] == before
+        assert twin.finish().samples == 901
+
+
+def test_a_source_may_be_late_or_silent() -> None:
+    fast = SourceSpec("wheels", {"v": ChannelSpec("v", unit="m/s")})
+    slow = SourceSpec("camera", {"x": ChannelSpec("x", unit="m")}, timeout=2.0)
+    spec = replace(SPEC, source=(fast, slow), beat=Span(10))
+    late = replace(spec, source=(replace(fast, slack=5.0), slow))
+    t = np.arange(100) * 10**9
+    seen = []
+    for one in (spec, late):
+        with Twin(one) as twin:
+            twin.push(Chunk("wheels", t, np.full((100, 1), 0.1)))
+            twin.push(Chunk("camera", t, np.arange(100.0)[:, None] / 10))
+            twin.push(Chunk("wheels", t + 100 * 10**9, np.full((100, 1), 0.1)))
+            seen.append(int(twin.view().row[-1]))
+            twin.push(Chunk("", np.array([300 * 10**9]), np.zeros((1, 0))))
+            seen.append(int(twin.view().row[-1]))  # the camera is no longer waited for
+    assert seen == [99, 199, 99, 194]
 
 
 def test_the_operator_is_heard_while_it_runs() -> None:

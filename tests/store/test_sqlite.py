@@ -286,7 +286,9 @@ def test_samples_keep_their_numbers_for_ever() -> None:
     assert list(found) == list(range(101, 240))
     assert found[120].v.dtype == np.float32 and np.array_equal(found[120].v, image + 119)
     assert (found[120].source, found[120].task) == ("camera", 2)
-    store.forget_chunks(before=1000)
+    assert [c.t.tolist() for c in store.samples("camera", 7, 8)] == [[7], [7, 8], [8]]
+    assert not list(store.samples("lidar", 0, 1000))
+    store.commit(Batch(forget={"camera": 1000}))
     assert list(store.read_chunks()) == []
     store.commit(Batch(chunks=[Chunk("camera", np.array([0]), image[:1])], checkpoint=(
         Checkpoint(1, (1.0,)))))  # fmt: skip

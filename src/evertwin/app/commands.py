@@ -37,7 +37,7 @@ def run_twin(
 
             write_report(result, opened.setup, report)
         show(result.to_dict(), str(result), as_json)
-        if not opened.decides:
+        if not opened.setup.decides:
             typer.echo(
                 f"evertwin: {twin}: nothing is tuned or corrected without a requirement: set "
                 "[anomaly] requirement, such as '1 cm' or 0.05 of the rms",

@@ -25,7 +25,7 @@ from evertwin.fold.span import Span
 from evertwin.models.spec import ModelSpec, ParameterSpec
 from evertwin.settings.notes import Hidden, Path, PlacedError, Rows, dotted
 from evertwin.settings.section import Section, settings
-from evertwin.sources.spec import ChannelSpec, SourceSpec, TimeSpec
+from evertwin.sources.spec import ArraySpec, ChannelSpec, SourceSpec, TimeSpec
 from evertwin.store.spec import StoreSpec
 from evertwin.sync.spec import (
     ArbiterSpec,
@@ -44,6 +44,7 @@ __all__ = [
     "AccuracySpec",
     "AnomalySpec",
     "ArbiterSpec",
+    "ArraySpec",
     "ChannelSpec",
     "ClockSpec",
     "CorrectionSpec",
@@ -91,6 +92,8 @@ class TwinSpec(Section):
     """Version of the file's schema."""
     source: tuple[SourceSpec, ...] = ()
     """Recorded sources, one ``[[source]]`` each."""
+    array: tuple[ArraySpec, ...] = ()
+    """Scans, images and the like, stored beside the rows, one ``[[array]]`` each."""
     derive: tuple[DeriveSpec, ...] = ()
     """Channels computed from others, one ``[[derive]]`` each."""
     signals: Mapping[str, SignalSpec] = field(default_factory=dict)

@@ -22,7 +22,7 @@ from evertwin.loop.ring import NO_ROWS
 from evertwin.loop.scores import new_scores
 from evertwin.loop.setup import Setup
 from evertwin.loop.slow_work import SlowWork
-from evertwin.loop.twin_state import Agenda, Lane, TwinState
+from evertwin.loop.twin_state import Agenda, Lane, Saved, TwinState
 from evertwin.loop.versions import Versions
 from evertwin.loop.work import Work
 from evertwin.store import Checkpoint, Store
@@ -141,17 +141,17 @@ class Driver:
         ]
         return self.init()._replace(live=lanes[0], first=lanes[1], other=lanes[2])
 
-    def restored(self, store: Store, run: int) -> Checkpoint | None:
-        """The newest checkpoint of a run; None if there is none.
+    def restored(self, store: Store, run: int, feed: object = ()) -> Checkpoint | None:
+        """The newest checkpoint of a run, what it has of its ``feed`` too; None if there is none.
 
         Raises:
             StoreError: it was saved by another version.
         """
-        found = store.restore(_Lanes(EMPTY, EMPTY, EMPTY), run)
+        found = store.restore(Saved(_Lanes(EMPTY, EMPTY, EMPTY)), run)
         if found is None:
             return None
-        numbers = [lane.version for lane in found.state]
-        return store.restore(self.template(*numbers), run, found.row + 1)
+        numbers = [lane.version for lane in found.state.twin]
+        return store.restore(Saved(self.template(*numbers), feed), run, found.row + 1)
 
     def run(self, blocks: Iterable[Block], state: TwinState | None = None) -> TwinState:
         """Folds the blocks; consumes ``state``."""

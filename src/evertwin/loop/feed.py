@@ -138,11 +138,11 @@ class Feed:
         columns = _named(data)
         if columns is not None:
             return (Brings(COLUMNS, tuple(name for name in columns if name != "t")),)
-        return tuple(Brings(s.name, tuple(s.channels)) for s in self._wanted(data))
+        return tuple(_brought(source) for source in self._wanted(data))
 
     def live(self, named: Sequence[str] = ()) -> tuple[Brings, ...]:
         """What the sources of a running machine bring; without any, one of columns by name."""
-        sources = tuple(Brings(s.name, tuple(s.channels)) for s in self.spec.source)
+        sources = tuple(_brought(source) for source in self.spec.source)
         return sources or (Brings(COLUMNS, tuple(named)),)
 
     def chunks(self, data: Data = None) -> Iterator[Chunk]:
@@ -225,6 +225,11 @@ class Feed:
             self.tallies.setdefault(spec.name, Tally(spec.name, spec.left_out)), stated,
             spec.format,
         )  # fmt: skip
+
+
+def _brought(source: SourceSpec) -> Brings:
+    """What a source of the twin file brings; its stamps have its offset already."""
+    return Brings(source.name, tuple(source.channels), source.slack, source.timeout)
 
 
 def _ready(data: Any) -> Iterable[Block] | None:

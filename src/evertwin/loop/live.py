@@ -1,14 +1,15 @@
 """A run whose samples are pushed as they come.
 
 They take the way of recorded ones: stored, aligned, folded, each decision one transaction. After a
-crash the samples of the run are folded again from its first, with the answers that the log has, so
-that the twin stands where it stood. The same samples from a file give the same rows, records and
-versions.
+crash the run goes on from its newest checkpoint: the samples that the store has from there on are
+folded again, with the answers that the log has, so that the twin stands where it stood. The same
+samples from a file give the same rows, records and versions.
 
 Samples that come faster than they could be folded one by one are folded together: what comes within
 `TOGETHER` of the last fold waits for the next sample after it, for the row of a beat, or for
 somebody who looks (`Live.settle`). So decisions are never late, and where rows are cut changes no
-bit. A store that outlives the process has each sample at once.
+bit. A store that outlives the process has each sample at once. Arrays (scans, images) are stored
+and make no rows.
 """
 
 from __future__ import annotations
@@ -27,14 +28,15 @@ from evertwin.fold import Block, Chunk, Event
 from evertwin.loop.alignment import Alignment, AlignmentState
 from evertwin.loop.feed import Feed as Recorded
 from evertwin.loop.feed import chunk_of
-from evertwin.loop.ledger import Ledger
+from evertwin.loop.ledger import Begun, Ledger
 from evertwin.loop.observer import Observer
 from evertwin.loop.rate import ENOUGH, rate_of
 from evertwin.loop.result import RunResult
 from evertwin.loop.run import Run, settings_hash
+from evertwin.loop.samples import Samples
 from evertwin.loop.setup import Setup
-from evertwin.loop.twin_state import TwinState
-from evertwin.store import Batch
+from evertwin.loop.twin_state import Saved, TwinState
+from evertwin.store import Checkpoint
 from evertwin.sync import Feed
 from evertwin.types import Marks, Outputs, Stamps
 
@@ -43,6 +45,21 @@ TOGETHER = 0.01
 """Seconds after a fold in which samples wait for each other."""
 MOST = 256
 """Samples that wait at most."""
+
+
+class _Rate(NamedTuple):
+    """Rows per second, which says what shape a state has; NaN where there is but one row."""
+
+    rate: float
+
+
+class _FeedState(NamedTuple):
+    """What a checkpoint holds beside the state of the twin."""
+
+    rate: float
+    task: int
+    """Number of the first task."""
+    aligned: AlignmentState
 
 
 class View(NamedTuple):
@@ -106,20 +123,45 @@ class Live:
     """Rows until the rate of the data is known."""
     _task: int | None = field(default=None, init=False)
     """Number of the first task; a run counts its own from zero."""
+    _rate: float = field(default=np.nan, init=False)
+    _left: Begun | None = field(default=None, init=False)
+    """The run that was cut off and goes on."""
+    _first: int = field(default=1, init=False)
+    """Number of the run's first sample in the store."""
     _began: float = field(default_factory=time.perf_counter, init=False)
 
     def __post_init__(self) -> None:
         self._observer = Observer(self.setup)
         self._alignment = Alignment.of(self.setup.spec, self.setup.model, self.feeds)
         self._aligned = self._alignment.init()
-        left = self.ledger.unfinished
+        self._samples = Samples(self.ledger.store, self.setup.spec)
+        if self.lasting:
+            self._go_on()
+
+    def _go_on(self) -> None:
+        """What the store has and no run has ended: a run that was cut off, or its beginning."""
+        left, store, came = self.ledger.unfinished, self.ledger.store, None
         if left is not None and SOURCES in left.evidence:
-            self._first = int(left.evidence["first_chunk"])
-            for _, chunk in list(self.ledger.store.read_chunks(self._first)):
+            first = int(left.evidence["first_chunk"])
+            saved = store.restore(Saved((), _Rate(0.0)), left.number)
+            oldest = next((number for number, _ in store.read_chunks(first)), first)
+            if self._told.items() <= left.evidence.items() and (saved or oldest == first):
+                self._left, self._first = left, first
+                came = None if saved is None else self._begin(saved.state.feed.rate)
+            else:  # with other settings, or without its samples, it cannot be repeated
+                self._first = store.chunks + 1
+        else:  # what was pushed before its run began is of the run that begins now
+            ended = (run.ended or {} for run in self.ledger.runs)
+            self._first = 1 + max((int(one.get("chunks", 0)) for one in ended), default=0)
+        for _, chunk in store.read_chunks(self._first if came is None else came.chunks + 1):
+            if not self._samples.is_array(chunk):
                 self._fold(chunk)
-        else:
-            numbers = [number for number, _ in self.ledger.store.read_chunks()]
-            self._first = 1 + max(numbers, default=0)
+
+    @property
+    def _told(self) -> dict[str, Any]:
+        """What a run has in common with the one that it goes on from."""
+        settings = settings_hash(self.setup.spec, self.feeds)
+        return {"settings": settings, SOURCES: tuple(feed.name for feed in self.feeds)}
 
     @classmethod
     def of(
@@ -138,9 +180,12 @@ class Live:
             StoreError: they could not be stored; then nothing was folded.
         """
         chunk = samples if isinstance(samples, Chunk) else self._chunk(samples)
+        if self._samples.is_array(chunk):
+            self._samples.keep(chunk)
+            return self._samples.forget()
         self._alignment.align.check(chunk)  # what does not fit is neither stored nor folded
         if self.lasting:
-            self.ledger.store.commit(Batch(chunks=(chunk,)), wait=False)
+            self._samples.keep(chunk)
         self._pushed.append(chunk)
         self._room -= len(chunk.t)
         waits = self._room > 0 and time.perf_counter() < self._folded + TOGETHER
@@ -157,14 +202,15 @@ class Live:
             return
         groups = groupby(pushed, lambda chunk: (chunk.source, chunk.task))
         chunks = tuple(_joined(*alike) for _, alike in groups)
-        if not self.lasting:
-            self.ledger.store.commit(Batch(chunks=chunks), wait=False)
         for chunk in chunks:
             self._fold(chunk)
         if self._run is not None and self._state is not None:
             every = self._run.setup.beat.every
             # what is seen at a row is told within a beat, also if several samples come at once
             self._room = min(-self._state.row % every + 1, max(3 * every // 4, 1), MOST)
+            task = 0 if self._task is None else self._task
+            self._run.save(self._state, _FeedState(self._rate, task, self._aligned))
+            self._samples.forget()
         self._newest, self._folded = pushed[-1].task, time.perf_counter()
 
     def _chunk(self, columns: Mapping[str, Any]) -> Chunk:
@@ -192,7 +238,7 @@ class Live:
             numbered = block._replace(task=block.task - self._task) if self._task else block
             self._waiting.append(numbered)
         if self._run is None and self._may_begin():
-            self._begin()
+            self._begin(rate_of(self._waiting))
         if self._run is not None:
             self._step()
             if events:
@@ -203,13 +249,21 @@ class Live:
         known = self.setup.spec.clock.rate is not None or not self.setup.times
         return rows > 0 and (known or rows >= ENOUGH)
 
-    def _begin(self) -> None:
-        setup = self.setup.at(rate_of(self._waiting))
-        workers = self.engine.workers > 0
-        self._run = Run(setup, self.ledger, self._observer, self.engine, live=workers)
-        settings = settings_hash(setup.spec)
-        evidence = {SOURCES: [feed.name for feed in self.feeds], "first_chunk": self._first}
-        self._state = self._run.begin_live(settings, evidence)
+    def _begin(self, rate: float | None) -> Checkpoint | None:
+        """The run begins, or goes on from the checkpoint that is returned."""
+        self._rate = np.nan if rate is None else rate
+        setup = self.setup.at(None if np.isnan(self._rate) else self._rate)
+        run = Run(
+            setup, self.ledger, self._observer, self.engine, live=self.engine.workers > 0,
+            pushed=True,
+        )  # fmt: skip
+        evidence = {**self._told, "first_chunk": self._first}
+        feed = _FeedState(0.0, 0, self._alignment.init())
+        self._state, found = run.begin_pushed(self._left, evidence, feed, lasting=self.lasting)
+        if found is not None:
+            _, self._task, self._aligned = found.state.feed
+        self._run = run
+        return found
 
     def _step(self) -> None:
         assert self._run is not None and self._state is not None
@@ -241,7 +295,7 @@ class Live:
         self._aligned, block, events = self._alignment.flush(self._aligned)
         self._take(block, events)
         if self._run is None:
-            self._begin()
+            self._begin(rate_of(self._waiting))
             self._take(None, ())
         assert self._run is not None and self._state is not None
         return self._run.ended(self._state, time.perf_counter() - self._began)

@@ -30,8 +30,9 @@ from evertwin.loop.result import RunResult
 from evertwin.loop.run_log import RunLog
 from evertwin.loop.seen import Place, find, later, rest
 from evertwin.loop.setup import Setup
-from evertwin.loop.twin_state import TwinState
+from evertwin.loop.twin_state import Saved, TwinState
 from evertwin.store import Batch, Checkpoint
+from evertwin.sync import Feed as Brings
 
 log = logging.getLogger("evertwin")
 SECONDS = 1.0
@@ -39,14 +40,14 @@ SECONDS = 1.0
 SHARE = 20.0
 """A checkpoint waits at least this many times as long as copying the last one took."""
 ASIDE = {
-    "name", "schema", "source", "derive", "engine", "store", "indicator", "prognosis", "work",
-    "folder",
+    "name", "schema", "source", "array", "derive", "engine", "store", "indicator", "prognosis",
+    "work", "folder",
 }  # fmt: skip
 """Settings that do not change what the fold makes of rows."""
 
 
-def settings_hash(spec: TwinSpec) -> str:
-    """Hash of all settings that the fold of given rows depends on.
+def settings_hash(spec: TwinSpec, feeds: Sequence[Brings] = ()) -> str:
+    """Hash of all settings that the fold of given rows depends on; of given samples with ``feeds``.
 
     >>> from evertwin.config.spec import ModelSpec
     >>> spec = TwinSpec("cart", ModelSpec("robot1d"))
@@ -54,6 +55,7 @@ def settings_hash(spec: TwinSpec) -> str:
     True
     """
     told = {f.name: getattr(spec, f.name) for f in fields(spec) if f.name not in ASIDE}
+    told |= {"feeds": feeds, "derive": spec.derive} if feeds else {}
     return hashlib.sha256(canonical(told).encode()).hexdigest()
 
 
@@ -80,6 +82,8 @@ class Run:
     """Rows from checkpoint to checkpoint; 0: by the time they take."""
     live: bool = False
     """Are answers to slow work taken when they are there, and never waited for?"""
+    pushed: bool = False
+    """Are its samples pushed? Then the store has them, and who pushes them says when to `save`."""
     log: RunLog = field(init=False)
     driver: Driver = field(init=False)
     _prints: Prints = field(default_factory=Prints, init=False)
@@ -109,22 +113,24 @@ class Run:
         place, settings = Place(None, 0), settings_hash(self.setup.spec)
         if lasting and not anew and not isinstance(data, Iterator):
             place = find(self.ledger, looked.stream(data), settings)
-        self._give_up(place)
+        self._give_up(place.run)
         self._lasting = lasting or self.every > 0
         self._due = began + SECONDS
         rate, blocks = measured(later(feed.stream(data), place.offset))
         self.setup = self.setup.at(rate)
         try:
-            state, over = self._begun(place.run, settings)
+            state, found = self._begun(place.run, {"settings": settings})
         except UsageError as error:
             if rate is None and feed.left_out:  # there is no rate because rows fell away
                 raise DataError(f"{error}{feed.lost}") from error
             raise
+        over = place.run is not None and place.run.over and found is not None
+        over = over and not self.log.repeats
         for block in () if over else blocks:
             state = self.step(state, block)
         result = self.ended(state, time.perf_counter() - began, over=over)
         left_out = (looked if over else feed).left_out
-        return replace(result, left_out=left_out, passed=place.offset, began=self._from)
+        return replace(result, left_out=left_out, passed=place.offset)
 
     def ended(self, state: TwinState, seconds: float, *, over: bool = False) -> RunResult:
         """The end of the run (``over``: it had ended before) and what came of it."""
@@ -133,44 +139,50 @@ class Run:
         self.log.end()
         result = self.observer.result(self.driver, state, seconds)
         log.info("%s: %d rows in %.2f s", self.setup.spec.name, state.row, seconds)
-        return result
+        return replace(result, began=self._from)
 
-    def begin_live(self, settings: str, evidence: dict[str, Any]) -> TwinState:
-        """A run whose samples are pushed: the one that was cut off, from its first row, or anew."""
-        left = self.ledger.unfinished
-        known = left if left is not None and evidence.keys() <= left.evidence.keys() else None
-        self._give_up(Place(known, 0))
-        state, _ = self._begun(known, settings, evidence)
+    def begin_pushed(
+        self, known: Begun | None, evidence: dict[str, Any], feed: object, *, lasting: bool
+    ) -> tuple[TwinState, Checkpoint | None]:
+        """The run that was cut off goes on, from its checkpoint if it has one; or a new one begins.
+
+        Args:
+            known: the run that was cut off.
+            evidence: of a new one.
+            feed: what its checkpoints hold beside the twin's state, for its shape.
+            lasting: does the store outlive this process?
+        """
+        self._lasting = lasting
+        self._give_up(known, evidence["first_chunk"])
+        state, found = self._begun(known, evidence, feed)
         if known is None:
             self.log.say(0, ())  # the run is in the log before its first row
-        return state
+        return state, found
 
     def _feed(self) -> Feed:
         return Feed(self.setup.spec, self.setup.model)
 
-    def _give_up(self, place: Place) -> None:
-        """A run that was cut off ends here when another one begins."""
+    def _give_up(self, known: Begun | None, chunks: int = 0) -> None:
+        """A run that was cut off ends here when another one begins, with sample ``chunks``."""
         left = self.ledger.unfinished
-        if left is None or place.run is left:
+        if left is None or known is left:
             return
-        found = self.ledger.store.restore(_Come(-1, 0), left.number)
-        task, elapsed = (-1, 0) if found is None else found.state
+        found = self.ledger.store.restore(Saved(_Come(-1, 0)), left.number)
+        task, elapsed = (-1, 0) if found is None else found.state.twin
         evidence = {
-            "tasks": task + 1,
-            "elapsed": elapsed,
-            "rows": 0,
-            "digest": "",
-            "given_up": True,
-        }
+            "tasks": task + 1, "elapsed": elapsed, "rows": 0, "digest": "", "given_up": True,
+        }  # fmt: skip
+        if "first_chunk" in left.evidence:
+            evidence["chunks"] = (chunks or self.ledger.store.chunks + 1) - 1
         said = f"run {left.number} was cut off and is given up: other rows were run"
         event = Event(self.ledger.row, 0, "ran", "", said, evidence)
         self.ledger.commit(Batch([event], run=left.number))
         log.warning("%s", said)
 
     def _begun(
-        self, known: Begun | None, settings: str, evidence: dict[str, Any] | None = None
-    ) -> tuple[TwinState, bool]:
-        """The state that the run goes on from; is it that of its end?"""
+        self, known: Begun | None, evidence: dict[str, Any], feed: object = ()
+    ) -> tuple[TwinState, Checkpoint | None]:
+        """The state that the run goes on from, and the checkpoint that it is of."""
         ledger = self.ledger
         told: dict[str, Any] = {"champion": ledger.champion, "pinned": ledger.pinned}
         told |= {} if known is None else known.evidence
@@ -178,28 +190,25 @@ class Run:
             self.setup, ledger.versions, self.tell, self._watch, told["champion"], told["pinned"],
             engine=self.engine, live=self.live,
         )  # fmt: skip
+        found = None
         if known is None:
-            found, self.log = (
-                None,
-                RunLog.begin(ledger, {"settings": settings, **(evidence or {})}, self._prints),
-            )
+            self.log = RunLog.begin(ledger, evidence, self._prints)
         else:
-            found = self._restored(known)
+            found = self._restored(known, feed)
             self.log = RunLog.again(ledger, known, found, self._prints)
         self.driver.outside = self.log
         if known is not None and found is not None:
             self.observer.restore(self._said(known, found.length), found.shown)
             log.info("run %d goes on from row %d", known.number, found.row)
         self.observer.trace.remembers = self._lasting
-        state: TwinState = self.driver.init() if found is None else found.state
+        state: TwinState = self.driver.init() if found is None else found.state.twin
         self._kept = self._from = ledger.at = state.row
-        over = known is not None and known.over and found is not None and not self.log.repeats
-        return state, over
+        return state, found
 
-    def _restored(self, known: Begun) -> Checkpoint | None:
+    def _restored(self, known: Begun, feed: object) -> Checkpoint | None:
         """The newest checkpoint of a run; None: it has to be folded from its first row."""
         try:
-            return self.driver.restored(self.ledger.store, known.number)
+            return self.driver.restored(self.ledger.store, known.number, feed)
         except StoreError as error:
             log.warning("run %d is folded from its first row: %s", known.number, error)
             return None
@@ -217,7 +226,7 @@ class Run:
 
     def step(self, state: TwinState, block: Block) -> TwinState:
         """Further rows."""
-        if self._lasting:
+        if self._lasting and not self.pushed:
             self._prints.begin(block)
         self.log.begins(state.row)
         for part in rest([block], state.row):
@@ -236,17 +245,22 @@ class Run:
         """After each piece: what is shown of it; a checkpoint where one is due."""
         self.observer.watch(state, piece, out)
         self.ledger.at = state.row
+        if not self.pushed:
+            self.save(state)
+
+    def save(self, state: TwinState, feed: object = ()) -> None:
+        """A checkpoint, where one is due; with what a run of pushed samples needs beside it."""
         if not self._lasting or self.log.repeats:
             return
         now = time.perf_counter()
         if state.row - self._kept >= self.every if self.every else now >= self._due:
-            self.log.say(state.row, (), self._of(copy(state)))
+            self.log.say(state.row, (), self._of(copy(Saved(state, feed))))
             took = time.perf_counter() - now
             self._kept, self._due = state.row, now + max(SECONDS, SHARE * took)
 
-    def _of(self, state: TwinState) -> Checkpoint:
+    def _of(self, saved: Saved) -> Checkpoint:
         shown = self.observer.trace.fresh()
-        return Checkpoint(state.row, state, self.log.run.number, shown=shown)
+        return Checkpoint(saved.twin.row, saved, self.log.run.number, shown=shown)
 
     def _finished(self, state: TwinState) -> TwinState:
         """The end of the data, and of the run."""
@@ -257,6 +271,8 @@ class Run:
             "tasks": state.task + 1, "elapsed": state.elapsed, "rows": state.row,
             "digest": self._prints.at(state.row), "given_up": False,
         }  # fmt: skip
+        evidence |= {"chunks": self.ledger.store.chunks} if self.pushed else {}
         ran = Event(state.row, state.time, "ran", "", f"{state.task + 1} tasks", evidence)
-        self.log.say(state.row, [ran], self._of(state) if self._lasting else None)
+        kept = self._lasting and not self.pushed
+        self.log.say(state.row, [ran], self._of(Saved(state)) if kept else None)
         return state

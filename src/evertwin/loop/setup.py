@@ -164,6 +164,13 @@ class Setup:
         regime = regimes.of(u[:, columns])
         return np.where(regime < 0, -1, regime * self.steps.parts + step)
 
+    @property
+    def decides(self) -> bool:
+        """Is anything tuned or corrected: is there a requirement, a schedule, or a stream?"""
+        rule = self.spec.tuning
+        scheduled = math.isfinite(self.requirement) or math.isfinite(rule.every)
+        return scheduled or rule.method == "recursive"
+
     @cached_property
     def requirement(self) -> float:
         """Largest deviation; infinite: none."""

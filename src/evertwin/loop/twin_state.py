@@ -130,3 +130,16 @@ class TwinState(NamedTuple):
     watched: np.ndarray
     """Range of the watched inputs that the live correction was learned on, (k, 2)."""
     ring: Rows
+
+
+class Saved(NamedTuple):
+    """What a checkpoint holds.
+
+    >>> Saved(()).feed
+    ()
+    """
+
+    twin: Any
+    """`TwinState`, or some of its fields."""
+    feed: Any = ()
+    """State of what a run of pushed samples makes its rows of."""

@@ -9,7 +9,7 @@ from typing import Annotated, Literal, TypeAlias
 from annotated_types import Ge, Le
 
 from evertwin.errors import UsageError
-from evertwin.settings.kinds import Finite, Hertz, Seconds
+from evertwin.settings.kinds import Duration, Finite, Hertz, Seconds
 from evertwin.settings.notes import Late, Shorthand
 from evertwin.settings.section import Section
 from evertwin.signals.units import conversion
@@ -82,6 +82,13 @@ class SourceSpec(Section):
     """Name in messages."""
     channels: Mapping[str, ChannelSpec]
     """Channel name to its column: ``v = { column = "v", unit = "m/s" }``."""
+    keep: Duration | None = None
+    """How long pushed samples stay in the store, and no shorter than checkpoints need them; absent:
+    for good."""
+    slack: Annotated[Seconds, Ge(0.0)] = 0.0
+    """How far behind this source's newest sample another one's may still come; rows wait for it."""
+    timeout: Duration = float("inf")
+    """Silent for so long before a tick, it is no longer waited for."""
     files: tuple[Annotated[str, Late()], ...] = ()
     """Recordings or patterns, each file a task; relative to the twin file. ``--data`` replaces
     them."""
@@ -106,3 +113,19 @@ class SourceSpec(Section):
     left_out: Annotated[float, Ge(0.0), Le(1.0)] = LIMIT
     """Largest share of the rows that may be left out (stamps that go back, repeat or are absurd,
     damaged lines, absurd values); beyond it that is a finding."""
+
+
+@dataclass(frozen=True)
+class ArraySpec(Section):
+    """``[[array]]``: samples that are arrays (scans, images), pushed and stored beside the rows.
+
+    >>> ArraySpec(name="lidar", shape=(360,)).keep is None
+    True
+    """
+
+    name: str
+    """Name of the source that they come from."""
+    shape: tuple[Annotated[int, Ge(1), Le(1_000_000)], ...]
+    """Shape of one sample."""
+    keep: Duration | None = None
+    """How long they stay in the store; absent: for good."""

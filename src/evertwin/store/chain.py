@@ -81,10 +81,12 @@ def _signature(text: str, key: bytes) -> str:
     return hmac.new(key, text.encode(), hashlib.sha256).hexdigest()
 
 
-def link(before: str, number: int, run: int, kind: str, row: int, content: str) -> str:
-    """Hash of an entry, given the hash of the one before."""
-    text = f"{before}\n{number}\n{run}\n{kind}\n{row}\n{content}"
-    return hashlib.sha256(text.encode()).hexdigest()
+def link(before: str, *fields: object) -> str:
+    """Hash of an entry, given that before: of its number, run, kind, row, content.
+
+    A damaged file may hold anything in their place.
+    """
+    return hashlib.sha256("\n".join([before, *map(str, fields)]).encode()).hexdigest()
 
 
 def chained(entries: Iterable[Entry], begin: Head) -> Head:

@@ -13,7 +13,7 @@ position on, so that every record stands there exactly once.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 
@@ -82,6 +82,8 @@ class Batch:
     progress: Progress | None = None
     heard: int = 0
     """What was asked for up to this number (`Store.asked`) is in ``records`` now."""
+    forget: Mapping[str, int] = field(default_factory=dict)
+    """Source → stamp [ns]: its samples that ended before may go, where no checkpoint needs them."""
 
 
 @runtime_checkable
@@ -132,12 +134,17 @@ class Store(Protocol):
         """
         ...
 
+    @property
+    def chunks(self) -> int:
+        """Number of the newest samples, also if they are no longer kept; 0: there were none."""
+        ...
+
     def read_chunks(self, start: int = 1, stop: int | None = None) -> Iterator[tuple[int, Chunk]]:
         """Samples by number (from 1, in order of arrival), those in [start, stop) that are kept."""
         ...
 
-    def forget_chunks(self, before: int) -> None:
-        """Samples with smaller numbers may go; numbers are never used again."""
+    def samples(self, source: str, first: int, last: int) -> Iterator[Chunk]:
+        """What is kept of a source with stamps in [first, last] [ns], in order of arrival."""
         ...
 
     def restore(

@@ -16,7 +16,7 @@ from evertwin.errors import StoreDamaged, StoreError
 from evertwin.store.chain import Head
 
 MEMORY = ":memory:"
-SCHEMA = 2
+SCHEMA = 3
 PAGE = 4096
 """Bytes of a page of the file."""
 APPLICATION = 0x45565457  # "EVTW", in the file's header
@@ -41,6 +41,7 @@ CREATE TABLE progress (one INTEGER PRIMARY KEY CHECK (one = 1), run INTEGER NOT 
 CREATE TABLE samples (number INTEGER PRIMARY KEY AUTOINCREMENT, source TEXT NOT NULL,
                       task INTEGER NOT NULL, start INTEGER NOT NULL, stop INTEGER NOT NULL,
                       content BLOB NOT NULL, hash TEXT NOT NULL);
+CREATE INDEX samples_source_stop ON samples (source, stop);
 CREATE TABLE inbox (number INTEGER PRIMARY KEY AUTOINCREMENT, content TEXT NOT NULL,
                     hash TEXT NOT NULL);
 CREATE TRIGGER log_is_final BEFORE UPDATE ON log

@@ -44,6 +44,11 @@ LINKED = (
     "SELECT l.number, l.run, l.kind, l.row, l.content, l.hash, p.hash FROM log l "
     "LEFT JOIN log p ON p.number = l.number - 1 WHERE "
 )
+CHUNK = "SELECT number, source, task, start, stop, content, hash FROM samples WHERE "
+FORGET = (
+    "DELETE FROM samples WHERE source = ? AND stop < ? AND number <= "
+    "coalesce((SELECT min(chunks) FROM checkpoints), 9223372036854775807)"
+)
 
 
 class _Job(NamedTuple):
@@ -80,6 +85,8 @@ class _Tables:
                     db.execute("DELETE FROM inbox WHERE number <= ?", (batch.heard,))
                 if batch.checkpoint is not None:
                     self.checkpoints.write(db, batch.checkpoint, whole=k == newest)
+                if batch.forget:
+                    db.executemany(FORGET, batch.forget.items())
 
 
 class SqliteStore:
@@ -205,12 +212,6 @@ class SqliteStore:
         """Returns when everything is durable."""
         self._writer.flush()
 
-    def forget_chunks(self, before: int) -> None:
-        """Samples with smaller numbers may go; numbers are never used again."""
-        self.flush()
-        with self._db.transaction() as db:
-            db.execute("DELETE FROM samples WHERE number < ?", (before,))
-
     def ask(self, events: Sequence[Event]) -> None:
         """Asks the process that works with the store, where this one only reads it."""
         self._check_open()
@@ -267,20 +268,37 @@ class SqliteStore:
         except ValueError as error:
             raise StoreDamaged(f"{self.path}: entry {entry.number} is no JSON text") from error
 
+    @property
+    def chunks(self) -> int:
+        """Number of the newest samples, also if they are no longer kept; 0: there were none."""
+        found = self._query("SELECT seq FROM sqlite_sequence WHERE name = 'samples'")
+        return int(found[0][0]) if found else 0
+
     def read_chunks(self, start: int = 1, stop: int | None = None) -> Iterator[tuple[int, Chunk]]:
         """Samples by number (from 1, in order of arrival), those in [start, stop) that are kept."""
-        end, at = 2**63 - 1 if stop is None else stop, start
-        query = (
-            "SELECT number, source, task, start, stop, content, hash FROM samples "
-            "WHERE number >= ? AND number < ? ORDER BY number LIMIT 100"
-        )
-        while found := self._query(query, (at, end)):
+        end = 2**63 - 1 if stop is None else stop
+        return self._chunks("number < ?", (end,), start)
+
+    def samples(self, source: str, first: int, last: int) -> Iterator[Chunk]:
+        """What is kept of a source with stamps in [first, last] [ns], in order of arrival."""
+        where = "source = ? AND stop >= ? AND start <= ?"
+        for _, chunk in self._chunks(where, (source, first, last)):
+            wanted = (chunk.t >= first) & (chunk.t <= last)
+            if wanted.any():
+                yield chunk._replace(t=chunk.t[wanted], v=chunk.v[wanted])
+
+    def _chunks(
+        self, where: str, values: Sequence[Any], start: int = 1
+    ) -> Iterator[tuple[int, Chunk]]:
+        """Samples from a number on, each checked against its hash."""
+        query = f"{CHUNK}{where} AND number >= ? ORDER BY number LIMIT 100"
+        while found := self._query(query, (*values, start)):
             for number, source, task, first, last, content, digest in found:
                 if proof(source, task, first, last, name_of(content)) != digest:
                     raise StoreDamaged(f"{self.path}: sample {number} does not match its hash")
                 arrays = unpack(content)
                 yield number, Chunk(source, arrays["t"], arrays["v"], task)
-            at = found[-1][0] + 1
+            start = found[-1][0] + 1
 
     def restore(
         self, like: S, run: int | None = None, before: int | None = None
