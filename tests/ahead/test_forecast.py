@@ -114,3 +114,5 @@ def test_what_cannot_be_forecast_is_told() -> None:
     rows = twin.blocks(table)[-1]
     with pytest.raises(UsageError, match="shorten it"):
         coming(rows, 1e9, "hold")
+    with pytest.raises(UsageError, match="rows at this rate"):
+        coming(rows, 1e308, "repeat")

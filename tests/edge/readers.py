@@ -31,6 +31,8 @@ Cells = dict[str, Any]
 _NUMBER = re.compile(
     r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?inf(inity)?|[+-]?nan", re.I | re.A
 )
+BLANK = " \t\r\v\f\x1c\x1d\x1e\x1f\xa0"
+"""White space, but not byte 85: a new line in Latin-1, an ellipsis in Windows-1252."""
 _EMPTY = {"", "nan", "na", "n/a", "null", "none", "-", "--", "nil", "#n/a"}
 UNITS = {"": 1.0, "m": 1.0, "cm": 0.01, "mm": 0.001, "km": 1e3, "s": 1.0, "min": 60.0, "Nm": 1.0,
          "%": 0.01, "kg": 1.0, "cm/s": 0.01, "m/s": 1.0, "Hz": 1.0}  # fmt: skip
@@ -109,7 +111,7 @@ def _gunzip(raw: bytes) -> bytes:
 
 
 def _cell(cell: str, comma: bool) -> float:
-    text = cell.strip().replace(",", ".") if comma else cell.strip()
+    text = cell.strip(BLANK).replace(",", ".") if comma else cell.strip(BLANK)
     if text.lower() in _EMPTY:
         return math.nan
     if text.lower() in ("true", "false"):
@@ -200,6 +202,8 @@ def _ros1(path: Path) -> Cells:
             message = reader.deserialize(raw, link.msgtype)
             for axis in ("x", "y", "z"):
                 out.setdefault(f"{link.topic}.{axis}", set()).add(float(getattr(message, axis)))
+    if not out:
+        raise ValueError("no message: it gave up at a damaged index")
     return out
 
 

@@ -96,6 +96,12 @@ def test_what_cannot_come_in_is_named(tmp_path: Path, text: str, says: str) -> N
     assert len(twin.versions) == 1
 
 
+def test_json_of_another_encoding_comes_in(tmp_path: Path) -> None:
+    (tmp_path / "x.json").write_text('{"parameters": {"Fc1": 3.5}}', encoding="utf-16")
+    version = Twin(ARM).load(tmp_path / "x.json")
+    assert dict(zip(version.names, version.values, strict=True))["Fc1"] == 3.5
+
+
 def test_trajectories_go_out_and_are_a_recording(tmp_path: Path) -> None:
     twin = Twin(ROBOT)
     written = twin.export(tmp_path / "r.mat", "mat", data=drive())

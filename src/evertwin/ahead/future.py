@@ -73,7 +73,9 @@ def coming(last: Block, horizon: float, mode: Mode) -> Future:
 
 
 def _count(size: float) -> int:
-    n = max(int(np.ceil(size * (1 - 1e-9))), 1)
-    if n > LARGEST:
-        raise UsageError(f"horizon: {n} rows at this rate, expected {LARGEST} at most: shorten it")
-    return n
+    rows = max(float(np.ceil(size * (1 - 1e-9))), 1.0)
+    if not rows <= LARGEST:
+        raise UsageError(
+            f"horizon: {rows:.7g} rows at this rate, expected {LARGEST} at most: shorten it"
+        )
+    return int(rows)

@@ -29,8 +29,9 @@ def values_in(path: Path, names: Sequence[str]) -> dict[str, float]:
         DataError: no such file, no parameters in it, one of them unknown or not a finite number.
     """
     try:
-        head = path.read_bytes()[:1]
-        found = _from_json(path) if head in (b"{", b" ", b"\n") else _from_mat(path, names)
+        with path.open("rb") as file:
+            matlab = file.read(6) == b"MATLAB"
+        found = _from_mat(path, names) if matlab else _from_json(path)
     except OSError as error:
         raise DataError(f"{path}: {error.strerror or error}: check the path") from error
     if not found:
@@ -53,9 +54,11 @@ def _number(where: str, value: Any) -> float:
 
 def _from_json(path: Path) -> dict[str, float]:
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(path.read_bytes())
     except (ValueError, RecursionError) as error:
-        raise DataError(f"{path.name}: expected JSON: {error}") from error
+        raise DataError(
+            f"{path.name}: expected JSON, or a MAT file of version 5 (save with -v7): {error}"
+        ) from error
     items = content.get("parameters") if isinstance(content, dict) else None
     if not isinstance(items, dict):
         raise DataError(f"{path.name}: expected an object with 'parameters'")
@@ -69,7 +72,7 @@ def _from_mat(path: Path, names: Sequence[str]) -> dict[str, float]:
         ).get("parameters")
     except (scipy.io.matlab.MatReadError, *_DAMAGE) as error:
         raise DataError(
-            f"{path.name}: expected JSON or a MAT file of version 5 (save with -v7): {error}"
+            f"{path.name}: expected a MAT file of version 5 (save with -v7): {error}"
         ) from error
     if not isinstance(content, Mapping):
         raise DataError(f"{path.name}: expected a structure 'parameters' with a field each")

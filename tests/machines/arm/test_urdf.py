@@ -47,6 +47,7 @@ BROKEN = {
     "no axis": (text(axis="0 0 0"), "joint 'pivot' has the axis"),
     "planar joint": (text(kind="planar"), "joint 'pivot' is 'planar'"),
     "two links of a name": (text(link='<link name="rod"/>'), "link 'rod' occurs 2 times"),
+    "two masses": (text().replace("<mass", '<mass value="9"/><mass', 1), "expected one <mass> in"),
     "absent link": (text(joint=joint("far", "rod", "moon")), "joint 'far' names link 'moon'"),
     "two carriers": (text(joint=joint("again", "wall", "rod")), "link 'rod' is carried by two"),
     "two roots": (text(link='<link name="loose"/>'), "expected one root link, got wall, loose"),

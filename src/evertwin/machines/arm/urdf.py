@@ -194,6 +194,17 @@ def _unique(where: str, elements: list[Element]) -> list[Element]:
     return elements
 
 
+def _only(where: str, element: Element, tag: str) -> Element | None:
+    """The child of that kind, if there is one: which of several counts nobody knows."""
+    found = element.findall(tag)
+    if len(found) > 1:
+        raise ModelError(
+            f"{_at(where, found[1])}: expected one <{tag}> in <{element.tag}>, got {len(found)}: "
+            "remove what does not count"
+        )
+    return found[0] if found else None
+
+
 def _numbers(
     at: str, element: Element | None, key: str, default: str | None, count: int = 1
 ) -> list[float]:
@@ -218,13 +229,13 @@ def _name(where: str, element: Element) -> str:
 
 def _link(where: str, element: Element, notes: list[str]) -> Link:
     name = _name(where, element)
-    inertial = element.find("inertial")
+    inertial = _only(where, element, "inertial")
     if inertial is None:
         return Link(name)
     at = f"{_at(where, inertial)}: link '{name}'"
-    (mass,) = _numbers(at, inertial.find("mass"), "value", None)
+    (mass,) = _numbers(at, _only(where, inertial, "mass"), "value", None)
     checked(at, mass, None)
-    tensor = inertial.find("inertia")
+    tensor = _only(where, inertial, "inertia")
     if tensor is None:
         raise ModelError(f"{at}: expected <inertia> beside <mass>, got none: add it")
     xx, xy, xz, yy, yz, zz = (
@@ -236,7 +247,7 @@ def _link(where: str, element: Element, notes: list[str]) -> Link:
         notes += checked(at, mass, own)
     else:
         notes.append(f"{at} has no inertia: taken as a mass in one point")
-    origin = inertial.find("origin")
+    origin = _only(where, inertial, "origin")
     turn = rotation(*_numbers(at, origin, "rpy", "0 0 0", 3))
     centre = np.array(_numbers(at, origin, "xyz", "0 0 0", 3))
     return Link(name, mass, centre, turn @ own @ turn.T)
@@ -249,12 +260,12 @@ def _joint(where: str, element: Element) -> Joint:
         raise ModelError(f"{at} is '{kind}', expected one of {', '.join(_MOVING)} or fixed")
     if element.find("mimic") is not None:
         raise ModelError(f"{at} mimics another joint, expected a joint of its own")
-    ends = [element.find(tag) for tag in ("parent", "child")]
+    ends = [_only(where, element, tag) for tag in ("parent", "child")]
     parent, child = (e.get("link", "") if e is not None else "" for e in ends)
     if not parent or not child:
         raise ModelError(f"{at}: expected <parent link=…> and <child link=…>: add them")
-    origin, limit = element.find("origin"), element.find("limit")
-    axis = np.array(_numbers(at, element.find("axis"), "xyz", "1 0 0", 3))
+    origin, limit = (_only(where, element, tag) for tag in ("origin", "limit"))
+    axis = np.array(_numbers(at, _only(where, element, "axis"), "xyz", "1 0 0", 3))
     length = float(np.linalg.norm(axis))
     if kind != "fixed" and not length > 1e-9:
         raise ModelError(f"{at} has the axis {axis.tolist()}, expected a direction")
