@@ -219,7 +219,8 @@ class Decide:
             reason=str(candidate["reason"]), row=state.row,
         )  # fmt: skip
         scale = np.array(candidate["scale"], dtype=np.float64)
-        scores = state.scores._replace(scale=scale, pair=np.zeros(3))
+        # the running segment, which the champion has begun, is no prediction of the challenger's
+        scores = state.scores._replace(scale=scale, pair=np.full(3, np.nan))
         watched = np.array(candidate["watched"], dtype=np.float64).reshape(-1, 2)
         decision.state = state._replace(
             other=follow.beside(state.live, version.number), scores=scores,

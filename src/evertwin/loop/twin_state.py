@@ -54,7 +54,7 @@ class Scores(NamedTuple):
     seen: np.ndarray
     """Rows since the deviation was last judged, int64 (1,)."""
     pair: np.ndarray
-    """Running segment: Σ loss of champion and of the other, rows; (3,)."""
+    """Running segment: Σ loss of champion and of the other, rows; (3,). NaN: it does not count."""
     scale: np.ndarray
     """Residual size that counts as 1 in a loss, (ny,)."""
 
