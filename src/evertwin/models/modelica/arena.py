@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from evertwin.errors import ModelError
-from evertwin.models.modelica.graph import BINARY, UNARY, Graph
+from evertwin.models.modelica.graph import Graph
+from evertwin.models.modelica.kernel import BINARY, UNARY
 
 _ELEMENTWISE = {
     "elementwise_add": "add", "elementwise_subtract": "subtract",

@@ -10,7 +10,7 @@ from evertwin.models.modelica.graph import Graph
 
 
 class Variable(NamedTuple):
-    """A scalar variable of the flat model.
+    """A scalar variable of the flat model, or a parameter that tuning may change.
 
     >>> Variable("v", 3, "1").output
     False
@@ -27,25 +27,8 @@ class Variable(NamedTuple):
     """Declared as an output of the model."""
     place: str = ""
     """File and line of its declaration."""
-
-
-class Given(NamedTuple):
-    """A parameter that tuning may change.
-
-    >>> Given("J", 0, 0.2, "kg*m**2").value
-    0.2
-    """
-
-    name: str
-    leaf: int
-    value: float
-    unit: str
-    low: float = -math.inf
-    high: float = math.inf
     text: str = ""
     """Its description."""
-    place: str = ""
-    """File and line of its declaration."""
 
 
 class Equation(NamedTuple):
@@ -71,7 +54,7 @@ class Flat(NamedTuple):
     unknowns: tuple[Variable, ...] = ()
     """States, algebraic variables and outputs."""
     inputs: tuple[Variable, ...] = ()
-    parameters: tuple[Given, ...] = ()
+    parameters: tuple[Variable, ...] = ()
     equations: tuple[Equation, ...] = ()
     initial: tuple[Equation, ...] = ()
     """Hold at the start."""

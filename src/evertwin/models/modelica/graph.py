@@ -14,9 +14,13 @@ vanish. `Graph.slope` gives exact derivatives, `Graph.affine` splits ``a·v + b`
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
+
+import numpy as np
+
+from evertwin.models.modelica.kernel import BINARY, OPS, one
 
 
 class Node(NamedTuple):
@@ -36,41 +40,23 @@ class Node(NamedTuple):
     """How often a leaf is differentiated by time."""
 
 
-def _power(a: float, b: float) -> float:
-    try:
-        value = a**b
-    except (ZeroDivisionError, OverflowError):
-        return math.nan
-    return value if isinstance(value, float) else math.nan
-
-
-def _sign(a: float) -> float:
-    return float((a > 0) - (a < 0))
-
-
-UNARY: Mapping[str, Callable[[float], float]] = {
-    "negate": lambda a: -a, "sin": math.sin, "cos": math.cos, "tan": math.tan,
-    "asin": math.asin, "acos": math.acos, "atan": math.atan, "sinh": math.sinh,
-    "cosh": math.cosh, "tanh": math.tanh, "exp": math.exp, "log": math.log,
-    "log10": math.log10, "sqrt": math.sqrt, "abs": abs, "sign": _sign,
-    "floor": lambda a: float(math.floor(a)), "ceil": lambda a: float(math.ceil(a)),
-    "not": lambda a: float(a == 0.0),
-}  # fmt: skip
-BINARY: Mapping[str, Callable[[float, float], float]] = {
-    "add": lambda a, b: a + b, "subtract": lambda a, b: a - b, "multiply": lambda a, b: a * b,
-    "divide": lambda a, b: a / b if b else math.nan, "power": _power, "atan2": math.atan2,
-    "min": min, "max": max,
-    "less": lambda a, b: float(a < b), "less_equal": lambda a, b: float(a <= b),
-    "greater": lambda a, b: float(a > b), "greater_equal": lambda a, b: float(a >= b),
-    "equal": lambda a, b: float(a == b), "not_equal": lambda a, b: float(a != b),
-    "and": lambda a, b: float(bool(a) and bool(b)), "or": lambda a, b: float(bool(a) or bool(b)),
-}  # fmt: skip
 _SHOWN = {"add": "+", "subtract": "-", "multiply": "*", "divide": "/", "power": "^"}
-_FLAT = {
-    "sign", "floor", "ceil", "not", "less", "less_equal", "greater", "greater_equal", "equal",
-    "not_equal", "and", "or",
-}  # fmt: skip
+_FLAT = {"sign", "floor", "ceil", "not", *BINARY[8:]}
 """Operations without a slope."""
+
+
+def folded(op: str, values: Sequence[float]) -> float:
+    """What the kernel makes of numbers; NaN where that is none.
+
+    >>> folded("multiply", [2.0, 3.0]), folded("log", [-1.0])
+    (6.0, nan)
+    """
+    given = (*values, 0.0, 0.0)[:3]
+    try:
+        with np.errstate(all="ignore"):
+            return float(one.plain(OPS.index(op), *given))
+    except (ValueError, ArithmeticError):
+        return math.nan
 
 
 @dataclass
@@ -106,17 +92,8 @@ class Graph:
         """The node of an operation over nodes: ``select`` takes (condition, then, else)."""
         values = [self.nodes[a].value for a in args if self.nodes[a].op == "constant"]
         if len(values) == len(args):
-            try:
-                return self.constant(self._fold(op, values))
-            except (ValueError, OverflowError):  # as 0/0: left for the run, where it is NaN
-                return self._add(Node(op, args))
+            return self.constant(folded(op, values))
         return self._simpler(op, args)
-
-    @staticmethod
-    def _fold(op: str, values: list[float]) -> float:
-        if op == "select":
-            return values[1] if values[0] else values[2]
-        return UNARY[op](values[0]) if len(values) == 1 else BINARY[op](values[0], values[1])
 
     def value(self, node: int) -> float | None:
         """The number that a node is; None if it depends on something."""
@@ -173,15 +150,15 @@ class Graph:
         found = self._leaves.get(node)
         if found is not None:
             return found
-        for i in self._inside([node]):
+        for i in self.program([node]):
             if i not in self._leaves:
                 at = self.nodes[i]
                 parts = (self._leaves[a] for a in at.args)
                 self._leaves[i] = frozenset([i]) if at.op == "leaf" else frozenset().union(*parts)
         return self._leaves[node]
 
-    def _inside(self, roots: Iterable[int]) -> list[int]:
-        """All nodes that the roots are made of, in order."""
+    def program(self, roots: Iterable[int]) -> list[int]:
+        """All nodes that the roots are made of, in the order in which they can be computed."""
         found: set[int] = set()
         stack = list(roots)
         while stack:
@@ -191,31 +168,22 @@ class Graph:
                 stack.extend(self.nodes[node].args)
         return sorted(found)
 
-    def program(self, roots: Iterable[int]) -> list[int]:
-        """The nodes to compute, in order, so that the roots are known."""
-        return self._inside(roots)
-
     def mapped(self, root: int, replace: Mapping[int, int]) -> int:
         """The expression with leaves replaced by other expressions."""
         if not replace or self.leaves(root).isdisjoint(replace):
             return root
         new: dict[int, int] = {}
-        for i in self._inside([root]):
+        for i in self.program([root]):
             node = self.nodes[i]
-            if i in replace:
-                new[i] = replace[i]
-            elif not node.args:
-                new[i] = i
-            else:
-                args = [new[a] for a in node.args]
-                new[i] = self(node.op, *args) if tuple(args) != node.args else i
+            args = tuple(new[a] for a in node.args)
+            new[i] = replace[i] if i in replace else self(node.op, *args) if args != node.args else i
         return new[root]
 
     def slope(self, node: int, leaf: int) -> int:
         """∂node/∂leaf."""
         if leaf not in self.leaves(node):
             return self.constant(0.0)
-        for i in self._inside([node]):
+        for i in self.program([node]):
             if (i, leaf) not in self._slopes:
                 self._slopes[i, leaf] = self._one(i, leaf)
         return self._slopes[node, leaf]
@@ -235,25 +203,24 @@ class Graph:
 
     def _outer(self, op: str, args: tuple[int, ...], i: int) -> tuple[int, ...]:
         """Slopes of an operation by its arguments."""
-        one, a = self.constant(1.0), args[0]
-        two = self.constant(2.0)
+        unit, a = self.constant(1.0), args[0]
         if len(args) == 2:
             return self._outer2(op, (a, args[1]), i)
         rules: dict[str, Callable[[], int]] = {
             "negate": lambda: self.constant(-1.0),
             "sin": lambda: self("cos", a),
             "cos": lambda: self("negate", self("sin", a)),
-            "tan": lambda: self("add", one, self("multiply", i, i)),
-            "asin": lambda: self("divide", one, self("sqrt", self._rest(a))),
+            "tan": lambda: self("add", unit, self("multiply", i, i)),
+            "asin": lambda: self("divide", unit, self("sqrt", self._rest(a))),
             "acos": lambda: self("divide", self.constant(-1.0), self("sqrt", self._rest(a))),
-            "atan": lambda: self("divide", one, self("add", one, self("multiply", a, a))),
+            "atan": lambda: self("divide", unit, self("add", unit, self("multiply", a, a))),
             "sinh": lambda: self("cosh", a),
             "cosh": lambda: self("sinh", a),
             "tanh": lambda: self._rest(i),
             "exp": lambda: i,
-            "log": lambda: self("divide", one, a),
+            "log": lambda: self("divide", unit, a),
             "log10": lambda: self("divide", self.constant(1.0 / math.log(10.0)), a),
-            "sqrt": lambda: self("divide", one, self("multiply", two, i)),
+            "sqrt": lambda: self("divide", self.constant(0.5), i),
             "abs": lambda: self("sign", a),
         }
         return (rules[op](),)
@@ -263,15 +230,15 @@ class Graph:
         return self("subtract", self.constant(1.0), self("multiply", a, a))
 
     def _outer2(self, op: str, args: tuple[int, int], i: int) -> tuple[int, int]:
-        one, (a, b) = self.constant(1.0), args
+        unit, (a, b) = self.constant(1.0), args
         if op in ("add", "subtract"):
-            return one, self.constant(1.0 if op == "add" else -1.0)
+            return unit, self.constant(1.0 if op == "add" else -1.0)
         if op == "multiply":
             return b, a
         if op == "divide":
-            return self("divide", one, b), self("negate", self("divide", i, b))
+            return self("divide", unit, b), self("negate", self("divide", i, b))
         if op == "power":
-            less = self("power", a, self("subtract", b, one))
+            less = self("power", a, self("subtract", b, unit))
             grows = self.constant(0.0)
             if self.value(b) is None:
                 grows = self("multiply", i, self("log", a))
@@ -306,14 +273,8 @@ class Graph:
     def evaluate(self, roots: list[int], values: Mapping[int, float]) -> list[float]:
         """Numbers of the roots with the leaves' values."""
         known = dict(values)
-        for i in self._inside(roots):
-            node = self.nodes[i]
+        for i in self.program(roots):
+            node, given = self.nodes[i], [known[a] for a in self.nodes[i].args]
             if i not in known:
-                if node.op == "constant":
-                    known[i] = node.value
-                else:
-                    try:
-                        known[i] = self._fold(node.op, [known[a] for a in node.args])
-                    except (ValueError, OverflowError):
-                        known[i] = math.nan
+                known[i] = folded(node.op, given) if given else node.value
         return [known[root] for root in roots]

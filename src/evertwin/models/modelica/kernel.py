@@ -22,21 +22,21 @@ from evertwin.compiled.memory import carray
 
 WORDS = 5
 """Integers per operation."""
-OPS = (
-    "add", "subtract", "multiply", "divide", "power", "negate", "select", "sin", "cos", "tan",
-    "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log", "log10", "sqrt", "abs",
-    "sign", "floor", "ceil", "min", "max", "less", "less_equal", "greater", "greater_equal",
-    "equal", "not_equal", "and", "or", "not", "copy", "linear", "newton",
+BINARY = (
+    "add", "subtract", "multiply", "divide", "power", "atan2", "min", "max", "less", "less_equal",
+    "greater", "greater_equal", "equal", "not_equal", "and", "or",
 )  # fmt: skip
+UNARY = (
+    "negate", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log",
+    "log10", "sqrt", "abs", "sign", "floor", "ceil", "not", "copy",
+)  # fmt: skip
+OPS = (*BINARY, *UNARY, "select", "linear", "newton")
 """Operations; their place is their code."""
-LINEAR, NEWTON = OPS.index("linear"), OPS.index("newton")
-HEAD = (
-    "constants", "parameters", "inputs", "states", "outputs", "registers", "row", "stage", "out",
-    "end", "bits", "slopes", "shown", "adopts", "adopted", "fixed", "size", "tolerance", "parts",
-)  # fmt: skip
-"""What the first integers of a context say; ``row`` … ``end`` are where the tape's parts begin."""
+SELECT, LINEAR, NEWTON = len(OPS) - 3, len(OPS) - 2, len(OPS) - 1
+HEAD = 19
 (NC, NP, NU, NX, NY, REGISTERS, ROW, STAGE, OUT, END, BITS, SLOPES, SHOWN, ADOPTS, ADOPTED, FIXED,
- SIZE, TOLERANCE, PARTS) = range(len(HEAD))  # fmt: skip
+ SIZE, TOLERANCE, PARTS) = range(HEAD)  # fmt: skip
+"""What the first integers of a context say; ``ROW`` … ``END`` are where the tape's parts begin."""
 
 _A = np.array([
     [0, 0, 0, 0, 0, 0],
@@ -57,90 +57,84 @@ ROUNDS = 50
 @njit(cache=True, error_model="numpy")
 def one(op: int, a: Any, b: Any, c: Any) -> Any:
     """A plain operation; the order of cases is that of `OPS`."""
-    if op < 7:
-        if op == 0:
-            return a + b
-        if op == 1:
-            return a - b
-        if op == 2:
-            return a * b
-        if op == 3:
-            return a / b
-        if op == 4:
-            return math.pow(a, b)
-        if op == 5:
-            return -a
-        return b if a != 0.0 else c
-    return _function(op, a, b) if op < 22 else _compared(op, a, b)
+    if op < 16:
+        return _arithmetic(op, a, b) if op < 8 else _compared(op, a, b)
+    return _function(op, a) if op < SELECT else (b if a != 0.0 else c)
 
 
 @njit(cache=True, error_model="numpy")
-def _function(op: int, a: Any, b: Any) -> Any:
-    if op == 7:
-        return math.sin(a)
-    if op == 8:
-        return math.cos(a)
-    if op == 9:
-        return math.tan(a)
-    if op == 10:
-        return math.asin(a)
-    if op == 11:
-        return math.acos(a)
-    if op == 12:
-        return math.atan(a)
-    if op == 13:
+def _arithmetic(op: int, a: Any, b: Any) -> Any:
+    if op == 0:
+        return a + b
+    if op == 1:
+        return a - b
+    if op == 2:
+        return a * b
+    if op == 3:
+        return a / b
+    if op == 4:
+        return math.pow(a, b)
+    if op == 5:
         return math.atan2(a, b)
-    if op == 14:
-        return math.sinh(a)
-    if op == 15:
-        return math.cosh(a)
-    if op == 16:
-        return math.tanh(a)
-    if op == 17:
-        return math.exp(a)
-    if op == 18:
-        return math.log(a)
-    if op == 19:
-        return math.log10(a)
-    if op == 20:
-        return np.sqrt(a)
-    return abs(a)
+    return min(a, b) if op == 6 else max(a, b)
 
 
 @njit(cache=True, error_model="numpy")
-def _compared(op: int, a: Any, b: Any) -> Any:
+def _compared(op: int, a: Any, b: Any) -> float:
+    if op == 8:
+        return 1.0 * (a < b)
+    if op == 9:
+        return 1.0 * (a <= b)
+    if op == 10:
+        return 1.0 * (a > b)
+    if op == 11:
+        return 1.0 * (a >= b)
+    if op == 12:
+        return 1.0 * (a == b)
+    if op == 13:
+        return 1.0 * (a != b)
+    return 1.0 * (a != 0.0 and b != 0.0) if op == 14 else 1.0 * (a != 0.0 or b != 0.0)
+
+
+@njit(cache=True, error_model="numpy")
+def _function(op: int, a: Any) -> Any:
+    if op == 16:
+        return -a
+    if op == 17:
+        return math.sin(a)
+    if op == 18:
+        return math.cos(a)
+    if op == 19:
+        return math.tan(a)
+    if op == 20:
+        return math.asin(a)
+    if op == 21:
+        return math.acos(a)
     if op == 22:
-        return 1.0 if a > 0.0 else (-1.0 if a < 0.0 else 0.0 * a)
+        return math.atan(a)
     if op == 23:
-        return np.floor(a)
+        return math.sinh(a)
     if op == 24:
-        return np.ceil(a)
+        return math.cosh(a)
     if op == 25:
-        return min(a, b)
+        return math.tanh(a)
     if op == 26:
-        return max(a, b)
-    said = False
+        return math.exp(a)
     if op == 27:
-        said = a < b
-    elif op == 28:
-        said = a <= b
-    elif op == 29:
-        said = a > b
-    elif op == 30:
-        said = a >= b
-    elif op == 31:
-        said = a == b
-    elif op == 32:
-        said = a != b
-    elif op == 33:
-        said = a != 0.0 and b != 0.0
-    elif op == 34:
-        said = a != 0.0 or b != 0.0
-    elif op == 35:
-        said = a == 0.0
-    else:
-        return a
-    return 1.0 if said else 0.0
+        return math.log(a)
+    if op == 28:
+        return math.log10(a)
+    if op == 29:
+        return np.sqrt(a)
+    if op == 30:
+        return abs(a)
+    if op == 31:
+        return 1.0 if a > 0.0 else (-1.0 if a < 0.0 else 0.0 * a)
+    if op == 32:
+        return np.floor(a)
+    if op == 33:
+        return np.ceil(a)
+    return 1.0 * (a == 0.0) if op == 34 else a
 
 
 @njit(cache=True, error_model="numpy")
@@ -283,8 +277,7 @@ def _integrate(tape: Any, r: Any, x: Any, dt: float) -> bool:
         for _ in range(parts):
             if not _stages(tape, r, x, dt / parts, k):
                 return False
-            for i in range(nx):
-                x[i] = r[at + i]
+            x[:] = r[at : at + nx]
         return True
     done, h = 0.0, dt
     for _ in range(tape[PARTS]):
@@ -293,8 +286,7 @@ def _integrate(tape: Any, r: Any, x: Any, dt: float) -> bool:
         error = _error(tape, r, x, h, k, tolerance) if fine else np.inf
         if error <= 1.0:
             done += h
-            for i in range(nx):
-                x[i] = r[at + i]
+            x[:] = r[at : at + nx]
             if done >= dt * (1.0 - 1e-14):
                 return True
         factor = 0.9 * math.pow(error, -0.2) if error > 0.0 else 5.0
@@ -310,23 +302,15 @@ def step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) ->
     tape = carray(context, context[END])
     r = np.zeros(tape[REGISTERS])
     nc, n_p, nu, nx = tape[NC], tape[NP], tape[NU], tape[NX]
-    bits = tape[tape[BITS] : tape[BITS] + nc].view(np.float64)
-    for i in range(nc):
-        r[i] = bits[i]
-    for i in range(n_p):
-        r[nc + i] = p[i]
-    for i in range(nu):
-        r[nc + n_p + i] = u[i]
-    state = np.empty(nx)
-    for i in range(nx):
-        state[i] = x[i]
+    at = nc + n_p + nu
+    r[:nc] = tape[tape[BITS] : tape[BITS] + nc].view(np.float64)
+    r[nc : nc + n_p], r[nc + n_p : at] = carray(p, (n_p,)), carray(u, (nu,))
+    state, out = carray(x, (nx,)).copy(), carray(ahead, (nx,))
     if not run(tape, tape[ROW], tape[STAGE], r):
         return 1
     if nx > 0 and dt > 0.0 and not _integrate(tape, r, state, dt):
         return 1
-    for i in range(nx):
-        r[nc + n_p + nu + i] = state[i]
-        ahead[i] = state[i]
+    r[at : at + nx] = out[:] = state
     if not run(tape, tape[STAGE], tape[BITS], r):
         return 1
     for i in range(tape[NY]):

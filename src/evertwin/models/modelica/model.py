@@ -137,7 +137,8 @@ def _placed(place: str, unit: str, build: Callable[[], Built]) -> Built:
 def _parameters(flat: Flat) -> Parameters:
     items = []
     for g in flat.parameters:
-        parts = (g.name, g.value, g.unit, g.low, g.high)
+        value = flat.graph.value(g.start or 0) or 0.0
+        parts = (g.name, value, g.unit, g.low, g.high)
         build = partial(Parameter, *parts, source=g.text or "as declared")
         items.append(_placed(g.place, g.unit, build))
     return Parameters(tuple(items))
@@ -221,10 +222,7 @@ def _started(out: Reduced, states: dict[int, int], node: int) -> bool:
 
 def _initials(out: Reduced, layouts: Layouts, starts: Sequence[int]) -> tuple[str, ...]:
     graph = out.graph
-    used = frozenset().union(*(graph.leaves(n) for n in (*layouts.slopes, *layouts.outputs)))
-    for group in layouts.groups:
-        for node in (*group.sides, *(s for row in group.slopes for s in row)):
-            used |= graph.leaves(node)
+    used = frozenset().union(*(graph.leaves(n) for n in layouts.wanted))
     begins = frozenset().union(*(graph.leaves(n) for n in starts))
     return tuple(graph.nodes[p].name for p in layouts.parameters if p in begins and p not in used)
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from evertwin.errors import ModelError
 from evertwin.models.modelica.arena import Arena, Scope
-from evertwin.models.modelica.flat import Equation, Flat, Given, Variable, label
+from evertwin.models.modelica.flat import Equation, Flat, Variable, label
 from evertwin.models.modelica.graph import Graph
 from evertwin.models.unit_names import spelled
 
@@ -51,22 +51,21 @@ class _Reader:
         self.arena = Arena(self.graph, found["dae"], self._value)
         self.variables: list[Mapping[str, Any]] = self.store["variables"]
         self.known: dict[int, np.ndarray] = {}
-        self.parameters: list[Given] = []
+        self.tuned: list[int] = []
         self.open: list[int] = []
 
     def flat(self) -> Flat:
         self._no_events()
         for i in range(len(self.variables)):
             self._value("", i, "")
-        unknowns = tuple(self._scalars("state", "algebraic", "output"))
-        inputs = tuple(self._scalars("input"))
+        unknowns = self._scalars(self._of("state", "algebraic", "output"))
         equations = tuple(self._equations(self.store["continuous_equation_operations"]))
         initial = tuple(self._equations(self.store["initialization_equation_operations"]))
         roots = [root["root"]["provenance"] for root in self.store["roots"] if "root" in root]
         notes = tuple(dict.fromkeys(self.arena.place(at) for at in roots))
         return Flat(
-            self.name, self.graph, unknowns, inputs, tuple(self.parameters), equations, initial,
-            notes,
+            self.name, self.graph, unknowns, self._scalars(self._of("input")),
+            self._scalars(self.tuned), equations, initial, notes,
         )  # fmt: skip
 
     def _no_events(self) -> None:
@@ -106,47 +105,25 @@ class _Reader:
             if i in self.open:
                 raise ModelError(f"{place}: {variable['name']} depends on itself")
             self.open.append(i)
-            self.known[i] = self._made(variable)
+            self.known[i] = self._made(i, variable)
             self.open.pop()
         return self.known[i]
 
-    def _made(self, variable: Mapping[str, Any]) -> np.ndarray:
+    def _made(self, i: int, variable: Mapping[str, Any]) -> np.ndarray:
         if variable["role"] not in ("parameter", "constant"):
             return self._leaves(variable, 0)
-        shape, attributes = self._shape(variable), variable["attributes"]
-        said = attributes["binding"] if attributes["binding"] is not None else attributes["start"]
-        if said is None or self.arena.defaulted(said):
+        nodes = self._start(variable)
+        if nodes is None:
             raise ModelError(
                 f"{self._declared(variable)}: parameter {variable['name']} has no value: give one"
             )
-        nodes = np.broadcast_to(self.arena.value(said, Scope()), shape)
         free = variable["role"] == "parameter" and self._scalar(variable) == "real"
-        if not (free and attributes["is_tunable"]):
+        if not (free and variable["attributes"]["is_tunable"]):
             return nodes
         if any(self.graph.value(int(node)) is None for node in nodes.ravel()):
             return nodes  # follows from other parameters
-        return self._given(variable, nodes)
-
-    def _given(self, variable: Mapping[str, Any], nodes: np.ndarray) -> np.ndarray:
-        attributes = variable["attributes"]
-        out = np.empty(nodes.shape, dtype=np.int64)
-        low, high = self._bounds(variable)
-        for index in np.ndindex(nodes.shape):
-            name = label(variable["name"], tuple(i + 1 for i in index))
-            out[index] = self.graph.leaf(name)
-            self.parameters.append(
-                Given(
-                    name,
-                    int(out[index]),
-                    float(self.graph.value(int(nodes[index])) or 0.0),
-                    spelled(attributes["unit"]),
-                    low,
-                    high,
-                    str(attributes["description"] or ""),
-                    self._declared(variable),
-                )
-            )
-        return out
+        self.tuned.append(i)
+        return self._leaves(variable, 0)
 
     def _bounds(self, variable: Mapping[str, Any]) -> tuple[float, float]:
         """Smallest and largest value as declared; of an array, of any of its elements."""
@@ -167,24 +144,31 @@ class _Reader:
             out[index] = self.graph.leaf(name, order)
         return out
 
-    def _scalars(self, *roles: str) -> Iterator[Variable]:
-        for i, variable in enumerate(self.variables):
-            if variable["role"] not in roles:
-                continue
-            attributes, nodes = variable["attributes"], self._value("", i, "")
-            low, high = self._bounds(variable)
-            start = self._start(variable)
+    def _of(self, *roles: str) -> list[int]:
+        return [i for i, variable in enumerate(self.variables) if variable["role"] in roles]
+
+    def _scalars(self, numbers: list[int]) -> tuple[Variable, ...]:
+        """The elements of variables, as scalars."""
+        out = []
+        for i in numbers:
+            variable, nodes = self.variables[i], self.known[i]
+            attributes, start = variable["attributes"], self._start(variable)
+            shown = attributes["declared_causality"] == "output" and "." not in variable["name"]
             for index in np.ndindex(nodes.shape):
                 node = int(nodes[index])
-                yield Variable(
-                    self.graph.nodes[node].name, node, spelled(attributes["unit"]), low, high,
-                    None if start is None else int(start[index]),
-                    attributes["declared_causality"] == "output" and "." not in variable["name"],
-                    self._declared(variable),
-                )  # fmt: skip
+                out.append(Variable(
+                    self.graph.nodes[node].name, node, spelled(attributes["unit"]),
+                    *self._bounds(variable), None if start is None else int(start[index]), shown,
+                    self._declared(variable), str(attributes["description"] or ""),
+                ))  # fmt: skip
+        return tuple(out)
 
     def _start(self, variable: Mapping[str, Any]) -> np.ndarray | None:
-        at = variable["attributes"]["start"]
+        """Its value before the run, of a parameter its value; None: the model gives none."""
+        attributes = variable["attributes"]
+        fixed = variable["role"] in ("parameter", "constant")
+        bound = attributes["binding"] if fixed else None
+        at = attributes["start"] if bound is None else bound
         if at is None or self.arena.defaulted(at):
             return None
         return np.broadcast_to(self.arena.value(at, Scope()), self._shape(variable))

@@ -32,6 +32,11 @@ class Group(NamedTuple):
     """Row by row."""
     linear: bool
 
+    @property
+    def nodes(self) -> list[int]:
+        """Sides, then slopes."""
+        return [*self.sides, *sum(self.slopes, ())]
+
 
 @dataclass
 class Solved:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.models.modelica.graph import Graph
+from evertwin.models.modelica import kernel as at
 from evertwin.models.modelica.kernel import HEAD, OPS, WORDS
 from evertwin.models.modelica.solve import Group
 
@@ -34,6 +35,11 @@ class Layouts(NamedTuple):
     adopts: tuple[tuple[int, int, int], ...] = ()
     """(output, state, sign) where an output is a state."""
 
+    @property
+    def wanted(self) -> list[int]:
+        """All nodes that stepping needs but guesses."""
+        return [*self.slopes, *self.outputs, *(n for group in self.groups for n in group.nodes)]
+
 
 class Stepping(NamedTuple):
     """How rows are cut.
@@ -58,10 +64,7 @@ class _Writer:
         self.tape: list[int] = []
         self.lists: list[tuple[int, list[int]]] = []
         self.constants: list[float] = [0.0]
-        wanted = [*layouts.slopes, *layouts.outputs, *layouts.guesses.values()]
-        for group in layouts.groups:
-            wanted += [*group.sides, *(s for row in group.slopes for s in row)]
-        for node in graph.program(wanted):
+        for node in graph.program([*layouts.wanted, *layouts.guesses.values()]):
             value = graph.value(node)
             if value is not None and value != 0.0:
                 self.constants.append(value)
@@ -91,18 +94,21 @@ class _Writer:
             if group is not None:
                 self._solve(group)
             elif node not in self.place:
-                at = self.graph.nodes[node]
                 # what a group gives may stand later in the graph than what needs it
-                self.compute(a for a in at.args if a not in self.place)
-                self.place[node] = self._fresh()
-                self.operation(at.op, self.place[node], *(self.place[a] for a in at.args))
+                self.compute(a for a in self.graph.nodes[node].args if a not in self.place)
+                self._node(node)
+
+    def _node(self, node: int) -> None:
+        """The operation of one node, whose arguments are there."""
+        found = self.graph.nodes[node]
+        self.place[node] = self._fresh()
+        self.operation(found.op, self.place[node], *(self.place[a] for a in found.args))
 
     def _solve(self, group: Group) -> None:
         if group.leaves[0] in self.done:
             return
         self.done.add(group.leaves[0])
-        rows = [s for row in group.slopes for s in row]
-        needed = [*group.sides, *rows]
+        needed = group.nodes
         places = [self.place[leaf] for leaf in group.leaves]
         if group.linear:
             self.compute(needed)
@@ -115,13 +121,11 @@ class _Writer:
         ]
         self.compute([n for n in program if self.graph.leaves(n).isdisjoint(inside)])
         entry = self._listed("newton", [], group)
-        first = len(self.tape)
+        first = HEAD + len(self.tape)
         for node in program:
             if node not in self.place:
-                at = self.graph.nodes[node]
-                self.place[node] = self._fresh()
-                self.operation(at.op, self.place[node], *(self.place[a] for a in at.args))
-        entry += [first, len(self.tape), *places, *(self.place[n] for n in needed)]
+                self._node(node)
+        entry += [first, HEAD + len(self.tape), *places, *(self.place[n] for n in needed)]
 
     def _listed(self, op: str, items: list[int], group: Group) -> list[int]:
         """An operation with a list; the list's place is filled in when all lists are there."""
@@ -132,10 +136,8 @@ class _Writer:
     def rowwise(self) -> list[int]:
         """Nodes that depend on no state and on no group."""
         moving = {*self.layouts.states, *self.group_of}
-        groups = [n for g in self.layouts.groups for n in (*g.sides, *sum(g.slopes, ()))]
-        wanted = [*self.layouts.slopes, *self.layouts.outputs, *groups]
         return [
-            node for node in self.graph.program(wanted)
+            node for node in self.graph.program(self.layouts.wanted)
             if self.graph.leaves(node).isdisjoint(moving) and node not in self.place
         ]  # fmt: skip
 
@@ -143,48 +145,34 @@ class _Writer:
 def context(graph: Graph, layouts: Layouts, stepping: Stepping) -> tuple[int, ...]:
     """The integers of a model's context."""
     out = _Writer(graph, layouts)
+    whole = [0] * HEAD
+    whole[at.ROW] = HEAD
     out.compute(out.rowwise())
     for leaf, guess in layouts.guesses.items():
         out.compute([guess])
         out.operation("copy", out.place[leaf], out.place[guess])
-    stage = len(out.tape)
+    whole[at.STAGE] = HEAD + len(out.tape)
     out.compute(layouts.slopes)
-    shown = len(out.tape)
+    whole[at.OUT] = HEAD + len(out.tape)
     out.compute(layouts.outputs)
-    return _joined(out, layouts, stepping, (stage, shown))
-
-
-def _joined(
-    out: _Writer, layouts: Layouts, stepping: Stepping, parts: tuple[int, int]
-) -> tuple[int, ...]:
-    base = len(HEAD)
-    for at, items in out.lists:
-        if out.tape[at - 2] == _CODE["newton"]:
-            items[0], items[1] = items[0] + base, items[1] + base
-    whole = [0] * base + out.tape
-    said: dict[str, int] = {
-        "constants": len(out.constants), "parameters": len(layouts.parameters),
-        "inputs": len(layouts.inputs), "states": len(layouts.states),
-        "outputs": len(layouts.outputs), "registers": out.registers, "row": base,
-        "stage": base + parts[0], "out": base + parts[1], "fixed": int(stepping.step is not None),
-        "size": _bits(stepping.step or 0.0), "tolerance": _bits(stepping.tolerance),
-        "parts": stepping.parts, "adopted": len(layouts.adopts),
-    }  # fmt: skip
-    for key, items in (
-        ("bits", [_bits(value) for value in out.constants]),
-        ("slopes", [out.place[node] for node in layouts.slopes]),
-        ("shown", [out.place[node] for node in layouts.outputs]),
-        ("adopts", [number for entry in layouts.adopts for number in entry]),
+    counts = (out.constants, layouts.parameters, layouts.inputs, layouts.states, layouts.outputs)
+    whole[: len(counts)] = map(len, counts)
+    whole[at.REGISTERS], whole[at.ADOPTED] = out.registers, len(layouts.adopts)
+    whole[at.FIXED], whole[at.PARTS] = int(stepping.step is not None), stepping.parts
+    whole[at.SIZE : at.PARTS] = _bits([stepping.step or 0.0, stepping.tolerance])
+    whole += out.tape
+    for place, items in (
+        (at.BITS, _bits(out.constants)),
+        (at.SLOPES, [out.place[node] for node in layouts.slopes]),
+        (at.SHOWN, [out.place[node] for node in layouts.outputs]),
+        (at.ADOPTS, [number for entry in layouts.adopts for number in entry]),
+        *((HEAD + place, items) for place, items in out.lists),
     ):
-        said[key] = len(whole)
+        whole[place] = len(whole)
         whole += items
-    for at, items in out.lists:
-        whole[base + at] = len(whole)
-        whole += items
-    said["end"] = len(whole)
-    whole[:base] = [said[key] for key in HEAD]
+    whole[at.END] = len(whole)
     return tuple(whole)
 
 
-def _bits(value: float) -> int:
-    return int(np.array(value, dtype=np.float64).view(np.int64))
+def _bits(values: list[float]) -> list[int]:
+    return np.array(values, dtype=np.float64).view(np.int64).tolist()  # type: ignore[no-any-return]
