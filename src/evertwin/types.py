@@ -16,7 +16,10 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 if TYPE_CHECKING or "jaxtyping" in sys.modules:
-    from jaxtyping import Bool, Float64, Int64, UInt8
+    from jaxtyping import Bool as Bool
+    from jaxtyping import Float64 as Float64
+    from jaxtyping import Int64 as Int64
+    from jaxtyping import UInt8 as UInt8
 else:
 
     class _Array:
@@ -24,28 +27,6 @@ else:
             return item[0]
 
     Bool = Float64 = Int64 = UInt8 = _Array
-
-__all__ = [
-    "Bool",
-    "Bools",
-    "Float64",
-    "Inputs",
-    "Int64",
-    "Intervals",
-    "Json",
-    "Marks",
-    "OutputRuns",
-    "Outputs",
-    "ParameterVector",
-    "ParameterVectors",
-    "PerOutput",
-    "Stamps",
-    "StateVector",
-    "StateVectors",
-    "Tasks",
-    "UInt8",
-    "Vector",
-]
 
 Stamps: TypeAlias = Int64[np.ndarray, " n"]
 Intervals: TypeAlias = Float64[np.ndarray, " n"]
@@ -58,6 +39,8 @@ StateVector: TypeAlias = Float64[np.ndarray, " nx"]
 ParameterVector: TypeAlias = Float64[np.ndarray, " np"]
 StateVectors: TypeAlias = Float64[np.ndarray, "k nx"]
 ParameterVectors: TypeAlias = Float64[np.ndarray, "k np"]
+Rollout: TypeAlias = tuple[StateVector, Outputs]
+"""State after the last row, and the outputs of every row."""
 OutputRuns: TypeAlias = Float64[np.ndarray, "k n ny"]
 Vector: TypeAlias = Float64[np.ndarray, " k"]
 PerOutput: TypeAlias = Float64[np.ndarray, " ny"]

@@ -16,7 +16,7 @@ from evertwin.models.kernel import Kernel, Restart
 from evertwin.models.parameters import Parameters
 from evertwin.models.rollout import roll
 from evertwin.signals.channels import Layout
-from evertwin.types import Float64, Inputs, Intervals, Outputs, ParameterVector, StateVector
+from evertwin.types import Float64, Inputs, Intervals, ParameterVector, Rollout, StateVector
 
 
 @dataclass(frozen=True)
@@ -53,9 +53,7 @@ class Compiled:
         """Addresses for the fused loop."""
         return Kernel(self.step, self.adopt, self._context)
 
-    def simulate(
-        self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
-    ) -> tuple[StateVector, Outputs]:
+    def simulate(self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector) -> Rollout:
         """State after the last row and the outputs of every row."""
         return roll(self.kernel(), x, u, dt, p, Restart.never(len(u), len(self.outputs)))
 

@@ -28,6 +28,7 @@ from evertwin.types import (
     Outputs,
     ParameterVector,
     ParameterVectors,
+    Rollout,
     StateVector,
     StateVectors,
 )
@@ -65,9 +66,7 @@ class Model(Protocol):
         """State before the first row when nothing is known, (nx,)."""
         ...
 
-    def simulate(
-        self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
-    ) -> tuple[StateVector, Outputs]:
+    def simulate(self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector) -> Rollout:
         """State after the last row, and the output of every row. Never changes its arguments."""
         ...
 

@@ -23,6 +23,7 @@ behind the inner one, so that promoting a correction replaces arrays and a shado
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -69,6 +70,23 @@ class Owner(NamedTuple):
     """The parameter's name without that of the term."""
 
 
+class Part(NamedTuple):
+    """A term in its place in a stack.
+
+    >>> Part._fields
+    ('term', 'kind', 'local', 'names', 'memory')
+    """
+
+    term: Term
+    kind: CorrectionTerm
+    local: tuple[Parameter, ...]
+    """Its parameters, by the names that the kind gives them."""
+    names: tuple[str, ...]
+    """Their full names."""
+    memory: tuple[Channel, ...]
+    """The states that it adds."""
+
+
 @dataclass(frozen=True)
 class Corrected(Wrapper):
     """A Model with terms on top of its inputs. See the module for an example.
@@ -98,65 +116,43 @@ class Corrected(Wrapper):
         return tuple(term.kind for term in self.terms)
 
     @cached_property
-    def _memory(self) -> tuple[tuple[Channel, ...], ...]:
-        return tuple(
-            tuple(own.memory(term, number, self.model))
-            for number, (term, own) in enumerate(zip(self.terms, self._kinds, strict=True))
-        )
-
-    @cached_property
-    def states(self) -> Layout:
-        return self.model.states + Layout(tuple(c for own in self._memory for c in own))
-
-    @cached_property
-    def parameters(self) -> Parameters:
-        return self.model.parameters + Parameters(
-            tuple(item for items in self._parameters for item in items)
-        )
-
-    @cached_property
-    def _parameters(self) -> tuple[tuple[Parameter, ...], ...]:
-        """Of every term, by their full names."""
-        seen: dict[str, int] = {}
-        found = []
-        for term, items in zip(self.terms, self._local, strict=True):
+    def parts(self) -> tuple[Part, ...]:
+        """Every term with its parameters and its memory, in order."""
+        seen: Counter[str] = Counter()
+        inputs, found = self.model.inputs, []
+        for number, (term, own) in enumerate(zip(self.terms, self._kinds, strict=True)):
+            source = inputs.units[inputs.index(term.source)] if term.source else "1"
+            local = tuple(own.parameters(term, own.unit(term, self.model), source))
             stem = ".".join(x for x in (term.kind, term.channel, term.source) if x not in ("", "*"))
-            seen[stem] = seen.get(stem, 0) + 1
+            seen[stem] += 1
             again = f"#{seen[stem]}" if seen[stem] > 1 else ""
-            found.append(tuple(replace(p, name=f"{stem}{again}.{p.name}") for p in items))
+            names = tuple(f"{stem}{again}.{p.name}" for p in local)
+            found.append(Part(term, own, local, names, tuple(own.memory(term, number, self.model))))
         return tuple(found)
 
     @cached_property
-    def _local(self) -> tuple[tuple[Parameter, ...], ...]:
-        """The same by their local names."""
-        units = self.model.inputs.units
-        return tuple(
-            tuple(own.parameters(
-                term, own.unit(term, self.model),
-                units[self.model.inputs.index(term.source)] if term.source else "1",
-            ))
-            for term, own in zip(self.terms, self._kinds, strict=True)
-        )  # fmt: skip
+    def states(self) -> Layout:
+        return self.model.states + Layout(tuple(c for part in self.parts for c in part.memory))
+
+    @cached_property
+    def parameters(self) -> Parameters:
+        named = (pair for part in self.parts for pair in zip(part.local, part.names, strict=True))
+        return self.model.parameters + Parameters(tuple(replace(p, name=n) for p, n in named))
 
     @property
     def initials(self) -> tuple[str, ...]:
         """Parameters that are an unmeasured state at the start of a recording."""
         inner: tuple[str, ...] = getattr(self.model, "initials", ())
-        added = [
-            name
-            for k, own in enumerate(self._kinds)
-            for name, local in zip(self.names_of(k), self.local_names_of(k), strict=True)
-            if local in own.initials
-        ]
-        return (*inner, *added)
+        owned = ((name, self.owner(name)) for part in self.parts for name in part.names)
+        return (*inner, *(name for name, own in owned if own and own.local in own.kind.initials))
 
     def names_of(self, number: int) -> tuple[str, ...]:
         """Names of the parameters of term ``number``."""
-        return tuple(item.name for item in self._parameters[number])
+        return self.parts[number].names
 
     def local_names_of(self, number: int) -> tuple[str, ...]:
         """The same as the kind calls them."""
-        return tuple(item.name for item in self._local[number])
+        return tuple(item.name for item in self.parts[number].local)
 
     def owner(self, name: str) -> Owner | None:
         """Whose number a parameter is; None: the inner model's.
@@ -166,10 +162,9 @@ class Corrected(Wrapper):
         >>> own.kind.kind, own.local
         ('law', 'cap')
         """
-        for k, own in enumerate(self._kinds):
-            if name in self.names_of(k):
-                local = self.local_names_of(k)[self.names_of(k).index(name)]
-                return Owner(self.terms[k], own, local)
+        for part in self.parts:
+            if name in part.names:
+                return Owner(part.term, part.kind, part.local[part.names.index(name)].name)
         return None
 
     def on_grid(self, name: str) -> bool:
@@ -180,9 +175,9 @@ class Corrected(Wrapper):
     def initial(self, p: ParameterVector) -> StateVector:
         inner = len(self.model.parameters)
         x, q = [self.model.initial(p[:inner])], inner
-        for own, items, memory in zip(self._kinds, self._local, self._memory, strict=True):
-            x.append(own.start(p[q : q + len(items)], len(memory)))
-            q += len(items)
+        for part in self.parts:
+            x.append(part.kind.start(p[q : q + len(part.local)], len(part.memory)))
+            q += len(part.local)
         return np.concatenate(x)
 
     @cached_property
@@ -211,7 +206,7 @@ class Corrected(Wrapper):
         """One record a term, without the addresses of its functions."""
         model = self.model
         q, b = len(model.parameters), len(model.states)
-        for number, (term, own) in enumerate(zip(self.terms, self._kinds, strict=True)):
+        for term, own, local, _, memory in self.parts:
             grids = np.array(term.levels + term.levels2, dtype=np.float64).view(np.int64)
             place = Place(
                 own.variants.index(term.variant), own.channel(term, model),
@@ -220,8 +215,8 @@ class Corrected(Wrapper):
             )  # fmt: skip
             head = [kernels.RECORD + len(grids), 0, 0, 0, q, *place]
             yield np.concatenate([np.array(head, dtype=np.int64), grids])
-            q += len(self._local[number])
-            b += len(self._memory[number])
+            q += len(local)
+            b += len(memory)
 
     def simulate_batch(
         self, x: StateVectors, u: Inputs, dt: Intervals, p: ParameterVectors,

@@ -32,7 +32,7 @@ from evertwin.models.contract import KernelModel, Model
 from evertwin.models.kernel import Kernel
 from evertwin.models.parameters import Parameters
 from evertwin.signals.channels import Layout
-from evertwin.types import Float64, Inputs, Intervals, Outputs, ParameterVector, StateVector
+from evertwin.types import Float64, Inputs, Intervals, ParameterVector, Rollout, StateVector
 
 log = logging.getLogger("evertwin")
 
@@ -68,9 +68,7 @@ class FunctionModel:
         names = self.states.names
         return tuple((i, names.index(n)) for i, n in enumerate(self.outputs.names) if n in names)
 
-    def simulate(
-        self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
-    ) -> tuple[StateVector, Outputs]:
+    def simulate(self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector) -> Rollout:
         """State after the last row and the outputs of every row.
 
         Raises:

@@ -9,7 +9,7 @@ import numpy as np
 from evertwin.compiled.calls import call
 from evertwin.compiled.functions import njit
 from evertwin.models.kernel import ADOPT, ANEW, Kernel, Restart, looped
-from evertwin.types import Inputs, Intervals, Outputs, ParameterVector, StateVector
+from evertwin.types import Inputs, Intervals, ParameterVector, Rollout, StateVector
 
 
 @njit(cache=True)
@@ -43,7 +43,7 @@ def roll(
     dt: Intervals,
     p: ParameterVector,
     restart: Restart,
-) -> tuple[StateVector, Outputs]:
+) -> Rollout:
     """Rows simulated by a kernel: (state after the last, outputs (n, ny)).
 
     A row whose step failed is NaN, and so is a row that starts anew.

@@ -30,7 +30,16 @@ from evertwin.errors import DataError, UsageError
 from evertwin.models.parameters import Parameter, Parameters
 from evertwin.models.static import StaticMap
 from evertwin.signals.channels import Layout
-from evertwin.types import Float64, Inputs, Int64, Intervals, Outputs, ParameterVector, StateVector
+from evertwin.types import (
+    Float64,
+    Inputs,
+    Int64,
+    Intervals,
+    Outputs,
+    ParameterVector,
+    Rollout,
+    StateVector,
+)
 
 Beyond: TypeAlias = Literal["hold", "line", "error"]
 """Outside the measured range: the edge's value, a straight line on, or no value (NaN)."""
@@ -91,9 +100,7 @@ class TableModel(StaticMap):
             items.append(offset)
         return Parameters(tuple(items))
 
-    def simulate(
-        self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
-    ) -> tuple[StateVector, Outputs]:
+    def simulate(self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector) -> Rollout:
         """The outputs of every row."""
         return np.array(x, dtype=np.float64), self.look_up(u) * p[0::2] + p[1::2]
 

@@ -20,7 +20,7 @@ from evertwin.models.parameters import Parameters
 from evertwin.models.rollout import roll
 from evertwin.models.sizes import sized
 from evertwin.signals.channels import Layout
-from evertwin.types import Float64, Inputs, Intervals, Outputs, ParameterVector, StateVector
+from evertwin.types import Float64, Inputs, Intervals, ParameterVector, Rollout, StateVector
 
 
 @dataclass(frozen=True)
@@ -74,9 +74,7 @@ class Wrapper(ABC):
         """Kinds of correction term whose functions the kernel calls."""
         return ()
 
-    def simulate(
-        self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
-    ) -> tuple[StateVector, Outputs]:
+    def simulate(self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector) -> Rollout:
         sized(x, self.states, p, self.parameters)
         return roll(self.kernel(), x, u, dt, p, Restart.never(len(u), len(self.outputs)))
 

@@ -47,7 +47,16 @@ from evertwin.models import Kernel, Parameter, Parameters, Restart, roll
 from evertwin.models.given import check_options
 from evertwin.models.static import StaticMap
 from evertwin.signals import Layout
-from evertwin.types import Float64, Inputs, Int64, Intervals, Outputs, ParameterVector, StateVector
+from evertwin.types import (
+    Float64,
+    Inputs,
+    Int64,
+    Intervals,
+    Outputs,
+    ParameterVector,
+    Rollout,
+    StateVector,
+)
 
 BUILT_IN = ("ur5_like",)
 """Descriptions that come with the package."""
@@ -224,9 +233,7 @@ class Arm(StaticMap):
         """Without what is computed: addresses mean nothing in another process."""
         return {key: value for key, value in self.__dict__.items() if key != "_kernel"}
 
-    def simulate(
-        self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
-    ) -> tuple[StateVector, Outputs]:
+    def simulate(self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector) -> Rollout:
         """The outputs of every row."""
         return roll(self._kernel, x, u, dt, p, Restart.never(len(u), self.chain.n))
 

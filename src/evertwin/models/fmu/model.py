@@ -41,7 +41,7 @@ from evertwin.models.parameters import Parameters
 from evertwin.models.rollout import roll
 from evertwin.models.sizes import sized
 from evertwin.signals.channels import Layout, position
-from evertwin.types import Float64, Inputs, Intervals, Outputs, ParameterVector, StateVector
+from evertwin.types import Float64, Inputs, Intervals, ParameterVector, Rollout, StateVector
 
 log = logging.getLogger("evertwin")
 _SYSTEMS = {
@@ -126,9 +126,7 @@ class Fmu:
         """
         return self.worker.initial(np.ascontiguousarray(p, dtype=np.float64))
 
-    def simulate(
-        self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
-    ) -> tuple[StateVector, Outputs]:
+    def simulate(self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector) -> Rollout:
         """State after the last row and the outputs of every row.
 
         A row in which the FMU breaks down, or gives no success, is NaN and leaves the state as it

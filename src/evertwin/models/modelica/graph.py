@@ -176,7 +176,9 @@ class Graph:
         for i in self.program([root]):
             node = self.nodes[i]
             args = tuple(new[a] for a in node.args)
-            new[i] = replace[i] if i in replace else self(node.op, *args) if args != node.args else i
+            new[i] = (
+                replace[i] if i in replace else self(node.op, *args) if args != node.args else i
+            )
         return new[root]
 
     def slope(self, node: int, leaf: int) -> int:

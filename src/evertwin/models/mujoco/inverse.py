@@ -40,6 +40,7 @@ from evertwin.types import (
     Outputs,
     ParameterVector,
     ParameterVectors,
+    Rollout,
     StateVector,
     StateVectors,
 )
@@ -76,9 +77,7 @@ class InverseDynamics(StaticMap, FromFile):
             parameters_of(model, knobs, source.where), int(options.get("threads", 0)),
         )  # fmt: skip
 
-    def simulate(
-        self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
-    ) -> tuple[StateVector, Outputs]:
+    def simulate(self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector) -> Rollout:
         """Torques of every row; NaN where the motion is not finite."""
         sized(x, self.states, p, self.parameters)
         return np.zeros(0), self._torques(u, p)

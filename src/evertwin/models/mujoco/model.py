@@ -42,6 +42,7 @@ from evertwin.types import (
     Outputs,
     ParameterVector,
     ParameterVectors,
+    Rollout,
     StateVector,
     StateVectors,
 )
@@ -111,9 +112,7 @@ class MuJoCo(FromFile):
                 state[place] = y[k]
         return state
 
-    def simulate(
-        self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
-    ) -> tuple[StateVector, Outputs]:
+    def simulate(self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector) -> Rollout:
         """State after the last row and the outputs of every row; a row that diverges is NaN."""
         sized(x, self.states, p, self.parameters)
         return self._roll(np.array(x, dtype=np.float64), u, dt, p)
@@ -150,9 +149,7 @@ class MuJoCo(FromFile):
             state, out[a:b] = self._roll(state, u[a:b], dt[a:b], p)
         return out
 
-    def _roll(
-        self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
-    ) -> tuple[StateVector, Outputs]:
+    def _roll(self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector) -> Rollout:
         """Rows in stretches of equal duration."""
         out = np.full((len(u), len(self.outputs)), np.nan)
         control = np.zeros((len(u), self.compiled.nu + self.compiled.nv))
