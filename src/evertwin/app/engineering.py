@@ -7,9 +7,8 @@ from pathlib import Path
 
 from evertwin.app.console import show
 from evertwin.engineering.engineer import engineer
-from evertwin.engineering.summary import summary
 from evertwin.errors import DataError, UsageError
-from evertwin.report.engineering_report import write_engineering
+from evertwin.report.engineering_report import engineering_text, write_engineering
 from evertwin.sources.excerpt import Excerpt
 
 
@@ -32,5 +31,5 @@ def engineer_twin(
     if report is not None:
         write_engineering(done, report)
     content = done.study.to_dict() | {"file": str(done.path)}
-    text = f"{summary(done.study)}\n\n{done.path}: written; next: evertwin run {done.path}"
+    text = f"{engineering_text(done.study)}\n\n{done.path}: written; next: evertwin run {done.path}"
     show(content, text, as_json)

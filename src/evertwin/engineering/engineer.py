@@ -17,7 +17,7 @@ from typing import Any
 from evertwin.config import TwinSpec, read, reads
 from evertwin.engineering.breakdown import Breakdown, read_breakdown
 from evertwin.engineering.compile import ModelPlan, compile_model
-from evertwin.engineering.engineered import TwinText
+from evertwin.engineering.engineered import twin_text
 from evertwin.engineering.study import Study, modelled, study
 from evertwin.errors import ConfigError, DataError
 from evertwin.files import write_whole
@@ -67,11 +67,12 @@ def engineer(file: str | Path, out: str | Path, data: Data = None, seed: int = 1
     path = Path(out)
     breakdown = read_breakdown(file)
     plan = compile_model(breakdown, file=file)
-    here = TwinText(breakdown, plan, _settings(file, breakdown, Path(breakdown.folder) / "twin"))
-    draft = replace(reads(here.draft(), f"{file} [twin]"), folder=breakdown.folder)
+    here = _settings(file, breakdown, Path(breakdown.folder) / "twin")
+    text = twin_text(breakdown, plan, here)
+    draft = replace(reads(text, f"{file} [twin]"), folder=breakdown.folder)
     found = study(breakdown, _problem(draft, breakdown, data), plan, seed)
     moved = _moved(plan, breakdown.folder, path, _variables(file))
-    done = TwinText(breakdown, moved, _settings(file, breakdown, path)).whole(found)
+    done = twin_text(breakdown, moved, _settings(file, breakdown, path), found)
     write_whole(path, done)
     model_of(read(path))
     return Engineered(found, plan, done, path)
