@@ -7,8 +7,8 @@ import pytest
 from scipy.signal import lfilter
 
 from evertwin.anomaly import Calm, Cusum, Residuals, calibrate
+from evertwin.anomaly.calibration import autoregression, effective, innovations
 from evertwin.anomaly.run_length import MONTH, alarms, limit_for, run_length
-from evertwin.anomaly.whiten import autoregression, effective, innovations
 from evertwin.errors import UsageError
 
 INTERVAL = 30.0

@@ -11,8 +11,7 @@ import pytest
 from evertwin.config import spec as config
 from evertwin.config.read import read
 from evertwin.engineering.breakdown import BREAKDOWN, read_breakdown
-from evertwin.engineering.compile import ModelPlan, compile_model
-from evertwin.engineering.estimate import estimate
+from evertwin.engineering.compile import ModelPlan, compile_model, estimate
 from evertwin.errors import ConfigError, UsageError
 from evertwin.machines.arm import Arm
 from evertwin.models import LinearModel, check_model

@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evertwin.engineering.breakdown import Breakdown, System
-from evertwin.engineering.criticality import rank
-from evertwin.engineering.history import YEAR, History, read_history
+from evertwin.engineering.criticality import YEAR, History, rank, read_history
 from evertwin.engineering.level import level_of
 from evertwin.engineering.parts import Component, DataPart, Override, ParameterPart
 from evertwin.errors import ConfigError, DataError

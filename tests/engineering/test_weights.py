@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from evertwin.engineering.choice import questions
-from evertwin.engineering.history import YEAR
+from evertwin.engineering.criticality import YEAR
 from evertwin.engineering.level import LevelChoice
 from evertwin.engineering.mapping import links
 from evertwin.engineering.weights import Measured, Weighed, measure, weigh

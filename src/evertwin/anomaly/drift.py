@@ -24,8 +24,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from evertwin.anomaly import adwin
-from evertwin.anomaly.adwin import CLOCK, LEVELS, TOTAL, WIDTH, add
+from evertwin.anomaly.adwin import CLOCK, LEVELS, TOTAL, WIDTH, add, new
 from evertwin.anomaly.calibration import Calibration, blank
 from evertwin.anomaly.residuals import Residuals
 from evertwin.compiled.functions import njit
@@ -117,7 +116,7 @@ class Drift:
         ny = len(self.names)
         return DriftState(
             calibration, np.zeros((ny, self.orders)), np.zeros(ny, dtype=np.int64),
-            np.zeros((ny, 2)), adwin.new(2 * ny),
+            np.zeros((ny, 2)), new(2 * ny),
         )  # fmt: skip
 
     def step(self, state: DriftState, block: Residuals) -> tuple[DriftState, Out]:

@@ -18,8 +18,7 @@ from evertwin.doctor.check_clocks import look_clocks
 from evertwin.doctor.check_data import look_data
 from evertwin.doctor.check_rates import look_rates
 from evertwin.doctor.check_samples import look_samples
-from evertwin.doctor.check_settings import look_settings
-from evertwin.doctor.check_tuning import look_bounds, look_tuning
+from evertwin.doctor.check_settings import look_bounds, look_settings, look_tuning
 from evertwin.doctor.check_units import look_lags, look_units
 from evertwin.doctor.examination import View, view
 from evertwin.doctor.finding import Diagnosis, Finding

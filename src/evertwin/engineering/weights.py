@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from evertwin.engineering.choice import Question
-from evertwin.engineering.history import YEAR
+from evertwin.engineering.criticality import YEAR
 from evertwin.engineering.parts import Requirements
 from evertwin.engineering.sensitivity import counted
 from evertwin.fold import Block

@@ -35,21 +35,25 @@ from evertwin.models.batch import grouped, rolled
 from evertwin.models.compiled import Compiled
 from evertwin.models.contract import BatchModel, Model
 from evertwin.models.form import Form, Term
-from evertwin.models.kernel import Restart
+from evertwin.models.function import kernel_of
+from evertwin.models.kernel import Kernel, Layer, Restart
 from evertwin.models.parameters import Parameter, Parameters
+from evertwin.models.rollout import roll
+from evertwin.models.sizes import sized
 from evertwin.models.terms import kernel as kernels
 from evertwin.models.terms.contract import CorrectionTerm, Place
 from evertwin.models.terms.registry import kind
 from evertwin.models.variants import in_variant
-from evertwin.models.wrapper import Wrapper
 from evertwin.signals.channels import Channel, Layout
 from evertwin.types import (
+    Float64,
     Inputs,
     Int64,
     Intervals,
     OutputRuns,
     ParameterVector,
     ParameterVectors,
+    Rollout,
     StateVector,
     StateVectors,
 )
@@ -88,7 +92,7 @@ class Part(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Corrected(Wrapper):
+class Corrected:
     """A Model with terms on top of its inputs. See the module for an example.
 
     Parameters are called ``kind.channel.name``, with the second channel where there is one
@@ -99,8 +103,34 @@ class Corrected(Wrapper):
         UsageError: a term names a channel that the model has not, or its grid does not rise.
     """
 
-    around = kernels.__name__
+    model: Model
     terms: tuple[Term, ...]
+
+    @property
+    def inputs(self) -> Layout:
+        return self.model.inputs
+
+    @property
+    def outputs(self) -> Layout:
+        return self.model.outputs
+
+    @cached_property
+    def inner(self) -> Kernel:
+        """The kernel of the model inside."""
+        return kernel_of(self.model)
+
+    def kernel(self) -> Kernel:
+        """Addresses for the fused loop; the context points to the inner kernel."""
+        own = self.compiled.kernel()
+        layer = Layer(kernels.__name__, own.context, tuple(term.kind for term in self.terms))
+        return own.over(self.inner, layer, (self.compiled,))
+
+    def simulate(self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector) -> Rollout:
+        sized(x, self.states, p, self.parameters)
+        return roll(self.kernel(), x, u, dt, p, Restart.never(len(u), len(self.outputs)))
+
+    def observe(self, x: StateVector, y: Float64[np.ndarray, " ny"]) -> StateVector:
+        return self.compiled.observe(x, y)
 
     def __post_init__(self) -> None:
         for term, own in zip(self.terms, self._kinds, strict=True):
@@ -109,11 +139,6 @@ class Corrected(Wrapper):
     @cached_property
     def _kinds(self) -> tuple[CorrectionTerm, ...]:
         return tuple(kind(term.kind) for term in self.terms)
-
-    @property
-    def kinds(self) -> tuple[str, ...]:
-        """Of its terms, in order."""
-        return tuple(term.kind for term in self.terms)
 
     @cached_property
     def parts(self) -> tuple[Part, ...]:

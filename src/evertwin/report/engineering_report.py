@@ -51,7 +51,7 @@ def engineering_text(study: Study) -> str:
                for one in study.chosen.choices]  # fmt: skip
     return environment.get_template("engineer.txt").render(
         study=study, components=components, choices=[("parameter", "", "why"), *choices],
-        overridden=any(one.overridden for one in (*study.ranks, *study.levels)),
+        overridden=any(r.overridden or v.overridden for r, v in zip(study.ranks, study.levels)),
     ).rstrip()  # fmt: skip
 
 

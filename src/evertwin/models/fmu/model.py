@@ -29,12 +29,11 @@ import numpy as np
 from evertwin.errors import MissingExtra, ModelError
 from evertwin.models.fmu import slots as at
 from evertwin.models.fmu.binding import LARGEST, Binding, bind
-from evertwin.models.fmu.description import Description, parse_description
+from evertwin.models.fmu.description import SIZE, Description, parse_description
 from evertwin.models.fmu.faults import Fault
 from evertwin.models.fmu.guard import opened
 from evertwin.models.fmu.options import Options
 from evertwin.models.fmu.worker import Worker
-from evertwin.models.fmu.xml import SIZE
 from evertwin.models.function import python_kernel
 from evertwin.models.kernel import Kernel, Restart
 from evertwin.models.parameters import Parameters

@@ -80,7 +80,7 @@ def _arithmetic(op: int, a: Any, b: Any) -> Any:
 
 
 @njit(cache=True, error_model="numpy")
-def _compared(op: int, a: Any, b: Any) -> float:
+def _compared(op: int, a: Any, b: Any) -> Any:
     if op == 8:
         return 1.0 * (a < b)
     if op == 9:

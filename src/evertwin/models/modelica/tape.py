@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.models.modelica.graph import Graph
 from evertwin.models.modelica import kernel as at
+from evertwin.models.modelica.graph import Graph
 from evertwin.models.modelica.kernel import HEAD, OPS, WORDS
 from evertwin.models.modelica.solve import Group
 

@@ -1,7 +1,7 @@
 """MuJoCo models, MJCF or URDF: roll-outs and inverse dynamics. Needs the extra ``mujoco``."""
 
-from evertwin.models.mujoco.from_file import model_of_file
-from evertwin.models.mujoco.inverse import InverseDynamics
+from evertwin.models.mujoco.model import model_of_file
+from evertwin.models.mujoco.model import InverseDynamics
 from evertwin.models.mujoco.model import MuJoCo
 
 __all__ = ["InverseDynamics", "MuJoCo", "model_of_file"]
