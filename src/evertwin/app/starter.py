@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import typer
+from jinja2 import Environment, PackageLoader
 
 from evertwin.app.console import show
 from evertwin.config import read
@@ -183,12 +184,30 @@ class _Draft:
             return None
         return float(f"{1.0 / self.period:.3g}")
 
+    @property
+    def horizon(self) -> float:
+        """Of predictions [s]: ten rows or more, a power of ten."""
+        period = self.period or 0.01
+        return max(1.0, float(f"{10 ** math.ceil(math.log10(10 * period)):g}"))
+
     def text(self) -> str:
-        parts = [
-            self._head(), self._model(), self._source(), self._derive(), self._clock(),
-            self._rules(), self._learning(),
-        ]  # fmt: skip
-        return "\n".join(line for part in parts for line in part) + "\n"
+        environment = Environment(
+            loader=PackageLoader("evertwin.app", "templates"), trim_blocks=True,
+            lstrip_blocks=True, keep_trailing_newline=True,
+        )  # fmt: skip
+        environment.filters |= {"toml": _toml, "column": _column}
+        model, here = self.model, self.out.resolve().parent
+        options = dict(self.options)
+        if str(options.get("urdf", "")).endswith(".urdf"):
+            options["urdf"] = os.path.relpath(Path(options["urdf"]).resolve(), here)
+        names = ("gain", "time_constant") if model is None else model.parameters.editable
+        return environment.get_template("starter.toml.txt").render(
+            draft=self, model=model, time=self.table.time,
+            options=", ".join(f"{k} = {_toml(v)}" for k, v in options.items()),
+            recording=os.path.relpath(self.file.resolve(), here),
+            units={channel.name: channel.unit for channel in self.layout},
+            editable=", ".join(map(_toml, names[:6])),
+        )  # fmt: skip
 
     def summary(self) -> str:
         lines = [f"{self.out}: {self.kind}, {len(self.proposal.matches)} channels found"]
@@ -201,123 +220,11 @@ class _Draft:
         lines.append(f"next: evertwin doctor {self.out}")
         return "\n".join(lines)
 
-    def _head(self) -> list[str]:
-        return [
-            f"# Proposed by evertwin init from {self.file.name}: check columns and units.",
-            "#", f"#   evertwin doctor {self.out.name}", f"#   evertwin run {self.out.name}",
-            "schema = 1", f"name = {_toml(self.out.stem)}",
-        ]  # fmt: skip
 
-    def _model(self) -> list[str]:
-        lines = ["", "[model]", f"kind = {_toml(self.kind)}"]
-        if self.options:
-            shown = {k: self._relative(k, v) for k, v in self.options.items()}
-            inner = ", ".join(f"{k} = {_toml(v)}" for k, v in shown.items())
-            lines.append(f"options = {{ {inner} }}")
-        if self.model is None:
-            return [*lines, "# Start values and bounds: [model.parameters] gain = { value = 1 }"]
-        lines += ["# What differs from the model's own values, for example:"]
-        first = self.model.parameters.items[0]
-        entry = f"{first.name} = {{ value = {first.value:g}, unit = {_toml(first.unit)} }}"
-        return [*lines, "# [model.parameters]", f"# {entry}"]
-
-    def _relative(self, key: str, value: Any) -> Any:
-        if key == "urdf" and str(value).endswith(".urdf"):
-            return os.path.relpath(Path(value).resolve(), self.out.resolve().parent)
-        return value
-
-    def _source(self) -> list[str]:
-        path = os.path.relpath(self.file.resolve(), self.out.resolve().parent)
-        lines = [
-            "", "[[source]]", 'name = "log"', f"files = [{_toml(path)}]", *self._time(), "",
-            "[source.channels]",
-        ]  # fmt: skip
-        for match in self.proposal.matches:
-            name, column = match.channel, _toml(_column(match.column))
-            entry = f"{name} = {{ column = {column}, unit = {_toml(match.unit)} }}"
-            lines.append(f"{entry}  # {match.reason}")
-        for name in self.missing:
-            unit = self.layout.channels[self.layout.index(name)].unit
-            entry = f'{name} = {{ column = "?", unit = {_toml(unit)} }}'
-            lines.append(f"{entry}  # no column was found")
-        return lines
-
-    def _time(self) -> list[str]:
-        time = self.table.time
-        if time is not None:
-            sure = "" if time.sure else f"  # {time.reason}: please check"
-            column = _toml(_column(time.column))
-            return [f"time = {{ column = {column}, unit = {_toml(time.unit)} }}{sure}"]
-        if self.period is not None:
-            rate = f"{1.0 / self.period:.6g} Hz"
-            return [f"time = {{ rate = {_toml(rate)} }}  # no column is a time: please check"]
-        return [
-            '# No column of time was found: how many rows are there in a second? As in "100 Hz".',
-            'time = { rate = "?" }',
-        ]
-
-    def _derive(self) -> list[str]:
-        lines: list[str] = []
-        for name in self.derived:
-            lines += ["", "[[derive]]", f'name = "{name}"', 'op = "derivative"',
-                      f'from = ["qd{name[3:]}"]']  # fmt: skip
-        return lines
-
-    def _clock(self) -> list[str]:
-        if self.rate is None:
-            return ["", "[clock]", "# The longest interval that is simulated over.",
-                    'gap = "10 s"']  # fmt: skip
-        lines = ["", "[clock]", "# Rows at a fixed rate: derivatives and filters need them.",
-                 f'rate = "{self.rate:g} Hz"']  # fmt: skip
-        if self.rate >= 25:
-            lines += ["", "[filter]", "# Over measurement and prediction alike.",
-                      f'cutoff = "{min(5.0, self.rate / 5):g} Hz"']  # fmt: skip
-        return lines
-
-    def _rules(self) -> list[str]:
-        return self._static_rules() if self.static else [
-            "", "[arbiter]", "# Adopt a measurement when the twin is off by more than a tolerance:",
-            '# use = "tolerance"', '# tolerance = "2 cm"', "", "[prediction]",
-            "# Models are compared on predictions this long, each from the measured state.",
-            f'horizon = "{self._horizon():g} s"', "", "[anomaly]",
-            "# Suspected when such a prediction is off by more than this; without it nothing is.",
-            '# requirement = "1 cm"',
-        ]  # fmt: skip
-
-    def _static_rules(self) -> list[str]:
-        lines = [
-            "", "[arbiter]", "# Wide, until the model's friction is known.", "gate = 12.0", "",
-            "[anomaly]", "# Suspected when an output is off by this share of its rms.",
-            "requirement = 0.05", "", "[prediction]", "# Losses are compared second by second.",
-            'horizon = "1 s"',
-        ]  # fmt: skip
-        torques = [name for name in self.layout.names if name.startswith("tau")]
-        if not torques:
-            return lines
-        deciders = [f'{name} = "qd{name[3:]}"' for name in torques]
-        lines += ["", "[moving]", "# At standstill friction is undetermined.", "above = 0.05"]
-        return [*lines, "[moving.channels]", *deciders]
-
-    def _horizon(self) -> float:
-        period = self.period or 0.01
-        return max(1.0, float(f"{10 ** math.ceil(math.log10(10 * period)):g}"))
-
-    def _learning(self) -> list[str]:
-        lines = ["", "[tuning]", "# What may be tuned; without it what the model proposes."]
-        names = ("gain", "time_constant") if self.model is None else self.model.parameters.editable
-        lines.append(f"# editable = [{', '.join(_toml(n) for n in names[:6])}]")
-        return [
-            *lines, "", "[correction]", "# What may be corrected when tuning is not enough:",
-            '# channels = ["INPUT"]', '# terms = ["lag", "table", "law"]', "", "[store]",
-            "# Keeps versions, events and checkpoints; without it they are gone after the run.",
-            f'# path = "{self.out.stem}.db"',
-        ]  # fmt: skip
-
-
-def _column(name: str) -> str | int:
+def _column(name: str) -> str:
     """A column without a heading goes by its position."""
     found = re.fullmatch(r"c(\d+)", name)
-    return int(found[1]) - 1 if found else name
+    return _toml(int(found[1]) - 1 if found else name)
 
 
 def _toml(value: Any) -> str:
