@@ -11,8 +11,8 @@ import pytest
 
 from evertwin.engineering import verify_arm as arm_checks
 from evertwin.engineering import verify_machines as machine_checks
+from evertwin.engineering.validation import verify
 from evertwin.engineering.verification import Check, VerificationReport
-from evertwin.engineering.verify import verify
 from evertwin.engineering.verify_arm import verify_arm
 from evertwin.errors import MissingExtra
 from evertwin.machines.arm import Arm

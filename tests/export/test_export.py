@@ -12,7 +12,7 @@ import scipy.io
 
 from evertwin.config.spec import ModelSpec, PredictionSpec, StoreSpec, TwinSpec
 from evertwin.errors import DataError, ModelError, UsageError
-from evertwin.export.matlab import identifier
+from evertwin.export.formats import identifier
 from evertwin.export.urdf import roll_pitch_yaw
 from evertwin.machines.arm import Arm
 from evertwin.machines.arm.urdf import rotation

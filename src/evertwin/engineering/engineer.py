@@ -3,21 +3,45 @@
 The breakdown is compiled into a model, the recordings become rows as the twin file will make them,
 the study (`evertwin.engineering.study`) chooses, and the twin file is written from both: model and
 start values, editable set, weights, requirement; the reasons stand beside them as comments.
+
+The text of the twin file that a study proposes: settings with their reasons as comments.
+
+>>> from evertwin.engineering.breakdown import Breakdown
+>>> from evertwin.engineering.compile import ModelPlan
+>>> text = twin_text(Breakdown("pump"), ModelPlan("thermal", {}, {}), {})
+>>> print(text.splitlines()[0], text.splitlines()[1])
+schema = 1 name = "pump"
+
+Settings as TOML text, for files that are proposed: comments belong to them.
+
+>>> print(sections({"clock": {"rate": 10}, "source": [{"name": "log", "files": ["a.csv"]}]}))
+[clock]
+rate = 10
+<BLANKLINE>
+[[source]]
+name = "log"
+files = ["a.csv"]
+<BLANKLINE>
 """
 
 from __future__ import annotations
 
+import json
+import math
 import os
 import re
-from collections.abc import Mapping
+import textwrap
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from jinja2 import Environment, PackageLoader
+
 from evertwin.config import TwinSpec, read, reads
+from evertwin.config.spec import SCHEMA
 from evertwin.engineering.breakdown import Breakdown, read_breakdown
 from evertwin.engineering.compile import ModelPlan, compile_model
-from evertwin.engineering.engineered import twin_text
 from evertwin.engineering.study import Study, modelled, study
 from evertwin.errors import ConfigError, DataError
 from evertwin.files import write_whole
@@ -29,6 +53,158 @@ from evertwin.loop.work import Work
 from evertwin.machines.catalog import with_files
 from evertwin.settings.document import Document
 from evertwin.tuning import Problem
+
+WIDTH = 100
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
+
+
+def key(name: str) -> str:
+    """A key, in quotes where TOML asks for them.
+
+    >>> key("Fc1"), key("gearbox 1.Fc")
+    ('Fc1', '"gearbox 1.Fc"')
+    """
+    return name if _BARE.fullmatch(name) else json.dumps(name, ensure_ascii=False)
+
+
+def inline(value: Any) -> str:
+    """A value on one line.
+
+    >>> inline({"a": 1.5, "b": ["x", True], "c": float("inf")})
+    '{ a = 1.5, b = ["x", true], c = inf }'
+    """
+    if isinstance(value, Mapping):
+        pairs = ", ".join(f"{key(name)} = {inline(item)}" for name, item in value.items())
+        return f"{{ {pairs} }}" if pairs else "{}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(inline(item) for item in value) + "]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return repr(value) if math.isfinite(value) else str(value)
+    if isinstance(value, int):
+        return str(value)
+    return json.dumps(str(value), ensure_ascii=False)
+
+
+def sections(table: Mapping[str, Any], path: str = "") -> str:
+    """A table as sections: plain keys first, then ``[tables]`` and ``[[arrays of tables]]``."""
+    top = path == ""
+    plain = {
+        name: item
+        for name, item in table.items()
+        if not _opens(item) and not (top and isinstance(item, Mapping))
+    }
+    lines = [f"{key(name)} = {_long(item)}" for name, item in plain.items()]
+    text = "\n".join(lines) + "\n" if lines else ""
+    for name, item in table.items():
+        if name in plain:
+            continue
+        where = f"{path}.{key(name)}" if path else key(name)
+        if isinstance(item, Mapping):
+            head = f"[{where}]\n" if not item or any(not _opens(v) for v in item.values()) else ""
+            text += f"\n{head}{sections(item, where).lstrip()}" if head else sections(item, where)
+        else:
+            for one in item:
+                text += f"\n[[{where}]]\n{sections(one, where).lstrip()}"
+    return text if path else text.lstrip()
+
+
+def _opens(item: Any) -> bool:
+    """Does it stand under a heading of its own?"""
+    if isinstance(item, Mapping):
+        return len(inline(item)) > WIDTH // 2 or any(_opens(value) for value in item.values())
+    return isinstance(item, list) and bool(item) and all(isinstance(i, Mapping) for i in item)
+
+
+def _long(item: Any) -> str:
+    """An array that is too long for a line, one item a line."""
+    text = inline(item)
+    if len(text) <= WIDTH - 20 or not isinstance(item, list | tuple):
+        return text
+    return "[\n" + "".join(f"  {inline(value)},\n" for value in item) + "]"
+
+
+def twin_text(
+    breakdown: Breakdown, plan: ModelPlan, settings: Mapping[str, Any], study: Study | None = None
+) -> str:
+    """The twin file: with the editable set, the weights and the reasons where there is a study;
+    before it, enough to read recordings and build the model.
+
+    Args:
+        settings: ``[twin]`` of the breakdown file.
+    """
+    environment = Environment(
+        loader=PackageLoader("evertwin.engineering", "templates"), trim_blocks=True,
+        lstrip_blocks=True, keep_trailing_newline=True,
+    )  # fmt: skip
+    environment.filters |= {"inline": inline, "key": key, "comment": _comment}
+    choices = {} if study is None else {one.name: one for one in study.chosen.choices}
+    parameters = {name: dict(entry) for name, entry in plan.parameters.items()}
+    for found in () if study is None or study.identified is None else study.identified.found:
+        parameters.setdefault(found.name, {}).update(value=found.value, source=found.source)
+    for name, entry in parameters.items():
+        entry["editable"] = name in choices and choices[name].editable
+    chosen = {} if study is None else _chosen(breakdown, study)
+    return environment.get_template("twin.txt").render(
+        about=breakdown.about, name=breakdown.name, schema=SCHEMA, plan=plan, study=study,
+        plain={k: v for k, v in settings.items() if not isinstance(v, Mapping | list)},
+        levels={} if study is None else {one.component: one for one in study.levels},
+        choices=choices, parameters=parameters, rules=chosen.get("indicator"),
+        kept="store" in settings, sections=sections(_rest(breakdown, settings, chosen)),
+    )  # fmt: skip
+
+
+def _comment(text: str, indent: int = 0) -> str:
+    rows = textwrap.wrap(text, 96, subsequent_indent=" " * indent)
+    return "\n".join(f"# {row}" for row in rows)
+
+
+def _chosen(breakdown: Breakdown, study: Study) -> dict[str, Any]:
+    """Sections that the study decides."""
+    tuning: dict[str, Any] = {"editable": list(study.chosen.editable)}
+    tuning["every"] = f"{breakdown.requirements.interval:g} s"
+    if study.weighed is not None:
+        tuning["weights"] = dict(study.weighed.weights)
+    rules = [
+        {"name": one.name, "component": one.component.name, "parameter": one.name}
+        for one in breakdown.stated
+        if one.said.limit is not None and one.name in study.chosen.editable
+    ]
+    return {"tuning": tuning, "indicator": rules, "prognosis": _prognosis(breakdown, rules, study)}
+
+
+def _rest(
+    breakdown: Breakdown, settings: Mapping[str, Any], chosen: Mapping[str, Any]
+) -> dict[str, Any]:
+    """What ``[twin]`` says and what follows from the requirements, section by section."""
+    out: dict[str, Any]
+    out = {name: value for name, value in settings.items() if isinstance(value, Mapping | list)}
+    for extra in ({"anomaly": {"requirement": breakdown.requirements.accuracy}}, chosen):
+        for name, value in extra.items():
+            if isinstance(value, list):
+                out[name] = [*out.get(name, []), *value]
+            else:
+                out[name] = {**value, **out.get(name, {})}
+    return {name: value for name, value in out.items() if value}
+
+
+def _prognosis(
+    breakdown: Breakdown, rules: Sequence[Mapping[str, Any]], study: Study
+) -> dict[str, Any]:
+    """Costs of components whose life is told, and which do not stop the machine."""
+    roles = {one.component: one.role for one in study.ranks}
+    parts: dict[str, dict[str, Any]] = {}
+    for name in dict.fromkeys(rule["component"] for rule in rules):
+        cost = breakdown.component(name).cost
+        part: dict[str, Any] = {}
+        if cost is not None:
+            part |= {"failure": cost.failure, "maintenance": cost.maintenance}
+        if roles.get(name) == "supporting":
+            part["critical"] = False
+        parts |= {name: part} if part else {}
+    return {"components": parts} if parts else {}
+
 
 OURS = {"model": ("kind", "options", "parameters"), "tuning": ("editable", "weights")}
 """What a breakdown decides elsewhere than under ``[twin]``."""

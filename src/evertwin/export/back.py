@@ -17,7 +17,7 @@ import numpy as np
 import scipy
 
 from evertwin.errors import DataError
-from evertwin.export.matlab import identifier
+from evertwin.export.formats import identifier
 
 _DAMAGE = (ValueError, TypeError, NotImplementedError, LookupError)
 

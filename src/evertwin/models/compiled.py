@@ -1,6 +1,8 @@
 """The base of models that have a kernel: `simulate` and `observe` follow from it.
 
 A machine then consists of its layouts, its parameters and two compiled functions.
+
+What static maps have in common: no state, so nothing to start from and nothing to adopt into.
 """
 
 from __future__ import annotations
@@ -63,3 +65,24 @@ class Compiled:
         told = np.ascontiguousarray(y, dtype=np.float64)
         call(self.adopt, self._context.ctypes.data, state.ctypes.data, told.ctypes.data)
         return state
+
+
+class StaticMap:
+    """Base of models whose outputs depend on the inputs of the same row alone.
+
+    >>> StaticMap().initial(np.ones(3)).tolist(), StaticMap().states.names
+    ([], ())
+    """
+
+    @property
+    def states(self) -> Layout:
+        """None."""
+        return Layout()
+
+    def initial(self, p: ParameterVector) -> StateVector:
+        """Empty."""
+        return np.zeros(0)
+
+    def observe(self, x: StateVector, y: Float64[np.ndarray, " ny"]) -> StateVector:
+        """There is nothing to adopt into."""
+        return np.array(x, dtype=np.float64)

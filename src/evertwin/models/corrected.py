@@ -38,8 +38,7 @@ from evertwin.models.form import Form, Term
 from evertwin.models.function import kernel_of
 from evertwin.models.kernel import Kernel, Layer, Restart
 from evertwin.models.parameters import Parameter, Parameters
-from evertwin.models.rollout import roll
-from evertwin.models.sizes import sized
+from evertwin.models.rollout import roll, sized
 from evertwin.models.terms import kernel as kernels
 from evertwin.models.terms.contract import CorrectionTerm, Place
 from evertwin.models.terms.registry import kind

@@ -1,4 +1,10 @@
-"""Rows simulated by a kernel, in one compiled loop."""
+"""Rows simulated by a kernel, in one compiled loop.
+
+Sizes checked before compiled code runs: a kernel reads memory and cannot complain.
+
+>>> import numpy as np
+>>> sized(np.zeros(1), Layout.of(x="m"), np.zeros(0), Parameters())
+"""
 
 from __future__ import annotations
 
@@ -8,7 +14,10 @@ import numpy as np
 
 from evertwin.compiled.calls import call
 from evertwin.compiled.functions import njit
+from evertwin.errors import UsageError
 from evertwin.models.kernel import ADOPT, ANEW, Kernel, Restart, looped
+from evertwin.models.parameters import Parameters
+from evertwin.signals.channels import Layout
 from evertwin.types import Inputs, Intervals, ParameterVector, Rollout, StateVector
 
 
@@ -56,3 +65,16 @@ def roll(
         np.array(restart.x0, dtype=np.float64), out,
     )  # fmt: skip
     return state, out
+
+
+def sized(x: StateVector, states: Layout, p: ParameterVector, parameters: Parameters) -> None:
+    """Do state and parameters have the model's sizes?
+
+    Raises:
+        UsageError: they have not.
+    """
+    if x.shape != (len(states),) or p.shape != (len(parameters),):
+        raise UsageError(
+            f"expected a state of {len(states)} and {len(parameters)} parameters, got "
+            f"{x.shape} and {p.shape}: start from model.initial(p)"
+        )

@@ -27,8 +27,8 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 
 from evertwin.errors import DataError, UsageError
+from evertwin.models.compiled import StaticMap
 from evertwin.models.parameters import Parameter, Parameters
-from evertwin.models.static import StaticMap
 from evertwin.signals.channels import Layout
 from evertwin.types import (
     Float64,

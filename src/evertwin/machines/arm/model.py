@@ -44,8 +44,8 @@ from evertwin.machines.friction import Law, Rung, shape_of
 from evertwin.machines.friction.kernel import WIDTH
 from evertwin.machines.friction.resisting import Rubbed, friction
 from evertwin.models import Kernel, Parameter, Parameters, Restart, roll
+from evertwin.models.compiled import StaticMap
 from evertwin.models.given import check_options
-from evertwin.models.static import StaticMap
 from evertwin.signals import Layout
 from evertwin.types import (
     Float64,

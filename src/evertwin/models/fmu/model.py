@@ -37,8 +37,7 @@ from evertwin.models.fmu.worker import Worker
 from evertwin.models.function import python_kernel
 from evertwin.models.kernel import Kernel, Restart
 from evertwin.models.parameters import Parameters
-from evertwin.models.rollout import roll
-from evertwin.models.sizes import sized
+from evertwin.models.rollout import roll, sized
 from evertwin.signals.channels import Layout, position
 from evertwin.types import Float64, Inputs, Intervals, ParameterVector, Rollout, StateVector
 

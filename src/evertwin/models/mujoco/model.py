@@ -43,6 +43,7 @@ import mujoco
 import numpy as np
 
 from evertwin.errors import ModelError, UsageError
+from evertwin.models.compiled import StaticMap
 from evertwin.models.given import check_options
 from evertwin.models.kernel import ADOPT, ANEW, CONTINUE, Restart
 from evertwin.models.mujoco.base import FromFile
@@ -50,8 +51,7 @@ from evertwin.models.mujoco.channels import Output, adoptable, controls, outputs
 from evertwin.models.mujoco.engine import Engine, Steps, steps_of
 from evertwin.models.mujoco.guard import Source
 from evertwin.models.mujoco.knobs import DEFAULT, parameters_of, tunable
-from evertwin.models.sizes import sized
-from evertwin.models.static import StaticMap
+from evertwin.models.rollout import sized
 from evertwin.settings.quantity import in_unit
 from evertwin.signals.channels import Channel, Layout
 from evertwin.types import (
