@@ -117,10 +117,6 @@ class OutputReport:
     share: float = 0.0
     """Share of the variance that it explains."""
 
-    def to_dict(self) -> dict[str, Json]:
-        """Plain content."""
-        return plain(self)  # type: ignore[return-value]
-
     def __str__(self) -> str:
         word = {True: "ok     ", False: "MISSED ", None: "       "}[self.passed]
         left = "white" if self.white else f"not white (ρ₁ {self.correlation:.2f})"
@@ -169,9 +165,9 @@ class ValidationReport:
                     "moving": self.rules.moving, "outputs": self.rules.watched,
                 },
                 "filter": self.rules.filter,
-                "outputs": {o.name: o.to_dict() for o in self.together},
+                "outputs": {o.name: o for o in self.together},
                 "runs": [
-                    {"file": name, "outputs": {o.name: o.to_dict() for o in found}}
+                    {"file": name, "outputs": {o.name: o for o in found}}
                     for name, found in self.runs
                 ],
                 "notes": self.notes,

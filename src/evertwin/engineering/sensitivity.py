@@ -81,15 +81,22 @@ class _Course(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Sobol:
+class _Figures:
+    names: tuple[str, ...]
+    outputs: tuple[str, ...]
+    samples: int
+    """Evaluations of the model."""
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Sobol(_Figures):
     """Shares of the outputs' variance.
 
     >>> Sobol.__name__
     'Sobol'
     """
 
-    names: tuple[str, ...]
-    outputs: tuple[str, ...]
     share: PerOutputParameter
     """Total index, interactions included."""
     alone: PerOutputParameter
@@ -98,27 +105,20 @@ class Sobol:
     """Half width of the share's 95 % interval (bootstrap)."""
     effect: PerOutputParameter
     """Standard deviation that the parameter makes, relative to the output's rms."""
-    samples: int
-    """Evaluations of the model."""
-    seconds: float
 
 
 @dataclass(frozen=True)
-class Morris:
+class Morris(_Figures):
     """Elementary effects over the ranges, relative to the outputs' rms.
 
     >>> Morris.__name__
     'Morris'
     """
 
-    names: tuple[str, ...]
-    outputs: tuple[str, ...]
     mu: PerOutputParameter
     """Mean absolute effect of going through the whole range."""
     spread: PerOutputParameter
     """Its standard deviation: 0 where the effect is the same everywhere."""
-    samples: int
-    seconds: float
 
 
 def sobol(problem: Problem, spans: Vector, seed: int) -> Sobol:
@@ -132,31 +132,22 @@ def sobol(problem: Problem, spans: Vector, seed: int) -> Sobol:
     Raises:
         ModelError: a simulation inside the ranges diverged.
     """
-    began = time.perf_counter()
-    problem = problem if problem.linear else few(problem)
-    form = _form(problem, spans)
-    k, ny = len(problem.names), len(problem.model.outputs)
-    base = _base_samples(problem)
+    began, problem = time.perf_counter(), problem if problem.linear else few(problem)
+    form, base = _form(problem, spans), _base_samples(problem)
     x = sobol_sample.sample(form, base, calc_second_order=False, seed=seed)
-    share, alone, half, effect = (np.zeros((ny, k)) for _ in range(4))
+    given = {"calc_second_order": False, "num_resamples": RESAMPLES, "seed": seed}
+    sums = np.zeros((3, len(problem.model.outputs), len(problem.names)))
+    effect = np.zeros(sums.shape[1:])
     for o, (course, scores) in enumerate(_scores(problem, spans, x)):
         variance = scores.var(axis=0)
         if not variance.sum() > 0.0:
             continue
         for score, weight in zip(scores.T, variance / variance.sum()):
-            found = _quietly(
-                sobol_analysis.analyze, form, score,
-                calc_second_order=False, num_resamples=RESAMPLES, seed=seed,
-            )  # fmt: skip
-            share[o] += weight * found["ST"]
-            alone[o] += weight * found["S1"]
-            half[o] += weight * found["ST_conf"]
+            found = _quietly(sobol_analysis.analyze, form, score, **given)
+            sums[:, o] += weight * np.array([found[key] for key in ("ST", "S1", "ST_conf")])
         total = variance.sum() / len(course.centre)
-        effect[o] = np.sqrt(np.maximum(share[o], 0.0) * total) / course.size
-    return Sobol(
-        problem.names, problem.model.outputs.names, share, alone, half, effect, len(x),
-        time.perf_counter() - began,
-    )  # fmt: skip
+        effect[o] = np.sqrt(np.maximum(sums[0, o], 0.0) * total) / course.size
+    return Sobol(*_about(problem, x, began), *sums, effect)
 
 
 def morris(problem: Problem, spans: Vector, seed: int) -> Morris:
@@ -165,25 +156,24 @@ def morris(problem: Problem, spans: Vector, seed: int) -> Morris:
     Raises:
         ModelError: a simulation inside the ranges diverged.
     """
-    began = time.perf_counter()
-    problem = problem if problem.linear else few(problem)
+    began, problem = time.perf_counter(), problem if problem.linear else few(problem)
     form = _form(problem, spans)
-    k, ny = len(problem.names), len(problem.model.outputs)
     x = morris_sample.sample(form, _paths(problem), num_levels=4, seed=seed)
-    mu, spread = np.zeros((ny, k)), np.zeros((ny, k))
+    given = {"num_levels": 4, "num_resamples": 2, "seed": seed}
+    sums = np.zeros((2, len(problem.model.outputs), len(problem.names)))
     for o, (course, scores) in enumerate(_scores(problem, spans, x)):
         for score in scores.T:
-            found = _quietly(
-                morris_analysis.analyze, form, x, score,
-                num_levels=4, num_resamples=2, seed=seed,
-            )  # fmt: skip
-            mu[o] += np.square(np.asarray(found["mu_star"], dtype=np.float64))
-            spread[o] += np.square(np.asarray(found["sigma"], dtype=np.float64))
-        scale = np.sqrt(len(course.centre)) * course.size
-        mu[o], spread[o] = np.sqrt(mu[o]) / scale, np.sqrt(spread[o]) / scale
-    return Morris(
-        problem.names, problem.model.outputs.names, mu, spread, len(x), time.perf_counter() - began
-    )
+            found = _quietly(morris_analysis.analyze, form, x, score, **given)
+            sums[:, o] += [np.square(np.asarray(found[key])) for key in ("mu_star", "sigma")]
+        sums[:, o] = np.sqrt(sums[:, o]) / (np.sqrt(len(course.centre)) * course.size)
+    return Morris(*_about(problem, x, began), *sums)
+
+
+def _about(
+    problem: Problem, x: Samples, began: float
+) -> tuple[tuple[str, ...], tuple[str, ...], int, float]:
+    outputs = problem.model.outputs.names
+    return problem.names, outputs, len(x), time.perf_counter() - began
 
 
 def counted(problem: Problem) -> np.ndarray:

@@ -175,7 +175,7 @@ class Study:
             "schema": "evertwin.engineer/1",
             "name": self.breakdown.name,
             "components": [
-                {**_fields(r), "level": _fields(v)}
+                {**vars(r), "level": v}
                 for r, v in zip(self.ranks, self.levels, strict=True)
             ],
             "requirements": {
@@ -204,7 +204,7 @@ class Study:
             "schedule": self.weighed,
             "measured": self.measured
             and {
-                **_fields(self.measured), "saved": self.measured.saved,
+                **vars(self.measured), "saved": self.measured.saved,
                 "saved_simulations": self.measured.saved_simulations, "lost": self.measured.lost,
             },
             "rows": self.rows,
@@ -305,10 +305,6 @@ def _first_fit(breakdown: Breakdown, problem: Problem, found: Sequence[Link]) ->
     drifting = {one.name for one in breakdown.stated if one.drift > 0.0}
     seen = [link.parameter for link in found if link.signals]
     return identify(problem, wanted, [name for name in seen if name in drifting])
-
-
-def _fields(record: Any) -> dict[str, Any]:
-    return {name: getattr(record, name) for name in record.__dataclass_fields__}
 
 
 def _table(record: Any, keys: tuple[str, ...]) -> dict[str, Any]:

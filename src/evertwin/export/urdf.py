@@ -11,12 +11,12 @@ something that no body is, and then no URDF can say them. That is refused.
 
 from __future__ import annotations
 
-import io
 import math
 from collections.abc import Mapping
-from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
+from typing import Any
 
 import numpy as np
+from jinja2 import Environment, PackageLoader
 
 from evertwin.errors import ModelError, UsageError
 from evertwin.export.content import Exported
@@ -43,23 +43,17 @@ def urdf_bytes(out: Exported) -> bytes:
         raise UsageError(
             f"urdf: expected a model of kind 'arm', {out.name} is {out.kind!r}: use json or mat"
         )
-    values = dict(zip(out.version.names, out.version.values, strict=True))
-    top = Element("robot", name=out.name)
-    SubElement(top, "link", name=_root(arm))
-    for k, body in enumerate(arm.bodies(out.version.p)):
-        _link(top, arm.chain.links[k], body)
-    for k in range(arm.chain.n):
-        _joint(top, arm, k, values)
-    _tool(top, arm)
-    _rest(top, out)
-    indent(top)
-    with io.BytesIO() as buffer:
-        ElementTree(top).write(buffer, encoding="utf-8", xml_declaration=True)
-        return buffer.getvalue() + b"\n"
-
-
-def _root(arm: Arm) -> str:
-    return _free("base", arm)
+    loader = PackageLoader("evertwin.export", "templates")
+    environment = Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    environment.filters["numbers"] = _numbers
+    values, chain = dict(zip(out.version.names, out.version.values, strict=True)), arm.chain
+    bodies = zip(chain.links, arm.bodies(out.version.p), strict=True)
+    page = environment.get_template("robot.urdf").render(
+        out=out, links=[_link(name, body) for name, body in bodies],
+        joints=[_joint(arm, k, values) for k in range(chain.n)], root=_free("base", arm),
+        tool=_free("tool", arm), tip=_placed(chain.tool[:3, :3], chain.tool[:3, 3]),
+    )  # fmt: skip
+    return page.encode() + b"\n"
 
 
 def _free(name: str, arm: Arm) -> str:
@@ -69,11 +63,10 @@ def _free(name: str, arm: Arm) -> str:
     return name
 
 
-def _link(top: Element, name: str, body: Body) -> None:
+def _link(name: str, body: Body) -> dict[str, Any]:
     """About the centre of mass, with axes parallel to the frame's."""
     mass, about = float(body[0]), f"urdf: link '{name}' as tuned"
     checked(about, mass, None)
-    centre = body[1:4] / mass
     own = about_centre(body)
     try:
         checked(about, mass, own)
@@ -81,62 +74,29 @@ def _link(top: Element, name: str, body: Body) -> None:
         raise ModelError(
             f"{error}; base parameters are combinations of links: export them as json"
         ) from error
-    inertial = SubElement(SubElement(top, "link", name=name), "inertial")
-    SubElement(inertial, "origin", xyz=_numbers(centre), rpy="0 0 0")
-    SubElement(inertial, "mass", value=repr(mass))
-    at = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
-    SubElement(inertial, "inertia", {key: repr(float(own[i, j])) for key, (i, j) in at.items()})
+    return {"name": name, "mass": mass, "centre": body[1:4] / mass, "inertia": own}
 
 
-def _joint(top: Element, arm: Arm, k: int, values: Mapping[str, float]) -> None:
+def _joint(arm: Arm, k: int, values: Mapping[str, float]) -> dict[str, Any]:
     chain = arm.chain
     numbers = chain.geometry[3 + JOINT * k : 3 + JOINT * (k + 1)]
     low, high, speed = chain.limits[k]
     bounded = math.isfinite(low) and math.isfinite(high)
     turning = "revolute" if bounded else "continuous"
-    kind = "prismatic" if chain.sliding[k] else turning
-    joint = SubElement(top, "joint", name=chain.joints[k], type=kind)
-    SubElement(joint, "parent", link=chain.links[k - 1] if k else _root(arm))
-    SubElement(joint, "child", link=chain.links[k])
-    _origin(joint, numbers[:9].reshape(3, 3), numbers[9:12])
-    SubElement(joint, "axis", xyz="0 0 1")
-    limit = {"effort": "0"}
-    if bounded:
-        limit |= {"lower": repr(float(low)), "upper": repr(float(high))}
-    limit["velocity"] = repr(float(speed)) if math.isfinite(speed) else "0"
-    SubElement(joint, "limit", limit)
-    viscous, coulomb = (values.get(f"{name}{k + 1}", 0.0) for name in KEPT)
-    SubElement(joint, "dynamics", damping=repr(float(viscous)), friction=repr(float(coulomb)))
+    return {
+        "name": chain.joints[k], "kind": "prismatic" if chain.sliding[k] else turning,
+        "bounds": (low, high) if bounded else None, "speed": speed if speed < math.inf else None,
+        "friction": [values.get(f"{name}{k + 1}", 0.0) for name in KEPT],
+        **_placed(numbers[:9].reshape(3, 3), numbers[9:12]),
+    }  # fmt: skip
 
 
-def _tool(top: Element, arm: Arm) -> None:
-    """The tip's frame, without a body."""
-    tool = arm.chain.tool
-    name = _free("tool", arm)
-    SubElement(top, "link", name=name)
-    joint = SubElement(top, "joint", name=f"{name}_joint", type="fixed")
-    SubElement(joint, "parent", link=arm.chain.links[-1])
-    SubElement(joint, "child", link=name)
-    _origin(joint, tool[:3, :3], tool[:3, 3])
+def _placed(rotation: Matrix, position: np.ndarray) -> dict[str, Any]:
+    return {"xyz": position, "rpy": roll_pitch_yaw(rotation)}
 
 
-def _rest(top: Element, out: Exported) -> None:
-    """Every parameter by name, so that nothing that was tuned is lost."""
-    kept = SubElement(
-        top, "evertwin", version=str(out.version.number), hash=out.version.hash,
-        schema="evertwin.model/1",
-    )  # fmt: skip
-    for name, item in out.parameters.items():
-        said = {"name": name, "value": repr(float(item["value"])), "unit": item["unit"]}
-        SubElement(kept, "parameter", said)
-
-
-def _origin(joint: Element, rotation: Matrix, position: np.ndarray) -> None:
-    SubElement(joint, "origin", xyz=_numbers(position), rpy=_numbers(roll_pitch_yaw(rotation)))
-
-
-def _numbers(values: np.ndarray) -> str:
-    return " ".join(repr(float(value)) for value in values)
+def _numbers(values: Any) -> str:
+    return " ".join(repr(float(value)) for value in np.atleast_1d(values))
 
 
 def roll_pitch_yaw(r: Matrix) -> np.ndarray:

@@ -157,9 +157,7 @@ class Binding:
         """The page that rows are run by."""
         n, nx = len(self.states.layout), len(self.layout(saved))
         groups = self.inputs.group, self.outputs.group, self.states.group, self.tuned.group
-        pairs = tuple(self.adopts)
-        sizes = at.Sizes(groups, pairs, nx, len(self.parameters), self.description.indicators)
-        page = at.layout(sizes)
+        page = at.layout(groups, self.adopts, nx, self.description.indicators)
         page[at.MEMORY], page[at.SOLVER] = self.memory, _SOLVERS[self.options.solver]
         page[at.CLOCK] = n if self.clock else -1
         page[at.BYTES] = n + 1 if self.memory == at.SAVED else -1

@@ -7,6 +7,7 @@ that is how it knows a hanging FMU from a long block.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -56,22 +57,6 @@ class Group(NamedTuple):
     """Numbers: as many as references, more where an array hides behind one."""
 
 
-class Sizes(NamedTuple):
-    """What a page has to hold.
-
-    >>> none = Group((), (), (), 0)
-    >>> Sizes((none,) * 4, (), 0, 0, 0).states
-    0
-    """
-
-    groups: tuple[Group, Group, Group, Group]
-    adopts: tuple[tuple[int, int], ...]
-    """(output, state) that a position update connects."""
-    states: int
-    parameters: int
-    indicators: int
-
-
 def group_at(group: int) -> int:
     """First slot of a group.
 
@@ -81,11 +66,18 @@ def group_at(group: int) -> int:
     return GROUPS + FIELDS * group
 
 
-def layout(sizes: Sizes) -> np.ndarray:
+def layout(
+    groups: Sequence[Group], adopts: Sequence[tuple[int, int]], nx: int, indicators: int
+) -> np.ndarray:
     """A page with sizes, offsets, references and factors filled in, int64.
 
-    >>> none = Group((), (), (), 0)
-    >>> page = layout(Sizes((none,) * 4, (), 0, 0, 0))
+    Args:
+        groups: inputs, outputs, states and parameters.
+        adopts: (output, state) that a position update connects.
+        nx: numbers of the state.
+        indicators: event indicators.
+
+    >>> page = layout([Group((), (), (), 0)] * 4, [], 0, 0)
     >>> int(page[LENGTH]) == len(page)
     True
     """
@@ -101,7 +93,7 @@ def layout(sizes: Sizes) -> np.ndarray:
         end += len(words)
         return end - len(words)
 
-    for number, group in enumerate(sizes.groups):
+    for number, group in enumerate(groups):
         page[group_at(number) : group_at(number) + FIELDS] = (
             group.values,
             len(group.references),
@@ -110,14 +102,12 @@ def layout(sizes: Sizes) -> np.ndarray:
             room(np.array(group.offsets, dtype=np.float64)),
             room(np.zeros(group.values)),
         )
-    nx = sizes.states
-    page[[NX, NP, NU, NY]] = nx, sizes.parameters, sizes.groups[U].values, sizes.groups[Y].values
-    page[NZ] = sizes.indicators
-    page[PAIRS] = len(sizes.adopts)
-    page[ADOPTS] = room(np.array(sizes.adopts, dtype=np.int64).ravel())
-    page[WORK] = room(np.zeros(6 * max(nx, 1) + 2 * sizes.indicators + 8))
+    page[[NX, NP, NU, NY]] = nx, groups[P].values, groups[U].values, groups[Y].values
+    page[NZ], page[PAIRS] = indicators, len(adopts)
+    page[ADOPTS] = room(np.array(adopts, dtype=np.int64).ravel())
+    page[WORK] = room(np.zeros(6 * max(nx, 1) + 2 * indicators + 8))
     page[REALS] = room(np.zeros(4))
-    page[LAST_X], page[LAST_P] = room(np.zeros(nx)), room(np.zeros(sizes.parameters))
+    page[LAST_X], page[LAST_P] = room(np.zeros(nx)), room(np.zeros(groups[P].values))
     page[LENGTH] = end
     page[FROM] = -1
     page[SKIP : SKIP + SKIPS] = -1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial, reduce
 from itertools import product
 from typing import Any
 
@@ -141,11 +142,8 @@ class Arena:
 
     def _each(self, op: str, *args: np.ndarray) -> np.ndarray:
         """An operation element by element."""
-        whole = np.broadcast_arrays(*args)
-        out = np.empty(whole[0].shape, dtype=np.int64)
-        for index in np.ndindex(out.shape):
-            out[index] = self.graph(op, *(int(a[index]) for a in whole))
-        return out
+        each = np.frompyfunc(partial(self.graph, op), len(args), 1)
+        return np.asarray(each(*args), dtype=np.int64)
 
     def _unary(self, at: int, content: Any, scope: Scope) -> Any:
         a, op = self.value(content["operand"], scope), content["operator"]
@@ -260,21 +258,18 @@ class Arena:
         nodes = items.ravel().tolist()
         if name == "sum":
             return self.graph.sum(nodes)
-        out = nodes[0]
-        for node in nodes[1:]:
-            out = self.graph("multiply" if name == "product" else name, out, node)
-        return int(out)
+        return reduce(partial(self.graph, "multiply" if name == "product" else name), nodes)
 
     def _arrays(self, name: str, args: list[np.ndarray], at: int, scope: Scope) -> Any:
         zero, one = self.graph.constant(0.0), self.graph.constant(1.0)
         if name == "transpose":
             return args[0].T
         if name == "cross":
-            a, b = args
-            turn = ((1, 2), (2, 0), (0, 1))
-            left = [self.graph("multiply", int(a[i]), int(b[j])) for i, j in turn]
-            right = [self.graph("multiply", int(a[j]), int(b[i])) for i, j in turn]
-            return self._each("subtract", np.array(left), np.array(right))
+            turns = [1, 2, 0], [2, 0, 1]
+            parts = [
+                self._each("multiply", args[0][i], args[1][j]) for i, j in (turns, turns[::-1])
+            ]
+            return self._each("subtract", *parts)
         if name == "diagonal":
             return np.where(np.eye(len(args[0]), dtype=np.bool_), args[0][:, None], zero)
         first = 1 if name == "fill" else 0
