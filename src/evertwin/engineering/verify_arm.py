@@ -214,19 +214,12 @@ def _laws(rigid: Rigid, rows: Inputs, rng: np.random.Generator) -> tuple[Check, 
     after, before = (_momentum(rigid, *_moved((q, v, a), s)) for s in (step, -step))
     scale = float(np.abs(still).max()) or 1.0
     moment = float(np.abs((after - before) / (2 * step) - still).max()) / scale
-    least = float(np.linalg.eigvalsh(rigid.mass(q)).min())
-    shown = f"{len(rows)} rows"
+    shown, least = f"{len(rows)} rows", float(np.linalg.eigvalsh(rigid.mass(q)).min())
+    definite = f"{shown}; least eigenvalue {least:.3g}"
     return (
         Check("power balance", "law", balance, POWER, "1", f"{shown}; of {flow:.3g} W"),
         Check("momentum of the first joint", "law", moment, POWER, "1", f"{shown}; no gravity"),
-        Check(
-            "mass matrix is positive definite",
-            "law",
-            max(0.0, -least),
-            0.0,
-            "kgm2",
-            f"{shown}; least eigenvalue {least:.3g}",
-        ),
+        Check("mass matrix is positive definite", "law", max(0.0, -least), 0.0, "kgm2", definite),
         _free_motion(rigid, rng),
     )
 

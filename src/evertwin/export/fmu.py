@@ -25,7 +25,7 @@ from evertwin.export.content import Exported
 from evertwin.fold.records import plain
 from evertwin.machines.catalog import FILES, with_files
 
-_SCRIPT = '''"""{name}, version {number}: {need}."""
+_SCRIPT = '''"""{identifier}, version {number}: {need}."""
 
 from pathlib import Path
 
@@ -63,17 +63,11 @@ def write_fmu(out: Exported, path: Path) -> str:
         folder = Path(name)
         identifier = _identifier(out.name)
         script = folder / f"evertwin_{identifier.lower()}_{out.version.hash[:12]}.py"
-        script.write_text(
-            _SCRIPT.format(
-                name=identifier,
-                number=out.version.number,
-                need=need_of(),
-                identifier=identifier,
-                module=slave.__name__,
-                base=slave.TwinSlave.__name__,
-            ),
-            encoding="utf-8",
-        )
+        text = _SCRIPT.format(
+            identifier=identifier, number=out.version.number, need=need_of(),
+            module=slave.__name__, base=slave.TwinSlave.__name__,
+        )  # fmt: skip
+        script.write_text(text, encoding="utf-8")
         files, made = _collected(out, folder), folder / "made" / path.name
         try:
             builder.build_FMU(

@@ -25,7 +25,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -104,6 +104,8 @@ class Corrected:
 
     model: Model
     terms: tuple[Term, ...]
+    own: tuple[CorrectionTerm, ...] = field(default=(), compare=False, repr=False)
+    """Kinds of the terms, where they need not be registered."""
 
     @property
     def inputs(self) -> Layout:
@@ -137,7 +139,7 @@ class Corrected:
 
     @cached_property
     def _kinds(self) -> tuple[CorrectionTerm, ...]:
-        return tuple(kind(term.kind) for term in self.terms)
+        return self.own or tuple(kind(term.kind) for term in self.terms)
 
     @cached_property
     def parts(self) -> tuple[Part, ...]:

@@ -44,8 +44,8 @@ def set_group(page: Any, numbers: Any, g: int, values: Any) -> Any:
     if n == 0:
         return 0
     factor, offset, buffer = page[q + 3], page[q + 4], page[q + 5]
-    for k in range(n):
-        numbers[buffer + k] = (values[k] - numbers[offset + k]) / numbers[factor + k]
+    scaled = (values - numbers[offset : offset + n]) / numbers[factor : factor + n]
+    numbers[buffer : buffer + n] = scaled
     return _exchange(page, g, at.SET)
 
 
@@ -66,30 +66,20 @@ def get_group(page: Any, numbers: Any, g: int, values: Any) -> Any:
 @njit(cache=True)
 def differs(numbers: Any, offset: int, values: Any) -> bool:
     """Are the numbers at ``offset`` other than ``values``?"""
-    for k in range(values.shape[0]):  # noqa: SIM110 - generators do not compile
-        if numbers[offset + k] != values[k]:
-            return True
-    return False
+    return bool((numbers[offset : offset + values.shape[0]] != values).any())
 
 
 @njit(cache=True)
 def known(values: Any) -> bool:
     """True if every value is finite."""
-    for k in range(values.shape[0]):  # noqa: SIM110 - generators do not compile
-        if not math.isfinite(values[k]):
-            return False
-    return True
+    return bool(np.isfinite(values).all())
 
 
 @njit(cache=True)
 def refused(page: Any, n: int) -> bool:
     """Must this step fail, because the FMU broke down in it before?"""
-    if 0 <= page[at.FROM] <= n:
-        return True
-    for k in range(at.SKIPS):  # noqa: SIM110 - generators do not compile
-        if page[at.SKIP + k] == n:
-            return True
-    return False
+    skipped = (page[at.SKIP : at.SKIP + at.SKIPS] == n).any()
+    return bool(skipped or 0 <= page[at.FROM] <= n)
 
 
 @njit(cache=True)
@@ -146,19 +136,17 @@ def solve(page: Any, numbers: Any, t: float, h: float) -> Any:
     """One explicit step of the states at WORK, in place."""
     nx, x, solver = page[at.GROUPS + at.FIELDS * at.X], page[at.WORK], page[at.SOLVER]
     slope, place, mean = x + nx, x + 2 * nx, x + 3 * nx
-    for i in range(nx):
-        numbers[slope + i] = numbers[mean + i] = 0.0
+    now, k = numbers[x : x + nx], numbers[slope : slope + nx]
+    total = numbers[mean : mean + nx]
+    k[:] = total[:] = 0.0
     for stage in range(STAGES[solver]):
         reach = h * REACH[solver, stage]
-        for i in range(nx):
-            numbers[place + i] = numbers[x + i] + reach * numbers[slope + i]
+        numbers[place : place + nx] = now + reach * k
         status = derivatives(page, numbers, t + reach, place, slope)
         if status > 1:
             return status
-        for i in range(nx):
-            numbers[mean + i] += SHARE[solver, stage] * numbers[slope + i]
-    for i in range(nx):
-        numbers[x + i] += h * numbers[mean + i]
+        total += SHARE[solver, stage] * k
+    now += h * total
     return 0
 
 
@@ -331,10 +319,8 @@ def step(context: Any, x: Any, u: Any, dt: Any, p: Any, x_next: Any, y: Any) -> 
             page[at.BAD] += 1
             page[at.STATUS] = status
         return 1
-    for k in range(page[at.NX]):
-        numbers[page[at.LAST_X] + k] = ahead[k]
-    for k in range(page[at.NP]):
-        numbers[page[at.LAST_P] + k] = values[k]
+    numbers[page[at.LAST_X] : page[at.LAST_X] + page[at.NX]] = ahead
+    numbers[page[at.LAST_P] : page[at.LAST_P] + page[at.NP]] = values
     page[at.HELD] = 1
     return 0
 

@@ -7,8 +7,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
 from inspect import unwrap
 
 import numpy as np
@@ -16,9 +14,9 @@ import numpy as np
 from evertwin.errors import LawBroken
 from evertwin.fold import Block, make_block
 from evertwin.models.check import check_model
+from evertwin.models.configured import configured
 from evertwin.models.corrected import Corrected
 from evertwin.models.function import FunctionModel
-from evertwin.models.parameters import Parameters
 from evertwin.models.terms import kernel
 from evertwin.models.terms.contract import Candidate, CorrectionTerm, GridTerm
 from evertwin.models.terms.rows import Rows
@@ -26,22 +24,6 @@ from evertwin.signals.channels import Layout
 from evertwin.types import ParameterVector
 
 ROWS = 240
-
-
-@dataclass(frozen=True)
-class _Alone(Corrected):
-    """A model with terms of a kind that need not be registered."""
-
-    own: CorrectionTerm | None = None
-
-    @cached_property
-    def _kinds(self) -> tuple[CorrectionTerm, ...]:
-        assert self.own is not None
-        return (self.own,) * len(self.terms)
-
-    @cached_property
-    def parameters(self) -> Parameters:
-        return super().parameters
 
 
 def check_term(own: CorrectionTerm) -> None:
@@ -62,11 +44,12 @@ def check_term(own: CorrectionTerm) -> None:
     if not candidates:
         raise LawBroken(f"proposal: {own.kind!r} proposes nothing for {rows.chosen} or 'x'")
     for candidate in candidates:
-        model = _Alone(rows.model, (candidate.term,), own)
+        model = Corrected(rows.model, (candidate.term,), (own,))
         _proposal(candidate, model)
         _neutral(candidate, model)
         values = np.concatenate([rows.model.parameters.values, candidate.starts[-1]])
-        check_model(_at(model, values), rows.windows[0].u[:40], np.full(40, 0.05))
+        tuned = configured(model, parameters=model.parameters.with_values(values))
+        check_model(tuned, rows.windows[0].u[:40], np.full(40, 0.05))
         _compiled(model, values, rows.windows[0])
         _sentence(candidate, own, model)
         if isinstance(own, GridTerm):
@@ -89,14 +72,7 @@ def _recording() -> Block:
     return make_block(t=np.arange(ROWS) * 10**8, u=u, y=0.1 * u.cumsum(axis=0))
 
 
-def _at(model: _Alone, values: ParameterVector) -> _Alone:
-    """The model, starting from these values."""
-    moved = replace(model)
-    object.__setattr__(moved, "parameters", model.parameters.with_values(values))
-    return moved
-
-
-def _proposal(candidate: Candidate, model: _Alone) -> None:
+def _proposal(candidate: Candidate, model: Corrected) -> None:
     count = len(model.names_of(0))
     sizes = {len(x) for x in (*candidate.starts, candidate.low, candidate.high, candidate.typical)}
     if sizes != {count}:
@@ -112,7 +88,7 @@ def _proposal(candidate: Candidate, model: _Alone) -> None:
         raise LawBroken(f"proposal: {candidate.term} has sizes of change that are not above 0")
 
 
-def _neutral(candidate: Candidate, model: _Alone) -> None:
+def _neutral(candidate: Candidate, model: Corrected) -> None:
     p = model.parameters.values
     # a table of nearest levels is neutral on its levels alone
     u = np.array([*(candidate.term.levels or (-0.1, 0.2)), 0.0])
@@ -124,7 +100,7 @@ def _neutral(candidate: Candidate, model: _Alone) -> None:
         raise LawBroken(f"neutral: {candidate.term} at {p.tolist()} changes outputs by {off:.3g}")
 
 
-def _compiled(model: _Alone, p: ParameterVector, block: Block) -> None:
+def _compiled(model: Corrected, p: ParameterVector, block: Block) -> None:
     functions, record = model._kinds[0].functions, model.plan[kernel.HEADER :]
     place, grids = record[kernel.PLACE : kernel.RECORD], record[kernel.RECORD :].view(np.float64)
     if functions.before is None:
@@ -141,7 +117,7 @@ def _compiled(model: _Alone, p: ParameterVector, block: Block) -> None:
         raise LawBroken(f"compiled: {model.terms[0]} gives inputs that differ by {off:.3g}")
 
 
-def _sentence(candidate: Candidate, own: CorrectionTerm, model: _Alone) -> None:
+def _sentence(candidate: Candidate, own: CorrectionTerm, model: Corrected) -> None:
     values, unit = candidate.starts[-1], own.unit(candidate.term, model.model)
     ends = {n: (v - 1.0, v + 1.0) for n, v in zip(model.local_names_of(0), values, strict=True)}
     for intervals in ({}, ends):
