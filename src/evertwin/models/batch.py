@@ -30,7 +30,7 @@ from evertwin.models.contract import BatchModel, Model
 from evertwin.models.function import kernel_of
 from evertwin.models.kernel import Kernel, Restart
 from evertwin.models.rollout import roll, roll_rows
-from evertwin.types import Float64, Inputs, Intervals
+from evertwin.types import Float64, Inputs, Intervals, OutputRuns, ParameterVectors
 
 WORTH = 2000
 """Rows, over all parameter vectors together, from which on threads pay."""
@@ -67,13 +67,7 @@ class Batch:
         """The model's kernel, or one made of its Python functions."""
         return kernel_of(self.model)
 
-    def run(
-        self,
-        u: Inputs,
-        dt: Intervals,
-        p: Float64[np.ndarray, "k np"],
-        restart: Restart,
-    ) -> Float64[np.ndarray, "k n ny"]:
+    def run(self, u: Inputs, dt: Intervals, p: ParameterVectors, restart: Restart) -> OutputRuns:
         """Outputs under each parameter vector, each from its own initial state; NaN: diverged."""
         starts = np.stack([self.model.initial(one) for one in p])
         if isinstance(self.model, BatchModel):
@@ -82,43 +76,32 @@ class Batch:
 
 
 def rolled(
-    kernel: Kernel, starts: Any, rows: tuple[Inputs, Intervals, Restart],
-    p: Float64[np.ndarray, "k np"], workers: int = 0,
-) -> Float64[np.ndarray, "k n ny"]:  # fmt: skip
+    kernel: Kernel, starts: Any, rows: tuple[Inputs, Intervals, Restart], p: ParameterVectors,
+    workers: int = 0,
+) -> OutputRuns:  # fmt: skip
     """Roll-outs of a kernel, each from its own state: in threads where that pays."""
     u, dt, restart = rows
     out = np.empty((len(p), len(u), restart.y.shape[1]))
     threads = min(workers or os.cpu_count() or 1, len(p))
-    if threads > 1 and len(p) * len(u) >= WORTH and _native(kernel):
-        _threads(kernel, starts, rows, p, (out, threads))
-    else:
+    if threads == 1 or len(p) * len(u) < WORTH or not _native(kernel):
         for j, one in enumerate(p):
             out[j] = roll(kernel, starts[j], u, dt, one, restart._replace(x0=starts[j]))[1]
-    return out
-
-
-def _threads(
-    kernel: Kernel, starts: Any, rows: tuple[Inputs, Intervals, Restart],
-    p: Float64[np.ndarray, "k np"], into: tuple[Any, int],
-) -> None:  # fmt: skip
-    (u, dt, restart), (out, threads) = rows, into
+        return out
     u, dt, y = (np.ascontiguousarray(a) for a in (u, dt, restart.y))
-
     step, observe = int(kernel.step), int(kernel.observe)
 
-    def one(j: int) -> None:
+    def run(j: int) -> None:
         _free.compiled(
             step, observe, kernel.context, starts[j].copy(), u, dt,
             np.ascontiguousarray(p[j]), y, restart.code, starts[j], out[j],
         )  # fmt: skip
 
     with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(one, range(len(p))))
+        list(pool.map(run, range(len(p))))
+    return out
 
 
-def grouped(
-    own: Float64[np.ndarray, "k m"], work: Callable[[list[int]], Float64[np.ndarray, "j n ny"]]
-) -> Float64[np.ndarray, "k n ny"]:
+def grouped(own: Float64[np.ndarray, "k m"], work: Callable[[list[int]], OutputRuns]) -> OutputRuns:
     """Runs of a wrapper around a `BatchModel`: those with the same inputs go in one batch.
 
     Args:

@@ -46,12 +46,7 @@ def roll_rows(
 
 
 def roll(
-    kernel: Kernel,
-    x: StateVector,
-    u: Inputs,
-    dt: Intervals,
-    p: ParameterVector,
-    restart: Restart,
+    kernel: Kernel, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector, restart: Restart
 ) -> Rollout:
     """Rows simulated by a kernel: (state after the last, outputs (n, ny)).
 

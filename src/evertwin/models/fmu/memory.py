@@ -15,6 +15,7 @@ says about places or sizes is never used.
 
 from __future__ import annotations
 
+import math
 import mmap
 import os
 from collections.abc import Sequence
@@ -69,12 +70,8 @@ class Shared:
         if isinstance(value, np.ndarray):
             return self._put_array(value)
         if isinstance(value, list | tuple):
-            return {"t": [self._put(item) for item in value]}
-        if isinstance(value, bool | np.bool_):
-            return {"b": bool(value)}
-        if isinstance(value, int | np.integer):
-            return {"i": int(value)}
-        return {"f": float(value).hex()}
+            return [self._put(item) for item in value]
+        return value.item() if isinstance(value, np.generic) else value
 
     def _put_array(self, value: np.ndarray) -> dict[str, Any]:
         for array, at in self._placed:
@@ -108,13 +105,9 @@ class Shared:
 
 def placed(view: Any, where: Any) -> Any:
     """What `Shared.put` described."""
-    kind, value = next(iter(where.items()))
-    if kind == "a":
-        at, dtype, shape = value
-        count = 1
-        for size in shape:
-            count *= size
-        return np.frombuffer(view, np.dtype(dtype), count, at).reshape(shape)
-    if kind == "t":
-        return tuple(placed(view, item) for item in value)
-    return float.fromhex(value) if kind == "f" else value
+    if isinstance(where, list):
+        return tuple(placed(view, item) for item in where)
+    if not isinstance(where, dict):
+        return where
+    at, dtype, shape = where["a"]
+    return np.frombuffer(view, np.dtype(dtype), math.prod(shape), at).reshape(shape)

@@ -205,15 +205,11 @@ class Worker:
         Raises:
             ModelError: it breaks down.
         """
-        with self._lock:
-            try:
-                process = self._running()
-                values, state = process.shared.put([np.array(p), np.array(x)])
-                order = {"do": "takes", "p": values, "x": state}
-                return bool(process.ask(order, self.limits.start_seconds))
-            except BrokenDown as error:
-                self._stop()
-                raise ModelError(f"{self.package.name}: {error}") from error
+        with self._alone():
+            process = self._running()
+            values, state = process.shared.put([np.array(p), np.array(x)])
+            order = {"do": "takes", "p": values, "x": state}
+            return bool(process.ask(order, self.limits.start_seconds))
 
     def run(
         self, loop: Callable[..., Any], layers: Sequence[Layer], arguments: Sequence[Any]
