@@ -147,7 +147,8 @@ def sobol(problem: Problem, spans: Vector, seed: int) -> Sobol:
             sums[:, o] += weight * np.array([found[key] for key in ("ST", "S1", "ST_conf")])
         total = variance.sum() / len(course.centre)
         effect[o] = np.sqrt(np.maximum(sums[0, o], 0.0) * total) / course.size
-    return Sobol(*_about(problem, x, began), *sums, effect)
+    share, alone, half = sums
+    return Sobol(*_about(problem, x, began), share, alone, half, effect)
 
 
 def morris(problem: Problem, spans: Vector, seed: int) -> Morris:

@@ -298,12 +298,12 @@ def _variable(
             f"variable {element.get('name')!r}: expected a number as start, got "
             f"{real.get('start')[:40]!r}"
         ) from error
-    texts = (("causality", "local"), ("variability", "continuous"), ("initial", ""))
     low, high = _number(said("min"), "min", -math.inf), _number(said("max"), "max", math.inf)
     return Variable(
         str(element.get("name")), _whole(element, "valueReference"),
-        *(str(element.get(key, usual)) for key, usual in texts),
-        str(said("unit").get("unit", "")), values, low, high, *shape,
+        str(element.get("causality", "local")), str(element.get("variability", "continuous")),
+        str(element.get("initial", "")), str(said("unit").get("unit", "")), values, low, high,
+        *shape,
     )  # fmt: skip
 
 

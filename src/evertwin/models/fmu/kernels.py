@@ -72,7 +72,10 @@ def differs(numbers: Any, offset: int, values: Any) -> bool:
 @njit(cache=True)
 def known(values: Any) -> bool:
     """True if every value is finite."""
-    return bool(np.isfinite(values).all())
+    for k in range(values.shape[0]):  # noqa: SIM110 - generators do not compile
+        if not math.isfinite(values[k]):
+            return False
+    return True
 
 
 @njit(cache=True)

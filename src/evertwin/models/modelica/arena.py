@@ -258,7 +258,8 @@ class Arena:
         nodes = items.ravel().tolist()
         if name == "sum":
             return self.graph.sum(nodes)
-        return reduce(partial(self.graph, "multiply" if name == "product" else name), nodes)
+        op = "multiply" if name == "product" else name
+        return int(reduce(partial(self.graph, op), nodes))
 
     def _arrays(self, name: str, args: list[np.ndarray], at: int, scope: Scope) -> Any:
         zero, one = self.graph.constant(0.0), self.graph.constant(1.0)
