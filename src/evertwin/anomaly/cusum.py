@@ -117,15 +117,12 @@ class Cusum:
     def init(self) -> CusumState:
         """Not calibrated yet, nothing collected."""
         ny = len(self.names)
-        empty = np.zeros(self.capacity, dtype=np.int64)
+        empty, seen = np.zeros(self.capacity, dtype=np.int64), np.array([0, -1], dtype=np.int64)
         return CusumState(
-            blank(self.phases, ny, self.calm.orders),
-            np.zeros((ny, self.calm.orders)),
-            np.zeros((ny, 2)),
-            np.tile(np.array([0, -1], dtype=np.int64), (ny, 1)),
-            Residuals(empty, empty.copy(), np.zeros((self.capacity, ny)), empty.copy()),
-            0,
-        )
+            blank(self.phases, ny, self.calm.orders), np.zeros((ny, self.calm.orders)),
+            np.zeros((ny, 2)), np.tile(seen, (ny, 1)),
+            Residuals(empty, empty.copy(), np.zeros((self.capacity, ny)), empty.copy()), 0,
+        )  # fmt: skip
 
     def begin(self, calibration: Calibration) -> CusumState:
         """The state that starts from a calibration on other data."""
@@ -205,11 +202,10 @@ class Cusum:
             goal *= 2
         goal = min(goal, self.capacity)
         stop = min(at + goal - have, len(block.row))
-        for kept, new in zip(state.calm, block, strict=True):
-            kept[have : have + stop - at] = new[at:stop]
-        have += stop - at
+        state = self.collect(state, block.take(at, stop))
+        have = state.collected
         if have < goal:
-            return state._replace(collected=have), stop
+            return state, stop
         found, reason = calibrate(state.calm.take(0, have), self.calm, self.phases)
         if not reason:
             return self.begin(found), stop

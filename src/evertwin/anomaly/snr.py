@@ -114,7 +114,8 @@ class SnrLimit:
             block.r, block.phase, known.mean, known.scale, state.noise, self.threshold,
             state.ring, state.seen, rows.alarm, rows.statistic, begins,
         )  # fmt: skip
-        return state, Out(rows, tuple(self._event(block, rows, i, j) for i, j in _places(begins)))
+        found = np.argwhere(begins).tolist()
+        return state, Out(rows, tuple(self._event(block, rows, i, j) for i, j in found))
 
     def noise_of_means(self, known: Calibration) -> np.ndarray:
         """Standard deviation of the mean of ``window`` samples of the autoregression, (ny,).
@@ -141,7 +142,3 @@ class SnrLimit:
             f"signal to noise {ratio:.1f} over {self.window} samples, limit {self.threshold:g}",
             {"ratio": ratio, "threshold": self.threshold, "detector": "snr"},
         )  # fmt: skip
-
-
-def _places(begins: np.ndarray) -> list[tuple[int, int]]:
-    return [(int(i), int(j)) for i, j in np.argwhere(begins)]

@@ -141,27 +141,17 @@ def choose(problem: Problem, asked: Sequence[Question], negligible: float, seed:
         negligible: Sobol share below which a parameter does not matter.
         seed: of the samples.
     """
-    answers = {one.name: first_answer(one) for one in asked}
-    candidates = tuple(name for name, answer in answers.items() if answer is None)
+    first = {one.name: first_answer(one) for one in asked}
+    left = tuple(one for one in asked if first[one.name] is None)
     shares: Sobol | None = None
-    matter: tuple[str, ...] = ()
-    if candidates:
-        centred = _centred(replace(problem, editable=candidates))
+    answers = {name: answer for name, answer in first.items() if answer is not None}
+    if left:
+        centred = _centred(replace(problem, editable=tuple(one.name for one in left)))
         shares = sobol(centred, spans_of(centred, asked), seed)
-        matter = tuple(
-            name
-            for k, name in enumerate(candidates)
-            if float(shares.share[:, k].max()) >= negligible
-        )
-    forced = tuple(n for n, answer in answers.items() if answer is not None and answer.editable)
-    fit, indistinct = _told(problem, matter, forced, shares)
-    out = []
-    for one in asked:
-        known = answers[one.name]
-        if known is None:
-            known = _answer(one, shares, negligible, indistinct)
-        out.append(_with_fit(known, fit))
-    return Chosen(tuple(out), shares, fit)
+        for k, one in enumerate(left):
+            answers[one.name] = _by_share(one, shares, k, negligible)
+    fit = _told(problem, answers)
+    return Chosen(tuple(_with_fit(answers[one.name], fit) for one in asked), shares, fit)
 
 
 def spans_of(problem: Problem, asked: Sequence[Question]) -> Vector:
@@ -182,55 +172,42 @@ def _centred(problem: Problem) -> Problem:
     return replace(problem, prior=problem.parameters.with_values(told))
 
 
-def _told(
-    problem: Problem, matter: tuple[str, ...], forced: tuple[str, ...], shares: Sobol | None
-) -> tuple[Fit | None, dict[str, str]]:
-    """The fit of what can be told, and why the others cannot be."""
-    left, indistinct = [*matter, *forced], dict[str, str]()
-    largest = _largest(shares)
-    while left:
-        fit = solve(replace(problem, editable=tuple(left)))
+def _told(problem: Problem, answers: dict[str, Choice]) -> Fit | None:
+    """The fit of what can be told; what cannot be has that as its answer from then on."""
+    while tuned := [one for one in answers.values() if one.editable]:
+        tuned.sort(key=lambda one: one.verdict == "overridden")
+        fit = solve(replace(problem, editable=tuple(one.name for one in tuned)))
         unclear = {
             name: reason
             for name, reason, verdict in zip(fit.names, fit.reasons, fit.verdict, strict=True)
-            if verdict == "not" and name not in forced
+            if verdict == "not" and answers[name].share is not None
         }
         if not unclear:
-            return fit, indistinct
-        weakest = min(unclear, key=lambda name: largest.get(name, 0.0))
-        indistinct[weakest] = unclear[weakest]
-        left.remove(weakest)
-    return None, indistinct
+            return fit
+        weakest = min((answers[name] for name in unclear), key=lambda one: one.share or 0.0)
+        told = f"{_figures(weakest)}, but not identifiable: {unclear[weakest.name]}"
+        answers[weakest.name] = replace(weakest, editable=False, verdict="indistinct", reason=told)
+    return None
 
 
-def _largest(shares: Sobol | None) -> dict[str, float]:
-    if shares is None:
-        return {}
-    return dict(zip(shares.names, shares.share.max(axis=0).tolist(), strict=True))
-
-
-def _answer(
-    one: Question, shares: Sobol | None, negligible: float, indistinct: Mapping[str, str]
-) -> Choice:
-    assert shares is not None
-    k = shares.names.index(one.name)
+def _by_share(one: Question, shares: Sobol, k: int, negligible: float) -> Choice:
+    """The answer of the third question, for parameter ``k`` of the analysis."""
     o = int(shares.share[:, k].argmax())
-    share, half = float(shares.share[o, k]), float(shares.half[o, k])
-    effect, output = float(shares.effect[o, k]), shares.outputs[o]
-    figures = f"Sobol share {share:.3f} of {output}"
+    share, half, effect = (float(v[o, k]) for v in (shares.share, shares.half, shares.effect))
+    found = Choice(
+        one.name, one.component, True, "tuned", "", share, half, shares.outputs[o], effect
+    )
     if share < negligible:
-        told = f"negligible: {figures}, the largest of all outputs, is below {negligible:g}"
-        verdict, editable = "negligible", False
-    elif one.name in indistinct:
-        told = f"{figures}, but not identifiable: {indistinct[one.name]}"
-        verdict, editable = "indistinct", False
-    else:
-        seen = "directly" if one.signals[0].how == "direct" else "through physics"
-        told = f"drifts by {one.drift:.0%} a year, {figures}, seen {seen} by " + ", ".join(
-            s.signal for s in one.signals[:3]
-        )
-        verdict, editable = "tuned", True
-    return Choice(one.name, one.component, editable, verdict, told, share, half, output, effect)
+        told = f"negligible: {_figures(found)}, the largest of all outputs, is below {negligible:g}"
+        return replace(found, editable=False, verdict="negligible", reason=told)
+    seen = "directly" if one.signals[0].how == "direct" else "through physics"
+    signals = ", ".join(s.signal for s in one.signals[:3])
+    told = f"drifts by {one.drift:.0%} a year, {_figures(found)}, seen {seen} by {signals}"
+    return replace(found, reason=told)
+
+
+def _figures(one: Choice) -> str:
+    return f"Sobol share {one.share:.3f} of {one.output}"
 
 
 def _with_fit(choice: Choice, fit: Fit | None) -> Choice:

@@ -81,10 +81,8 @@ class ExtraState(CorrectionTerm):
 
     def memory(self, term: Term, number: int, model: Model) -> Sequence[Channel]:
         stem = f"state{number}"
-        return [
-            Channel(f"{stem}.begun", "1"),
-            Channel(f"{stem}.difference", self.unit(term, model)),
-        ]
+        unit = self.unit(term, model)
+        return [Channel(f"{stem}.begun", "1"), Channel(f"{stem}.difference", unit)]
 
     def start(self, p: ParameterVector, size: int) -> StateVector:
         return np.array([0.0, p[2]])
