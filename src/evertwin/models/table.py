@@ -30,16 +30,7 @@ from evertwin.errors import DataError, UsageError
 from evertwin.models.compiled import StaticMap
 from evertwin.models.parameters import Parameter, Parameters
 from evertwin.signals.channels import Layout
-from evertwin.types import (
-    Float64,
-    Inputs,
-    Int64,
-    Intervals,
-    Outputs,
-    ParameterVector,
-    Rollout,
-    StateVector,
-)
+from evertwin.types import Float64, Inputs, Int64, Intervals, Outputs, ParameterVector, StateVector
 
 Beyond: TypeAlias = Literal["hold", "line", "error"]
 """Outside the measured range: the edge's value, a straight line on, or no value (NaN)."""
@@ -100,7 +91,9 @@ class TableModel(StaticMap):
             items.append(offset)
         return Parameters(tuple(items))
 
-    def simulate(self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector) -> Rollout:
+    def simulate(
+        self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
+    ) -> tuple[StateVector, Outputs]:
         """The outputs of every row."""
         return np.array(x, dtype=np.float64), self.look_up(u) * p[0::2] + p[1::2]
 

@@ -47,16 +47,7 @@ from evertwin.models import Kernel, Parameter, Parameters, Restart, roll
 from evertwin.models.compiled import StaticMap
 from evertwin.models.given import check_options
 from evertwin.signals import Layout
-from evertwin.types import (
-    Float64,
-    Inputs,
-    Int64,
-    Intervals,
-    Outputs,
-    ParameterVector,
-    Rollout,
-    StateVector,
-)
+from evertwin.types import Float64, Inputs, Int64, Intervals, Outputs, ParameterVector, StateVector
 
 BUILT_IN = ("ur5_like",)
 """Descriptions that come with the package."""
@@ -233,7 +224,9 @@ class Arm(StaticMap):
         """Without what is computed: addresses mean nothing in another process."""
         return {key: value for key, value in self.__dict__.items() if key != "_kernel"}
 
-    def simulate(self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector) -> Rollout:
+    def simulate(
+        self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
+    ) -> tuple[StateVector, Outputs]:
         """The outputs of every row."""
         return roll(self._kernel, x, u, dt, p, Restart.never(len(u), self.chain.n))
 

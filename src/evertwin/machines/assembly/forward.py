@@ -39,7 +39,7 @@ from evertwin.models import Kernel, Parameters, Restart, roll
 from evertwin.settings.quantity import in_unit
 from evertwin.signals import Channel, Layout
 from evertwin.signals.channels import position
-from evertwin.types import Float64, Inputs, Intervals, ParameterVector, Rollout, StateVector
+from evertwin.types import Float64, Inputs, Intervals, Outputs, ParameterVector, StateVector
 
 ARM_STEP = 1e-3
 """Largest part of a row of an arm by default [s]."""
@@ -276,7 +276,9 @@ class Forward(Laddered):
         """Without what is computed: addresses mean nothing in another process."""
         return {key: value for key, value in self.__dict__.items() if key != "_kernel"}
 
-    def simulate(self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector) -> Rollout:
+    def simulate(
+        self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
+    ) -> tuple[StateVector, Outputs]:
         """State after the last row and the outputs of every row."""
         return roll(self._kernel, x, u, dt, p, Restart.never(len(u), len(self.outputs)))
 

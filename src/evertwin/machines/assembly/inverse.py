@@ -46,16 +46,7 @@ from evertwin.machines.friction.resisting import Rubbed, friction
 from evertwin.models import Kernel, Parameters, Restart, roll
 from evertwin.signals import Channel, Layout
 from evertwin.signals.channels import position
-from evertwin.types import (
-    Float64,
-    Inputs,
-    Int64,
-    Intervals,
-    Outputs,
-    ParameterVector,
-    Rollout,
-    StateVector,
-)
+from evertwin.types import Float64, Inputs, Int64, Intervals, Outputs, ParameterVector, StateVector
 
 MEASURES = {
     "effort": ("tau", shared.EFFORT, ""),
@@ -206,7 +197,9 @@ class Inverse:
         whole = np.concatenate([context, plan])
         return Kernel(backward.step, backward.adopt, whole, (*kept, plan))
 
-    def simulate(self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector) -> Rollout:
+    def simulate(
+        self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
+    ) -> tuple[StateVector, Outputs]:
         """State after the last row and the outputs of every row.
 
         A black box simulates all rows at once: one in a process of its own is asked once.
