@@ -11,14 +11,18 @@ FIND := for p in python3.11 python3.12 python3.13 python3.14 python3; do \
 	&& { command -v $$p; break; }; done
 PYTHON ?= $(shell $(FIND))
 NEEDS := pyproject.toml constraints.txt
-PIP := $(BIN)/python tools/alive.py installing $(BIN)/python -m pip
+# Compiled on all processors afterwards; pip does it on one. What is broken Python is a template.
+define INSTALL
+$(BIN)/python tools/alive.py installing $(BIN)/python -m pip install --no-compile -c constraints.txt -e
+endef
+COMPILE := $(BIN)/python tools/alive.py compiling $(BIN)/python -m compileall -qq -j 0 .venv/lib || true
 
-.PHONY: help venv demo test lint types reference docs notebooks bench prove wheel clean
+.PHONY: help venv demo test kernels lint types reference docs notebooks bench prove wheel clean
 .DEFAULT_GOAL := help
 
 help:
 	@sed -n 's/^#   //p' Makefile
-	@echo "also: venv lint types reference docs notebooks bench prove wheel clean"
+	@echo "also: venv kernels lint types reference docs notebooks bench prove wheel clean"
 
 .venv/pyvenv.cfg:
 	@test -n "$(PYTHON)" || { echo "No Python 3.11 or newer with venv was found: install it" \
@@ -27,15 +31,18 @@ help:
 
 # A stamp says what is installed, so that the second call costs nothing.
 .venv/.has-all: .venv/pyvenv.cfg $(NEEDS)
-	$(PIP) install -c constraints.txt -e '.[all]'
+	$(INSTALL) '.[all]'
+	@$(COMPILE)
 	@touch $@
 
 .venv/.has-dev: .venv/pyvenv.cfg $(NEEDS)
-	$(PIP) install -c constraints.txt -e '.[all,dev,docs]'
+	$(INSTALL) '.[all,dev,docs]'
+	@$(COMPILE)
 	@touch $@ .venv/.has-all
 
 .venv/.has-bench: .venv/.has-dev
-	$(PIP) install -c constraints.txt -e '.[all,bench]'
+	$(INSTALL) '.[all,bench]'
+	@$(COMPILE)
 	@touch $@
 
 venv: .venv/.has-dev
@@ -45,6 +52,9 @@ demo: .venv/.has-all
 
 test: .venv/.has-dev
 	$(BIN)/python -m pytest -n $(WORKERS) $(if $(filter true 1 yes,$(CI)),--cov --cov-report=term --durations=40)
+
+kernels: .venv/.has-dev
+	$(BIN)/python -m tools.compile_kernels
 
 lint: .venv/.has-dev
 	$(BIN)/ruff check .

@@ -15,7 +15,8 @@ import inspect
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+import threading
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,8 @@ COMPILING = {"cfunc", "instead", "njit"}
 
 def compiles(source: str) -> bool:
     """True if the module imports Numba, llvmlite, or a decorator of compiled functions."""
+    if not any(word in source for word in ("numba", "llvmlite", *COMPILING)):
+        return False  # parsing every file takes two seconds of each process
     for node in ast.walk(ast.parse(source)):
         names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
         names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
@@ -96,6 +99,22 @@ def run_as(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
 def in_ci() -> bool:
     """True where nothing may be skipped."""
     return os.environ.get("CI", "").lower() in ("1", "true", "yes")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    """Lines are counted where tests are short: counting takes as long again as the test itself."""
+    if not item.get_closest_marker("slow") or "COVERAGE_PROCESS_CONFIG" not in os.environ:
+        return (yield)
+    counting = sys.gettrace(), threading.gettrace(), os.environ.pop("COVERAGE_PROCESS_CONFIG")
+    sys.settrace(None)
+    threading.settrace(None)  # type: ignore[arg-type]
+    try:
+        return (yield)
+    finally:
+        sys.settrace(counting[0])
+        threading.settrace(counting[1])  # type: ignore[arg-type]
+        os.environ["COVERAGE_PROCESS_CONFIG"] = counting[2]
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

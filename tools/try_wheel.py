@@ -26,7 +26,7 @@ def main(folder: Path) -> int:
     with tempfile.TemporaryDirectory() as place:
         venv.create(place, with_pip=True)
         bin_ = Path(place) / "bin"
-        install = [bin_ / "python", "-m", "pip", "install", "--quiet", "-c"]
+        install = [bin_ / "python", "-m", "pip", "install", "--quiet", "--no-compile", "-c"]
         for command in (
             [*install, ROOT / "constraints.txt", wheel],
             [bin_ / "python", "-c", PROBE],

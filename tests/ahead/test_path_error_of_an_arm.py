@@ -67,6 +67,7 @@ def whatif(parts: list[dict[str, Any]], kp: float, kv: float = 0.5, more: str = 
     return twin_of(parts).whatif(told(gains(kp, kv), more), recording())
 
 
+@pytest.mark.slow
 def test_stiff_controllers_follow_and_soft_ones_fall_behind() -> None:
     stiff, soft = (
         whatif(lines(), kp, kv).after.path_error for kp, kv in ((60.0, 20.0), (5.0, 2.0))

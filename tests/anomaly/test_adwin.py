@@ -54,6 +54,7 @@ def test_after_a_jump_the_old_part_is_forgotten() -> None:
     assert 2500 < width(window) <= 3100
 
 
+@pytest.mark.slow
 def test_calm_data_rarely_lose_their_past() -> None:
     lost = sum(
         len(detections(np.random.default_rng(seed).normal(size=3000), 1e-4)) > 0

@@ -45,6 +45,7 @@ def drive(kind: str, seed: int) -> str:
     return branch(solve(problem), problem).kind
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "expected"),
     [("gain", "normal"), ("true", "normal"), ("dead zone", "abnormal"), ("clamp", "abnormal"),
@@ -74,6 +75,7 @@ def axis(kind: str, seed: int) -> tuple[Problem, dict[str, Problem]]:
     return of("Fc", "Fv"), {"friction": of("Fc", "Fv"), "payload": of("mass")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(5))
 def test_the_cause_is_what_explains_the_deviation(seed: int) -> None:
     for kind, cause, verdict in (

@@ -30,6 +30,7 @@ def gain_of(call: Command, file: str) -> float:
     return float(done.json["parameters"]["gain"]["value"])
 
 
+@pytest.mark.slow
 def test_sound_data_has_no_findings(call: Command) -> None:
     assert doctored(call, "robot.csv") == (0, {})
 
@@ -199,6 +200,7 @@ def test_a_damaged_store_is_refused(call: Command, folder: Path) -> None:
     assert done.code == 4 and "Traceback" not in done.err
 
 
+@pytest.mark.slow
 def test_divergence_is_told(call: Command, folder: Path) -> None:
     (folder / "wild.py").write_text(
         "from evertwin.models import FunctionModel, Parameters\n"

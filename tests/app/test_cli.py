@@ -38,6 +38,7 @@ def test_run_gives_its_document_and_nothing_else_on_stdout(spawn: Command) -> No
     assert set(content["champion"]) >= {"version", "hash", "terms"}
 
 
+@pytest.mark.slow
 def test_workers_change_nothing_but_where_the_work_is_done(call: Command, folder: Path) -> None:
     run = ("run", "robot.toml", "--data", "robot.csv", "--json")
     fit = ("fit", "robot.toml", "--train", "robot.csv", "--json")
@@ -171,6 +172,7 @@ def test_a_store_belongs_to_one_process(spawn: Command, folder: Path) -> None:
     assert looked.code == 0 and "as configured" in looked.out  # looking needs no lock
 
 
+@pytest.mark.slow
 def test_versions_are_kept_and_switched_by_hand(call: Command) -> None:
     assert call("run", "robot.toml", "--data", "robot.csv").code == 0
     listed = call("model", "list", "robot.toml", "--json").json

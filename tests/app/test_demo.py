@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from .conftest import Command
 
 
+@pytest.mark.slow
 def test_both_twins_improve(call: Command, folder: Path) -> None:
     done = call("demo", "--out", "shown", "--json")
     assert done.code == 0, done.err

@@ -103,6 +103,7 @@ SERIES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", SERIES)
 def test_the_documents_keep_their_schema(kind: str, folder: Path, call: Command) -> None:
     (folder / "robot.toml").write_text(TWIN + INDICATOR.replace("FAILURE", "1000"))

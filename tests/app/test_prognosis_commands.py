@@ -72,6 +72,7 @@ def test_check_finds_what_is_due(worn: Path, call: Command) -> None:
     assert call("life", "robot.toml", "--history", "friction.csv", "--check").code == 0
 
 
+@pytest.mark.slow
 def test_plan_is_written_and_decisions_are_kept(worn: Path, call: Command) -> None:
     known = ("--history", "friction.csv")
     done = call("plan", "robot.toml", *known, "-o", "plan.csv", "--report", "r.html", "--json")

@@ -48,6 +48,7 @@ LAG = Term("lag", "*", levels=(8.0,))
 SLIP = Term("coupling", "v", "w", "magnitude")
 
 
+@pytest.mark.slow
 def test_lag_and_coupling_are_found_with_their_numbers() -> None:
     planted = {"lag.delay": 0.12, "lag.tau": 0.25, "coupling.v.w.slip": 0.065}
     rows = drive((SLIP, LAG), planted)

@@ -51,6 +51,7 @@ def holds(known: Known, value: float) -> bool:
     return known.interval95[0] <= value <= known.interval95[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("variant", ["dead zone", "clamp"])
 def test_the_interval_of_a_threshold_holds_the_planted_one(variant: str) -> None:
     model, p = model_of(Term("law", "v", variant=variant), law__v__threshold=0.06)
@@ -65,6 +66,7 @@ def test_the_interval_of_a_threshold_holds_the_planted_one(variant: str) -> None
     assert np.median(widths) < 0.012
 
 
+@pytest.mark.slow
 def test_the_interval_of_a_delay_holds_the_planted_one() -> None:
     model, p = model_of(Term("lag", "v", variant="delay"), lag__v__delay=0.3)
     held, widths = 0, []

@@ -49,6 +49,7 @@ def examined(folder: Path, offset: float, drift: float = 0.0) -> Diagnosis:
         return twin.doctor()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("offset", [-0.2, 0.13])
 def test_a_planted_offset_is_found(tmp_path: Path, offset: float) -> None:
     found = examined(tmp_path, offset)
@@ -79,6 +80,7 @@ def test_equal_clocks_are_a_figure_and_no_finding(tmp_path: Path) -> None:
     assert "clock: camera against base: later by" in str(found)
 
 
+@pytest.mark.slow
 @pytest.mark.data
 def test_odometry_against_motion_capture(data_dir: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The log pauses for up to a second where commands change; 0.23 s without those pauses."""

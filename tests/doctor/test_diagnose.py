@@ -132,6 +132,7 @@ def test_a_knob_that_is_not_connected() -> None:
     assert set(found.figures["parameters"]) == {"area", "outflow"}
 
 
+@pytest.mark.slow
 def test_motion_in_one_direction_names_the_missing_motion() -> None:
     axis = FunctionModel(
         lambda x, u, dt, p: ([], [p[0] * np.sign(u[0]) + p[1] + p[2] * u[0]]),

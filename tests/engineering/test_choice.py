@@ -26,6 +26,7 @@ def by_name(one: Study) -> dict[str, Choice]:
     return {choice.name: choice for choice in one.chosen.choices}
 
 
+@pytest.mark.slow
 def test_what_drifts_and_matters_is_tuned(found: Study) -> None:
     assert found.chosen.editable == ("guide.Fv", "table.mass")
 

@@ -183,6 +183,7 @@ def welded(rows: int = 690) -> dict[str, np.ndarray]:
     return table
 
 
+@pytest.mark.slow
 def test_the_arms_breakdown_is_a_twin_that_tunes_like_the_arm() -> None:
     """Same start, same data: the same six Coulomb torques and the same verdicts."""
     file = TWINS / "breakdowns" / "arm.toml"
@@ -211,6 +212,7 @@ def test_the_arms_breakdown_is_a_twin_that_tunes_like_the_arm() -> None:
     assert verdict is not None
 
 
+@pytest.mark.slow
 @pytest.mark.data
 def test_the_feed_axis_breakdown_finds_what_was_published(data_dir: Path) -> None:
     """Mass and friction of a real axis from its components, as the equation of the axis finds."""

@@ -126,6 +126,7 @@ def test_the_written_twin_runs_and_finds_the_truth(machine: Path, tmp_path: Path
     assert "# guide.Fv: negligible" in done.text
 
 
+@pytest.mark.slow
 def test_lives_and_plan_of_an_engineered_twin(machine: Path, tmp_path: Path) -> None:
     """Friction grows by 1 N a run from 20 N; the breakdown says it is worn out at 40 N."""
     text = BREAKDOWN.replace('interval = "1 week"', 'interval = "10 s"')

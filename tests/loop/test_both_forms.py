@@ -40,6 +40,7 @@ def bits(value: Any) -> Iterator[Any]:
         yield type(value), str(value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", [robot, arm], ids=["robot", "arm"])
 def test_plain_python_and_machine_code_give_the_same_bits(
     case: Any, monkeypatch: pytest.MonkeyPatch

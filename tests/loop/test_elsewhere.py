@@ -61,6 +61,7 @@ def twin_of(kind: str, model: Model, **changes: Any) -> Twin:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_it_is_tuned_tried_and_promoted(kind: str, tmp_path: Path) -> None:
     build, rubs = KINDS[kind]
@@ -74,6 +75,7 @@ def test_it_is_tuned_tried_and_promoted(kind: str, tmp_path: Path) -> None:
     assert not result.of_kind("rolled_back")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_it_is_corrected_and_the_correction_is_promoted(kind: str, tmp_path: Path) -> None:
     """The real drive loses a fifth of the force, which the mass alone cannot say."""
@@ -93,6 +95,7 @@ def test_it_is_corrected_and_the_correction_is_promoted(kind: str, tmp_path: Pat
         assert champion[name].value == model.parameters[name].value
 
 
+@pytest.mark.slow
 def test_a_table_of_measured_data_is_tuned_and_promoted() -> None:
     speed = np.linspace(0.0, 200.0, 9)
     pump = TableModel.of({"speed": speed}, {"flow": np.sqrt(speed)}, {"speed": "rad/s"})

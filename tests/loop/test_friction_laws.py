@@ -61,6 +61,7 @@ def test_blocks_of_one_end_the_same(name: str) -> None:
     same(play(case, cut(case.rows, range(len(case.rows.t))), run.answered), run)
 
 
+@pytest.mark.slow
 @NAMES
 @settings(max_examples=25, deadline=None)
 @given(st.data())

@@ -67,6 +67,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_a_fit_finds_what_the_machine_has(folder: Path) -> None:
     with Twin.open(folder / "pendulum.toml") as twin:
         found = twin.fit([folder / "0.csv"], [str(folder / "1.csv")])
@@ -77,6 +78,7 @@ def test_a_fit_finds_what_the_machine_has(folder: Path) -> None:
     assert all(output.relative_rms < 0.02 for output in found.test)
 
 
+@pytest.mark.slow
 def test_the_loop_tunes_it_and_tries_it_in_shadow(folder: Path) -> None:
     with Twin.open(folder / "pendulum.toml") as twin:
         result = twin.run([folder / "0.csv"])

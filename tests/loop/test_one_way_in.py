@@ -97,6 +97,7 @@ def run(way: Alignment, chunks: list[Chunk]) -> tuple[AlignmentState, Block, lis
     return state, concatenate([b for b in blocks if b is not None]), [*events, *said]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spec", [PLAIN, GRID], ids=["union", "grid"])
 @settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 10**6))
@@ -135,6 +136,7 @@ def test_rows_leave_no_later_than_declared() -> None:
     assert way.delay < 60
 
 
+@pytest.mark.slow
 def test_files_pushed_or_read_give_the_same_rows(tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
     names = ("command", "a", "left", "right")

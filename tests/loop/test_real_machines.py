@@ -31,6 +31,7 @@ def box(data_set: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch) -> tup
     return september, march
 
 
+@pytest.mark.slow
 def test_the_axis_has_its_published_parameters(record: Path) -> None:
     with Twin.open(TWINS / "emps.toml") as twin:
         fit = twin.fit([record]).fit

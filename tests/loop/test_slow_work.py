@@ -57,6 +57,7 @@ class Late(InProcess):
 # ---------------------------------------------------------------------- the same run
 
 
+@pytest.mark.slow
 @NAMES
 def test_a_run_with_workers_is_the_run_without(name: str) -> None:
     case = CASES[name]()
@@ -64,6 +65,7 @@ def test_a_run_with_workers_is_the_run_without(name: str) -> None:
         same(play(case, [case.rows], engine=engine), whole(name))
 
 
+@pytest.mark.slow
 def test_the_stores_of_both_hold_the_same(tmp_path: Path) -> None:
     case, heads = robot(), []
     for workers in (0, 2):
@@ -74,6 +76,7 @@ def test_the_stores_of_both_hold_the_same(tmp_path: Path) -> None:
     assert heads[0] == heads[1]
 
 
+@pytest.mark.slow
 @NAMES
 def test_work_that_a_restored_state_asks_for_is_done_again(name: str) -> None:
     case, unbroken = CASES[name](), SqliteStore(":memory:")

@@ -126,6 +126,7 @@ def test_a_known_offset_is_removed() -> None:
     assert out.rows.t.tolist() == [5, 15]
 
 
+@pytest.mark.slow
 @given(arrivals(), st.integers(0, 10))
 @settings(max_examples=60, deadline=None)
 def test_a_single_source_takes_the_straight_way_with_the_same_result(
