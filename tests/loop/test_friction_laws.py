@@ -15,6 +15,7 @@ from evertwin.fold.state import equal, load, save
 from evertwin.loop.configured_model import model_of
 from evertwin.loop.driver import Driver
 from evertwin.loop.setup import Setup
+from evertwin.loop.twin_state import Saved
 from evertwin.loop.versions import Versions
 from evertwin.store import SqliteStore
 from evertwin.twin import Twin
@@ -112,8 +113,8 @@ def test_a_broken_run_goes_on_to_the_same_end(name: str) -> None:
         assert result.samples == len(case.rows.t)
         assert twin.versions == run.versions, stop
         assert result.champion == run.versions[run.state.live.version]
-        kept = store.restore(_like(twin, run))
-        assert kept is not None and equal(kept.state, run.state), stop
+        kept = store.restore(Saved(_like(twin, run)))
+        assert kept is not None and equal(kept.state.twin, run.state), stop
         assert store.entries() == unbroken.entries(), stop
 
 
