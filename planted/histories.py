@@ -12,8 +12,8 @@ from typing import Any, Self
 import numpy as np
 
 from evertwin import Twin
-from evertwin.prognosis.component import ComponentLife
 from evertwin.prognosis.laws import Life, NotEnough
+from evertwin.prognosis.lives import ComponentLife
 from planted.lives import Planted
 from planted.twins import shipped, written
 

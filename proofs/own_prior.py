@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.prognosis.laws import Life
-from evertwin.prognosis.laws.families import EXPONENT, LAWS, POWER
+from evertwin.prognosis.laws.hypotheses import EXPONENT, LAWS, POWER
 from planted.histories import Told, table
 from planted.lives import VALUES, Planted, plant
 from proofs._verdict import ended

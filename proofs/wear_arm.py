@@ -19,9 +19,8 @@ import numpy as np
 
 from evertwin import Twin
 from evertwin.config import spec
-from evertwin.prognosis.component import ComponentLife
 from evertwin.prognosis.laws import Life
-from evertwin.prognosis.lives import Lives
+from evertwin.prognosis.lives import ComponentLife, Lives
 from planted.twins import opened
 from planted.worlds import record_arm
 from proofs._verdict import ended

@@ -29,8 +29,8 @@ import numpy as np
 from evertwin import Twin
 from evertwin.fold import Block
 from evertwin.models.spec import ParameterSpec
-from evertwin.prognosis.component import ComponentLife
 from evertwin.prognosis.laws import Life
+from evertwin.prognosis.lives import ComponentLife
 from planted.histories import Told, until
 from planted.twins import opened, shipped
 from proofs._verdict import ended, holds, no_data

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from evertwin import Twin, TwinSpec
+from evertwin.ahead.basis import Future, coming
 from evertwin.ahead.forecasting import forecast
-from evertwin.ahead.future import Future, coming
 from evertwin.ahead.spread import spread
 from evertwin.config import spec
 from evertwin.errors import DataError, UsageError

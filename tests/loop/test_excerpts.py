@@ -23,7 +23,7 @@ from evertwin.errors import DataError, UsageError
 from evertwin.fold import make_block
 from evertwin.loop.detectors import Detect
 from evertwin.loop.windows import apart, windows_of
-from evertwin.sources.excerpt import Excerpt
+from evertwin.sources.merging import Excerpt
 from evertwin.twin import Twin
 
 SPEC = TwinSpec(

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evertwin.ahead.controlled import components_of, names_of
+from evertwin.ahead.path_error import components_of, names_of
 from evertwin.config.spec import ModelSpec, TwinSpec
 from evertwin.engineering.verify_arm import verify_arm
 from evertwin.errors import LawBroken, UsageError

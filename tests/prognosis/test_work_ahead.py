@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from evertwin import Twin, TwinSpec
+from evertwin.ahead.basis import Future
 from evertwin.ahead.changes import Case
-from evertwin.ahead.future import Future
 from evertwin.ahead.spec import SCENARIO
 from evertwin.ahead.whatif import WhatIf
 from evertwin.config import spec
@@ -19,10 +19,10 @@ from evertwin.errors import ConfigError, DataError, UsageError
 from evertwin.loop.configured_model import model_of
 from evertwin.models import Model
 from evertwin.models.mujoco import MuJoCo
-from evertwin.prognosis.component import ComponentLife
 from evertwin.prognosis.formula import Formula
 from evertwin.prognosis.laws import Life, Workload
-from evertwin.prognosis.wear import wear, wears
+from evertwin.prognosis.lives import ComponentLife
+from evertwin.prognosis.workplan import wear, wears
 
 GEARBOX = spec.IndicatorSpec(
     "gain", component="gearbox", parameter="gain", limit=0.7, direction="below"

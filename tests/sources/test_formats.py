@@ -16,7 +16,7 @@ from evertwin.errors import DataError, MissingExtra, UsageError
 from evertwin.signals import Layout
 from evertwin.signals.series import Series
 from evertwin.sources import Cell, Clock, Recorded, open_recording, write
-from evertwin.sources.optional import load
+from evertwin.sources.foreign import load
 from evertwin.sources.writers import WRITERS
 
 LAYOUT = Layout.of(v="m/s", w="rad/s")

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from evertwin.ahead.basis import Basis as Basis
     from evertwin.ahead.docking import dock as dock
     from evertwin.ahead.forecasting import Forecast as Forecast, forecast as forecast
-    from evertwin.ahead.future import Mode as Mode
-    from evertwin.ahead.paths import rows_of_file as rows_of_file
+    from evertwin.ahead.basis import Mode as Mode
+    from evertwin.ahead.changes import rows_of_file as rows_of_file
     from evertwin.ahead.whatif import WhatIf as WhatIf
     from evertwin.sources.small_table import read_table as read_table
 

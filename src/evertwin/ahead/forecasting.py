@@ -18,8 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from evertwin.ahead.basis import Basis, draws, state_after, through
-from evertwin.ahead.future import Future, Mode, coming
+from evertwin.ahead.basis import Basis, Future, Mode, coming, draws, state_after, through
 from evertwin.ahead.spread import spread
 from evertwin.fold import Block, plain
 from evertwin.loop.feed import Data

@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 
 from evertwin.ahead.basis import draws, through
-from evertwin.ahead.changes import Case
-from evertwin.ahead.paths import chain_of, inner
+from evertwin.ahead.changes import Case, chain_of, inner
 from evertwin.ahead.spread import Spread
 from evertwin.machines.friction import Rubbing
 from evertwin.models import Model

@@ -13,9 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from evertwin.ahead.basis import Basis, state_after
+from evertwin.ahead.basis import Basis, coming, state_after
 from evertwin.ahead.changes import Case
-from evertwin.ahead.future import coming
 from evertwin.ahead.path_error import followed
 from evertwin.ahead.simulated import PathError, Simulated, simulated
 from evertwin.ahead.spec import ScenarioSpec

@@ -14,7 +14,7 @@ from evertwin.errors import DataError
 from evertwin.fold import plain
 from evertwin.loop.result import RunResult
 from evertwin.models.form import Version
-from evertwin.sources.excerpt import Excerpt
+from evertwin.sources.merging import Excerpt
 from evertwin.twin import Twin
 
 Files = Sequence[Path] | None

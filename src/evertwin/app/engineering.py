@@ -9,7 +9,7 @@ from evertwin.app.console import show
 from evertwin.engineering.engineer import engineer
 from evertwin.errors import DataError, UsageError
 from evertwin.report.engineering_report import engineering_text, write_engineering
-from evertwin.sources.excerpt import Excerpt
+from evertwin.sources.merging import Excerpt
 
 
 def engineer_twin(

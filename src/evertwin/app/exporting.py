@@ -8,7 +8,7 @@ from pathlib import Path
 from evertwin.app.console import show
 from evertwin.app.opening import store_path
 from evertwin.errors import DataError
-from evertwin.sources.excerpt import Excerpt
+from evertwin.sources.merging import Excerpt
 from evertwin.twin import Twin
 
 

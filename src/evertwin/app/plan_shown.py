@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from evertwin.fold import plain
-from evertwin.prognosis.labels import Label
 from evertwin.prognosis.laws.planning import Plan, PlanItem
+from evertwin.prognosis.parameter_history import Label
 from evertwin.types import Json
 
 BEFORE = {"postponed": "until ", "confirmed": "for ", "declined": "the date "}

@@ -15,8 +15,8 @@ from evertwin.errors import UsageError
 from evertwin.files import write_whole
 from evertwin.fold import plain
 from evertwin.loop.feed import Data
-from evertwin.prognosis.labels import DONE
 from evertwin.prognosis.laws.planning import HEADINGS
+from evertwin.prognosis.parameter_history import DONE
 from evertwin.report.prognosis_report import write_prognosis
 from evertwin.settings.quantity import number
 from evertwin.twin import Twin

@@ -10,7 +10,7 @@ import typer
 from evertwin.app.console import show
 from evertwin.errors import DataError
 from evertwin.report.validation_report import write_validation
-from evertwin.sources.excerpt import Excerpt
+from evertwin.sources.merging import Excerpt
 from evertwin.twin import Twin
 
 Files = Sequence[Path] | None

@@ -22,8 +22,7 @@ from evertwin.loop.alignment import Alignment
 from evertwin.loop.crop import cropped
 from evertwin.models import Model
 from evertwin.sources.dialect import Stated
-from evertwin.sources.excerpt import Excerpt
-from evertwin.sources.merging import merge
+from evertwin.sources.merging import Excerpt, merge
 from evertwin.sources.recorded import Cell, Clock, Recorded
 from evertwin.sources.tally import Tally
 from evertwin.sync import Feed as Brings

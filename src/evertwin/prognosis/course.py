@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from evertwin.prognosis.laws import Fleet, Indicator, Life, Limit, Workload, predict_life
+from evertwin.prognosis.laws import Fleet, Indicator, Life, Workload, predict_life
 from evertwin.types import Float64, Vector
 
 LEVELS = 8
@@ -70,7 +70,8 @@ def course(
     levels, lives = [start], [replace(life, remaining=np.zeros_like(life.remaining))]
     for share in np.concatenate([np.linspace(0.0, 1.0, LEVELS + 1)[1:-1], [1.0, 1.5, 2.0]]):
         level = start + float(share) * way
-        found = life if share == 1.0 else predict_life(_with_limit(indicator, level), laws, fleet)
+        there = indicator.with_(limit=replace(indicator.limit, value=level))
+        found = life if share == 1.0 else predict_life(there, laws, fleet)
         if isinstance(found, Life):
             levels.append(level)
             lives.append(found)
@@ -84,8 +85,3 @@ def _today(at: Vector, value: Vector, now: float) -> float:
     slopes = (value[second] - value[first])[apart > 0.0] / apart[apart > 0.0]
     slope = float(np.median(slopes)) if len(slopes) else 0.0
     return float(np.median(value + slope * (now - at)))
-
-
-def _with_limit(indicator: Indicator, level: float) -> Indicator:
-    limit = Limit(level, indicator.limit.direction, "on the way")
-    return indicator.with_(limit=limit)

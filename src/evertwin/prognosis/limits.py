@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 import scipy
 
-from evertwin.ahead.future import Future
+from evertwin.ahead.basis import Future
 from evertwin.config.prognosis import IndicatorSpec
 from evertwin.engineering.breakdown import read_breakdown
 from evertwin.errors import ConfigError, UsageError

@@ -16,10 +16,8 @@ from evertwin.ahead.whatif import Today, today
 from evertwin.config.prognosis import IndicatorSpec, PrognosisSpec
 from evertwin.errors import ConfigError
 from evertwin.loop.feed import Data
-from evertwin.prognosis.component import ComponentLife, said
 from evertwin.prognosis.course import Course, course
-from evertwin.prognosis.from_now import seen, unless_overdue
-from evertwin.prognosis.health import check_names, indicator_of, series_of
+from evertwin.prognosis.health import check_names, indicator_of, seen, series_of, unless_overdue
 from evertwin.prognosis.history_file import of_table
 from evertwin.prognosis.laws import (
     Fleet,
@@ -32,13 +30,12 @@ from evertwin.prognosis.laws import (
     predict_life,
 )
 from evertwin.prognosis.laws.alarms import alarm_of
-from evertwin.prognosis.laws.families import LAWS
+from evertwin.prognosis.laws.hypotheses import LAWS
 from evertwin.prognosis.limits import accuracy_limit, breakdown_limits, limit_of
-from evertwin.prognosis.lives import Lives
+from evertwin.prognosis.lives import ComponentLife, Lives, said
 from evertwin.prognosis.observed_series import Observed, component_of
 from evertwin.prognosis.parameter_history import History, history
-from evertwin.prognosis.wear import wears
-from evertwin.prognosis.workplan import Plan, past_cycles, plan_of, workload
+from evertwin.prognosis.workplan import Plan, past_cycles, plan_of, wears, workload
 from evertwin.signals.units import to_si
 from evertwin.sources.small_table import Table, read_table
 

@@ -11,8 +11,8 @@ from evertwin.ahead.spec import ScenarioSpec
 from evertwin.ahead.whatif import WhatIf, beside, today
 from evertwin.errors import UsageError
 from evertwin.models.spec import ChangeSpec
-from evertwin.prognosis.component import ComponentLife
 from evertwin.prognosis.laws import Life, Workload
+from evertwin.prognosis.lives import ComponentLife
 from evertwin.prognosis.parameter_history import UNITS
 from evertwin.prognosis.prospect import Prospect
 from evertwin.prognosis.workplan import Plan, past_cycles, plan_of, workload

@@ -18,12 +18,12 @@ from typing import Any, Literal
 from evertwin.errors import UsageError
 from evertwin.fold import Event
 from evertwin.prognosis.health import series_of
-from evertwin.prognosis.labels import DECISIONS, DONE, newest
 from evertwin.prognosis.laws import Life
-from evertwin.prognosis.laws.planning import Decision, Part, Plan, planned
+from evertwin.prognosis.laws.planning import OPEN, Decision, Part, Plan, planned
 from evertwin.prognosis.laws.renewal import Cost, Windows
 from evertwin.prognosis.lives import Lives
 from evertwin.prognosis.observed_series import component_of
+from evertwin.prognosis.parameter_history import DECISIONS, DONE, newest
 from evertwin.prognosis.prospect import Prospect
 
 Verdict = Literal["confirmed", "postponed", "declined", "withdrawn"]
@@ -51,14 +51,15 @@ def _plan(prospect: Prospect, lives: Lives, said: Mapping[str, Decision]) -> Pla
         else:
             # an age in the past's clock, in time of the work ahead
             age = one.age / one.rate if one.rate > 0.0 else one.age
-            known[name] = Part(one.life, age, Cost(cost.failure, cost.maintenance))
+            paid = Cost(cost.failure, cost.maintenance)
+            known[name] = Part(one.life, age, paid, said.get(name, OPEN))
     if not any(cost.failure is not None for cost in costs.values()):
         raise UsageError(
             "plan: expected failure and maintenance costs of a component, as in "
             "[prognosis.components.gearbox1] failure = 8000, maintenance = 900"
         )
     windows = None if rule.windows is None else Windows(rule.window, rule.windows)
-    items, stops = planned(known, windows, rule.visit, said)
+    items, stops = planned(known, windows, rule.visit)
     return Plan(lives.name, lives.clock, items, without, stops, prospect.history.notes)
 
 

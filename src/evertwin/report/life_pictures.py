@@ -10,9 +10,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from evertwin.prognosis.component import ComponentLife
 from evertwin.prognosis.laws import Indicator, Life
 from evertwin.prognosis.laws.life import LEVELS
+from evertwin.prognosis.lives import ComponentLife
 from evertwin.prognosis.parameter_history import UNITS
 from evertwin.types import Vector
 

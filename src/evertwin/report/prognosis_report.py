@@ -7,14 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from evertwin.prognosis.component import ComponentLife
 from evertwin.prognosis.laws import Life
 from evertwin.prognosis.laws.planning import Plan
-from evertwin.prognosis.lives import Lives
+from evertwin.prognosis.lives import ComponentLife, Lives
 from evertwin.report.html import encoded, write_page
 from evertwin.report.life_pictures import draw_indicator
 
-UNITS = {"s": "seconds", "h": "hours", "d": "days"}
+WORDS = {"s": "seconds", "h": "hours", "d": "days"}
 """Clocks of time, in words; the others (run, cycle) are words."""
 
 
@@ -31,7 +30,7 @@ def write_prognosis(lives: Lives, plan: Plan | None, path: Path) -> None:
     ]
     write_page("prognosis.html", path, {
         "name": lives.name, "life": content, "lives": lives, "pictures": pictures, "plan": plan,
-        "timeline": _timeline(plan, lives), "units": UNITS,
+        "timeline": _timeline(plan, lives), "units": WORDS,
         "planned": any(one.phases for one in lives.indicators),
     })  # fmt: skip
 

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
         TableInfo as TableInfo,
         TimeInfo as TimeInfo,
     )
-    from evertwin.sources.guard import Rules as Rules
     from evertwin.sources.info import inspect as inspect
     from evertwin.sources.info_text import render as render
     from evertwin.sources.merging import merge as merge

@@ -16,8 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from evertwin.errors import DataError
-from evertwin.sources.foreign import Damaged, each, foreign
-from evertwin.sources.optional import load
+from evertwin.sources.foreign import Damaged, each, foreign, load
 
 LARGEST = 1 << 27
 """Bytes of the largest record that is believed."""

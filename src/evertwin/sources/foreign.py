@@ -7,19 +7,24 @@ stumble over: a `KeyError`, a tokenizer's error, a `MemoryError`. Here, and nowh
 >>> with foreign("run.npy"):
 ...     raise KeyError("descr")
 Traceback (most recent call last):
-evertwin.sources.foreign.Damaged: run.npy: damaged or cut off (KeyError: 'descr'): copy or record \
-the file again
+evertwin.sources.foreign.Damaged: run.npy: damaged or cut off (KeyError: 'descr'): copy or ...
+
+Those of the extra ``formats`` are imported with the file that needs them.
+
+>>> load("json").__name__
+'json'
 """
 
 from __future__ import annotations
 
+import importlib
 import re
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TypeVar
+from typing import Any, TypeVar
 
-from evertwin.errors import DataError, EvertwinError
+from evertwin.errors import DataError, EvertwinError, MissingExtra
 
 T = TypeVar("T")
 LONGEST = 160
@@ -75,3 +80,17 @@ def each(name: str, items: Iterator[T]) -> Iterator[T]:
         if item is end:
             return
         yield item  # type: ignore[misc]
+
+
+def load(module: str, extra: str = "formats") -> Any:
+    """The module, or one line that says what to install.
+
+    Raises:
+        MissingExtra: it is not installed.
+    """
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        if error.name is not None and module.split(".")[0] != error.name.split(".")[0]:
+            raise
+        raise MissingExtra.of(module.split(".")[0], extra) from None

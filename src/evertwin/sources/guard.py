@@ -10,7 +10,7 @@ are held in the same way, because a first stamp has no clock before it to be jud
 
 >>> import numpy as np
 >>> t = np.array([0, 1, 2, 3, 900, 4, 4, 5]) * 10**9
->>> watch = Watch(Rules(jump=10 * 10**9), typical(t))
+>>> watch = Watch(10**8)
 >>> out = watch.take(np.arange(8), t, np.zeros((8, 1))), watch.finish(1)
 >>> (np.concatenate([o.t for o in out]) // 10**9).tolist()
 [0, 1, 2, 3, 4, 5]
@@ -20,7 +20,6 @@ are held in the same way, because a first stamp has no clock before it to be jud
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -31,22 +30,10 @@ from evertwin.types import Int64, Outputs, Stamps
 
 _MONTH = 31 * 86_400 * 10**9
 _FAR = 2**62
-
-
-@dataclass(frozen=True)
-class Rules:
-    """When a step of the clock is looked at twice, all in nanoseconds.
-
-    >>> Rules().confirm
-    3
-    """
-
-    jump: int = 0
-    """Forward step that is held; 0: a hundred typical steps, at least one second."""
-    gap: int = 10**9
-    """Interval that a moved clock leaves behind the last good stamp."""
-    confirm: int = 3
-    """Rows that must follow a held one on its own clock before it is believed."""
+GAP = 10**9
+"""Interval that a moved clock leaves behind the last good stamp [ns]."""
+CONFIRM = 3
+"""Rows that must follow a held one on its own clock before it is believed."""
 
 
 class Guarded(NamedTuple):
@@ -91,13 +78,12 @@ class _Row(NamedTuple):
 class Watch:
     """The state along one stream; `take` its pieces in order, then `finish`.
 
-    >>> Watch(Rules(), step=10**7).jump
+    >>> Watch(step=10**7).jump
     1000000000
     """
 
-    def __init__(self, rules: Rules, step: int) -> None:
-        self.jump = rules.jump or max(100 * step, 10**9)
-        self.rules = rules
+    def __init__(self, step: int) -> None:
+        self.jump = max(100 * step, 10**9)
         self.last: int | None = None
         self.shift = 0
         self.held: list[_Row] = []
@@ -144,7 +130,7 @@ class Watch:
             self._pass(*row)
         elif self.held and 0 < t - self.held[-1].t <= self.jump:
             self.held.append(row)
-            if len(self.held) > self.rules.confirm:
+            if len(self.held) > CONFIRM:
                 self._believe()
         elif ahead == 0 or (self.held and t == self.held[-1].t):
             self.problems.append(Problem("repeated", line, "the stamp of the row before again"))
@@ -177,7 +163,7 @@ class Watch:
             detail = f"{step * 1e-9:.6g} s without a row"
             self.problems.append(Problem("gap", int(first.line[0]), detail))
         elif self.last is not None:
-            self.shift = self.last + self.rules.gap + 1 - first.t
+            self.shift = self.last + GAP + 1 - first.t
             detail = f"the clock was set by {step * 1e-9:.6g} s: moved to follow behind a gap"
             self.problems.append(Problem("clock_set", int(first.line[0]), detail))
         held, self.held = self.held, []

@@ -12,17 +12,15 @@ from pathlib import Path
 import numpy as np
 
 from evertwin.errors import DataError
-from evertwin.sources.clocks import other_clocks
 from evertwin.sources.description import ColumnInfo, Info, TableInfo, TimeInfo
-from evertwin.sources.findings import column_findings, table_findings
-from evertwin.sources.guard import Guarded, Rules, Watch, typical
+from evertwin.sources.guard import Guarded, Watch, typical
+from evertwin.sources.info_text import column_findings, table_findings
 from evertwin.sources.recording import open_recording
 from evertwin.sources.stamps import NO_STAMP, StampError, to_ns
 from evertwin.sources.statistics import ClockStatistics, ColumnStatistics
-from evertwin.sources.suspect import order_of_rows
 from evertwin.sources.table import Column, Rows, Table
-from evertwin.sources.tally import Tally
-from evertwin.sources.time_unit import TimeGuess, guess, time_column
+from evertwin.sources.tally import Tally, order_of_rows
+from evertwin.sources.time_unit import TimeGuess, guess, other_clocks, time_column
 from evertwin.types import Stamps
 
 
@@ -103,7 +101,7 @@ class _Watched:
         known = t != NO_STAMP
         self.clock.add(rows.line[known], t[known])
         self.top = self.top if len(self.top) else t[:1000]
-        self.watch = self.watch or Watch(Rules(), typical(t))
+        self.watch = self.watch or Watch(typical(t))
         self._count(self.watch.take(rows.line, t, np.zeros((len(t), 0))))
 
     def finish(self) -> None:

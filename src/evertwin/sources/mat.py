@@ -1,8 +1,9 @@
-"""MATLAB files of version 5: numeric vectors and matrices, also inside plain structures.
+"""MATLAB files of version 5 and 7.3: numeric vectors and matrices, also inside plain structures.
 
 Objects, function handles and cells are not numbers and are left out by name. What a file holds is
-read from the heads of its variables before any of them is unpacked. Version 7.3 is HDF5:
-`evertwin.sources.mat73`.
+read from the heads of its variables before any of them is unpacked. Version 7.3 is HDF5: MATLAB
+keeps its arrays column by column, so HDF5 shows them transposed. Links to other files are never
+followed.
 """
 
 from __future__ import annotations
@@ -20,14 +21,17 @@ import scipy
 
 from evertwin.errors import DataError
 from evertwin.sources.arrays import Array, bounded, table_of
-from evertwin.sources.foreign import foreign
+from evertwin.sources.foreign import foreign, load
 from evertwin.sources.table import WIDEST, Recording
 
+DEEPEST = 8
+"""Structures inside one another that are followed."""
 _CLASSES = dict(enumerate(
     ("cell", "struct", "object", "char", "sparse", "double", "single", "int8", "uint8", "int16",
      "uint16", "int32", "uint32", "int64", "uint64", "function", "opaque"), start=1,
 ))  # fmt: skip
-_NUMERIC = {*tuple(_CLASSES.values())[5:15], "struct"}
+_NUMBERS = tuple(_CLASSES.values())[5:15]
+_NUMERIC = {*_NUMBERS, "struct"}
 _MATRIX, _PACKED = 14, 15
 _HEAD = 1 << 12
 """Bytes of a variable that hold its class, shape and name."""
@@ -117,3 +121,56 @@ def _collect(name: str, value: Any, arrays: dict[str, Array], notes: list[str]) 
         arrays[name] = value
     else:
         notes.append(f"{name}: {value.dtype} of shape {value.shape} is no column")
+
+
+def open_mat73(path: Path) -> Recording:
+    """The numeric variables of a MAT file of version 7.3 as one table.
+
+    Raises:
+        DataError: damaged, too large, or without numeric vectors.
+        MissingExtra: h5py is not installed.
+    """
+    h5py = load("h5py")
+    notes: list[str] = []
+    arrays: dict[str, Array] = {}
+    with foreign(path.name), h5py.File(path, "r") as file:
+        found = dict(_datasets(h5py, file, "", notes, 0))
+        size = sum(8.0 * math.prod(float(n) for n in d.shape) for d in found.values())
+        bounded(path, size, path.stat().st_size)
+        for name, dataset in found.items():
+            value = np.asarray(dataset[()]).T
+            arrays[name] = value.astype(np.bool_) if _class(dataset) == "logical" else value
+    return table_of(path, arrays, "mat", notes)
+
+
+def _datasets(h5py: Any, group: Any, stem: str, notes: list[str], depth: int) -> Any:
+    """(name, dataset) of the numbers in a group, those of a structure as ``structure.field``."""
+    for key in group:
+        name = f"{stem}{key}"
+        if key.startswith("#"):  # MATLAB's own: what cells refer to
+            continue
+        if not isinstance(group.get(key, getlink=True), h5py.HardLink):
+            notes.append(f"{name}: a link, which is not followed")
+            continue
+        item = group[key]
+        if isinstance(item, h5py.Group):
+            if depth < DEEPEST:
+                yield from _datasets(h5py, item, f"{name}.", notes, depth + 1)
+            else:
+                notes.append(f"{name}: a structure within {DEEPEST} others")
+        elif (
+            _class(item) not in (*_NUMBERS, "logical")
+            or item.dtype.kind not in "fiu"
+            or item.ndim > 2
+        ):
+            notes.append(f"{name}: {_class(item) or item.dtype} is no number")
+        elif "MATLAB_empty" in item.attrs:
+            notes.append(f"{name}: empty")
+        else:
+            yield name, item
+
+
+def _class(item: Any) -> str:
+    """What MATLAB calls a variable's type."""
+    said = item.attrs.get("MATLAB_class", b"")
+    return said.decode("ascii", "replace") if isinstance(said, bytes) else str(said)

@@ -12,9 +12,8 @@ import numpy as np
 
 from evertwin.errors import DataError
 from evertwin.sources.arrays import numbers_of
-from evertwin.sources.foreign import each, foreign
+from evertwin.sources.foreign import each, foreign, load
 from evertwin.sources.names import split_unit
-from evertwin.sources.optional import load
 from evertwin.sources.stamps import NO_STAMP, texts
 from evertwin.sources.table import Column, Recording, Rows
 

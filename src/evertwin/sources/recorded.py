@@ -28,13 +28,12 @@ from evertwin.fold import Chunk
 from evertwin.fold.block import LARGEST
 from evertwin.signals import conversion
 from evertwin.sources.dialect import FOUND, Stated
-from evertwin.sources.guard import Guarded, Piece, Rules, Watch, typical
+from evertwin.sources.guard import Guarded, Piece, Watch, typical
 from evertwin.sources.names import closest
 from evertwin.sources.recording import open_recording
 from evertwin.sources.stamps import StampError, to_ns, zones
-from evertwin.sources.suspect import order_of_rows, unit_of_channel, unit_of_time
 from evertwin.sources.table import Column, Problem, Rows, Table
-from evertwin.sources.tally import Tally
+from evertwin.sources.tally import Tally, order_of_rows, unit_of_channel, unit_of_time
 from evertwin.sources.time_unit import TimeGuess, guess, time_column
 from evertwin.types import Bool, Outputs, Stamps
 
@@ -90,7 +89,6 @@ class Clock:
     """Rows per second [Hz] where there is no column of time."""
     offset: int = 0
     """Added to every stamp [ns]: the source's known clock offset."""
-    rules: Rules = field(default_factory=Rules)
 
     def __post_init__(self) -> None:
         if self.rate is not None and not 0 < self.rate < 1e9:
@@ -169,7 +167,7 @@ class Recorded:
                 if watch is None or value != code:
                     if watch is not None:
                         yield False, watch.finish(len(self.cells))
-                    watch, code = Watch(self.clock.rules, step), value
+                    watch, code = Watch(step), value
                     yield True, watch.take(line[rows], t[rows], v[rows, : len(self.cells)])
                 else:
                     yield False, watch.take(line[rows], t[rows], v[rows, : len(self.cells)])

@@ -19,8 +19,7 @@ from evertwin.sources.arrays import open_npy, open_npz
 from evertwin.sources.bags import open_bag
 from evertwin.sources.dialect import FOUND, Stated
 from evertwin.sources.foreign import foreign
-from evertwin.sources.mat import open_mat
-from evertwin.sources.mat73 import open_mat73
+from evertwin.sources.mat import open_mat, open_mat73
 from evertwin.sources.parquet import open_parquet
 from evertwin.sources.sniff import sniff
 from evertwin.sources.table import WIDEST, Recording, Table

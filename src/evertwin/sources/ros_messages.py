@@ -17,8 +17,7 @@ import numpy as np
 
 from evertwin.errors import DataError
 from evertwin.sources.bag_files import Connection, Message
-from evertwin.sources.foreign import Damaged, foreign
-from evertwin.sources.optional import load
+from evertwin.sources.foreign import Damaged, foreign, load
 
 WIDEST = 16
 """Entries of the longest array that becomes columns."""

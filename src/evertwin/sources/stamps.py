@@ -103,29 +103,17 @@ def _from_floats(raw: np.ndarray, power: int) -> Stamps:
 
 def _from_text(raw: np.ndarray, power: int) -> Stamps:
     """Digits to integers, all rows at once; what does not look plain goes one by one."""
-    width = raw.dtype.itemsize
-    cells = np.ascontiguousarray(raw).view(np.uint8).reshape(len(raw), width)
-    digit = (cells >= 48) & (cells <= 57)
-    point = cells == 46
-    sign = (cells == 45) | (cells == 43)
-    used = cells != 0
-    after = np.cumsum(point, axis=1) > 0
-    places = np.cumsum(digit & after, axis=1)
-    counted = digit & (~after | (places <= power))
-    plain = (
-        np.all(digit | point | (sign & (np.arange(width) == 0)) | ~used, axis=1)
-        & (point.sum(axis=1) <= 1)
-        & digit.any(axis=1)
-        & (places[:, -1:].reshape(-1) <= power)
-    )
-    shift = power - np.minimum(places[:, -1:].reshape(-1), power)
-    plain &= counted.sum(axis=1) + shift <= 18
-    number = np.zeros(len(raw), dtype=np.int64)
-    for j in range(width):
-        on = counted[:, j]
-        number = np.where(on, number * 10 + (cells[:, j] - np.uint8(48)), number)
-    number *= 10 ** np.where(plain, shift, 0)
-    number = np.where(cells[:, 0] == 45, -number, number)
+    if not len(raw):
+        return np.zeros(0, dtype=np.int64)
+    whole, _, rest = np.strings.partition(raw, b".")
+    signed = np.strings.startswith(whole, b"-") | np.strings.startswith(whole, b"+")
+    length, places = np.strings.str_len(whole) - signed, np.strings.str_len(rest)
+    digits = np.strings.add(np.strings.lstrip(whole, b"+-"), np.strings.ljust(rest, power, b"0"))
+    plain = np.strings.isdigit(digits) & (places <= power) & (length + places > 0)
+    plain &= np.strings.str_len(digits) == length + power  # one sign, and no other in between
+    plain &= length + power <= 18
+    number = np.where(plain, digits, b"0").astype(np.int64)
+    number = np.where(np.strings.startswith(whole, b"-"), -number, number)
     for i in np.flatnonzero(~plain).tolist():
         number[i] = _decimal(bytes(raw[i]), power, i)
     return number

@@ -26,7 +26,7 @@ import numpy as np
 from evertwin.errors import UsageError
 from evertwin.signals import Layout
 from evertwin.signals.series import Series
-from evertwin.sources.optional import load
+from evertwin.sources.foreign import load
 
 
 def write(path: Path, series: Mapping[str, Series]) -> None:

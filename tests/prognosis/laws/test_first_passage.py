@@ -10,7 +10,7 @@ from scipy.stats import invgauss
 from evertwin.prognosis.laws import bank, jumps, onset, passage, scaled
 from evertwin.prognosis.laws.bank import Posterior, evaluate, without_growth
 from evertwin.prognosis.laws.clocks import Clocks
-from evertwin.prognosis.laws.families import LAWS, families
+from evertwin.prognosis.laws.hypotheses import LAWS, families
 from evertwin.prognosis.laws.life import LEVELS, Life
 from planted.metrics import crps, dummy, horizon, relative_accuracy, within
 

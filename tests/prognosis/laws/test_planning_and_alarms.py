@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from evertwin.errors import UsageError
 from evertwin.prognosis.laws import Indicator, Life, Limit, NotEnough, Onset
 from evertwin.prognosis.laws.alarms import Alarm, alarm_of, has_cleared, within_budget
-from evertwin.prognosis.laws.factors import without_factors
+from evertwin.prognosis.laws.indicator import without_factors
 from evertwin.prognosis.laws.life import LEVELS
 from evertwin.prognosis.laws.planning import (
     Decision,
@@ -32,6 +32,11 @@ def cheapest(
 ) -> PlanItem:
     """The plan of one component."""
     return planned({name: Part(known, age, cost)}, windows)[0][0]
+
+
+def after(parts: dict[str, Part], said: dict[str, Decision]) -> dict[str, Part]:
+    """The parts with what the operator said."""
+    return {n: p._replace(decision=said.get(n, p.decision)) for n, p in parts.items()}
 
 
 def life(low: float = 80.0, high: float = 120.0) -> Life:
@@ -156,17 +161,17 @@ def test_moved_dates_have_their_own_probability_and_cost() -> None:
     at = {"confirmed": 60.0, "postponed": 101.0, "declined": first.after}
     for verdict, until in at.items():
         said = {"=cmd()": Decision(verdict, "ok", until)}  # type: ignore[arg-type]
-        moved = planned(parts, windows, said=said)[0][0]
+        moved = planned(after(parts, said), windows)[0][0]
         assert moved.after == {"postponed": 105.0}.get(verdict, until)
         assert moved.probability == pytest.approx(known.probability_before(moved.after), abs=1e-5)
         rate = Renewal.of(known, 300.0, cost).rate(np.array([moved.after]))[0]
         assert moved.rate == pytest.approx(rate) and moved.decision.verdict == verdict
         assert moved.window == moved.after / 5.0
-    off = planned(parts, windows, said={"=cmd()": Decision("confirmed", "ok", 61.0)})[0][0]
+    off = planned(after(parts, {"=cmd()": Decision("confirmed", "ok", 61.0)}), windows)[0][0]
     assert off.window is None
-    gone = planned(parts, windows, said={"=cmd()": Decision("confirmed", "ok", -3.0)})[0][0]
+    gone = planned(after(parts, {"=cmd()": Decision("confirmed", "ok", -3.0)}), windows)[0][0]
     assert gone.after == 0.0 and "passed 3 h ago" in gone.note
-    late = planned(parts, said={"=cmd()": Decision("postponed", "ok", 150.0)})[0][0]
+    late = planned(after(parts, {"=cmd()": Decision("postponed", "ok", 150.0)}))[0][0]
     assert late.after == 150.0 and late.probability == 1.0 and late.rate == late.rate_to_failure
     assert "likely (100%)" in late.note
     cells = next(iter(csv.DictReader(io.StringIO(Plan("p", "h", (off,)).to_csv()))))
@@ -210,7 +215,7 @@ def test_of_all_choices_of_dates_the_plan_takes_the_cheapest(seed: int) -> None:
     fates = {(name, date): fate(parts[name], date) for name in parts for date in dates}
 
     def paid(name: str, date: float, stop: float) -> float:
-        failed, (_, _, cost) = fates[name, date][0], parts[name]
+        failed, cost = fates[name, date][0], parts[name].cost
         return cost.failure * failed + (cost.maintenance + stop) * (1.0 - failed)
 
     rates = {n: min(paid(n, d, visit) / fates[n, d][1] for d in dates if fates[n, d][1] > 0.0)
@@ -245,9 +250,9 @@ def test_a_common_stop_saves_its_cost_and_decisions_bind_it() -> None:
     shared = Renewal.of(parts["a"].life, 300.0, Cost(10_000.0, 1_150.0))
     assert items[0].rate == pytest.approx(float(shared.rate(np.array([items[0].after]))[0]), 1e-3)
     assert items[0].rate < alone.rate
-    fixed = planned(parts, visit=300.0, said={"b": Decision("confirmed", "", 80.0)})[1]
+    fixed = planned(after(parts, {"b": Decision("confirmed", "", 80.0)}), visit=300.0)[1]
     assert fixed[0] == Stop(80.0, ("a", "b"), None, fixed[0].saving) and fixed[0].saving > 200.0
-    apart = planned(parts, visit=300.0, said={"b": Decision("declined")})[1]
+    apart = planned(after(parts, {"b": Decision("declined")}), visit=300.0)[1]
     assert [stop.components for stop in apart] == [("a",), ("c",)]
     rows = list(csv.DictReader(io.StringIO(Plan("p", "h", items, {}, stops).to_csv())))
     assert [row["stop"] for row in rows] == ["1", "1", "2"]
@@ -263,7 +268,7 @@ def test_each_alarm_has_reason_interval_evidence_and_action() -> None:
     assert alarm_of("gearbox", known, life(), ahead=10.0, risk=0.1) is None
     passed = alarm_of("gearbox", known, Life.of("h", [0.5], [0.0]), ahead=10.0, risk=0.1)
     assert passed is not None and passed.kind == "limit_passed"
-    begun = NotEnough("six values", onset=Onset(3.0, 4.0, "above"))
+    begun = NotEnough("six values", onset=Onset(3.0, 4.0))
     warned = alarm_of("gearbox", known, begun, ahead=10.0, risk=0.1)
     assert warned is not None and warned.kind == "wear_begun" and "six values" in warned.action
     assert alarm_of("gearbox", known, NotEnough("six values"), ahead=10.0, risk=0.1) is None
@@ -297,7 +302,7 @@ def test_a_passed_limit_is_never_held_back_and_takes_no_room() -> None:
 
 def test_what_has_cleared() -> None:
     due = Alarm("a", "failure_due", "r", (None, None), "a")
-    onset = NotEnough("six values", onset=Onset(3.0, 4.0, "above"))
+    onset = NotEnough("six values", onset=Onset(3.0, 4.0))
     assert has_cleared("limit_passed", life(), due) and not has_cleared("failure_due", life(), due)
     assert has_cleared("failure_due", life(), None)
     assert not has_cleared("failure_due", onset, None), "not known is not cleared"

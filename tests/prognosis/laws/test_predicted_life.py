@@ -16,7 +16,7 @@ from evertwin.prognosis.laws import (
     learn,
     predict_life,
 )
-from evertwin.prognosis.laws.fleet_prior import lived
+from evertwin.prognosis.laws.predict import lived
 from planted.metrics import covers
 
 

@@ -96,8 +96,8 @@ def test_one_value_beyond_the_limit_is_no_passage() -> None:
 
 def test_twice_the_work_ahead_halves_the_life_without_usage() -> None:
     y = 0.01 * np.arange(60.0) + 0.01 * np.random.default_rng(4).standard_normal(60)
-    once, twice = (predict_life(wear(y), ahead=Workload.steady(x)) for x in (1.0, 2.0))
     before = predict_life(wear(y))
-    assert isinstance(once, Life) and isinstance(twice, Life) and isinstance(before, Life)
+    assert isinstance(before, Life)
+    once, twice = (before.through(Workload.steady(x), before.unit) for x in (1.0, 2.0))
     assert once.median == pytest.approx(before.median)
     assert twice.median == pytest.approx(0.5 * once.median)

@@ -112,14 +112,11 @@ def _number(what: str, value: Any, unit: str) -> float:
     try:
         size = number(value, unit)
     except (UsageError, TypeError, ValueError) as error:
-        raise ModelError(f"{what}: expected a number in {unit}, got {_shown(value)}") from error
+        shown = value.written if isinstance(value, Measured) else value
+        raise ModelError(f"{what}: expected a number in {unit}, got {shown!r}") from error
     if math.isnan(size):
         raise ModelError(f"{what}: expected a number in {unit}, got {value!r}")
     return size
-
-
-def _shown(value: Any) -> str:
-    return repr(value.written if isinstance(value, Measured) else value)
 
 
 def vector(what: str, value: Any, sizes: tuple[int, ...], unit: str) -> list[float]:
@@ -143,30 +140,27 @@ def _frames(
     """From the frame before to the joint's, and from the joint's to the row's own."""
     a, d = _value(at, row, "a", "m"), _value(at, row, "d", "m")
     alpha, theta = _value(at, row, "alpha", "rad"), _value(at, row, "theta", "rad")
-    about_z, about_x = _frame(yaw=theta, z=d), _frame(roll=alpha, x=a)
+    about_z, about_x = _frame((0.0, 0.0, theta), (0, 0, d)), _frame((alpha, 0.0, 0.0), (a, 0, 0))
     if convention == "modified":
         return about_x @ about_z, np.eye(4)
     return about_z, about_x
 
 
-def _frame(
-    roll: float = 0.0, yaw: float = 0.0, x: float = 0.0, z: float = 0.0
-) -> Float64[np.ndarray, "4 4"]:
+def _frame(rpy: Sequence[float], xyz: Sequence[float]) -> Float64[np.ndarray, "4 4"]:
     frame = np.eye(4)
-    frame[:3, :3] = rotation(roll, 0.0, yaw)
-    frame[0, 3], frame[2, 3] = x, z
+    frame[:3, :3], frame[:3, 3] = rotation(*rpy), xyz
     return frame
 
 
 def _placed(what: str, place: Mapping[str, Any] | None) -> Float64[np.ndarray, "4 4"]:
-    frame = np.eye(4)
-    for key in place or {}:
+    if not place:
+        return np.eye(4)
+    for key in place:
         if key not in ("xyz", "rpy"):
             raise ModelError(f"{what}: unknown key {key!r}: there are xyz and rpy")
-    if place:
-        frame[:3, :3] = rotation(*vector(f"{what}.rpy", place.get("rpy", (0, 0, 0)), (3,), "rad"))
-        frame[:3, 3] = vector(f"{what}.xyz", place.get("xyz", (0, 0, 0)), (3,), "m")
-    return frame
+    said = {key: place.get(key, (0, 0, 0)) for key in ("rpy", "xyz")}
+    rpy = vector(f"{what}.rpy", said["rpy"], (3,), "rad")
+    return _frame(rpy, vector(f"{what}.xyz", said["xyz"], (3,), "m"))
 
 
 def _link(

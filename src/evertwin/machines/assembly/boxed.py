@@ -11,12 +11,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
 from evertwin.machines.assembly import boxes, shared
+from evertwin.machines.assembly.context import Signals, context_of
 from evertwin.machines.assembly.shared import QUANTITIES
 from evertwin.machines.assembly.train import Box, Train
-from evertwin.models import Kernel, Parameters, kernel_of
+from evertwin.models import Kernel, kernel_of
 from evertwin.signals import Channel, Layout
 from evertwin.types import Float64, Inputs, Int64, Intervals, ParameterVector, StateVector
 
@@ -43,26 +47,37 @@ def box_states(train: Train) -> list[Channel]:
     ]
 
 
-def box_start(train: Train, parameters: Parameters, p: ParameterVector) -> list[float]:
+def box_start(train: Train, p: ParameterVector) -> list[float]:
     """States of the black boxes before the first row."""
     start: list[float] = []
     for box in train.boxes:
-        first = _first_parameter(box, parameters)
+        first = _first_parameter(train, box)
         start += box.model.initial(p[first : first + len(box.model.parameters)]).tolist()
     return start
 
 
-def _first_parameter(box: Box, parameters: Parameters) -> int:
+def _first_parameter(train: Train, box: Box) -> int:
     if not len(box.model.parameters):
         return 0
-    return parameters.names.index(f"{box.name}.{box.model.parameters.names[0]}")
+    return train.parameters.names.index(f"{box.name}.{box.model.parameters.names[0]}")
 
 
-def box_plan(
-    train: Train, parameters: Parameters, inputs: Layout, first_state: int
-) -> tuple[Int64[np.ndarray, " k"], tuple[Kernel, ...]]:
+def reading_kernel(train: Train, signals: Signals, kind: Any, *, given: bool = False) -> Kernel:
+    """The kernel of a reading: its own integers, then those of its black boxes.
+
+    Args:
+        kind: the module that holds the compiled step and adopt.
+        given: are the boxes' efforts further columns of ``u``?
+    """
+    context, kept = context_of(train, signals)
+    plan, inner = given_plan(train, signals) if given else box_plan(train, signals)
+    return Kernel(kind.step, kind.adopt, np.concatenate([context, plan]), (*kept, *inner))
+
+
+def box_plan(train: Train, signals: Signals) -> tuple[Int64[np.ndarray, " k"], tuple[Kernel, ...]]:
     """The black boxes' integers (`evertwin.machines.assembly.boxes`), and their kernels."""
     rows: list[int] = []
+    first_state = len(signals.states) - len(box_states(train))
     sources: list[int] = []
     kernels = []
     for box in train.boxes:
@@ -71,36 +86,37 @@ def box_plan(
         kernels.append(kernel)
         rows += [
             int(kernel.step), int(kernel.context.ctypes.data), box.axis, first_state,
-            _first_parameter(box, parameters), len(model.inputs), len(model.outputs), box.output,
+            _first_parameter(train, box), len(model.inputs), len(model.outputs), box.output,
             boxes.BOX * len(train.boxes) + len(sources),
         ]  # fmt: skip
         first_state += len(model.states)
         for name, source in zip(model.inputs.names, box.inputs, strict=True):
-            sources.append(_source(box, name, source, inputs))
+            sources.append(_source(box, name, source, signals.inputs))
     return np.array([*rows, *sources], dtype=np.int64), tuple(kernels)
 
 
-def _source(box: Box, name: str, source: str, inputs: Layout) -> int:
+def _source(box: Box, name: str, source: str, inputs: Sequence[str]) -> int:
     if source in _READS:
         return QUANTITIES * box.axis + _READS[source]
     return -1 - inputs.index(f"{box.name}.{name}")
 
 
-def given_plan(train: Train, columns: int) -> Int64[np.ndarray, " k"]:
-    """The integers of boxes whose efforts are columns of ``u`` from ``columns`` on."""
+def given_plan(
+    train: Train, signals: Signals
+) -> tuple[Int64[np.ndarray, " k"], tuple[Kernel, ...]]:
+    """The integers of boxes whose efforts are columns of ``u`` behind the inputs."""
     rows: list[int] = []
-    count = len(train.boxes)
+    count, columns = len(train.boxes), len(signals.inputs)
     for k, box in enumerate(train.boxes):
         rows += [boxes.pass_on.address, 0, box.axis, 0, 0, 1, 1, 0]
         rows.append(boxes.BOX * count + k)
-    return np.array([*rows, *(-1 - columns - k for k in range(count))], dtype=np.int64)
+    return np.array([*rows, *(-1 - columns - k for k in range(count))], dtype=np.int64), ()
 
 
 def run_over_rows(
     train: Train,
     inputs: Layout,
     run: tuple[StateVector, Inputs, Intervals, ParameterVector],
-    parameters: Parameters,
 ) -> tuple[Float64[np.ndarray, " k"], Float64[np.ndarray, "n boxes"]]:
     """Every box over all rows of an inverse reading: its states after them, and its efforts.
 
@@ -116,7 +132,7 @@ def run_over_rows(
             inputs.index(_column(box, name, source))
             for name, source in zip(model.inputs.names, box.inputs, strict=True)
         ]
-        first, size = _first_parameter(box, parameters), len(model.parameters)
+        first, size = _first_parameter(train, box), len(model.parameters)
         own = p[first : first + size].copy()
         state = x[at : at + len(model.states)].copy()
         end, y = model.simulate(state, np.ascontiguousarray(u[:, columns]), dt, own)

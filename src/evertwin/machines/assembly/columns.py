@@ -9,6 +9,7 @@ that rubs. Efforts see all columns of their axis; a virtual sensor sees the grou
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -18,7 +19,7 @@ from evertwin.machines.arm.base import body_columns
 from evertwin.machines.arm.lanes import batch
 from evertwin.machines.arm.rnea import BODY
 from evertwin.machines.assembly import shared
-from evertwin.machines.assembly.context import Places, friction_columns
+from evertwin.machines.assembly.context import friction_columns, place
 from evertwin.machines.assembly.shared import QUANTITIES, RUBS
 from evertwin.machines.assembly.train import Axis, Rub, Train
 from evertwin.machines.friction.kernel import PLACE, fill
@@ -63,20 +64,14 @@ def axis_columns(train: Train, axis: Axis) -> tuple[Column, ...]:
         if rub.axis == j:
             for number, term in enumerate(friction_columns(train, rub)):
                 found.append(Column(int(term[PLACE]), f"rub {f}", ("rub", f, number)))
-    if train.arm is not None and train.base:
-        first = train.parameters.names.index(_first_base(train))
+    if train.base:
         for k, flat in enumerate(train.base):
             if flat // BODY >= j:
-                found.append(Column(first + k, "load", ("body", k, j)))
+                found.append(Column(train.first_body + k, "load", ("body", k, j)))
     payload = train.at(train.load, "m")
     if payload >= 0:
         found += [Column(payload + k, "load", ("carried", k, j)) for k in range(BODY)]
     return tuple(found)
-
-
-def _first_base(train: Train) -> str:
-    assert train.chain is not None and train.arm is not None
-    return f"{train.arm.name}.{layout.base_items(train.chain, train.base)[0].name}"
 
 
 def turns(train: Train, axis: Axis, p: ParameterVector) -> float:
@@ -103,11 +98,13 @@ def scales(train: Train, codes: tuple[int, ...], p: ParameterVector) -> list[flo
     return found
 
 
-def features(train: Train, places: Places, u: Inputs, p: ParameterVector) -> dict[Key, Vector]:
+def features(
+    train: Train, names: Sequence[str], u: Inputs, p: ParameterVector
+) -> dict[Key, Vector]:
     """Features of every column by their key, each (n,)."""
     found: dict[Key, Vector] = {}
-    for axis, columns in zip(train.axes, places.columns, strict=True):
-        acceleration = u[:, columns.acceleration]
+    for axis in train.axes:
+        acceleration = u[:, names.index(f"qdd{axis.number + 1}")]
         found["acceleration", axis.number] = acceleration
         found["rotor", axis.number] = turns(train, axis, p) ** 2 * acceleration
     load = np.zeros((len(u), len(train.axes)))
@@ -117,12 +114,11 @@ def features(train: Train, places: Places, u: Inputs, p: ParameterVector) -> dic
             load = batch(train.chain.geometry, train.chain.inertia, motion)
         found |= _bodies(train, motion)
     for f, rub in enumerate(train.rubs):
-        own = places.columns[rub.axis]
-        nothing = np.full(len(u), np.nan)
-        rows = np.stack([
-            u[:, own.speed], load[:, rub.axis], _or(u, places.heat_inputs[f], nothing),
-            _or(u, own.position, nothing),
-        ])  # fmt: skip
+        warmth, way = place(names, f"{rub.name}.T"), place(names, f"q{rub.axis + 1}")
+        rows = np.full((4, len(u)), np.nan)
+        rows[0], rows[1] = u[:, names.index(f"qd{rub.axis + 1}")], load[:, rub.axis]
+        for row, column in ((2, warmth), (3, way)):
+            rows[row] = u[:, column] if column >= 0 else np.nan
         width = _width(train, rub, p)
         for number, term in enumerate(friction_columns(train, rub)):
             out = np.empty(len(u))
@@ -135,10 +131,6 @@ def _width(train: Train, rub: Rub, p: ParameterVector) -> float:
     """Width of a friction's switch; 0: a sign."""
     name = f"{rub.name}.width"
     return float(p[train.parameters.names.index(name)]) if rub.law.switch == "tanh" else 0.0
-
-
-def _or(u: Inputs, column: int, instead: Vector) -> Vector:
-    return u[:, column] if column >= 0 else instead
 
 
 def _bodies(train: Train, motion: Inputs) -> dict[Key, Vector]:

@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -37,45 +37,26 @@ AGILITY = 2
 """Reals: largest step, rate of the path, agility of each axis, standstill of each friction."""
 
 
-@dataclass(frozen=True)
-class Columns:
-    """Places of an axis' signals in ``u``; −1: none.
+class Signals(NamedTuple):
+    """What a reading takes in and keeps, by name, what it shows, and how it steps.
 
-    >>> Columns().command
-    -1
+    >>> Signals(("qd1", "qdd1")).motion is None
+    True
     """
 
-    position: int = -1
-    speed: int = -1
-    acceleration: int = -1
-    command: int = -1
-
-
-@dataclass(frozen=True)
-class Places:
-    """Where a reading keeps its signals: columns of ``u``, places in ``x``, what it shows.
-
-    >>> Places((Columns(),)).path
-    -1
-    """
-
-    columns: tuple[Columns, ...]
-    states: tuple[tuple[int, ...], ...] = ()
-    """Of every axis: q, v, motor's q, motor's v, integral, current; −1: none."""
-    heat_inputs: tuple[int, ...] = ()
-    """Column of each friction's temperature."""
-    heat_states: tuple[int, ...] = ()
+    inputs: tuple[str, ...]
+    states: tuple[str, ...] = ()
     codes: tuple[int, ...] = ()
     """Which quantity each output is."""
-    nx: int = 0
-    path: int = -1
-    override: int = -1
-    boxed: int = 0
-    """First state of the black boxes."""
     step: float = np.inf
-    motion: np.ndarray | None = field(default=None, compare=False)
+    motion: np.ndarray | None = None
     """Rows of planned positions and speeds, (rows, 2 n), and their rate."""
     rate: float = 1.0
+
+
+def place(names: Sequence[str], *wanted: str) -> int:
+    """Where the first of some names stands; −1 where none does."""
+    return next((names.index(name) for name in wanted if name in names), -1)
 
 
 def friction_columns(train: Train, rub: Rub) -> Int64[np.ndarray, "k 4"]:
@@ -90,31 +71,34 @@ def _first_friction(train: Train, rub: Rub) -> int:
 def _mode(axis: Axis) -> int:
     if axis.motor is None:
         return FORCE
-    drive = str(axis.motor.option("drive") or "current")
-    return {"torque": TORQUE, "current": CURRENT, "voltage": VOLTAGE}[drive]
+    return {"torque": TORQUE, "current": CURRENT, "voltage": VOLTAGE}[axis.motor.drive]
 
 
-def _axis(train: Train, axis: Axis, columns: Columns, states: Sequence[int]) -> list[int]:
+def _axis(train: Train, axis: Axis, signals: Signals) -> list[int]:
     at, gear, motor, control = train.at, axis.gearbox, axis.motor, axis.controller
-    screw = at(gear, "lead")
+    j, screw, inertia = axis.number + 1, at(gear, "lead"), "mass" if axis.slides else "inertia"
     joint = control is not None and str(control.option("feedback")) == "joint"
+    own = [f"{name}{j}" for name in ("q", "qd", "qm", "qmd")]
+    own += ["" if control is None else f"{control.name}.integral"]
+    own += ["" if motor is None else f"{motor.name}.current"]
     return [
-        at(axis.structure, "mass" if axis.slides else "inertia"),
-        at(axis.payload, "mass" if axis.slides else "inertia"),
+        at(axis.structure, inertia), at(axis.payload, inertia),
         screw if screw >= 0 else at(gear, "ratio"), int(screw >= 0),
         *(at(motor, name) for name in ("J", "k", "R", "L")),
         *(at(gear, name) for name in ("stiffness", "damping")),
         *(at(control, name) for name in ("kp", "kv", "ki", "feedforward", "speed_limit", "limit")),
         int(joint), _mode(axis),
-        columns.position, columns.speed, columns.acceleration, columns.command, *states,
+        *(place(signals.inputs, f"{name}{j}", f"{name}{j}_set") for name in ("q", "qd", "qdd")),
+        place(signals.inputs, *(f"{name}{j}" for name in ("tau", "m", "i", "U"))),
+        *(place(signals.states, name) for name in own),
     ]  # fmt: skip
 
 
-def _rub(train: Train, rub: Rub, law: int, column: int, state: int) -> list[int]:
+def _rub(train: Train, rub: Rub, law: int, signals: Signals) -> list[int]:
     part = next(part for part in train.components if part.name == rub.name)
     heat = [train.at(part, name) for name in ("capacity", "conductance", "ambient")]
-    shares = int("load" in rub.law.reads)
-    return [law, rub.axis, int(rub.inside), shares, column, state, *heat]
+    warmth = [place(names, f"{rub.name}.T") for names in (signals.inputs, signals.states)]
+    return [law, rub.axis, int(rub.inside), int("load" in rub.law.reads), *warmth, *heat]
 
 
 def _agility(train: Train) -> list[float]:
@@ -134,48 +118,39 @@ def _agility(train: Train) -> list[float]:
     return [float(value) for value in most]
 
 
-def context_of(train: Train, places: Places) -> tuple[Int64[np.ndarray, " k"], tuple[object, ...]]:
+def context_of(
+    train: Train, signals: Signals
+) -> tuple[Int64[np.ndarray, " k"], tuple[object, ...]]:
     """The kernels' integers, and the arrays that their addresses lead to."""
     chain, n = train.chain, len(train.axes)
-    empty = np.zeros(1)
+    empty, nx = np.zeros(1), len(signals.states)
     geometry = empty if chain is None else chain.geometry.copy()
     inertias = empty if chain is None else chain.inertia.copy()
     carried = empty if chain is None else np.ascontiguousarray(layout.payload_map(chain).ravel())
     reals = np.array(
-        [places.step, places.rate, *_agility(train), *(rub.law.standstill for rub in train.rubs)]
+        [signals.step, signals.rate, *_agility(train), *(rub.law.standstill for rub in train.rubs)]
     )
-    motion = empty if places.motion is None else np.ascontiguousarray(places.motion)
+    motion = empty if signals.motion is None else np.ascontiguousarray(signals.motion)
     payload = train.at(train.load, "m")
     # the load that friction takes its share of is the described one: it must not depend on p
     shared = int(not train.base and payload < 0)
     dry = int(any(rub.law.switch == "sign" for rub in train.rubs))
     laws = [record_of(rub.law, _first_friction(train, rub)) for rub in train.rubs]
-    at = HEAD + AXIS * n + RUB * len(laws) + 2 * len(train.base) + len(places.codes)
-    first = -1 if train.arm is None or not train.base else _first(train)
+    at = HEAD + AXIS * n + RUB * len(laws) + 2 * len(train.base) + len(signals.codes)
     head = [
         n, int(chain is not None), geometry.ctypes.data, inertias.ctypes.data,
         carried.ctypes.data, reals.ctypes.data, len(train.base), payload, len(train.rubs),
-        len(train.boxes), len(places.codes), places.nx, shared, dry, motion.ctypes.data,
-        0 if places.motion is None else len(motion), places.path, places.override,
-        places.boxed, at + sum(len(law) for law in laws),
+        len(train.boxes), len(signals.codes), nx, shared, dry, motion.ctypes.data,
+        0 if signals.motion is None else len(motion), place(signals.states, "path.time"),
+        place(signals.inputs, "override"), nx - sum(len(box.model.states) for box in train.boxes),
+        at + sum(len(law) for law in laws),
     ]  # fmt: skip
-    states = places.states or ((-1,) * 6,) * n
-    body: list[int] = []
-    for axis, columns, own in zip(train.axes, places.columns, states, strict=True):
-        body += _axis(train, axis, columns, own)
-    heat = (-1,) * len(train.rubs)
-    both = zip(places.heat_inputs or heat, places.heat_states or heat, strict=True)
-    for rub, law, (column, state) in zip(train.rubs, laws, both, strict=True):
-        body += _rub(train, rub, at, column, state)
+    body = [number for axis in train.axes for number in _axis(train, axis, signals)]
+    for rub, law in zip(train.rubs, laws, strict=True):
+        body += _rub(train, rub, at, signals)
         at += len(law)
     for k, flat in enumerate(train.base):
-        body += [flat, first + k]
-    numbers = np.array([*head, *body, *places.codes], dtype=np.int64)
+        body += [flat, train.first_body + k]
+    numbers = np.array([*head, *body, *signals.codes], dtype=np.int64)
     numbers = np.concatenate([numbers, *laws])
     return numbers, (geometry, inertias, carried, reals, motion)
-
-
-def _first(train: Train) -> int:
-    assert train.arm is not None
-    prefix = f"{train.arm.name}."
-    return next(i for i, name in enumerate(train.parameters.names) if name.startswith(prefix))

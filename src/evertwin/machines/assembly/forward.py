@@ -27,18 +27,16 @@ import numpy as np
 
 from evertwin.errors import UsageError
 from evertwin.machines.assembly import onward, shared
-from evertwin.machines.assembly.boxed import box_channels, box_plan, box_start, box_states
-from evertwin.machines.assembly.context import Columns, Places, context_of
-from evertwin.machines.assembly.inverse import heat_channels
-from evertwin.machines.assembly.ladder import Laddered
+from evertwin.machines.assembly.boxed import box_start, box_states, reading_kernel
+from evertwin.machines.assembly.context import Signals
 from evertwin.machines.assembly.path import Joints, Limits, Motion, moves_of, plan
-from evertwin.machines.assembly.sensors import Sensor, sensors_of
+from evertwin.machines.assembly.reading import Laddered, Reading
+from evertwin.machines.assembly.sensors import chosen
 from evertwin.machines.assembly.shared import QUANTITIES
 from evertwin.machines.assembly.train import Axis, Train
-from evertwin.models import Kernel, Parameters, Restart, roll
+from evertwin.models import Kernel, Restart, roll
 from evertwin.settings.quantity import in_unit
 from evertwin.signals import Channel, Layout
-from evertwin.signals.channels import position
 from evertwin.types import Float64, Inputs, Intervals, Outputs, ParameterVector, StateVector
 
 ARM_STEP = 1e-3
@@ -96,14 +94,11 @@ def forward(train: Train, sensors: Sequence[str] = (), step: float | None = None
             a rotor.
     """
     _check(train)
-    known = sensors_of(train)
-    for name in sensors:
-        position(tuple(known), name, "virtual sensor")
     largest = step if step is not None else (ARM_STEP if train.chain is not None else np.inf)
     if not largest > 0:
         raise UsageError(f"assembly: expected step above 0 s, got {step}")
-    chosen = tuple((name, known[name]) for name in sensors)
-    return Forward(train, chosen, float(largest), planned(train), train.parameters)
+    picked = chosen(train, sensors, forward=True)
+    return Forward(train, picked, train.parameters, float(largest), planned(train))
 
 
 def _check(train: Train) -> None:
@@ -136,20 +131,17 @@ def _check(train: Train) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class Forward(Laddered):
+class Forward(Laddered, Reading):
     """See the module. Built by `forward`.
 
     >>> hasattr(Forward, "regressor")
     False
     """
 
-    train: Train
-    sensors: tuple[tuple[str, Sensor], ...]
     step: float
     """Largest part of a row [s]."""
     motion: Motion | None
     """What the path planner planned."""
-    parameters: Parameters
 
     @cached_property
     def inputs(self) -> Layout:
@@ -164,13 +156,13 @@ class Forward(Laddered):
                         unit = ("m" if axis.slides else "rad") + ("", "/s")[order]
                         own.append(Channel(f"q{suffix}{axis.number + 1}_set", unit))
         own += [_command(axis) for axis in axes if axis.controller is None]
-        return Layout((*own, *heat_channels(self.train), *box_channels(self.train)))
+        return Layout((*own, *self._outside()))
 
     @cached_property
     def outputs(self) -> Layout:
         """Positions and speeds of the joints, then the virtual sensors."""
         own = [*_kinematic(self.train.axes, "q", ""), *_kinematic(self.train.axes, "qd", "/s")]
-        return Layout((*own, *(Channel(name, sensor.unit) for name, sensor in self.sensors)))
+        return self._shown(own)
 
     @cached_property
     def states(self) -> Layout:
@@ -192,99 +184,47 @@ class Forward(Laddered):
                 )
             if coil >= 0 and values[coil] > 0.0:
                 assert axis.motor is not None
-                if axis.motor.option("drive") == "voltage":
+                if axis.motor.drive == "voltage":
                     own.append(Channel(f"{axis.motor.name}.current", "A"))
         return tuple(own)
 
     @cached_property
     def _slow(self) -> tuple[Channel, ...]:
-        own = [Channel(f"{r.name}.T", "K") for r in self.train.rubs if r.temperature == "state"]
-        if self.motion is not None:
-            own.append(Channel("path.time", "s"))
-        return tuple(own)
+        own = [Channel(f"{name}.T", "K") for name in self._heated]
+        return (*own, *([] if self.motion is None else [Channel("path.time", "s")]))
 
     def initial(self, p: ParameterVector) -> StateVector:
         """At rest, where the path starts or at zero; temperatures at ambient."""
-        x = np.zeros(len(self._moving) + len(self._slow))
-        names = self.states.names
+        x, names = np.zeros(len(self._moving) + len(self._slow)), self.states.names
         if self.motion is not None:
-            for j, q in enumerate(self.motion.q[0].tolist()):
-                x[names.index(f"q{j + 1}")] = q
-                if f"qm{j + 1}" in names:
-                    x[names.index(f"qm{j + 1}")] = q
-        for rub in self.train.rubs:
-            if rub.temperature == "state":
-                x[names.index(f"{rub.name}.T")] = p[self.parameters.index(f"{rub.name}.ambient")]
-        return np.append(x, box_start(self.train, self.parameters, p))
+            for j, q in enumerate(self.motion.q[0].tolist(), start=1):
+                x[[k for k, name in enumerate(names) if name in (f"q{j}", f"qm{j}")]] = q
+        x[len(self._moving) : len(self._moving) + len(self._heated)] = self._ambient(p)
+        return np.append(x, box_start(self.train, p))
 
     def observe(self, x: StateVector, y: Float64[np.ndarray, " ny"]) -> StateVector:
         """Positions and speeds adopt what is not NaN; a spring keeps its deflection."""
-        state, n = np.array(x, dtype=np.float64), len(self.train.axes)
-        for k in range(2 * n):
-            if not np.isnan(y[k]):
-                spring = f"qm{'d' if k >= n else ''}{k % n + 1}"
-                if spring in self.states.names:
-                    state[self.states.names.index(spring)] += y[k] - state[k]
-                state[k] = y[k]
+        state = np.array(x, dtype=np.float64)
+        onward.adopt.plain(self._kernel.context, state, y)
         return state
 
     @cached_property
-    def _places(self) -> Places:
-        inputs, names, train = self.inputs.names, self.states.names, self.train
-        columns, states = [], []
-        for axis in train.axes:
-            j = axis.number + 1
-            command = -1 if axis.controller is not None else inputs.index(_command(axis).name)
-            columns.append(
-                Columns(_at(inputs, f"q{j}_set"), _at(inputs, f"qd{j}_set"), -1, command)
-            )
-            control, motor = axis.controller, axis.motor
-            own = [f"q{j}", f"qd{j}", f"qm{j}", f"qmd{j}"]
-            own += [f"{'' if control is None else control.name}.integral"]
-            own += [f"{'' if motor is None else motor.name}.current"]
-            states.append(tuple(_at(names, name) for name in own))
-        codes = [
-            QUANTITIES * axis.number + quantity
-            for quantity in (shared.POSITION, shared.SPEED)
-            for axis in train.axes
-        ]
-        motion, path = self.motion, train.path
-        return Places(
-            tuple(columns), tuple(states),
-            tuple(_at(inputs, f"{rub.name}.T") for rub in train.rubs),
-            tuple(_at(names, f"{rub.name}.T") for rub in train.rubs),
-            (*codes, *(sensor.code for _, sensor in self.sensors)), len(names),
-            _at(names, "path.time"), _at(inputs, "override"),
-            len(self._moving) + len(self._slow), self.step,
+    def _kernel(self) -> Kernel:
+        axes, motion, path = self.train.axes, self.motion, self.train.path
+        codes = [QUANTITIES * axis.number + shared.POSITION for axis in axes]
+        codes += [QUANTITIES * axis.number + shared.SPEED for axis in axes]
+        signals = Signals(
+            self.inputs.names, self.states.names, self._codes(codes), self.step,
             None if motion is None else np.concatenate([motion.q, motion.qd], axis=1),
             1.0 if path is None else float(path.option("rate")),
         )  # fmt: skip
-
-    @cached_property
-    def _kernel(self) -> Kernel:
-        places = self._places
-        context, kept = context_of(self.train, places)
-        more, inner = box_plan(self.train, self.parameters, self.inputs, places.boxed)
-        whole = np.concatenate([context, more])
-        return Kernel(onward.step, onward.adopt, whole, (*kept, *inner))
-
-    def kernel(self) -> Kernel:
-        """Addresses for the fused loop."""
-        return self._kernel
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Without what is computed: addresses mean nothing in another process."""
-        return {key: value for key, value in self.__dict__.items() if key != "_kernel"}
+        return reading_kernel(self.train, signals, onward)
 
     def simulate(
         self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
     ) -> tuple[StateVector, Outputs]:
         """State after the last row and the outputs of every row."""
         return roll(self._kernel, x, u, dt, p, Restart.never(len(u), len(self.outputs)))
-
-
-def _at(names: Sequence[str], name: str) -> int:
-    return names.index(name) if name in names else -1
 
 
 def _kinematic(axes: Sequence[Axis], name: str, order: str) -> list[Channel]:
@@ -299,6 +239,5 @@ def _command(axis: Axis) -> Channel:
     j = axis.number + 1
     if axis.motor is None:
         return Channel(f"tau{j}", "N" if axis.slides else "Nm")
-    drive = str(axis.motor.option("drive") or "current")
-    name, unit = {"current": ("i", "A"), "voltage": ("U", "V"), "torque": ("m", "Nm")}[drive]
-    return Channel(f"{name}{j}", unit)
+    name = {"current": "i", "voltage": "U", "torque": "m"}[axis.motor.drive]
+    return Channel(f"{name}{j}", axis.demand)

@@ -21,31 +21,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from evertwin.errors import UsageError
 from evertwin.machines.arm import layout
 from evertwin.machines.assembly import backward, shared
-from evertwin.machines.assembly.boxed import (
-    box_channels,
-    box_plan,
-    box_start,
-    box_states,
-    given_plan,
-    run_over_rows,
-)
+from evertwin.machines.assembly.boxed import box_start, box_states, reading_kernel, run_over_rows
 from evertwin.machines.assembly.columns import Column, axis_columns, features, scales
-from evertwin.machines.assembly.context import Columns, Places, context_of
-from evertwin.machines.assembly.ladder import Laddered
-from evertwin.machines.assembly.sensors import Sensor, sensors_of
+from evertwin.machines.assembly.context import Signals
+from evertwin.machines.assembly.reading import Laddered, Reading
+from evertwin.machines.assembly.sensors import chosen
 from evertwin.machines.assembly.shared import QUANTITIES
 from evertwin.machines.assembly.train import Train
 from evertwin.machines.friction.resisting import Rubbed, friction
-from evertwin.models import Kernel, Parameters, Restart, roll
+from evertwin.models import Kernel, Restart, roll
 from evertwin.signals import Channel, Layout
-from evertwin.signals.channels import position
 from evertwin.types import Float64, Inputs, Int64, Intervals, Outputs, ParameterVector, StateVector
 
 MEASURES = {
@@ -81,31 +72,23 @@ def inverse(
             raise UsageError(
                 f"assembly: axis {axis.number + 1} has no motor whose {what} is measured"
             )
-    known = sensors_of(train)
-    for name in sensors:
-        position(tuple(known), name, "virtual sensor")
-        if known[name].forward:
-            raise UsageError(f"assembly: {name} exists only where commands are followed: forward")
-    chosen = tuple((name, known[name]) for name in sensors)
+    picked = chosen(train, sensors, forward=False)
     states = any(rub.temperature == "state" for rub in train.rubs) or any(
         len(box.model.states) for box in train.boxes
     )
-    linear = not states and all(sensor.linear for _, sensor in chosen)
-    return (StaticInverse if linear else Inverse)(train, tuple(said), chosen, train.parameters)
+    linear = not states and all(sensor.linear for _, sensor in picked)
+    return (StaticInverse if linear else Inverse)(train, picked, train.parameters, tuple(said))
 
 
 @dataclass(frozen=True, eq=False)
-class Inverse:
+class Inverse(Reading):
     """See the module. Built by `inverse`.
 
     >>> hasattr(Inverse, "regressor")
     False
     """
 
-    train: Train
     measures: tuple[str, ...]
-    sensors: tuple[tuple[str, Sensor], ...]
-    parameters: Parameters
 
     @cached_property
     def inputs(self) -> Layout:
@@ -121,7 +104,7 @@ class Inverse:
                     unit = ("m" if axis.slides else "rad") + ("", "/s", "/s**2")[order]
                     if order > 0 or axis.number in reads:
                         own.append(Channel(f"{name}{axis.number + 1}", unit))
-        return Layout((*own, *heat_channels(train), *box_channels(train)))
+        return Layout((*own, *self._outside()))
 
     @cached_property
     def outputs(self) -> Layout:
@@ -130,72 +113,38 @@ class Inverse:
         for axis, what in zip(self.train.axes, self.measures, strict=True):
             name, _, unit = MEASURES[what]
             own.append(Channel(f"{name}{axis.number + 1}", unit or ("N" if axis.slides else "Nm")))
-        return Layout((*own, *(Channel(name, sensor.unit) for name, sensor in self.sensors)))
+        return self._shown(own)
 
     @cached_property
     def states(self) -> Layout:
         """Temperatures that follow from heat, and the states of black boxes."""
-        heated = [
-            Channel(f"{rub.name}.T", "K") for rub in self.train.rubs if rub.temperature == "state"
-        ]
+        heated = (Channel(f"{name}.T", "K") for name in self._heated)
         return Layout((*heated, *box_states(self.train)))
 
     def initial(self, p: ParameterVector) -> StateVector:
         """Temperatures at ambient; black boxes as they start."""
-        names = self.parameters.names
-        ambient = [
-            p[names.index(f"{rub.name}.ambient")]
-            for rub in self.train.rubs
-            if rub.temperature == "state"
-        ]
-        return np.array([*ambient, *box_start(self.train, self.parameters, p)], dtype=np.float64)
+        return np.array([*self._ambient(p), *box_start(self.train, p)], dtype=np.float64)
 
     def observe(self, x: StateVector, y: Float64[np.ndarray, " ny"]) -> StateVector:
         """There is nothing to adopt into."""
         return np.array(x, dtype=np.float64)
 
     @cached_property
-    def _places(self) -> Places:
-        names = self.inputs.names
-        columns = tuple(
-            Columns(*(_index(names, f"{name}{j + 1}") for name in ("q", "qd", "qdd")))
-            for j in range(len(self.train.axes))
-        )
+    def _signals(self) -> Signals:
         codes = [
             QUANTITIES * axis.number + MEASURES[what][1]
             for axis, what in zip(self.train.axes, self.measures, strict=True)
         ]
-        return Places(
-            columns,
-            heat_inputs=tuple(_index(names, f"{rub.name}.T") for rub in self.train.rubs),
-            heat_states=tuple(_index(self.states.names, f"{r.name}.T") for r in self.train.rubs),
-            codes=(*codes, *(sensor.code for _, sensor in self.sensors)), nx=len(self.states),
-        )  # fmt: skip
+        return Signals(self.inputs.names, self.states.names, self._codes(codes))
 
     @cached_property
     def _kernel(self) -> Kernel:
-        context, kept = context_of(self.train, self._places)
-        first = sum(rub.temperature == "state" for rub in self.train.rubs)
-        more, inner = box_plan(self.train, self.parameters, self.inputs, first)
-        whole = np.concatenate([context, more])
-        return Kernel(backward.step, backward.adopt, whole, (*kept, *inner))
-
-    def kernel(self) -> Kernel:
-        """Addresses for the fused loop."""
-        return self._kernel
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Without what is computed: addresses mean nothing in another process."""
-        made = ("_kernel", "_given")
-        return {key: value for key, value in self.__dict__.items() if key not in made}
+        return reading_kernel(self.train, self._signals, backward)
 
     @cached_property
     def _given(self) -> Kernel:
         """The kernel that takes the efforts of the black boxes as further columns of ``u``."""
-        context, kept = context_of(self.train, self._places)
-        plan = given_plan(self.train, len(self.inputs))
-        whole = np.concatenate([context, plan])
-        return Kernel(backward.step, backward.adopt, whole, (*kept, plan))
+        return reading_kernel(self.train, self._signals, backward, given=True)
 
     def simulate(
         self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
@@ -207,7 +156,7 @@ class Inverse:
         never = Restart.never(len(u), len(self.outputs))
         if not self.train.boxes:
             return roll(self._kernel, x, u, dt, p, never)
-        after, efforts = run_over_rows(self.train, self.inputs, (x, u, dt, p), self.parameters)
+        after, efforts = run_over_rows(self.train, self.inputs, (x, u, dt, p))
         end, y = roll(self._given, x, np.concatenate([u, efforts], axis=1), dt, p, never)
         end[len(end) - len(after) :] = after
         return end, y
@@ -259,20 +208,11 @@ class StaticInverse(Laddered, Inverse):
         u, p = np.ascontiguousarray(u), np.ascontiguousarray(p)
         places = self.columns
         phi = np.zeros((len(u), *places.shape))
-        found = features(self.train, self._places, u, p)
-        factors = scales(self.train, (*self._places.codes,), p)
+        found = features(self.train, self.inputs.names, u, p)
+        factors = scales(self.train, self._signals.codes, p)
         for k, row in enumerate(self._columns):
             for m, column in enumerate(row):
                 phi[:, k, m] = factors[k] * found[column.key]
         rest = p.copy()
         rest[np.unique(places[places >= 0])] = 0.0
         return self.simulate(x, u, dt, rest)[1], phi
-
-
-def _index(names: Sequence[str], name: str) -> int:
-    return names.index(name) if name in names else -1
-
-
-def heat_channels(train: Train) -> list[Channel]:
-    """Temperatures that are measured."""
-    return [Channel(f"{rub.name}.T", "K") for rub in train.rubs if rub.temperature == "input"]

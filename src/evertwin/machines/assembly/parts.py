@@ -126,6 +126,11 @@ class Component:
         return self.role == "gearbox" or (self.role == "box" and bool(said))
 
     @property
+    def drive(self) -> str:
+        """What a motor is told: current, voltage or torque."""
+        return str(self.option("drive") or "current")
+
+    @property
     def takes(self) -> str:
         """What comes in at its port."""
         return KINDS[self.kind].takes
@@ -162,7 +167,13 @@ def read_component(line: Any) -> Component:
         raise UsageError(f"component {name!r}: expected axis = 1, 2, …, got {axis!r}")
     options = {key: entries.pop(key) for key in KINDS[kind].options if key in entries}
     given = {key: _given(name, key, value) for key, value in entries.items()}
-    return Component(name, kind, axis, options, given)
+    part = Component(name, kind, axis, options, given)
+    if part.role == "motor" and part.drive not in ("current", "voltage", "torque"):
+        raise UsageError(
+            f"component {name!r}: expected drive = 'current', 'voltage' or 'torque', "
+            f"got {part.drive!r}"
+        )
+    return part
 
 
 def _given(name: str, key: str, value: Any) -> Given:

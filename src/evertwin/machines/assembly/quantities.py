@@ -46,13 +46,6 @@ def law_of(component: Component) -> Law | None:
         raise UsageError(f"component {component.name!r}: {error}") from error
 
 
-def demand_unit(motor: Component | None, slides: bool) -> str:
-    """Unit of what a controller demands: motor current or voltage, motor torque, or force."""
-    if motor is None:
-        return "N" if slides else "Nm"
-    return {"current": "A", "voltage": "V", "torque": "Nm"}[str(motor.option("drive") or "current")]
-
-
 def _fixed(name: str, value: float, unit: str, low: float, high: float = HUGE) -> Parameter:
     """A parameter that tuning leaves alone unless the file says otherwise."""
     return Parameter(name, value, unit, low, high, editable=False)
@@ -101,10 +94,9 @@ def _motor(component: Component, slides: bool) -> list[Parameter]:
     ]
 
 
-def _controller(component: Component, slides: bool) -> list[Parameter]:
+def controller_items(unit: str, slides: bool) -> list[Parameter]:
+    """Gains and limits of a controller that demands ``unit`` per speed, and per position for ki."""
     place = "m" if slides else "rad"
-    # units of gains follow the drive: demand per speed, and per position for the integral
-    unit = str(component.options.get("demand", "A"))
     return [
         _fixed("kp", 10.0, "1/s", 0.0),
         _fixed("kv", 1.0, f"{unit}*s/{place}", 0.0),
@@ -130,7 +122,7 @@ _OF: Mapping[str, Callable[[Component, bool], list[Parameter]]] = {
     "gearbox": _gearbox,
     "friction": _rub,
     "motor": _motor,
-    "controller": _controller,
+    "controller": lambda component, slides: controller_items("A", slides),
     "structure": _structure,
     "payload": _payload,
 }

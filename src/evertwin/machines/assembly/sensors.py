@@ -10,11 +10,14 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from typing import NamedTuple
 
+from evertwin.errors import UsageError
 from evertwin.machines.assembly import shared
 from evertwin.machines.assembly.shared import QUANTITIES, RUBS
 from evertwin.machines.assembly.train import Train
+from evertwin.signals.channels import position
 
 
 class Sensor(NamedTuple):
@@ -61,9 +64,8 @@ def sensors_of(train: Train) -> dict[str, Sensor]:
     found: dict[str, Sensor] = {}
     efforts = ["N" if axis.slides else "Nm" for axis in train.axes]
     for axis, effort in zip(train.axes, efforts, strict=True):
-        j, units = axis.number, {"place": "m" if axis.slides else "rad", "effort": effort}
-        if axis.controller is not None:
-            units["demand"] = str(axis.controller.options["demand"])
+        j, place = axis.number, "m" if axis.slides else "rad"
+        units = {"place": place, "effort": effort, "demand": axis.demand}
         for role, name, code, unit in _PLACES:
             part = getattr(axis, role)
             owner = f"{train.arm.name}.{j + 1}" if train.arm and role == "structure" else ""
@@ -81,3 +83,17 @@ def sensors_of(train: Train) -> dict[str, Sensor]:
     for at, box in enumerate(train.boxes, start=first + RUBS * len(train.rubs)):
         found[f"{box.name}.effort"] = Sensor(at, efforts[box.axis], box.axis, linear=False)
     return found
+
+
+def chosen(train: Train, names: Sequence[str], *, forward: bool) -> tuple[tuple[str, Sensor], ...]:
+    """Sensors of a reading by name.
+
+    Raises:
+        UsageError: no such quantity, or none of this reading.
+    """
+    known = sensors_of(train)
+    for name in names:
+        position(tuple(known), name, "virtual sensor")
+        if known[name].forward and not forward:
+            raise UsageError(f"assembly: {name} exists only where commands are followed: forward")
+    return tuple((name, known[name]) for name in names)

@@ -24,7 +24,12 @@ from evertwin.machines.arm.base import base_parameters
 from evertwin.machines.arm.chain import Chain
 from evertwin.machines.arm.model import Arm
 from evertwin.machines.assembly.parts import Component, read_component
-from evertwin.machines.assembly.quantities import demand_unit, law_of, parameters_of, transmission
+from evertwin.machines.assembly.quantities import (
+    controller_items,
+    law_of,
+    parameters_of,
+    transmission,
+)
 from evertwin.machines.friction import Law
 from evertwin.models import Model, Parameter, Parameters
 
@@ -54,6 +59,13 @@ class Axis:
     gearbox: Component | None = None
     motor: Component | None = None
     controller: Component | None = None
+
+    @property
+    def demand(self) -> str:
+        """Unit of what a controller demands: motor current or voltage, motor torque, or force."""
+        if self.motor is None:
+            return "N" if self.slides else "Nm"
+        return {"current": "A", "voltage": "V", "torque": "Nm"}[self.motor.drive]
 
     @property
     def elastic(self) -> bool:
@@ -122,6 +134,13 @@ class Train:
         """Names of the components."""
         return tuple(component.name for component in self.components)
 
+    @cached_property
+    def first_body(self) -> int:
+        """Where in ``p`` the inertial numbers of the arm begin."""
+        prefix = "" if self.arm is None else f"{self.arm.name}."
+        names = self.parameters.names
+        return next((k for k, name in enumerate(names) if name.startswith(prefix)), -1)
+
     def at(self, component: Component | None, name: str) -> int:
         """Where in ``p`` a component's parameter lies; −1 where it has none."""
         if component is None or f"{component.name}.{name}" not in self.parameters.names:
@@ -147,13 +166,11 @@ def join(lines: Iterable[Any], build: Build | None = None) -> Train:
     arm, path = _single(parts, "arm"), _single(parts, "path")
     chain = None if arm is None else _chain(arm)
     axes = _axes(parts, chain)
-    parts = tuple(_with_demand(part, axes) for part in parts)
-    axes = _axes(parts, chain)
     base = _base(arm, chain, axes)
     load = next((x for x in parts if x.role == "payload"), None) if arm is not None else None
     boxes = tuple(_box(part, build) for part in parts if part.role == "box")
     items = [item for part in parts for item in _items(part, axes, chain, base, boxes)]
-    rubs = tuple(_rub(part, axes) for part in parts if _rubs(part))
+    rubs = tuple(rub for part in parts if (rub := _rub(part, axes)) is not None)
     return Train(parts, axes, rubs, boxes, Parameters(tuple(items)), chain, arm, base, load, path)
 
 
@@ -230,19 +247,6 @@ def _check_ports(found: Mapping[str, Component], wanted: str, joint: str) -> Non
         )
 
 
-def _with_demand(part: Component, axes: Sequence[Axis]) -> Component:
-    """A controller learns what its motor takes."""
-    if part.role == "motor" and part.option("drive") not in ("", "current", "voltage", "torque"):
-        raise UsageError(
-            f"component {part.name!r}: expected drive = 'current', 'voltage' or 'torque', "
-            f"got {part.option('drive')!r}"
-        )
-    if part.role != "controller":
-        return part
-    axis = axes[part.axis - 1]
-    return replace(part, options={**part.options, "demand": demand_unit(axis.motor, axis.slides)})
-
-
 def _base(arm: Component | None, chain: Chain | None, axes: Sequence[Axis]) -> tuple[int, ...]:
     if arm is None or chain is None or not arm.option("base"):
         return ()
@@ -268,16 +272,15 @@ def _items(
     if part.role == "box":
         box = next(box for box in boxes if box.name == part.name)
         return parameters_of(part, slides, [*box.model.parameters, *transmission(part)])
+    if part.role == "controller":
+        return parameters_of(part, slides, controller_items(axes[part.axis - 1].demand, slides))
     return parameters_of(part, slides)
 
 
-def _rubs(part: Component) -> bool:
-    return part.role in ("gearbox", "friction") and law_of(part) is not None
-
-
-def _rub(part: Component, axes: Sequence[Axis]) -> Rub:
-    law = law_of(part)
-    assert law is not None
+def _rub(part: Component, axes: Sequence[Axis]) -> Rub | None:
+    law = law_of(part) if part.role in ("gearbox", "friction") else None
+    if law is None:
+        return None
     inside = part.role == "gearbox" and axes[part.axis - 1].elastic
     return Rub(part.name, part.axis - 1, law, inside, str(part.option("temperature")))
 

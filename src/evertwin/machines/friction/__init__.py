@@ -10,6 +10,7 @@ names the others, joined by ``+``, and the ladder of them is climbed only while 
 data falls. Another package adds a term of its own under the entry point ``evertwin.friction``: one
 `FrictionTerm`, checked by `check_friction`, and every machine that has friction takes it.
 
+>>> from evertwin.machines.friction import Law
 >>> law = Law.parse("tanh+stribeck+load")
 >>> [item.name for item in law.parameters(suffix="3")]
 ['Fv3', 'Fc3', 'offset3', 'Fs3', 'Fl3', 'vs3', 'width3']

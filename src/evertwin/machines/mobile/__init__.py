@@ -6,6 +6,7 @@ a real drive does besides (start threshold, saturation, lag, slip in turns) is w
 Speeds are positive forwards and to the left, turn rates and headings counter-clockwise.
 Reference: Siegwart, Nourbakhsh, Scaramuzza, "Introduction to Autonomous Mobile Robots", chapter 3.
 
+>>> from evertwin.machines.mobile import Differential
 >>> import numpy as np
 >>> base = Differential()
 >>> p = base.parameters.values

@@ -12,7 +12,7 @@ from evertwin.surface import surface
 
 if TYPE_CHECKING:
     from evertwin.prognosis.laws.fleet import Fleet as Fleet
-    from evertwin.prognosis.laws.fleet_prior import learn as learn
+    from evertwin.prognosis.laws.predict import learn as learn
     from evertwin.prognosis.laws.indicator import (
         Indicator as Indicator,
         Limit as Limit,
@@ -26,6 +26,6 @@ if TYPE_CHECKING:
     )
     from evertwin.prognosis.laws.onset import find_onset as find_onset
     from evertwin.prognosis.laws.predict import predict_life as predict_life
-    from evertwin.prognosis.laws.workload import Workload as Workload
+    from evertwin.prognosis.laws.life import Workload as Workload
 
 __getattr__ = surface(__name__)

@@ -1,8 +1,7 @@
-"""Looks: each family of hypotheses after its nodes closed in, with what the data say under each.
+"""The laws of wear as families of hypotheses, and looks: what the data say under each.
 
-A look holds one family (`evertwin.prognosis.laws.families`) at its nodes with the posterior of
-`bank` and the logarithm of evidence and prior. Hypotheses that the data rule out
-are dropped, as a line here:
+A look holds one family at its nodes with the posterior of `bank` and the logarithm of evidence and
+prior. Hypotheses that the data rule out are dropped, as a line here:
 
 >>> from evertwin.prognosis.laws.indicator import Indicator, Limit
 >>> from evertwin.prognosis.laws.scaled import scaled
@@ -10,22 +9,185 @@ are dropped, as a line here:
 >>> looks = every_look(scaled(wear), ("linear", "power"), Fleet())
 >>> [x.family.law for x in looks], len(looks[0].weight)
 (['linear', 'power'], 0)
+
+A family holds one law at many values of what is not linear in it: the exponent, the onset, the
+ratio q of process to noise. Its nodes start wide; after each look at the evidence they close in on
+the part within `REACH` of the best, until `DENSE` nodes lie in the peak. Prior weights: the laws
+alike, each exponent and each ratio evenly in its logarithm, the onset evenly over the life.
+
+>>> families()[0].law
+'linear'
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from evertwin.errors import UsageError
 from evertwin.prognosis.laws import jumps
 from evertwin.prognosis.laws.bank import Posterior, evaluate
-from evertwin.prognosis.laws.clocks import Clocks
-from evertwin.prognosis.laws.families import Family, families
+from evertwin.prognosis.laws.clocks import Clocks, Form
 from evertwin.prognosis.laws.fleet import Fleet
 from evertwin.prognosis.laws.scaled import Problem
 from evertwin.types import Float64, Int64
+
+FORMS: Mapping[str, Form] = {
+    "power": "power", "exponential": "exponential", "two-phase": "two-phase",
+}  # fmt: skip
+"""The clock of a law; linear for any other."""
+LAWS = ("linear", "exponential", "power", "wiener", "gamma", "two-phase")
+"""All laws; gamma has a closed form of its own (`evertwin.prognosis.laws.jumps`)."""
+REACH = 9.0
+"""Log evidence below the best at which a node no longer counts."""
+PEAK = 3.0
+DENSE = 6
+"""Nodes that must lie within `PEAK` of the best."""
+SHARP = 24
+"""Nodes of an axis in the last look; half on each of two."""
+LITTLE = 1e-3
+"""Share of the largest at which a node of the last look begins."""
+POWER = (0.3, 4.0)
+"""Exponents of power laws."""
+EXPONENT = (0.5, 8.0)
+"""Exponent of exponential laws over the whole life."""
+YOUNG = 0.05
+"""Share of its life below which a component is not asked for its exponent."""
+RATIO = (0.3, 1e7)
+"""Variance of the process over the observed span, in variances of the noise."""
+
+
+class Family(NamedTuple):
+    """One law on a grid: axes in the logarithm of the exponent or ratio, and in the onset.
+
+    >>> Family("power", np.log([1.0, 2.0]), np.zeros(1)).hypotheses()[0].shape
+    array([1., 2.])
+    """
+
+    law: str
+    first: Float64[np.ndarray, " i"]
+    """log c, or log q of a Wiener process."""
+    onset: Float64[np.ndarray, " j"]
+    share: float = 1.0
+    """Share of the law's prior weight."""
+
+    @property
+    def label(self) -> str:
+        """The law's name for the user."""
+        return "two-phase" if self.law.startswith("two-phase") else self.law
+
+    @property
+    def random(self) -> bool:
+        """Whether the law is a Wiener process."""
+        return self.law.endswith("wiener")
+
+    def hypotheses(self) -> tuple[Clocks, Float64[np.ndarray, " h"]]:
+        """(clocks, q) of all nodes, the onset's axis running fastest."""
+        x, o = (axis.ravel() for axis in np.meshgrid(self.first, self.onset, indexing="ij"))
+        size, quiet = np.exp(x), np.zeros(len(x))
+        bent = self.law in ("power", "exponential", "two-phase bent")
+        clocks = Clocks(FORMS.get(self.label, "linear"), size if bent else quiet, o)
+        return clocks, size if self.random else quiet
+
+    def prior(self) -> float:
+        """Logarithm of a node's prior weight, apart from that of the life itself."""
+        wide = {"power": POWER, "exponential": EXPONENT, "two-phase bent": EXPONENT}
+        if self.random:
+            wide[self.law] = RATIO
+        weight = self.share
+        if self.law in wide:
+            low, high = wide[self.law]
+            weight *= _step(self.first) / np.log(high / low)
+        if self.law.startswith("two-phase"):
+            weight *= _step(self.onset)
+        return float(np.log(weight))
+
+    def support(
+        self, clocks: Clocks, age: Float64[np.ndarray, " m"]
+    ) -> Float64[np.ndarray, "h m"] | float:
+        """1 where the life that ends at ``age`` has an exponent that the prior allows."""
+        if self.law not in ("exponential", "two-phase bent"):
+            return 1.0
+        onset = clocks.onset[:, None]
+        whole = clocks.shape[:, None] * (age - onset) / (1.0 - onset)
+        allowed: np.ndarray = (whole >= EXPONENT[0]) & (whole <= EXPONENT[1])
+        return allowed.astype(np.float64)
+
+    def closer(self, evidence: Float64[np.ndarray, " h"]) -> Family | None:
+        """The family on finer nodes around the peak; None if it is fine enough."""
+        table = evidence.reshape(len(self.first), len(self.onset))
+        first = _closer(self.first, table.max(axis=1))
+        onset = _closer(self.onset, table.max(axis=0))
+        if first is None and onset is None:
+            return None
+        return self._replace(
+            first=self.first if first is None else first,
+            onset=self.onset if onset is None else onset,
+        )
+
+    def sharper(self, share: Float64[np.ndarray, " h"]) -> Family:
+        """The family on even nodes over the part that holds the probability.
+
+        Each exponent alone foretells the life sharply; between coarse nodes probability would be
+        missing. q hardly moves the life, its nodes stay.
+        """
+        if self.random:
+            return self
+        table = share.reshape(len(self.first), len(self.onset))
+        many = SHARP if 1 in table.shape else SHARP // 2
+        return self._replace(
+            first=_over(self.first, table.max(axis=1), many),
+            onset=_over(self.onset, table.max(axis=0), many),
+        )
+
+
+def families(laws: Sequence[str] = LAWS) -> tuple[Family, ...]:
+    """The families at their widest.
+
+    Raises `UsageError` for a law that is not known.
+    """
+    unknown = sorted(set(laws) - set(LAWS))
+    if unknown or not laws:
+        raise UsageError(f"laws: expected some of {', '.join(LAWS)}, got {unknown or 'none'}")
+    none, onsets = np.zeros(1), (np.arange(14) + 0.5) / 14.0
+    bent = np.log([YOUNG * EXPONENT[0], EXPONENT[1]])
+    ratio = np.log(RATIO)
+    known = {
+        "linear": (Family("linear", none, none),),
+        "exponential": (Family("exponential", np.linspace(bent[0], bent[1], 16), none),),
+        "power": (Family("power", np.linspace(np.log(POWER[0]), np.log(POWER[1]), 14), none),),
+        "wiener": (Family("wiener", np.linspace(ratio[0], ratio[1], 14), none),),
+        "two-phase": (
+            Family("two-phase straight", none, onsets, 1 / 3),
+            Family("two-phase bent", np.linspace(bent[0], bent[1], 6), onsets, 1 / 3),
+            Family("two-phase wiener", np.linspace(ratio[0], ratio[1], 7), onsets, 1 / 3),
+        ),
+    }
+    return tuple(family for law in LAWS if law in laws for family in known.get(law, ()))
+
+
+def _step(axis: np.ndarray) -> float:
+    return float(axis[1] - axis[0]) if len(axis) > 1 else 1.0
+
+
+def _over(axis: np.ndarray, share: np.ndarray, many: int) -> np.ndarray:
+    if len(axis) < 2:
+        return axis
+    near = np.flatnonzero(share > LITTLE * share.max())
+    low, high = max(near[0] - 1, 0), min(near[-1] + 1, len(axis) - 1)
+    return np.linspace(axis[low], axis[high], many)
+
+
+def _closer(axis: np.ndarray, evidence: np.ndarray) -> np.ndarray | None:
+    best = evidence.max()
+    if len(axis) < 2 or np.count_nonzero(evidence > best - PEAK) >= DENSE:
+        return None
+    near = np.flatnonzero(evidence > best - REACH)
+    low, high = max(near[0] - 1, 0), min(near[-1] + 1, len(axis) - 1)
+    return np.linspace(axis[low], axis[high], max(len(axis), 2 * DENSE))
+
 
 PASSES = 5
 """Most rounds in which a family's nodes close in."""

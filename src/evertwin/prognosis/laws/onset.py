@@ -79,7 +79,7 @@ def find_onset(indicator: Indicator) -> Onset | None:
     life = indicator.since_replaced()
     at = life.at[np.isfinite(life.value)]
     begin, told = (float(at[min(k, len(at) - 1)]) for k in found)
-    return Onset(begin, told, indicator.limit.direction)
+    return Onset(begin, told)
 
 
 def first_alarm(

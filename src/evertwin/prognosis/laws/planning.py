@@ -40,19 +40,6 @@ LATE = 0.5
 """A date is too late if a failure before it is likelier than this."""
 
 
-class Part(NamedTuple):
-    """A component that is planned for.
-
-    >>> Part._fields
-    ('life', 'age', 'cost')
-    """
-
-    life: Life
-    age: float
-    """Time in use so far, in the life's unit."""
-    cost: Cost
-
-
 class Decision(NamedTuple):
     """What the operator says to a planned date.
 
@@ -67,6 +54,21 @@ class Decision(NamedTuple):
 
 
 OPEN = Decision("open")
+
+
+class Part(NamedTuple):
+    """A component that is planned for.
+
+    >>> Part._fields
+    ('life', 'age', 'cost', 'decision')
+    """
+
+    life: Life
+    age: float
+    """Time in use so far, in the life's unit."""
+    cost: Cost
+    decision: Decision = OPEN
+    """What the operator said."""
 
 
 @dataclass(frozen=True)
@@ -165,38 +167,33 @@ def _safe(text: str) -> str:
 
 
 def planned(
-    parts: Mapping[str, Part], windows: Windows | None = None, visit: float = 0.0,
-    said: Mapping[str, Decision] | None = None,
-) -> tuple[tuple[PlanItem, ...], tuple[Stop, ...]]:  # fmt: skip
+    parts: Mapping[str, Part], windows: Windows | None = None, visit: float = 0.0
+) -> tuple[tuple[PlanItem, ...], tuple[Stop, ...]]:
     """Dates of several components and their stops, the earliest first.
 
     Args:
-        parts: component → remaining life, age, cost.
+        parts: component → remaining life, age, cost, and what the operator said.
         windows: possible dates; None: any time.
         visit: cost of one stop, whatever is done in it.
-        said: component → what the operator said.
 
     Raises:
         UsageError: a negative age or cost.
     """
-    said = said or {}
     members: dict[str, Member] = {}
     items = []
     for name, part in parts.items():
         if np.isfinite(part.life.remaining[0]):
-            members[name] = _member(name, part, (windows, visit), said.get(name, OPEN))
+            members[name] = _member(name, part, windows, visit)
         else:
-            never = PlanItem(name, part.life.unit, np.inf, 0.0, 0.0, 0.0, np.inf)
-            items.append(replace(never, decision=said.get(name, OPEN)))
-    sharing = [one for name, one in members.items() if not _apart(said.get(name, OPEN))]
-    apart = [one for name, one in members.items() if _apart(said.get(name, OPEN))]
-    groups = together(sharing, windows, visit)
-    lonely = tuple(group for one in apart for group in together((one,), windows, visit))
+            items.append(PlanItem(name, part.life.unit, np.inf, 0.0, 0.0, 0.0, np.inf,
+                                  decision=part.decision))  # fmt: skip
+    apart = [n for n in members if parts[n].decision.verdict == "declined"]
+    groups = together([one for n, one in members.items() if n not in apart], windows, visit)
+    lonely = [group for n in apart for group in together((members[n],), windows, visit)]
     for group in (*groups, *lonely):
         for name in group.names:
-            share = _share(group, name, members, visit)
-            decision = said.get(name, OPEN)
-            items.append(_item(members[name], parts[name], group.after, share, windows, decision))
+            share = _share(group, members, visit)
+            items.append(_item(members[name], parts[name], group.after, share, windows))
     stops = tuple(
         Stop(group.after, group.names, _window(windows, group.after), group.saving)
         for group in groups if np.isfinite(group.after)
@@ -204,14 +201,8 @@ def planned(
     return tuple(sorted(items, key=lambda one: (one.after, one.component))), stops
 
 
-def _apart(decision: Decision) -> bool:
-    return decision.verdict == "declined"
-
-
-def _member(
-    name: str, part: Part, stop: tuple[Windows | None, float], decision: Decision
-) -> Member:
-    windows, visit = stop
+def _member(name: str, part: Part, windows: Windows | None, visit: float) -> Member:
+    decision = part.decision
     try:
         paid = Cost(part.cost.failure, part.cost.maintenance + visit)
         renewal = Renewal.of(part.life, part.age, paid)
@@ -230,20 +221,19 @@ def _member(
     return Member(name, renewal, own, rate, earliest, exact)
 
 
-def _share(group: Group, name: str, members: Mapping[str, Member], visit: float) -> float:
+def _share(group: Group, members: Mapping[str, Member], visit: float) -> float:
     """A component's share of the cost of its stop, if it lasts until then."""
     if visit == 0.0 or not np.isfinite(group.after):
         return 0.0
     at = np.array([group.after])
-    failed = {n: float(members[n].renewal.failure(at)[0]) for n in group.names}
-    lasting = sum(1.0 - p for p in failed.values())
-    return visit * (1.0 - float(np.prod([*failed.values()]))) / lasting if lasting > 0.0 else 0.0
+    failed = [float(members[n].renewal.failure(at)[0]) for n in group.names]
+    lasting = sum(1.0 - p for p in failed)
+    return visit * (1.0 - float(np.prod(failed))) / lasting if lasting > 0.0 else 0.0
 
 
 def _item(
-    member: Member, part: Part, after: float, share: float, windows: Windows | None,
-    decision: Decision,
-) -> PlanItem:  # fmt: skip
+    member: Member, part: Part, after: float, share: float, windows: Windows | None
+) -> PlanItem:
     renewal = member.renewal
     rate = renewal.to_failure
     if np.isfinite(after):
@@ -251,8 +241,8 @@ def _item(
         rate = float(replace(renewal, cost=paid).rate(np.array([after]))[0])
     return PlanItem(
         member.name, part.life.unit, after, renewal.probability(after), rate, renewal.to_failure,
-        part.life.median, _window(windows, after), decision,
-        _note(renewal, after, windows, part.life, decision),
+        part.life.median, _window(windows, after),
+        part.decision, _note(renewal, after, windows, part),
     )  # fmt: skip
 
 
@@ -260,10 +250,8 @@ def _window(windows: Windows | None, after: float) -> int | None:
     return None if windows is None or not np.isfinite(after) else windows.number(after)
 
 
-def _note(
-    renewal: Renewal, after: float, windows: Windows | None, life: Life, decision: Decision
-) -> str:
-    unit = life.unit
+def _note(renewal: Renewal, after: float, windows: Windows | None, part: Part) -> str:
+    decision, unit = part.decision, part.life.unit
     if decision.verdict == "confirmed" and decision.until < 0.0:
         return f"the confirmed date passed {-decision.until:.4g} {unit} ago"
     if renewal.over:
@@ -276,6 +264,6 @@ def _note(
     if windows is not None and np.isfinite(free) and late and windows.first > free:
         return (
             f"no window comes in time: the first is in {windows.first:.4g} {unit}, half the lives "
-            f"end within {life.median:.4g}; at any time it would be after {free:.4g} {unit}"
+            f"end within {part.life.median:.4g}; at any time it would be after {free:.4g} {unit}"
         )
     return ""

@@ -12,25 +12,38 @@ machines corrects the outcome.
 >>> life = predict_life(wear)
 >>> life.law in LAWS, 45.0 < life.median < 55.0
 (True, True)
+
+A fleet's prior comes from histories that ran to their limit (`learn`). Each is predicted with what
+was known at several moments of its life, by a prior from the others, as in cross-validation.
+
+>>> from evertwin.prognosis.laws.indicator import Limit
+>>> rng = np.random.default_rng(0)
+>>> def machine(k):
+...     t = np.arange(40.0)
+...     noise = 0.01 * rng.standard_normal(40)
+...     return Indicator.of("wear", "mm", Limit(1.0), t, t / (28.0 + k) + noise)
+>>> fleet = learn([machine(k) for k in range(4)])
+>>> len(fleet.ranks), round(sum(fleet.laws.values()), 3)
+(28, 1.0)
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.prognosis.laws.families import LAWS
+from evertwin.errors import UsageError
 from evertwin.prognosis.laws.fleet import Fleet
-from evertwin.prognosis.laws.hypotheses import Look, every_look, sharpened
+from evertwin.prognosis.laws.hypotheses import LAWS, Look, every_look, families, look, sharpened
 from evertwin.prognosis.laws.indicator import Indicator
-from evertwin.prognosis.laws.life import Life, NotEnough, quantiles
+from evertwin.prognosis.laws.life import Life, NotEnough, Workload, quantiles
 from evertwin.prognosis.laws.mixture import COARSE, density_of, fine_nodes, mixture
 from evertwin.prognosis.laws.onset import find_onset
 from evertwin.prognosis.laws.scaled import Problem, noise_of, scaled
 from evertwin.prognosis.laws.unforeseen import ending, errors, probability
-from evertwin.prognosis.laws.workload import Workload
 from evertwin.types import Float64
 
 FAR = 20.0
@@ -42,17 +55,14 @@ SURE = 3.0
 
 
 def predict_life(
-    indicator: Indicator, laws: Sequence[str] = LAWS, fleet: Fleet | None = None,
-    ahead: Workload | None = None,
-) -> Life | NotEnough:  # fmt: skip
+    indicator: Indicator, laws: Sequence[str] = LAWS, fleet: Fleet | None = None
+) -> Life | NotEnough:
     """The remaining life as a distribution, or what the data lack for one.
 
     Args:
         indicator: the history; only its current life counts.
         laws: laws that may hold, some of `LAWS`.
         fleet: what like machines tell.
-        ahead: work planned from now on; None: as before. Without usage in the indicator its
-            unit is the work of one unit of the clock so far.
     """
     problem = scaled(indicator)
     if isinstance(problem, str):
@@ -63,10 +73,9 @@ def predict_life(
     if isinstance(found, NotEnough) and found.onset is not None:
         begun = f"; wear has begun at {found.onset.begin:g} {indicator.clock}"
         return replace(found, reason=found.reason + begun)
-    if isinstance(found, NotEnough) or (indicator.usage is None and ahead is None):
+    if isinstance(found, NotEnough) or indicator.usage is None:
         return found
-    plan = ahead if ahead is not None else Workload.as_before(indicator)
-    return found.through(plan, indicator.clock)
+    return found.through(Workload.as_before(indicator), indicator.clock)
 
 
 def from_problem(
@@ -163,3 +172,127 @@ def too_calm(indicator: Indicator, problem: Problem, laws: Mapping[str, float]) 
         f"no growth stands out of a scatter of {noise:.2g} {indicator.unit}",
         laws=laws,
     )
+
+
+AROUND = 8
+"""Values around a crossing at which the level is looked at."""
+MEMORY = 100
+"""Values before it that it is filtered over."""
+MOMENTS = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+"""Shares of the life at which each history is predicted."""
+
+
+class End(NamedTuple):
+    """When a history passed its limit.
+
+    >>> End(120.0, 1.5).age
+    120.0
+    """
+
+    age: float
+    unsure: float
+    """Standard deviation of the age: noise blurs the passage."""
+
+
+def lived(indicator: Indicator) -> End | None:
+    """Age at which the level, freed of noise, passed the limit; None if it did not.
+
+    A single value beyond the limit ends no life: the two that follow it must lie there as well.
+    The level is that of a Wiener process with noise, filtered over the values before.
+    """
+    life = indicator.since_replaced()
+    good = np.flatnonzero(np.isfinite(life.value))
+    beyond = life.distance()[good] <= 0.0
+    follows = np.append(beyond, beyond[-1:].repeat(2))
+    kept = follows[:-2] & follows[1:-1] & follows[2:]
+    if not kept.any():
+        return None
+    clock = life.at if life.usage is None else life.usage
+    origin = float(clock[0] if life.origin is None or life.usage is not None else life.origin)
+    first = int(np.argmax(kept))
+    near = range(max(first - AROUND, 1), min(first + AROUND + 1, len(good)))
+    level = np.array([_level(life, good[max(0, k - MEMORY) : k + 1]) for k in near])
+    at = clock[good[near.start : near.stop]]
+    after = np.flatnonzero(level[:, 0] > 0.0) if len(level) else np.zeros(0, dtype=np.int64)
+    step = float(clock[good[first]] - clock[good[max(first - 1, 0)]])
+    if not len(after) or after[0] == 0:
+        return End(float(clock[good[first]]) - origin, step)
+    k = int(after[0])
+    gap, spread = level[:, 0], level[k, 1]
+    age = at[k - 1] + (at[k] - at[k - 1]) * -gap[k - 1] / (gap[k] - gap[k - 1]) - origin
+    slope = (gap[-1] - gap[0]) / (at[-1] - at[0])
+    unsure = spread / slope if slope > 0.0 else step
+    return End(float(age), float(np.hypot(unsure, step / np.sqrt(12.0))))
+
+
+def _level(life: Indicator, rows: np.ndarray) -> tuple[float, float]:
+    """(filtered level at the last of some rows less the limit, its standard deviation)."""
+    problem = scaled(replace(life.rows(rows), origin=None, maintenance=()))
+    if isinstance(problem, str):
+        return float(-life.distance()[rows[-1]]), 0.0
+    found = look(problem, families(("wiener",))[0])
+    weight = np.exp(found.weight - found.weight.max())
+    weight /= weight.sum()
+    known = found.posterior
+    variance = float(weight @ (known.cov[:, 0] * known.square)) / known.dof
+    gap = float(weight @ known.now) - problem.limit
+    return gap * problem.scale, float(np.sqrt(max(variance, 0.0))) * problem.scale
+
+
+def learn(histories: Sequence[Indicator], laws: Sequence[str] = LAWS) -> Fleet:
+    """The prior that a fleet of like machines gives.
+
+    Raises `UsageError` unless at least two histories passed their limit.
+
+    Args:
+        histories: one indicator per machine; those that did not pass count as still running.
+        laws: laws that may hold.
+    """
+    ends = [lived(history) for history in histories]
+    ended = [(h, end) for h, end in zip(histories, ends) if end is not None and end.age > 0.0]
+    if len(ended) < 2:
+        raise UsageError(
+            f"fleet: expected at least two histories that passed their limit, got {len(ended)}"
+        )
+    running = [float(h.at[-1] - h.at[0]) for h, end in zip(histories, ends) if end is None]
+    known = np.array([end.age for _, end in ended])
+    shares = law_shares(ended, laws)
+    said: list[tuple[float, float, float]] = []
+    for k, (history, end) in enumerate(ended):
+        others = np.delete(known, k)
+        prior = replace(Fleet.of_lives(others, running), laws=shares) if len(others) > 1 else None
+        for moment in MOMENTS:
+            part = history.until(_start(history) + moment * end.age)
+            life = predict_life(part, laws, prior)
+            if isinstance(life, Life) and len(part.at):
+                said.append(rank(life, float(part.at[-1] - _start(history)), end))
+    table = np.array(said).reshape(-1, 3)
+    whole = Fleet.of_lives(known, running)
+    return replace(whole, laws=shares, ranks=table[:, 0], passed=table[:, 1], trust=table[:, 2])
+
+
+def rank(life: Life, now: float, end: End) -> tuple[float, float, float]:
+    """(probability told for the true end or earlier, share of the life passed, trust).
+
+    A prediction about as sharp as the end itself is known tells little of its own spread: it is
+    trusted less.
+    """
+    spread = 0.5 * (life.quantile(0.84) - life.quantile(0.16))
+    blur = 2.0 * end.unsure / spread if spread > 0.0 else np.inf
+    trust = 1.0 / (1.0 + blur * blur)
+    return life.probability_before(end.age - now), now / (now + life.median), trust
+
+
+def law_shares(ended: Sequence[tuple[Indicator, End]], laws: Sequence[str]) -> dict[str, float]:
+    """Share of each law at 9/10 of each life."""
+    total = dict.fromkeys(laws, 0.5)
+    for history, end in ended:
+        life = predict_life(history.until(_start(history) + 0.9 * end.age), laws)
+        for law, share in life.laws.items():
+            total[law] += share
+    whole = sum(total.values())
+    return {law: share / whole for law, share in total.items()}
+
+
+def _start(history: Indicator) -> float:
+    return float(history.at[0]) if history.origin is None else history.origin
