@@ -15,7 +15,7 @@ import numpy as np
 from evertwin.fold import Block
 from evertwin.loop.setup import Setup
 from evertwin.models import Model
-from evertwin.models.batch import Batch
+from evertwin.models.batch import Batch, mapped
 from evertwin.sync.horizon import residuals, restarts
 from evertwin.types import Json, Outputs, ParameterVector, Vector
 
@@ -38,8 +38,12 @@ class Prediction:
 
 def predict(setup: Setup, model: Model, p: ParameterVector, window: Block) -> Prediction:
     """A version's predictions of one window over the twin's horizon."""
-    plan = restarts(window, setup.horizon, model.initial(p))
-    y = Batch(model).run(window.u, window.dt, p[None], plan)[0]
+    x0 = model.initial(p)
+    if len(x0):
+        plan = restarts(window, setup.horizon, x0)
+        y = Batch(model).run(window.u, window.dt, p[None], plan)[0]
+    else:
+        y = mapped(model, window.u, window.dt, p)
     residual = residuals(model, window, y)
     measured = np.where(np.isnan(residual), np.nan, window.y)
     smooth = setup.smooth_window

@@ -26,11 +26,19 @@ from typing import Any
 import numpy as np
 
 from evertwin.compiled.functions import njit
-from evertwin.models.contract import BatchModel, Model
+from evertwin.models.contract import BatchModel, Model, PartialModel
 from evertwin.models.function import kernel_of
 from evertwin.models.kernel import Kernel, Restart
 from evertwin.models.rollout import roll, roll_rows
-from evertwin.types import Float64, Inputs, Intervals, OutputRuns, ParameterVectors
+from evertwin.types import (
+    Float64,
+    Inputs,
+    Intervals,
+    OutputRuns,
+    Outputs,
+    ParameterVector,
+    ParameterVectors,
+)
 
 WORTH = 2000
 """Rows, over all parameter vectors together, from which on threads pay."""
@@ -73,6 +81,19 @@ class Batch:
         if isinstance(self.model, BatchModel):
             return np.asarray(self.model.simulate_batch(starts, u, dt, p, restart))
         return rolled(self.kernel, starts, (u, dt, restart), p, self.workers)
+
+
+def mapped(model: Model, u: Inputs, dt: Intervals, p: ParameterVector) -> Outputs:
+    """Outputs of a static map; of one that is linear in its numbers all rows at once.
+
+    >>> from evertwin.machines.drive import DriveForce
+    >>> mapped(DriveForce(), np.zeros((2, 2)), np.ones(2), DriveForce().parameters.values).shape
+    (2, 1)
+    """
+    rows = model.initial(p), u, dt, p
+    if isinstance(model, PartialModel):
+        return model.partial(*rows, np.full_like(model.columns, -1))[0]
+    return model.simulate(*rows)[1]
 
 
 def rolled(

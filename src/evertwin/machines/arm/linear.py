@@ -41,6 +41,11 @@ class Columns(NamedTuple):
     shape: Int64[np.ndarray, "ny m"]
     """Of friction: index in ``p`` of the term's first shape number."""
 
+    @property
+    def without_bodies(self) -> Columns:
+        """The same, where the bodies' numbers are in the rigid torques already."""
+        return self._replace(places=np.where(self.code >= 0, UNUSED, self.places))
+
 
 def columns_of(
     drives: Drives, base: Sequence[int], first: int, payload: int, carries: Sequence[int]

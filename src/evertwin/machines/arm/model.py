@@ -257,28 +257,33 @@ class Arm(StaticMap):
         slot: Int64[np.ndarray, "ny m"],
     ) -> tuple[Outputs, Float64[np.ndarray, "n ny t"]]:  # fmt: skip
         """The columns that have a ``slot``; torques of all else."""
-        y0, *seen = self._seen(u, p)
+        bodies = bool(np.any(slot[self._linear.code >= 0] >= 0))
+        y0, *seen = self._seen(u, p, bodies=bodies)
         phi = np.empty((len(u), len(slot), int(slot.max(initial=-1)) + 1))
-        linear.split(self._linear, slot, p, *seen, y0, phi)
+        columns = self._linear if bodies else self._linear.without_bodies
+        linear.split(columns, slot, p, *seen, y0, phi)
         return self._driven(p, y0, phi)
 
-    def _seen(self, u: Inputs, p: ParameterVector) -> tuple[Any, ...]:
-        """Rigid torques without what is tuned of them; then what columns are made of: the motors'
-        motion, switches, rigid torques as described, bodies."""
+    def _seen(self, u: Inputs, p: ParameterVector, *, bodies: bool = True) -> tuple[Any, ...]:
+        """Rigid torques, without those of ``bodies`` that are tuned; then what columns are made of:
+        the motors' motion, switches, rigid torques as described, columns of bodies."""
         motors = joints = self._motion(np.ascontiguousarray(u), p)
         if self.coupling is not None and self.coupling.motors:
             joints = self.coupling.of_motors(motors)
         elif self.coupling is not None:
             motors = self.coupling.of_joints(joints)
-        rest = self.chain.inertia
-        if self.base:
+        described = rest = self.chain.inertia
+        if not bodies:
+            rest = self.bodies(p).ravel()
+        elif self.base:
             rest = rest.copy()
             rest[list(self.base)] = 0.0
         y0 = load = self._felt(batch(self.chain.geometry, rest, joints))
-        if self.base:
-            load = self._felt(batch(self.chain.geometry, self.chain.inertia, joints))
+        if not np.array_equal(rest, described):
+            load = self._felt(batch(self.chain.geometry, described, joints))
         s = switches(motors, self._widths, p, self._standstill)
-        return y0, motors, s, load, self._felt(self._bodies(joints))
+        seen = self._bodies(joints) if bodies else np.empty((*y0.shape, 0))
+        return y0, motors, s, load, self._felt(seen)
 
     def _driven(self, p: ParameterVector, y0: Any, phi: Any) -> tuple[Any, Any]:
         """Currents, where motors are known."""

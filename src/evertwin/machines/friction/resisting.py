@@ -22,6 +22,7 @@ import numpy as np
 
 from evertwin.fold import Block
 from evertwin.models import Model
+from evertwin.models.batch import mapped
 from evertwin.signals import Layout
 from evertwin.types import Inputs, Outputs, ParameterVector, Vector
 
@@ -171,6 +172,5 @@ def friction(
     bare = free.copy()
     bare[names.indices(rubbing)] = 0.0
     rows = np.ascontiguousarray(u), np.zeros(len(u))
-    start = model.initial(p)
-    with_it, without = (model.simulate(start, *rows, each)[1] for each in (free, bare))
+    with_it, without = (mapped(model, *rows, each) for each in (free, bare))
     return np.asarray(with_it - without)
