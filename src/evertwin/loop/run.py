@@ -271,7 +271,8 @@ class Run:
             "tasks": state.task + 1, "elapsed": state.elapsed, "rows": state.row,
             "digest": self._prints.at(state.row), "given_up": False,
         }  # fmt: skip
-        evidence |= {"chunks": self.ledger.store.chunks} if self.pushed else {}
+        chunks = self.ledger.store.chunks if self.pushed else 0
+        evidence |= {"chunks": chunks} if chunks else {}
         ran = Event(state.row, state.time, "ran", "", f"{state.task + 1} tasks", evidence)
         kept = self._lasting and not self.pushed
         self.log.say(state.row, [ran], self._of(Saved(state)) if kept else None)
