@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.fold import Block, Chunk, Event
+from evertwin.fold.block import first
 from evertwin.loop.feed import Data, Feed
 from evertwin.loop.setup import Setup
 from evertwin.loop.versions import Versions
@@ -120,14 +121,7 @@ class View:
 
     def some(self, windows: tuple[Block, ...]) -> tuple[Block, ...]:
         """The first whole windows, `MOST` rows about."""
-        kept: list[Block] = []
-        rows = 0
-        for window in windows:
-            if kept and rows + len(window.t) > MOST:
-                break
-            kept.append(window)
-            rows += len(window.t)
-        return tuple(kept)
+        return first(windows, MOST)
 
 
 def view(setup: Setup, versions: Versions, number: int, data: Data) -> View:

@@ -37,7 +37,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from evertwin.errors import MissingExtra, ModelError
-from evertwin.fold import Block
+from evertwin.fold.block import first
 from evertwin.tuning import Problem
 from evertwin.types import Float64, Vector
 
@@ -185,12 +185,7 @@ def counted(problem: Problem) -> np.ndarray:
 
 def few(problem: Problem) -> Problem:
     """The first recordings, `ROWS` rows about: where every parameter is simulated several times."""
-    kept: list[Block] = []
-    for block in problem.windows:
-        if kept and sum(len(one.t) for one in kept) + len(block.t) > ROWS:
-            break
-        kept.append(block)
-    return replace(problem, windows=tuple(kept))
+    return replace(problem, windows=first(problem.windows, ROWS))
 
 
 def _form(problem: Problem, spans: Vector) -> dict[str, Any]:

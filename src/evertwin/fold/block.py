@@ -15,6 +15,7 @@ Where the data is cut into blocks must never matter (the partition law, `evertwi
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
@@ -107,6 +108,12 @@ def take(block: Block, start: int, stop: int) -> Block:
     if start == 0 and stop >= len(block.t):
         return block
     return Block(block.row + start, *[column[start:stop] for column in block[1:]])
+
+
+def first(blocks: Sequence[Block], rows: int) -> tuple[Block, ...]:
+    """The first whole blocks, about so many ``rows``; at least one."""
+    ends = accumulate(len(block.t) for block in blocks)
+    return (*blocks[:1], *(b for b, end in list(zip(blocks, ends))[1:] if end <= rows))
 
 
 def concatenate(blocks: Sequence[Block]) -> Block:

@@ -89,11 +89,7 @@ class FunctionModel:
 
     def observe(self, x: StateVector, y: Float64[np.ndarray, " ny"]) -> StateVector:
         """The state that agrees with the outputs in ``y`` that are not NaN."""
-        state = np.array(x, dtype=np.float64)
-        for source, target in self._adopts:
-            if not np.isnan(y[source]):
-                state[target] = y[source]
-        return state
+        return adopted(x, y, self._adopts)
 
     def kernel(self) -> Kernel:
         """Callbacks with the compiled signatures, about a microsecond a row and more."""
@@ -102,6 +98,17 @@ class FunctionModel:
     @cached_property
     def _kernel(self) -> Kernel:
         return python_kernel(self)
+
+
+def adopted(
+    x: StateVector, y: Float64[np.ndarray, " ny"], pairs: Sequence[tuple[int, int]]
+) -> StateVector:
+    """The state with the outputs written into it that are not NaN; ``pairs``: (output, state)."""
+    state = np.array(x, dtype=np.float64)
+    for output, place in pairs:
+        if not np.isnan(y[output]):
+            state[place] = y[output]
+    return state
 
 
 def kernel_of(model: Model) -> Kernel:

@@ -24,6 +24,7 @@ from __future__ import annotations
 
 import io
 import math
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -257,27 +258,24 @@ def _variables(top: Any, types: Mapping[str, Any], *, three: bool) -> list[Varia
     """In the order of the file; None for what is no number of 64 bits."""
     elements = list(top.iterfind("ModelVariables/*"))
     names = [str(element.get("name", "")) for element in elements]
-    counts = dict.fromkeys(names, 0)
-    for name in names:
-        counts[name] += 1
-        if not name or counts[name] > 1:
+    for name, count in Counter(names).items():
+        if not name or count > 1:
             raise ModelError(f"expected each variable with a name of its own: {name!r}")
-    references = {str(e.get("valueReference")): str(e.get("name")) for e in elements}
+    referred = {str(e.get("valueReference")): e for e in elements}
     found: list[Variable | None] = []
     for element in elements:
         real = (element if element.tag == "Float64" else None) if three else element.find("Real")
         if real is None:
             found.append(None)
             continue
-        derivative = real.get("derivative")
         state = ""
-        if derivative is not None:
-            place = _whole(real, "derivative") - 1
-            if three:
-                state = references.get(str(derivative), "")
-            elif 0 <= place < len(names):
-                state = names[place]
-        size = _size(element, elements) if three else 1
+        if real.get("derivative") is not None:
+            place = _whole(real, "derivative")
+            if three and str(place) in referred:
+                state = str(referred[str(place)].get("name"))
+            elif not three and 0 < place <= len(names):
+                state = names[place - 1]
+        size = _size(element, referred) if three else 1
         found.append(_variable(element, real, types, (size, state)))
     return found
 
@@ -307,16 +305,15 @@ def _variable(
     )  # fmt: skip
 
 
-def _size(element: Any, elements: list[Any]) -> int:
+def _size(element: Any, referred: Mapping[str, Any]) -> int:
     """Elements of an array (FMI 3); a dimension may be the start value of another variable."""
     size = 1
     for dimension in element.iterfind("Dimension"):
         if dimension.get("start") is not None:
             size *= _whole(dimension, "start")
         else:
-            wanted = dimension.get("valueReference")
-            source = [e for e in elements if e.get("valueReference") == wanted]
-            size *= _whole(source[0], "start") if source else 0
+            source = referred.get(str(dimension.get("valueReference")))
+            size *= 0 if source is None else _whole(source, "start")
     if not 1 <= size <= LARGEST:
         raise ModelError(
             f"variable {element.get('name')!r}: expected 1 to {LARGEST} elements, got {size}"

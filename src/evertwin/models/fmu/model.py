@@ -34,7 +34,7 @@ from evertwin.models.fmu.faults import Fault
 from evertwin.models.fmu.guard import opened
 from evertwin.models.fmu.options import Options
 from evertwin.models.fmu.worker import Worker
-from evertwin.models.function import python_kernel
+from evertwin.models.function import adopted, python_kernel
 from evertwin.models.kernel import Kernel, Restart
 from evertwin.models.parameters import Parameters
 from evertwin.models.rollout import roll, sized
@@ -135,11 +135,7 @@ class Fmu:
 
     def observe(self, x: StateVector, y: Float64[np.ndarray, " ny"]) -> StateVector:
         """The state with outputs adopted that show a named state (same name or value reference)."""
-        state = np.array(x, dtype=np.float64)
-        for i, j in self._adopts:
-            if not np.isnan(y[i]):
-                state[j] = y[i]
-        return state
+        return adopted(x, y, self._adopts)
 
     @cached_property
     def _adopts(self) -> tuple[tuple[int, int], ...]:

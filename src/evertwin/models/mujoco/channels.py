@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import mujoco
-import numpy as np
 
 from evertwin.models.mujoco.knobs import name_of
 from evertwin.signals.channels import Channel, Layout
@@ -136,9 +135,3 @@ def _joint_sensor(model: Any, name: str, joint: int, position: bool) -> Output:
     at = int(model.jnt_qposadr[joint]) if position else model.nq + int(model.jnt_dofadr[joint])
     unit = ("m" if _slides(model, joint) else "rad") + ("" if position else "/s")
     return Output(Channel(name, unit), at, True)
-
-
-def adoptable(found: Sequence[Output]) -> np.ndarray:
-    """Pairs (output, place in the state) of the outputs that can be written back, (k, 2)."""
-    pairs = [(k, output.place) for k, output in enumerate(found) if output.kept]
-    return np.array(pairs, dtype=np.int64).reshape(-1, 2)

@@ -44,10 +44,11 @@ import numpy as np
 
 from evertwin.errors import ModelError, UsageError
 from evertwin.models.compiled import StaticMap
+from evertwin.models.function import adopted
 from evertwin.models.given import check_options
 from evertwin.models.kernel import ADOPT, ANEW, CONTINUE, Restart
 from evertwin.models.mujoco.base import FromFile
-from evertwin.models.mujoco.channels import Output, adoptable, controls, outputs, states
+from evertwin.models.mujoco.channels import Output, controls, outputs, states
 from evertwin.models.mujoco.engine import Engine, Steps, steps_of
 from evertwin.models.mujoco.guard import Source
 from evertwin.models.mujoco.knobs import DEFAULT, parameters_of, tunable
@@ -112,8 +113,9 @@ class MuJoCo(FromFile):
         )  # fmt: skip
 
     @cached_property
-    def _adopted(self) -> np.ndarray:
-        return adoptable(self.read)
+    def _adopts(self) -> list[tuple[int, int]]:
+        """Outputs that are numbers of the state, and which."""
+        return [(k, output.place) for k, output in enumerate(self.read) if output.kept]
 
     @cached_property
     def _sensed(self) -> tuple[int, ...]:
@@ -126,11 +128,7 @@ class MuJoCo(FromFile):
 
     def observe(self, x: StateVector, y: Float64[np.ndarray, " ny"]) -> StateVector:
         """The state with measured positions and velocities written into it."""
-        state = np.array(x, dtype=np.float64)
-        for k, place in self._adopted.tolist():
-            if not np.isnan(y[k]):
-                state[place] = y[k]
-        return state
+        return adopted(x, y, self._adopts)
 
     def simulate(self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector) -> Rollout:
         """State after the last row and the outputs of every row; a row that diverges is NaN."""
