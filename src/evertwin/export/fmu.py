@@ -11,7 +11,6 @@ True
 from __future__ import annotations
 
 import json
-import math
 import shutil
 import sys
 import tempfile
@@ -131,19 +130,15 @@ def _collected(out: Exported, folder: Path) -> list[Path]:
     version = out.version
     content = {
         "name": out.name, "version": version.number, "hash": version.hash, "kind": out.kind,
-        "options": with_files(out.options, packed), "form": plain(version.form),
+        "options": with_files(out.options, packed), "form": version.form,
         "names": version.names, "values": version.values,
-        "low": [_said(item.low) for item in out.model.parameters],
-        "high": [_said(item.high) for item in out.model.parameters],
+        "low": [item.low for item in out.model.parameters],
+        "high": [item.high for item in out.model.parameters],
         "editable": [item.editable for item in out.model.parameters],
     }  # fmt: skip
     description = folder / "model.json"
-    description.write_text(json.dumps(content, indent=1), encoding="utf-8")
+    description.write_text(json.dumps(plain(content), indent=1), encoding="utf-8")
     return [description, *files]
-
-
-def _said(bound: float) -> float | None:
-    return bound if math.isfinite(bound) else None
 
 
 def reading_options(out: Exported, path: Path) -> dict[str, Any]:

@@ -17,6 +17,7 @@ import fmpy.fmi3 as fmi3
 import numpy as np
 from fmpy.fmi1 import FMICallException
 
+from evertwin.models.fmu import kernels
 from evertwin.models.fmu import slots as at
 
 _CALLBACK = ctypes.CFUNCTYPE(
@@ -134,13 +135,6 @@ class Instance:
         if len(values):
             (self.fmu.setFloat64 if self.three else self.fmu.setReal)(references, list(values))
 
-    def _get(self, references: Sequence[int], count: int) -> list[float]:
-        if not count:
-            return []
-        if self.three:
-            return list(self.fmu.getFloat64(references, count))
-        return list(self.fmu.getReal(references))
-
     def _iterate(self) -> None:
         """Event iteration to its end, then continuous time."""
         for _ in range(_ROUNDS):
@@ -210,13 +204,10 @@ class Instance:
 
     def saved_size(self) -> int:
         """Bytes of the saved state."""
-        return len(self._saved())
-
-    def _saved(self) -> bytes:
         state = self.fmu.getFMUState()
-        raw = bytes(self.fmu.serializeFMUState(state))
+        size = len(self.fmu.serializeFMUState(state))
         self.fmu.freeFMUState(state)
-        return raw
+        return size
 
     def _revive(self, x: Any, n: int, parameters: Sequence[float]) -> None:
         b, capacity = int(self.page[at.BYTES]), int(self.page[at.CAPACITY])
@@ -227,10 +218,8 @@ class Instance:
         self.fmu.setFMUState(state)
         self.fmu.freeFMUState(state)
         self._set(self.plan["parameters"], parameters)
-        if n:
-            there = self._values(at.X, self._get(self.plan["states"], n))
-            if not np.array_equal(there, x[:n]):
-                self._set(self.plan["states"], self._raw(at.X, x[:n]))
+        if n and not np.array_equal(self._shown(n), x[:n]):
+            self._set(self.plan["states"], self._raw(at.X, x[:n]))
 
     def _values(self, group: int, raw: Sequence[float]) -> Any:
         n, _, _, factor, offset, _ = self.page[at.group_at(group) :][: at.FIELDS].tolist()
@@ -250,26 +239,23 @@ class Instance:
             self.fmu.getContinuousStates(raw, n)
             x[:n] = self._values(at.X, list(raw))
         elif memory != at.STATIC:
-            x[:n] = self._values(at.X, self._get(self.plan["states"], n))
-        if memory == at.SAVED:
-            self._pack(x)
+            x[:n] = self._shown(n)
+        if memory == at.SAVED and kernels.pack.compiled(page, self.numbers, x) > 1:
+            raise FMICallException("the state cannot be saved, or grew", at.ERROR)
 
-    def _pack(self, x: Any) -> None:
-        b, capacity, raw = int(self.page[at.BYTES]), int(self.page[at.CAPACITY]), self._saved()
-        if len(raw) > 6 * (capacity - 1):
-            raise FMICallException(f"the saved state grew to {len(raw)} bytes", at.ERROR)
-        filled = np.frombuffer(raw.ljust(6 * (capacity - 1), b"\0"), dtype=np.uint8)
-        words = np.zeros((capacity - 1, 8), dtype=np.uint8)
-        words[:, :6] = filled.reshape(-1, 6)
-        x[b], x[b + 1 : b + capacity] = len(raw), words.view(np.int64).ravel()
+    def _shown(self, n: int) -> Any:
+        """The FMU's named states, in SI."""
+        found = np.empty(n)
+        if kernels.get_group.compiled(self.page, self.numbers, at.X, found) > 1:
+            raise FMICallException("the states cannot be read", at.ERROR)
+        return found
 
     def takes_states(self, p: Any, x: Any) -> bool:
         """Does the FMU start where it is told to?"""
         n = int(self.page[at.group_at(at.X)])
         wanted = x[:n] + 1e-3 * (1.0 + np.abs(x[:n]))
         self.begin(self._raw(at.P, p), self._raw(at.X, wanted), 0.0)
-        found = self._values(at.X, self._get(self.plan["states"], n))
-        return bool(np.allclose(found, wanted, rtol=1e-9, atol=1e-12))
+        return bool(np.allclose(self._shown(n), wanted, rtol=1e-9, atol=1e-12))
 
 
 def _status(work: Callable[[], None]) -> int:
