@@ -4,7 +4,7 @@ The noise of an output that the model adopts follows from predictions of one row
 residuals share one measurement with opposite sign, so neighbouring differences of residuals have
 the covariance −4·σ². Of a static map it is what two neighbouring residuals do not share.
 
-What do the rows determine? Identifiability, knobs without effect, start values on bounds.
+And what do the rows determine? Identifiability, knobs without effect, start values on bounds.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 * **white**: the component as its line says, with the values that are stated.
 * **grey**: the same; what is not stated is completed by a physical law
-  (`evertwin.engineering.compile`) or starts at the model's own value; its source says which.
+  (`estimate`) or starts at the model's own value; its source says which.
 * **black**: nothing inside is modelled. A gearbox only transmits, a guide is left out (the rest
   takes its friction), a motor, a structure, a payload is lumped: as described, and not tuned. A
   ``black_box`` is another model and stays what it is.

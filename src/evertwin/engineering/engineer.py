@@ -4,7 +4,7 @@ The breakdown is compiled into a model, the recordings become rows as the twin f
 the study (`evertwin.engineering.study`) chooses, and the twin file is written from both: model and
 start values, editable set, weights, requirement; the reasons stand beside them as comments.
 
-The text of the twin file that a study proposes: settings with their reasons as comments.
+`twin_text` is the text of that file:
 
 >>> from evertwin.engineering.breakdown import Breakdown
 >>> from evertwin.engineering.compile import ModelPlan
@@ -12,7 +12,7 @@ The text of the twin file that a study proposes: settings with their reasons as 
 >>> print(text.splitlines()[0], text.splitlines()[1])
 schema = 1 name = "pump"
 
-Settings as TOML text, for files that are proposed: comments belong to them.
+`sections` writes settings as TOML:
 
 >>> print(sections({"clock": {"rate": 10}, "source": [{"name": "log", "files": ["a.csv"]}]}))
 [clock]

@@ -2,14 +2,13 @@
 
 A writer gets what is exported and the path, writes the file, and says in a line what it holds.
 
-A version as JSON, ``schema: "evertwin.model/1"``: form, parameters with intervals, channels.
+JSON, ``schema: "evertwin.model/1"``: form, parameters with intervals, channels.
 
-A version as a MAT file of version 5, which MATLAB, Octave and SciPy read.
-
-Variables: ``evertwin`` (name, kind, version, hash), ``parameters`` (one field per parameter with
-value, unit, low95, high95, verdict), and with trajectories ``t``, ``task`` and one column vector
-per channel: inputs and measured outputs by their names, predictions as ``NAME_predicted``. A dot in
-a name becomes two underscores, since MATLAB allows letters, digits and underscores alone;
+MAT, version 5, which MATLAB, Octave and SciPy read: ``evertwin`` (name, kind, version, hash),
+``parameters`` (one field per parameter with value, unit, low95, high95, verdict), and with
+trajectories ``t``, ``task`` and one column vector per channel: inputs and measured outputs by their
+names, predictions as ``NAME_predicted``. A dot in a name becomes two underscores, since MATLAB
+allows letters, digits and underscores alone;
 ``parameters.NAME.name`` keeps the name as it is.
 """
 

@@ -2,7 +2,7 @@
 
 A machine then consists of its layouts, its parameters and two compiled functions.
 
-What static maps have in common: no state, so nothing to start from and nothing to adopt into.
+A static map has no state: nothing to start from and nothing to adopt into (`StaticMap`).
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Rows simulated by a kernel, in one compiled loop.
 
-Sizes checked before compiled code runs: a kernel reads memory and cannot complain.
+A kernel reads memory and cannot complain, so sizes are checked before:
 
 >>> import numpy as np
 >>> sized(np.zeros(1), Layout.of(x="m"), np.zeros(0), Parameters())

@@ -11,7 +11,7 @@
 >>> y.round(4).tolist()
 [[0.0009, 0.1164], [0.0029, 0.2322]]
 
-Inverse dynamics in MuJoCo: joint motion in, joint torques out; a static map.
+`InverseDynamics`: joint motion in, joint torques out; a static map.
 
     τ = M(q)·q̈ + bias(q, q̇) − passive forces − constraint forces
 
@@ -26,8 +26,6 @@ so friction losses, damping, springs and joint limits count; the torque is what 
 >>> p = rod.parameters.values
 >>> rod.simulate(np.zeros(0), np.zeros((1, 3)), np.zeros(1), p)[1].round(4).tolist()
 [[-2.4525]]
-
-A MuJoCo model as a twin file names it.
 """
 
 from __future__ import annotations

@@ -45,6 +45,20 @@ def placed(at: Any) -> Place:
     return Place(at[0], at[1], at[2], at[3], at[4], at[5], at[6], at[7])
 
 
+@njit(cache=True)
+def cell(v: float, grid: Any, first: int, n: int) -> tuple[int, float]:
+    """Cell of a grid and the share of its upper edge; values outside sit on the border."""
+    v = min(max(v, grid[first]), grid[first + n - 1])
+    k, above = 0, n - 1
+    while above - k > 1:
+        middle = (k + above) // 2
+        if grid[first + middle] < v:
+            k = middle
+        else:
+            above = middle
+    return k, (v - grid[first + k]) / (grid[first + k + 1] - grid[first + k])
+
+
 def resolve(plan: np.ndarray, names: Sequence[str]) -> None:
     """Puts the addresses of this process into a plan; ``names``: the kind of each term."""
     address(plan, [kind(name) for name in names])

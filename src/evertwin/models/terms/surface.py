@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from evertwin.compiled.functions import njit
 from evertwin.models.contract import Model
 from evertwin.models.form import Term
 from evertwin.models.parameters import Parameter
@@ -25,7 +24,7 @@ from evertwin.models.terms.contract import (
     Prior,
     rising,
 )
-from evertwin.models.terms.kernel import placed
+from evertwin.models.terms.kernel import cell, placed
 from evertwin.models.terms.priors import LENGTHS, NOISES, modes, product, reached
 from evertwin.models.terms.rows import Rows
 from evertwin.types import Bool, Vector
@@ -34,26 +33,12 @@ GRID = 21
 """Nodes along each channel."""
 
 
-@njit(cache=True)
-def _cell(v: float, grid: Any, first: int, n: int) -> tuple[int, float]:
-    """Cell of a grid and the share of its upper edge; values outside sit on the border."""
-    v = min(max(v, grid[first]), grid[first + n - 1])
-    k, above = 0, n - 1
-    while above - k > 1:
-        middle = (k + above) // 2
-        if grid[first + middle] < v:
-            k = middle
-        else:
-            above = middle
-    return k, (v - grid[first + k]) / (grid[first + k + 1] - grid[first + k])
-
-
 def before(at: Any, grid: Any, u: Any, dt: float, p: Any, x: Any) -> int:
     """u + bilinear interpolation of the nodes p[i·n2 + j]."""
     own = placed(at)
     n2 = own.size2
-    i, a = _cell(u[own.channel], grid, 0, own.size)
-    j, b = _cell(u[own.source], grid, own.size, n2)
+    i, a = cell(u[own.channel], grid, 0, own.size)
+    j, b = cell(u[own.source], grid, own.size, n2)
     low = p[i * n2 + j] * (1.0 - b) + p[i * n2 + j + 1] * b
     high = p[(i + 1) * n2 + j] * (1.0 - b) + p[(i + 1) * n2 + j + 1] * b
     u[own.channel] = u[own.channel] + low * (1.0 - a) + high * a

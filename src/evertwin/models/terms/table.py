@@ -25,7 +25,7 @@ from evertwin.models.terms.contract import (
     Prior,
     rising,
 )
-from evertwin.models.terms.kernel import placed
+from evertwin.models.terms.kernel import cell, placed
 from evertwin.models.terms.priors import LENGTHS, NOISES, modes, reached
 from evertwin.models.terms.rows import LEVELS, Rows, propose_levels
 from evertwin.types import Bool, Vector
@@ -43,14 +43,7 @@ def before(at: Any, grid: Any, u: Any, dt: float, p: Any, x: Any) -> int:
     if v >= grid[last]:
         u[own.channel] = p[last] + (v - grid[last])
         return 0
-    k, above = 0, last  # grid[k] < v ≤ grid[above]
-    while above - k > 1:
-        middle = (k + above) // 2
-        if grid[middle] < v:
-            k = middle
-        else:
-            above = middle
-    share = (v - grid[k]) / (grid[k + 1] - grid[k])
+    k, share = cell(v, grid, 0, own.size)
     if own.variant == 1:
         u[own.channel] = p[k] + share * (p[k + 1] - p[k])
     else:
