@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial, reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -140,10 +141,7 @@ class Graph:
 
     def sum(self, items: Iterable[int]) -> int:
         """The sum of nodes."""
-        total = self.constant(0.0)
-        for item in items:
-            total = self("add", total, item)
-        return total
+        return reduce(partial(self, "add"), items, self.constant(0.0))
 
     def leaves(self, node: int) -> frozenset[int]:
         """The leaves that a node depends on."""

@@ -93,9 +93,6 @@ class _Reader:
     def _declared(self, variable: Mapping[str, Any]) -> str:
         return self.arena.place(variable["declaration"])
 
-    def _scalar(self, variable: Mapping[str, Any]) -> str:
-        return str(self.store["value_types"][variable["value_type"]]["scalar"])
-
     def _value(self, kind: str, i: int, place: str) -> np.ndarray:
         """Nodes of variable ``i``, in its shape; of its derivative for ``kind = derivative``."""
         variable = self.variables[i]
@@ -117,8 +114,9 @@ class _Reader:
             raise ModelError(
                 f"{self._declared(variable)}: parameter {variable['name']} has no value: give one"
             )
-        free = variable["role"] == "parameter" and self._scalar(variable) == "real"
-        if not (free and variable["attributes"]["is_tunable"]):
+        real = self.store["value_types"][variable["value_type"]]["scalar"] == "real"
+        free = variable["role"] == "parameter" and variable["attributes"]["is_tunable"]
+        if not (real and free):
             return nodes
         if any(self.graph.value(int(node)) is None for node in nodes.ravel()):
             return nodes  # follows from other parameters

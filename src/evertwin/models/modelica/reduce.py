@@ -99,16 +99,21 @@ def reduced(flat: Flat) -> Reduced:
     """The flat model with equalities of two variables taken out."""
     moving = frozenset(v.name for v in (*flat.unknowns, *flat.inputs))
     out = Reduced(flat, flat.graph, list(flat.equations), {}, moving)
-    while _merge_once(out, range(len(out.equations)), simple=True):
+    while merge_once(out, range(len(out.equations)), simple=True):
         pass
     return out
 
 
-def _merge_once(out: Reduced, among: Iterable[int], simple: bool) -> bool:
-    """Takes one variable out; ``simple``: only by a relation to one other, with a number before."""
+def merge_once(out: Reduced, among: Iterable[int], simple: bool) -> bool:
+    """Takes one variable out, by an equation among some; False if none can go.
+
+    Args:
+        simple: only by a relation to one other, with a number before.
+    """
     best: tuple[float, int, str, int] | None = None
     used = frozenset().union(*(out.graph.leaves(e.node) for e in out.equations))
-    keep = {v.name: _worth(v, out.graph.leaf(v.name, 1) in used) for v in out.left()}
+    # how much one wants to keep a variable: outputs, then states
+    keep = {v.name: 2.0 * v.output + (out.graph.leaf(v.name, 1) in used) for v in out.left()}
     inputs = {v.name for v in out.flat.inputs}
     orders = out.orders()
     for number in among:
@@ -136,11 +141,6 @@ def _merge_once(out: Reduced, among: Iterable[int], simple: bool) -> bool:
     return True
 
 
-def _worth(variable: Variable, moves: bool) -> float:
-    """How much one wants to keep a variable: outputs, then states."""
-    return 2.0 * variable.output + moves
-
-
 def _straight(out: Reduced, node: int, leaves: list[Node], orders: dict[str, int]) -> bool:
     """Is the relation linear in what is no state? A state is not given up for a bent one."""
     for at in leaves:
@@ -163,8 +163,3 @@ def _solved(out: Reduced, node: int, leaf: int, simple: bool) -> int | None:
     if simple or any(graph.nodes[at].name in out.moving for at in graph.leaves(split[0])):
         return None
     return graph("negate", graph("divide", split[1], split[0]))
-
-
-def freed(out: Reduced, among: Iterable[int]) -> bool:
-    """Takes one more variable out, of equations that bind states to each other."""
-    return _merge_once(out, among, simple=False)

@@ -28,7 +28,7 @@ import scipy
 from evertwin.errors import ModelError
 from evertwin.models.modelica.flat import Equation
 from evertwin.models.modelica.graph import Graph
-from evertwin.models.modelica.reduce import Reduced, freed
+from evertwin.models.modelica.reduce import Reduced, merge_once
 
 
 def _graph(pairs: Iterable[tuple[int, int]], rows: int, columns: int) -> Any:
@@ -135,7 +135,7 @@ def solved(out: Reduced) -> Solved:
         gives, bound = matched(uses, len(unknowns))
         if not bound and len(uses) == len(unknowns):
             break
-        if not bound or not freed(out, bound):
+        if not bound or not merge_once(out, bound, simple=False):
             raise _singular(out, bound)
     found = Solved(out.graph)
     found.states = [(name, k) for name, order in orders.items() for k in range(order)]
