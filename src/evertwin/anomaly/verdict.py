@@ -111,14 +111,10 @@ def branch(
     left = 1.0 - explained(fit, fit.noise)
     worst, part = _dependence(fit, problem, rule)
     evidence: dict[str, Any] = {
-        "explained": 1.0 - left,
-        "shares": shares,
-        "dependence": worst and worst._asdict(),
-        "part": part,
-        "white": {r.output: r.whiteness for r in fit.residuals},
-        "at_bound": fit.at_bound,
-        "converged": fit.converged,
-    }
+        "explained": 1.0 - left, "shares": shares, "dependence": worst and worst._asdict(),
+        "part": part, "white": {r.output: r.whiteness for r in fit.residuals},
+        "at_bound": fit.at_bound, "converged": fit.converged,
+    }  # fmt: skip
 
     def verdict(kind: str, reason: str) -> Verdict:
         return Verdict(kind, cause, reason, shares, evidence)

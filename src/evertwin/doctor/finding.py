@@ -54,15 +54,7 @@ class Diagnosis:
 
     def to_dict(self) -> dict[str, Json]:
         """Plain content, ``schema: "evertwin.doctor/1"``."""
-        return plain(  # type: ignore[return-value]
-            {
-                "schema": "evertwin.doctor/1",
-                "name": self.name,
-                "rows": self.rows,
-                "findings": self.findings,
-                "figures": self.figures,
-            }
-        )
+        return plain({"schema": "evertwin.doctor/1", **vars(self)})  # type: ignore[return-value]
 
     def of_kind(self, *kinds: str) -> tuple[Finding, ...]:
         """The findings of some kinds."""
@@ -72,19 +64,13 @@ class Diagnosis:
         count = len(self.findings)
         head = f"{self.name}: {self.rows} rows, {count} finding{'s' * (count != 1)}"
         told = {item.subject for item in self.of_kind("clock")}
-        clocks = [
-            f"clock: {found['said']}"
-            for source, found in self.figures.get("clocks", {}).items()
-            if source not in told
-        ]
-        return "\n".join([head, *(str(item) for item in self.findings), *clocks])
+        known = self.figures.get("clocks", {}).items()
+        clocks = [f"clock: {found['said']}" for source, found in known if source not in told]
+        return "\n".join([head, *map(str, self.findings), *clocks])
 
     def _repr_html_(self) -> str:
-        rows = "".join(
-            "<tr>"
-            + "".join(f"<td>{html.escape(c)}" for c in (f.kind, f.reason, f.where, f.step))
-            + "</tr>"
-            for f in self.findings
-        )
+        cells = ((f.kind, f.reason, f.where, f.step) for f in self.findings)
+        told = ("".join(f"<td>{html.escape(cell)}" for cell in row) for row in cells)
+        rows = "".join(f"<tr>{row}</tr>" for row in told)
         title = html.escape(f"{self.name}: {len(self.findings)} findings in {self.rows} rows")
         return f"<p>{title}</p><table><tr><th>kind<th>why<th>where<th>next</tr>{rows}</table>"

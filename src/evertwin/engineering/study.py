@@ -168,9 +168,8 @@ class Study:
     def to_dict(self) -> dict[str, Json]:
         """Plain content, ``schema: "evertwin.engineer/1"``."""
         needs, fit = self.breakdown.requirements, self.chosen.fit
-        reached: dict[str, Any] = {}
-        if fit is not None:
-            reached = dict(zip(fit.outputs, fit.moving_after, strict=True))
+        reached = {} if fit is None else dict(zip(fit.outputs, fit.moving_after, strict=True))
+        links = [(one.parameter, [s._asdict() for s in one.signals]) for one in self.links]
         content: Any = {
             "schema": "evertwin.engineer/1",
             "name": self.breakdown.name,
@@ -183,10 +182,7 @@ class Study:
                 "interval": needs.interval, "reached": reached, "run_time_reached": self.run_time,
                 "met": self.met,
             },
-            "links": [
-                {"parameter": one.parameter, "signals": [s._asdict() for s in one.signals]}
-                for one in self.links
-            ],
+            "links": [{"parameter": name, "signals": signals} for name, signals in links],
             "virtual_sensors": [one._asdict() for one in self.virtual],
             "inside": [one._asdict() for one in self.inside],
             "identified": self.identified

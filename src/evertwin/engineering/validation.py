@@ -164,15 +164,12 @@ class Validation:
 
     def to_dict(self) -> dict[str, Json]:
         """Plain content, ``schema: "evertwin.validate/1"``."""
-        return plain(  # type: ignore[return-value]
-            {
-                "schema": "evertwin.validate/1",
-                "name": self.validation.name,
-                "passed": self.passed,
-                "verification": self.verification.to_dict(),
-                "validation": self.validation.to_dict(),
-            }
-        )
+        both = {
+            "verification": self.verification.to_dict(),
+            "validation": self.validation.to_dict(),
+        }
+        head = {"schema": "evertwin.validate/1", "name": self.validation.name}
+        return plain({**head, "passed": self.passed, **both})  # type: ignore[return-value]
 
     def __str__(self) -> str:
         return f"{self.verification}\n{self.validation}"
@@ -262,13 +259,8 @@ def _rows(model: Model, seen: list[Prediction]) -> tuple[Inputs, Intervals]:
 
 
 def _run(name: str, seen: list[Prediction]) -> Run:
-    return Run(
-        name,
-        np.concatenate([s.measured for s in seen]),
-        np.concatenate([s.residual for s in seen]),
-        np.concatenate([s.moving for s in seen]),
-        np.concatenate([s.window.u for s in seen]),
-    )
+    columns = ((s.measured, s.residual, s.moving, s.window.u) for s in seen)
+    return Run(name, *map(np.concatenate, zip(*columns, strict=True)))
 
 
 def _rules(setup: Setup) -> Rules:

@@ -99,14 +99,9 @@ class VerificationReport:
 
     def to_dict(self) -> dict[str, Json]:
         """Plain content, ``schema: "evertwin.verification/1"``."""
-        return plain(  # type: ignore[return-value]
-            {
-                "schema": "evertwin.verification/1",
-                "model": self.model,
-                "passed": self.passed,
-                "checks": [check.to_dict() for check in self.checks],
-            }
-        )
+        checks = [check.to_dict() for check in self.checks]
+        head = {"schema": "evertwin.verification/1", "model": self.model, "passed": self.passed}
+        return plain({**head, "checks": checks})  # type: ignore[return-value]
 
     def __str__(self) -> str:
         ran = [check for check in self.checks if check.ran]
