@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
+from evertwin import Twin
 from evertwin.config.spec import AnomalySpec, CorrectionSpec, Span, TuningSpec
 from evertwin.fold import Answer, Event, Request, copy, make_block
 from evertwin.loop.configured_model import model_of
@@ -248,3 +249,27 @@ def test_the_end_of_the_data_answers_what_is_open() -> None:
 def test_a_deviation_is_shown_in_its_unit(relative: bool) -> None:
     bench = Bench(anomaly=AnomalySpec(requirement=0.01, relative=relative, window=Span(40)))
     assert bench.setup.shown(0, 0.05) == ("5.0 %" if relative else "0.05 m")
+
+
+def test_a_number_of_a_correction_that_no_row_touches_stays_and_the_others_follow() -> None:
+    """A cap learned from faster commands, then slower ones and a machine that lost a fifth."""
+    rng, n = np.random.default_rng(0), 1100
+    start, cap, gain = rng.uniform(0.03, 0.08), rng.uniform(0.13, 0.18), rng.uniform(0.85, 1.1)
+    free = np.repeat(0.01 * rng.integers(0, 21, n), rng.integers(3, 9, n))
+    v = np.concatenate([np.repeat(0.01 * np.arange(21), 5), free])[:n]
+    late = np.arange(n) >= 700
+    v = np.where(late, np.minimum(v, 0.1), v)
+    true = np.where(v < start, 0.0, np.minimum(np.where(late, 0.8, 1.0) * gain * v, cap))
+    x = np.r_[0.0, np.cumsum(true[:-1])] + np.random.default_rng(1).normal(0.0, 0.002, n)
+    with Twin.open("twins/robot1d.toml") as twin:
+        result = twin.run({"t": np.arange(n) * 1.0, "v": v, "x": x})
+        known = dict(zip(twin.champion.names, twin.champion.values, strict=True))
+        late_rows = {k: c[700:] for k, c in {"t": np.arange(n) * 1.0, "v": v, "x": x}.items()}
+        found = twin.fit(late_rows)
+    promoted = [event.row for event in result.events if event.kind == "promoted"]
+    assert promoted[0] < 700 < promoted[1]
+    assert not [e.reason for e in result.events if "not connected" in e.reason]
+    numbers = {item.name: item for item in found.parameters}
+    assert numbers["law.v.cap"].value == known["law.v.cap"]
+    assert numbers["gain"].value == known["gain"] and "gain as before" in found.fit.message
+    assert found.fit.verdict[found.fit.names.index("law.v.gain")] == "identifiable"

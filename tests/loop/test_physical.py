@@ -70,7 +70,7 @@ def test_a_fit_that_would_push_is_held_where_friction_resists(tmp_path: Path) ->
         rows = slow_grip()
         made = work(twin)
         problem = made.problem(twin._versions[0], (rows,), made.editable(twin._versions[0]))
-        free, (held, _) = solve(problem), made.tune(problem)
+        free, (_, held, _) = solve(problem), made.tune(problem)
         assert free["Fc1"] < -0.5 < 0 < free["offset1"]
         assert "joint 1 gives power out" in not_physical(problem.model, free.p, (rows,))
         assert held["Fc1"] == 0.0 and not not_physical(problem.model, held.p, (rows,))

@@ -82,7 +82,7 @@ def check_initials(setup: Setup, model: Model, tasks: tuple[Block, ...]) -> None
 def with_terms(setup: Setup, work: Work, version: Version, problem: Problem) -> Formed:
     """The tuned problem; with ``[correction] in_fit`` the tuned problem of the form that pays."""
     rule = setup.spec.correction
-    fit, _ = work.tune(problem)
+    problem, fit, _ = work.tune(problem)
     without = Formed(problem, fit, version.form)
     if not (rule.in_fit and rule.terms):
         return without
@@ -107,7 +107,8 @@ def with_terms(setup: Setup, work: Work, version: Version, problem: Problem) -> 
                 problem.settings, far=formed_far(problem.settings.far, setup.spec, proposal.form)
             ),
         )  # fmt: skip
-        tried.append(Formed(wider, work.tune(wider)[0], proposal.form, search))
+        wider, found, _ = work.tune(wider)
+        tried.append(Formed(wider, found, proposal.form, search))
     formed = min(tried, key=lambda one: one.fit.cost)
     left: list[Json] = [
         {"output": o, "without": a, "with": b} for o, a, b in _rms(without.fit, formed.fit)

@@ -145,15 +145,22 @@ class Work:
         schedule = Schedule({name: weights.get(name, 1.0) for name in names})
         return schedule.due(tunings)
 
-    def tune(self, problem: Problem) -> tuple[Fit, dict[str, Any]]:
-        """The fit, its friction held to what resists; where it went by rounds, these and the
-        single-axis simulations they took."""
-        return physically(problem, self._tune)
+    def tune(self, problem: Problem) -> tuple[Problem, Fit, dict[str, Any]]:
+        """What was tuned, and the fit, its friction held to what resists; where it went by rounds,
+        these and the single-axis simulations they took."""
+        fit, rounds = physically(problem, self._tune)
+        return problem if fit.names == problem.names else problem.tuning(fit.names), fit, rounds
 
     def _tune(self, problem: Problem) -> tuple[Fit, dict[str, Any]]:
         rule = self.setup.spec.tuning
         if rule.method != "iteration":
-            return solve(problem), {}
+            fit = solve(problem)
+            stays = _superseded(problem, fit)
+            if not stays:
+                return fit, {}
+            fit = solve(problem.tuning(tuple(n for n in fit.names if n not in stays)))
+            said = f"{fit.message}; {', '.join(stays)} as before: the correction tells the same"
+            return replace(fit, message=said), {}
         limit = self.setup.requirement if np.isfinite(self.setup.requirement) else 0.05
         done = Iteration(limit=limit, relaxation=rule.relaxation).run(problem)
         return done.fit, {
@@ -166,7 +173,7 @@ class Work:
         if not names:
             return {"events": [], "next": self._next()}
         problem, _ = climb_laws(self.setup, self.problem(version, windows, names))
-        fit, rounds = self.tune(problem)
+        problem, fit, rounds = self.tune(problem)
         if rounds and fit.converged:
             verdict = Verdict("normal", "", f"tuned by rounds: {fit.message}")
         elif len(names) < len(self.editable(version)):
@@ -282,7 +289,7 @@ class Work:
         if not names:
             return None
         problem = self.problem(version, windows, names)
-        fit, _ = self.tune(problem)
+        problem, fit, _ = self.tune(problem)
         if explained(fit, fit.noise) < 0.5:
             return None
         return self._tuned(version, problem, fit, windows, events)
@@ -303,6 +310,16 @@ class Work:
             return np.zeros((0, 2))
         u = np.concatenate([w.u[:, columns] for w in windows])
         return np.stack([np.nanmin(u, axis=0), np.nanmax(u, axis=0)], axis=1)
+
+
+def _superseded(problem: Problem, fit: Fit) -> tuple[str, ...]:
+    """The model's numbers that no row tells from a correction's, which has taken their place."""
+    if not isinstance(problem.model, Corrected):
+        return ()
+    base = problem.model.model.parameters.names
+    alike = [n for n, why in zip(fit.names, fit.reasons, strict=True) if "collinear" in why]
+    stays = tuple(name for name in alike if name in base)
+    return stays if len(stays) < len(alike) else ()
 
 
 def at_ends(problem: Problem, values: np.ndarray) -> list[float]:

@@ -179,12 +179,12 @@ def connected(model: Model, names: tuple[str, ...], u: Any) -> None:
     reference = model.simulate(x, probes, steps, p)[1]
     for name in names:
         changed = False
-        for amount in (1e-3, 0.5):
+        place = model.parameters.index(name)
+        low, high = model.parameters.low[place], model.parameters.high[place]
+        for amount in (1e-3, 0.5, -0.5):
             other = p.copy()
-            place = model.parameters.index(name)
             step = amount * max(abs(p[place]), 1.0)
-            low, high = model.parameters.low[place], model.parameters.high[place]
-            other[place] = p[place] + step if p[place] + step <= high else max(p[place] - step, low)
+            other[place] = min(max(p[place] + step, low), high)
             y = model.simulate(model.initial(other), probes, steps, other)[1]
             changed |= not np.array_equal(y, reference, equal_nan=True)
         if not changed:

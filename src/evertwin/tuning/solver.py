@@ -13,6 +13,7 @@ import numpy as np
 import scipy
 
 from evertwin.models import Parameters
+from evertwin.models.corrected import Corrected
 from evertwin.tuning.assemble import Outcome, assemble, noise_of, sizes_of, squares
 from evertwin.tuning.closed import ClosedForm
 from evertwin.tuning.fit import Fit
@@ -116,11 +117,16 @@ def _search(problem: Problem, settings: Settings, began: float) -> Fit:
 
 
 def _check_knobs(problem: Problem, acting: Sensitivity) -> None:
-    """A parameter that moves nothing here is asked whether it acts anywhere."""
+    """A parameter that moves nothing here is asked whether it acts anywhere.
+
+    A number of a correction was learned from rows where it did: it only stays as it is.
+    """
     told = np.logical_or.reduce(acting.acts, axis=0)
     if not told.all():
+        model = problem.model
+        own = model.model.parameters.names if isinstance(model, Corrected) else problem.names
         silent = tuple(problem.names[j] for j in np.flatnonzero(~told).tolist())
-        connected(problem.model, silent, problem.rows.u)
+        connected(model, tuple(name for name in silent if name in own), problem.rows.u)
 
 
 def _diverged(problem: Problem, outcome: Outcome, began: float) -> Fit:
