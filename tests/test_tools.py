@@ -1,4 +1,4 @@
-"""The runner of the documentation's commands is able to fail."""
+"""The runner of the documentation's commands is able to fail; what the tools name is there."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import sys
 from pathlib import Path
 
 import pytest
+
+from tools import compile_kernels
 
 ROOT = Path(__file__).parent.parent
 
@@ -94,3 +96,11 @@ def test_a_silent_command_shows_that_it_lives(tmp_path: Path) -> None:
     alive = [line for line in lines if line.startswith("waiting ... ")]
     assert done.returncode == 3 and len(alive) >= 3
     assert [line for line in lines if line not in alive] == ["waiting ...", "one", "two"]
+
+
+def test_the_tests_that_compile_the_loops_are_there() -> None:
+    for name in compile_kernels.TESTS:
+        path, _, test = name.partition("::")
+        assert f"def {test}(" in (ROOT / path).read_text() if test else (ROOT / path).is_file(), (
+            name
+        )

@@ -17,7 +17,7 @@ from evertwin.compiled import functions
 
 TESTS = (
     "src/evertwin/models/modelica/model.py",
-    "src/evertwin/prognosis/laws/fleet_prior.py",
+    "src/evertwin/prognosis/laws/predict.py",
     "tests/ahead/test_path_error_of_an_arm.py"
     "::test_stiff_controllers_follow_and_soft_ones_fall_behind",
     "tests/anomaly/test_adwin.py::test_the_window_holds_what_it_says",
