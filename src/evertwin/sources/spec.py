@@ -82,13 +82,6 @@ class SourceSpec(Section):
     """Name in messages."""
     channels: Mapping[str, ChannelSpec]
     """Channel name to its column: ``v = { column = "v", unit = "m/s" }``."""
-    keep: Duration | None = None
-    """How long pushed samples stay in the store, and no shorter than checkpoints need them; absent:
-    for good."""
-    slack: Annotated[Seconds, Ge(0.0)] = 0.0
-    """How far behind this source's newest sample another one's may still come; rows wait for it."""
-    timeout: Duration = float("inf")
-    """Silent for so long before a tick, it is no longer waited for."""
     files: tuple[Annotated[str, Late()], ...] = ()
     """Recordings or patterns, each file a task; relative to the twin file. ``--data`` replaces
     them."""
@@ -113,6 +106,13 @@ class SourceSpec(Section):
     left_out: Annotated[float, Ge(0.0), Le(1.0)] = LIMIT
     """Largest share of the rows that may be left out (stamps that go back, repeat or are absurd,
     damaged lines, absurd values); beyond it that is a finding."""
+    keep: Duration | None = None
+    """How long pushed samples stay in the store, and no shorter than checkpoints need them; absent:
+    for good."""
+    slack: Annotated[Seconds, Ge(0.0)] = 0.0
+    """How far behind this source's newest sample another one's may still come; rows wait for it."""
+    timeout: Duration = float("inf")
+    """Silent for so long before a tick, it is no longer waited for."""
 
 
 @dataclass(frozen=True)

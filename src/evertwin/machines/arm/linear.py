@@ -88,7 +88,7 @@ def split(
     columns: Columns, slot: Any, p: Any, u: Any, s: Any, load: Any, bodies: Any, y0: Any, phi: Any
 ) -> None:
     """Fills ``phi`` (rows, n, t) with the columns that have a ``slot`` (n, m) there, and adds the
-    others, times their values in ``p``, to ``y0`` (rows, n), which may be the load itself."""
+    others, times their values in ``p``, to ``y0`` (rows, n)."""
     phi[:] = 0.0
     one, total = np.empty(_PIECE), np.empty(_PIECE)
     for a in range(0, len(u), _PIECE):

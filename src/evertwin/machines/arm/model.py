@@ -259,6 +259,7 @@ class Arm(StaticMap):
         """The columns that have a ``slot``; torques of all else."""
         bodies = bool(np.any(slot[self._linear.code >= 0] >= 0))
         y0, *seen = self._seen(u, p, bodies=bodies)
+        y0 = y0.copy()  # it may be the load that friction goes by
         phi = np.empty((len(u), len(slot), int(slot.max(initial=-1)) + 1))
         columns = self._linear if bodies else self._linear.without_bodies
         linear.split(columns, slot, p, *seen, y0, phi)
