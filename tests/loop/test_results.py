@@ -29,6 +29,7 @@ from evertwin.errors import MissingExtra, UsageError
 from evertwin.loop.fitting import FitResult
 from evertwin.loop.result import RunResult
 from evertwin.report import draw_run
+from evertwin.report.run_report import write_report
 from evertwin.twin import Twin
 
 
@@ -195,3 +196,28 @@ def test_the_library_is_silent_until_it_is_asked(caplog: pytest.LogCaptureFixtur
     told = [record.getMessage() for record in caplog.records if record.name == "evertwin"]
     assert any("promoted" in line for line in told)
     assert any("1200 rows in" in line for line in told)
+
+
+def test_a_trial_that_is_still_open_stands_in_result_and_report(tmp_path: Path) -> None:
+    whole = Twin(spec()).run(drive())
+    live = whole.of_kind("promoted")[0]
+    assert whole.trial is None and "on trial" not in str(whole)
+    tried = whole.versions[live.evidence["version"]]
+    rows = tried.row + 3 * (live.row - tried.row) // 4
+    with Twin(spec()) as twin:
+        result = twin.run({k: v[:rows] for k, v in drive().items()})
+        write_report(result, twin.setup, tmp_path / "run.html")
+    trial = result.trial
+    assert trial is not None and not result.of_kind("promoted")
+    assert (trial.version, trial.since, trial.reason) == (tried.number, tried.row, tried.reason)
+    assert trial.gain > 0.05 and 0 < trial.segments < live.evidence["segments"]
+    assert [check.name for check in trial.missing] and "safety" not in str(trial)
+    assert trial.seconds is not None
+    assert rows * 0.1 + trial.seconds == pytest.approx(0.1 * live.row, rel=0.3)
+    content: Any = json.loads(json.dumps(result.to_dict(), allow_nan=False))
+    assert content["trial"]["version"] == trial.version
+    assert [c["name"] for c in content["trial"]["missing"]] == [c.name for c in trial.missing]
+    assert f"version {trial.version} (" in str(result) and "on trial" in result._repr_html_()
+    page = (tmp_path / "run.html").read_text(encoding="utf-8")
+    assert "Not decided yet." in page and f"on trial since row {trial.since}" in page
+    assert "No challenger was tried" not in page

@@ -174,3 +174,28 @@ def test_repeated_fits_must_lie_inside_their_intervals() -> None:
     assert all(c.passed for c in admit(p, low, high, np.array([[1.01, 9.0]]), sigma))
     assert not admit(p, low, high, np.array([[1.05, 2.0]]), sigma)[1].passed
     assert not admit(np.array([np.nan, 1.0]), low, high)[0].passed
+
+
+def test_how_long_a_trial_takes_is_foretold_from_its_pace() -> None:
+    stage, rng = Trial(horizon=2.0, alpha=1e-6), np.random.default_rng(5)
+    losses = segments(rng, 1.1, (1.0, 1.1))
+    took = next(n for n in range(300) if stage.step(stage.init(), losses[:n])[1] == "promote")
+    part = 2 * took // 3
+    more, why = stage.to_come(stage.step(stage.init(), losses[:part])[0])
+    assert why == "" and more is not None and 0.5 < (part + more) / took < 2.0
+
+
+def test_what_cannot_be_foretold_says_why() -> None:
+    noise = np.random.default_rng(6).normal(size=60) ** 2
+    equal_ones = Trial().step(Trial().init(), np.stack([noise, noise], axis=1))[0]
+    assert Trial().to_come(equal_ones) == (None, "the gain is below 5 %")
+    stage = Trial(margin=0.0, proven=0.0)
+    flat = stage.step(stage.init(), np.stack([noise, noise], axis=1))[0]
+    assert stage.to_come(flat) == (None, "the evidence does not grow")
+    slow = Trial(segments=10, duration=0.0, limit=10, alpha=1e-12)
+    state, _ = slow.step(slow.init(), np.stack([1.5 * noise[:8], noise[:8]], axis=1))
+    assert slow.to_come(state)[1] == "at this pace the limit of 10 segments comes first"
+    risky = Trial(measures=1)
+    harm = np.stack([4.0 * noise, noise, 0.0 * noise, 0.0 * noise + 9.0], axis=1)
+    state, _ = risky.step(risky.init(), harm)
+    assert risky.to_come(state) == (None, "a safety measure is worse")

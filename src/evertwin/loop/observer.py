@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from evertwin.fold import Answer, Block, Event, Record
 from evertwin.loop.deviation import deviation
 from evertwin.loop.driver import Driver
 from evertwin.loop.follow import Followed
+from evertwin.loop.open_trial import open_trial
 from evertwin.loop.result import OutputFigures, RunResult
 from evertwin.loop.setup import Setup
 from evertwin.loop.trace import Trace
@@ -19,6 +20,8 @@ from evertwin.models import Parameters
 from evertwin.signals import wrap
 from evertwin.tuning.iteration import Round
 
+Progress: TypeAlias = Callable[[int, float], None]
+"""``progress(rows so far, seconds of data so far)``."""
 OFTEN = 100_000
 """Rows between two reports of progress."""
 PIECES, ROWS = 16, 8192
@@ -36,7 +39,7 @@ class Observer:
     'Observer'
     """
 
-    def __init__(self, setup: Setup, progress: Callable[[int, float], None] | None = None) -> None:
+    def __init__(self, setup: Setup, progress: Progress | None = None) -> None:
         self.setup = setup
         self._angles = setup.model.outputs.angles
         self._trace = Trace()
@@ -127,6 +130,7 @@ class Observer:
             model=model,
             models={v.form: driver.versions.model(v.number) for v in driver.versions},
             trace=self.trace.columns(), rounds=tuple(self.rounds),
+            trial=open_trial(driver.setup, driver.versions, state),
         )  # fmt: skip
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from evertwin.errors import MissingExtra
 from evertwin.fold import Event, plain
+from evertwin.loop.open_trial import OpenTrial
 from evertwin.models import Model, Parameters
 from evertwin.models.form import Form, Version
 from evertwin.sources.tally import Tally
@@ -80,6 +81,8 @@ class RunResult:
     """Rows that were passed over: runs before had them."""
     began: int = 0
     """Row of the run that it went on from, after it was cut off or at its end."""
+    trial: OpenTrial | None = None
+    """The challenger that was on trial at the end."""
 
     @property
     def problems(self) -> Mapping[str, int]:
@@ -105,6 +108,7 @@ class RunResult:
                 "variant": dict(self.champion.form.variant),
                 "reason": self.champion.reason,
             },
+            "trial": self.trial,
             "parameters": {item.name: self._parameter(item.name) for item in self.parameters},
             "data_problems": self.problems,
             "left_out": [tally.to_dict() for tally in self.left_out],
@@ -195,6 +199,7 @@ class RunResult:
             f"  {name:<10} rms {b} -> {a} {unit}   relative {rb} -> {ra}"
             for name, unit, b, a, rb, ra in self._lines()
         ]
+        text += [] if self.trial is None else [f"  {self.trial}"]
         text += [f"  {tally}" for tally in self.left_out]
         text += [f"  row {e.row:>8}  {e.kind:<18} {e.signal:<8} {e.reason}" for e in self.events]
         return "\n".join(text)
@@ -211,7 +216,8 @@ class RunResult:
             f"<td>{html.escape(e.reason)}</tr>"
             for e in self.events
         )
-        title = html.escape(f"{self.name}: version {self.champion.number} is live")
+        trial = "" if self.trial is None else f"; {self.trial}"
+        title = html.escape(f"{self.name}: version {self.champion.number} is live{trial}")
         return (
             f"<p>{title}</p><table>{head}{body}</table>"
             f"<table><tr><th>row<th>event<th>signal<th>reason</tr>{events}</table>"

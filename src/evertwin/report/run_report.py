@@ -57,6 +57,7 @@ def write_report(result: RunResult, setup: Setup, path: Path) -> None:
         "relative": setup.relative,
         "updating": _updating(result, setup),
         "pictures": list(_pictures(result, setup)),
+        "trial": result.trial,
         "trials": [_trial(e) for e in result.of_kind("promoted", "rolled_back", "rejected")],
         "tuned": {k: v for k, v in content["parameters"].items() if v["verdict"] != "not tuned"},
         "kept": {k: v for k, v in content["parameters"].items() if v["verdict"] == "not tuned"},

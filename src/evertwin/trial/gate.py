@@ -182,6 +182,28 @@ class Trial:
             Check("safety", not unsafe(state.harm), worst, 0.0),
         )
 
+    def to_come(self, state: GateState) -> tuple[int | None, str]:
+        """Segments until it is promoted, at the pace of those so far; None, and why: not told.
+
+        >>> Trial().to_come(Trial().init())
+        (None, 'no segment has ended yet')
+        """
+        found, bar = figures(state), -math.log(self.alpha)
+        n, log = found["segments"], math.log(max(found["e_value"], 1e-300))
+        if not n:
+            return None, "no segment has ended yet"
+        if found["gain"] < self.margin:
+            return None, f"the gain is below {100 * self.margin:.3g} %"
+        if unsafe(state.harm):
+            return None, "a safety measure is worse"
+        if log <= 0:
+            return None, "the evidence does not grow"
+        more = max(self.least - n, math.ceil(n * (bar - log) / log), 1)
+        limit = int(self.rule[-1])
+        if n + more > limit:
+            return None, f"at this pace the limit of {limit} segments comes first"
+        return more, ""
+
 
 def pass_through(state: GateState, losses: Float64[np.ndarray, "m columns"], rule: Vector) -> None:
     """Folds segments into ``state``, in place.

@@ -1,0 +1,70 @@
+"""The challenger that is still on trial where a run ends: what it has gained, and what it lacks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from evertwin.loop.setup import Setup
+from evertwin.loop.twin_state import TRIAL, TwinState
+from evertwin.loop.versions import Versions
+from evertwin.trial import Check
+from evertwin.trial.gate import figures
+
+
+@dataclass(frozen=True)
+class OpenTrial:
+    """A trial without a verdict yet.
+
+    >>> lacks = (Check("segments", False, 12.0, 20.0),)
+    >>> print(OpenTrial(3, "tuned gain", 400, 12, 0.1, 150.0, lacks, 8, 8.0, ""))
+    version 3 (tuned gain) is on trial since row 400: deviation -10.0 % over 12 segments, e-value \
+150; missing: segments 12 of 20; at this pace 8 more segments, 8 s
+    """
+
+    version: int
+    reason: str
+    """What it was made of."""
+    since: int
+    """Row at which its trial began."""
+    segments: int
+    """Unseen segments that both versions have predicted."""
+    gain: float
+    """Relative gain in deviation so far."""
+    e_value: float
+    missing: tuple[Check, ...]
+    """Lines of the gate's checklist that are not reached."""
+    more: int | None
+    """Segments until it goes live, if evidence grows as it has grown; None: cannot be told."""
+    seconds: float | None
+    """Time of data that these take at the pace of the trial so far [s]."""
+    untold: str
+    """Why it cannot be told."""
+
+    def __str__(self) -> str:
+        """One line."""
+        lacks = ", ".join(f"{c.name} {c.value:.3g} of {c.limit:.3g}" for c in self.missing)
+        pace = f"how long cannot be told: {self.untold}"
+        if self.more is not None:
+            pace = f"at this pace {self.more} more segments, {self.seconds:.3g} s"
+        return (
+            f"version {self.version} ({self.reason}) is on trial since row {self.since}: deviation "
+            f"{-100 * self.gain:+.1f} % over {self.segments} segments, e-value {self.e_value:.3g}; "
+            f"missing: {lacks or 'nothing'}; {pace}"
+        )
+
+
+def open_trial(setup: Setup, versions: Versions, state: TwinState) -> OpenTrial | None:
+    """The trial that is going on, if one is."""
+    if state.agenda.phase != TRIAL:
+        return None
+    gate, version, found = setup.trial, versions[state.other.version], figures(state.trial)
+    more, why = gate.to_come(state.trial)
+    if state.agenda.pinned:
+        more, why = None, "the live version is pinned"
+    rows = (state.row - version.row) / max(found["segments"], 1)
+    pace = rows * state.elapsed * 1e-9 / max(state.row, 1)
+    missing = tuple(check for check in gate.checklist(state.trial) if not check.passed)
+    return OpenTrial(
+        version.number, version.reason, version.row, found["segments"], found["gain"],
+        found["e_value"], missing, more, None if more is None else more * pace, why,
+    )  # fmt: skip
