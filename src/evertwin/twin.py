@@ -11,7 +11,7 @@ your own as second argument.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -33,18 +33,11 @@ from evertwin.models.form import Version
 from evertwin.store import Store, opened
 
 if TYPE_CHECKING:
-    from evertwin.ahead import Forecast, Mode, WhatIf
-    from evertwin.doctor import Diagnosis
-    from evertwin.engineering import Validation
-    from evertwin.export import Written
-    from evertwin.loop import Comparison, Data, FitResult, RunResult, Watch
-    from evertwin.prognosis import Lives, Prospect, Verdict
-    from evertwin.prognosis.laws.planning import Plan
+    from evertwin.loop import Comparison, Data, FitResult, Kpi, Progress, RunResult, Watch
+    from evertwin.prognosis import Lives, Plan, Prospect, Verdict
     from evertwin.tuning import Problem
 
 _RUNAWAY = np.errstate(over="ignore", invalid="ignore")  # runs away to infinity: told by marks
-Progress = Callable[[int, float], None]
-"""``progress(rows so far, seconds of data so far)``."""
 
 
 class Twin:
@@ -163,6 +156,15 @@ class Twin:
         run = loop.Run(self.setup, self._ledger, observer, engine, every)
         return run.play(data, anew=again, lasting=self._lasting)
 
+    def kpi(self, result: RunResult, changed: float | None = None) -> Kpi:
+        """What a run of this twin is compared by with others; rates are of all runs in its log.
+
+        Args:
+            result: of `run` or `finish`.
+            changed: when the machine is known to have changed [s of data]; None: nobody knows.
+        """
+        return loop.kpi_of(self.setup, self._ledger, result, changed)
+
     def problem(self, train: Data = None) -> Problem:
         """What `fit` tunes the champion on, for `evertwin.tuning.solve` and its like."""
         return loop.posed(self.setup, self._versions, self.champion.number, self.blocks(train))[0]
@@ -225,12 +227,12 @@ class Twin:
         return loop.fit(self.setup, self._versions, self.champion.number, data, watch, engine)
 
     @_RUNAWAY
-    def doctor(self, data: Data = None) -> Diagnosis:
+    def doctor(self, data: Data = None) -> doctor.Diagnosis:
         """What is wrong, or will be: units, lag, excitation, what is not identifiable."""
         return doctor.diagnose(self.setup, self._versions, self.champion.number, data)
 
     @_RUNAWAY
-    def validate(self, test: Sequence[Any] = (), train: Data = None) -> Validation:
+    def validate(self, test: Sequence[Any] = (), train: Data = None) -> engineering.Validation:
         """Verifies the champion (other engines, laws) and validates it on held-out recordings.
 
         Args:
@@ -255,9 +257,9 @@ class Twin:
 
     @_RUNAWAY
     def forecast(
-        self, horizon: float, data: Data = None, mode: Mode = "repeat",
+        self, horizon: float, data: Data = None, mode: ahead.Mode = "repeat",
         inputs: str | Path | None = None,
-    ) -> Forecast:  # fmt: skip
+    ) -> ahead.Forecast:  # fmt: skip
         """What the machine will do from the end of its recordings on, with bands.
 
         Args:
@@ -294,7 +296,7 @@ class Twin:
     def whatif(
         self, scenario: str | Path | ScenarioSpec, data: Data = None,
         history: str | Path | None = None,
-    ) -> WhatIf:  # fmt: skip
+    ) -> ahead.WhatIf:  # fmt: skip
         """A scenario (file) beside today, simulated with the live version."""
         told = scenario if isinstance(scenario, ScenarioSpec) else read_scenario(scenario)
         prospect = self.prospect(history, data)
@@ -341,7 +343,7 @@ class Twin:
     @_RUNAWAY
     def export(
         self, path: str | Path, form: str, number: int | None = None, data: Data = None
-    ) -> Written:
+    ) -> export.Written:
         """Writes a version to a file.
 
         Args:

@@ -74,6 +74,7 @@ def test_fit_gives_its_document(call: Command, folder: Path) -> None:
     [
         (("info", "robot.csv"), "evertwin.info/1"),
         (("doctor", "robot.toml", "--data", "robot.csv"), "evertwin.doctor/1"),
+        (("kpi", "robot.toml", "--data", "robot.csv", "--changed", "0"), "evertwin.kpi/1"),
         (("schema",), "evertwin.schema/1"),
         (("model", "list", "robot.toml"), "evertwin.versions/1"),
         (("model", "show", "robot.toml", "0"), "evertwin.version/1"),

@@ -120,6 +120,24 @@ def run(
 
 
 @app.command()
+def kpi(
+    twin: TwinFile,
+    data: DataFiles = None,
+    changed: Annotated[
+        float | None, typer.Option(help="When the machine was changed [s of data].")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Run a twin, and tell what it is compared by: updates, deviation, times, rates, coverage.
+
+    Example: evertwin kpi robot.toml --data monday.csv --changed 600
+    """
+    from evertwin.app.commands import show_kpi
+
+    show_kpi(twin, data, changed, as_json)
+
+
+@app.command()
 def fit(
     twin: TwinFile,
     train: Annotated[list[Path], typer.Option("--train", help="Recordings to learn from." + PART)],

@@ -26,12 +26,9 @@ def run_twin(
     workers: int | None,
 ) -> None:  # fmt: skip
     """``evertwin run``; ``shown`` as JSON, and with an exit code for findings."""
-    progress, (as_json, check) = Progress(), shown
+    as_json, check = shown
     with Twin.open(twin) as opened:
-        result = opened.run(_files(data), progress, again=again, workers=workers)
-        progress.close()
-        for line in _went_on(result):
-            typer.echo(f"evertwin: {line}", err=True)
+        result = _run(opened, data, again=again, workers=workers)
         if report is not None:
             from evertwin.report.run_report import write_report  # draws with Matplotlib
 
@@ -45,6 +42,25 @@ def run_twin(
             )
     if check and (result.of_kind(*FINDINGS) or any(one.finding for one in result.left_out)):
         raise typer.Exit(1)
+
+
+def show_kpi(twin: Path, data: Files, changed: float | None, as_json: bool) -> None:
+    """``evertwin kpi``."""
+    with Twin.open(twin) as opened:
+        found = opened.kpi(_run(opened, data), changed)
+        show(found.to_dict(), str(found), as_json)
+
+
+def _run(
+    opened: Twin, data: Files, *, again: bool = False, workers: int | None = None
+) -> RunResult:
+    """Runs it; what goes on, and which rows were not run now, goes to stderr."""
+    progress = Progress()
+    result = opened.run(_files(data), progress, again=again, workers=workers)
+    progress.close()
+    for line in _went_on(result):
+        typer.echo(f"evertwin: {line}", err=True)
+    return result
 
 
 def _went_on(result: RunResult) -> Iterator[str]:

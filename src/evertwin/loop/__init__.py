@@ -19,9 +19,10 @@ if TYPE_CHECKING:
         fit as fit,
         posed as posed,
     )
+    from evertwin.loop.kpi import Kpi as Kpi, kpi_of as kpi_of
     from evertwin.loop.ledger import Ledger as Ledger
     from evertwin.loop.live import Live as Live, View as View
-    from evertwin.loop.observer import Observer as Observer
+    from evertwin.loop.observer import Observer as Observer, Progress as Progress
     from evertwin.loop.result import RunResult as RunResult
     from evertwin.loop.run import Run as Run
     from evertwin.loop.setup import Setup as Setup

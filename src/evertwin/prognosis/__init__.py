@@ -8,6 +8,7 @@ from evertwin.surface import surface
 
 if TYPE_CHECKING:
     from evertwin.prognosis.alarm_log import alarmed as alarmed
+    from evertwin.prognosis.laws.planning import Plan as Plan
     from evertwin.prognosis.lives import Lives as Lives
     from evertwin.prognosis.prospect import Prospect as Prospect
     from evertwin.prognosis.scenario_lives import run_scenario as run_scenario
