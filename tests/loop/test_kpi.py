@@ -104,7 +104,7 @@ def test_a_change_outside_the_run_is_refused_and_one_that_is_not_seen_is_said() 
         with pytest.raises(UsageError, match=r"expected within 0 … 119\.9 s"):
             twin.kpi(result, 120.0)
         found = twin.kpi(result, 50.0)
-    assert not found.changes and found.rates["false"].count == 0
+    assert not found.changes and found.rates["false_retunes"].count == 0
     assert "the change at 50 s was not detected" in found.notes
     assert "before and after are one version: none was promoted" in found.notes
     assert "fewer than" in str(found)

@@ -105,7 +105,7 @@ class Kpi:
     outputs: Mapping[str, OutputFigures]
     changes: tuple[Change, ...]
     rates: Mapping[str, Rate]
-    """Of what was tuned, corrected, promoted, rejected, rolled back; ``false``: the last two."""
+    """Of each of `COUNTED`; ``false_retunes``: of what was rejected or rolled back."""
     coverage: Mapping[str, Coverage]
     notes: tuple[str, ...] = ()
     """What cannot be told."""
@@ -124,10 +124,11 @@ class Kpi:
         for name, f in self.outputs.items():
             whole = _percent(f.relative_rms_before, f.relative_rms_after)
             moving = _percent(f.relative_rms_moving_before, f.relative_rms_moving_after)
-            text.append(f"{name:<11} off by {whole} of its rms, moving {moving}")
-        text += [f"{name:<11} inside the 95 % band: {c}" for name, c in self.coverage.items()]
+            rms = f"{f.rms_before:.3g} -> {f.rms_after:.3g} {f.unit}"
+            text.append(f"{name:<13} off by {rms}: {whole} of its rms, moving {moving}")
+        text += [f"{name:<13} inside the 95 % band: {c}" for name, c in self.coverage.items()]
         text += [str(change) for change in self.changes]
-        text += [f"{kind.replace('_', ' '):<11} {rate}" for kind, rate in self.rates.items()]
+        text += [f"{kind.replace('_', ' '):<13} {rate}" for kind, rate in self.rates.items()]
         return "\n  ".join([*text, *self.notes])
 
 
@@ -152,7 +153,7 @@ def kpi_of(setup: Setup, ledger: Ledger, result: RunResult, changed: float | Non
     kinds = [record.kind for record in records if isinstance(record, Event)]
     logged = sum(run.ended["elapsed"] for run in ledger.runs if run.ended is not None) * 1e-9
     counts = {kind: kinds.count(kind) for kind in COUNTED}
-    counts["false"] = sum(counts[kind] for kind in FALSE)
+    counts["false_retunes"] = sum(counts[kind] for kind in FALSE)
     known = np.where(trace["mark"] == Mark.ERROR, np.nan, trace["residual"])
     with np.errstate(divide="ignore", invalid="ignore"):
         z = np.where(np.isfinite(trace["sigma"]), known / trace["sigma"], np.nan)
@@ -247,6 +248,7 @@ def _notes(found: Kpi, result: RunResult, changed: float | None) -> tuple[str, .
         "no group of outputs is held to a tolerance: there are no position updates": not updates,
         "no way in metres was measured": updates is not None and not updates.way,
         "before and after are one version: none was promoted": not result.of_kind("promoted"),
+        str(result.trial): result.trial is not None,
         f"way and coverage are of {len(rows)} of the rows": len(rows) < result.samples,
         f"coverage of {', '.join(lacks)}: no row has a measurement and a band": bool(lacks),
     }
