@@ -74,7 +74,7 @@ class Decide:
     def quiet(self, state: TwinState) -> bool:
         """Is nothing going on but watching, so that a beat decides only what rows bring up?"""
         agenda, detect = state.agenda, self.follow.setup.detect
-        idle = agenda.phase == WATCH and agenda.open == 0 and agenda.retrain == 0
+        idle = agenda.phase == WATCH and not (agenda.open or agenda.retrain or agenda.again)
         return idle and detect.quiet(state.detect) and self.follow.here(state)
 
     def watches(self, state: TwinState) -> bool:
@@ -95,7 +95,7 @@ class Decide:
         state = state._replace(other=self.follow.beside(state.live, number))
         state = self._live(state, number, EMPTY, first)
         agenda = state.agenda._replace(
-            phase=WATCH, open=0, versions=max(state.agenda.versions, number + 1)
+            phase=WATCH, open=0, again=0, versions=max(state.agenda.versions, number + 1)
         )
         return state._replace(agenda=agenda)
 
@@ -112,7 +112,11 @@ class Decide:
         decision.state = decision.state._replace(detect=detect)
         if failed[0]:
             decision.say("not_calibrated", "", failed[0], {"rows": failed[1]})
-        due = state.elapsed - state.agenda.fitted >= setup.schedule
+        again = state.agenda.again
+        if reason == "" or state.row >= again + setup.window("fit"):
+            again = 0  # it is over, or no row that was suspected would be looked at
+            decision.remember(again=0)
+        due = state.elapsed - state.agenda.fitted >= setup.schedule or again > 0
         if reason or alarm or due:
             self._supersede(decision)
         if not reason and alarm:
@@ -120,7 +124,8 @@ class Decide:
         elif reason and self._free(decision.state):
             decision.say("suspected", signal, reason, evidence)
         if (reason or due) and self._free(decision.state):
-            decision.remember(fitted=state.elapsed)
+            again = again or (state.row if reason else 0)
+            decision.remember(fitted=state.elapsed, again=again)
             self._ask(decision, "fit", FIT, {"reason": reason or "scheduled"})
 
     def _supersede(self, decision: Decision) -> None:
@@ -198,8 +203,9 @@ class Decide:
         agenda = decision.state.agenda
         if answer.id != agenda.open or answer.version != decision.state.live.version:
             return
-        decision.remember(phase=WATCH, open=0)
         content: Any = answer.content
+        waits = agenda.again > 0 and "waits" in content
+        decision.remember(phase=WATCH, open=0, again=agenda.again if waits else 0)
         for event in content.get("events", ()):
             decision.say(event["kind"], event["signal"], event["reason"], event["evidence"])
         if content.get("tuned"):
@@ -210,7 +216,9 @@ class Decide:
         elif content.get("next") == "correct":
             self._ask(decision, "correct", CORRECT, {})
         else:
-            decision.remember(hold=decision.state.row + self.follow.setup.holdoff)
+            setup = self.follow.setup
+            pause = setup.latency if waits else setup.holdoff
+            decision.remember(hold=decision.state.row + pause)
 
     def _challenge(self, decision: Decision, candidate: Mapping[str, Any]) -> None:
         state, follow = decision.state, self.follow

@@ -87,6 +87,8 @@ class Agenda(NamedTuple):
     """Tunings so far: the schedule's position."""
     retrain: int = 0
     """Row from which a new training sequence has enough rows; 0: none is going on."""
+    again: int = 0
+    """Row of a suspicion that rows were too few to explain; 0: there is none."""
     pinned: bool = False
     versions: int = 1
     """Versions so far."""

@@ -19,6 +19,7 @@ from evertwin.config.spec import TwinSpec
 from evertwin.correction.improve import Proposal, TooFew
 from evertwin.errors import DataError, ModelError, UsageError
 from evertwin.fold import Block, plain
+from evertwin.loop.change import changed, split
 from evertwin.loop.correcting import learn
 from evertwin.loop.friction_law import climb_laws
 from evertwin.loop.physical import physically
@@ -36,6 +37,11 @@ from evertwin.tuning import Fit, Iteration, Problem, Schedule, Settings, solve
 from evertwin.types import Json
 
 Windows = tuple[Block, ...]
+LEAST = 0.05
+"""Smallest size of an output's loss, by that of the version before: a fit of few rows leaves too
+little."""
+ENOUGH = 10
+"""Rows a parameter behind a change that a fit needs."""
 
 
 def _event(kind: str, signal: str, reason: str, evidence: Mapping[str, Any]) -> dict[str, Any]:
@@ -172,6 +178,7 @@ class Work:
         names = self.due(version, tunings)
         if not names:
             return {"events": [], "next": self._next()}
+        windows, events = self._now(version, windows, names)
         problem, _ = climb_laws(self.setup, self.problem(version, windows, names))
         problem, fit, rounds = self.tune(problem)
         if rounds and fit.converged:
@@ -180,7 +187,7 @@ class Work:
             verdict = Verdict("normal", "", "tuned the share of the parameters whose turn it is")
         else:
             verdict = self.verdict(problem, fit)
-        events = [
+        events += [
             _event("not_identifiable", name, fit.reasons[k], {"verdict": fit.verdict[k]})
             for k, name in enumerate(fit.names)
             if fit.verdict[k] == "not"
@@ -191,9 +198,32 @@ class Work:
         }  # fmt: skip
         if verdict.kind == "abnormal" and self._next():
             content["next"] = self._next()
+        elif verdict.kind == "normal" and explained(fit, fit.noise) < self.setup.trial.margin:
+            content["waits"] = "no candidate: what tuning explains would not be worth a switch"
         elif verdict.kind == "normal" or self._helps(verdict, fit):
             content["candidate"] = self._tuned(version, problem, fit, windows, events)
         return content
+
+    def _now(
+        self, version: Version, windows: Windows, names: tuple[str, ...]
+    ) -> tuple[Windows, list[dict[str, Any]]]:
+        """The rows of the machine as it is now, and what is said of those before.
+
+        A version that nothing was tuned for yet fits no row: there is nothing to have changed from.
+
+        Raises:
+            TooFew: there are not enough of them yet.
+        """
+        place = version.number and changed(windows, lambda w: self.problem(version, w, names))
+        if not place:
+            return windows, []
+        _, new = split(windows, place)
+        rows = sum(len(block.t) for block in new)
+        if rows < ENOUGH * len(names):
+            raise TooFew(f"the machine has changed, {rows} rows ago")
+        said = f"the machine changed at row {new[0].row}: rows before it are left out"
+        evidence = {"row": new[0].row, "time": int(new[0].t[0]), "rows": rows}
+        return new, [_event("changed", "", said, evidence)]
 
     def _helps(self, verdict: Verdict, fit: Fit) -> bool:
         """The form is wrong, and none may be learned: is tuning the better half all the same?
@@ -219,7 +249,9 @@ class Work:
         if self.setup.spec.tuning.method == "recursive":
             followed, newest, _ = Recursion.after(self.setup, problem, fit).learned(windows)
             values |= dict(zip(followed, newest.tolist(), strict=True))
-        scale = self.scale(problem, fit.start)
+        # by what is left, an output that was not off does not hide how much another one gains
+        before, after = (self.scale(problem, values) for values in (fit.start, fit.values))
+        scale = np.clip(after, LEAST * before, before)
         return self._candidate(version.form, values, scale, reason, windows)
 
     def verdict(self, problem: Problem, fit: Fit) -> Verdict:
