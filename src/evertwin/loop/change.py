@@ -19,7 +19,7 @@ from evertwin.types import Outputs, PerOutput, Vector
 
 BLOCKS = 48
 """Blocks of a window."""
-CLEAR = 8.0
+CLEAR = 4.0
 """Logarithm of the likelihood ratio from which on a place is looked at."""
 PART = 0.25
 """Share by which the mean square has to fall behind the place, and to rise before it."""

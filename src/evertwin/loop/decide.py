@@ -113,10 +113,10 @@ class Decide:
         if failed[0]:
             decision.say("not_calibrated", "", failed[0], {"rows": failed[1]})
         again = state.agenda.again
-        if reason == "" or state.row >= again + setup.window("fit"):
-            again = 0  # it is over, or no row that was suspected would be looked at
-            decision.remember(again=0)
         due = state.elapsed - state.agenda.fitted >= setup.schedule or again > 0
+        if reason == "" or state.row >= again + setup.window("fit"):
+            again = 0  # it is over, or the last time that a row is looked at that was suspected
+            decision.remember(again=0)
         if reason or alarm or due:
             self._supersede(decision)
         if not reason and alarm:
@@ -211,7 +211,7 @@ class Decide:
         if content.get("tuned"):
             decision.remember(tunings=agenda.tunings + 1)
         candidate = content.get("candidate")
-        if candidate is not None:
+        if candidate is not None and not waits:
             self._challenge(decision, candidate)
         elif content.get("next") == "correct":
             self._ask(decision, "correct", CORRECT, {})

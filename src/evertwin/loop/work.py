@@ -40,6 +40,10 @@ Windows = tuple[Block, ...]
 LEAST = 0.05
 """Smallest size of an output's loss, by that of the version before: a fit of few rows leaves too
 little."""
+LITTLE = 0.1
+"""Weight in a loss of an output that tuning explains nothing of; 1: of one that it explains."""
+MUCH = 0.3
+"""Explained share below which a suspicion waits for more rows."""
 ENOUGH = 10
 """Rows a parameter behind a change that a fit needs."""
 
@@ -198,10 +202,12 @@ class Work:
         }  # fmt: skip
         if verdict.kind == "abnormal" and self._next():
             content["next"] = self._next()
-        elif verdict.kind == "normal" and explained(fit, fit.noise) < self.setup.trial.margin:
-            content["waits"] = "no candidate: what tuning explains would not be worth a switch"
         elif verdict.kind == "normal" or self._helps(verdict, fit):
-            content["candidate"] = self._tuned(version, problem, fit, windows, events)
+            part = explained(fit, fit.noise)
+            if part >= self.setup.trial.margin:  # less would not be worth a switch
+                content["candidate"] = self._tuned(version, problem, fit, windows, events)
+            if part < MUCH:
+                content["waits"] = "rows to come may tell more"
         return content
 
     def _now(
@@ -249,9 +255,10 @@ class Work:
         if self.setup.spec.tuning.method == "recursive":
             followed, newest, _ = Recursion.after(self.setup, problem, fit).learned(windows)
             values |= dict(zip(followed, newest.tolist(), strict=True))
-        # by what is left, an output that was not off does not hide how much another one gains
+        # what was not off counts little: it would hide how much another output gains
         before, after = (self.scale(problem, values) for values in (fit.start, fit.values))
-        scale = np.clip(after, LEAST * before, before)
+        after = np.clip(after, LEAST * before, before)
+        scale = after / np.sqrt(np.maximum(1.0 - (after / before) ** 2, LITTLE))
         return self._candidate(version.form, values, scale, reason, windows)
 
     def verdict(self, problem: Problem, fit: Fit) -> Verdict:
