@@ -12,10 +12,13 @@ from evertwin.errors import UsageError
 from evertwin.machines.mobile import Differential, Odometer, Omni, Robot1D, kernels
 from evertwin.models import Compiled, check_model
 
-BASES = [Robot1D(), Odometer(), Differential(), Differential(wheels=True), Omni()]
+BASES = [
+    Robot1D(), Odometer(), Differential(), Differential(wheels=True), Omni(),
+    Omni(wheels=True, gear=16.0),
+]  # fmt: skip
 STEPS = [
     kernels.travel_step, kernels.travel_step, kernels.twist_step, kernels.wheel_step,
-    kernels.omni_step,
+    kernels.omni_step, kernels.three_wheel_step,
 ]  # fmt: skip
 
 
@@ -62,6 +65,30 @@ def test_an_omni_base_without_side_speed_is_a_differential_base() -> None:
     assert np.array_equal(a, b)
 
 
+def test_three_wheels_agree_with_the_speeds_of_the_base() -> None:
+    base, wheels = Omni(), Omni(wheels=True, wheel_radius=0.04, wheel_distance=0.125, gear=16.0)
+    u = np.random.default_rng(0).normal(size=(50, 3))
+    at = np.pi * np.array([1.0, 3.0, 5.0]) / 3.0
+    share = np.stack([-np.sin(at), np.cos(at), np.full(3, 0.125)])
+    speeds = u @ share * 16.0 / 0.04
+    dt, x = np.full(50, 0.1), np.zeros(3)
+    a = base.simulate(x, u, dt, base.parameters.values)[1]
+    b = wheels.simulate(x, speeds, dt, wheels.parameters.values)[1]
+    assert np.allclose(a, b[:, :3], atol=1e-12) and np.array_equal(b[:, 3:], speeds)
+
+
+def test_drag_takes_the_same_speed_in_every_direction() -> None:
+    base, speeds = Omni(wheels=True), np.array([[0.0, 3.0, -3.0], [1.0, 2.0, 0.5], [0.1, 0.0, 0.0]])
+    p = base.parameters.values
+    slow = base.parameters.with_values({"drag": 0.01}).values
+    for u in speeds:
+        free, held = (
+            float(np.hypot(*base.simulate(np.zeros(3), u[None], np.ones(1), q)[1][0, :2]))
+            for q in (p, slow)
+        )
+        assert held == pytest.approx(max(free - 0.01, 0.0), abs=1e-12)
+
+
 def test_a_full_circle_comes_back() -> None:
     n = 1000
     u = np.tile([0.5, 2 * math.pi / 10], (n, 1))
@@ -73,3 +100,5 @@ def test_a_full_circle_comes_back() -> None:
 def test_a_wheel_has_a_size() -> None:
     with pytest.raises(UsageError, match="above 0 m"):
         Differential(wheels=True, wheel_radius=0.0)
+    with pytest.raises(UsageError, match="expected gear above 0 1, got 0"):
+        Omni(wheels=True, gear=0.0)

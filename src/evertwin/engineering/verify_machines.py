@@ -126,17 +126,10 @@ def _both_ways(drive: Drive | DriveForce, p: ParameterVector) -> Check:
 
 def _circle(base: Differential | Omni, p: ParameterVector) -> Check:
     """Constant speed and turn rate lead back to the start."""
-    names = base.parameters.names
-    k = dict(zip(names, p.tolist(), strict=True))
-    rows, u = 1000, np.zeros(len(base.inputs))
-    if "left" in base.inputs.names:
-        u[:] = 1.0, 2.0
-        rate = k["wheel_radius"] / k["wheel_base"]
-    else:
-        u[0], u[-1] = 0.5, 0.5
-        rate = 0.5 * k["turn_gain"]
-    time = 2.0 * np.pi / abs(rate)
+    rows, u = 1000, 0.5 * np.arange(1.0, len(base.inputs) + 1.0)
     start = base.initial(p)
+    _, turned = base.simulate(start, u[None], np.ones(1), p)
+    time = 2.0 * np.pi / abs(float(turned[0, 2] - start[2]))
     _, y = base.simulate(start, np.tile(u, (rows, 1)), np.full(rows, time / rows), p)
     across = max(float(np.ptp(y[:, 0])), 1e-12)
     off = float(np.hypot(y[-1, 0] - start[0], y[-1, 1] - start[1])) / across

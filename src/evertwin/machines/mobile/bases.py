@@ -84,13 +84,34 @@ class Odometer(Compiled):
 class Omni(Compiled):
     """An omnidirectional base: vx, vy [m/s] and turn rate w [rad/s] to pose x, y, heading.
 
-    >>> Omni().parameters.names
-    ('gain', 'side_gain', 'turn_gain')
+    With ``wheels`` the inputs are the set speeds ``set1`` to ``set3`` [rad/s] of the motors of
+    three omni wheels instead, 60°, 180° and 300° to the left of forward, and the outputs are the
+    motors' speeds ``motor1`` to ``motor3`` as well: what the motors lose of a set speed and what
+    the floor takes of the wheels' speed (the gains, and ``drag`` against the motion) are told
+    apart. Sizes come from the description.
+
+    >>> Omni().parameters.names, Omni(wheels=True).outputs.names
+    (('gain', 'side_gain', 'turn_gain'), ('x', 'y', 'heading', 'motor1', 'motor2', 'motor3'))
     """
 
-    def __init__(self) -> None:
-        items = Parameters((_gain("gain"), _gain("side_gain"), _gain("turn_gain")))
+    def __init__(
+        self, wheels: bool = False, wheel_radius: float = 0.04, wheel_distance: float = 0.125,
+        gear: float = 1.0,
+    ) -> None:  # fmt: skip
+        sizes = (("wheel_radius", wheel_radius, "m"), ("wheel_distance", wheel_distance, "m"),
+                 ("gear", gear, "1"))  # fmt: skip
+        for name, value, unit in sizes:
+            if value <= 0.0:
+                raise UsageError(f"expected {name} above 0 {unit}, got {value}")
+        items = [_gain("gain"), _gain("side_gain"), _gain("turn_gain")]
+        step, inputs, outputs = kernels.omni_step, Layout.of(vx="m/s", vy="m/s", w="rad/s"), POSE
+        if wheels:
+            step = kernels.three_wheel_step
+            inputs = Layout(tuple(Channel(f"set{i}", "rad/s") for i in (1, 2, 3)))
+            motors = tuple(Channel(f"motor{i}", "rad/s") for i in (1, 2, 3))
+            outputs = Layout((*POSE.channels, *motors))
+            items += [Parameter("drag", 0.0, "m/s", low=0.0)]
+            items += [Parameter(*size, low=0.0, editable=False) for size in sizes]
         super().__init__(
-            Layout.of(vx="m/s", vy="m/s", w="rad/s"), POSE, POSE, items,
-            kernels.omni_step, kernels.observe, (3,),
-        )  # fmt: skip
+            inputs, outputs, POSE, Parameters(tuple(items)), step, kernels.observe, (3,)
+        )

@@ -60,3 +60,22 @@ def omni_step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: An
     """Omnidirectional base with forward speed, speed to the left, turn rate."""
     moved(x, p[0] * u[0] * dt, p[1] * u[1] * dt, p[2] * u[2] * dt, ahead, y)
     return 0
+
+
+@cfunc(STEP)
+def three_wheel_step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) -> int:
+    """Omnidirectional base with motor speeds; after the gains: drag, radius, distance of the wheels
+    from the centre, gear. A wheel at angle a drives with −sin(a)·vx + cos(a)·vy + distance·w."""
+    forward, left, turn = 0.0, 0.0, 0.0
+    for i in range(3):
+        at = math.pi * (1 + 2 * i) / 3.0
+        forward -= math.sin(at) * u[i]
+        left += math.cos(at) * u[i]
+        turn += u[i]
+        y[3 + i] = u[i]
+    way = dt * p[4] / p[6] / 3.0
+    forward, left = 2.0 * p[0] * way * forward, 2.0 * p[1] * way * left
+    size = math.hypot(forward, left)
+    kept = max(1.0 - dt * p[3] / size, 0.0) if size > 0.0 else 0.0
+    moved(x, kept * forward, kept * left, p[2] * way * turn / p[5], ahead, y)
+    return 0
