@@ -77,6 +77,7 @@ CASES: dict[str, Recording] = {
     "drive_warthog": _real(), "incubator": _real(), "incubator_lid": _real(),
     "mrclam6": _real("mrclam6/Robot1_Odometry.dat.gz@0:400",
                      "mrclam6/Robot1_Groundtruth.dat.gz@0:400"),
+    "robotino": _real(*(f"robotino/table/exp{i:02}.csv" for i in range(0, 72, 3))),
     "ur10e": _real("ur10e/identification/ur-20_02_05-20sec_8harm.csv",
                    "ur10e/identification/ur-20_02_05-20sec_12harm.csv"),
     **dict.fromkeys(("emps", "emps_axis", "emps_axis_free", "emps_free", "emps_linear"), EMPS),

@@ -10,6 +10,7 @@ import pytest
 
 from evertwin.config import read
 from evertwin.twin import Twin
+from planted.twins import opened
 
 pytestmark = pytest.mark.data
 TWINS = Path(__file__).parent.parent.parent / "twins"
@@ -29,6 +30,27 @@ def box(data_set: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch) -> tup
     september = folder / "20200918_calibration_fan_24V" / "semi_random_movement.csv"
     march = folder / "20210321_lid_opening_7pmodel" / "lid_opening_experiment_mar_2021.csv"
     return september, march
+
+
+@pytest.fixture
+def floor(data_set: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch) -> Path:
+    folder = data_set("robotino")
+    monkeypatch.setenv("EVERTWIN_DATA", str(folder.parent))
+    return folder / "gray"
+
+
+def test_what_a_motor_loses_and_what_the_floor_takes_are_told_apart(floor: Path) -> None:
+    train, test = (
+        [floor / f"exp{number:02}.csv" for number in numbers]
+        for numbers in ((4, 52, 100, 124, 160, 182, 208), (89, 121))
+    )
+    with opened("robotino", correction={"channels": ("set1",)}) as twin:
+        result = twin.fit(train, test)
+    assert [(term.kind, term.channel) for term in result.form.terms] == [("law", "set1")]
+    assert result.fit["law.set1.offset"] == pytest.approx(-5.0, abs=2.5)
+    assert 0.55 < result.fit["gain"] < 0.85 and 0.55 < result.fit["side_gain"] < 0.85
+    found = {d.name: d.rms for d in result.test}
+    assert found["motor1"] < 0.7 * found["motor3"]
 
 
 @pytest.mark.slow

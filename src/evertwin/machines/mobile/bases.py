@@ -15,6 +15,10 @@ def _gain(name: str) -> Parameter:
     return Parameter(name, 1.0, "1", low=0.2, high=5.0, source="as commanded")
 
 
+def _motors(*names: str) -> Layout:
+    return Layout(tuple(Channel(f"{name}{i}", "rad/s") for name in names for i in (1, 2, 3)))
+
+
 class Robot1D(Compiled):
     """A robot on a line: commanded speed v [m/s] to position x [m].
 
@@ -87,8 +91,9 @@ class Omni(Compiled):
     With ``wheels`` the inputs are the set speeds ``set1`` to ``set3`` [rad/s] of the motors of
     three omni wheels instead, 60°, 180° and 300° to the left of forward, and the outputs are the
     motors' speeds ``motor1`` to ``motor3`` as well: what the motors lose of a set speed and what
-    the floor takes of the wheels' speed (the gains, and ``drag`` against the motion) are told
-    apart. Sizes come from the description.
+    the floor takes of the wheels' speed (the gains) are told apart. Sizes come from the
+    description. With ``odometry`` the pose follows the measured motor speeds, further inputs
+    ``wheel1`` to ``wheel3``, so that each loss is judged on rows of its own.
 
     >>> Omni().parameters.names, Omni(wheels=True).outputs.names
     (('gain', 'side_gain', 'turn_gain'), ('x', 'y', 'heading', 'motor1', 'motor2', 'motor3'))
@@ -96,7 +101,7 @@ class Omni(Compiled):
 
     def __init__(
         self, wheels: bool = False, wheel_radius: float = 0.04, wheel_distance: float = 0.125,
-        gear: float = 1.0,
+        gear: float = 1.0, odometry: bool = False,
     ) -> None:  # fmt: skip
         sizes = (("wheel_radius", wheel_radius, "m"), ("wheel_distance", wheel_distance, "m"),
                  ("gear", gear, "1"))  # fmt: skip
@@ -107,11 +112,10 @@ class Omni(Compiled):
         step, inputs, outputs = kernels.omni_step, Layout.of(vx="m/s", vy="m/s", w="rad/s"), POSE
         if wheels:
             step = kernels.three_wheel_step
-            inputs = Layout(tuple(Channel(f"set{i}", "rad/s") for i in (1, 2, 3)))
-            motors = tuple(Channel(f"motor{i}", "rad/s") for i in (1, 2, 3))
-            outputs = Layout((*POSE.channels, *motors))
-            items += [Parameter("drag", 0.0, "m/s", low=0.0)]
+            inputs = _motors("set", *["wheel"] * odometry)
+            outputs = Layout((*POSE.channels, *_motors("motor")))
             items += [Parameter(*size, low=0.0, editable=False) for size in sizes]
         super().__init__(
-            inputs, outputs, POSE, Parameters(tuple(items)), step, kernels.observe, (3,)
-        )
+            inputs, outputs, POSE, Parameters(tuple(items)), step, kernels.observe,
+            (3, 3 * odometry),
+        )  # fmt: skip

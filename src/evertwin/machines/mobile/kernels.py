@@ -1,6 +1,6 @@
 """Kinematics of mobile bases, compiled. Heading at the middle of a row is used over the row, which
 is exact for the direction of an arc and second order in its length. The context is the number of
-states; every base shows them all.
+states, which every base shows; of three wheels also the first input that the pose follows.
 """
 
 from __future__ import annotations
@@ -64,18 +64,18 @@ def omni_step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: An
 
 @cfunc(STEP)
 def three_wheel_step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) -> int:
-    """Omnidirectional base with motor speeds; after the gains: drag, radius, distance of the wheels
-    from the centre, gear. A wheel at angle a drives with −sin(a)·vx + cos(a)·vy + distance·w."""
+    """Omnidirectional base with motor speeds; after the gains: radius, distance of the wheels from
+    the centre, gear. A wheel at angle a drives with −sin(a)·vx + cos(a)·vy + distance·w."""
     forward, left, turn = 0.0, 0.0, 0.0
     for i in range(3):
         at = math.pi * (1 + 2 * i) / 3.0
-        forward -= math.sin(at) * u[i]
-        left += math.cos(at) * u[i]
-        turn += u[i]
+        speed = u[context[1] + i]
+        forward -= math.sin(at) * speed
+        left += math.cos(at) * speed
+        turn += speed
         y[3 + i] = u[i]
-    way = dt * p[4] / p[6] / 3.0
-    forward, left = 2.0 * p[0] * way * forward, 2.0 * p[1] * way * left
-    size = math.hypot(forward, left)
-    kept = max(1.0 - dt * p[3] / size, 0.0) if size > 0.0 else 0.0
-    moved(x, kept * forward, kept * left, p[2] * way * turn / p[5], ahead, y)
+    way = dt * p[3] / p[5] / 3.0
+    moved(
+        x, 2.0 * p[0] * way * forward, 2.0 * p[1] * way * left, p[2] * way * turn / p[4], ahead, y
+    )
     return 0
