@@ -257,11 +257,11 @@ class Arm(StaticMap):
         slot: Int64[np.ndarray, "ny m"],
     ) -> tuple[Outputs, Float64[np.ndarray, "n ny t"]]:  # fmt: skip
         """The columns that have a ``slot``; torques of all else."""
-        bodies = bool(np.any(slot[self._linear.code >= 0] >= 0))
-        y0, *seen = self._seen(u, p, bodies=bodies)
+        known = bool(self.base or self.payload) and not np.any(slot[self._linear.code >= 0] >= 0)
+        y0, *seen = self._seen(u, p, bodies=not known)
         y0 = y0.copy()  # it may be the load that friction goes by
         phi = np.empty((len(u), len(slot), int(slot.max(initial=-1)) + 1))
-        columns = self._linear if bodies else self._linear.without_bodies
+        columns = self._linear.without_bodies if known else self._linear
         linear.split(columns, slot, p, *seen, y0, phi)
         return self._driven(p, y0, phi)
 
@@ -280,7 +280,7 @@ class Arm(StaticMap):
             rest = rest.copy()
             rest[list(self.base)] = 0.0
         y0 = load = self._felt(batch(self.chain.geometry, rest, joints))
-        if not np.array_equal(rest, described):
+        if rest is not described:
             load = self._felt(batch(self.chain.geometry, described, joints))
         s = switches(motors, self._widths, p, self._standstill)
         seen = self._bodies(joints) if bodies else np.empty((*y0.shape, 0))
