@@ -187,3 +187,12 @@ def test_what_a_called_function_reads_is_part_of_the_stamp(tmp_path: Path) -> No
         said.append(float(done.stdout))
     assert said == [5.0, 5.0, 11.0]
     assert len(list((tmp_path / "cache").rglob("*outer*.nbi"))) == 1
+
+
+def test_code_that_moved_to_another_module_is_compiled_anew() -> None:
+    def twice(x: float) -> float:
+        return 2.0 * x
+
+    here = stamp_of(twice)
+    twice.__module__ = "evertwin.elsewhere"
+    assert stamp_of(twice) != here

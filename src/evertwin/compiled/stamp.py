@@ -62,7 +62,7 @@ def _tell(it: Any, say: Say, seen: set[str], names: frozenset[str]) -> None:
     elif isinstance(it, EnumMeta):
         say(repr([(name, it[name].value) for name in it.__members__]).encode())
     elif isinstance(it, type):
-        say(repr((it.__qualname__, getattr(it, "_fields", ()))).encode())
+        say(repr((it.__module__, it.__qualname__, getattr(it, "_fields", ()))).encode())
     elif isinstance(it, tuple):
         for part in it:
             _tell(part, say, seen, names)
@@ -77,6 +77,7 @@ def _function(it: FunctionType, say: Say, seen: set[str]) -> None:
     if place in seen or it.__module__.partition(".")[0] in ("numpy", "numba", "math"):
         return
     seen.add(place)
+    say(place.encode())  # machine code looks for its module when it is loaded
     _code(it.__code__, say)
     say(repr(it.__defaults__).encode())
     module = str(getattr(it, "machine_code", "")).partition(":")[0]
