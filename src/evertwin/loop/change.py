@@ -2,7 +2,7 @@
 
 A fit over both tells neither. Proposed is the place that splits the residuals of the version as it
 is into two parts of different size most clearly (likelihood ratio of two exponential distributions
-of the mean squares of `BLOCKS` blocks, summed over outputs). A motion that is harder to predict
+of the mean squares of blocks of rows, summed over outputs). A motion that is harder to predict
 looks the same, so a place counts only if a fit to the rows behind it does better there and worse
 before it: no version holds for both.
 """
@@ -17,8 +17,8 @@ from evertwin.fold import Block, take
 from evertwin.tuning import Problem, solve
 from evertwin.types import Outputs, PerOutput, Vector
 
-BLOCKS = 48
-"""Blocks of a window."""
+BLOCKS, ROWS = 384, 10
+"""Blocks of a window at most, rows of one at least: neighbouring rows are alike."""
 CLEAR = 4.0
 """Logarithm of the likelihood ratio from which on a place is looked at."""
 PART = 0.25
@@ -50,7 +50,7 @@ def likely(residual: Outputs) -> int:
     >>> likely(noise), likely(np.concatenate([noise[:360], 3 * noise[360:]]))
     (0, 360)
     """
-    size = max(len(residual) // BLOCKS, 1)
+    size = max(len(residual) // BLOCKS, ROWS)
     m = len(residual) // size
     squares = np.square(residual[len(residual) - m * size :]).reshape(m, size, -1)
     rows = np.count_nonzero(np.isfinite(squares), axis=1)
@@ -74,7 +74,7 @@ def changed(windows: Windows, pose: Callable[[Windows], Problem]) -> int:
         pose: the problem on some of them; it starts at the version as it is.
     """
     whole = pose(windows)
-    place = likely(np.where(whole.rows.used, whole.first, np.nan))
+    place = likely(_residuals(whole, whole.start))
     if not place:
         return 0
     old, new = map(pose, split(windows, place))
@@ -85,11 +85,20 @@ def changed(windows: Windows, pose: Callable[[Windows], Problem]) -> int:
         / float(np.nansum(_mean_squares(part, part.start) / sizes**2))
         for part in (old, new)
     )
-    return place if worse > 1.0 + PART and better < 1.0 - PART else 0
+    if worse <= 1.0 + PART or better >= 1.0 - PART:
+        return 0
+    # the row from which on the fit is the better one, summed over all rows
+    before, after = (np.square(_residuals(whole, v) / sizes) for v in (whole.start, values))
+    return 1 + int(np.argmin(np.cumsum(np.nansum(before - after, axis=1))))
+
+
+def _residuals(problem: Problem, values: Vector) -> Outputs:
+    """NaN where a row does not count."""
+    return np.where(problem.rows.used, problem.residuals(values), np.nan)
 
 
 def _mean_squares(problem: Problem, values: Vector) -> PerOutput:
     """Per output, over the rows that count; NaN where none does."""
-    residual = np.where(problem.rows.used, problem.residuals(values), np.nan)
+    residual = _residuals(problem, values)
     rows = np.count_nonzero(np.isfinite(residual), axis=0)
     return np.asarray(np.nansum(np.square(residual), axis=0) / np.where(rows, rows, np.nan))

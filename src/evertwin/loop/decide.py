@@ -112,11 +112,13 @@ class Decide:
         decision.state = decision.state._replace(detect=detect)
         if failed[0]:
             decision.say("not_calibrated", "", failed[0], {"rows": failed[1]})
-        again = state.agenda.again
-        due = state.elapsed - state.agenda.fitted >= setup.schedule or again > 0
-        if reason == "" or state.row >= again + setup.window("fit"):
-            again = 0  # it is over, or the last time that a row is looked at that was suspected
-            decision.remember(again=0)
+        agenda, again, last = state.agenda, state.agenda.again, False
+        if not agenda.open:  # open work goes by what was known when it was asked for
+            # after as long as a deviation is judged on, what rows tell has to do
+            last = 0 < again <= state.row - min(setup.window("fit"), setup.enough)
+            again = 0 if last or reason == "" else again
+            decision.remember(again=again, held=agenda.held or reason == "")
+        due = state.elapsed - agenda.fitted >= setup.schedule or again > 0 or last
         if reason or alarm or due:
             self._supersede(decision)
         if not reason and alarm:
@@ -124,7 +126,7 @@ class Decide:
         elif reason and self._free(decision.state):
             decision.say("suspected", signal, reason, evidence)
         if (reason or due) and self._free(decision.state):
-            again = again or (state.row if reason else 0)
+            again = again or (state.row if reason and not last else 0)
             decision.remember(fitted=state.elapsed, again=again)
             self._ask(decision, "fit", FIT, {"reason": reason or "scheduled"})
 
@@ -211,7 +213,8 @@ class Decide:
         if content.get("tuned"):
             decision.remember(tunings=agenda.tunings + 1)
         candidate = content.get("candidate")
-        if candidate is not None and not waits:
+        decision.remember(since=max(agenda.since, int(content.get("since", 0))))
+        if candidate is not None:
             self._challenge(decision, candidate)
         elif content.get("next") == "correct":
             self._ask(decision, "correct", CORRECT, {})
@@ -287,6 +290,7 @@ class Decide:
         scores = new_scores(len(follow.setup.model.outputs), updates, state.row, state.scores.scale)
         return state._replace(
             live=lane, first=first, other=other, scores=scores,
+            agenda=state.agenda._replace(held=False),
             trial=follow.setup.probation.init(), detect=follow.setup.detect.init(),
             # what waits is of the version that goes
             newest=follow.setup.at_horizon.init(), waiting=follow.setup.residual_filter.init(),

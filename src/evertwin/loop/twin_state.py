@@ -89,6 +89,8 @@ class Agenda(NamedTuple):
     """Row from which a new training sequence has enough rows; 0: none is going on."""
     again: int = 0
     """Row of a suspicion that rows were too few to explain; 0: there is none."""
+    held: bool = False
+    """Has the live version been found within the requirement?"""
     pinned: bool = False
     versions: int = 1
     """Versions so far."""

@@ -67,7 +67,7 @@ class Task(NamedTuple):
     """What a request asks for, with all that the answer follows from.
 
     >>> Task._fields
-    ('kind', 'version', 'windows', 'tunings')
+    ('kind', 'version', 'windows', 'tunings', 'held', 'waits')
     """
 
     kind: str
@@ -77,6 +77,11 @@ class Task(NamedTuple):
     windows: Windows
     tunings: int
     """Tunings so far: the schedule's position."""
+    held: bool = False
+    """Has the version been found within the requirement? Then it may be the machine that changed.
+    One that never held may be wrong in another way at each speed, which looks alike."""
+    waits: bool = False
+    """Is it asked again when more rows are there, should these say too little?"""
 
 
 @dataclass(frozen=True)
@@ -99,7 +104,7 @@ class Work:
         """What the answer says, in plain values; what cannot be done is an event in it."""
         try:
             if task.kind == "fit":
-                content = self.fit(task.version, task.windows, task.tunings)
+                content = self.fit(task)
             else:
                 content = self.correct(task.version, task.windows)
             self._refuse(task, content)
@@ -177,12 +182,13 @@ class Work:
             "rounds": done.rounds, "names": done.fit.names, "simulations": done.simulations,
         }  # fmt: skip
 
-    def fit(self, version: Version, windows: Windows, tunings: int) -> dict[str, Any]:
+    def fit(self, task: Task) -> dict[str, Any]:
         """Tunes, and judges what the residual of the tuned model still says."""
+        _, version, windows, tunings, held, waits = task
         names = self.due(version, tunings)
         if not names:
             return {"events": [], "next": self._next()}
-        windows, events = self._now(version, windows, names)
+        windows, events = self._now(version, windows, names) if held else (windows, [])
         problem, _ = climb_laws(self.setup, self.problem(version, windows, names))
         problem, fit, rounds = self.tune(problem)
         if rounds and fit.converged:
@@ -197,30 +203,29 @@ class Work:
             if fit.verdict[k] == "not"
         ]
         events.append(_event(verdict.kind, verdict.cause, verdict.reason, verdict.evidence))
+        part = explained(fit, fit.noise)
+        if waits and verdict.kind == "normal" and part < MUCH:
+            raise TooFew(f"tuning explains {100 * part:.0f} % of the deviation so far")
         content: dict[str, Any] = {
             "events": events, "fit": fit.to_dict(timing=False), "tuned": True, **rounds,
         }  # fmt: skip
         if verdict.kind == "abnormal" and self._next():
             content["next"] = self._next()
-        elif verdict.kind == "normal" or self._helps(verdict, fit):
-            part = explained(fit, fit.noise)
-            if part >= self.setup.trial.margin:  # less would not be worth a switch
-                content["candidate"] = self._tuned(version, problem, fit, windows, events)
-            if part < MUCH:
-                content["waits"] = "rows to come may tell more"
-        return content
+        elif part >= self.setup.trial.margin and (  # less would not be worth a switch
+            verdict.kind == "normal" or self._helps(verdict, fit)
+        ):
+            content["candidate"] = self._tuned(version, problem, fit, windows, events)
+        return content | ({"since": windows[0].row} if windows is not task.windows else {})
 
     def _now(
         self, version: Version, windows: Windows, names: tuple[str, ...]
     ) -> tuple[Windows, list[dict[str, Any]]]:
         """The rows of the machine as it is now, and what is said of those before.
 
-        A version that nothing was tuned for yet fits no row: there is nothing to have changed from.
-
         Raises:
             TooFew: there are not enough of them yet.
         """
-        place = version.number and changed(windows, lambda w: self.problem(version, w, names))
+        place = changed(windows, lambda rows: self.problem(version, rows, names))
         if not place:
             return windows, []
         _, new = split(windows, place)
