@@ -77,11 +77,16 @@ def followed(run: Run, sigma: float = SIGMA, gain: float = 1.05, **sections: Any
         return twin.run(run.columns)
 
 
-def recordings(folder: Path, world: str, runs: int, seconds: int) -> list[str]:
-    """Recordings of one of the embedded worlds, written by the robot's process."""
+def recordings(folder: Path, world: str, runs: int, seconds: int, sweep: int = 5) -> list[str]:
+    """Recordings of one of the embedded worlds, written by the robot's process.
+
+    Args:
+        sweep: seconds at each speed before ``seconds`` of random commands.
+    """
     command = [
         sys.executable, "-m", "evertwin.worlds.robot", "--light", "--world", world, "--runs",
-        str(runs), "--seconds", str(seconds), "--format", "csv", "--out", str(folder / world),
+        str(runs), "--seconds", str(seconds), "--each", str(sweep), "--format", "csv", "--out",
+        str(folder / world),
     ]  # fmt: skip
     subprocess.run(command, check=True)
     return [str(path) for path in sorted((folder / world).glob("*.csv"))]

@@ -15,7 +15,7 @@ from evertwin.loop.configured_model import model_of
 from evertwin.loop.driver import Driver
 from evertwin.loop.follow import EMPTY
 from evertwin.loop.setup import Setup
-from evertwin.loop.twin_state import CORRECT, FIT, PROBATION, TRIAL, WATCH, TwinState
+from evertwin.loop.twin_state import PROBATION, TRIAL, WATCH, TwinState
 from evertwin.loop.versions import Versions
 from evertwin.models.form import Form, Term
 
@@ -117,7 +117,57 @@ def test_an_undecided_challenger_makes_room_for_newer_data() -> None:
     assert done.kinds == ["rejected", "suspected"]
     assert "superseded" in done.events[0].reason
     assert [request.kind for request in done.requests] == ["fit"]
-    assert done.state.agenda.phase == FIT
+    assert (done.state.agenda.phase, done.state.agenda.kind) == (WATCH, "fit")
+
+
+def deviating(bench: Bench, state: TwinState) -> TwinState:
+    state.scores.watch.residual[:] = 1.0
+    state.scores.watch.samples[:], state.scores.seen[:] = 50, 50
+    return state
+
+
+def test_a_deviation_beside_a_trial_asks_for_what_surpasses_the_challenger() -> None:
+    bench = Bench(anomaly=AnomalySpec(requirement=1e-12, relative=False, window=Span(10)))
+    state = bench.challenger(TRIAL)
+    assert bench.beat(deviating(bench, copy(state))).kinds == []  # it has just begun
+    bench.setup.trial.step(state.trial, losses(1.2, 1.0, bench.setup.trial.least + 1))
+    done = bench.beat(deviating(bench, state))
+    assert done.kinds == ["suspected"]
+    assert [request.kind for request in done.requests] == ["fit"]
+    agenda = done.state.agenda
+    assert (agenda.phase, agenda.rival, agenda.again) == (TRIAL, 1, 0)
+    candidate = {"form": {"terms": [], "variant": []}, "values": {"gain": 0.9}, "scale": [0.01],
+                 "reason": "tuned gain", "watched": []}  # fmt: skip
+    answer = Answer(agenda.open, 0, {"events": [], "candidate": candidate})
+    later = bench.beat(done.state, answer)
+    assert later.kinds == ["superseded"] and "makes room" in later.events[0].reason
+    assert (later.state.agenda.phase, later.state.other.version) == (TRIAL, 2)
+
+
+def test_a_promotion_drops_what_was_asked_beside_it() -> None:
+    bench = Bench()
+    state = bench.challenger(TRIAL)
+    state = state._replace(agenda=state.agenda._replace(open=1, due=60, stop=50, asked=1, rival=1))
+    bench.setup.trial.step(state.trial, losses(4.0, 1.0))
+    done = bench.beat(state)
+    assert done.kinds == ["promoted"]
+    assert done.state.agenda.open == 0
+
+
+def test_levels_that_were_missing_are_learned_when_they_may_have_come() -> None:
+    rule = CorrectionSpec(channels=("v",), terms=("lag",), window=Span(30))
+    bench = Bench(correction=rule)
+    bench.versions.add(TABLE, {}, parent=0, reason="learned")
+    state = bench.state._replace(live=bench.driver.follow.lane(1, tracked=True))
+    for stop, lacking, kinds in [(20, 0, []), (30, 3, []), (20, 3, ["correct"])]:
+        agenda = state.agenda._replace(stop=stop, lacking=lacking)
+        done = bench.beat(copy(state)._replace(agenda=agenda))
+        assert [request.kind for request in done.requests] == kinds
+    assert done.state.agenda.rival == 1
+    number = done.state.agenda.open
+    for left, after in [(3, 0), (2, 2)]:  # as many as before: no more come
+        answer = Answer(number, 1, {"events": [], "lacking": left})
+        assert bench.beat(copy(done.state), answer).state.agenda.lacking == after
 
 
 def test_a_champion_that_does_worse_is_rolled_back() -> None:
@@ -168,21 +218,21 @@ def test_a_schedule_asks_without_suspicion() -> None:
     assert "suspected" not in [r.kind for r in bench.log if isinstance(r, Event)]
 
 
-def asked(bench: Bench, phase: int) -> TwinState:
-    desk = bench.state.agenda._replace(phase=phase, open=1, due=50, stop=50, asked=1)
-    return bench.state._replace(agenda=desk)
+def asked(bench: Bench) -> TwinState:
+    agenda = bench.state.agenda._replace(open=1, due=50, stop=50, asked=1)
+    return bench.state._replace(agenda=agenda)
 
 
 def test_an_answer_about_another_version_is_ignored() -> None:
     bench = Bench()
-    done = bench.beat(asked(bench, FIT), Answer(1, 7, {"events": []}))
-    assert (done.state.agenda.phase, done.state.agenda.open) == (FIT, 1)
+    done = bench.beat(asked(bench), Answer(1, 7, {"events": []}))
+    assert done.state.agenda.open == 1
 
 
 def test_an_answer_without_candidate_is_waited_after() -> None:
     bench = Bench()
     said = {"kind": "not_identifiable", "signal": "gain", "reason": "constant", "evidence": {}}
-    done = bench.beat(asked(bench, FIT), Answer(1, 0, {"events": [said], "tuned": True}))
+    done = bench.beat(asked(bench), Answer(1, 0, {"events": [said], "tuned": True}))
     assert done.kinds == ["not_identifiable"]
     assert done.state.agenda.tunings == 1
     assert done.state.agenda.hold == 50 + bench.setup.holdoff
@@ -190,16 +240,16 @@ def test_an_answer_without_candidate_is_waited_after() -> None:
 
 def test_an_answer_may_ask_for_a_correction() -> None:
     bench = Bench()
-    done = bench.beat(asked(bench, FIT), Answer(1, 0, {"events": [], "next": "correct"}))
+    done = bench.beat(asked(bench), Answer(1, 0, {"events": [], "next": "correct"}))
     assert [request.kind for request in done.requests] == ["correct"]
-    assert done.state.agenda.phase == CORRECT
+    assert done.state.agenda.kind == "correct"
 
 
 def test_a_candidate_goes_on_trial() -> None:
     bench = Bench()
     candidate = {"form": {"terms": [], "variant": []}, "values": {"gain": 0.9}, "scale": [0.01],
                  "reason": "tuned gain", "watched": []}  # fmt: skip
-    done = bench.beat(asked(bench, FIT), Answer(1, 0, {"events": [], "candidate": candidate}))
+    done = bench.beat(asked(bench), Answer(1, 0, {"events": [], "candidate": candidate}))
     assert done.state.agenda.phase == TRIAL
     assert done.state.other.version == 1
     assert done.state.agenda.versions == 2

@@ -113,7 +113,11 @@ def test_a_live_run_takes_the_answer_that_is_there(name: str, beats: int) -> Non
     for number, (row, _) in run.answered.items():
         ahead = row - asked[number].row
         assert ahead == beats * case.spec.beat.rows or row == len(case.rows.t), number
-    assert len(run.answered) == len(asked) >= 1
+    # what was asked beside a trial that ended in a promotion is not answered any more
+    live = {r.row for r in run.records if isinstance(r, Event) and r.kind == "promoted"}
+    late = beats * case.spec.beat.rows
+    dropped = [r for r in asked.values() if any(r.row < row <= r.row + late for row in live)]
+    assert run.answered and len(asked) - len(run.answered) <= len(dropped)
 
 
 @NAMES

@@ -143,6 +143,8 @@ class Proposal:
     """Every step on the way, terms that were replaced or dropped later included."""
     table: Mapping[str, Any] = field(default_factory=dict)
     """The translation table that a law was refined from: levels, values, visits, learned."""
+    unseen: tuple[float, ...] = ()
+    """Levels of the table that the machine was not at."""
 
     @property
     def found(self) -> bool:

@@ -51,8 +51,8 @@ from evertwin.models.terms.rows import inputs_of, quiet_level
 from evertwin.sync import residuals, restarts
 from evertwin.types import Float64, ParameterVector, Vector
 
-TRIED = 16
-"""Most dead-zone thresholds that are tried at once."""
+TRIED = 8
+"""Most dead-zone thresholds that all numbers are fitted with."""
 LEAST = 12
 """Fewest residuals to fit on."""
 VARIANTS = ("", "dead zone", "clamp")
@@ -121,8 +121,8 @@ def refine_law(
             f"refinement: expected at least {LEAST} predicted rows, got {rows}: record more"
         )
     fits = [trials[""].fit(0.0)]
-    thresholds = _thresholds(inputs_of(windows, model.inputs.index(table.channel)), table)
-    fits += [trials["dead zone"].fit(threshold) for threshold in thresholds]
+    near = _near(inputs_of(windows, model.inputs.index(table.channel)), table)
+    fits += trials["dead zone"].fits(near)
     fits += [trials["clamp"].fit(_edge(table))]
     best = min(fits, key=lambda fit: fit.criterion)
     least = {v: min(f.criterion for f in fits if f.variant == v) for v in {f.variant for f in fits}}
@@ -142,14 +142,11 @@ def _edge(table: Table) -> float:
     return float(size[size > 0].min())
 
 
-def _thresholds(u: Vector, table: Table) -> list[float]:
-    """Commands near the table's edge, at most `TRIED`; they include the largest below the edge."""
+def _near(u: Vector, table: Table) -> Float64[np.ndarray, " near"]:
+    """Commands near the table's edge, rising; they include the largest below the edge."""
     edge, step = _edge(table), float(table.levels[1] - table.levels[0])
     seen = np.unique(np.abs(u).round(9))
-    near = seen[(seen > 0) & (np.abs(seen - edge) <= 2.0 * step + 1e-9)]
-    if len(near) > TRIED:
-        near = near[np.unique(np.linspace(0, len(near) - 1, TRIED).round().astype(int))]
-    return [float(value) for value in near]
+    return np.asarray(seen[(seen > 0) & (np.abs(seen - edge) <= 2.0 * step + 1e-9)])
 
 
 @dataclass(frozen=True)
@@ -216,6 +213,18 @@ class _Trial:
     def full(self, q: Numbers) -> ParameterVector:
         """Parameters of the corrected model: no delay, only the lag."""
         return np.concatenate([self.p, q[:-1], [0.0, q[-1]]])
+
+    def fits(self, thresholds: Vector) -> list[_Fit]:
+        """The fits with some of the thresholds, and with the best of all by the best of these."""
+        k = len(thresholds)
+        some = np.unique(np.linspace(0, k - 1, min(k, TRIED)).round().astype(int))
+        found = [self.fit(float(threshold)) for threshold in thresholds[some]]
+        if len(some) < k:
+            best = min(found, key=lambda one: one.criterion).q
+            points = [np.r_[threshold, best[1:]] for threshold in thresholds]
+            costs = [float(np.square(self.residual(q)).sum()) for q in points]
+            found.append(self.fit(float(thresholds[int(np.argmin(costs))])))
+        return found
 
     def fit(self, threshold: float) -> _Fit:
         """The least-squares fit; a dead zone's threshold stays where it is."""

@@ -3,8 +3,9 @@
 A fit over both tells neither. Proposed is the place that splits the residuals of the version as it
 is into two parts of different size most clearly (likelihood ratio of two exponential distributions
 of the mean squares of blocks of rows, summed over outputs). A motion that is harder to predict
-looks the same, so a place counts only if a fit to the rows behind it does better there and worse
-before it: no version holds for both.
+looks the same, so a place counts only if a fit to the rows behind it does worse before it, and
+there, where the inputs had been before, nearly as well as the version did: no version holds for
+both, and the form holds for either.
 """
 
 from __future__ import annotations
@@ -15,14 +16,18 @@ import numpy as np
 
 from evertwin.fold import Block, take
 from evertwin.tuning import Problem, solve
-from evertwin.types import Outputs, PerOutput, Vector
+from evertwin.types import Inputs, Outputs, PerOutput, Vector
 
 BLOCKS, ROWS = 384, 10
 """Blocks of a window at most, rows of one at least: neighbouring rows are alike."""
 CLEAR = 4.0
 """Logarithm of the likelihood ratio from which on a place is looked at."""
 PART = 0.25
-"""Share by which the mean square has to fall behind the place, and to rise before it."""
+"""Share by which the mean square before the place rises at least by the fit to the rows behind."""
+RESTORED = 0.7
+"""Share of the rise at the place that this fit has to take back."""
+BINS = 20
+"""Parts of an input's range that count as one place."""
 Windows = tuple[Block, ...]
 
 
@@ -77,19 +82,27 @@ def changed(windows: Windows, pose: Callable[[Windows], Problem]) -> int:
     place = likely(_residuals(whole, whole.start))
     if not place:
         return 0
-    old, new = map(pose, split(windows, place))
-    values = solve(new).values
-    sizes = np.sqrt(_mean_squares(whole, whole.start))
-    worse, better = (
-        float(np.nansum(_mean_squares(part, values) / sizes**2))
-        / float(np.nansum(_mean_squares(part, part.start) / sizes**2))
-        for part in (old, new)
-    )
-    if worse <= 1.0 + PART or better >= 1.0 - PART:
-        return 0
+    values = solve(pose(split(windows, place)[1])).values
+    start, fit = (np.square(_residuals(whole, v)) for v in (whole.start, values))
+    size = _mean(start)
     # the row from which on the fit is the better one, summed over all rows
-    before, after = (np.square(_residuals(whole, v) / sizes) for v in (whole.start, values))
-    return 1 + int(np.argmin(np.cumsum(np.nansum(before - after, axis=1))))
+    place = 1 + int(np.argmin(np.cumsum(np.nansum((start - fit) / size, axis=1))))
+    now = slice(place, None)
+    start[now][~_seen(whole.rows.u, place)] = np.nan
+    before, after, worse, left = map(_mean, (start[:place], start[now], fit[:place], fit[now]))
+    rise = float(np.nansum((after - before) / before))
+    explained = float(np.nansum((after - left) / before))
+    alike = float(np.nansum((worse - before) / before)) <= PART
+    return place if 0.0 < RESTORED * rise <= explained and not alike else 0
+
+
+def _seen(u: Inputs, place: int) -> np.ndarray:
+    """Rows from ``place`` on whose inputs had been where they are: elsewhere the form may be wrong,
+    which looks the same as a change."""
+    low, high = np.nanmin(u, axis=0), np.nanmax(u, axis=0)
+    bins = np.nan_to_num((u - low) / np.where(high > low, high - low, 1.0) * BINS).astype(int)
+    known = [np.isin(column[place:], column[:place]) for column in bins.T]
+    return np.all(known, axis=0) if known else np.ones(len(u) - place, dtype=np.bool_)
 
 
 def _residuals(problem: Problem, values: Vector) -> Outputs:
@@ -97,8 +110,7 @@ def _residuals(problem: Problem, values: Vector) -> Outputs:
     return np.where(problem.rows.used, problem.residuals(values), np.nan)
 
 
-def _mean_squares(problem: Problem, values: Vector) -> PerOutput:
+def _mean(squares: Outputs) -> PerOutput:
     """Per output, over the rows that count; NaN where none does."""
-    residual = _residuals(problem, values)
-    rows = np.count_nonzero(np.isfinite(residual), axis=0)
-    return np.asarray(np.nansum(np.square(residual), axis=0) / np.where(rows, rows, np.nan))
+    rows = np.count_nonzero(np.isfinite(squares), axis=0)
+    return np.asarray(np.nansum(squares, axis=0) / np.where(rows, rows, np.nan))

@@ -7,6 +7,7 @@ over all kinds of term that the twin file allows, each of which has to pay on he
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import fields
 
 import numpy as np
@@ -18,7 +19,9 @@ from evertwin.correction.refine_law import refine_law
 from evertwin.correction.sarsa import learn_table
 from evertwin.correction.sarsa_settings import SarsaSettings
 from evertwin.correction.sarsa_settings import propose as propose_actions
+from evertwin.correction.sarsa_table import Table
 from evertwin.fold import Block
+from evertwin.loop.recall import recalled
 from evertwin.loop.setup import Setup
 from evertwin.models import Model
 from evertwin.models.corrected import build
@@ -61,16 +64,18 @@ def sarsa_settings(setup: Setup, channel: str, windows: Windows) -> SarsaSetting
 def _translation(setup: Setup, base: Model, version: Version, windows: Windows) -> Proposal:
     """The translation of one input, in place of the terms that the version has."""
     channel = setup.spec.correction.translated
+    settings = sarsa_settings(setup, channel, windows)
+    newest = setup.rows(setup.spec.correction.window)
+    windows = recalled(windows, newest, base.inputs.index(channel), settings)
     p = version.p[: len(base.parameters)]
-    table = learn_table(base, p, windows, sarsa_settings(setup, channel, windows))
+    table = learn_table(base, p, windows, settings)
     terms: tuple[Term, ...] = (Term("table", channel, levels=tuple(table.levels.tolist())),)
-    said: tuple[str, ...] = (
-        f"{channel}: {int(table.learned.sum())} of {len(table.levels)} levels learned",
-    )
+    said = tuple(_said(table, base.inputs.units[base.inputs.index(channel)]))
     values = {f"table.{channel}.{k}": float(v) for k, v in enumerate(table.values)}
     if setup.spec.correction.refine:
         refined = refine_law(base, p, windows, table, setup.horizon)
-        terms, said, values = refined.terms, refined.describes, dict(refined.values)
+        terms, values = refined.terms, dict(refined.values)
+        said = (*refined.describes, *said[1:])
     form = Form(terms, version.form.variant)
     model = build(base, form)
     full = model.parameters.with_values(values).values
@@ -84,4 +89,18 @@ def _translation(setup: Setup, base: Model, version: Version, windows: Windows) 
     return Proposal(
         form, names, full, before, after, seen.scale, gains=gains, describes=said,
         table={name: getattr(table, name) for name in SHOWN},
+        unseen=tuple(table.levels[table.visits == 0].tolist()),
     )  # fmt: skip
+
+
+def _said(table: Table, unit: str) -> Iterator[str]:
+    """What the table rests on, and the missing excitation in words."""
+    levels = table.levels
+    yield f"{table.channel}: {int(table.learned.sum())} of {len(levels)} levels learned"
+    opens = np.flatnonzero(np.diff(table.visits == 0, prepend=False, append=False)).tolist()
+    found = [
+        f"{levels[a]:g}" if b == a + 1 else f"{levels[a]:g} to {levels[b - 1]:g}"
+        for a, b in zip(opens[::2], opens[1::2], strict=True)
+    ]
+    if found:
+        yield f"{table.channel} was not seen at {', '.join(found)} {unit}"

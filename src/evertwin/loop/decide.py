@@ -19,7 +19,7 @@ from evertwin.loop.crossing import outside
 from evertwin.loop.deviation import deviation, new_sums
 from evertwin.loop.follow import EMPTY, NONE, Follow
 from evertwin.loop.scores import new_scores
-from evertwin.loop.twin_state import CORRECT, FIT, PROBATION, TRIAL, WATCH, TwinState
+from evertwin.loop.twin_state import PROBATION, TRIAL, WATCH, TwinState
 from evertwin.models.form import Form
 
 
@@ -95,7 +95,7 @@ class Decide:
         state = state._replace(other=self.follow.beside(state.live, number))
         state = self._live(state, number, EMPTY, first)
         agenda = state.agenda._replace(
-            phase=WATCH, open=0, again=0, versions=max(state.agenda.versions, number + 1)
+            phase=WATCH, again=0, versions=max(state.agenda.versions, number + 1)
         )
         return state._replace(agenda=agenda)
 
@@ -121,14 +121,25 @@ class Decide:
         due = state.elapsed - agenda.fitted >= setup.schedule or again > 0 or last
         if reason or alarm or due:
             self._supersede(decision)
+        free = self._free(decision.state, bool(reason or alarm))
         if not reason and alarm:
             reason = alarm
-        elif reason and self._free(decision.state):
+        elif reason and free:
             decision.say("suspected", signal, reason, evidence)
-        if (reason or due) and self._free(decision.state):
-            again = again or (state.row if reason and not last else 0)
+        if (reason or due) and free:
+            trial = decision.state.agenda.phase == TRIAL
+            again = 0 if trial else again or (state.row if reason and not last else 0)
             decision.remember(fitted=state.elapsed, again=again)
-            self._ask(decision, "fit", FIT, {"reason": reason or "scheduled"})
+            self._ask(decision, "fit", {"reason": reason or "scheduled"})
+        elif self._learns_on(decision.state):
+            self._ask(decision, "correct", {"reason": "levels are missing"}, state.live.version)
+
+    def _learns_on(self, state: TwinState) -> bool:
+        """Is it time to see whether the live correction lacks levels that have come since?"""
+        live, setup, agenda = state.live.version, self.follow.setup, state.agenda
+        enough = state.row >= agenda.stop + setup.rows(setup.spec.correction.window)
+        terms = self.follow.versions[live].form.terms
+        return agenda.lacking > 0 and enough and bool(terms) and self._free(state)
 
     def _supersede(self, decision: Decision) -> None:
         """A challenger that has long gained next to nothing makes room for one from newer data."""
@@ -137,7 +148,7 @@ class Decide:
             return
         verdict, evidence = trial.verdict(state.trial)
         hopeless = evidence["gain"] < 0.5 * trial.margin
-        if verdict is None and hopeless and evidence["segments"] >= 5 * trial.least:
+        if verdict is None and hopeless and evidence["segments"] >= 2 * trial.least:
             number = state.other.version
             reason = f"version {number} gains too little, superseded: {evidence['sentence']}"
             decision.say("rejected", "", reason, evidence)
@@ -163,7 +174,7 @@ class Decide:
         agenda = decision.state.agenda
         if agenda.retrain and state.row >= agenda.retrain and self._free(decision.state):
             decision.remember(retrain=0)
-            self._ask(decision, "correct", CORRECT, {"reason": "new training sequence"})
+            self._ask(decision, "correct", {"reason": "new training sequence"})
 
     def _deviates(self, state: TwinState, task_end: bool) -> tuple[str | None, str, dict[str, Any]]:
         """(None, …) when it is too early to say, ("", …) when within the requirement."""
@@ -183,11 +194,18 @@ class Decide:
         evidence = {"deviation": values, "limit": setup.requirement, "rows": samples}
         return f"{name} is off by {shown[worst]} (limit {limit})", name, evidence
 
-    def _free(self, state: TwinState) -> bool:
+    def _free(self, state: TwinState, deviates: bool = False) -> bool:
+        """May a candidate be sought? Beside one that has been on trial for long, if the live
+        version deviates."""
         agenda = state.agenda
-        return agenda.phase == WATCH and state.row >= agenda.hold and not agenda.pinned
+        if agenda.open or agenda.pinned or state.row < agenda.hold:
+            return False
+        long = state.trial.tally[1] >= self.follow.setup.trial.least
+        return agenda.phase == WATCH or bool(agenda.phase == TRIAL and deviates and long)
 
-    def _ask(self, decision: Decision, kind: str, phase: int, detail: Mapping[str, Any]) -> None:
+    def _ask(
+        self, decision: Decision, kind: str, detail: Mapping[str, Any], rival: int = 0
+    ) -> None:
         state, setup = decision.state, self.follow.setup
         number = state.agenda.asked + 1
         size = setup.window(kind)
@@ -196,8 +214,10 @@ class Decide:
         request = Request(number, kind, state.live.version, state.row, due, window, dict(detail))
         decision.requests.append(request)
         decision.remember(
-            phase=phase, open=number, due=due, start=window[0], stop=window[1], asked=number
-        )
+            open=number, due=due, start=window[0], stop=window[1], asked=number,
+            correcting=kind == "correct",
+            rival=state.other.version if state.agenda.phase == TRIAL else rival,
+        )  # fmt: skip
 
     # ------------------------------------------------------------------ answers to slow work
 
@@ -207,17 +227,21 @@ class Decide:
             return
         content: Any = answer.content
         waits = agenda.again > 0 and "waits" in content
-        decision.remember(phase=WATCH, open=0, again=agenda.again if waits else 0)
+        decision.remember(open=0, again=agenda.again if waits else 0)
         for event in content.get("events", ()):
             decision.say(event["kind"], event["signal"], event["reason"], event["evidence"])
         if content.get("tuned"):
             decision.remember(tunings=agenda.tunings + 1)
         candidate = content.get("candidate")
         decision.remember(since=max(agenda.since, int(content.get("since", 0))))
+        lacking = content.get("lacking")
+        if lacking is not None:  # as many as before, and nothing better: no more come
+            ends = candidate is None and lacking == agenda.lacking
+            decision.remember(lacking=0 if ends else int(lacking))
         if candidate is not None:
             self._challenge(decision, candidate)
         elif content.get("next") == "correct":
-            self._ask(decision, "correct", CORRECT, {})
+            self._ask(decision, "correct", {})
         else:
             setup = self.follow.setup
             pause = setup.latency if waits else setup.holdoff
@@ -225,6 +249,9 @@ class Decide:
 
     def _challenge(self, decision: Decision, candidate: Mapping[str, Any]) -> None:
         state, follow = decision.state, self.follow
+        if state.agenda.phase == TRIAL:
+            reason = f"version {state.other.version} makes room for a better candidate"
+            decision.say("superseded", "", reason, follow.setup.trial.verdict(state.trial)[1])
         version = follow.versions.add(
             Form.from_json(candidate["form"]), candidate["values"], parent=state.live.version,
             reason=str(candidate["reason"]), row=state.row,
@@ -290,7 +317,7 @@ class Decide:
         scores = new_scores(len(follow.setup.model.outputs), updates, state.row, state.scores.scale)
         return state._replace(
             live=lane, first=first, other=other, scores=scores,
-            agenda=state.agenda._replace(held=False),
+            agenda=state.agenda._replace(held=False, open=0),
             trial=follow.setup.probation.init(), detect=follow.setup.detect.init(),
             # what waits is of the version that goes
             newest=follow.setup.at_horizon.init(), waiting=follow.setup.residual_filter.init(),

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from evertwin.loop.setup import Setup
 from evertwin.models import Model
 from evertwin.models.batch import Batch, mapped
 from evertwin.sync.horizon import residuals, restarts
+from evertwin.tuning import Problem
 from evertwin.types import Json, Outputs, ParameterVector, Vector
 
 
@@ -112,3 +114,17 @@ def _rms(values: Vector) -> float:
 def _ratio(residual: Vector, measured: Vector) -> float:
     base: Any = _rms(measured)
     return _rms(residual) / base if base > 0 else float("nan")
+
+
+def at_ends(problem: Problem, values: np.ndarray) -> list[float]:
+    """Rms residual per output where a prediction has reached its horizon."""
+    residual = problem.residuals(values)
+    # a prediction goes from one restart to the next
+    bounds = [*np.flatnonzero(problem.restart.code).tolist(), len(residual)]
+    newest = np.full((len(bounds) - 1, residual.shape[1]), np.nan)
+    for n, (start, stop) in enumerate(pairwise(bounds)):
+        for k in range(residual.shape[1]):
+            known = residual[start:stop, k][~np.isnan(residual[start:stop, k])]
+            newest[n, k] = known[-1] if len(known) else np.nan
+    rows = np.maximum(np.count_nonzero(~np.isnan(newest), axis=0), 1)
+    return [float(size) for size in np.sqrt(np.nansum(np.square(newest), axis=0) / rows)]

@@ -28,6 +28,8 @@ from evertwin.sync import Track
 from evertwin.sync.horizon import nanoseconds
 from evertwin.trial import Probation, Trial
 
+BACK = 10
+"""Windows of a table that are kept: a machine is seldom at all levels within one."""
 FEW = 5
 """Fewest samples that a deviation is judged on at a beat."""
 SEGMENT = 1.0
@@ -215,8 +217,10 @@ class Setup:
 
     def window(self, kind: str) -> int:
         """Newest rows that a kind of request looks at."""
-        rule = self.spec.tuning if kind == "fit" else self.spec.correction
-        return self.rows(rule.window)
+        if kind == "fit":
+            return self.rows(self.spec.tuning.window)
+        rule = self.spec.correction
+        return self.rows(rule.window) * (BACK if rule.translated else 1)
 
     @property
     def holdoff(self) -> int:

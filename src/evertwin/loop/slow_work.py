@@ -45,7 +45,9 @@ class SlowWork:
         version = self.work.versions[state.live.version]
         rows = self.work.setup.ring.between(state.ring, *window)
         request = Request(agenda.open, agenda.kind, version.number, state.row, agenda.due, window)
-        task = Task(agenda.kind, version, rows, agenda.tunings, agenda.held, agenda.again > 0)
+        rival = self.work.versions[agenda.rival] if agenda.rival else None
+        held, waits = agenda.held, agenda.again > 0
+        task = Task(agenda.kind, version, rows, agenda.tunings, held, waits, rival)
         self.engine.submit(request, partial(self.work.content, task))
 
     def take(self, state: TwinState, *, wait: bool) -> Answer | None:

@@ -15,7 +15,7 @@ from evertwin.loop.deviation import Sums
 from evertwin.loop.released import Waiting
 from evertwin.loop.ring import Rows
 
-WATCH, FIT, CORRECT, TRIAL, PROBATION = range(5)
+WATCH, TRIAL, PROBATION = range(3)
 """What the twin is busy with: nothing, a fit, a correction, a challenger, a fresh champion."""
 
 
@@ -91,6 +91,12 @@ class Agenda(NamedTuple):
     """Row of a suspicion that rows were too few to explain; 0: there is none."""
     held: bool = False
     """Has the live version been found within the requirement?"""
+    correcting: bool = False
+    """Does the open request seek a correction, not a fit?"""
+    rival: int = 0
+    """Version that its candidate has to surpass; 0: none."""
+    lacking: int = 0
+    """Levels that the correction had not seen when last learned; 0 too where no more come."""
     pinned: bool = False
     versions: int = 1
     """Versions so far."""
@@ -98,7 +104,7 @@ class Agenda(NamedTuple):
     @property
     def kind(self) -> Literal["fit", "correct"]:
         """Of the open request."""
-        return "correct" if self.phase == CORRECT else "fit"
+        return "correct" if self.correcting else "fit"
 
 
 class TwinState(NamedTuple):

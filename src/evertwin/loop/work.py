@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,6 +20,7 @@ from evertwin.errors import DataError, ModelError, UsageError
 from evertwin.fold import Block, plain
 from evertwin.loop.change import changed, split
 from evertwin.loop.correcting import learn
+from evertwin.loop.evaluation import at_ends, predict
 from evertwin.loop.friction_law import climb_laws
 from evertwin.loop.physical import physically
 from evertwin.loop.posterior import posterior
@@ -34,7 +34,7 @@ from evertwin.models.corrected import Corrected
 from evertwin.models.form import Form, Version
 from evertwin.trial import admit
 from evertwin.tuning import Fit, Iteration, Problem, Schedule, Settings, solve
-from evertwin.types import Json
+from evertwin.types import Json, ParameterVector
 
 Windows = tuple[Block, ...]
 LEAST = 0.05
@@ -43,7 +43,8 @@ little."""
 LITTLE = 0.1
 """Weight in a loss of an output that tuning explains nothing of; 1: of one that it explains."""
 MUCH = 0.3
-"""Explained share below which a suspicion waits for more rows."""
+"""Explained share below which a suspicion waits for more rows, and by which a candidate has to
+surpass one that is on trial."""
 ENOUGH = 10
 """Rows a parameter behind a change that a fit needs."""
 
@@ -67,7 +68,7 @@ class Task(NamedTuple):
     """What a request asks for, with all that the answer follows from.
 
     >>> Task._fields
-    ('kind', 'version', 'windows', 'tunings', 'held', 'waits')
+    ('kind', 'version', 'windows', 'tunings', 'held', 'waits', 'rival')
     """
 
     kind: str
@@ -82,6 +83,8 @@ class Task(NamedTuple):
     One that never held may be wrong in another way at each speed, which looks alike."""
     waits: bool = False
     """Is it asked again when more rows are there, should these say too little?"""
+    rival: Version | None = None
+    """A candidate has to surpass it: what is on trial meanwhile, or what is live."""
 
 
 @dataclass(frozen=True)
@@ -108,6 +111,8 @@ class Work:
             else:
                 content = self.correct(task.version, task.windows)
             self._refuse(task, content)
+            if task.rival is not None:
+                content = self._surpassing(task, task.rival, content)
         except TooFew as error:
             # not a verdict on anything: more rows come
             content = {"events": [], "waits": str(error)}
@@ -120,15 +125,37 @@ class Work:
         found = content.get("candidate")
         if found is None:
             return
-        model = self.versions.model_of(found["form"])
-        own = dict(zip(task.version.names, task.version.values, strict=True)) | found["values"]
-        names = model.parameters.names
-        p = model.parameters.with_values({n: own[n] for n in names if n in own}).values
+        model, p = self._made(task.version, found)
         wrong = not_physical(model, p, task.windows)
         if wrong:
             content["candidate"] = None
             said, evidence = f"not physical: {wrong}", {"values": found["values"]}
             content["events"].append(_event("rejected", "", said, evidence))
+
+    def _made(self, version: Version, found: dict[str, Any]) -> tuple[Model, ParameterVector]:
+        """The model of a candidate, and its parameters."""
+        model = self.versions.model_of(found["form"])
+        own = dict(zip(version.names, version.values, strict=True)) | found["values"]
+        names = model.parameters.names
+        return model, model.parameters.with_values({n: own[n] for n in names if n in own}).values
+
+    def _surpassing(self, task: Task, rival: Version, content: dict[str, Any]) -> dict[str, Any]:
+        """Of an answer: what to do next, or a candidate that is better than the rival; much
+        better than one on trial, whose evidence would be lost."""
+        found = content.get("candidate")
+        if found is not None:
+            old = self._left(self.versions.model_of(rival.form), rival.p, task.windows)
+            new = self._left(*self._made(task.version, found), task.windows)
+            gain = MUCH if rival.number != task.version.number else self.setup.trial.margin
+            if np.nanmean(new / old) <= 1.0 - gain:
+                return content
+        return {"events": []} | {k: content[k] for k in ("next", "lacking") if k in content}
+
+    def _left(self, model: Model, p: ParameterVector, windows: Windows) -> np.ndarray:
+        """Rms residual per output; NaN where nothing was measured."""
+        found = np.concatenate([predict(self.setup, model, p, w).residual for w in windows])
+        rows = np.count_nonzero(np.isfinite(found), axis=0)
+        return np.asarray(np.sqrt(np.nansum(found**2, axis=0) / np.where(rows, rows, np.nan)))
 
     # ------------------------------------------------------------------ tuning
 
@@ -184,7 +211,7 @@ class Work:
 
     def fit(self, task: Task) -> dict[str, Any]:
         """Tunes, and judges what the residual of the tuned model still says."""
-        _, version, windows, tunings, held, waits = task
+        _, version, windows, tunings, held, waits, _ = task
         names = self.due(version, tunings)
         if not names:
             return {"events": [], "next": self._next()}
@@ -321,6 +348,7 @@ class Work:
         values = dict(zip(proposal.names, proposal.p.tolist(), strict=True))
         return {
             "events": [_event("corrected", "", reason, evidence)],
+            "lacking": len(proposal.unseen),
             "fit": posterior(self.setup, self.versions.model_of(proposal.form), proposal, windows),
             "candidate": self._candidate(proposal.form, values, proposal.scale, reason, windows),
         }
@@ -364,17 +392,3 @@ def _superseded(problem: Problem, fit: Fit) -> tuple[str, ...]:
     alike = [n for n, why in zip(fit.names, fit.reasons, strict=True) if "collinear" in why]
     stays = tuple(name for name in alike if name in base)
     return stays if len(stays) < len(alike) else ()
-
-
-def at_ends(problem: Problem, values: np.ndarray) -> list[float]:
-    """Rms residual per output where a prediction has reached its horizon."""
-    residual = problem.residuals(values)
-    # a prediction goes from one restart to the next
-    bounds = [*np.flatnonzero(problem.restart.code).tolist(), len(residual)]
-    newest = np.full((len(bounds) - 1, residual.shape[1]), np.nan)
-    for n, (start, stop) in enumerate(pairwise(bounds)):
-        for k in range(residual.shape[1]):
-            known = residual[start:stop, k][~np.isnan(residual[start:stop, k])]
-            newest[n, k] = known[-1] if len(known) else np.nan
-    rows = np.maximum(np.count_nonzero(~np.isnan(newest), axis=0), 1)
-    return [float(size) for size in np.sqrt(np.nansum(np.square(newest), axis=0) / rows)]
