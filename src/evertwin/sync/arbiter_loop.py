@@ -67,6 +67,7 @@ def settle(
         off = wrapped(y[j] - after, limits[j, at.ANGLE] > 0)
         values[j, at.OFFSET] = off if off == off else 0.0
         values[j, at.GOOD], values[j, at.PATH], values[j, at.WAY] = y[j], 0.0, 0.0
+        values[j, at.DRIFT] = 0.0
     figures[g, at.SPREAD] = spread
     numbers[g, at.STARTED], numbers[g, at.GOOD_AT] = 1, stamp
     numbers[g, at.SAMPLES] += 1
@@ -218,11 +219,12 @@ def judge(
         ratio = measure(settings, memory, statistics, sample, g, size, now[1], phase)
     follow(settings, memory, sample, g, size, now, ratio > 1.0)
     cause = implausible(settings, memory, sample, g, size, now[1])
-    held = started and numbers[g, at.CAUSE] == FACTOR
-    if held:
+    open_factor, held = started and numbers[g, at.CAUSE] == FACTOR, 0
+    if open_factor and cause == 0:
         growth = grown(rules, numbers, figures, g, now[1])
         held = persists(settings, memory, sample, g, size, growth)
-    if cause == 0 and (ratio > 1.0 or held):
+        cause = FACTOR if held > 0 else 0
+    if cause == 0 and ratio > 1.0:
         cause = doubted(settings, memory, sample, g, size)
     for k in range(size):
         j = room[k]
@@ -241,9 +243,11 @@ def judge(
         onset = numbers[g, at.RUN_ROW + numbers[g, at.HELD_BY]] if cause == FROZEN else now[0]
         fault(rules, memory, notes, g, cause, onset, now)
         return ERROR, 0
-    if numbers[g, at.CAUSE] != FACTOR or numbers[g, at.SOUND] >= rules[g, at.VOTE]:
+    if not open_factor or held < 0:
         end_fault(memory, notes, g, now)
-    outside = held or ratio > 1.0
+    elif ratio <= 1.0:
+        return CONTESTED, 0  # it may be sound again; the next rows say so
+    outside = ratio > 1.0
     if not outside and numbers[g, at.CONTEST] > 0 and started:
         outside = sides(limits, values, board, rules, room, g, size)
     if outside:

@@ -21,6 +21,13 @@ from evertwin.sync.options import COLD
 from evertwin.sync.places import Cause
 
 FACTOR = int(Cause.FACTOR)
+CLEAR = 4.0
+"""Evidence from which a factor is over, and the most that one row may say [log-likelihood]."""
+COMMON = 3.0
+"""How much likelier a machine that moved is than a factor, and one that keeps its speed than one
+that does not [log]."""
+FOLLOWED = 0.2
+"""Share of a row in the drift of the prediction while a factor holds."""
 
 
 @njit(**COLD)
@@ -31,32 +38,40 @@ def allowed(rules: Any, values: Any, g: int, j: int, growth: float) -> float:
 
 
 @njit(**COLD)
-def persists(settings: Any, memory: Any, sample: Any, g: int, size: int, growth: float) -> bool:
-    """Does the factor of the open fault still hold at this row?
+def persists(settings: Any, memory: Any, sample: Any, g: int, size: int, growth: float) -> int:
+    """Does the factor of the open fault still hold? 1: this row says so, 0: unknown, −1: it is over.
 
-    It is over where every value is expected as it is, unless the same values divided by a factor
-    below 1 are expected too: of two explanations the one that says more holds. As many rows as vote
-    have to be like that. What is credible has grown meanwhile and is no measure of it.
+    The log-likelihood of the sound sensor against that of the factor is summed from the last row
+    that spoke for the factor; it is over from `CLEAR` on. How far the prediction has drifted by now
+    is known from measured/f, and the same for both: so a passage through zero, where both explain
+    a row, ends nothing.
     """
     limits, rules, _ = settings
     values, numbers, figures = memory
-    room, y, f, same = sample[0], sample[1], figures[g, at.FACTOR], abs(figures[g, at.FACTOR]) < 1.0
+    room, y, f, gain, held = sample[0], sample[1], figures[g, at.FACTOR], 0.0, True
     for k in range(size):
         j = room[k]
-        nu, room_for = values[j, at.NU], allowed(rules, values, g, j, growth)
-        if not abs(nu) <= room_for:
-            numbers[g, at.SOUND] = 0
-            return True
-        expected = y[j] - nu
-        off = wrapped(y[j] / f - expected, limits[j, at.ANGLE] > 0)
-        same = same and abs(off) <= room_for
-    numbers[g, at.SOUND] = 0 if same else numbers[g, at.SOUND] + 1
-    return bool(same)
+        angle, nu, drift = limits[j, at.ANGLE] > 0, values[j, at.NU], values[j, at.DRIFT]
+        off = wrapped(y[j] / f - (y[j] - nu), angle)
+        held = held and abs(off) <= allowed(rules, values, g, j, growth)
+        spoken, plain = wrapped(off - drift, angle), wrapped(nu - drift, angle)
+        gain += 0.5 * (spoken * spoken - plain * plain) / values[j, at.BASE] + math.log(abs(f))
+    gain = min(max(gain, -CLEAR), CLEAR)
+    held = held and gain < CLEAR
+    figures[g, at.SOUND_BY] = max(0.0, figures[g, at.SOUND_BY] + gain)
+    for k in range(size):
+        j = room[k]
+        if held and gain <= 0.0:
+            off = wrapped(y[j] / f - (y[j] - values[j, at.NU]), limits[j, at.ANGLE] > 0)
+            values[j, at.DRIFT] += (off - values[j, at.DRIFT]) * FOLLOWED
+    if figures[g, at.SOUND_BY] >= CLEAR:
+        return -1
+    return 1 if held else 0
 
 
 @njit(**COLD)
-def scatter(board: Any, votes: int, g: int, j: int, f: float, angle: bool) -> float:
-    """Sum of squares of measured/f − expected about its line."""
+def scatter(board: Any, votes: int, g: int, j: int, f: float, angle: bool) -> tuple[float, float, float]:
+    """Sums of squares of measured/f − expected about its mean, and about its line; the line's rise."""
     ring, times, expected = board[0], board[2], board[4]
     last = votes - 1
     y = expected[last, j] + ring[last, j]
@@ -67,9 +82,10 @@ def scatter(board: Any, votes: int, g: int, j: int, f: float, angle: bool) -> fl
         y = expected[i, j] + ring[i, j]
         d = wrapped(wrapped(y / f - expected[i, j], angle) - end, angle)
         s1, s2, r0, r1, r2 = s1 + a, s2 + a * a, r0 + d, r1 + a * d, r2 + d * d
+    about = max(r2 - r0 * r0 / votes, 0.0)
     slope = (votes * r1 - s1 * r0) / (votes * s2 - s1 * s1)
-    level = (r0 - slope * s1) / votes
-    return float(max(r2 - level * r0 - slope * r1, 0.0))
+    line = max(about - slope * (r1 - s1 * r0 / votes), 0.0)
+    return about, line, abs(slope * (times[last, g] - times[0, g]) * 1e-9)
 
 
 @njit(**COLD)
@@ -84,15 +100,24 @@ def explained(board: Any, votes: int, j: int, f: float, room_for: float, angle: 
 
 
 @njit(**COLD)
-def likelier(board: Any, votes: int, g: int, j: int, f: float, noise: float, angle: bool) -> bool:
+def likelier(
+    board: Any, votes: int, g: int, j: int, f: float, noise: float, room_for: float, angle: bool
+) -> bool:
     """Are the contested values likelier f times sound ones than those of a machine that was moved?
 
-    Two normal likelihoods: measured − expected about a line with the sensor's ``noise`` (variance),
-    or measured/f − expected about a line with the same noise, which f has multiplied.
+    Normal likelihoods with the sensor's ``noise`` (variance): measured/f − expected about a level,
+    whose noise f has multiplied, against measured − expected about a level or a line. A machine
+    that was moved may land anywhere: that it lies as near to the factor's place is a coincidence,
+    and that it moves otherwise than predicted from then on is another.
     """
-    moved = scatter(board, votes, g, j, 1.0, angle)
-    factor = scatter(board, votes, g, j, f, angle)
-    return bool(moved - factor >= (votes - 2) * noise * 2.0 * math.log(abs(f)))
+    factor = scatter(board, votes, g, j, f, angle)[0]
+    level, line, rise = scatter(board, votes, g, j, 1.0, angle)
+    far = abs(wrapped(board[0][votes - 1, j], angle))
+    chance = math.log(max(far / room_for, 1.0)) - COMMON
+    otherwise = COMMON + math.log(max(rise / math.sqrt(noise), 1.0))
+    moved = min(level, line + 2.0 * noise * otherwise)
+    more = 0.5 * (moved - factor) / noise - (votes - 2) * math.log(abs(f)) + chance
+    return bool(more >= 0.0)
 
 
 @njit(**COLD)
@@ -116,7 +141,7 @@ def fits(
         if (
             (turn or not angle)
             and explained(board, votes, j, f, room_for, angle)
-            and likelier(board, votes, g, j, f, noise, angle)
+            and likelier(board, votes, g, j, f, noise, room_for, angle)
         ):
             found = True
         elif not sound:

@@ -19,19 +19,20 @@ NONE, UPDATE, MIX = range(3)
 
 (
     OFFSET, LAST, GOOD, PATH, WAY, AFTER, NU, BASE, WRONG, USUAL, SLOPE, PROVEN, SQUARE, MOVE,
-    CROSS, POWER, NU_BEFORE, NOISE, OTHER,
-) = range(19)  # fmt: skip
+    CROSS, POWER, NU_BEFORE, NOISE, OTHER, DRIFT,
+) = range(20)  # fmt: skip
 """Memory per output: what the last trusted sample was off the state after it; last sample; last
 trusted value; path and way that were predicted since; output after the row; innovation of this
 sample (its change of the offset) and its regular variance; innovation of the last doubted sample;
 usual path from sample to sample; how fast the contested samples move beside the prediction [per
 sample], and how fast agreeing ones did; mean square of measured − predicted; way that was predicted
 for this sample, its mean product with the innovation and its mean square; innovation of the trusted
-sample before; variance of the sensor's noise; second value of a run of equal ones."""
-HELD, GONE, ORIGIN, BEFORE = range(19, 27, 2)
+sample before; variance of the sensor's noise; second value of a run of equal ones; how far the
+prediction is off while a factor holds, as measured/factor says."""
+HELD, GONE, ORIGIN, BEFORE = range(20, 28, 2)
 """Memory per output and kind of run (equal, near): its value; way that was predicted since it
 began; output after the row at which it began, and offset then."""
-VALUES = 27
+VALUES = 28
 (
     STARTED, VALID, GOOD_AT, LAST_AT, CAUSE, ONSET, UNTIL, FAULTS, TOLD, CONTEST, BATCH, BATCH_ROW,
     LEFT, SAMPLES, UPDATES, RESETS, CONTESTED, ERRORS, SOUND, TURNS, HELD_BY,
@@ -46,9 +47,10 @@ RUN, RUN_ROW, RUN_AT, AWAY, STOOD, STILL = range(22, 34, 2)
 """Memory per group and kind of run: samples, first row and stamp; samples away from it by now, and
 whether the first of them told of a machine that stood still; runs that did."""
 NUMBERS = 34
-SPREAD, INTERVAL, OUTSIDE, FACTOR = range(4)
+SPREAD, INTERVAL, OUTSIDE, FACTOR, SOUND_BY = range(5)
 """Memory per group, numbers: variance of the state over that of the measurement; mean interval of
-trusted samples [ns]; share of contested samples; suspected factor."""
+trusted samples [ns]; share of contested samples; suspected factor; how much likelier it is that it
+is over."""
 LOWEST, HIGHEST, BELIEVED = range(3)
 """Memory per input: range of its believed values; the last one."""
 SEEN, DOUBTED, SINCE, TO = range(4)

@@ -67,11 +67,11 @@ class TrackState(NamedTuple):
     p: ParameterVector
     x0: StateVector
     """State that a new start begins with."""
-    values: Float64[np.ndarray, "ny 27"]
+    values: Float64[np.ndarray, "ny 28"]
     """Memory per output, see `evertwin.sync.places`."""
     numbers: Int64[np.ndarray, "ng 34"]
     """Memory per group: flags, stamps, the open fault and contest, counters."""
-    figures: Float64[np.ndarray, "ng 4"]
+    figures: Float64[np.ndarray, "ng 5"]
     """Memory per group: growth, interval, share of contested samples, suspected factor."""
     variance: Float64[np.ndarray, "phases ny"]
     """Variance of the innovation per phase, and over all of them in the last row."""
@@ -198,7 +198,7 @@ class Track:
         numbers = np.zeros((ng, at.NUMBERS), dtype=np.int64)
         numbers[:, [at.GOOD_AT, at.LAST_AT]] = NEVER
         return TrackState(
-            x0.copy(), p, x0, values, numbers, np.zeros((ng, 4)), variance, counts,
+            x0.copy(), p, x0, values, numbers, np.zeros((ng, 5)), variance, counts,
             np.zeros((at.LEARN, ny)), np.zeros((vote, ny)), np.zeros((vote, ny)),
             np.zeros((vote, ng), dtype=np.int64), np.zeros((vote, ng), dtype=np.int64),
             np.zeros((vote, ny)), np.zeros((nu, 3)), np.zeros((nu, 4), dtype=np.int64),

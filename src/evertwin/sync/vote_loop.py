@@ -102,20 +102,33 @@ def agrees(settings: Any, values: Any, board: Any, room: Any, g: int, size: int)
 
 
 @njit(**COLD)
+def nearest(y: float, expected: float, angle: bool) -> float:
+    """How near measured/factor comes to what was expected, over all factors."""
+    found = np.inf
+    for k in range(at.FACTORS.shape[0]):
+        if not angle or k == at.TURN:
+            for f in (at.FACTORS[k], 1.0 / at.FACTORS[k]):
+                found = min(found, max(1.0, abs(f)) * abs(wrapped(y / f - expected, angle)))
+    return found
+
+
+@njit(**COLD)
 def sides(limits: Any, values: Any, board: Any, rules: Any, room: Any, g: int, size: int) -> bool:
     """A sample inside the gate, which has grown meanwhile: is it one of those that are contested?
 
-    Judged by the output that stands out most: nearer to the last contested sample than to the
-    prediction.
+    Judged by the output that stands out most: nearer to the last contested sample, or to a factor
+    of what was expected, than to the prediction.
     """
     ring, last, most, found = board[0], int(rules[g, at.VOTE]) - 1, 0.0, False
     for k in range(size):
         j = room[k]
         nu = values[j, at.NU]
         if nu * nu > most * values[j, at.BASE]:
-            most = nu * nu / values[j, at.BASE]
-            rest = wrapped(nu - ring[last, j], limits[j, at.ANGLE] > 0)
-            found = abs(rest) < 0.5 * abs(nu)
+            most, angle = nu * nu / values[j, at.BASE], limits[j, at.ANGLE] > 0
+            rest = wrapped(nu - ring[last, j], angle)
+            expected = values[j, at.LAST] - nu
+            rest = min(abs(rest), nearest(values[j, at.LAST], expected, angle))
+            found = rest < 0.5 * abs(nu)
     return found and most > 4.0
 
 
@@ -162,7 +175,7 @@ def fault(rules: Any, memory: Any, notes: Any, g: int, cause: int, onset: int, n
         end_fault(memory, notes, g, now)
         numbers[g, at.CAUSE], numbers[g, at.ONSET] = cause, onset
         numbers[g, at.FAULTS] = numbers[g, at.TOLD] = 0
-    numbers[g, at.SOUND] = 0
+        memory[2][g, at.SOUND_BY] = 0.0
     numbers[g, at.FAULTS] += 1
     numbers[g, at.ERRORS] += 1
     numbers[g, at.UNTIL] = now[0]
