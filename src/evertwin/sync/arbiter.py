@@ -17,14 +17,15 @@ gate cannot do that, so each sample of a signal group passes four steps:
 4. Outside → *contested*: marked at once, predict on, and vote over the last k samples of the group.
    They agree with each other → the newest overrules the simulation. Back inside → they were
    measurement errors. Where a factor explains them as well, their scatter decides: it keeps the
-   sensor's noise after a jump and is multiplied by a change of units (`factor_loop`).
+   sensor's noise after a jump and is multiplied by a change of units (`factor_loop`). What is
+   believed can be taken back later (`beside_loop`).
 
 Tolerance updates and overrulings are different events. The innovation is the change since the last
 trusted sample, beside the prediction: a slow drift of the model is no error of the sensor.
 
 What one sensor cannot tell: its own slow drift from the machine's, a sensor frozen with as much
 noise as it had from a machine that stands, a burst longer than the vote from a machine that was
-moved there and back, and a factor of about ten at zero from noise that has risen as much.
+moved there and back, and a sign that turns at zero from a machine that goes the other way.
 The measurement is believed in these cases.
 
 >>> Rule(use="tolerance", tolerance=0.02).vote
@@ -191,6 +192,7 @@ _CAUSES = {
     at.Cause.FROZEN: "frozen while the model predicts motion",
     at.Cause.SENTINEL: "a code for 'no value'",
     at.Cause.FACTOR: "off by a factor",
+    at.Cause.AWAY: "believed, but back where the model without it expects it",
     at.Cause.VOTE: "outside the gate, and the samples did not agree with each other",
 }
 

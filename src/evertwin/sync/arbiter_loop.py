@@ -196,6 +196,22 @@ def refresh(memory: Any, notes: Any, g: int, now: Any) -> None:
     numbers[g, at.VALID] = 1
 
 
+@njit(**COLD)
+def accuse(
+    settings: Any, memory: Any, notes: Any, sample: Any, g: int, size: int, cause: int, now: Any
+) -> None:  # fmt: skip
+    """An obvious error; a frozen sensor was so since its run began."""
+    numbers, onset = memory[1], now[0]
+    if cause == FROZEN:
+        onset = numbers[g, at.RUN_ROW + numbers[g, at.HELD_BY]]
+        if numbers[g, at.CAUSE] != FROZEN:
+            withdraw(settings, memory, sample, g, size)
+            if numbers[g, at.BATCH_ROW] >= onset:
+                # What was contested since then is part of the same fault.
+                numbers[g, at.CONTEST] = numbers[g, at.BATCH] = 0
+    fault(settings[1], memory, notes, g, cause, onset, now)
+
+
 @njit(**HOT)
 def judge(
     settings: Any, memory: Any, statistics: Any, board: Any, notes: Any, sample: Any, g: int,
@@ -235,13 +251,7 @@ def judge(
             values[room[k], at.WRONG] = values[room[k], at.NU]
             values[room[k], at.NU_BEFORE] = np.nan
     if cause > 0:
-        if cause == FROZEN and numbers[g, at.CAUSE] != FROZEN:
-            withdraw(settings, memory, sample, g, size)
-            if numbers[g, at.BATCH_ROW] >= numbers[g, at.RUN_ROW + numbers[g, at.HELD_BY]]:
-                # What was contested since then is part of the same fault.
-                numbers[g, at.CONTEST] = numbers[g, at.BATCH] = 0
-        onset = numbers[g, at.RUN_ROW + numbers[g, at.HELD_BY]] if cause == FROZEN else now[0]
-        fault(rules, memory, notes, g, cause, onset, now)
+        accuse(settings, memory, notes, sample, g, size, cause, now)
         return ERROR, 0
     if not open_factor or held < 0:
         end_fault(memory, notes, g, now)

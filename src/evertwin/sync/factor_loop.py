@@ -39,7 +39,7 @@ def allowed(rules: Any, values: Any, g: int, j: int, growth: float) -> float:
 
 @njit(**COLD)
 def persists(settings: Any, memory: Any, sample: Any, g: int, size: int, growth: float) -> int:
-    """Does the factor of the open fault still hold? 1: this row says so, 0: unknown, −1: it is over.
+    """Does the factor of the open fault still hold? 1: the row says so, 0: unknown, −1: it is over.
 
     The log-likelihood of the sound sensor against that of the factor is summed from the last row
     that spoke for the factor; it is over from `CLEAR` on. How far the prediction has drifted by now
@@ -47,7 +47,7 @@ def persists(settings: Any, memory: Any, sample: Any, g: int, size: int, growth:
     a row, ends nothing.
     """
     limits, rules, _ = settings
-    values, numbers, figures = memory
+    values, _, figures = memory
     room, y, f, gain, held = sample[0], sample[1], figures[g, at.FACTOR], 0.0, True
     for k in range(size):
         j = room[k]
@@ -70,8 +70,10 @@ def persists(settings: Any, memory: Any, sample: Any, g: int, size: int, growth:
 
 
 @njit(**COLD)
-def scatter(board: Any, votes: int, g: int, j: int, f: float, angle: bool) -> tuple[float, float, float]:
-    """Sums of squares of measured/f − expected about its mean, and about its line; the line's rise."""
+def scatter(
+    board: Any, votes: int, g: int, j: int, f: float, angle: bool
+) -> tuple[float, float, float]:
+    """Squares of measured/f − expected about its mean and about its line; how far that rises."""
     ring, times, expected = board[0], board[2], board[4]
     last = votes - 1
     y = expected[last, j] + ring[last, j]

@@ -122,7 +122,7 @@ def note_input(inputs: Any, counts: Any, notes: Any, k: int, kind: int, u: float
     extent[0] = n + 1
     found[n, at.ROW], found[n, at.STAMP] = now
     found[n, at.KIND], found[n, at.GROUP], found[n, at.WHY] = kind, k, 0
-    found[n, at.FIRST], found[n, at.FINAL] = counts[k, at.SINCE], counts[k, at.TO]
+    found[n, at.FIRST], found[n, at.FINAL] = counts[k, at.DOUBT_ROW], counts[k, at.TO]
     found[n, at.NUMBER] = counts[k, at.DOUBTED]
     detail[n, 0], detail[n, 1], detail[n, 2] = u, inputs[k, at.LOWEST], inputs[k, at.HIGHEST]
 
@@ -134,7 +134,7 @@ def doubt(inputs: Any, counts: Any, notes: Any, u: Any, doubts: Any, i: int, now
         if not is_beyond(inputs, counts, k, u[i, k], 0.0):
             continue
         if counts[k, at.DOUBTED] == 0:
-            counts[k, at.SINCE] = now[0]
+            counts[k, at.DOUBT_ROW] = now[0]
             note_input(inputs, counts, notes, k, FOUND_INPUT, u[i, k], now)
         counts[k, at.DOUBTED] += 1
         counts[k, at.TO] = now[0]

@@ -35,26 +35,37 @@ began; output after the row at which it began, and offset then."""
 VALUES = 28
 (
     STARTED, VALID, GOOD_AT, LAST_AT, CAUSE, ONSET, UNTIL, FAULTS, TOLD, CONTEST, BATCH, BATCH_ROW,
-    LEFT, SAMPLES, UPDATES, RESETS, CONTESTED, ERRORS, SOUND, TURNS, HELD_BY,
-    QUIET,
-) = range(22)  # fmt: skip
+    LEFT, SAMPLES, UPDATES, RESETS, CONTESTED, ERRORS, TURNS, HELD_BY, QUIET,
+) = range(21)  # fmt: skip
 """Memory per group, integers: started? valid? stamps of the last trusted and the last sample; the
 open fault: cause, first and last row, samples, told?; the open contest: samples, those without
-verdict, the first of them, the last that left the vote; counters; sound
-values in a row since an error by a factor; turns to the second value of a run; kind of run that
+verdict, the first of them, the last that left the vote; counters;
+turns to the second value of a run; kind of run that
 showed the sensor frozen; were there equal values that were none?"""
-RUN, RUN_ROW, RUN_AT, AWAY, STOOD, STILL = range(22, 34, 2)
+RUN, RUN_ROW, RUN_AT, AWAY, STOOD, STILL = range(21, 33, 2)
 """Memory per group and kind of run: samples, first row and stamp; samples away from it by now, and
 whether the first of them told of a machine that stood still; runs that did."""
-NUMBERS = 34
+NUMBERS = 33
 SPREAD, INTERVAL, OUTSIDE, FACTOR, SOUND_BY = range(5)
 """Memory per group, numbers: variance of the state over that of the measurement; mean interval of
 trusted samples [ns]; share of contested samples; suspected factor; how much likelier it is that it
 is over."""
 LOWEST, HIGHEST, BELIEVED = range(3)
 """Memory per input: range of its believed values; the last one."""
-SEEN, DOUBTED, SINCE, TO = range(4)
+SEEN, DOUBTED, DOUBT_ROW, TO = range(4)
 """Memory per input, integers: believed values; doubted ones since then, the first and last row."""
+
+(
+    BESIDE_OFF, BESIDE_NOISE, BESIDE_FROM, BESIDE_AFTER, BESIDE_PATH, BESIDE_LAG, MEAN_X,
+    MEAN_Y, XX, XY, YY,
+) = range(11)  # fmt: skip
+"""Account per output in which a believed sample was an error: what measurements were off the state
+beside, variance of the noise, output at which it began, output now, way between,
+how far the state had followed before; means and products
+of expected (X) and measured (Y)."""
+OWNER, SINCE, SINCE_AT, WEIGHED, HOW, TRUSTED = range(6)
+"""The account, integers: its group + 1, 0: none; first row and stamp; rows weighed since; how it
+began; samples of the group that were trusted before it."""
 
 ROW, STAMP, KIND, GROUP, WHY, FIRST, FINAL, NUMBER = range(8)
 """Integers of a finding."""
@@ -92,6 +103,7 @@ class Cause(IntEnum):
     SENTINEL = 5
     FACTOR = 6
     VOTE = 7
+    AWAY = 8
 
 
 class Finding(IntEnum):

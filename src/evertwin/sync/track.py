@@ -69,7 +69,7 @@ class TrackState(NamedTuple):
     """State that a new start begins with."""
     values: Float64[np.ndarray, "ny 28"]
     """Memory per output, see `evertwin.sync.places`."""
-    numbers: Int64[np.ndarray, "ng 34"]
+    numbers: Int64[np.ndarray, "ng 33"]
     """Memory per group: flags, stamps, the open fault and contest, counters."""
     figures: Float64[np.ndarray, "ng 5"]
     """Memory per group: growth, interval, share of contested samples, suspected factor."""
@@ -92,6 +92,10 @@ class TrackState(NamedTuple):
     """How many they are; the open doubt."""
     clock: Int64[np.ndarray, " two"]
     """Task of the last row, has a row come?"""
+    beside: StateVector
+    """State as it would be without what was believed last, see `evertwin.sync.beside_loop`."""
+    account: Float64[np.ndarray, "ny 11"]
+    matter: Int64[np.ndarray, " six"]
 
     @property
     def updates(self) -> Int64[np.ndarray, " ng"]:
@@ -202,7 +206,8 @@ class Track:
             np.zeros((at.LEARN, ny)), np.zeros((vote, ny)), np.zeros((vote, ny)),
             np.zeros((vote, ng), dtype=np.int64), np.zeros((vote, ng), dtype=np.int64),
             np.zeros((vote, ny)), np.zeros((nu, 3)), np.zeros((nu, 4), dtype=np.int64),
-            np.zeros(2, dtype=np.int64),
+            np.zeros(2, dtype=np.int64), x0.copy(), np.zeros((ny, 11)),
+            np.zeros(6, dtype=np.int64),
         )  # fmt: skip
 
     def renew(self, state: TrackState, p: ParameterVector) -> TrackState:
@@ -222,7 +227,7 @@ class Track:
         for k, name in enumerate(self.model.states.names):
             if name in old:
                 x[k] = state.x[old.index(name)]
-        return state._replace(x=x, p=fresh.p, x0=fresh.x0)
+        return state._replace(x=x, p=fresh.p, x0=fresh.x0, beside=fresh.beside, matter=fresh.matter)
 
     @property
     def here(self) -> bool:

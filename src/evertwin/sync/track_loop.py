@@ -15,7 +15,8 @@ from evertwin.compiled.functions import njit
 from evertwin.compiled.memory import borrowed
 from evertwin.fold import Mark
 from evertwin.sync import places as at
-from evertwin.sync.arbiter_loop import forget, judge
+from evertwin.sync.arbiter_loop import RESET, forget, judge
+from evertwin.sync.beside_loop import CREPT, JUMPED, begin, is_doubtful, outcome, turn_back
 from evertwin.sync.horizon_loop import is_known, wrapped
 from evertwin.sync.input_loop import (
     REACH,
@@ -113,7 +114,8 @@ def run(
     mark: Any, task: Any, gap: Any, limits: Any, rules: Any, sentinels: Any, members: Any,
     column: int, edges: Any, x: Any, p: Any, x0: Any, values: Any, numbers: Any, figures: Any,
     variance: Any, counts: Any, warm: Any, ring: Any, paths: Any, times: Any, rows: Any,
-    expected: Any, ranges: Any, beliefs: Any, clock: Any, out: Any, residual: Any, marks: Any,
+    expected: Any, ranges: Any, beliefs: Any, clock: Any, beside: Any, account: Any,
+    matter: Any, out: Any, residual: Any, marks: Any,
     update: Any, sigma: Any, ages: Any, used: Any, doubts: Any, found: Any, detail: Any,
     extent: Any,
 ) -> int:  # fmt: skip
@@ -135,6 +137,8 @@ def run(
     notes = borrowed(found), borrowed(detail), borrowed(extent)
     sample = borrowed(room), borrowed(measured), borrowed(predicted), borrowed(take)
     space = found.shape[0] - 8 * ng - 2 * nu
+    other_x, told = borrowed(beside), (borrowed(account), borrowed(matter))
+    own_x = borrowed(x)
     u_at, out_at, take_at = used.ctypes.data, predicted.ctypes.data, take.ctypes.data
     c, a, b, parameters = context.ctypes.data, x.ctypes.data, ahead.ctypes.data, p.ctypes.data
     for i in range(start, n):
@@ -180,14 +184,44 @@ def run(
         if failed or anew:
             for g in range(ng):
                 forget(settings[1], memory, board[3], notes, g, now)
+            matter[at.OWNER] = 0
         proceed(settings[0], memory[0], sample[2])
+        if matter[at.OWNER] > 0:
+            code = call(
+                step, c, beside.ctypes.data, u_at + 8 * i * nu, dt[i], parameters,
+                beyond.ctypes.data, expects.ctypes.data,
+            )  # fmt: skip
+            if code != 0 or not is_known(beyond):
+                matter[at.OWNER] = 0
+            for k in range(nx):
+                beside[k] = beyond[k]
         for g in range(ng):
             size = present(groups, g, sample[1], seen, sample[0])
             if size == 0:
                 continue
+            returned, account_of = 0.0, matter[at.OWNER] == g + 1
+            if account_of and size > 0:
+                returned = outcome(settings, memory, told, sample, tried, g, size, now[1])
+                if returned != 0.0:
+                    turn_back(
+                        settings, memory, told, board[3], notes, sample, tried, own_x, other_x, g,
+                        size, now, returned,
+                    )  # fmt: skip
             verdict, done = judge(
                 settings, memory, statistics, board, notes, sample, g, size, now, phase
             )
+            if returned == 1.0 and verdict == 0:
+                verdict, done = OVERRULED, RESET
+            elif (
+                nx > 0
+                and returned == 0.0
+                and size > 0
+                and is_doubtful(settings, memory, sample, g, size, verdict)
+            ):
+                begin(
+                    settings[0], memory, told, sample, own_x, other_x, g, size, now,
+                    JUMPED if verdict == OVERRULED else CREPT, done > 0,
+                )  # fmt: skip
             update[i, g] = done
             if size < 0:
                 refuse(members, g, marks, i)
@@ -202,6 +236,12 @@ def run(
             taken = taken or take[j] == take[j]
         if taken and nx > 0:
             call(observe, c, a, take_at)
+            if matter[at.OWNER] > 0:
+                for k in range(members.shape[1]):
+                    j = members[matter[at.OWNER] - 1, k]
+                    if j >= 0:
+                        take[j] = np.nan
+                call(observe, c, beside.ctypes.data, take_at)
         for g in range(ng):
             ages[i, g] = age(settings[1], memory, notes, g, now)
             growth = (
