@@ -7,9 +7,11 @@ import itertools
 import numpy as np
 import pytest
 
+from evertwin import check_friction
 from evertwin.errors import UsageError
 from evertwin.machines.friction import Law
 from evertwin.machines.friction.kernel import columns_of, fill, force, record_of, switch, width_of
+from evertwin.machines.friction.registry import term
 
 TERMS = ("direction", "stribeck", "root", "load")
 NAMES = [
@@ -54,6 +56,18 @@ def test_every_term_dissipates() -> None:
     offset = 3  # pushes one way; Fv_back acts backwards only
     power = np.delete(columns, offset, axis=1) * v[:, None]
     assert (power >= 0).all() and (power[0] > 0).all()
+
+
+@pytest.mark.parametrize("name", ["position", "spring", "balance"])
+def test_terms_of_the_position_keep_the_laws_of_a_term(name: str) -> None:
+    check_friction(term(name))
+    assert term(name).cause
+
+
+def test_a_force_of_rest_takes_nothing_out() -> None:
+    law = Law.parse("sign+position+spring+balance")
+    assert law.biases() == ("offset", "Ks", "Gc", "Gs")
+    assert law.rubbing() == ("Fv", "Fc", "Fqc", "Fqs")
 
 
 def test_rungs_lead_up_to_the_law() -> None:

@@ -58,6 +58,17 @@ def test_only_rows_that_count_are_scored() -> None:
     assert climb_terms(some, arm.rungs()).taken[:2] == (("stribeck",), ("load",))
 
 
+def test_a_term_whose_place_a_later_one_takes_leaves_again() -> None:
+    arm = Arm.of("ur5_like", law="tanh+spring+balance")
+    p = arm.parameters.with_values({"Gs4": 6.0, "Gc4": 2.0}).values
+    problem = Problem(arm, tuple(recording(arm, p, seed) for seed in range(4)))
+    ascent = climb_terms(problem, arm.rungs())
+    assert [(s.term, s.taken) for s in ascent.steps if s.output == "tau4"] == [
+        ("spring", True), ("balance", True)
+    ]  # fmt: skip
+    assert ascent.taken == ((), (), (), ("balance",), (), ())
+
+
 def test_misuse_is_refused() -> None:
     arm, problem = planted()
     with pytest.raises(UsageError, match="at least 2 windows"):

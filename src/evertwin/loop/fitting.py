@@ -12,11 +12,12 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, TypeAlias
 
+from evertwin.anomaly.verdict import branch
 from evertwin.engine import Engine
 from evertwin.fold import Block, plain
 from evertwin.loop.evaluation import Deviation, Prediction, deviations, predict
 from evertwin.loop.feed import Data, Feed
-from evertwin.loop.friction_law import climb_laws
+from evertwin.loop.friction_law import Chosen, climb_laws
 from evertwin.loop.recursive_fit import Recursion
 from evertwin.loop.screening import screened
 from evertwin.loop.setup import Setup
@@ -64,10 +65,14 @@ class FitResult:
     """Each test alone."""
     laws: Mapping[str, str]
     """Output → friction law that was chosen."""
+    causes: Mapping[str, str]
+    """Output → what the terms of its law mean, where it has some."""
     filter: Mapping[str, Json] | None
     parameters: Parameters
     form: Form = Form()
     """Terms that the model has, those included that this fit has found."""
+    unknown: str = ""
+    """Why no form that was tried is the machine's; empty where one may be, or none was tried."""
     search: Mapping[str, Any] = field(default_factory=dict)
     """The search for terms, if there was one: held-out errors before and after."""
     starts: tuple[tuple[Mapping[str, float], ...], ...] = ()
@@ -105,8 +110,13 @@ class FitResult:
                     for (file, found), starts in zip(self.tests, self._starts, strict=True)
                 ],
                 "filter": self.filter,
-                "form": {"terms": self.form.terms, "search": self.search},
+                "form": {
+                    "terms": self.form.terms,
+                    "search": self.search,
+                    "unknown": self.unknown,
+                },
                 "friction_law": self.laws,
+                "friction_causes": self.causes,
                 "left_out": [tally.to_dict() for tally in self.left_out],
                 "converged": self.fit.converged,
                 "message": self.fit.message,
@@ -126,7 +136,12 @@ class FitResult:
     def __str__(self) -> str:
         """Parameters, then deviations per recording."""
         lines = [str(self.fit)]
-        lines += [f"law of {output}: {law}" for output, law in self.laws.items()]
+        lines += [
+            f"law of {output}: {law}"
+            + (f" ({self.causes[output]})" if output in self.causes else "")
+            for output, law in self.laws.items()
+        ]
+        lines += [f"the form is not known: {self.unknown}"] if self.unknown else []
         lines += [f"terms: {said}" for said in self._described()]
         shown = (("train", self.train), *self.tests)
         for file, found in (*shown, ("all tests", self.test)) if self.test else shown:
@@ -172,7 +187,9 @@ class Tuned:
     """The version's own model, which says what of a recording can be trusted."""
     version: Version
     formed: Formed
-    laws: Mapping[str, str]
+    chosen: Chosen
+    unknown: str
+    """Why no form that was tried is the machine's."""
     tasks: tuple[Block, ...]
     """What it was tuned on."""
     feed: Feed
@@ -209,9 +226,19 @@ def tune(
     far = None if engine is None else far_of(engine, setup.spec, version.form)
     problem = replace(problem, settings=replace(problem.settings, far=far))
     with Interrupt() as stop:
-        problem, laws = climb_laws(setup, _watched(problem, stop, watch))
-        formed = with_terms(setup, Work(setup, versions), version, problem)
-    return Tuned(setup, base, version, formed, laws, tasks, feed)
+        problem, chosen = climb_laws(setup, _watched(problem, stop, watch))
+        work = Work(setup, versions)
+        formed = with_terms(setup, work, version, problem)
+        unknown = _unknown(work, formed) if chosen.laws or formed.search else ""
+    return Tuned(setup, base, version, formed, chosen, unknown, tasks, feed)
+
+
+def _unknown(work: Work, formed: Formed) -> str:
+    """What is left of the best form that was tried: it depends on an input, or is too much."""
+    told = branch(formed.fit, formed.problem)
+    if told.evidence["dependence"]:
+        return told.reason
+    return work.short(formed.problem, formed.fit)
 
 
 def posed(
@@ -253,9 +280,10 @@ def fit(
     return FitResult(
         setup.spec.name, found, deviations(setup, done.judged(done.tasks, own=False).predictions),
         deviations(setup, together) if tests else (),
-        tuple((name, deviations(setup, one.predictions)) for name, one in tests), done.laws,
+        tuple((name, deviations(setup, one.predictions)) for name, one in tests),
+        *done.chosen,
         None if rule is None else {"kind": rule.kind, "order": rule.order, "cutoff": rule.cutoff},
-        model.parameters.with_values(found.p), formed.form, formed.search,
+        model.parameters.with_values(found.p), formed.form, done.unknown, formed.search,
         tuple(
             tuple({name: p[name] for name in free if name in p} for p in one.values)
             for _, one in tests

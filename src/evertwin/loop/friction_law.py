@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Protocol, runtime_checkable
+from types import MappingProxyType
+from typing import NamedTuple, Protocol, runtime_checkable
 
 from evertwin.errors import ConfigError
 from evertwin.fold import Block, take
@@ -41,7 +42,20 @@ class Laddered(Protocol):
         ...
 
 
-def climb_laws(setup: Setup, problem: Problem) -> tuple[Problem, Mapping[str, str]]:
+class Chosen(NamedTuple):
+    """What the ladder has found, by joint (or output, without joints).
+
+    >>> dict(Chosen().laws)
+    {}
+    """
+
+    laws: Mapping[str, str] = MappingProxyType({})
+    """The friction law."""
+    causes: Mapping[str, str] = MappingProxyType({})
+    """What its terms mean; without those that have none."""
+
+
+def climb_laws(setup: Setup, problem: Problem) -> tuple[Problem, Chosen]:
     """The problem with the terms that pay, and the law of each joint (or output, without joints).
 
     A term that already has a value stays. Without ``[tuning] ladder`` every term of the model takes
@@ -53,7 +67,7 @@ def climb_laws(setup: Setup, problem: Problem) -> tuple[Problem, Mapping[str, st
     """
     order, model = setup.spec.tuning.ladder, problem.model
     if not order:
-        return problem, {}
+        return problem, Chosen()
     rungs = model.rungs() if isinstance(model, Laddered) else ()
     for name in order:
         if name not in {rung.name for rung in rungs}:
@@ -69,12 +83,19 @@ def climb_laws(setup: Setup, problem: Problem) -> tuple[Problem, Mapping[str, st
         if rung.name == name and not any(start.get(added) for added in rung.add)
     ]
     if not tried:
-        return problem, {}
+        return problem, Chosen()
     ascent = climb_terms(replace(problem, windows=_folds(apart(problem.windows))), tried)
     assert isinstance(model, Laddered)
     joints = getattr(model, "joints", model.outputs.names)
     laws = {joint: model.law_name(k, ascent.taken[k]) for k, joint in enumerate(joints)}
-    return problem.tuning(ascent.names), laws
+    causes = {joint: _causes(rungs, k, ascent.taken[k]) for k, joint in enumerate(joints)}
+    told = {joint: cause for joint, cause in causes.items() if cause}
+    return problem.tuning(ascent.names), Chosen(laws, told)
+
+
+def _causes(rungs: Sequence[Rung], output: int, taken: Sequence[str]) -> str:
+    """What the terms of an output mean."""
+    return "; ".join(r.cause for r in rungs if r.output == output and r.name in taken and r.cause)
 
 
 def _folds(windows: tuple[Block, ...]) -> tuple[Block, ...]:

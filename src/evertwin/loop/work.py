@@ -216,7 +216,7 @@ class Work:
         if not names:
             return {"events": [], "next": self._next()}
         windows, events = self._now(version, windows, names) if held else (windows, [])
-        problem, _ = climb_laws(self.setup, self.problem(version, windows, names))
+        problem, chosen = climb_laws(self.setup, self.problem(version, windows, names))
         problem, fit, rounds = self.tune(problem)
         if rounds and fit.converged:
             verdict = Verdict("normal", "", f"tuned by rounds: {fit.message}")
@@ -241,7 +241,11 @@ class Work:
         elif part >= self.setup.trial.margin and (  # less would not be worth a switch
             verdict.kind == "normal" or self._helps(verdict, fit)
         ):
-            content["candidate"] = self._tuned(version, problem, fit, windows, events)
+            found = self._tuned(version, problem, fit, windows, events)
+            if found is not None and chosen.causes:
+                means = "; ".join(f"{name} {cause}" for name, cause in chosen.causes.items())
+                found["reason"] = f"{found['reason']}; {means}"
+            content["candidate"] = found
         return content | ({"since": windows[0].row} if windows is not task.windows else {})
 
     def _now(
@@ -302,12 +306,12 @@ class Work:
             if chosen:
                 refits[cause] = solve(problem.tuning(chosen))
         found = branch(fit, problem, refits, frozenset(self.setup.editable))
-        short = self._short(problem, fit)
+        short = self.short(problem, fit)
         if found.kind == "normal" and short and self._next():
             return replace(found, kind="abnormal", reason=f"{short}: the form does not reach it")
         return found
 
-    def _short(self, problem: Problem, fit: Fit) -> str:
+    def short(self, problem: Problem, fit: Fit) -> str:
         """Which output stays outside the requirement after tuning; empty where all reach it."""
         setup = self.setup
         after = [one.rms_after for one in fit.residuals]

@@ -57,15 +57,18 @@ from evertwin.types import (
     Vector,
 )
 
-INERTIA, STANDSTILL, LAW = range(3)
-"""Places in the context: of the mass in ``p``, the standstill [nm/s], then the law's record."""
+INERTIA, STANDSTILL, PLACE, WARMTH, LAW = range(5)
+"""Places in the context: of the mass in ``p``, the standstill [nm/s], of position and temperature
+among the inputs (−1: none), then the law's record."""
 PARTS = 1000
+MORE = {"q": ("position", "m"), "T": ("temperature", "K")}
+"""Inputs of the inverse form that a law may read."""
 
 
 @njit(cache=True)
-def _friction(context: Any, p: Any, v: float, q: float, standstill: float) -> float:
+def _friction(context: Any, p: Any, v: float, T: float, q: float, standstill: float) -> float:
     """Friction at speed ``v`` [N], positive against positive motion."""
-    return float(force(context, LAW, p, v, math.nan, math.nan, q, standstill))
+    return float(force(context, LAW, p, v, math.nan, T, q, standstill))
 
 
 @njit(cache=True)
@@ -84,13 +87,13 @@ def _acceleration(context: Any, p: Any, q: float, v: float, pull: float) -> floa
     speed = v
     if v == 0.0 and context[LAW + WIDTH] < 0:
         tiny = 1e-300
-        if pull > _friction(context, p, tiny, q, 0.0):
+        if pull > _friction(context, p, tiny, math.nan, q, 0.0):
             speed = tiny
-        elif pull < _friction(context, p, -tiny, q, 0.0):
+        elif pull < _friction(context, p, -tiny, math.nan, q, 0.0):
             speed = -tiny
         else:
             return 0.0
-    return float((pull - _friction(context, p, speed, q, 0.0)) / p[context[INERTIA]])
+    return float((pull - _friction(context, p, speed, math.nan, q, 0.0)) / p[context[INERTIA]])
 
 
 @cfunc(STEP)
@@ -127,7 +130,9 @@ def observe(context: Any, x: Any, y: Any) -> int:
 def force_step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) -> int:
     """One row backwards: the force of a motion."""
     standstill = context[STANDSTILL] * 1e-9
-    y[0] = p[context[INERTIA]] * u[1] + _friction(context, p, u[0], math.nan, standstill)
+    q = u[context[PLACE]] if context[PLACE] >= 0 else math.nan
+    T = u[context[WARMTH]] if context[WARMTH] >= 0 else math.nan
+    y[0] = p[context[INERTIA]] * u[1] + _friction(context, p, u[0], T, q, standstill)
     return 0
 
 
@@ -138,16 +143,20 @@ def force_observe(context: Any, x: Any, y: Any) -> int:
 
 
 def _build(
-    law: Law | str, two_sided: bool, standstill: float, known: tuple[str, ...]
+    law: Law | str, two_sided: bool, standstill: float, known: tuple[str, ...], given: int = 0
 ) -> tuple[Law, Parameters, tuple[int, ...]]:
-    """The law, the parameters and the context that both forms share; ``known``: besides speed."""
+    """The law, the parameters and the context that both forms share; ``known``: besides speed,
+    behind the first ``given`` inputs."""
     form = Law.parse(law) if isinstance(law, str) else law
     form = replace(form, standstill=standstill).known_to("drive", known)
     if two_sided:
         form = form.plus(TWO_SIDED)
     mass = Parameter("mass", 1.0, "kg", 1e-6, 1e9)
     parameters = Parameters((mass, *form.parameters(slides=True)))
-    return form, parameters, (0, round(form.standstill * 1e9), *record_of(form, 1).tolist())
+    more = [what for what in known if given and what in form.reads]
+    places = (given + more.index(what) if what in more else -1 for what in ("q", "T"))
+    record = record_of(form, 1).tolist()
+    return form, parameters, (0, round(form.standstill * 1e9), *places, *record)
 
 
 class _Rubs:
@@ -161,15 +170,15 @@ class _Rubs:
         return self.law.rubbing()
 
     def _drive(
-        self, context: Any, p: ParameterVector, rows: tuple[Vector, Vector]
+        self, context: Any, p: ParameterVector, rows: tuple[Vector, Vector, Vector]
     ) -> tuple[Rubbed, ...]:
-        """Friction at rows of speed and position, without its constant force."""
+        """Friction at rows of speed, temperature and position, without its constant force."""
         free = np.array(p)
         for k, (_, one) in enumerate(self.law.coefficients, start=1):
             free[k] = 0.0 if one.bias else free[k]
         force = [
-            _friction(context, free, v, q, self.law.standstill)
-            for v, q in zip(*(each.tolist() for each in rows), strict=True)
+            _friction(context, free, v, T, q, self.law.standstill)
+            for v, T, q in zip(*(each.tolist() for each in rows), strict=True)
         ]
         return (Rubbed("the drive", self.rubbing, ("m/s", "N"), rows[0], np.array(force)),)
 
@@ -196,14 +205,15 @@ class Drive(_Rubs, Compiled):
 
     def rubbed(self, u: Inputs, y: Outputs, p: ParameterVector) -> tuple[Rubbed, ...]:
         """Friction at the measured speeds."""
-        return self._drive(self._context, p, (y[:, 1], y[:, 0]))
+        return self._drive(self._context, p, (y[:, 1], np.full(len(y), np.nan), y[:, 0]))
 
 
 @dataclass(frozen=True, init=False)
 class DriveForce(_Rubs, Compiled):
     """From speed [m/s] and acceleration [m/s²] to force [N], linear in mass and friction.
 
-    Below ``standstill`` [m/s] the sign of the speed counts as zero.
+    A law that reads them makes ``position`` [m] and ``temperature`` [K] inputs too. Below
+    ``standstill`` [m/s] the sign of the speed counts as zero.
 
     >>> model = DriveForce("sign+direction", two_sided=True)
     >>> model.columns.tolist(), model.rungs()[0].add
@@ -215,9 +225,10 @@ class DriveForce(_Rubs, Compiled):
     def __init__(
         self, law: Law | str = "sign", two_sided: bool = False, standstill: float = 0.0
     ) -> None:
-        form, parameters, context = _build(law, two_sided, standstill, ())
+        form, parameters, context = _build(law, two_sided, standstill, ("q", "T"), 2)
+        more = {name: unit for what, (name, unit) in MORE.items() if what in form.reads}
         super().__init__(
-            Layout.of(speed="m/s", acceleration="m/s**2"),
+            Layout.of(speed="m/s", acceleration="m/s**2", **more),
             Layout.of(force="N"),
             Layout(),
             parameters,
@@ -229,7 +240,13 @@ class DriveForce(_Rubs, Compiled):
 
     def rubbed(self, u: Inputs, y: Outputs, p: ParameterVector) -> tuple[Rubbed, ...]:
         """Friction at the rows' speeds."""
-        return self._drive(self._context, p, (u[:, 0], np.full(len(u), np.nan)))
+        return self._drive(self._context, p, (u[:, 0], *self._known(u)))
+
+    def _known(self, u: Inputs) -> tuple[Vector, Vector]:
+        """Temperature and position, row by row; NaN where they are no inputs."""
+        none = np.full(len(u), np.nan)
+        warmth, place = self._context[WARMTH], self._context[PLACE]
+        return (u[:, warmth] if warmth >= 0 else none), (u[:, place] if place >= 0 else none)
 
     @property
     def columns(self) -> Int64[np.ndarray, "1 m"]:
@@ -242,8 +259,8 @@ class DriveForce(_Rubs, Compiled):
         """Zeros and the compact regressor."""
         phi, out = np.empty((len(u), 1, self.columns.shape[1])), np.empty(len(u))
         phi[:, 0, 0], p = u[:, 1], np.ascontiguousarray(p)
-        rows = np.full((4, len(u)), np.nan)  # speed; a drive knows no load, temperature and place
-        rows[0] = u[:, 0]
+        rows = np.full((4, len(u)), np.nan)  # speed, load (not known), temperature and place
+        rows[0], rows[2:] = u[:, 0], self._known(u)
         width = width_of(self._context, LAW, p)
         for k, term in enumerate(columns_of(self.law, 1), start=1):
             fill(term, p, rows, self.law.standstill, width, out)

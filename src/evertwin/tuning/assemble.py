@@ -230,13 +230,29 @@ def _followed(
     on = acting.at >= 0
     np.add.at(side, acting.at[on], sides[on])
     information = (acting.information(sigma) + np.diag(problem.information))[np.ix_(free, free)]
-    out = values.copy()
+    out, bounds = values.copy(), problem.bounds
+    change = _within(information, side[free], *(end[free] - values[free] for end in bounds))
+    out[free] += change
+    return np.asarray(np.clip(out, *bounds))
+
+
+def _within(
+    information: Float64[np.ndarray, "k k"], side: Vector, low: Vector, high: Vector
+) -> Vector:
+    """The solution of a normal system inside bounds: what would leave them stays on them."""
     size = np.sqrt(np.diag(information))
     size[size == 0] = 1.0
-    unit = information / np.outer(size, size)
-    out[free] += np.linalg.lstsq(unit, side[free] / size, rcond=1e-12)[0] / size
-    low, high = problem.bounds
-    return np.asarray(np.clip(out, low, high))
+    unit, change, inside = information / np.outer(size, size), np.zeros(len(side)), size > 0
+    for _ in side:
+        left = (side - information @ np.where(inside, 0.0, change))[inside] / size[inside]
+        found = np.linalg.lstsq(unit[np.ix_(inside, inside)], left, rcond=1e-12)[0]
+        change[inside] = found / size[inside]
+        out = inside & ((change < low) | (change > high))
+        change = np.clip(change, low, high)
+        if not out.any():
+            break
+        inside &= ~out
+    return change
 
 
 def _reasons(

@@ -12,6 +12,7 @@ Gautier and Khalil, "Direct calculation of minimum set of inertial parameters of
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
@@ -22,6 +23,10 @@ from evertwin.compiled.functions import njit
 from evertwin.machines.arm.coupling import Coupling
 from evertwin.machines.arm.rnea import BODY, joint_torques
 from evertwin.types import Float64
+
+SMALL = 1e-5
+"""What two columns differ by relative to their size, or one counts relative to the largest, that
+the digits of a description explain: they are one, or none."""
 
 
 @njit(cache=True)
@@ -48,20 +53,24 @@ def body_columns(
 
 
 def base_parameters(
-    geometry: Float64[np.ndarray, " g"], rotor: bool, coupling: Coupling | None = None
-) -> tuple[int, ...]:
+    geometry: Float64[np.ndarray, " g"], rotor: bool, coupling: Coupling | None = None,
+    shafts: tuple[tuple[float, ...], ...] = (),
+) -> tuple[int, ...]:  # fmt: skip
     """Positions of an independent set among the 10 n inertial numbers, in increasing order.
 
     Args:
         geometry: of a chain (`evertwin.machines.arm.rnea`).
         rotor: whether every motor has a rotor inertia of its own in the model.
         coupling: of motors and joints; None: each motor drives its joint.
+        shafts: rows of those that turn with several axes.
     """
-    return _base(geometry.tobytes(), rotor, coupling)
+    return _base(geometry.tobytes(), rotor, coupling, shafts)
 
 
 @cache
-def _base(packed: bytes, rotor: bool, coupling: Coupling | None) -> tuple[int, ...]:
+def _base(
+    packed: bytes, rotor: bool, coupling: Coupling | None, shafts: tuple[tuple[float, ...], ...]
+) -> tuple[int, ...]:
     geometry = np.frombuffer(packed).copy()
     n = (len(geometry) - 3) // 13
     u = np.random.default_rng(0).uniform(-2.0, 2.0, (20 * n, 3 * n))
@@ -69,20 +78,25 @@ def _base(packed: bytes, rotor: bool, coupling: Coupling | None) -> tuple[int, .
     if coupling is not None:
         columns, motors = coupling.felt(columns), coupling.of_joints(u)
     bodies = columns.reshape(-1, BODY * n)
-    whole = np.linalg.norm(bodies)
-    if rotor:
-        first, _ = np.linalg.qr(_rotors(motors, n))
+    before = np.linalg.norm(bodies, axis=0)
+    if rotor or shafts:
+        rows = [*(np.eye(n) if rotor else ()), *map(np.array, shafts)]
+        first, _ = np.linalg.qr(_rotors(motors, rows))
         bodies = bodies - first @ (first.T @ bodies)
-    # Columns of unit length, so that pivoting compares directions and not units.
-    bodies = bodies / np.maximum(np.linalg.norm(bodies, axis=0), 1e-9 * whole)
+    # Columns of unit length, so that pivoting compares directions and not units; what is left of
+    # one that an angle of a few digits (1.5708 for π/2) keeps from zero has no direction.
+    left = np.linalg.norm(bodies, axis=0)
+    felt = left > SMALL * np.maximum(before, before.max())
+    bodies = np.where(felt, bodies / np.where(felt, left, 1.0), 0.0)
     triangle, order = scipy.linalg.qr(bodies, mode="r", pivoting=True)
     size = np.abs(np.diag(triangle))
-    return tuple(sorted(order[: np.count_nonzero(size > 1e-6 * size[0])].tolist()))
+    return tuple(sorted(order[: np.count_nonzero(size > SMALL * size[0])].tolist()))
 
 
-def _rotors(u: Float64[np.ndarray, "n nu"], n: int) -> Float64[np.ndarray, "all n"]:
-    """The columns of the rotor inertias: q̈ of the own joint."""
-    columns = np.zeros((len(u), n, n))
-    for j in range(n):
-        columns[:, j, j] = u[:, 2 * n + j]
-    return columns.reshape(-1, n)
+def _rotors(
+    u: Float64[np.ndarray, "n nu"], rows: Sequence[Float64[np.ndarray, " n"]]
+) -> Float64[np.ndarray, "all k"]:
+    """The columns of inertias that turn with these combinations of the axes."""
+    n = u.shape[1] // 3
+    columns = [np.outer(u[:, 2 * n :] @ row, row).ravel() for row in rows]
+    return np.stack(columns, axis=1)

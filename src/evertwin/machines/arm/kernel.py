@@ -16,17 +16,17 @@ from typing import Any
 from evertwin.compiled.functions import OBSERVE, STEP, cfunc, njit
 from evertwin.compiled.memory import reals, scratch
 from evertwin.machines.arm.rnea import BODY, joint_torques
-from evertwin.machines.friction.kernel import force
+from evertwin.machines.friction.kernel import force, switch, width_of
 
-N, GEOMETRY, INERTIAS, OTHERS, CHOSEN, PAYLOAD, DELAY, MOTOR, SHARED, COUPLED = range(10)
-HEAD = 10
+N, GEOMETRY, INERTIAS, OTHERS, CHOSEN, PAYLOAD, DELAY, MOTOR, SHARED, COUPLED, SHAFTS = range(11)
+HEAD = 11
 """Places of single integers; then n drives of `DRIVE`, then ``CHOSEN`` pairs (number, index in p),
-then the friction laws' records.
+then ``SHAFTS`` pairs (axis, index in p of its three numbers), then the friction laws' records.
 
 ``PAYLOAD``, ``DELAY``, ``MOTOR``: index in ``p`` or −1. ``SHARED``: 1 when the friction's load is
 the same torque as the rigid bodies', so that it is computed once. ``COUPLED``: 0, or 1 where the
 motion comes from the joints, 2 where it comes from the motors. ``OTHERS``: standstill of each
-joint, the payload's map (100), then C and its inverse (n²) where coupled.
+joint, the payload's map (100), C and its inverse (n²) where coupled, the shafts' rows (n).
 """
 INERTIA, LAW = range(2)
 DRIVE = 2
@@ -88,6 +88,24 @@ def felt(n: int, matrix: Any, at: int, tau: Any, kept: Any) -> None:
         tau[i] = total
 
 
+@njit(cache=True)
+def shafts(context: Any, others: Any, p: Any, motion: Any, y: Any) -> None:
+    """Adds inertia and friction of shafts that turn with several axes."""
+    n = context[N]
+    at = n + BODY * BODY + (2 * n * n if context[COUPLED] > 0 else 0)
+    own = HEAD + DRIVE * n + 2 * context[CHOSEN]
+    for k in range(context[SHAFTS]):
+        axis, place = context[own + 2 * k], context[own + 2 * k + 1]
+        v, a = 0.0, 0.0
+        for j in range(n):
+            v += others[at + n * k + j] * motion[n + j]
+            a += others[at + n * k + j] * motion[2 * n + j]
+        s = switch(v, width_of(context, context[HEAD + DRIVE * axis + LAW], p), others[axis])
+        total = p[place] * a + p[place + 1] * v + p[place + 2] * s
+        for j in range(n):
+            y[j] += others[at + n * k + j] * total
+
+
 @cfunc(STEP)
 def step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) -> int:
     """One row: u = q, q̇, q̈."""  # pragma: compiled
@@ -117,7 +135,9 @@ def step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) ->
         y[j] += force(context, context[drive + LAW], p, v, carried, math.nan, q, others[j])
         if context[drive + INERTIA] >= 0:
             y[j] += p[context[drive + INERTIA]] * motion[2 * n + j]
-        if context[MOTOR] >= 0:
+    shafts(context, others, p, motion, y)
+    if context[MOTOR] >= 0:
+        for j in range(n):
             y[j] /= p[context[MOTOR] + j]
     return 0
 

@@ -17,6 +17,7 @@ from evertwin.machines.arm.chain import Chain
 from evertwin.machines.arm.coupling import Coupling
 from evertwin.machines.arm.kernel import DRIVE, HEAD
 from evertwin.machines.arm.rnea import BODY
+from evertwin.machines.arm.shafts import Shaft
 from evertwin.machines.friction import Law
 from evertwin.machines.friction.kernel import columns_of, record_of
 from evertwin.models import Parameter, Parameters
@@ -122,16 +123,18 @@ def context_of(
     drives: Drives,
     parameters: Parameters,
     addresses: tuple[int, int, int],
-    coupling: Coupling | None,
+    turning: tuple[Coupling | None, Sequence[Shaft]],
 ) -> Int64[np.ndarray, " k"]:
     """The kernel's integers, as `evertwin.machines.arm.kernel` reads them."""
-    names = parameters.names
+    names, (coupling, shafts) = parameters.names, turning
     single = [names.index(n) if n in names else -1 for n in ("payload.m", "delay", "K1")]
     first = names.index(base_items(chain, base)[0].name) if base else 0
     pairs = [value for k, flat in enumerate(base) for value in (flat, first + k)]
     shared = int(not base and single[0] < 0)
     coupled = 0 if coupling is None else 2 if coupling.motors else 1
-    head = [chain.n, *addresses, len(base), *single, shared, coupled]
+    head = [chain.n, *addresses, len(base), *single, shared, coupled, len(shafts)]
+    for shaft in shafts:
+        pairs += [shaft.axis, names.index(shaft.rung.add[0])]
     if len(head) != HEAD:
         raise AssertionError("arm: the context does not match its kernel")
     at, own = HEAD + DRIVE * chain.n + len(pairs), list[int]()

@@ -16,6 +16,7 @@ from evertwin.compiled.functions import njit
 from evertwin.compiled.memory import behind
 from evertwin.machines.arm.layout import Drives
 from evertwin.machines.arm.rnea import BODY
+from evertwin.machines.arm.shafts import Shaft, column_places
 from evertwin.machines.friction.kernel import FEATURE, PLACE, SHAPE, feature
 from evertwin.types import Int64
 
@@ -48,22 +49,27 @@ class Columns(NamedTuple):
 
 
 def columns_of(
-    drives: Drives, base: Sequence[int], first: int, payload: int, carries: Sequence[int]
-) -> Columns:
+    drives: Drives, base: Sequence[int], firsts: tuple[int, int, int], carries: Sequence[int],
+    shafts: Sequence[Shaft],
+) -> Columns:  # fmt: skip
     """Columns of every joint.
 
     Args:
-        base: chosen inertial numbers; ``first``: index in ``p`` of the first.
-        payload: index in ``p`` of the payload's first number, −1 without one.
+        base: chosen inertial numbers.
+        firsts: index in ``p`` of the first of them, of the payload's and of the shafts' first
+            number, −1 without one.
         carries: the first link that each output carries; its own, unless motors are coupled.
+        shafts: those that turn with several axes.
     """
-    rows = []
+    rows, (first, payload, shaft) = [], firsts
+    code = len(base) + (BODY if payload >= 0 else 0)
     for j, (rotor, terms) in enumerate(zip(drives.inertia, drives.terms, strict=True)):
         row = [(rotor, INERTIA, 0, 0)] if rotor >= 0 else []
         row += [(t[PLACE], FRICTION, t[FEATURE], t[SHAPE]) for t in terms.tolist()]
         row += [(first + k, k, 0, 0) for k, flat in enumerate(base) if flat // BODY >= carries[j]]
         if payload >= 0:
             row += [(payload + k, len(base) + k, 0, 0) for k in range(BODY)]
+        row += column_places(shafts, shaft, code, j)
         rows.append(row)
     width = max(len(row) for row in rows)
     found = np.full((len(rows), width, 4), UNUSED, dtype=np.int64)

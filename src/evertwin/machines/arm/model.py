@@ -39,6 +39,7 @@ from evertwin.machines.arm.coupling import Coupling
 from evertwin.machines.arm.dh import robot_of, vector
 from evertwin.machines.arm.lanes import batch, switches
 from evertwin.machines.arm.rnea import BODY
+from evertwin.machines.arm.shafts import Shaft, columns
 from evertwin.machines.arm.urdf import Robot, parse, read
 from evertwin.machines.friction import Law, Rung, shape_of
 from evertwin.machines.friction.kernel import WIDTH
@@ -67,7 +68,7 @@ def robot(description: str | Path) -> Robot:
 
 _MORE = {
     "tip", "gravity", "rotor", "delay", "width", "vs", "standstill", "coupling", "motion", "dh",
-    "convention", "before", "tool",
+    "convention", "before", "tool", "shafts",
 }  # fmt: skip
 _NAMED = ("urdf", "law", "base", "payload", "motor")
 
@@ -116,6 +117,8 @@ class Arm(StaticMap):
     """Filled in when empty; replace it to start elsewhere."""
     coupling: Coupling | None = None
     """Of motors and joints; drives, friction and outputs are then the motors'."""
+    shafts: tuple[Shaft, ...] = ()
+    """Those that turn with several axes and rub as well (`evertwin.machines.arm.shafts`)."""
 
     def __post_init__(self) -> None:
         n = self.chain.n
@@ -149,7 +152,8 @@ class Arm(StaticMap):
             motor: torque constants at the joints [Nm/A]; then outputs are currents.
             more: ``tip`` (link at the end), ``gravity`` [m/s²] in the base's frame, ``rotor``,
                 ``delay``, ``width``, ``vs``, ``standstill`` of all laws, ``coupling`` (rows of C,
-                `evertwin.machines.arm.coupling`) and ``motion`` (``joint`` or ``motor``).
+                `evertwin.machines.arm.coupling`) and ``motion`` (``joint`` or ``motor``),
+                ``shafts`` (`evertwin.machines.arm.shafts`).
         """
         check_options("arm", more, (*_NAMED, *_MORE))
         where = {"tip": more["tip"]} if "tip" in more else {}
@@ -160,16 +164,19 @@ class Arm(StaticMap):
         shape = shape_of({key: more[key] for key in ("width", "vs", "standstill") if key in more})
         laws = tuple(Law.parse(text).shaped(shape) for text in texts)
         rotor, coupling = bool(more.get("rotor", True)), _coupling(more)
-        chosen = base_parameters(chain.geometry, rotor, coupling) if base else ()
+        shafts = Shaft.of(more.get("shafts", {}), chain.n)
+        turning = tuple(one.row for one in shafts)
+        chosen = base_parameters(chain.geometry, rotor, coupling, turning) if base else ()
         return cls(
             chain, laws, chosen, rotor, payload, bool(more.get("delay", False)),
-            tuple(motor), Parameters(), coupling,
+            tuple(motor), Parameters(), coupling, shafts,
         )  # fmt: skip
 
     def _proposal(self) -> Parameters:
         items = layout.drive_items(self.chain, self.laws, self.rotor)
         items += layout.base_items(self.chain, self.base)
         items += layout.payload_parameters() if self.payload else []
+        items += [item for shaft in self.shafts for item in shaft.parameters()]
         items += [Parameter("delay", 0.0, "s", -0.1, 0.1, editable=False)] if self.delay else []
         for j, k in enumerate(self.motor):
             unit = "N/A" if self.chain.sliding[j] else "Nm/A"
@@ -208,11 +215,13 @@ class Arm(StaticMap):
         parts = [self._standstill, self._payload_map.ravel()]
         if self.coupling is not None:
             parts += [self.coupling.matrix.ravel(), self.coupling.inverse.ravel()]
+        parts += [np.array(shaft.row) for shaft in self.shafts]
         others = np.concatenate(parts)
         kept = (self.chain.geometry.copy(), self.chain.inertia.copy(), others)
         addresses = (kept[0].ctypes.data, kept[1].ctypes.data, kept[2].ctypes.data)
+        turning = self.coupling, self.shafts
         context = layout.context_of(
-            self.chain, self.base, self._drives, self.parameters, addresses, self.coupling
+            self.chain, self.base, self._drives, self.parameters, addresses, turning
         )
         return Kernel(compiled.step, compiled.adopt, context, kept)
 
@@ -235,8 +244,10 @@ class Arm(StaticMap):
         names = self.parameters.names
         first = names.index(layout.base_items(self.chain, self.base)[0].name) if self.base else 0
         carried = names.index("payload.m") if self.payload else -1
+        shaft = names.index(self.shafts[0].rung.add[0]) if self.shafts else -1
         carries = range(self.chain.n) if self.coupling is None else self.coupling.first
-        return linear.columns_of(self._drives, self.base, first, carried, tuple(carries))
+        firsts = first, carried, shaft
+        return linear.columns_of(self._drives, self.base, firsts, tuple(carries), self.shafts)
 
     @property
     def columns(self) -> Int64[np.ndarray, "ny m"]:
@@ -257,7 +268,8 @@ class Arm(StaticMap):
         slot: Int64[np.ndarray, "ny m"],
     ) -> tuple[Outputs, Float64[np.ndarray, "n ny t"]]:  # fmt: skip
         """The columns that have a ``slot``; torques of all else."""
-        known = bool(self.base or self.payload) and not np.any(slot[self._linear.code >= 0] >= 0)
+        known = not self.shafts and bool(self.base or self.payload)
+        known &= not np.any(slot[self._linear.code >= 0] >= 0)
         y0, *seen = self._seen(u, p, bodies=not known)
         y0 = y0.copy()  # it may be the load that friction goes by
         phi = np.empty((len(u), len(slot), int(slot.max(initial=-1)) + 1))
@@ -283,8 +295,9 @@ class Arm(StaticMap):
         if rest is not described:
             load = self._felt(batch(self.chain.geometry, described, joints))
         s = switches(motors, self._widths, p, self._standstill)
-        seen = self._bodies(joints) if bodies else np.empty((*y0.shape, 0))
-        return y0, motors, s, load, self._felt(seen)
+        seen = self._felt(self._bodies(joints) if bodies else np.empty((*y0.shape, 0)))
+        turning = columns(self.shafts, motors, p, self._widths, self._standstill)
+        return y0, motors, s, load, np.concatenate([seen, *turning], axis=2) if turning else seen
 
     def _driven(self, p: ParameterVector, y0: Any, phi: Any) -> tuple[Any, Any]:
         """Currents, where motors are known."""
@@ -308,12 +321,11 @@ class Arm(StaticMap):
 
     def _bodies(self, u: Inputs) -> Float64[np.ndarray, "n ny k"]:
         """Columns of the chosen inertial numbers, then of the payload's."""
-        n = self.chain.n
         if not (self.base or self.payload):
-            return np.empty((len(u), n, 0))
+            return np.empty((len(u), self.chain.n, 0))
         parts = [body_columns(self.chain.geometry, self.base, u)]
         if self.payload:
-            last = tuple(BODY * (n - 1) + k for k in range(BODY))
+            last = tuple(BODY * (self.chain.n - 1) + k for k in range(BODY))
             parts.append(body_columns(self.chain.geometry, last, u) @ self._payload_map)
         return np.concatenate(parts, axis=2)
 
@@ -363,24 +375,22 @@ class Arm(StaticMap):
                 ("m/s", "N") if slides[j] else ("rad/s", "Nm"), motors[:, n + j], force[:, j],
             )
             for j, law in enumerate(self.laws)
-        )  # fmt: skip
+        ) + tuple(one.rubbed(motors, self.parameters, p) for one in self.shafts)  # fmt: skip
 
     def rungs(self) -> tuple[Rung, ...]:
         """Steps up the ladder of friction laws, joint by joint; each has to pay on unseen data."""
-        return tuple(
-            rung._replace(output=j)
-            for j, law in enumerate(self.laws)
-            for rung in law.rungs(str(j + 1))
-        )
+        laws = ((j, law.rungs(str(j + 1))) for j, law in enumerate(self.laws))
+        rungs = (rung._replace(output=j) for j, some in laws for rung in some)
+        return (*(shaft.rung for shaft in self.shafts), *rungs)
 
     def law_name(self, output: int, terms: Sequence[str]) -> str:
         """The law of a joint that has these of its terms."""
-        return str(self.laws[output].only(terms))
+        own = (one.name for one in self.shafts if one.axis == output and "shaft" in terms)
+        return "+".join((str(self.laws[output].only(terms)), *own))
 
     def moving(self, threshold: float = 0.05) -> Any:
         """``moving(u) -> bool (n, ny)``: where a joint is faster than ``threshold`` [rad/s]."""
         n = self.chain.n
-
         joints = self.coupling if self.coupling and not self.coupling.motors else None
 
         def faster(u: Inputs) -> Any:

@@ -5,10 +5,11 @@ With the velocity ``v`` and a switch ``s(v)``, which is ``sign v`` outside a sta
 
     f = Fv·v + Fv_back·min(v, 0) + offset + s(v)·(Fc + Fs·exp(−(v / vs)²) + Fr·√|v| + Fl·|load|)
 
-one in each file of `terms`. Viscous and Coulomb friction and a constant are in every law; a law
-names the others, joined by ``+``, and the ladder of them is climbed only while the error on unseen
-data falls. Another package adds a term of its own under the entry point ``evertwin.friction``: one
-`FrictionTerm`, checked by `check_friction`, and every machine that has friction takes it.
+and what depends on position or temperature, one in each file of `terms`. Viscous and Coulomb
+friction and a constant are in every law; a law names the others, joined by ``+``, and the ladder of
+them is climbed only while the error on unseen data falls. Another package adds a term of its own
+under the entry point ``evertwin.friction``: one `FrictionTerm`, checked by `check_friction`, and
+every machine that has friction takes it.
 
 >>> from evertwin.machines.friction import Law
 >>> law = Law.parse("tanh+stribeck+load")

@@ -97,7 +97,8 @@ class Coefficient:
     resists: bool = False
     """Does physics know it above zero, unless another term of the law is confused with it?"""
     bias: bool = False
-    """Is it a constant force? What that takes out one way it gives back the other: no friction."""
+    """Is it a force of rest (constant, of the position)? What that takes out one way it gives back
+    the other: no friction."""
 
     def parameter(self, suffix: str = "", slides: bool = False, resists: bool = False) -> Parameter:
         """As a parameter of a model."""
@@ -119,6 +120,8 @@ class FrictionTerm:
     """Terms that a fit trades for this one: only their sum has to resist, not each of them."""
     always: bool = False
     """Is it in every law? Else it is a rung of the ladder."""
+    cause: str = ""
+    """What the drive does where this term pays, in a few words."""
 
     @property
     def parameters(self) -> tuple[str, ...]:

@@ -40,6 +40,8 @@ class Rung(NamedTuple):
     """Names of parameters that become editable; until then they stay at zero."""
     output: int = 0
     """The output that it is for; only there it has to pay."""
+    cause: str = ""
+    """What it means, in a few words."""
 
 
 @runtime_checkable
@@ -165,7 +167,7 @@ class Law:
     def rungs(self, suffix: str = "") -> tuple[Rung, ...]:
         """The steps from viscous + Coulomb + offset up to this law, in the ladder's order."""
         return tuple(
-            Rung(item.name, tuple(one.name + suffix for one in item.coefficients))
+            Rung(item.name, tuple(one.name + suffix for one in item.coefficients), cause=item.cause)
             for item in self.terms
             if not item.always
         )

@@ -18,11 +18,14 @@ from importlib.metadata import entry_points
 
 from evertwin.errors import UsageError
 from evertwin.machines.friction.contract import FrictionTerm
+from evertwin.machines.friction.terms.balance import BALANCE
 from evertwin.machines.friction.terms.coulomb import COULOMB
 from evertwin.machines.friction.terms.direction import DIRECTION
 from evertwin.machines.friction.terms.load import LOAD
 from evertwin.machines.friction.terms.offset import OFFSET
+from evertwin.machines.friction.terms.position import POSITION
 from evertwin.machines.friction.terms.root import ROOT
+from evertwin.machines.friction.terms.spring import SPRING
 from evertwin.machines.friction.terms.stribeck import STRIBECK
 from evertwin.machines.friction.terms.temperature import TEMPERATURE
 from evertwin.machines.friction.terms.two_sided import TWO_SIDED
@@ -30,7 +33,8 @@ from evertwin.machines.friction.terms.viscous import VISCOUS
 
 GROUP = "evertwin.friction"
 _BUILT_IN = (
-    VISCOUS, DIRECTION, COULOMB, OFFSET, STRIBECK, ROOT, LOAD, TWO_SIDED, TEMPERATURE,
+    VISCOUS, DIRECTION, COULOMB, OFFSET, STRIBECK, ROOT, LOAD, TWO_SIDED, TEMPERATURE, POSITION,
+    SPRING, BALANCE,
 )  # fmt: skip
 """In the order of a law's parameters, and of the ladder."""
 ALWAYS = (VISCOUS, COULOMB, OFFSET)

@@ -21,4 +21,8 @@ def slope(width: float, load: float, T: float, k: Numbers) -> float:
     return 1.0
 
 
-DIRECTION = FrictionTerm("direction", (Coefficient("Fv_back", "Nms/rad", "Ns/m", feature, slope),))
+DIRECTION = FrictionTerm(
+    "direction",
+    (Coefficient("Fv_back", "Nms/rad", "Ns/m", feature, slope),),
+    cause="rubs more or less with speed backwards than forwards",
+)

@@ -15,4 +15,9 @@ def slope(width: float, load: float, T: float, k: Numbers) -> float:
     return abs(load) / width if width > 0.0 else 0.0
 
 
-LOAD = FrictionTerm("load", (Coefficient("Fl", "1", "1", feature, slope),), reads=("load",))
+LOAD = FrictionTerm(
+    "load",
+    (Coefficient("Fl", "1", "1", feature, slope),),
+    reads=("load",),
+    cause="rubs more the more it carries",
+)

@@ -21,4 +21,5 @@ ROOT = FrictionTerm(
     "root",
     (Coefficient("Fr", "N*m*s**0.5", "N*s**0.5/m**0.5", feature, slope),),
     confused_with=("viscous", "coulomb"),
+    cause="a lubricant's film grows with speed",
 )

@@ -28,4 +28,5 @@ STRIBECK = FrictionTerm(
     (Coefficient("Fs", "Nm", "N", feature, slope),),
     (Shape("vs", 0.2, "rad/s", "m/s"),),
     confused_with=("viscous", "coulomb"),
+    cause="sticks at rest more than it slides",
 )

@@ -38,4 +38,5 @@ TEMPERATURE = FrictionTerm(
     ),
     (Shape("T0", 293.15, "K", "K", 1.0, 2000.0),),
     reads=("T",),
+    cause="rubs less or more as it warms",
 )

@@ -21,5 +21,8 @@ def slope(width: float, load: float, T: float, k: Numbers) -> float:
 
 
 TWO_SIDED = FrictionTerm(
-    "two_sided", (Coefficient("Fc_minus", "Nm", "N", feature, slope),), always=True
+    "two_sided",
+    (Coefficient("Fc_minus", "Nm", "N", feature, slope),),
+    always=True,
+    cause="rubs more or less backwards than forwards",
 )
