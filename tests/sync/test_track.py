@@ -355,7 +355,10 @@ def test_a_command_that_the_machine_never_got(use: Any, factor: float, length: i
     assert told.signal == "v" and told.row == 200 and "do not follow" in told.reason
     assert over.row == 200 + length and over.evidence["samples"] == length
     assert (out.rows.doubt[200 : 200 + length] == Mark.ERROR).all()
-    assert (out.rows.u[200 : 200 + length] == block.u[199]).all()
+    instead = block.u[200 : 200 + length] / factor if factor > 0 else block.u[199]
+    np.testing.assert_allclose(
+        out.rows.u[200 : 200 + length], np.broadcast_to(instead, (length, 1))
+    )
     near = 0.1 if use != "none" else 2.0
     assert np.abs(out.rows.y[1:, 0] - truth[1:]).max() < near
 
@@ -647,3 +650,35 @@ def test_findings_beyond_one_pass_are_all_told() -> None:
     _, out = fold(Track(drive(), Arbiter(Rule(sigma=0.01, use="blend"))), [block])
     assert kinds(out.records).count("measurement_error") > 900
     assert FAULTS[0] == "clean"
+
+
+@pytest.mark.parametrize("factor", [10.0, 1000.0])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_command_by_a_factor_is_taken_divided_by_it(factor: float, seed: int) -> None:
+    """Also while it passes zero, where the factor does not show; sound again, it is believed."""
+    n = np.arange(600)
+    v = 0.3 * np.sin(0.05 * n + 2.0)
+    truth = np.concatenate([[0.0], np.cumsum(v[1:] * 0.1)])
+    y = truth + np.random.default_rng(seed).normal(0, 0.01, 600)
+    u = v.copy()
+    u[198 + 3 * seed : 300] *= factor
+    block = make_block(t=n * 10**8, u=u[:, None], y=y[:, None])
+    _, out = fold(Track(drive(1.02), Arbiter(Rule(use="blend", sigma=0.01))), [block])
+    assert kinds(out.records) == ["measurement_error", "measurement_restored"]
+    assert out.records[0].signal == "v" and out.records[0].evidence["factor"] == factor
+    np.testing.assert_allclose(out.rows.u[:, 0], v, atol=1e-12)
+    assert np.abs(out.rows.y[1:, 0] - truth[1:]).max() < 0.05
+
+
+def test_a_machine_that_follows_ten_times_the_command_late_is_no_wrong_command() -> None:
+    """A step from 3 to 30 cm/s, followed with a time constant of 1 s."""
+    n = np.arange(600)
+    v = np.where(n < 300, 0.03 * (n % 40 < 25), 0.3)
+    real = np.zeros(600)
+    for i in range(1, 600):
+        real[i] = real[i - 1] + (v[i] - real[i - 1]) * 0.1
+    y = np.cumsum(real) * 0.1 + np.random.default_rng(0).normal(0, 0.003, 600)
+    block = make_block(t=n * 10**8, u=v[:, None], y=y[:, None])
+    _, out = fold(Track(drive(), Arbiter(Rule(use="blend", sigma=0.003))), [block])
+    assert "v" not in [record.signal for record in out.records]
+    assert (out.rows.u[310:, 0] == v[310:]).all()

@@ -236,12 +236,19 @@ def describe(model: Model, found: np.ndarray, detail: np.ndarray) -> Event:
 
 def _input_event(inputs: Layout, found: np.ndarray, detail: np.ndarray) -> Event:
     row, time, kind, k, _, first, final, number = found.tolist()
-    value, low, high = detail[:3].tolist()
+    value, low, high, factor = detail[:4].tolist()
     unit = inputs.units[k]
     evidence = {"onset": first, "end": final, "samples": number, "range": [low, high]}
     if kind == at.Finding.SOUND:
         reason = f"{value:.4g} {unit} is believed again"
         return _event(row, time, "measurement_restored", inputs.names[k], reason, evidence)
+    if factor:
+        evidence["factor"] = factor
+        reason = (
+            f"{value:.4g} {unit} is off by a factor of {_factor(factor)} from what it was, and the "
+            "outputs do not follow it: taken divided by that"
+        )
+        return _event(row, time, "measurement_error", inputs.names[k], reason, evidence)
     reason = (
         f"{value:.4g} {unit} lies far outside of what it was ({low:.4g} to {high:.4g} {unit}), and "
         "the outputs do not follow it: taken as it was before"

@@ -1,9 +1,12 @@
 """Compiled: is an input of this row believed?
 
-An input outside the range that it had is tried against its last usual value. Where the outputs are
-off by far less with that, they do not follow it. Far outside, that is no machine's doing: the input
-did not reach it as it was recorded, and the usual value stands in its place. Nearer, a machine that
-is blocked gives such rows too: the input is believed, but it does not widen the range.
+An input outside the range that it had is tried against its last usual value, or divided by the
+factor that it went up by all at once, if it is one of change of units. Where the outputs are off by
+far less with that, they do not follow it. Far outside, that is no machine's doing: the input did
+not reach it as it was recorded, and what was tried stands in its place. Nearer, a machine that is
+blocked gives such rows too: the input is believed, but it does not widen the range. By a factor it
+is not: there the outputs have to follow what was tried. It holds until the outputs follow the input
+as it is recorded, by likelihood, since a factor cannot be seen near zero.
 
 See `evertwin.sync.plausible_loop` for the tuples of arrays.
 """
@@ -26,6 +29,12 @@ REACH = 10.0
 """Widths of its range by which an input is outside it that no machine was meant to follow."""
 LONGEST = 1000
 """Rows after which a doubt gives way: what lasts may be the machine's as well."""
+CLEAR, SURE = 4.0, 8.0
+"""The most that a row may say about a factor, and the evidence from which one is over [log]."""
+ALIKE = 0.15
+"""How near to a factor an input has to rise all at once: it may have moved by itself as well."""
+LATE = 8
+"""Rows after which a factor within that reach is told."""
 ENOUGH = 100
 """Believed rows from which the range is known."""
 BETTER = 0.1
@@ -45,8 +54,10 @@ def is_beyond(inputs: Any, counts: Any, k: int, u: float, widths: float) -> bool
 
 @njit(**COLD)
 def is_any_beyond(inputs: Any, counts: Any, u: Any, i: int, widths: float) -> bool:
-    """Is an input of the row, whose doubt has not given way?"""
+    """Is an input of the row, whose doubt has not given way? One off by a factor is."""
     for k in range(u.shape[1]):
+        if inputs[k, at.BY] != 0.0 and 0 < counts[k, at.DOUBTED] < LONGEST:
+            return True
         if counts[k, at.DOUBTED] < LONGEST and is_beyond(inputs, counts, k, u[i, k], widths):
             return True
     return False
@@ -66,11 +77,58 @@ def count_usual(inputs: Any, counts: Any, u: Any, i: int) -> bool:
 
 
 @njit(**COLD)
-def usual_instead(inputs: Any, counts: Any, u: Any, i: int, other: Any) -> None:
-    """Fills ``other`` with the row's inputs, those outside their range as they usually were."""
+def risen_by(value: float, before: float) -> float:
+    """The factor of a change of units between a value and the one before; 0: none."""
+    if before != 0.0:
+        for c in range(at.FACTORS.shape[0] - 1):
+            if abs(value / before / at.FACTORS[c] - 1.0) <= ALIKE:
+                return float(at.FACTORS[c])
+    return 0.0
+
+
+@njit(**COLD)
+def usual_instead(inputs: Any, counts: Any, u: Any, i: int, other: Any) -> bool:
+    """Fills ``other`` with the row's inputs, those outside their range as they usually were.
+
+    Or divided by their factor. Is there one?
+    """
+    found = False
     for k in range(u.shape[1]):
-        beyond = is_beyond(inputs, counts, k, u[i, k], 0.0)
-        other[k] = inputs[k, at.BELIEVED] if beyond else u[i, k]
+        other[k] = u[i, k]
+        if counts[k, at.DOUBTED] == 0:
+            inputs[k, at.BY] = inputs[k, at.OVER] = 0.0
+            if is_beyond(inputs, counts, k, u[i, k], 0.0):
+                inputs[k, at.BY] = risen_by(u[i, k], inputs[k, at.BELIEVED])
+        if inputs[k, at.BY] != 0.0 and counts[k, at.DOUBTED] < LONGEST:
+            other[k] = u[i, k] / inputs[k, at.BY]
+            found = True
+        elif is_beyond(inputs, counts, k, u[i, k], 0.0):
+            other[k] = inputs[k, at.BELIEVED]
+    return found
+
+
+@njit(**COLD)
+def is_factor_held(
+    settings: Any, memory: Any, statistics: Any, known: Any, u: Any, i: int, row: Any, tried: Any,
+    predicted: Any, failed: bool,
+) -> bool:  # fmt: skip
+    """Do the outputs go on to follow an input divided by its factor, rather than as recorded?"""
+    held, (inputs, counts) = False, known
+    for k in range(inputs.shape[0]):
+        if inputs[k, at.BY] == 0.0 or not 0 < counts[k, at.DOUBTED] < LONGEST:
+            continue
+        now = largest_ratio(settings, memory, statistics, row, tried)
+        was = np.inf if failed else largest_ratio(settings, memory, statistics, row, predicted)
+        gate = settings[1][0, at.GATE]
+        gain = min(max(0.5 * gate * gate * (now - was), -CLEAR), CLEAR)
+        if was <= 1.0 and abs(u[i, k] - inputs[k, at.BELIEVED]) <= ALIKE * abs(u[i, k]):
+            gain = SURE  # it fell to where it was all at once, as it had risen
+        inputs[k, at.OVER] = max(0.0, inputs[k, at.OVER] + gain)
+        held = inputs[k, at.OVER] < SURE
+        if held and min(now, was) > 4.0:
+            counts[k, at.DOUBTED] = LONGEST  # the machine follows neither
+            held = False
+    return held
 
 
 @njit(**COLD)
@@ -125,20 +183,29 @@ def note_input(inputs: Any, counts: Any, notes: Any, k: int, kind: int, u: float
     found[n, at.FIRST], found[n, at.FINAL] = counts[k, at.DOUBT_ROW], counts[k, at.TO]
     found[n, at.NUMBER] = counts[k, at.DOUBTED]
     detail[n, 0], detail[n, 1], detail[n, 2] = u, inputs[k, at.LOWEST], inputs[k, at.HIGHEST]
+    detail[n, 3] = inputs[k, at.BY]
 
 
 @njit(**COLD)
-def doubt(inputs: Any, counts: Any, notes: Any, u: Any, doubts: Any, i: int, now: Any) -> None:
-    """The outputs do not follow what is outside: taken as it usually was, and told."""
+def doubt(
+    inputs: Any, counts: Any, notes: Any, u: Any, doubts: Any, i: int, now: Any, other: Any
+) -> None:  # fmt: skip
+    """The outputs do not follow an input: it is taken as ``other`` says, and told."""
     for k in range(u.shape[1]):
-        if not is_beyond(inputs, counts, k, u[i, k], 0.0):
+        if other[k] == u[i, k]:
             continue
         if counts[k, at.DOUBTED] == 0:
-            counts[k, at.DOUBT_ROW] = now[0]
+            counts[k, at.DOUBT_ROW], counts[k, at.SAID] = now[0], 0
+        # A machine that follows late follows the old value for a while.
+        sure = counts[k, at.DOUBTED] >= LATE or is_beyond(inputs, counts, k, u[i, k], REACH)
+        if sure and counts[k, at.SAID] == 0:
+            counts[k, at.SAID] = 1
             note_input(inputs, counts, notes, k, FOUND_INPUT, u[i, k], now)
         counts[k, at.DOUBTED] += 1
         counts[k, at.TO] = now[0]
-        u[i, k], doubts[i, k] = inputs[k, at.BELIEVED], ERROR
+        if inputs[k, at.BY] != 0.0:
+            inputs[k, at.BELIEVED] = other[k]
+        u[i, k], doubts[i, k] = other[k], ERROR
 
 
 @njit(**COLD)
@@ -156,6 +223,6 @@ def believe(
             inputs[k, at.LOWEST] = value if first else min(inputs[k, at.LOWEST], value)
             inputs[k, at.HIGHEST] = value if first else max(inputs[k, at.HIGHEST], value)
             counts[k, at.SEEN] += 1
-        if counts[k, at.DOUBTED] > 0:
+        if counts[k, at.DOUBTED] > 0 and counts[k, at.SAID] == 1:
             note_input(inputs, counts, notes, k, FOUND_SOUND, value, now)
-            counts[k, at.DOUBTED] = 0
+        counts[k, at.DOUBTED] = 0

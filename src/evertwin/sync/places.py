@@ -50,10 +50,11 @@ SPREAD, INTERVAL, OUTSIDE, FACTOR, SOUND_BY = range(5)
 """Memory per group, numbers: variance of the state over that of the measurement; mean interval of
 trusted samples [ns]; share of contested samples; suspected factor; how much likelier it is that it
 is over."""
-LOWEST, HIGHEST, BELIEVED = range(3)
-"""Memory per input: range of its believed values; the last one."""
-SEEN, DOUBTED, DOUBT_ROW, TO = range(4)
-"""Memory per input, integers: believed values; doubted ones since then, the first and last row."""
+LOWEST, HIGHEST, BELIEVED, BY, OVER = range(5)
+"""Memory per input: range of its believed values; the last one; suspected factor, 0: none, and
+how much likelier it is that it is over."""
+SEEN, DOUBTED, DOUBT_ROW, TO, SAID = range(5)
+"""Memory per input, integers: believed values; doubted ones since then, the first and last row; told?"""
 
 (
     BESIDE_OFF, BESIDE_NOISE, BESIDE_FROM, BESIDE_AFTER, BESIDE_PATH, BESIDE_LAG, MEAN_X,

@@ -86,9 +86,9 @@ class TrackState(NamedTuple):
     rows: Int64[np.ndarray, "vote ng"]
     expected: Float64[np.ndarray, "vote ny"]
     """What was expected of the contested samples."""
-    ranges: Float64[np.ndarray, "nu 3"]
-    """Range of each input's believed values, and the last of them."""
-    beliefs: Int64[np.ndarray, "nu 4"]
+    ranges: Float64[np.ndarray, "nu 5"]
+    """Range of each input's believed values, the last of them, its suspected factor."""
+    beliefs: Int64[np.ndarray, "nu 5"]
     """How many they are; the open doubt."""
     clock: Int64[np.ndarray, " two"]
     """Task of the last row, has a row come?"""
@@ -205,7 +205,7 @@ class Track:
             x0.copy(), p, x0, values, numbers, np.zeros((ng, 5)), variance, counts,
             np.zeros((at.LEARN, ny)), np.zeros((vote, ny)), np.zeros((vote, ny)),
             np.zeros((vote, ng), dtype=np.int64), np.zeros((vote, ng), dtype=np.int64),
-            np.zeros((vote, ny)), np.zeros((nu, 3)), np.zeros((nu, 4), dtype=np.int64),
+            np.zeros((vote, ny)), np.zeros((nu, 5)), np.zeros((nu, 5), dtype=np.int64),
             np.zeros(2, dtype=np.int64), x0.copy(), np.zeros((ny, 11)),
             np.zeros(6, dtype=np.int64),
         )  # fmt: skip

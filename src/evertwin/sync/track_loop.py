@@ -25,6 +25,7 @@ from evertwin.sync.input_loop import (
     doubt,
     explains,
     is_any_beyond,
+    is_factor_held,
     usual_instead,
 )
 from evertwin.sync.options import HOT
@@ -133,7 +134,7 @@ def run(
     inputs, borders, doubted = borrowed(used), borrowed(edges), borrowed(doubts)
     known = borrowed(ranges), borrowed(beliefs)
     other, beyond, expects = np.empty(nu), np.empty_like(x), np.empty(ny)
-    tried = borrowed(expects)
+    tried, alike = borrowed(expects), borrowed(other)
     notes = borrowed(found), borrowed(detail), borrowed(extent)
     sample = borrowed(room), borrowed(measured), borrowed(predicted), borrowed(take)
     space = found.shape[0] - 8 * ng - 2 * nu
@@ -157,7 +158,7 @@ def run(
         # what no state keeps spoils its own row alone
         judged = not usual and not anew and nx > 0
         if judged and is_any_beyond(known[0], known[1], inputs, i, 0.0):
-            usual_instead(known[0], known[1], inputs, i, other)
+            by_factor = usual_instead(known[0], known[1], inputs, i, alike)
             code = call(
                 step, c, a, other.ctypes.data, dt[i], parameters, beyond.ctypes.data,
                 expects.ctypes.data,
@@ -166,8 +167,13 @@ def run(
             follows = code != 0 or not is_known(beyond) or not explains(
                 settings, memory, statistics, row, tried, sample[2], failed
             )  # fmt: skip
-            if not follows and is_any_beyond(known[0], known[1], inputs, i, REACH):
-                doubt(known[0], known[1], notes, inputs, doubted, i, now)
+            held = is_factor_held(
+                settings, memory, statistics, known, inputs, i, row, tried, sample[2], failed
+            )  # fmt: skip
+            far = by_factor or is_any_beyond(known[0], known[1], inputs, i, REACH)
+            follows = follows and not held
+            if held or (not follows and far):
+                doubt(known[0], known[1], notes, inputs, doubted, i, now, alike)
                 failed, phase = False, phase_of(inputs, i, column, borders)
                 for k in range(nx):
                     ahead[k] = beyond[k]
