@@ -20,6 +20,13 @@ if TYPE_CHECKING:
     )
     from evertwin.anomaly.cusum import Cusum as Cusum, CusumState as CusumState
     from evertwin.anomaly.drift import Drift as Drift, DriftState as DriftState
+    from evertwin.anomaly.external import (
+        Contact as Contact,
+        External as External,
+        ExternalState as ExternalState,
+        Seen as Seen,
+        Told as Told,
+    )
     from evertwin.anomaly.phases import Regimes as Regimes, TaskSteps as TaskSteps
     from evertwin.anomaly.residuals import Alarms as Alarms, Residuals as Residuals
     from evertwin.anomaly.snr import SnrLimit as SnrLimit, SnrState as SnrState

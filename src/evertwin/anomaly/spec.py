@@ -59,6 +59,8 @@ class AnomalySpec(Section):
     """Input to the borders (SI, rising) that divide its range: each regime has its own limits."""
     steps: StepsSpec | None = None
     """Each task is the same work: each step of it has its own limits, beside ``phases``."""
+    external: Annotated[Seconds, Ge(0.0), Le(3600.0)] = 5.0
+    """Longest that something outside acts on the machine, a contact or a push; 0: none is told."""
     outputs: tuple[str, ...] = ()
     """Outputs that are watched; empty: all."""
     window: Annotated[Span, Rows()] = Span(600)

@@ -18,7 +18,10 @@ from evertwin.sources.merging import Excerpt
 from evertwin.twin import Twin
 
 Files = Sequence[Path] | None
-FINDINGS = ("measurement_error", "abnormal", "drift", "rolled_back", "not_identifiable")
+FINDINGS = (
+    "measurement_error", "abnormal", "drift", "rolled_back", "not_identifiable", "external",
+    "not_judged",
+)  # fmt: skip
 
 
 def run_twin(

@@ -15,8 +15,8 @@ from enum import IntEnum
 class Mark(IntEnum):
     """Quality of one sample, from trusted to refused.
 
-    >>> [mark.name.lower() for mark in Mark]
-    ['ok', 'absent', 'held', 'late', 'contested', 'overruled', 'error']
+    >>> [mark.name.lower() for mark in Mark][3:]
+    ['late', 'contested', 'overruled', 'error', 'external']
     """
 
     OK = 0
@@ -33,3 +33,5 @@ class Mark(IntEnum):
     """The vote passed: this measurement overrules the simulation."""
     ERROR = 6
     """Obvious measurement error: the simulation is trusted."""
+    EXTERNAL = 7
+    """Something outside acts on the machine: measured, and nothing that its model can know."""

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from evertwin.fold import Answer, Event, Request, copy
+from evertwin.loop.contacts import remembered
 from evertwin.loop.crossing import outside
 from evertwin.loop.deviation import deviation, new_sums
 from evertwin.loop.follow import EMPTY, NONE, Follow
@@ -61,21 +62,24 @@ class Decide:
     ) -> tuple[TwinState, list[Event], list[Request]]:
         """The decisions of one beat, in a fixed order. Consumes ``state``."""
         decision = Decision(state, [], [])
+        veto = self._external(decision)
         if answer is not None:
             self._answered(decision, answer)
         if decision.state.agenda.phase == TRIAL:
             self._judge_trial(decision)
         elif decision.state.agenda.phase == PROBATION:
             self._judge_probation(decision)
-        self._cross(decision)
-        self._watch(decision, task_end)
+        if not veto:
+            self._cross(decision)
+            self._watch(decision, task_end)
         return decision.state, decision.events, decision.requests
 
     def quiet(self, state: TwinState) -> bool:
         """Is nothing going on but watching, so that a beat decides only what rows bring up?"""
         agenda, detect = state.agenda, self.follow.setup.detect
         idle = agenda.phase == WATCH and not (agenda.open or agenda.retrain or agenda.again)
-        return idle and detect.quiet(state.detect) and self.follow.here(state)
+        calm = not self.follow.setup.external.on(state.external)
+        return idle and calm and detect.quiet(state.detect) and self.follow.here(state)
 
     def watches(self, state: TwinState) -> bool:
         """Was the live correction learned for a range of other inputs?"""
@@ -98,6 +102,36 @@ class Decide:
             phase=WATCH, again=0, versions=max(state.agenda.versions, number + 1)
         )
         return state._replace(agenda=agenda)
+
+    # ------------------------------------------------------------------ is it the machine at all?
+
+    def _external(self, decision: Decision) -> bool:
+        """Tells of what acts from outside; its rows are learned from by nothing. True: it may be at
+        work now, so nothing is asked for."""
+        state, setup = decision.state, self.follow.setup
+        external, told = setup.external.beat(state.external)
+        on = setup.external.on(external)
+        decision.state = state._replace(external=external)
+        remembered(state.ring, told, setup.external.since(external) if on else -1)
+        contact = told.contact
+        if contact is not None:
+            watch, seen = new_sums(len(state.scores.watch.samples)), np.zeros(1, dtype=np.int64)
+            detect = state.detect._replace(pending="")
+            scores = state.scores._replace(watch=watch, seen=seen)
+            decision.state = decision.state._replace(scores=scores, detect=detect)
+        if contact is not None and told.new:
+            units = dict(zip(setup.model.outputs.names, setup.model.outputs.units, strict=True))
+            sizes = ", ".join(
+                f"{name} by {level:.3g} {units[name]}"
+                for name, level in zip(contact.outputs, contact.levels, strict=True)
+            )
+            until = "" if contact.last < 0 else f" to {contact.last}"
+            said = f"something outside moves {sizes} from row {contact.first}{until}"
+            decision.say("external", contact.outputs[0], said, contact._asdict())
+        if told.blind:
+            said = "the model has no friction for what stands: what pushes it then cannot be told"
+            decision.say("not_judged", "", said, {})
+        return on
 
     # ------------------------------------------------------------------ is the twin still true?
 
@@ -319,6 +353,7 @@ class Decide:
             live=lane, first=first, other=other, scores=scores,
             agenda=state.agenda._replace(held=False, open=0),
             trial=follow.setup.probation.init(), detect=follow.setup.detect.init(),
+            external=follow.setup.external.init(),
             # what waits is of the version that goes
             newest=follow.setup.at_horizon.init(), waiting=follow.setup.residual_filter.init(),
         )  # fmt: skip

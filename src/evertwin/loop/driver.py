@@ -127,7 +127,7 @@ class Driver:
             row=0, task=-1, time=0, began=0, elapsed=0,
             live=self.follow.lane(self.champion, tracked=True), first=EMPTY, other=EMPTY,
             newest=setup.at_horizon.init(), waiting=setup.residual_filter.init(),
-            detect=setup.detect.init(), trial=setup.trial.init(),
+            detect=setup.detect.init(), external=setup.external.init(), trial=setup.trial.init(),
             scores=new_scores(ny, np.zeros(2, dtype=np.int64), 0, sizes),
             agenda=Agenda(pinned=self.pinned, versions=self.versions.known),
             watched=np.zeros((0, 2)), ring=setup.ring.init(),

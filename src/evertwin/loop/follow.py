@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evertwin.fold import Block, Event, Record
+from evertwin.loop.contacts import watched
 from evertwin.loop.released import Released
 from evertwin.loop.scores import NEVER, accumulate
 from evertwin.loop.setup import Setup
@@ -100,7 +101,9 @@ class Follow:
         """
         track, _ = self.stages(state.live.version)
         tracked, out = track.step(state.live.track, piece)
-        judged = out.rows.judged(piece)
+        external, judged = watched(
+            self.setup, state.external, track.model, tracked.p, out.rows.judged(piece), out.rows.y
+        )
         known = out.rows.y if self.setup.static else None
         live, a = self._predict(state.live._replace(track=tracked), judged, known)
         first, before = self._track(state.first, piece._replace(u=judged.u))
@@ -124,8 +127,12 @@ class Follow:
             elapsed=state.elapsed + int(piece.t[-1]) - before_piece,
             row=piece.row + len(piece.t), task=int(piece.task[-1]), time=int(piece.t[-1]),
             began=began, live=live, first=first, other=other, newest=newest, waiting=waiting,
+            external=external,
         )  # fmt: skip
         state, found, stop = self._judge(state, released, beats)
+        after = beats[beats >= self.setup.external.known(external)]
+        if len(after) and self.setup.external.known(external) and (stop < 0 or after[0] < stop):
+            stop = int(after[0])
         events = _by_beat(_events(out.records), found, beats, self.setup.residual_filter.delay)
         return state, Followed(out.rows, before, judged, events, stop)
 

@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from evertwin.anomaly import Regimes, TaskSteps
+from evertwin.anomaly import External, Regimes, TaskSteps
 from evertwin.config.spec import TwinSpec
 from evertwin.errors import UsageError
 from evertwin.fold import Beat
@@ -131,11 +131,11 @@ class Setup:
             moving = np.empty((len(u), len(self.model.outputs)), dtype=np.bool_)
             moving.fill(True)
             return moving
-        columns, unsaid = self._judged_by
+        columns, unsaid = self.judged_by
         return np.asarray((np.abs(u.take(columns, axis=1)) > rule.above) | unsaid)
 
     @cached_property
-    def _judged_by(self) -> tuple[np.ndarray, np.ndarray]:
+    def judged_by(self) -> tuple[np.ndarray, np.ndarray]:
         """Column of the inputs that tells whether an output moves; and the outputs without one."""
         channels = {} if self.spec.moving is None else self.spec.moving.channels
         said = [channels.get(name) for name in self.model.outputs.names]
@@ -283,3 +283,10 @@ class Setup:
         """The detectors over released rows."""
         phases = self.steps.parts * (1 if self.regimes is None else self.regimes[1].count)
         return Detect.of(self.spec.anomaly, self.model.outputs.names, self.watched, phases)
+
+    @cached_property
+    def external(self) -> External:
+        """The observer of contacts: of a static map, where the rate of its rows is known."""
+        rate = self.spec.clock.rate or (self.measured_rate if self.times else None)
+        longest = self.spec.anomaly.external if self.static and rate else 0.0
+        return External(self.model.outputs.names, rate or 1.0, longest)

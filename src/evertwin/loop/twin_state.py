@@ -10,6 +10,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from evertwin.anomaly import ExternalState
 from evertwin.loop.at_horizon import Newest
 from evertwin.loop.deviation import Sums
 from evertwin.loop.released import Waiting
@@ -134,6 +135,7 @@ class TwinState(NamedTuple):
     waiting: Waiting
     """Rows that the residual filter holds back."""
     detect: Any
+    external: ExternalState
     trial: Any
     scores: Scores
     agenda: Agenda

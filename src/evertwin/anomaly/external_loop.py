@@ -1,0 +1,236 @@
+"""The compiled loop of `evertwin.anomaly.external`: rows through the memory of each output.
+
+Counts of rows beyond a limit take the place of a median: more than half of the newest rows beyond
+it on one side is a median beyond it. They are whole numbers, so cuts cannot matter.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from evertwin.compiled.functions import njit
+
+RESIDUAL, BEYOND, MOVES = range(3)
+"""Columns of the ring of the newest rows."""
+RUN, WAY, SORT, SINCE, COUNT, SEEN, OPEN, PART, BEGAN, NEED, SIDE, NUMBERS = range(12)
+"""Places of an output's numbers, and how many. Its motion: rows in one direction, the direction,
+the sort (0 slow, else the direction), row since which; Σ of `BEYOND`; moving rows seen. Off: on
+which side now, was it in this excursion, sort where it came into it, must it still be seen calm, on
+which side was it last?"""
+SQUARE, BASE, NEAR, SLOW, NOISE, HOLD, USUAL, LEVEL, ROWS, EDGE, TOLD, FIGURES = range(12)
+"""Places of an output's figures, and how many. Moving: the residual's mean square and mean, its
+mean over a window and that one's mean square. Mean step from row to row; widest friction since it
+was slow; share of motions that began calm. Of the rows that are off in this excursion Σ residual
+and number, and how far the first are from those before; mean level of what was found."""
+NEXT, STATE, START, STAMP, OURS, LATE, FOUND, FIRST, LAST, SAID, BLIND, NEWS, SHARP = range(13)
+"""Places of the machine's numbers: rows so far, `IDLE` …, row and stamp of the excursion's start,
+may it come from outside, did it begin with a motion, is one found, its rows, was it told at a beat,
+rows at which a standing output had no friction to judge by, row after the first since the newest
+beat at which there was something for the next (0: none), did an output go off at once?"""
+PLACES = 13
+IDLE, ON, ENDS, LASTS = range(4)
+LARGE = 9.0
+"""Times the mean square that a row counts at most: one contact does not hide the next."""
+SMOOTH = 4.0
+"""Times the rms of its mean over a window that is off: errors of a model are smooth."""
+SURELY = 5.0
+"""Times the mean step that a friction must be: smaller ones are not known."""
+MOSTLY = 0.6
+"""Share of motions that have to begin calm for one that does not to be out of the ordinary."""
+AT_ONCE = 0.5
+"""Part of its level that an output reaches within half a window, where a motion goes on."""
+
+
+@njit(cache=True)
+def learned(x: float, number: Any, figure: Any, rule: Any) -> None:
+    """A row that leaves the window calm, of a moving output."""
+    number[SEEN] += 1
+    square = x * x
+    if number[SEEN] > rule[1]:
+        square = min(square, LARGE * figure[SQUARE])
+    figure[SQUARE] += (square - figure[SQUARE]) / min(number[SEEN], rule[2])
+    figure[BASE] += (x - figure[BASE]) / min(number[SEEN], rule[3])
+    figure[NEAR] += (x - figure[NEAR]) / min(number[SEEN], rule[4])
+    figure[SLOW] += (figure[NEAR] * figure[NEAR] - figure[SLOW]) / min(number[SEEN], rule[2])
+
+
+@njit(cache=True)
+def moved(row: int, moves: bool, v: float, half: float, number: Any, figure: Any, n: int) -> None:
+    """The sort of motion of an output, and the friction that may hold it."""
+    way = 0
+    if moves:
+        way = -1 if v < 0.0 else 1
+    number[RUN] = number[RUN] + 1 if way == number[WAY] else 1
+    number[WAY] = way
+    sort = way if number[RUN] >= n // 2 else 0
+    if sort != number[SORT]:
+        number[SORT], number[SINCE] = sort, row
+    if not moves:
+        figure[HOLD] = max(figure[HOLD], half)
+    elif sort != 0:
+        figure[HOLD] = 0.0
+    if sort != 0 and row - number[SINCE] == n:
+        figure[USUAL] += ((0.0 if number[OPEN] else 1.0) - figure[USUAL]) / 4.0
+
+
+@njit(cache=True)
+def limit_of(number: Any, figure: Any, times: float, rule: Any) -> float:
+    """How far off an output may be; infinite where that is not known."""
+    form, hold = np.sqrt(figure[SLOW]), figure[HOLD]
+    scale = max(times * np.sqrt(figure[SQUARE]), SMOOTH * form)
+    known = number[SEEN] >= rule[1]
+    if number[SORT] != 0:
+        return float(scale if known else np.inf)
+    if hold <= SURELY * figure[NOISE] or hold < form:
+        return float(np.inf)
+    return float(hold + scale if known else hold)
+
+
+@njit(cache=True)
+def opened(row: int, k: int, stamp: int, ring: Any, state: Any) -> None:
+    """An output has gone off: an excursion begins, or it joins one."""
+    numbers, figures, machine = state
+    number, figure, n = numbers[k], figures[k], ring.shape[1]
+    age = 0
+    for back in range(n):
+        if ring[BEYOND, (machine[NEXT] - back) % n, k] == number[OPEN]:
+            age = back
+    calm = row - age - number[SINCE] >= n // 2
+    if machine[STATE] == ENDS:
+        # on the same side after a reversal: it has not ended; on the other: so is friction
+        machine[STATE] = ON
+        if number[NEED] and number[SIDE] != number[OPEN]:
+            machine[OURS] = 0
+    elif machine[STATE] == IDLE:
+        machine[STATE], machine[START], machine[STAMP] = ON, row - age, stamp
+        machine[LATE], machine[SAID], machine[SHARP] = 0 if calm else 1, 0, 0
+        machine[OURS] = 1 if calm or figure[USUAL] >= MOSTLY else 0
+        numbers[:, PART], numbers[:, NEED] = 0, 0
+        if machine[OURS] and not machine[NEWS]:
+            machine[NEWS] = row + 1
+    if not number[PART]:
+        number[BEGAN], figure[LEVEL], figure[ROWS] = number[SORT], 0.0, 0.0
+    for m in range(n):
+        if ring[BEYOND, m, k] == number[OPEN] and m != machine[NEXT] % n:
+            figure[LEVEL] += abs(ring[RESIDUAL, m, k])
+            figure[ROWS] += 1.0
+    number[PART], number[SIDE] = 1, number[OPEN]
+    figure[EDGE] = edge(ring[RESIDUAL, :, k], machine[NEXT] % n, number[OPEN])
+
+
+@njit(cache=True)
+def summed(values: Any) -> tuple[float, int]:
+    """Sum and number of those that are known."""
+    total, rows = 0.0, 0
+    for x in values:
+        if x == x:
+            total, rows = total + x, rows + 1
+    return total, rows
+
+
+@njit(cache=True)
+def edge(ring: Any, newest: int, side: int) -> float:
+    """The largest step within a window: mean of the rows after less that of the rows before."""
+    n, most, young, count = len(ring), 0.0, 0.0, 0
+    total, rows = summed(ring)
+    for back in range(n - max(n // 4, 1)):
+        x = ring[(newest - back) % n]
+        if x == x:
+            young, count = young + x, count + 1
+        if back + 1 >= max(n // 4, 1) and 0 < count < rows:
+            most = max(most, side * (young / count - (total - young) / (rows - count)))
+    return most
+
+
+@njit(cache=True)
+def closed(row: int, k: int, ring: Any, state: Any) -> None:
+    """An output is calm again."""
+    numbers, figures, machine = state
+    number, n = numbers[k], ring.shape[1]
+    level = AT_ONCE * figures[k, LEVEL] / figures[k, ROWS]
+    if machine[LATE]:
+        total, rows = summed(ring[RESIDUAL, :, k])
+        at_once = rows > 0 and abs(total) < level * rows
+    else:
+        at_once = number[BEGAN] == 0 or figures[k, EDGE] > level
+    if at_once:
+        machine[SHARP] = 1
+    number[OPEN] = 0
+    number[NEED] = 1 if row - number[SINCE] < n else 0
+
+
+@njit(cache=True)
+def settled(row: int, stamp: int, longest: int, n: int, state: Any) -> None:
+    """The machine as a whole, after all outputs of a row."""
+    numbers, figures, machine = state
+    off = (numbers[:, OPEN] != 0).any()
+    if machine[STATE] == LASTS and not off:
+        machine[STATE] = IDLE
+    if machine[STATE] == ON and stamp - machine[STAMP] > longest:
+        machine[STATE], machine[NEWS] = LASTS, machine[NEWS] or row + 1
+    if machine[STATE] == ON and not off:
+        waits = (numbers[:, NEED] != 0).any()
+        told = machine[OURS] and machine[SHARP] and not (waits and machine[LATE])
+        machine[STATE] = ENDS if told else IDLE
+        machine[LAST] = row
+    if machine[STATE] != ENDS:
+        return
+    for k in range(len(numbers)):
+        same = numbers[k, SORT] == numbers[k, BEGAN] or numbers[k, SORT] * numbers[k, BEGAN] != 0
+        if same and row - numbers[k, SINCE] >= n:
+            numbers[k, NEED] = 0
+    if not (numbers[:, NEED] != 0).any():
+        machine[STATE] = IDLE
+        machine[FIRST] = min(machine[FIRST], machine[START]) if machine[FOUND] else machine[START]
+        machine[FOUND], machine[NEWS] = 1, machine[NEWS] or row + 1
+        for k in range(len(numbers)):
+            if numbers[k, PART]:
+                figures[k, TOLD] = figures[k, LEVEL] / figures[k, ROWS]
+
+
+@njit(cache=True)
+def watch(
+    row: int, t: Any, r: Any, half: Any, v: Any, moving: Any, times: float, rule: Any, ring: Any,
+    state: Any, marked: Any,
+) -> None:  # fmt: skip
+    """Rows through; ``marked`` where something outside is at work. ``rule``: longest excursion
+    [ns], rows to learn from, of the mean square's memory, of the mean's, of a window."""
+    numbers, figures, machine = state
+    n, ny = ring.shape[1], r.shape[1]
+    for i in range(r.shape[0]):
+        place = machine[NEXT] % n
+        for k in range(ny):
+            number, figure, x, old = numbers[k], figures[k], r[i, k], ring[RESIDUAL, place, k]
+            number[COUNT] -= int(ring[BEYOND, place, k])
+            ours = number[OPEN] != 0 and machine[STATE] == ON and machine[OURS] != 0
+            if ring[MOVES, place, k] > 0.0 and old == old and not ours:
+                learned(old, number, figure, rule)
+            moved(row + i, moving[i, k], v[i, k], half[i, k], number, figure, n)
+            limit = limit_of(number, figure, times, rule)
+            if not moving[i, k]:
+                machine[BLIND] = max(machine[BLIND] + (1 if limit == np.inf else -1), 0)
+            last = ring[RESIDUAL, (machine[NEXT] - 1) % n, k]
+            if x == x and last == last:
+                figure[NOISE] += (abs(x - last) - figure[NOISE]) / rule[4]
+            side, base = 0, figure[BASE] if number[SORT] != 0 else 0.0
+            if x == x and abs(x) > limit:
+                side = 1 if x > 0.0 else -1
+                if side * (x - base) <= limit:
+                    side = 0
+            ring[RESIDUAL, place, k], ring[BEYOND, place, k] = x, side
+            ring[MOVES, place, k] = moving[i, k]
+            number[COUNT] += side
+            if number[OPEN] == 0 and 2 * abs(number[COUNT]) > n:
+                number[OPEN] = 1 if number[COUNT] > 0 else -1
+                opened(row + i, k, t[i], ring, state)
+            if number[OPEN] != 0:
+                if side == number[OPEN]:
+                    figure[LEVEL] += abs(x)
+                    figure[ROWS] += 1.0
+                if 4 * abs(number[COUNT]) <= n:
+                    closed(row + i, k, ring, state)
+        settled(row + i, t[i], rule[0], n, state)
+        marked[i] = machine[STATE] == ON and machine[OURS] != 0
+        machine[NEXT] += 1

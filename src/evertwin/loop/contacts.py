@@ -1,0 +1,97 @@
+"""Rows as an observer of contacts sees them, and what a beat does about what was found.
+
+Judged is the residual before any filter, of an output that is a function of its inputs alone. Where
+``[moving]`` names the motion that an output belongs to and it stands, friction may hold anything
+between the outputs of a motion just begun the one way and the other, and the residual is what lies
+beyond; by how much more is decided in `evertwin.anomaly.external`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from evertwin.anomaly.external import ExternalState, Seen, Told
+from evertwin.fold import Block, Mark
+from evertwin.loop.ring import Rows
+from evertwin.loop.setup import Setup
+from evertwin.models import Model, kernel_of
+from evertwin.models.kernel import Restart
+from evertwin.models.rollout import roll
+from evertwin.signals import wrap
+from evertwin.types import Outputs, ParameterVector
+
+
+def watched(
+    setup: Setup, state: ExternalState, model: Model, p: ParameterVector, rows: Block, y: Outputs
+) -> tuple[ExternalState, Block]:
+    """The rows, marked where something outside acts on the machine. Consumes ``state``.
+
+    Args:
+        setup: of the twin.
+        state: of its observer.
+        model: of the champion, with its parameters ``p``.
+        rows: judged rows; their marks are written.
+        y: what the champion predicts of them.
+    """
+    if setup.external.longest == 0:
+        return state, rows
+    state, marked = setup.external.step(state, _seen(setup, model, p, rows, y))
+    if marked.any():
+        mark = rows.mark[:, rows.u.shape[1] :]
+        mark[marked[:, None] & _measured(mark)] = Mark.EXTERNAL
+    return state, rows
+
+
+def _measured(mark: np.ndarray) -> np.ndarray:
+    return np.asarray((mark != Mark.ABSENT) & (mark != Mark.ERROR))
+
+
+def _seen(setup: Setup, model: Model, p: ParameterVector, rows: Block, y: Outputs) -> Seen:
+    mark, u = rows.mark[:, rows.u.shape[1] :], rows.u
+    measured = np.where(_measured(mark), rows.y, np.nan)
+    r, half, moving = wrap(measured - y, model.outputs.angles), np.zeros(y.shape), setup.moving(u)
+    columns, unsaid = setup.judged_by
+    v = np.where(unsaid, np.nan, u.take(columns, axis=1))
+    stands = np.flatnonzero(~moving.all(axis=1))
+    if len(stands):
+        low, high = (_just(setup, model, p, rows, stands, way) for way in (-1.0, 1.0))
+        width = 0.5 * np.abs(high - low)
+        off = wrap(measured[stands] - 0.5 * (low + high), model.outputs.angles)
+        beyond = np.sign(off) * np.maximum(np.abs(off) - width, 0.0)
+        r[stands] = np.where(moving[stands], r[stands], beyond)
+        half[stands] = np.where(moving[stands], 0.0, width)
+    return Seen(rows.row, rows.t, r, half, v, moving)
+
+
+def _just(
+    setup: Setup, model: Model, p: ParameterVector, rows: Block, at: np.ndarray, way: float
+) -> Outputs:
+    """Outputs of rows ``at``, all that stands just moving one way."""
+    rule = setup.spec.moving
+    assert rule is not None
+    u = rows.u[at]
+    for name in dict.fromkeys(rule.channels.values()):
+        k = model.inputs.index(name)
+        u[:, k] = np.where(np.abs(u[:, k]) > rule.above, u[:, k], way * rule.above)
+    never = Restart.never(len(at), len(model.outputs))
+    return roll(kernel_of(model), np.empty(0), u, rows.dt[at], p, never)[1]
+
+
+def remembered(rows: Rows, told: Told, on: int) -> None:
+    """Marks the kept rows of what was found, of what is at work since row ``on`` (−1: nothing) too;
+    what lasts is the machine's own: its rows count again. Writes into ``rows``."""
+    marks: list[tuple[int, int, Any]] = []
+    if told.lasts >= 0:
+        marks.append((told.lasts, rows.end, Mark.OK))
+    if told.contact is not None and told.contact.last >= 0:
+        marks.append((told.contact.first, told.contact.last + 1, Mark.EXTERNAL))
+    if on >= 0:
+        marks.append((on, rows.end, Mark.EXTERNAL))
+    nu = rows.u.shape[1]
+    for first, stop, mark in marks:
+        places = np.arange(max(first, rows.end - len(rows.t), 0), stop) % len(rows.t)
+        old = rows.mark[places, nu:]
+        counts = _measured(old) if mark == Mark.EXTERNAL else old == Mark.EXTERNAL
+        rows.mark[places, nu:] = np.where(counts, np.uint8(mark), old)

@@ -1,0 +1,148 @@
+"""Something outside acts: told from what a model can be wrong in, by when it comes and goes."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from evertwin.anomaly import Contact, External, ExternalState, Seen
+from evertwin.anomaly.external_loop import watch
+from evertwin.fold import copy, equal, load, save
+
+RATE = 100.0
+ABOVE, FRICTION = 0.05, 2.0
+STAGE = External(("a", "b"), RATE)
+
+
+def swings(n: int = 4000, seed: int = 0) -> Seen:
+    """Two axes that swing to and fro, one of them every 7 s, the other every 5; noise of 0.1."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(n) / RATE
+    v = np.stack([np.sin(2 * np.pi * t / 7), np.cos(2 * np.pi * t / 5)], axis=1)
+    moving = np.abs(v) > ABOVE
+    r = np.where(moving, rng.normal(0.0, 0.1, v.shape), 0.0)
+    half = np.where(moving, 0.0, FRICTION)
+    return Seen(0, (t * 1e9).astype(np.int64), r, half, v, moving)
+
+
+def found(rows: Seen, stage: External = STAGE) -> tuple[Contact | None, np.ndarray]:
+    state, marked = stage.step(stage.init(), rows)
+    return stage.found(state), np.flatnonzero(marked)
+
+
+def off(rows: Seen, by: np.ndarray) -> Seen:
+    """The rows with more residual where the axis moves; what stands is held by friction."""
+    return rows._replace(r=rows.r + np.where(rows.moving, by, 0.0))
+
+
+@pytest.mark.parametrize("at", [1320, 1930, 2400])
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_contact_is_marked_within_a_fifth_of_a_second(at: int, sign: float) -> None:
+    by = np.zeros((4000, 2))
+    by[at : at + 30, 0] = sign * 0.6
+    contact, marked = found(off(swings(), by))
+    assert contact is not None and contact.outputs == ("a",)
+    assert contact.levels[0] == pytest.approx(0.6, abs=0.1)
+    assert abs(contact.first - at) < STAGE.window
+    assert at + 30 <= contact.last < at + 70
+    assert at < marked[0] <= at + 20 and marked[-1] <= contact.last
+
+
+def test_calm_says_nothing() -> None:
+    for seed in range(10):
+        assert found(swings(seed=seed))[0] is None
+
+
+@pytest.mark.parametrize("law", ["dry", "viscous", "offset"])
+def test_what_a_parameter_explains_is_none(law: str) -> None:
+    rows = swings()
+    later = np.clip((np.arange(4000)[:, None] - 2013) / 300.0, 0.0, 1.0)
+    size = {"dry": np.sign(rows.v), "viscous": rows.v, "offset": np.ones((4000, 2))}[law]
+    assert found(off(rows, 0.8 * size * later))[0] is None
+
+
+def test_what_lasts_counts_again() -> None:
+    by = np.zeros((4000, 2))
+    by[2000:] = 0.6
+    rows, stage = off(swings(), by), External(("a", "b"), RATE, longest=1.0)
+    state, marked = stage.step(stage.init(), Seen(0, *(column[:2150] for column in rows[1:])))
+    first, *_, last = np.flatnonzero(marked)
+    assert first > 1990 and last < 2120
+    state, told = stage.beat(state)
+    assert told.contact is None and 1980 < told.lasts < 2010
+    assert stage.beat(state)[1].lasts == -1
+
+
+def standing(push: np.ndarray, friction: float = FRICTION) -> Seen:
+    n = len(push)
+    off, still = np.maximum(np.abs(push) - friction, 0.0)[:, None], np.zeros((n, 1), np.bool_)
+    noise = np.random.default_rng(0).normal(0.0, 0.1, (n, 1)) * (off > 0.0)
+    half, v = np.full((n, 1), friction), np.zeros((n, 1))
+    return Seen(0, np.arange(n) * 10**7, off + noise, half, v, still)
+
+
+def test_a_push_on_a_standing_axis_is_known_while_it_lasts() -> None:
+    push = np.zeros(500)
+    push[100:300] = 5.0
+    rows, stage = standing(push), External(("a",), RATE)
+    state, marked = stage.step(stage.init(), Seen(0, *(column[:150] for column in rows[1:])))
+    state, told = stage.beat(state)
+    assert told.new and told.contact is not None and told.contact.last == -1
+    assert 100 < np.flatnonzero(marked)[0] <= 120
+    rest = Seen(150, *(column[150:] for column in rows[1:]))
+    state, told = stage.beat(stage.step(state, rest)[0])
+    assert told.contact is not None and not told.new and 300 <= told.contact.last < 340
+
+
+def test_what_friction_holds_is_not_told_and_without_one_nothing_is() -> None:
+    push = np.zeros(3000)
+    push[100:300] = 3.9
+    stage = External(("a",), RATE)
+    state, told = stage.beat(stage.step(stage.init(), standing(push))[0])
+    assert told.contact is None and not told.blind
+    unknown = standing(push, friction=0.0)
+    state, told = stage.beat(stage.step(stage.init(), unknown)[0])
+    assert told.contact is None and told.blind
+    assert not stage.beat(state)[1].blind
+
+
+def test_few_rows_take_more_to_tell() -> None:
+    assert STAGE.window == 20 and STAGE.times == 2.5
+    slow = External(("a",), 10.0)
+    assert slow.window == 3 and slow.times == pytest.approx(4.1, abs=0.1)
+    calm = np.random.default_rng(0).normal(size=(200_000, 1))
+    assert found(Seen.of(calm, 0.1), slow)[0] is None
+
+
+def test_no_cut_matters_and_a_saved_state_goes_on() -> None:
+    by = np.zeros((4000, 2))
+    by[2400:2440, 1] = 1.0
+    rows = off(swings(), by)
+    rows.r[::97] = np.nan
+    whole, marked = STAGE.step(STAGE.init(), rows)
+    state, seen = STAGE.init(), []
+    places = [0, 1, 2, *np.random.default_rng(1).integers(3, 3999, 60).tolist(), 4000]
+    for a, b in pairwise(sorted(set(places))):
+        state = load(save(copy(state)), like=state)
+        state, part = STAGE.step(state, Seen(a, *(column[a:b] for column in rows[1:])))
+        seen.append(part)
+    assert equal(state, whole) and (np.concatenate(seen) == marked).all()
+    assert STAGE.found(whole) is not None
+
+
+def test_machine_code_and_plain_python_give_the_same_bits() -> None:
+    by = np.zeros((1200, 2))
+    by[800:840] = 1.0
+    rows = off(swings(1200), by)
+
+    def run(form: object) -> tuple[ExternalState, np.ndarray]:
+        state, marked = STAGE.init(), np.zeros(1200, np.bool_)
+        form(  # type: ignore[operator]
+            *rows, STAGE.times, STAGE.rule, state.ring, tuple(state[1:]), marked
+        )
+        return state, marked
+
+    (a, b), (c, d) = run(watch.plain), run(watch.compiled)
+    assert equal(a, c) and (b == d).all() and b.any()

@@ -1,0 +1,107 @@
+"""A contact in a whole twin: marked at its rows, told at the next beat, learned from by nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from evertwin import Twin
+from evertwin.config.spec import (
+    AnomalySpec,
+    ClockSpec,
+    ModelSpec,
+    MovingSpec,
+    Span,
+    TuningSpec,
+    TwinSpec,
+)
+from evertwin.fold import Block, Mark, copy, load, make_block, save, take
+from evertwin.fold.state import equal
+from evertwin.loop.configured_model import model_of
+from evertwin.models.spec import ParameterSpec
+
+from .test_strides import folded
+
+TRUTH = {"mass": 90.0, "Fv": 200.0, "Fc": 20.0, "offset": 0.0}
+AXIS = TwinSpec(
+    "axis",
+    ModelSpec("drive_force", {"law": "sign"}, {k: ParameterSpec(v) for k, v in TRUTH.items()}),
+    beat=Span(50), clock=ClockSpec(rate=100.0), tuning=TuningSpec(window=Span(1500)),
+    moving=MovingSpec(channels={"force": "speed"}, above=0.01),
+    anomaly=AnomalySpec(requirement=0.1, window=Span(500)),
+)  # fmt: skip
+AT, LONG = 2510, 40
+"""First row and rows of the contact, between two beats."""
+
+
+def rows(contact: float = 0.0, wear: float = 0.0, load: float = 0.0, seed: int = 0) -> Block:
+    """An axis to and fro for 40 s, pushed once; dry friction that grows, a force that stays."""
+    n = 4000
+    t, rng = np.arange(n) / 100.0, np.random.default_rng(seed)
+    v, a = 0.1 * np.sin(0.9 * t), 0.09 * np.cos(0.9 * t)
+    model = model_of(AXIS)
+    u = np.stack([v, a], axis=1)
+    y = model.simulate(np.zeros(0), u, np.full(n, 0.01), model.parameters.values)[1]
+    y += rng.normal(0.0, 0.5, y.shape)
+    y[:, 0] += wear * np.sign(v) * (np.arange(n) >= 2000) + load * (np.arange(n) >= 2000)
+    y[AT : AT + LONG] += contact
+    return make_block(np.arange(n) * 10**7, u, y)
+
+
+def kinds(said: list[str]) -> list[str]:
+    names = ("external", "suspected", "tuned", "promoted")
+    return [kind for one in said for kind in names if f'"kind":"{kind}"' in one]
+
+
+@pytest.mark.parametrize("case", [{"contact": 30.0}, {"load": 15.0}, {"wear": 8.0}], ids=str)
+def test_many_beats_at_once_are_beat_by_beat(case: dict[str, float]) -> None:
+    block = rows(**case)
+    whole, one_beat = folded(AXIS, block, 10**6), folded(AXIS, block, 49)
+    assert whole[1] == one_beat[1] and equal(whole[0], one_beat[0])
+
+
+def test_a_contact_is_told_at_the_next_beat_and_nothing_is_learned_from_it() -> None:
+    with Twin(AXIS) as twin:
+        result = twin.run((rows(contact=30.0),))
+    (event,) = result.of_kind("external")
+    assert event.signal == "force" and AT + LONG <= event.row <= AT + LONG + 70
+    assert result.champion.number == 0 and not result.of_kind("tuned", "promoted")
+    marked = np.flatnonzero(result.trace["mark"][:, 0] == Mark.EXTERNAL)
+    assert AT < marked[0] <= AT + 20 and marked[-1] < AT + LONG + 20
+    assert event.evidence["levels"][0] == pytest.approx(30.0, rel=0.1)
+
+
+def test_the_kept_rows_of_a_contact_enter_no_fit() -> None:
+    state, _ = folded(AXIS, take(rows(contact=30.0), 0, AT + 300), 100)
+    assert (state.ring.mark[np.arange(AT, AT + LONG) % len(state.ring.t), -1] == 7).all()
+
+
+def test_a_force_that_stays_is_the_machines_own_and_is_tuned() -> None:
+    state, said = folded(AXIS, rows(load=15.0), 1000)
+    assert "external" not in kinds(said) and "tuned" in kinds(said)
+    kept = state.ring.mark[:, -1]
+    assert (kept[np.arange(3000, 4000) % len(kept)] == Mark.OK).all()
+
+
+def test_friction_that_grows_is_followed_as_before() -> None:
+    _, said = folded(AXIS, rows(wear=8.0), 1000)
+    unwatched = replace(AXIS, anomaly=replace(AXIS.anomaly, external=0.0))
+    assert "external" not in kinds(said) and "tuned" in kinds(said)
+    assert kinds(folded(unwatched, rows(wear=8.0), 1000)[1]) == kinds(said)
+
+
+def test_a_contact_survives_a_break() -> None:
+    block = rows(contact=30.0)
+    whole, _ = folded(AXIS, block, 1000)
+    half, _ = folded(AXIS, take(block, 0, AT + 25), 1000)
+    assert equal(load(save(copy(half.external)), like=half.external), half.external)
+    assert whole.external.ring.shape == (3, 20, 1)
+
+
+def test_without_a_rate_or_with_a_state_nothing_is_looked_for() -> None:
+    with Twin(replace(AXIS, clock=ClockSpec())) as twin:
+        assert twin.setup.external.longest == 0.0
+    with Twin(TwinSpec("cart", ModelSpec("robot1d"), clock=ClockSpec(rate=100.0))) as twin:
+        assert twin.setup.external.longest == 0.0
