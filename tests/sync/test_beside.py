@@ -96,3 +96,28 @@ def test_the_account_is_cut_anywhere() -> None:
     block.y[400:411] += 2.0
     cuts = [[155, 170, 209], [405, 408, 410, 412], list(range(1, N, 7))]
     check_online(Track(drive(1.05), Arbiter(RULES["as it is"])), block, cuts)
+
+
+@pytest.mark.parametrize("place", [0.0, 7.0])
+def test_a_start_is_not_believed_blindly(place: float) -> None:
+    """Millimetres from the first row on: told once the robot has moved, wherever it started."""
+    for seed in range(4):
+        block, truth = shuttle(seed)
+        block.y[:, 0] += place
+        block.y[:200] *= 1000.0
+        _, out = error(block, truth, RULES["as it is"])
+        factors = [r for r in out.records if r.evidence.get("factor") == 1000.0]
+        assert [(r.kind, r.evidence["onset"]) for r in factors] == [
+            ("measurement_error", 0), ("measurement_restored", 0)
+        ]  # fmt: skip
+        assert factors[0].row < 60 and factors[1].row <= 203
+        assert np.abs(out.rows.y[60:, 0] - truth[60:] - place).max() < 0.2
+
+
+def test_a_sound_start_is_believed_wherever_it_is() -> None:
+    for place in (-50.0, 0.0, 3.0):
+        block, truth = shuttle(3)
+        block.y[:, 0] += place
+        _, out = error(block, truth, RULES["as it is"])
+        assert out.records == ()
+        assert np.abs(out.rows.y[1:, 0] - truth[1:] - place).max() < 0.06

@@ -29,14 +29,16 @@ from evertwin.sync.factor_loop import COMMON
 from evertwin.sync.horizon_loop import wrapped
 from evertwin.sync.options import COLD, HOT
 from evertwin.sync.places import Cause, Finding
-from evertwin.sync.vote_loop import end_contest, fault, note
+from evertwin.sync.vote_loop import end_contest, end_fault, fault, note
 
 FACTOR, AWAY = int(Cause.FACTOR), int(Cause.AWAY)
 ERROR = int(Finding.ERROR)
 OK, OVERRULED, ERROR_MARK = int(Mark.OK), int(Mark.OVERRULED), int(Mark.ERROR)
-CREPT, JUMPED = 1, 2
+CREPT, JUMPED, STARTED = 1, 2, 3
 LONGEST = 1000
 """Rows after which what was believed stays."""
+UNHEARD = 50.0
+"""Factor beyond which, or below whose inverse, no machine moves otherwise than its model."""
 FEW = 8
 """Rows from which the line is asked."""
 STEADY = 0.3
@@ -47,11 +49,13 @@ NEAR = 0.2
 
 @njit(**HOT)
 def is_doubtful(
-    settings: Any, memory: Any, sample: Any, g: int, size: int, verdict: int
+    settings: Any, memory: Any, sample: Any, g: int, size: int, verdict: int, starts: bool
 ) -> bool:  # fmt: skip
     """Was a sample contested, or farther from the prediction than noise explains, and adopted?"""
     limits, rules, _ = settings
     values, (room, y, predicted, _) = memory[0], sample
+    if starts:
+        return bool(limits[room[0], at.ADOPTS] > 0)
     if verdict == ERROR_MARK or rules[g, at.USE] == at.NONE:
         return verdict == OVERRULED
     for k in range(size):
@@ -72,7 +76,7 @@ def begin(
     account, matter = other
     if matter[at.OWNER] > 0:
         if matter[at.OWNER] == g + 1:
-            matter[at.HOW] = max(matter[at.HOW], how)
+            matter[at.HOW] = max(matter[at.HOW], how)  # a start stays one
         return
     values, (room, y, predicted, _) = memory[0], sample
     matter[at.OWNER], matter[at.SINCE], matter[at.SINCE_AT] = g + 1, now[0], now[1]
@@ -84,7 +88,7 @@ def begin(
         j = room[k]
         account[j, :] = 0.0
         off = wrapped(y[j] - predicted[j], limits[j, at.ANGLE] > 0)
-        account[j, at.BESIDE_OFF] = off - values[j, at.NU]
+        account[j, at.BESIDE_OFF] = off - values[j, at.NU] if how != STARTED else 0.0
         account[j, at.BESIDE_NOISE] = 0.5 * values[j, at.BASE]
         # What crept was followed for a while already.
         account[j, at.BESIDE_LAG] = abs(off) if how == CREPT and believed else 0.0
@@ -110,7 +114,8 @@ def weigh(limits: Any, account: Any, sample: Any, expects: Any, size: int, rows:
     for k in range(size):
         j = room[k]
         moved = wrapped(expects[j] - account[j, at.BESIDE_AFTER], limits[j, at.ANGLE] > 0)
-        account[j, at.BESIDE_PATH] += abs(moved)
+        if moved == moved:
+            account[j, at.BESIDE_PATH] += abs(moved)
         account[j, at.BESIDE_AFTER] = expects[j]
         dx = expects[j] + account[j, at.BESIDE_OFF] - account[j, at.MEAN_X]
         dy = y[j] - account[j, at.MEAN_Y]
@@ -123,10 +128,13 @@ def weigh(limits: Any, account: Any, sample: Any, expects: Any, size: int, rows:
 
 
 @njit(**COLD)
-def is_factor(rules: Any, account: Any, g: int, j: int, rows: int, f: float) -> bool:
+def is_factor(
+    rules: Any, account: Any, g: int, j: int, rows: int, f: float, starts: bool
+) -> bool:  # fmt: skip
     """Do the rows of an output say that it is ``f`` times what is expected beside?
 
-    For 1: do they say that it moves as the model does?
+    For 1: do they say that it moves as the model does? Where a model ``starts``, its place is not
+    known; a noise that is not known either leaves factors that no machine could have.
     """
     xx, noise = account[j, at.XX], account[j, at.BESIDE_NOISE]
     gate, size = rules[g, at.GATE], abs(f)
@@ -138,6 +146,9 @@ def is_factor(rules: Any, account: Any, g: int, j: int, rows: int, f: float) -> 
         return False
     if f == 1.0:
         return True
+    heard = 0.5 * rest * (1.0 - 1.0 / (size * size)) / noise - (rows - 2) * math.log(size)
+    if starts:
+        return bool(heard > COMMON if noise < np.inf else max(size, 1.0 / size) > UNHEARD)
     start, mean = account[j, at.BESIDE_FROM] + account[j, at.BESIDE_OFF], account[j, at.MEAN_X]
     level = account[j, at.MEAN_Y] - slope * mean
     sure = 1.0 / rows + mean * mean / xx + STEADY
@@ -146,7 +157,6 @@ def is_factor(rules: Any, account: Any, g: int, j: int, rows: int, f: float) -> 
     if not abs(level) <= near:
         return False
     apart = abs(start * (1.0 - f)) > 2.0 * near
-    heard = 0.5 * rest * (1.0 - 1.0 / (size * size)) / noise - (rows - 2) * math.log(size)
     return bool(apart or (size != 1.0 and heard > COMMON))
 
 
@@ -172,12 +182,13 @@ def outcome(
         away = away or (apart > 2.0 * near and off > 0.5 * apart)
         far = far or apart > 2.0 * near
         alone = alone or (numbers[g, at.CONTEST] == 0 and off > near)
-    if back and away:
+    starts = matter[at.HOW] == STARTED
+    if back and away and not starts:
         return 1.0
     if matter[at.HOW] == JUMPED and not far:
         matter[at.OWNER] = 0
         return 0.0
-    if alone:
+    if alone and not starts:
         matter[at.WEIGHED] -= 1  # a spike is no point of a line
         return 0.0
     weigh(limits, account, sample, expects, size, rows)
@@ -185,12 +196,12 @@ def outcome(
         j = room[k]
         if limits[j, at.ANGLE] > 0 or not limits[j, at.ADOPTS] > 0:
             continue
-        if matter[at.HOW] == CREPT and is_factor(rules, account, g, j, rows, 1.0):
+        if matter[at.HOW] != JUMPED and is_factor(rules, account, g, j, rows, 1.0, starts):
             matter[at.OWNER] = 0
             return 0.0
         for c in range(at.FACTORS.shape[0]):
             for f in (at.FACTORS[c], 1.0 / at.FACTORS[c]):
-                if is_factor(rules, account, g, j, rows, f):
+                if is_factor(rules, account, g, j, rows, f, starts):
                     return float(f)
     if rows >= LONGEST:
         matter[at.OWNER] = 0
@@ -199,13 +210,13 @@ def outcome(
 
 @njit(**COLD)
 def turn_back(
-    settings: Any, memory: Any, other: Any, rows_of: Any, notes: Any, sample: Any, expects: Any,
-    x: Any, beside: Any, g: int, size: int, now: Any, found: float,
+    settings: Any, memory: Any, statistics: Any, other: Any, rows_of: Any, notes: Any, sample: Any,
+    expects: Any, x: Any, beside: Any, g: int, size: int, now: Any, found: float,
 ) -> None:  # fmt: skip
     """What was believed was an error: the state beside is the state, and the fault is told."""
-    values, numbers, figures = memory
+    limits, (values, numbers, figures) = settings[0], memory
     account, matter = other
-    room, y, predicted, _ = sample
+    room, y, predicted, take = sample
     for k in range(x.shape[0]):
         x[k] = beside[k]
     for j in range(values.shape[0]):
@@ -228,9 +239,21 @@ def turn_back(
         span = (matter[at.SINCE], now[0] - 1, rows)
         note(notes, memory, now, ERROR, g, AWAY, span)
         return
+    starts = matter[at.HOW] == STARTED
+    if numbers[g, at.CAUSE] == FACTOR:
+        end_fault(memory, notes, g, now)
     figures[g, at.FACTOR] = found
     for k in range(size):
         j = room[k]
-        values[j, at.DRIFT] = y[j] / found - expects[j] - account[j, at.BESIDE_OFF]
+        if starts and limits[j, at.ADOPTS] > 0:
+            # The place of the start is what the sensor says, divided by its factor.
+            predicted[j] += account[j, at.MEAN_Y] / found - account[j, at.MEAN_X]
+            take[j] = predicted[j]
+        else:
+            values[j, at.DRIFT] = y[j] / found - expects[j] - account[j, at.BESIDE_OFF]
+        variance, counts, _ = statistics
+        if starts and account[j, at.BESIDE_NOISE] < np.inf:
+            # What was learned meanwhile is the factor's noise.
+            variance[:, j], counts[:, j] = 2.0 * account[j, at.BESIDE_NOISE], at.LEARN
     fault(settings[1], memory, notes, g, FACTOR, matter[at.SINCE], now)
     numbers[g, at.FAULTS] += rows

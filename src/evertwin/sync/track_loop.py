@@ -16,7 +16,7 @@ from evertwin.compiled.memory import borrowed
 from evertwin.fold import Mark
 from evertwin.sync import places as at
 from evertwin.sync.arbiter_loop import RESET, forget, judge
-from evertwin.sync.beside_loop import CREPT, JUMPED, begin, is_doubtful, outcome, turn_back
+from evertwin.sync.beside_loop import CREPT, JUMPED, STARTED, begin, is_doubtful, outcome, turn_back
 from evertwin.sync.horizon_loop import is_known, wrapped
 from evertwin.sync.input_loop import (
     REACH,
@@ -210,8 +210,8 @@ def run(
                 returned = outcome(settings, memory, told, sample, tried, g, size, now[1])
                 if returned != 0.0:
                     turn_back(
-                        settings, memory, told, board[3], notes, sample, tried, own_x, other_x, g,
-                        size, now, returned,
+                        settings, memory, statistics, told, board[3], notes, sample, tried, own_x,
+                        other_x, g, size, now, returned,
                     )  # fmt: skip
             verdict, done = judge(
                 settings, memory, statistics, board, notes, sample, g, size, now, phase
@@ -222,11 +222,12 @@ def run(
                 nx > 0
                 and returned == 0.0
                 and size > 0
-                and is_doubtful(settings, memory, sample, g, size, verdict)
+                and is_doubtful(settings, memory, sample, g, size, verdict, done == FIRST)
             ):
                 begin(
                     settings[0], memory, told, sample, own_x, other_x, g, size, now,
-                    JUMPED if verdict == OVERRULED else CREPT, done > 0,
+                    STARTED if done == FIRST else JUMPED if verdict == OVERRULED else CREPT,
+                    done > 0,
                 )  # fmt: skip
             update[i, g] = done
             if size < 0:
