@@ -32,7 +32,7 @@ from evertwin.models.contract import KernelModel, Model
 from evertwin.models.kernel import Kernel
 from evertwin.models.parameters import Parameters
 from evertwin.signals.channels import Layout
-from evertwin.types import Float64, Inputs, Intervals, ParameterVector, Rollout, StateVector
+from evertwin.types import Float64, Inputs, Intervals, ParameterVector, Rollout, StateVector, Vector
 
 log = logging.getLogger("evertwin")
 
@@ -77,15 +77,25 @@ class FunctionModel:
         state = np.array(x, dtype=np.float64)
         out = np.empty((len(u), len(self.outputs)))
         for i in range(len(u)):
-            ahead, y = self.step(state, u[i], float(dt[i]), p)
-            if len(ahead) != len(self.states) or len(y) != len(self.outputs):
-                raise ModelError(
-                    f"step: expected {len(self.states)} states and {len(self.outputs)} outputs, "
-                    f"got {len(ahead)} and {len(y)}"
-                )
+            ahead, out[i] = self.row(state, u[i], float(dt[i]), p)
             state = np.array(ahead, dtype=np.float64)
-            out[i] = y
         return state, out
+
+    def row(
+        self, x: StateVector, u: Vector, dt: float, p: ParameterVector
+    ) -> tuple[Sequence[float], Sequence[float]]:
+        """State after one row, and its outputs.
+
+        Raises:
+            ModelError: the function gave another number of states or outputs than declared.
+        """
+        ahead, y = self.step(x, u, dt, p)
+        if len(ahead) != len(self.states) or len(y) != len(self.outputs):
+            raise ModelError(
+                f"step: expected {len(self.states)} states and {len(self.outputs)} outputs, "
+                f"got {len(ahead)} and {len(y)}"
+            )
+        return ahead, y
 
     def observe(self, x: StateVector, y: Float64[np.ndarray, " ny"]) -> StateVector:
         """The state that agrees with the outputs in ``y`` that are not NaN."""
@@ -131,25 +141,30 @@ def python_kernel(model: Any) -> Kernel:
     ny, n_p = len(model.outputs), len(model.parameters)
     told: list[str] = []
 
-    def view(pointer: Any, size: int) -> Any:
-        return np.ctypeslib.as_array(pointer, shape=(size,)) if size else np.zeros(0)
+    def row(x: StateVector, u: Vector, dt: float, p: ParameterVector) -> tuple[Any, Any]:
+        ahead, y = model.simulate(x, u[None, :], np.array([dt]), p)
+        return ahead, y[0]
 
+    one = model.row if isinstance(model, FunctionModel) else row
+
+    # slices of pointers: views of their memory cost ten times as much
     def step(_: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) -> int:
         try:
-            new, out = model.simulate(
-                view(x, nx).copy(), view(u, nu)[None, :].copy(), np.array([dt]), view(p, n_p).copy()
-            )
+            new, out = one(np.array(x[:nx]), np.array(u[:nu]), dt, np.array(p[:n_p]))
+            for i in range(nx):
+                ahead[i] = new[i]
+            for i in range(ny):
+                y[i] = out[i]
         except Exception as error:  # noqa: BLE001  it is the user's code
             if not told:
                 told.append(_where(error))
                 log.warning("the model's step failed, its row is an error: %s", told[0])
             return 1
-        view(ahead, nx)[:] = new
-        view(y, ny)[:] = out[0]
         return 0
 
     def observe(_: Any, x: Any, y: Any) -> int:
-        view(x, nx)[:] = model.observe(view(x, nx).copy(), view(y, ny).copy())
+        for i, value in enumerate(model.observe(np.array(x[:nx]), np.array(y[:ny]))):
+            x[i] = value
         return 0
 
     calls = (_STEP(step), _OBSERVE(observe))
