@@ -32,9 +32,9 @@ def predict(place: Path) -> str:
     """Predictions of a machine by every method; what the running twin came to."""
     textbook.write(place)
     result = twin.run(place)
-    if result.of_kind("promoted"):
-        return "live"
-    return "form not known" if result.of_kind("abnormal") else "silent"
+    last = [event.kind for event in result.of_kind("normal", "abnormal", "corrected")][-1:]
+    said = "live" if result.of_kind("promoted") else "as configured"
+    return f"{said}, form not known" if last == ["abnormal"] else said
 
 
 def line(found: Score, outcome: str = "") -> None:
@@ -54,7 +54,7 @@ def summary(found: list[tuple[Score, str]]) -> None:
         medians = "".join(f"{np.median([s.ratio[m] for s, _ in members]):11.2f}" for m in METHODS)
         closed = [np.median([s.closed(m) for s, _ in members]) for m in ("fit", "run")]
         worse = sum(s.ratio["run"] > 1.01 * s.ratio["configured"] for s, _ in members)
-        still = sum(outcome != "live" for _, outcome in members)
+        still = sum("live" not in outcome for _, outcome in members)
         print(
             f"{family:16}{medians}  {100 * closed[0]:6.0f} % {100 * closed[1]:6.0f} %"
             f"{worse:8} {still:6} of {len(members)}"
