@@ -157,7 +157,8 @@ def is_factor(
     if not abs(level) <= near:
         return False
     apart = abs(start * (1.0 - f)) > 2.0 * near
-    return bool(apart or (size != 1.0 and heard > COMMON))
+    # A machine whose command is off by a factor starts from zero as well, but keeps the noise.
+    return bool(heard > COMMON if size != 1.0 else apart)
 
 
 @njit(**COLD)

@@ -121,7 +121,8 @@ def is_factor_held(
         was = np.inf if failed else largest_ratio(settings, memory, statistics, row, predicted)
         gate = settings[1][0, at.GATE]
         gain = min(max(0.5 * gate * gate * (now - was), -CLEAR), CLEAR)
-        if was <= 1.0 and abs(u[i, k] - inputs[k, at.BELIEVED]) <= ALIKE * abs(u[i, k]):
+        near = abs(u[i, k] - inputs[k, at.BELIEVED]) <= ALIKE * abs(u[i, k])
+        if was <= 1.0 and near and u[i, k] != 0.0:
             gain = SURE  # it fell to where it was all at once, as it had risen
         inputs[k, at.OVER] = max(0.0, inputs[k, at.OVER] + gain)
         held = inputs[k, at.OVER] < SURE
@@ -192,8 +193,8 @@ def doubt(
 ) -> None:  # fmt: skip
     """The outputs do not follow an input: it is taken as ``other`` says, and told."""
     for k in range(u.shape[1]):
-        if other[k] == u[i, k]:
-            continue
+        if other[k] == u[i, k] and (inputs[k, at.BY] == 0.0 or counts[k, at.DOUBTED] == 0):
+            continue  # zero divided by an open factor is zero
         if counts[k, at.DOUBTED] == 0:
             counts[k, at.DOUBT_ROW], counts[k, at.SAID] = now[0], 0
         # A machine that follows late follows the old value for a while.
