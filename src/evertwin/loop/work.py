@@ -38,8 +38,7 @@ from evertwin.types import Json, ParameterVector
 
 Windows = tuple[Block, ...]
 LEAST = 0.05
-"""Smallest size of an output's loss, by that of the version before: a fit of few rows leaves too
-little."""
+"""Smallest size of an output's loss, by that of the version before; few rows leave too little."""
 LITTLE = 0.1
 """Weight in a loss of an output that tuning explains nothing of; 1: of one that it explains."""
 MUCH = 0.3
@@ -106,10 +105,8 @@ class Work:
     def content(self, task: Task) -> dict[str, Json]:
         """What the answer says, in plain values; what cannot be done is an event in it."""
         try:
-            if task.kind == "fit":
-                content = self.fit(task)
-            else:
-                content = self.correct(task.version, task.windows)
+            fits = task.kind == "fit"
+            content = self.fit(task) if fits else self.correct(task.version, task.windows)
             self._refuse(task, content)
             if task.rival is not None:
                 content = self._surpassing(task, task.rival, content)
