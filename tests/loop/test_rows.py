@@ -193,3 +193,8 @@ def test_along_counts_forwards_and_backwards() -> None:
 def test_way_is_the_length_of_the_path_with_the_sign_of_each_step() -> None:
     assert derived("way", [0.0, 1.0, 0.5], 0.0) == pytest.approx([0.0, 1.0, 0.5])
     assert derived("way", [0.0, -1.0, -1.5], 0.0) == pytest.approx([0.0, -1.0, -1.5])
+
+
+def test_path_is_its_length_with_the_sign_of_the_whole() -> None:
+    assert derived("path", [0.0, 1.0, 0.5], 0.0) == pytest.approx([0.0, 1.0, 1.5])
+    assert derived("path", [0.0, 0.5, -1.0], 0.0) == pytest.approx([0.0, 0.5, -2.0])

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import logging
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from evertwin import Twin
 from evertwin.errors import ConfigError
+from evertwin.fold import make_block
 from evertwin.machines.catalog import machine
-from evertwin.models import FunctionModel, Restart, roll
+from evertwin.models import FunctionModel, Parameters, Restart, roll
 from evertwin.signals import Layout
+from evertwin.tuning import Problem, solve
 
 TEN = """from evertwin import FunctionModel, Layout, Parameters
 
@@ -108,3 +111,23 @@ def test_an_error_in_one_row_loses_that_row_and_is_logged_once(
     (record,) = caplog.records
     assert "test_python_function.py" in record.getMessage()
     assert "RuntimeError: too much" in record.getMessage()
+
+
+def test_a_state_that_nothing_measures_begins_at_a_parameter() -> None:
+    """Two tanks: the level above is not measured; each recording has its own."""
+
+    def step(x: Any, u: Any, dt: float, p: Any) -> tuple[list[float], list[float]]:
+        upper, lower = x
+        through = p[0] * upper * dt
+        return [upper + u[0] * dt - through, lower + through], [lower]
+
+    start = ("above", 0.0)
+    layouts = Layout.of(flow="m/s"), Layout.of(level="m"), Layout.of(upper="m", lower="m")
+    parameters = Parameters.of(rate=(0.2, "1/s"), above=(1.0, "m"))
+    model = FunctionModel(step, *layouts, parameters, start)
+    assert model.initials == ("above",)
+    t, u = np.arange(60) * 10**9, np.full((60, 1), 0.1)
+    dt = np.r_[0.0, np.ones(59)]
+    _, y = model.simulate(np.array([3.0, 0.0]), u, dt, np.array([0.3, 0.0]))
+    fit = solve(Problem(model, (make_block(t=t, u=u, y=y),), horizon=1e3))
+    assert (fit["rate"], fit["above"]) == pytest.approx((0.3, 3.0), rel=0.05)

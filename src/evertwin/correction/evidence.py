@@ -126,6 +126,7 @@ def gather(
     horizon: float,
     scale: Vector | None = None,
     p: ParameterVector | None = None,
+    outputs: Sequence[str] = (),
 ) -> Evidence:
     """Prepares windows for scoring.
 
@@ -133,6 +134,7 @@ def gather(
         model: gives the outputs and, with ``p``, the scale when none is given: the rms of its
             residuals, one for all outputs of one unit.
         horizon: length of a prediction [s].
+        outputs: those that count; empty: all.
 
     Raises:
         DataError: fewer than four segments can be judged.
@@ -144,7 +146,8 @@ def gather(
         raise UsageError("correction: expected a model with states, got a static map: tune it")
     reach = min(horizon, max(float(w.t[-1] - w.t[0]) * 1e-9 for w in windows))
     plans = [restarts(w, horizon, x0) for w in windows]
-    known = [np.isfinite(residuals(model, w, np.zeros_like(w.y))) for w in windows]
+    asked = asked_of(model, outputs)
+    known = [np.isfinite(residuals(model, w, np.zeros_like(w.y))) & asked for w in windows]
     rows, segment, count, offset = [], [], 0, 0
     for window, plan, usable in zip(windows, plans, known, strict=True):
         chosen, numbers = _choose(window, plan.code, usable.any(axis=1), reach)
@@ -166,6 +169,17 @@ def gather(
     )  # fmt: skip
     size = _scale(evidence, model, values) if scale is None else np.asarray(scale, dtype=np.float64)
     return replace(evidence, scale=size)
+
+
+def asked_of(model: Model, outputs: Sequence[str]) -> Bools:
+    """Which outputs count, (ny,).
+
+    Raises:
+        UsageError: the model has no such output.
+    """
+    for name in outputs:
+        model.outputs.index(name)
+    return np.array([not outputs or name in outputs for name in model.outputs.names])
 
 
 def _choose(

@@ -7,8 +7,8 @@ One procedure with one set of settings for every machine:
    surfaces), on top of the stack, and, for a richer kind, in place of the simpler static terms on
    its channel. Fit, score.
 3. The best one joins if it lowers the held-out deviation by ``gain`` (5 %), and by ``sure``
-   standard errors of the mean over segments. Refit the terms with few numbers together. Repeat;
-   when no candidate of the tier pays, climb.
+   standard errors of the mean over segments; by one, where it takes the place of another. Refit
+   the terms with few numbers together. Repeat; when no candidate of the tier pays, climb.
 4. At the end a term that no longer pays is dropped.
 
 What comes out is a proposal. It goes live through a trial on unseen data only.
@@ -37,7 +37,7 @@ import numpy as np
 
 from evertwin.correction.candidates import propose
 from evertwin.correction.describe import describe
-from evertwin.correction.evidence import Evidence, gather, mean_deviation
+from evertwin.correction.evidence import Evidence, asked_of, gather, mean_deviation
 from evertwin.correction.fitting import Scored, confirm, fit_candidate, refit
 from evertwin.correction.stack import Part, Stack
 from evertwin.errors import DataError, UsageError
@@ -52,6 +52,11 @@ from evertwin.models.variants import in_variant
 from evertwin.types import Json, ParameterVector, Vector
 
 TINY = 1e-12
+UNASKED = 1e6
+"""How many times its size counts as 1 of an output that is not asked about."""
+SWAP = 1.0
+"""Standard errors by which a richer term has to be better than the simpler ones in whose place it
+comes: of forms that both pay, the simplest within one standard error of the best."""
 NEAR = 0.01
 """Held-out deviations this near are equal: the simpler term wins."""
 
@@ -84,6 +89,8 @@ class Selection:
     """Most terms that one proposal adds."""
     quantum: float = 0.0
     """Step of a table's levels; 0: proposed from the data."""
+    outputs: tuple[str, ...] = ()
+    """Outputs that terms have to pay on; empty: all. Nothing rides along that pays on others."""
     least: int = 30
     """Fewest segments that a search may be based on."""
 
@@ -187,7 +194,7 @@ def improve(
         UsageError: the model is a static map.
     """
     chosen = settings or Selection()
-    stack, evidence = prepare(model, form, windows, horizon, p)
+    stack, evidence = prepare(model, form, windows, horizon, p, chosen.outputs)
     if evidence.segments < chosen.least:
         raise TooFew(
             f"correction: expected at least {chosen.least} segments of {evidence.horizon:g} s, got "
@@ -199,12 +206,14 @@ def improve(
 
 
 def prepare(
-    model: Model, form: Form, windows: Sequence[Block], horizon: float, p: ParameterVector | None
-) -> tuple[Stack, Evidence]:
+    model: Model, form: Form, windows: Sequence[Block], horizon: float, p: ParameterVector | None,
+    outputs: Sequence[str] = (),
+) -> tuple[Stack, Evidence]:  # fmt: skip
     """The form as a stack, and the evidence; one unit of loss is what the bare model misses."""
     stack = stack_of(model, form, p)
-    scale = gather(stack.base, windows, horizon, p=stack.p[: len(stack.inner)]).scale
-    return stack, gather(stack.model, windows, horizon, scale, stack.p)
+    inner = stack.p[: len(stack.inner)]
+    scale = gather(stack.base, windows, horizon, p=inner, outputs=outputs).scale
+    return stack, gather(stack.model, windows, horizon, scale, stack.p, outputs)
 
 
 def stack_of(model: Model, form: Form, p: ParameterVector | None = None) -> Stack:
@@ -310,6 +319,11 @@ class _Search:
                 now = less
         return now, level
 
+    def scale(self, stack: Stack) -> Vector:
+        """What counts as 1 of each output in a trial: of one that is not asked about, very much."""
+        asked = asked_of(stack.model, self.settings.outputs)
+        return np.where(asked, self.evidence.scale, UNASKED * self.evidence.scale)
+
     def proposal(self, form: Form, stack: Stack) -> Proposal:
         """The outcome as data."""
         start = confirm(refit(stack, self.evidence), self.evidence)
@@ -320,7 +334,7 @@ class _Search:
             best, after = stack, before
         return Proposal(
             Form(tuple(part.term for part in best.parts), form.variant),
-            best.model.parameters.names, best.p, before, after, self.evidence.scale, kept,
+            best.model.parameters.names, best.p, before, after, self.scale(best), kept,
             describe(best), tried, tuple(gains),
         )  # fmt: skip
 
@@ -349,7 +363,11 @@ def _compared(
 
 def _best(options: Sequence[_Option], settings: Selection) -> _Option | None:
     """The largest gain that is sure; of near equals the one with the fewest numbers."""
-    paying = [o for o in options if o.gain >= settings.gain and o.sure >= settings.sure]
+    paying = [
+        o
+        for o in options
+        if o.gain >= settings.gain and o.sure >= (SWAP if o.replaced else settings.sure)
+    ]
     most = max((o.gain for o in paying), default=0.0)
     near = [o for o in paying if 1.0 - o.gain <= (1.0 + NEAR) * (1.0 - most)]
     return min(near, key=lambda o: (len(o.candidate.low), -o.gain), default=None)

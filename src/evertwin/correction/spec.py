@@ -61,6 +61,8 @@ class CorrectionSpec(Section):
     terms: tuple[str, ...] = ()
     """Kinds of term that may be tried: lag, coupling, law, table, surface, state, or one that
     another package brings; empty: the form stays."""
+    outputs: tuple[str, ...] = ()
+    """Outputs that terms have to pay on, on held-out rows and in their trial; empty: all."""
     learner: Literal["full", "replay", "literal"] = "full"
     """How a table is learned: with full information, by replay of the log, sample by sample."""
     quantum: Spread = 0.0

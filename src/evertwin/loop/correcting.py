@@ -38,7 +38,7 @@ def learn(setup: Setup, base: Model, version: Version, windows: Windows) -> Prop
     rule = setup.spec.correction
     if rule.translated:
         return _translation(setup, base, version, windows)
-    settings = Selection(kinds=rule.terms, channels=rule.channels, quantum=rule.quantum)
+    settings = Selection(rule.terms, rule.channels, quantum=rule.quantum, outputs=rule.outputs)
     return improve(base, version.form, windows, setup.horizon, settings, version.p)
 
 

@@ -86,7 +86,7 @@ def with_terms(setup: Setup, work: Work, version: Version, problem: Problem) -> 
     without = Formed(problem, fit, version.form)
     if not (rule.in_fit and rule.terms):
         return without
-    settings = Selection(kinds=rule.terms, channels=rule.channels, quantum=rule.quantum)
+    settings = Selection(rule.terms, rule.channels, quantum=rule.quantum, outputs=rule.outputs)
     horizon = setup.horizon if rule.horizon is None else rule.horizon
     proposal = improve(setup.model, version.form, problem.windows, horizon, settings, version.p)
     search: dict[str, Any] = {

@@ -56,12 +56,20 @@ class FunctionModel:
     outputs: Layout
     states: Layout = Layout()
     parameters: Parameters = Parameters()
-    start: tuple[float, ...] = ()
-    """State before the first row; zeros by default."""
+    start: tuple[float | str, ...] = ()
+    """State before the first row; zeros by default. The name of a parameter: a state that nothing
+    measures, fitted to each recording."""
+
+    @property
+    def initials(self) -> tuple[str, ...]:
+        """Parameters that are a state before the first row: each recording has its own."""
+        return tuple(value for value in self.start if isinstance(value, str))
 
     def initial(self, p: ParameterVector) -> StateVector:
         """The state before the first row, (nx,)."""
-        return np.array(self.start or (0.0,) * len(self.states), dtype=np.float64)
+        start = self.start or (0.0,) * len(self.states)
+        at = self.parameters.index
+        return np.array([p[at(v)] if isinstance(v, str) else v for v in start], dtype=np.float64)
 
     @cached_property
     def _adopts(self) -> tuple[tuple[int, int], ...]:

@@ -38,12 +38,12 @@ from evertwin.types import Vector
 
 CODES = {
     "filter": loop.FILTER, "derivative": loop.DERIVATIVE, "slope": loop.SLOPE,
-    "middle": loop.MIDDLE, "along": loop.ALONG, "way": loop.WAY, "sum": loop.SUM,
+    "middle": loop.MIDDLE, "along": loop.ALONG, "way": loop.WAY, "path": loop.PATH, "sum": loop.SUM,
     "mean": loop.MEAN, "difference": loop.DIFFERENCE, "product": loop.PRODUCT,
     "scale": loop.SCALE, "norm": loop.NORM, "max": loop.MAX,
 }  # fmt: skip
 """The operations, by name."""
-SOURCES = {"along": 3, "way": 3, "difference": 2}
+SOURCES = {"along": 3, "way": 3, "path": 3, "difference": 2}
 """Channels that an operation needs, where it is not any number; one where it takes one row each."""
 ONE = ("filter", "derivative", "slope", "middle", "scale")
 HOW = {"held": loop.HELD_INPUT, "line": loop.LINE_INPUT, "step": loop.STEP_INPUT}
@@ -216,7 +216,7 @@ class Derive:
             np.zeros((depth, wide), np.uint8),
         )  # fmt: skip
         memory = loop.Memory(
-            np.zeros(wide, np.int64), np.zeros((len(self.operations), 5)),
+            np.zeros(wide, np.int64), np.zeros((len(self.operations), 6)),
             np.full(len(self.inputs) + len(self.outputs), np.nan),
         )  # fmt: skip
         return DeriveState(counters, ring, memory)

@@ -27,9 +27,8 @@ from evertwin.types import (
     Vector,
 )
 
-FILTER, DERIVATIVE, SLOPE, MIDDLE, ALONG, WAY, SUM, MEAN, DIFFERENCE, PRODUCT, SCALE, NORM, MAX = (
-    range(13)
-)
+FILTER, DERIVATIVE, SLOPE, MIDDLE, ALONG, WAY, SUM, MEAN, DIFFERENCE = range(9)
+PRODUCT, SCALE, NORM, MAX, PATH = range(9, 14)
 ROW, TASK, ORIGIN, COUNT, LEFT, BASE, LAST, BEGUN = range(8)
 """Counters: next row's number, task, stamp of its first row, rows of the stretch, rows of it that
 have left, rows before it, stamp of the last row that left, has one of this task left?"""
@@ -88,8 +87,8 @@ class Memory(NamedTuple):
 
     done: Int64[np.ndarray, " columns"]
     """Rows of the stretch that each column is known at."""
-    sums: Float64[np.ndarray, "ops five"]
-    """Of a way: is a pose known?, x, y, heading, way so far."""
+    sums: Float64[np.ndarray, "ops six"]
+    """Of a way: is a pose known?, x, y, heading, way so far, way along the heading."""
     newest: Float64[np.ndarray, " channels"]
     """Newest known value of each channel."""
 
@@ -170,25 +169,27 @@ def filtered(ring: Lines, base: int, c: int, j: int, n: int, weights: Vector, h:
 
 @njit(cache=True, error_model="numpy")
 def travelled(ring: Lines, at: int, sources: Int64[np.ndarray, " most"], sums: Vector,
-              path: bool) -> float:  # fmt: skip
-    """Way so far from x, y and heading; NaN where the pose is not known."""
+              code: int) -> float:  # fmt: skip
+    """Way so far from x, y and heading, by `ALONG`, `WAY` or `PATH`; NaN where the pose is not
+    known."""
     x, y, heading = ring.v[at, sources[0]], ring.v[at, sources[1]], ring.v[at, sources[2]]
     if not (x == x and y == y and heading == heading):
         return np.nan
     if sums[0] == 0.0:
         sums[0], sums[1], sums[2], sums[3] = 1.0, x, y, heading
-        return float(sums[4])
+        return 0.0
     turn = wrapped(heading - sums[3], True)
     middle = sums[3] + 0.5 * turn
     dx, dy = x - sums[1], y - sums[2]
     along = dx * math.cos(middle) + dy * math.sin(middle)
     step = along
-    if path:
+    if code != ALONG:
         length = np.sqrt(dx * dx + dy * dy)
-        step = length if along >= 0.0 else -length
+        step = length if code == PATH or along >= 0.0 else -length
     sums[1], sums[2], sums[3] = x, y, sums[3] + turn
     sums[4] += step
-    return float(sums[4])
+    sums[5] += along
+    return float(-sums[4] if code == PATH and sums[5] < 0.0 else sums[4])
 
 
 @njit(cache=True, error_model="numpy")
@@ -250,8 +251,8 @@ def compute(program: Program, ring: Lines, memory: Memory, base: int, n: int, cl
             elif code == MIDDLE:
                 before = ring.v[(base + max(j - 1, 0)) % depth, sources[0]]
                 value = 0.5 * (before + ring.v[at, sources[0]])
-            elif code in (ALONG, WAY):
-                value = travelled(ring, at, sources, memory.sums[k], code == WAY)
+            elif code in (ALONG, WAY, PATH):
+                value = travelled(ring, at, sources, memory.sums[k], code)
             else:
                 value = pointwise(ring, at, code, sources, program.value[k])
             level = OK

@@ -73,6 +73,7 @@ class Surface(GridTerm):
                 yield Candidate(
                     Term(self.kind, channel, source, levels=own, levels2=other), FREE,
                     ((0.0,) * n,), (-span,) * n, (span,) * n, (0.02 * span,) * n,
+                    replaces=("law", "coupling", "table"),
                 )  # fmt: skip
 
     def reached(
