@@ -54,6 +54,11 @@ class Chosen(NamedTuple):
     causes: Mapping[str, str] = MappingProxyType({})
     """What its terms mean; without those that have none."""
 
+    @property
+    def said(self) -> str:
+        """The causes, to be put behind a sentence."""
+        return "".join(f"; {name} {cause}" for name, cause in self.causes.items())
+
 
 def climb_laws(setup: Setup, problem: Problem) -> tuple[Problem, Chosen]:
     """The problem with the terms that pay, and the law of each joint (or output, without joints).

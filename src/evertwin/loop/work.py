@@ -239,10 +239,7 @@ class Work:
             verdict.kind == "normal" or self._helps(verdict, fit)
         ):
             found = self._tuned(version, problem, fit, windows, events)
-            if found is not None and chosen.causes:
-                means = "; ".join(f"{name} {cause}" for name, cause in chosen.causes.items())
-                found["reason"] = f"{found['reason']}; {means}"
-            content["candidate"] = found
+            content["candidate"] = found and found | {"reason": found["reason"] + chosen.said}
         return content | ({"since": windows[0].row} if windows is not task.windows else {})
 
     def _now(
