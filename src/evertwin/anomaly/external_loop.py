@@ -83,9 +83,10 @@ def limit_of(number: Any, figure: Any, times: float, rule: Any) -> float:
     known = number[SEEN] >= rule[1]
     if number[SORT] != 0:
         return float(scale if known else np.inf)
-    if hold <= SURELY * figure[NOISE] or hold < form:
-        return float(np.inf)
-    return float(hold + scale if known else hold)
+    rests = number[WAY] == 0 and number[RUN] >= rule[3]
+    if hold <= SURELY * figure[NOISE] or hold < form or not (known or rests):
+        return float(np.inf)  # a model that motion has not tried yet is believed at rest alone
+    return float(hold + (scale if known else times * figure[NOISE]))
 
 
 @njit(cache=True)
