@@ -162,7 +162,7 @@ def test_a_urdf_keeps_it(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("build", "match"),
     [
-        (lambda: DriveForce("sign+cogging"), "the position of the drive"),
+        (lambda: DriveForce("sign+load"), "the load that the drive transmits"),
         (lambda: Law.parse("sign+broken"), "expected a FrictionTerm"),
         (lambda: Law.parse("sign+wind"), "no term 'wind'.*cogging"),
     ],
