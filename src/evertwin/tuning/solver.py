@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 import scipy
 
+from evertwin.errors import DataError
 from evertwin.models import Parameters
 from evertwin.models.corrected import Corrected
 from evertwin.tuning.assemble import Outcome, assemble, noise_of, sizes_of, squares
@@ -39,6 +40,7 @@ def solve(
 
     Raises:
         ModelError: a tuned parameter changes no output (the knob is not connected).
+        DataError: an input is so large that the squares of what follows from it overflow.
     """
     began = time.perf_counter()
     if p0 is not None:
@@ -58,6 +60,8 @@ def _linear(problem: Problem, began: float) -> Fit:
     start, (_, _, columns, at) = problem.start, problem.reduced
     scale = np.full(len(at), np.nan) if problem.scale is None else problem.scale
     change, noise, blocks, code = solved(problem.first, columns, at, problem.information, scale)
+    if not np.isfinite(blocks).all():
+        raise DataError(_beyond(problem))
     acting = Sensitivity(columns, at, problem.rows.used, blocks)
     _check_knobs(problem, acting)
     values = start + change
@@ -71,6 +75,17 @@ def _linear(problem: Problem, began: float) -> Fit:
         values, hit = _bounded(problem, problem.first, noise)
     message = "solved" if not hit else f"solved; {', '.join(hit)} on a bound"
     return assemble(problem, Outcome(values, 1, 1, True, message, hit), acting, began)
+
+
+def _beyond(problem: Problem) -> str:
+    """What is beyond reckoning: the largest number among the inputs."""
+    u = np.abs(problem.rows.u)
+    row, column = np.unravel_index(int(np.nanargmax(u)), u.shape)
+    channel = problem.model.inputs.channels[int(column)]
+    return (
+        f"{channel.name} is {u[row, column]:.3g} {channel.unit} in row {row} of the window, which "
+        f"no machine reaches: leave the recording out, or give [signals.{channel.name}] low, high"
+    )
 
 
 def _bounded(problem: Problem, r: Outputs, sigma: PerOutput) -> tuple[Vector, tuple[str, ...]]:
