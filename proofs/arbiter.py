@@ -1,4 +1,4 @@
-"""The arbiter on a one-axis robot with planted faults: `python -m proofs.arbiter [SEEDS]`.
+"""The arbiter on a one-axis robot with planted faults: `python -m proofs.arbiter [SEEDS [FIRST]]`.
 
 `Twin.run` on `twins/robot1d.toml` with its gain 5 % off, 60 s a run (`planted/robots.py`). RMSE of
 the twin's predicted position against the truth in m; for the jumps the time to recover in s. "no
@@ -112,11 +112,11 @@ def case(fault: str, seed: int, gain: float, way: str) -> Case:
     return Case((naive, rest[0], rest[1]), seconds, away, kinds)
 
 
-def show(fault: str, seeds: int, gain: float, way: str) -> str:
+def show(fault: str, seeds: range, gain: float, way: str) -> str:
     """One line of the table."""
-    cases = [case(fault, seed, gain, way) for seed in range(seeds)]
+    cases = [case(fault, seed, gain, way) for seed in seeds]
     kinds: Counter[str] = sum((one.kinds for one in cases), Counter())
-    counts = ", ".join(f"{n / seeds:g} {SAYS[kind]}" for kind, n in kinds.items())
+    counts = ", ".join(f"{n / len(seeds):g} {SAYS[kind]}" for kind, n in kinds.items())
     if fault in JUMPS:
         low, middle, high = np.quantile([one.seconds for one in cases], [0.0, 0.5, 1.0])
         return f"{fault:22}{'0 s':>9}{middle:10.1f} s  ({low:.1f} to {high:.1f})    {counts}"
@@ -173,9 +173,11 @@ def calm(hours: float) -> str:
 
 def main() -> int:
     """Prints the tables."""
-    seeds = int(sys.argv[1]) if len(sys.argv) > 1 else 100
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 100
+    first = int(sys.argv[2]) if len(sys.argv) > 2 else 0
+    seeds = range(first, first + count)
     for gain, way in ((1.05, WAYS[0]), (0.95, WAYS[0]), *((1.05, way) for way in WAYS[1:])):
-        print(f"gain {gain}, {way}, {seeds} seeds; found per run")
+        print(f"gain {gain}, {way}, {count} seeds from {first}; found per run")
         print(f"{'fault':22}{'no gate':>9}{'arbiter':>10}{'told':>9}{'within':>10} adopted   found")
         for fault in ("clean", "8 spikes of 2 m", *JUMPS, "mm from row 0", *FAULTS, *COMMANDS):
             print(show(fault, seeds, gain, way), flush=True)

@@ -37,13 +37,6 @@ def task(twin: Twin, kind: str, gain: float, rival: float | None = None) -> Task
     return Task(kind, twin.champion, (block,), 0, rival=other)
 
 
-def test_too_few_segments_for_a_search_are_tuned_on() -> None:
-    with Twin(SPEC) as twin:
-        content = work(twin).content(task(twin, "correct", 1.3))
-    assert "at least 30 segments" in str(content["waits"])
-    assert abs(content["candidate"]["values"]["gain"] - 1.3) < 0.01  # type: ignore[index, call-overload]
-
-
 def test_beside_a_trial_only_a_much_better_candidate_is_heard() -> None:
     for rival, heard in [(1.3, False), (1.1, True)]:
         with Twin(SPEC) as twin:

@@ -337,12 +337,7 @@ class Work:
     def correct(self, version: Version, windows: Windows) -> dict[str, Any]:
         """Searches for terms on top of the version's form."""
         base: Model = self.setup.model
-        try:
-            proposal: Proposal = learn(self.setup, base, version, windows)
-        except TooFew as error:
-            events = list[dict[str, Any]]()
-            candidate = self._instead(version, windows, events)
-            return {"events": events, "candidate": candidate, "waits": str(error)}
+        proposal: Proposal = learn(self.setup, base, version, windows)
         evidence = proposal.evidence()
         if not proposal.found:
             events = [_event("rejected", "", "no correction pays on unseen rows", evidence)]

@@ -89,10 +89,8 @@ class FunctionModel:
             state = np.array(ahead, dtype=np.float64)
         return state, out
 
-    def row(
-        self, x: StateVector, u: Vector, dt: float, p: ParameterVector
-    ) -> tuple[Sequence[float], Sequence[float]]:
-        """State after one row, and its outputs.
+    def row(self, x: StateVector, u: Vector, dt: float, p: ParameterVector) -> tuple[Any, Any]:
+        """State after one row, and its outputs, as the function gives them.
 
         Raises:
             ModelError: the function gave another number of states or outputs than declared.
