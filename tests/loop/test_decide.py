@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from evertwin import Twin
+from evertwin.anomaly import external_loop
 from evertwin.config.spec import AnomalySpec, CorrectionSpec, Span, TuningSpec
 from evertwin.fold import Answer, Event, Request, copy, make_block
 from evertwin.loop.configured_model import model_of
@@ -227,6 +228,16 @@ def test_an_answer_about_another_version_is_ignored() -> None:
     bench = Bench()
     done = bench.beat(asked(bench), Answer(1, 7, {"events": []}))
     assert done.state.agenda.open == 1
+
+
+@pytest.mark.parametrize(("since", "left"), [(40, 0), (50, 1)])
+def test_what_was_asked_about_rows_of_a_contact_is_dropped(since: int, left: int) -> None:
+    bench = Bench()
+    state = asked(bench)
+    machine = state.external.machine
+    machine[external_loop.OURS], machine[external_loop.STATE] = 1, external_loop.ON
+    machine[external_loop.LATE], machine[external_loop.START] = 1, since
+    assert bench.beat(state).state.agenda.open == left
 
 
 def test_an_answer_without_candidate_is_waited_after() -> None:

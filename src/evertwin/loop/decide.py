@@ -112,8 +112,12 @@ class Decide:
         external, told = setup.external.beat(state.external)
         on = setup.external.on(external)
         decision.state = state._replace(external=external)
-        remembered(state.ring, told, setup.external.since(external) if on else -1)
+        since = setup.external.since(external) if on else -1
+        remembered(state.ring, told, since)
         contact = told.contact
+        first = since if contact is None or contact.last < 0 else contact.first
+        if state.agenda.open and 0 <= first < state.agenda.stop:
+            decision.remember(open=0)  # it was asked about rows that are not the machine's own
         if contact is not None:
             watch, seen = new_sums(len(state.scores.watch.samples)), np.zeros(1, dtype=np.int64)
             detect = state.detect._replace(pending="")
