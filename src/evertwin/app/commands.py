@@ -85,7 +85,10 @@ def fit_twin(
     with Twin.open(twin, reading=not keep) as opened:
         if keep:
             store_path(twin, opened.spec)
-        result = opened.fit(_files(train), [str(_file(path)) for path in test], search, workers)
+        files = [str(_file(path)) for path in test]
+        # of several sources, one recording alone lacks what the others record
+        tests = [files] if files and len(opened.spec.source) > 1 else files
+        result = opened.fit(_files(train), tests, search, workers)
         search.close()
         version = opened.keep(result) if keep else None
         told = {} if version is None else {"version": version.number}
