@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from evertwin.models.terms.check import check_term as check_term
     from evertwin.signals import Channel as Channel, Layout as Layout
     from evertwin.sources import check_source as check_source
+    from evertwin.sources.live import check_live as check_live, open_live as open_live
     from evertwin.store import check_store as check_store
     from evertwin.twin import Twin as Twin
 

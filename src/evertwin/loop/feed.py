@@ -21,9 +21,8 @@ from evertwin.fold import Block, Chunk, Event, concatenate, take
 from evertwin.loop.alignment import Alignment
 from evertwin.loop.crop import cropped
 from evertwin.models import Model
-from evertwin.sources.dialect import Stated
 from evertwin.sources.merging import Excerpt, merge
-from evertwin.sources.recorded import Cell, Clock, Recorded
+from evertwin.sources.recorded import Recorded
 from evertwin.sources.tally import Tally
 from evertwin.sync import Feed as Brings
 
@@ -178,9 +177,7 @@ class Feed:
 
     def _merged(self, files: Mapping[int, tuple[Path, ...]]) -> Iterator[Chunk]:
         sources = [
-            _chunks(self._recorded(self.spec.source[i], paths), self.spec.source[i])
-            for i, paths in files.items()
-            if paths
+            self._recorded(self.spec.source[i], paths).read() for i, paths in files.items() if paths
         ]
         return merge(sources)
 
@@ -210,20 +207,9 @@ class Feed:
             yield {i: (p.path,) for i, p in zip(found, together, strict=True)}, together[0]
 
     def _recorded(self, spec: SourceSpec, paths: tuple[Path, ...]) -> Recorded:
-        cells = [
-            Cell(name, c.column, c.unit, c.scale, c.offset, c.sentinels)
-            for name, c in spec.channels.items()
-        ]
-        cells += [Cell(f"?{column}", column, "1") for column in spec.where]
         self.files.setdefault(spec.name, []).extend(paths)
-        time = spec.time
-        clock = Clock(time.column, time.unit, time.rate, round(spec.offset * 1e9))
-        stated = Stated(spec.header, spec.delimiter, spec.decimal)
-        return Recorded(
-            spec.name, paths, tuple(cells), clock, spec.task,
-            self.tallies.setdefault(spec.name, Tally(spec.name, spec.left_out)), stated,
-            spec.format,
-        )  # fmt: skip
+        tally = self.tallies.setdefault(spec.name, Tally(spec.name, spec.left_out))
+        return Recorded.of(spec, paths, tally)
 
 
 def _brought(source: SourceSpec) -> Brings:
@@ -270,16 +256,3 @@ def _tasks(blocks: Iterable[Block]) -> Iterator[Block]:
             waiting.append(piece)
     if waiting:
         yield concatenate(waiting)
-
-
-def _chunks(source: Recorded, spec: SourceSpec) -> Iterator[Chunk]:
-    """The rows whose columns have one of the values that ``where`` names."""
-    width = len(spec.channels)
-    for chunk in source.read():
-        keep = np.ones(len(chunk.t), dtype=np.bool_)
-        for k, wanted in enumerate(spec.where.values()):
-            keep &= np.isin(chunk.v[:, width + k], np.array(wanted, dtype=np.float64))
-        if keep.all():
-            yield chunk._replace(v=chunk.v[:, :width])
-        elif keep.any():
-            yield chunk._replace(t=chunk.t[keep], v=chunk.v[keep, :width])

@@ -31,6 +31,7 @@ from evertwin.sources.dialect import FOUND, Stated
 from evertwin.sources.guard import Guarded, Piece, Watch, typical
 from evertwin.sources.names import closest
 from evertwin.sources.recording import open_recording
+from evertwin.sources.spec import SourceSpec
 from evertwin.sources.stamps import StampError, to_ns, zones
 from evertwin.sources.table import Column, Problem, Rows, Table
 from evertwin.sources.tally import Tally, order_of_rows, unit_of_channel, unit_of_time
@@ -115,6 +116,25 @@ class Recorded:
     """What the user says of how its text tables are written."""
     format: str = "auto"
     """One of `FORMATS`: files of another kind are refused; auto: any."""
+    where: tuple[tuple[float, ...], ...] = ()
+    """Values of the last cells, one for each: only rows that have one of them are read."""
+
+    @classmethod
+    def of(cls, spec: SourceSpec, files: tuple[Path, ...], tally: Tally | None = None) -> Recorded:
+        """The source of a twin file over these files."""
+        cells = [
+            Cell(name, c.column, c.unit, c.scale, c.offset, c.sentinels)
+            for name, c in spec.channels.items()
+        ]
+        cells += [Cell(f"?{column}", column, "1") for column in spec.where]
+        time = spec.time
+        clock = Clock(time.column, time.unit, time.rate, round(spec.offset * 1e9))
+        stated = Stated(spec.header, spec.delimiter, spec.decimal)
+        tally = Tally(spec.name, spec.left_out) if tally is None else tally
+        return cls(
+            spec.name, files, tuple(cells), clock, spec.task, tally, stated, spec.format,
+            tuple(spec.where.values()),
+        )  # fmt: skip
 
     def open(self) -> None:
         """Check that every file holds the columns.
@@ -144,10 +164,19 @@ class Recorded:
             top = _Top()
             for opens, out in self._guarded(path, top):
                 task += int(opens)
-                si = self._si(out, path)
-                if len(out.t):
-                    yield Chunk(self.name, out.t, si, task)
+                chunk = self._wanted(Chunk(self.name, out.t, self._si(out, path), task))
+                if len(chunk.t):
+                    yield chunk
             self._suspect(top)
+
+    def _wanted(self, chunk: Chunk) -> Chunk:
+        """The rows whose last cells have one of the values of ``where``, without those cells."""
+        width = len(self.cells) - len(self.where)
+        keep = np.ones(len(chunk.t), dtype=np.bool_)
+        for k, wanted in enumerate(self.where):
+            keep &= np.isin(chunk.v[:, width + k], np.array(wanted, dtype=np.float64))
+        v = chunk.v if width == len(self.cells) else chunk.v[:, :width]
+        return chunk._replace(v=v) if keep.all() else chunk._replace(t=chunk.t[keep], v=v[keep])
 
     def _suspect(self, top: _Top) -> None:
         """What is probably wrong, where it is evident or rows fell away."""

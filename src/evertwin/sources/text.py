@@ -81,16 +81,7 @@ class TextTable:
     @cached_property
     def columns(self) -> tuple[Column, ...]:
         """Columns with the units that the headings state."""
-        d = self.dialect
-        split = [split_unit(name) for name in d.headings.names or ("",) * d.fields]
-        stated = d.headings.units or tuple(unit for _, unit in split)
-        units = (*stated, *("",) * (d.fields - len(stated)))
-        also = (*d.headings.also, *((),) * (d.fields - len(d.headings.also)))
-        names = distinct([name for name, _ in split])
-        kinds = [_KINDS[letter] for letter in d.kinds]
-        found = tuple(map(Column, names, kinds, units, also))
-        closed = bool(d.headings.names) and not split[-1][0] and d.kinds[-1] == "?"
-        return found[:-1] if closed else found  # each line ends with a delimiter
+        return columns_of(self.dialect)
 
     def rows(self, numbers: Sequence[str], time: str | None, strict: bool = True) -> Iterator[Rows]:
         """See `Table`."""
@@ -142,6 +133,23 @@ class TextTable:
             yield line, [*held, rest], reason or "open"
         elif held or reason:
             yield line, held, reason
+
+
+def columns_of(d: Dialect) -> tuple[Column, ...]:
+    """The columns of a table that is written so.
+
+    >>> [c.unit for c in columns_of(detect([b"t [s],v [m/s]", b"0,1.5"]))]
+    ['s', 'm/s']
+    """
+    split = [split_unit(name) for name in d.headings.names or ("",) * d.fields]
+    stated = d.headings.units or tuple(unit for _, unit in split)
+    units = (*stated, *("",) * (d.fields - len(stated)))
+    also = (*d.headings.also, *((),) * (d.fields - len(d.headings.also)))
+    names = distinct([name for name, _ in split])
+    kinds = [_KINDS[letter] for letter in d.kinds]
+    found = tuple(map(Column, names, kinds, units, also))
+    closed = bool(d.headings.names) and not split[-1][0] and d.kinds[-1] == "?"
+    return found[:-1] if closed else found  # each line ends with a delimiter
 
 
 def _opened(path: Path) -> io.BufferedIOBase:
@@ -247,7 +255,7 @@ class _Piece:
     ) -> Float64[np.ndarray, " n"]:
         out = np.full(len(kept), np.nan)
         for i, cell in enumerate(self._column(kept, j)):
-            number = _number(cell)
+            number = number_of(cell)
             if number is not None:
                 out[i] = number
                 continue
@@ -273,8 +281,12 @@ def _unquoted(line: bytes, delimiter: bytes | None) -> bytes:
     return delimiter.join(c.replace(delimiter, b" ") for c in cells_of(line, delimiter))
 
 
-def _number(cell: bytes) -> float | None:
-    """The number of one cell, NaN for an empty one, None for text."""
+def number_of(cell: bytes) -> float | None:
+    """The number of one cell, NaN for an empty one, None for text.
+
+    >>> number_of(b"1.5"), number_of(b"n/a"), number_of(b"on")
+    (1.5, nan, None)
+    """
     low = cell.lower()
     if low in MISSING:
         return float("nan")

@@ -1,0 +1,179 @@
+"""A live source over a line that breaks: connects, reads, and connects again.
+
+A protocol says only what it is to be connected (`Line.session`). Waiting between attempts grows to
+`LONGEST` with full jitter, so that a hundred twins do not come back at the same moment; it is short
+again once a sample came. The line is read by a task of its own behind a bounded queue: a slow
+reader makes the machine's samples wait where the protocol can (a broker's queue, a file), and is
+counted as a loss where it cannot (`Polled` protocols).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import random
+from abc import ABC, abstractmethod
+from collections.abc import AsyncIterator
+from contextlib import suppress
+
+from evertwin.errors import DataError
+from evertwin.fold import Chunk
+from evertwin.sources.live.contract import Health, LiveSettings
+from evertwin.sources.live.decode import Columns, Decoder
+from evertwin.sources.live.telling import Telling
+from evertwin.sources.spec import SourceSpec
+
+SHORTEST = 0.2
+LONGEST = 30.0
+"""Seconds between two attempts, at first and at most."""
+WAITING = 256
+"""Chunks that wait for the reader."""
+
+
+class LineDown(Exception):
+    """The line is gone, for a reason.
+
+    >>> str(LineDown("no answer within 1 s"))
+    'no answer within 1 s'
+    """
+
+
+class Backoff:
+    """Waits between attempts: any time up to a bound that doubles.
+
+    >>> wait = Backoff(0.1, 0.4)
+    >>> [wait.next() <= bound for bound in (0.1, 0.2, 0.4, 0.4)]
+    [True, True, True, True]
+    """
+
+    def __init__(self, shortest: float = SHORTEST, longest: float = LONGEST) -> None:
+        self.shortest = shortest
+        self.longest = longest
+        self._bound = shortest
+
+    def next(self) -> float:
+        """Seconds to wait now."""
+        bound, self._bound = self._bound, min(2 * self._bound, self.longest)
+        return random.uniform(0.1 * bound, bound)
+
+    def reset(self) -> None:
+        """The line was up."""
+        self._bound = self.shortest
+
+
+class Line(ABC):
+    """Base of the sources with a connection. Implements `LiveSource`.
+
+    >>> Line.__abstractmethods__
+    frozenset({'session'})
+    """
+
+    def __init__(
+        self, settings: LiveSettings, spec: SourceSpec, *, arrives: bool = True
+    ) -> None:  # fmt: skip
+        self.told = Telling(spec.name)
+        self.decoder = Decoder(spec, self.told, settings, arrives=arrives)
+        self.backoff = Backoff()
+        self._queue: asyncio.Queue[Chunk | None] = asyncio.Queue(WAITING)
+        self._reading: asyncio.Task[None] | None = None
+        self._closed = False
+
+    @property
+    def name(self) -> str:
+        """See `LiveSource`."""
+        return self.told.name
+
+    @property
+    def health(self) -> Health:
+        """See `LiveSource`."""
+        return self.told.health
+
+    def open(self) -> None:
+        """See `LiveSource`."""
+        self.decoder.check()
+
+    def resume(self, stamp: int, task: int = 0) -> None:
+        """See `LiveSource`."""
+        self.decoder.resume(stamp, task)
+
+    def committed(self, chunk: Chunk) -> None:  # noqa: B027  most machines keep nothing
+        """See `LiveSource`."""
+
+    def close(self) -> None:
+        """See `LiveSource`."""
+        self._closed = True
+        if self._reading is not None:
+            self._reading.cancel()
+
+    async def chunks(self) -> AsyncIterator[Chunk]:
+        """See `LiveSource`."""
+        if not self._closed:
+            self._reading = asyncio.create_task(self._read(), name=f"evertwin {self.name}")
+        try:
+            while not self._closed:
+                chunk = await self._next()
+                if chunk is None:
+                    return
+                yield chunk
+        finally:
+            self.close()
+            if self._reading is not None:
+                with suppress(asyncio.CancelledError):
+                    await self._reading
+            self.told.end()
+
+    async def _next(self) -> Chunk | None:
+        """What waits, or None once the line has ended."""
+        assert self._reading is not None
+        if not self._queue.empty():
+            return self._queue.get_nowait()
+        getting = asyncio.ensure_future(self._queue.get())
+        try:
+            await asyncio.wait({getting, self._reading}, return_when=asyncio.FIRST_COMPLETED)
+            if getting.done():
+                return getting.result()
+            if not self._reading.cancelled():
+                self._reading.result()
+            return None
+        finally:
+            getting.cancel()
+
+    @abstractmethod
+    def session(self) -> AsyncIterator[Columns]:
+        """One connection: connects, yields samples, lets go when it is closed.
+
+        Raises:
+            LineDown, OSError, TimeoutError: the line is gone; another session follows.
+        """
+
+    async def _read(self) -> None:
+        while True:
+            try:
+                await self._one_session()
+                return await self._queue.put(None)
+            except (LineDown, OSError, TimeoutError, DataError) as error:
+                self.told.down(reason_of(error))
+            await asyncio.sleep(self.backoff.next())
+
+    async def _one_session(self) -> None:
+        session = self.session()
+        try:
+            async for columns in session:
+                self.told.up()
+                self.backoff.reset()
+                for chunk in self.decoder.chunks(columns):
+                    await self._queue.put(chunk)
+        finally:
+            await session.aclose()  # type: ignore[attr-defined]
+
+
+def reason_of(error: BaseException) -> str:
+    """One line that says what is wrong.
+
+    >>> reason_of(TimeoutError()), reason_of(ConnectionRefusedError(111, "Connection refused"))
+    ('no answer in time', 'Connection refused')
+    """
+    if isinstance(error, TimeoutError) and not str(error):
+        return "no answer in time"
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
+    return str(error) or type(error).__name__

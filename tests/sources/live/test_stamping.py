@@ -1,0 +1,76 @@
+"""The clock of a live source, at its edges."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from evertwin.sources.live.stamping import FAR, Stamping
+
+S = 10**9
+HOUR = 3600 * S
+
+
+def run(clock: Stamping[None], samples: list[tuple[int, int]]) -> list[int]:
+    return [out for t, came in samples for out, _ in clock.take(t, came, None)]
+
+
+@pytest.mark.parametrize("jump", [HOUR, -HOUR, 75 * 365 * 24 * HOUR])
+def test_a_clock_that_is_set_goes_on_where_it_was(jump: int) -> None:
+    clock: Stamping[None] = Stamping()
+    start = 1_800_000_000 * S
+    before = [(start + i * S, start + i * S) for i in range(20)]
+    after = [(start + jump + i * S, start + i * S) for i in range(20, 40)]
+    out = run(clock, before + after)
+    assert len(out) == 40 and clock.set == 1 and clock.rejected == 0
+    assert set(np.diff(out).tolist()) == {S}
+
+
+@pytest.mark.parametrize("bad", [0, 2**61, -(2**61), 1_800_003_600 * S])
+def test_one_absurd_stamp_stops_nothing(bad: int) -> None:
+    start = 1_800_000_000 * S
+    rows = [(start + i * S, start + i * S) for i in range(20)]
+    clock: Stamping[None] = Stamping()
+    out = run(clock, [*rows[:7], (bad, rows[7][1]), *rows[8:]])
+    assert bad not in out and len(out) == 19 and clock.set == 0 and clock.rejected == 1
+    first: Stamping[None] = Stamping()
+    out = run(first, [(bad, rows[0][1]), *rows[1:]])
+    assert len(out) >= 19 and (np.diff(out) > 0).all()
+
+
+def test_what_was_kept_somewhere_comes_at_once_and_whole() -> None:
+    clock: Stamping[None] = Stamping()
+    rows = [(i * S, i * S) for i in range(10)]
+    rows += [(i * S, 4000 * S) for i in range(10, 4000, 30)]  # steps of 30 s within one moment
+    rows += [(i * S, i * S) for i in range(4001, 4010)]
+    assert run(clock, rows) == [t for t, _ in rows]
+
+
+def test_repeated_and_late_ones() -> None:
+    clock: Stamping[None] = Stamping()
+    out = run(clock, [(t * S, t * S) for t in (1, 2, 4, 3, 3, 4, 5)])
+    assert out == [S, 2 * S, 4 * S, 3 * S, 5 * S] and clock.repeated == 2
+
+
+def test_what_is_stored_does_not_come_again() -> None:
+    for arrives in (True, False):
+        clock: Stamping[None] = Stamping(arrives=arrives)
+        clock.resume(100 * S)
+        rows = [(t * S, (200 + t) * S) for t in (0, 95, 99, 100, 101, 102)][1 - arrives :]
+        rows = rows[arrives:]
+        assert run(clock, rows) == [101 * S, 102 * S]
+        assert clock.repeated == len(rows) - 2
+
+
+def test_a_pause_in_a_file_is_no_clock_that_was_set() -> None:
+    clock: Stamping[None] = Stamping(arrives=False)
+    rows = [(t * S, 0) for t in (1, 2, 3, 1000, 1001, 1002, 1003, 1004)]
+    assert run(clock, rows) == [t for t, _ in rows] and clock.set == 0
+
+
+def test_a_machine_that_stood_while_nobody_listened_starts_from_zero() -> None:
+    clock: Stamping[None] = Stamping()
+    clock.resume(5000 * S)
+    out = run(clock, [(t * S, (9000 + t) * S) for t in range(1, 11)])
+    assert len(out) == 10 and out[0] > 5000 * S and set(np.diff(out).tolist()) == {S}
+    assert FAR < 5000 * S and clock.set == 1
