@@ -1,4 +1,4 @@
-"""Planted faults are found, counted and placed; a proposal finds the right columns."""
+"""Planted faults are found, counted and placed."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evertwin.signals import Channel, Layout
-from evertwin.sources import inspect, propose, render
+from evertwin.sources import inspect, render
 from evertwin.sources.statistics import ClockStatistics, ColumnStatistics, EvenSample
 
 RNG = np.random.default_rng(5)
@@ -126,57 +125,3 @@ def test_info_asks_for_an_unclear_unit(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     path.write_text("t,x\n" + "".join(f"{20 * i},{i}\n" for i in range(30)))
     assert any("not clear" in finding for finding in inspect(path).findings)
-
-
-ARM = Layout(
-    tuple(Channel(f"q{i}", "rad", kind="angle") for i in (1, 2))
-    + tuple(Channel(f"qd{i}", "rad/s") for i in (1, 2))
-    + (Channel("T", "K"),)
-)
-
-
-def test_proposal(tmp_path: Path) -> None:
-    path = tmp_path / "run.csv"
-    head = "time [s],joint 1 velocity [rad/s],joint_2_velocity,q1,joint position 2,note,temperature"
-    rows = [f"{i / 100},0.1,0.2,{i},{2 * i},7,{20 + i % 3}" for i in range(300)]
-    path.write_text("\n".join([head, *rows]) + "\n")
-    found = {m.channel: m for m in propose(inspect(path), ARM).matches}
-    assert found["q1"].column == "q1" and found["q1"].unit == "deg"
-    assert found["qd1"].column == "joint 1 velocity" and found["qd1"].unit == "rad/s"
-    assert found["T"].column == "temperature" and found["T"].unit == "degC"
-    numbers = {name: match.column for name, match in found.items()}
-    assert all(("1" in column) == ("1" in name) for name, column in numbers.items() if name != "T")
-
-
-def test_proposal_takes_axes_apart_and_no_difference_for_the_quantity(tmp_path: Path) -> None:
-    base = Layout(
-        (
-            *(Channel(f"v{a}", "m/s") for a in "xy"),
-            Channel("w", "rad/s"),
-            Channel("x", "m"),
-            Channel("heading", "rad", kind="angle"),
-        )
-    )
-    path = tmp_path / "run.csv"
-    path.write_text(
-        "time;Robot speed along Y axis [m/s];Robot speed along X axis [m/s]"
-        ";Rotational speed [rad/s];Delta X local position [m];Angle [deg]\n"
-        + "".join(
-            f"{i / 10};{i % 3 / 9};{i % 5 / 9};{i % 7 / 9};0.0{i % 4};{i}\n" for i in range(300)
-        )
-    )
-    proposal = propose(inspect(path), base)
-    assert {m.channel: m.column for m in proposal.matches} == {
-        "vy": "Robot speed along Y axis",
-        "vx": "Robot speed along X axis",
-        "w": "Rotational speed",
-        "heading": "Angle",
-    }
-    assert proposal.missing == ("x",)
-
-
-def test_proposal_names_what_is_missing(tmp_path: Path) -> None:
-    path = tmp_path / "run.csv"
-    path.write_text("t,a,b\n0,1,2\n1,2,3\n2,3,4\n")
-    proposal = propose(inspect(path), Layout.of(wheel_speed="rad/s"))
-    assert proposal.missing == ("wheel_speed",) and proposal.unused == ("a", "b")

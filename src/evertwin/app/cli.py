@@ -37,6 +37,12 @@ model_app = typer.Typer(
 )
 app.add_typer(model_app, name="model")
 
+KINDS = (
+    "Kind of machine: arm (torques from motion, with --urdf), differential or omni (pose of a "
+    "base), odometer (way and heading), robot1d (way along a line), drive (an axis moved by a "
+    "force), drive_force (its force from motion), thermal (a heated box), python (equations of "
+    "your own)."
+)
 MOST, LONGEST = 50, 500
 """Lines of an error that are shown, and signs of a line."""
 PART = " FILE@START:STOP is the part from START to STOP, in seconds from its first stamp."
@@ -177,20 +183,20 @@ def info(
 
 @app.command()
 def init(
-    file: Annotated[Path, typer.Argument(help="Recording.", metavar="FILE")],
+    files: Annotated[list[Path], typer.Argument(help="Recordings.", metavar="FILE...")],
     out: Annotated[Path, typer.Option("-o", "--out", help="Twin file to write.")],
-    model: Annotated[str, typer.Option(help="Kind of model.")] = "python",
+    model: Annotated[str, typer.Option(help=KINDS)] = "python",
     urdf: Annotated[Path | None, typer.Option(help="Description of an arm.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Propose a commented twin file for a recording.
+    """Propose a commented twin file for recordings.
 
     Example: evertwin init run.csv --model robot1d -o robot.toml
     """
-    from evertwin.app.starter import write_starter
+    from evertwin.app.starting import write_starter
 
-    write_starter(file, out, (model, urdf), force, as_json)
+    write_starter(files, out, (model, urdf), force, as_json)
 
 
 @app.command()

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from evertwin.sources.info import inspect as inspect
     from evertwin.sources.info_text import render as render
     from evertwin.sources.merging import merge as merge
-    from evertwin.sources.proposal import Match as Match, Proposal as Proposal, propose as propose
     from evertwin.sources.recorded import Cell as Cell, Clock as Clock, Recorded as Recorded
     from evertwin.sources.recording import open_recording as open_recording
     from evertwin.sources.table import (

@@ -130,7 +130,7 @@ def time_column(table: Table) -> Column | None:
     """The column that holds the stamps: by its kind, its name, or first and increasing.
 
     A bag's own stamps come first; then calendar stamps; then usual names; then the first column,
-    if it is a number and grows all through the first rows while others do not.
+    if it is a number that grows all through the first rows, and nearly all through thousands.
     """
     columns = table.columns
     for column in columns:
@@ -146,8 +146,9 @@ def time_column(table: Table) -> Column | None:
     rows = next(iter(table.rows(numeric, None, strict=False)), None)
     if rows is None or len(rows.line) < 3:
         return None
-    steps = np.diff(rows.values[:100, 0])
-    return columns[0] if bool((steps >= 0).all() and (steps > 0).mean() > 0.5) else None
+    steps = np.diff(rows.values[:, 0])  # an angle, too, grows for a while
+    grows = bool((steps[:100] >= 0).all() and (steps > 0).mean() > 0.5)
+    return columns[0] if grows and bool((steps < 0).mean() < 0.01) else None
 
 
 @dataclass

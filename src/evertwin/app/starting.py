@@ -1,0 +1,63 @@
+"""``evertwin init``: a first twin file for recordings, written and shown."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from importlib.resources import files as resources
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from evertwin.app.console import show
+from evertwin.config import read
+from evertwin.errors import UsageError
+from evertwin.files import write_whole
+from evertwin.loop.configured_model import model_of
+from evertwin.machines.catalog import machine
+from evertwin.starter import Draft, look, mapped
+
+
+def write_starter(
+    files: Sequence[Path], out: Path, model: tuple[str, Path | None], force: bool, as_json: bool
+) -> None:
+    """Writes the twin file, and for ``python`` a model file beside it.
+
+    Raises:
+        UsageError: there is a file already, or the model does not exist.
+        DataError: a recording cannot be read, or holds no column of numbers.
+    """
+    if out.exists() and not force:
+        raise UsageError(f"{out}: exists already: choose another name, or say --force")
+    kind, urdf = model
+    own = out.with_name(f"{re.sub(r'[^A-Za-z0-9_]', '_', out.stem)}_model.py")
+    options = _options(kind, urdf, own)
+    built = None if kind == "python" else machine(kind, options)
+    seen, told = look(files)
+    draft = Draft(out, kind, options, built, seen, mapped(built, seen))
+    write_whole(out, draft.text())
+    if built is None and (force or not own.exists()):
+        template = resources("evertwin.starter").joinpath("templates", "model.py.txt")
+        write_whole(own, template.read_text("utf-8"))
+    if not draft.questions:  # else the file holds a question, which no reader takes
+        model_of(read(out))
+    content: dict[str, Any] = {
+        "schema": "evertwin.init/1", "file": str(out),
+        "model_file": str(own) if built is None else None, **draft.proposal.to_dict(),
+        "questions": draft.questions,
+    }  # fmt: skip
+    show(content, draft.summary(), as_json)
+    for note in (note for info in told for note in info.notes):
+        typer.echo(f"evertwin: {note}", err=True)
+
+
+def _options(kind: str, urdf: Path | None, own: Path) -> dict[str, Any]:
+    if urdf is not None and kind != "arm":
+        raise UsageError(f"--urdf is for --model arm, got --model {kind}")
+    if kind == "python":
+        return {"file": own.name, "name": "model"}
+    if kind != "arm":
+        return {}
+    # a description's inertias are a start: friction alone would have to explain what they leave
+    return {"urdf": "ur5_like" if urdf is None else str(urdf), "law": "tanh+load", "base": True}

@@ -1,0 +1,17 @@
+"""A first twin file for recordings: which column feeds which channel, and what is left to ask."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from evertwin.surface import surface
+
+if TYPE_CHECKING:
+    from evertwin.starter.draft import Draft as Draft
+    from evertwin.starter.mapping import mapped as mapped
+    from evertwin.starter.proposal import (
+        Derivation as Derivation, Match as Match, Proposal as Proposal,
+    )  # fmt: skip
+    from evertwin.starter.seen import Seen as Seen, look as look
+
+__getattr__ = surface(__name__)

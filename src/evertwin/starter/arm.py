@@ -1,0 +1,195 @@
+"""The channels of an arm: one family of columns each for angle, speed, acceleration and torque.
+
+Headings and units say what a family is. Where they do not, the numbers do: a speed is what an angle
+is the integral of, and the factor between the two tells degrees from radians. What is not recorded
+is derived.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from evertwin.signals import Channel
+from evertwin.sources.description import ColumnInfo
+from evertwin.starter.families import families
+from evertwin.starter.named import unit_of
+from evertwin.starter.proposal import ASK, Answer, Derivation, Match
+from evertwin.starter.relations import CLEAR, Relation, derivative
+from evertwin.starter.seen import Seen
+from evertwin.starter.words import quantity, role, words
+
+_WANTED = {"q": "position", "qd": "velocity", "qdd": "acceleration", "tau": "torque"}
+_TURN = 180.0 / np.pi
+
+
+class Group(NamedTuple):
+    """A family of a table, and what its headings say.
+
+    >>> Group(0, ("q_0",), "position", "").quantity
+    'position'
+    """
+
+    source: int
+    columns: tuple[str, ...]
+    quantity: str
+    role: str
+
+
+class Found(NamedTuple):
+    """Columns for an arm's channels, and what is computed from them.
+
+    >>> Found((), ()).matches
+    ()
+    """
+
+    matches: tuple[Match, ...]
+    derivations: tuple[Derivation, ...]
+
+
+def of_arm(channels: Sequence[Channel], joints: Sequence[str], seen: Sequence[Seen]) -> Found:
+    """Columns of an arm with these ``joints``."""
+    look = _Look(tuple(seen), _groups(seen, joints))
+    chosen = look.chosen()
+    units = {channel.name: channel.unit for channel in channels}
+    matches: list[Match] = []
+    derivations: list[Derivation] = []
+    for name in ("q", "qd", "qdd", "tau"):
+        for j in range(len(joints)):
+            channel, before = f"{name}{j + 1}", f"{name[:-1]}{j + 1}"
+            if name in chosen:
+                matches.append(look.match(channel, units[channel], name, chosen, j))
+            elif name in ("qd", "qdd") and (name == "qdd" or "q" in chosen):
+                derivations.append(Derivation(channel, "derivative", (before,), units[channel]))
+    return Found(tuple(matches), tuple(derivations) if "q" in chosen or "qd" in chosen else ())
+
+
+def _groups(seen: Sequence[Seen], joints: Sequence[str]) -> tuple[Group, ...]:
+    found = []
+    for s, one in enumerate(seen):
+        known = {column.name: column for column in one.columns}
+        there = {column.name.removeprefix(one.table.name): column.name for column in one.columns}
+        for family in families(tuple(there), joints):
+            columns = tuple(there[name] for name in family.columns)
+            if all(known[name].low == known[name].high for name in columns):
+                continue
+            said = words(family.stem)
+            what = quantity(said, known[columns[0]].unit) or quantity(words(one.about))
+            found.append(Group(s, columns, what, role([*words(one.about), *said])))
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class _Look:
+    seen: tuple[Seen, ...]
+    groups: tuple[Group, ...]
+
+    def chosen(self) -> Mapping[str, Group]:
+        """Group of each quantity of the arm that has one."""
+        usable = [g for g in self.groups if g.role not in ("command", "other")]
+        usable = usable or [g for g in self.groups if g.role != "other"]
+        out: dict[str, Group] = {}
+        for name, wanted in _WANTED.items():
+            said = [g for g in usable if g.quantity == wanted and g not in out.values()]
+            said.sort(key=lambda g: g.role != "measured")
+            if said:
+                out[name] = said[0]
+        nameless = [g for g in usable if not g.quantity]
+        if "q" not in out:
+            self._by_numbers(out, nameless)
+        elif "qd" not in out:
+            found = next((g for g in nameless if self.follows(out["q"], g)), None)
+            out |= {} if found is None else {"qd": found}
+        current = [g for g in usable if g.quantity == "current"]
+        rest = current or [g for g in nameless if g not in out.values()]
+        if "tau" not in out and rest and "q" in out:
+            out["tau"] = rest[0]
+        return out
+
+    def _by_numbers(self, out: dict[str, Group], nameless: Sequence[Group]) -> None:
+        """Angles are what other columns are the derivative of, and no derivative themselves."""
+        pairs = [
+            (a, b) for a in nameless for b in nameless
+            if a is not b and a not in out.values() and self.follows(a, b)
+        ]  # fmt: skip
+        speeds = [b for _, b in pairs]
+        for a, b in pairs:
+            if a not in speeds:
+                out |= {"q": a} | ({} if "qd" in out else {"qd": b})
+                break
+        else:
+            if nameless and "tau" in out:  # one family beside the torques can be but the angles
+                out["q"] = nameless[0]
+        more = [b for a, b in pairs if a is out.get("qd") and b not in out.values()]
+        if more and "qdd" not in out:
+            out["qdd"] = more[0]
+
+    def follows(self, a: Group, b: Group) -> bool:
+        """Is ``b`` the derivative of ``a``, for most of the joints that move?"""
+        found = [r for r in self.relations(a, b) if r is not None]
+        return bool(found) and float(np.median([r.correlation for r in found])) >= CLEAR
+
+    def relations(self, a: Group, b: Group) -> list[Relation | None]:
+        """`derivative` of each joint; None where it does not move, or they share no clock."""
+        if a.source != b.source:
+            return []
+        one, out = self.seen[a.source], list[Relation | None]()
+        place = {column.name: i for i, column in enumerate(one.columns)}
+        for first, second in zip(a.columns, b.columns, strict=True):
+            of, by = one.rows[:, place[first]], one.rows[:, place[second]]
+            moves = np.nanstd(of) > 0 and np.nanstd(by) > 0
+            out.append(derivative(one.t, of, by) if moves else None)
+        return out
+
+    def match(
+        self, channel: str, wanted: str, name: str, chosen: Mapping[str, Group], j: int
+    ) -> Match:
+        """The column of joint ``j``, and its unit."""
+        group = chosen[name]
+        column = self._column(group, j)
+        unit, scale, reason = self._unit(wanted, name, chosen, column)
+        return Match(channel, group.source, column.name, unit, reason, scale)
+
+    def _column(self, group: Group, j: int) -> ColumnInfo:
+        """Described by the whole family: one joint may turn by little."""
+        known = {column.name: column for column in self.seen[group.source].columns}
+        there = [known[name] for name in group.columns]
+        low, high = min(c.low for c in there), max(c.high for c in there)
+        return replace(there[j], low=low, high=high)
+
+    def _unit(
+        self, wanted: str, name: str, chosen: Mapping[str, Group], column: ColumnInfo
+    ) -> tuple[str, Answer, str]:
+        if name == "tau" and chosen[name].quantity != "torque":
+            what = "a current" if chosen[name].quantity == "current" else "no name says what it is"
+            return wanted, ASK, f"{what}: how many Nm at the joint is one?"
+        unit, scale, reason = unit_of(wanted, column)
+        if column.unit or name not in ("q", "qd") or not {"q", "qd"} <= chosen.keys():
+            return unit, scale, reason
+        factors = [
+            r.factor for r in self.relations(chosen["q"], chosen["qd"]) if r is not None and r.clear
+        ]
+        if not factors:
+            return unit, scale, reason
+        factor = float(np.median(factors))
+        if abs(factor / _TURN - 1.0) < 0.1:
+            return (
+                ("deg" if name == "q" else "rad/s"),
+                1.0,
+                "degrees: its change over its speed is 57.3",
+            )
+        if abs(factor * _TURN - 1.0) < 0.1:
+            return (
+                ("rad" if name == "q" else "deg/s"),
+                1.0,
+                "its speed is in degrees: their ratio is 57.3",
+            )
+        if abs(factor - 1.0) < 0.1:
+            widest = self._column(chosen["q"], 0)
+            degrees = max(abs(widest.low), abs(widest.high)) > 7.0
+            part = "deg" if degrees else "rad"
+            return part if name == "q" else f"{part}/s", 1.0, "angle and speed fit each other"
+        return unit, scale, f"its change is {factor:.3g} times its speed: please check"

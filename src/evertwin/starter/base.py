@@ -1,0 +1,82 @@
+"""The channels of a mobile base, where the recording says them in other words.
+
+Two wheels that are commanded give speed and turn rate once their radius and track are known; a pose
+gives the way that was travelled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from evertwin.signals import Channel
+from evertwin.sources.description import ColumnInfo
+from evertwin.starter.named import matched, unit_of
+from evertwin.starter.proposal import ASK, Answer, Derivation, Match
+from evertwin.starter.seen import Seen
+from evertwin.starter.words import role, same_kind, words
+
+_POSE = (Channel("x", "m"), Channel("y", "m"), Channel("heading", "rad", kind="angle"))
+
+
+def of_wheels(
+    matches: Sequence[Match], missing: Sequence[str], seen: Sequence[Seen]
+) -> tuple[tuple[Match, ...], tuple[Derivation, ...]]:
+    """Speed ``v`` and turn rate ``w`` of two commanded wheels, where no column is either."""
+    if "v" not in missing:
+        return (), ()
+    used = {(match.source, match.column) for match in matches}
+    sides: dict[str, tuple[int, ColumnInfo]] = {}
+    for s, one in enumerate(seen):
+        for column in one.columns:
+            said = words(column.name)
+            side = next((word for word in ("left", "right") if word in said), None)
+            varies = column.low != column.high and (s, column.name) not in used
+            if side and varies and role([*words(one.about), *said]) == "command":
+                sides.setdefault(side, (s, column))
+    if len(sides) < 2:
+        return (), ()
+    (s, left), (other, right) = sides["left"], sides["right"]
+    unit, reason = _speed(left)
+    feeds = (
+        Match("left", s, left.name, unit, reason), Match("right", other, right.name, unit, reason),
+    )  # fmt: skip
+    turning = unit != "m/s"
+    half: Answer = ASK if turning else 0.5
+    derived = [
+        Derivation("both", "sum", ("left", "right"), unit),
+        Derivation("v", "scale", ("both",), "m/s", half, "half the radius of a wheel [m]"),
+    ]
+    if "w" in missing:
+        across = "the radius of a wheel over the distance of the two" if turning else (
+            "one over the distance of the two wheels [1/m]"
+        )  # fmt: skip
+        derived += [
+            Derivation("turning", "difference", ("right", "left"), unit),
+            Derivation("w", "scale", ("turning",), "rad/s", ASK, across),
+        ]
+    return feeds, tuple(derived)
+
+
+def _speed(column: ColumnInfo) -> tuple[str, str]:
+    """Unit of a wheel's speed."""
+    for wanted in ("m/s", "rad/s"):
+        if column.unit and same_kind(column.unit, wanted):
+            return column.unit, "stated by the file"
+    unit, _, _ = unit_of("rad/s", column)
+    return unit, "assumed: please check"
+
+
+def of_pose(
+    missing: Sequence[str], seen: Sequence[Seen], told: Sequence[str]
+) -> tuple[tuple[Match, ...], tuple[Derivation, ...]]:
+    """The way ``travel`` of a pose, where no column is it."""
+    if "travel" not in missing:
+        return (), ()
+    found = {match.channel: match for match in matched(_POSE, seen, told)}
+    if not {"x", "y"} <= found.keys():
+        return (), ()
+    heading = "heading" if "heading" in found or "heading" not in missing else None
+    if heading is None:
+        return (), ()
+    way = Derivation("travel", "path", ("x", "y", "heading"), "m")
+    return tuple(found[name] for name in ("x", "y")), (way,)

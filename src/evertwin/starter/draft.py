@@ -1,0 +1,179 @@
+"""The text of a first twin file.
+
+Nothing is invented: a channel without a column gets the column ``"?"``, a number that nobody said
+the value ``"?"``, rows without a time the rate ``"?"``, which a run refuses by name.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, PackageLoader
+
+from evertwin.models import Model
+from evertwin.starter.named import short
+from evertwin.starter.proposal import ASK, Match, Proposal, position, together
+from evertwin.starter.seen import Seen
+
+PERIODS = ("ts", "dt", "t_s", "sampling_time", "sample_time")
+"""Names of a column that holds one number: seconds from row to row."""
+FASTEST = 200.0
+"""Rows per second that a static map is resampled to at most: motion is slower."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """One ``[[source]]`` of the twin file.
+
+    >>> Source("log", ("run.csv",), "", None, None, ()).name
+    'log'
+    """
+
+    name: str
+    files: tuple[str, ...]
+    match: str
+    """Pattern of its files' names; empty where there is one source."""
+    time: Any
+    period: float | None
+    """Seconds from row to row: of the column of time, or what a constant column says."""
+    matches: tuple[Match, ...]
+
+
+@dataclass(frozen=True)
+class Draft:
+    """All that the text is made of.
+
+    >>> Draft.__name__
+    'Draft'
+    """
+
+    out: Path
+    kind: str
+    options: Mapping[str, Any]
+    model: Model | None
+    seen: tuple[Seen, ...]
+    proposal: Proposal
+
+    @property
+    def sources(self) -> tuple[Source, ...]:
+        """The tables that a channel is taken from; the first where none is."""
+        used = sorted({match.source for match in self.proposal.matches}) or [0]
+        names = _distinct([short(self.seen[s].about) for s in used]) if len(used) > 1 else ["log"]
+        here = self.out.resolve().parent
+        return tuple(
+            Source(
+                name, tuple(os.path.relpath(f.resolve(), here) for f in self.seen[s].files),
+                _pattern(self.seen[s]) if self._apart(used) else "", self.seen[s].table.time,
+                _period(self.seen[s]), tuple(m for m in self.proposal.matches if m.source == s),
+            )
+            for name, s in zip(names, used, strict=True)
+        )  # fmt: skip
+
+    def _apart(self, used: Sequence[int]) -> bool:
+        return len({self.seen[s].files for s in used}) > 1
+
+    @property
+    def static(self) -> bool:
+        """Is it a map from motion to force?"""
+        return self.model is not None and len(self.model.states) == 0
+
+    @property
+    def period(self) -> float | None:
+        """Seconds from row to row, of the slowest source; None where one does not say it."""
+        periods = [source.period for source in self.sources]
+        return None if None in periods else max(p for p in periods if p is not None)
+
+    @property
+    def rate(self) -> float | None:
+        """Rate to resample to: where derivatives or a filter need one."""
+        if not self.static or self.period is None or not self.period > 0:
+            return None
+        return min(float(f"{1.0 / self.period:.3g}"), FASTEST)
+
+    @property
+    def horizon(self) -> float:
+        """Of predictions [s]: ten rows or more, a power of ten."""
+        period = self.period or 0.01
+        return max(1.0, float(f"{10 ** math.ceil(math.log10(10 * period)):g}"))
+
+    @property
+    def questions(self) -> tuple[str, ...]:
+        """What a person has to say before a run."""
+        rates = (f"{s.name}: rate of the rows" for s in self.sources if s.period is None)
+        return (*rates, *self.proposal.questions)
+
+    def text(self) -> str:
+        """The twin file."""
+        environment = Environment(
+            loader=PackageLoader("evertwin.starter", "templates"), trim_blocks=True,
+            lstrip_blocks=True, keep_trailing_newline=True,
+        )  # fmt: skip
+        environment.filters |= {"toml": _toml, "column": _column}
+        model, here = self.model, self.out.resolve().parent
+        options = dict(self.options)
+        if str(options.get("urdf", "")).endswith(".urdf"):
+            options["urdf"] = os.path.relpath(Path(options["urdf"]).resolve(), here)
+        names = ("gain", "time_constant") if model is None else model.parameters.editable
+        layout = () if model is None else (*model.inputs, *model.outputs)
+        units = {channel.name: channel.unit for channel in layout}
+        return environment.get_template("starter.toml.txt").render(
+            draft=self, model=model, ask=ASK, units=units,
+            options=", ".join(f"{k} = {_toml(v)}" for k, v in options.items()),
+            recordings=", ".join(file.name for one in self.seen for file in one.files[:3]),
+            editable=", ".join(map(_toml, names[:6])),
+        )  # fmt: skip
+
+    def summary(self) -> str:
+        """What was found, for a terminal."""
+        lines = [f"{self.out}: {self.kind}, {len(self.proposal.matches)} channels found"]
+        several = len(self.sources) > 1
+        for source in self.sources:
+            for m in source.matches:
+                where = f"{source.name}: {m.column}" if several else m.column
+                lines.append(f"  {m.channel:<10} {where:<24} {m.unit:<8} {m.reason}")
+        derived = ((d.name, f"{d.op} of {', '.join(d.of)}") for d in self.proposal.derivations)
+        lacking = ((name, "no column found") for name in self.proposal.missing)
+        lines += [f"  {name:<10} {said}" for name, said in together([*derived, *lacking])]
+        if self.proposal.unused:
+            lines.append(f"  not used: {', '.join(self.proposal.unused)}")
+        if self.questions:
+            lines.append(f"to be answered in {self.out}, where it says {ASK!r}:")
+            asked = together((name, what) for name, _, what in map(_cut, self.questions))
+            lines += [f"  {name}: {what}" for name, what in asked]
+        lines.append(f"next: evertwin doctor {self.out}")
+        return "\n".join(lines)
+
+
+def _cut(question: str) -> tuple[str, str, str]:
+    return question.partition(": ")
+
+
+def _period(seen: Seen) -> float | None:
+    if seen.table.time is not None:
+        return seen.table.time.period
+    said = (c.low for c in seen.columns if c.name.lower() in PERIODS and c.low == c.high)
+    return next((value for value in said if value > 0.0), None)
+
+
+def _pattern(seen: Seen) -> str:
+    """Of a source's files: their names with * for numbers."""
+    return re.sub(r"\d+", "*", seen.files[0].name)
+
+
+def _distinct(names: Sequence[str]) -> list[str]:
+    return [name if name not in names[:i] else f"{name}_{i + 1}" for i, name in enumerate(names)]
+
+
+def _column(name: str) -> str:
+    return _toml(position(name))
+
+
+def _toml(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False)

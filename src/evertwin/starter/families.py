@@ -1,0 +1,81 @@
+"""Columns that belong together because they say the same of each joint of an arm.
+
+Headings that differ in one number (``q_0 … q_5``, ``J1_pos … J6_pos``) or in the name of a joint
+(``position.elbow``) are a family; columns without headings are cut into as many as there are
+joints, one block after the other.
+
+>>> table = [f"{q}_{i}" for q in ("q", "tau") for i in range(3)]
+>>> [family.columns for family in families(table, ("a", "b", "c"))]
+[('q_0', 'q_1', 'q_2'), ('tau_0', 'tau_1', 'tau_2')]
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import NamedTuple
+
+
+class Family(NamedTuple):
+    """One column for each joint, in the order of the joints.
+
+    >>> Family("q_#", ("q_1", "q_2")).stem
+    'q_#'
+    """
+
+    stem: str
+    """The heading with # where they differ; empty for columns without headings."""
+    columns: tuple[str, ...]
+
+
+def families(names: Sequence[str], joints: Sequence[str]) -> tuple[Family, ...]:
+    """All families of as many columns as there are ``joints``, in the order of the columns."""
+    count = len(joints)
+    if all(re.fullmatch(r"c\d+", name) for name in names):
+        if len(names) % count:
+            return ()
+        parts = (names[i : i + count] for i in range(0, len(names), count))
+        return tuple(Family("", tuple(part)) for part in parts)
+    found = {**_by_joint(names, joints), **_by_number(names, count)}
+    place = {name: i for i, name in enumerate(names)}
+    return tuple(sorted(found.values(), key=lambda family: place[family.columns[0]]))
+
+
+def _by_joint(names: Sequence[str], joints: Sequence[str]) -> dict[str, Family]:
+    """Headings that hold the name of a joint; the longest name that fits counts."""
+    order = sorted(range(len(joints)), key=lambda i: -len(joints[i]))
+    stems: dict[str, dict[int, str]] = {}
+    for name in names:
+        for i in order:
+            at = name.lower().find(joints[i].lower())
+            if at >= 0:
+                stem = f"{name[:at]}#{name[at + len(joints[i]) :]}"
+                stems.setdefault(stem, {})[i] = name
+                break
+    return {
+        stem: Family(stem, tuple(there[i] for i in range(len(joints))))
+        for stem, there in stems.items() if len(there) == len(joints)
+    }  # fmt: skip
+
+
+def _by_number(names: Sequence[str], count: int) -> dict[str, Family]:
+    """Headings that differ in one number, which counts from 0 or 1.
+
+    One or two more than there are joints are a gripper's; whole multiples are several families.
+    """
+    stems: dict[str, dict[int, str]] = {}
+    for name in names:
+        for found in re.finditer(r"\d+", name):
+            stem = f"{name[: found.start()]}#{name[found.end() :]}"
+            stems.setdefault(stem, {})[int(found[0])] = name
+    out = {}
+    for stem, there in stems.items():
+        first = min(there)
+        run = [there[first + i] for i in range(len(there)) if first + i in there]
+        whole = first in (0, 1) and len(run) == len(there)
+        if whole and count <= len(run) <= count + 2:
+            out[stem] = Family(stem, tuple(run[:count]))
+        elif whole and len(run) % count == 0:
+            for at in range(0, len(run), count):
+                out[f"{stem} {at}"] = Family(stem, tuple(run[at : at + count]))
+    return out

@@ -1,0 +1,135 @@
+"""A proposal for a kind of machine: which of its looks applies.
+
+>>> import tempfile
+>>> from pathlib import Path
+>>> from evertwin.machines.catalog import machine
+>>> from evertwin.starter.seen import look
+>>> file = Path(tempfile.mkdtemp()) / "run.csv"
+>>> _ = file.write_text("time [s],forward velocity [cm/s],x [cm]\\n0,10,0\\n0.1,12,1\\n0.2,11,2\\n")
+>>> match = mapped(machine("robot1d", {}), look([file])[0]).matches[0]
+>>> match.channel, match.column, match.unit
+('v', 'forward velocity', 'cm/s')
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from evertwin.errors import DataError
+from evertwin.machines.arm import Arm
+from evertwin.models import Model
+from evertwin.signals import Channel
+from evertwin.sources.description import ColumnInfo
+from evertwin.sources.names import unit_problem
+from evertwin.starter.arm import of_arm
+from evertwin.starter.base import of_pose, of_wheels
+from evertwin.starter.named import matched
+from evertwin.starter.proposal import Derivation, Match, Proposal
+from evertwin.starter.seen import Seen
+from evertwin.starter.words import quantity, words
+
+
+def mapped(model: Model | None, seen: Sequence[Seen]) -> Proposal:
+    """Columns for the channels of ``model``; None: a model of one's own, by what varies first.
+
+    Raises:
+        DataError: there are fewer than two columns of numbers for a model of one's own.
+    """
+    if model is None:
+        return _rest(_first_two(seen), (), (), seen)
+    channels = (*model.inputs, *model.outputs)
+    if isinstance(model, Arm):
+        found = of_arm(channels, model.chain.joints, seen)
+        matches, derived = list(found.matches), list(found.derivations)
+    else:
+        matches, derived = _other(channels, model.inputs.names if len(model.states) else (), seen)
+    return _rest(matches, derived, _lacking(channels, matches, derived), seen)
+
+
+def _other(
+    channels: Sequence[Channel], told: Sequence[str], seen: Sequence[Seen]
+) -> tuple[list[Match], list[Derivation]]:
+    """By names; what these leave open by wheels, a pose, the steadiest temperature, derivatives."""
+    matches, derived = list(matched(channels, seen, told)), list[Derivation]()
+    feeds, computed = of_wheels(matches, _lacking(channels, matches, derived), seen)
+    matches, derived = [*matches, *feeds], [*derived, *computed]
+    feeds, computed = of_pose(_lacking(channels, matches, derived), seen, told)
+    matches, derived = [*matches, *feeds], [*derived, *computed]
+    matches += _room(matches, _lacking(channels, matches, derived), seen)
+    return matches, [*derived, *_derivatives(channels, _lacking(channels, matches, derived))]
+
+
+def _lacking(
+    channels: Sequence[Channel], matches: Sequence[Match], derived: Sequence[Derivation]
+) -> tuple[str, ...]:
+    known = {match.channel for match in matches} | {one.name for one in derived}
+    return tuple(channel.name for channel in channels if channel.name not in known)
+
+
+def _rest(
+    matches: Sequence[Match], derived: Sequence[Derivation], missing: Sequence[str],
+    seen: Sequence[Seen],
+) -> Proposal:  # fmt: skip
+    used = {(match.source, match.column) for match in matches}
+    unused = (c.name for s, one in enumerate(seen) for c in one.columns if (s, c.name) not in used)
+    return Proposal(tuple(matches), tuple(derived), tuple(missing), tuple(unused))
+
+
+def _derivatives(channels: Sequence[Channel], missing: Sequence[str]) -> tuple[Derivation, ...]:
+    """Speed and acceleration of an axis, where they are not recorded."""
+    units = {channel.name: channel.unit for channel in channels}
+    return tuple(
+        Derivation(name, "derivative", (of,), units[name])
+        for of, name in (("position", "speed"), ("speed", "acceleration"))
+        if name in missing and of in units and (of not in missing or of == "speed")
+    )
+
+
+def _room(
+    matches: Sequence[Match], missing: Sequence[str], seen: Sequence[Seen]
+) -> tuple[Match, ...]:
+    """The room around a heated box: the steadiest of the other temperatures."""
+    box = next((match for match in matches if match.channel == "box"), None)
+    if "room" not in missing or box is None:
+        return ()
+    others = [
+        (float(np.nanstd(one.rows[:, i])), s, column.name)
+        for s, one in enumerate(seen)
+        for i, column in enumerate(one.columns)
+        if quantity([w for w in words(column.name) if w != "t"], column.unit) == "temperature"
+        or "t" in words(column.name)
+    ]
+    others = [one for one in others if one[1:] != (box.source, box.column) and one[0] > 0.0]
+    if not others:
+        return ()
+    _, s, name = min(others)
+    return (Match("room", s, name, box.unit, "the steadiest temperature: please check"),)
+
+
+def _first_two(seen: Sequence[Seen]) -> tuple[Match, ...]:
+    """The first column that varies drives, the next one answers.
+
+    A column whose name begins as inputs (u, in) or outputs (y, out) are called goes before others.
+    """
+    source = max(range(len(seen)), key=lambda s: seen[s].table.rows * len(seen[s].columns))
+    columns = list(seen[source].columns)
+    if len(columns) < 2:
+        raise DataError("expected two columns of numbers beside the time: an input and an output")
+    columns.sort(key=lambda c: c.low == c.high)  # what is constant can drive nothing
+    drives = min(columns, key=lambda c: (_called(c, "y", "out"), not _called(c, "u", "in")))
+    answers = min((c for c in columns if c is not drives), key=lambda c: not _called(c, "y", "out"))
+    return tuple(
+        Match(name, source, column.name, _stated(column), "assumed: by its name or place")
+        for name, column in (("u", drives), ("y", answers))
+    )
+
+
+def _called(column: ColumnInfo, *starts: str) -> bool:
+    return column.low != column.high and column.name.lower().startswith(starts)
+
+
+def _stated(column: ColumnInfo) -> str:
+    """The unit that the file states, where it is one."""
+    return column.unit if column.unit and not unit_problem(column.unit) else "1"

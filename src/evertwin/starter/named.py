@@ -1,0 +1,162 @@
+"""Which column could feed which channel, by their names, units and ranges.
+
+Names are compared as words with the field's usual synonyms (``forward velocity`` and ``v``),
+numbers in a name must agree (``q3`` is never ``joint 2``), and a stated unit must measure the same
+kind of quantity. What a machine is told goes by columns that say so, never by what a wheel or an
+encoder measured; what it answers never goes by a command. What does not vary is nothing to learn
+from. Without a stated unit the range decides: an angle that reaches 180 is in degrees.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+from collections.abc import Collection, Iterable, Sequence
+
+from evertwin.signals import Channel
+from evertwin.sources.description import ColumnInfo
+from evertwin.sources.names import unit_problem
+from evertwin.starter.proposal import ASK, Answer, Match
+from evertwin.starter.seen import Seen
+from evertwin.starter.words import WHEEL, role, same_kind, words
+
+_SYNONYMS = (
+    {"v", "speed", "velocity", "vel", "linear", "forward"},
+    {"w", "omega", "turn", "yawrate", "angular", "rotational", "rotation", "wz"},
+    {"heading", "yaw", "theta", "orientation", "psi", "phi", "angle"},
+    {"position", "pos", "q", "qm", "angle", "joint"},
+    {"qd", "dq", "velocity", "vel", "speed"},
+    {"qdd", "ddq", "acceleration", "accel"},
+    {"tau", "torque", "effort", "moment"},
+    {"t", "temp", "temperature", "box"},
+    {"on", "state", "switch"},
+    {"force", "f", "vir", "voltage", "u", "current", "torque"},
+)
+_DRIVING = {"vir", "voltage", "volt", "u", "current", "cur", "i", "torque"}
+"""What drives a force, times a constant."""
+_QUATERNION = {"orientation", "quaternion"}
+_LEAST = 0.45
+_RANGES = (
+    ("rad", "deg", 7.0, math.inf),
+    ("rad/s", "deg/s", 60.0, math.inf),
+    ("K", "degC", -math.inf, 200.0),
+    ("m", "mm", 1000.0, math.inf),
+    ("m/s", "mm/s", 50.0, math.inf),
+)
+"""(unit of the channel, unit of the column, largest magnitude above, and below)."""
+
+
+def matched(
+    channels: Iterable[Channel], seen: Sequence[Seen], told: Collection[str] = ()
+) -> tuple[Match, ...]:
+    """A column for every channel where one is near enough, best matches first.
+
+    Args:
+        channels: to be fed.
+        seen: the tables.
+        told: names of the channels that the machine is commanded by.
+    """
+    channels = tuple(channels)
+    columns = [(s, column) for s, one in enumerate(seen) for column in one.columns]
+    scored = sorted(
+        (
+            (_score(channel, seen[s], column, told), -i, -j)
+            for i, channel in enumerate(channels)
+            for j, (s, column) in enumerate(columns)
+        ),
+        reverse=True,
+    )
+    # what does not vary is nothing to learn from: it comes last, and is asked about
+    scored.sort(key=lambda one: columns[-one[2]][1].low == columns[-one[2]][1].high)
+    taken: dict[int, int] = {}
+    for score, i, j in scored:
+        if score >= _LEAST and -i not in taken and -j not in taken.values():
+            taken[-i] = -j
+    out = []
+    for i, channel in enumerate(channels):
+        if i in taken:
+            s, column = columns[taken[i]]
+            unit, scale, reason = unit_of(channel.unit, column)
+            if column.low == column.high:
+                reason = f"{column.name} would do, but stays at {column.low:g} in these recordings"
+                out.append(Match(channel.name, s, ASK, unit, reason))
+            else:
+                out.append(Match(channel.name, s, column.name, unit, reason, scale))
+    return tuple(out)
+
+
+def unit_of(wanted: str, column: ColumnInfo) -> tuple[str, Answer, str]:
+    """Unit of a column that feeds a channel in ``wanted``, its scale, and why."""
+    if column.unit and unit_problem(column.unit):
+        return wanted, ASK, f"the file says {column.unit!r}: how many {wanted} is one?"
+    if column.unit and not same_kind(column.unit, wanted):
+        return wanted, ASK, f"the file says {column.unit}: how many {wanted} is one?"
+    if column.unit:
+        return column.unit, 1.0, "stated by the file"
+    said = words(column.name)
+    for word, unit in (("deg", "deg"), ("rad", "rad"), ("mm", "mm"), ("cm", "cm"), ("mps", "m/s")):
+        if said[-1:] == [word] and same_kind(unit, wanted):
+            return unit, 1.0, f"the name ends in {word}"
+    if wanted == "N" and not _DRIVING.isdisjoint(said):
+        return wanted, ASK, "drives the force: how many N is one?"
+    largest = max(abs(column.low), abs(column.high))
+    for inside, outside, above, below in _RANGES:
+        if wanted == inside and above < largest < below:
+            size = "small" if above < 0 else "large"
+            return outside, 1.0, f"values reach {largest:.4g}: too {size} for {inside}"
+    return wanted, 1.0, "assumed: please check"
+
+
+def _score(channel: Channel, seen: Seen, column: ColumnInfo, told: Collection[str]) -> float:
+    names = (column.name.removeprefix(seen.table.name), *column.also)
+    commanded = channel.name in told
+    alike = max(_alike(channel, words(name), column, commanded) for name in names)
+    about = role(words(seen.about))
+    fits = about == ("command" if commanded else "measured")
+    return alike + (0.15 if fits else -0.2 if about else 0.0) if alike else 0.0
+
+
+def _alike(channel: Channel, theirs: list[str], column: ColumnInfo, told: bool) -> float:
+    mine = words(channel.name)
+    numbers = [w for w in mine if w.isdigit()], [w for w in theirs if w.isdigit()]
+    if mine != theirs and numbers[0][-1:] != numbers[1][-1:]:
+        return 0.0
+    what = role(theirs)
+    if mine != theirs and not _may_be(what, told, mine, theirs):
+        return 0.0
+    if column.unit and not unit_problem(column.unit) and not same_kind(column.unit, channel.unit):
+        return 0.0
+    if mine == theirs:
+        return 1.0
+    if not _QUATERNION.isdisjoint(theirs) and theirs[-1] in ("x", "y", "z", "w"):
+        return 0.0  # a part of a quaternion is no angle
+    letters = [w for w in mine if not w.isdigit()], [w for w in theirs if not w.isdigit()]
+    hits = sum(any(_synonyms(a, b) for b in letters[1]) for a in letters[0])
+    alike = difflib.SequenceMatcher(None, " ".join(mine), " ".join(theirs)).ratio()
+    share = hits / max(len(letters[0]), 1)
+    stated = 0.1 if column.unit and not unit_problem(column.unit) else 0.0
+    says = 0.15 if what == ("command" if told else "measured") and hits else 0.0
+    return min(0.84, 0.6 * share + 0.3 * alike + stated + says)
+
+
+def _may_be(what: str, told: bool, mine: Iterable[str], theirs: Collection[str]) -> bool:
+    """May a column of this role feed a channel that the machine is told, or answers with?"""
+    if what == "other":
+        return False
+    if told and not WHEEL.isdisjoint(theirs) and WHEEL.isdisjoint(mine):
+        return False
+    return what != ("measured" if told else "command")
+
+
+def _synonyms(a: str, b: str) -> bool:
+    return a == b or any(a in group and b in group for group in _SYNONYMS)
+
+
+def short(name: str) -> str:
+    """A name for a source: what a twin file's reader would call it.
+
+    >>> short("/cmd_vel"), short("Robot1_Odometry")
+    ('cmd_vel', 'robot1_odometry')
+    """
+    return re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_") or "log"

@@ -1,0 +1,129 @@
+"""What a proposal is made from: the tables of some recordings, described, with their first rows.
+
+Recordings with the same tables are one source's tasks; a table that another recording has not is a
+source of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from evertwin.errors import DataError
+from evertwin.sources.description import ColumnInfo, Info, TableInfo
+from evertwin.sources.info import inspect
+from evertwin.sources.recording import open_recording
+from evertwin.sources.stamps import NO_STAMP, to_ns
+from evertwin.starter.words import quantity, words
+from evertwin.types import Float64, Vector
+
+ROWS = 50_000
+"""Rows that relations between columns are told from."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A table, and the recordings that have it.
+
+    >>> info = TableInfo("", 3, None, (ColumnInfo("v", "number", "m/s", 3, 0, 0, low=0, high=1),))
+    >>> seen = Seen((Path("run.csv"),), info, None, np.zeros((3, 1)))
+    >>> [column.name for column in seen.columns]
+    ['v']
+    """
+
+    files: tuple[Path, ...]
+    table: TableInfo
+    t: Vector | None
+    """Stamps of its first rows [s]; None: it has no column of time."""
+    rows: Float64[np.ndarray, "n columns"]
+    """Their numbers, (n, columns)."""
+
+    @property
+    def columns(self) -> tuple[ColumnInfo, ...]:
+        """Columns of numbers beside the clocks."""
+        return _numbers(self.table)
+
+    @property
+    def about(self) -> str:
+        """What names it says beyond its headings: the topic, or the name of its file."""
+        return self.table.name or self.files[0].name.split(".")[0]
+
+
+def _numbers(table: TableInfo) -> tuple[ColumnInfo, ...]:
+    clocks = {clock.column for clock in table.clocks}
+    clocks |= set() if table.time is None else {table.time.column}
+    return tuple(
+        c for c in table.columns if c.kind in ("number", "boolean") and c.name not in clocks
+    )
+
+
+def look(files: Sequence[Path]) -> tuple[tuple[Seen, ...], tuple[Info, ...]]:
+    """The different tables of recordings, and each recording described.
+
+    Raises:
+        DataError: a file cannot be read, or none holds a complete row.
+    """
+    told = tuple(inspect(_there(file)) for file in files)
+    found: dict[tuple[str, ...], Seen] = {}
+    for file, info in zip(files, told, strict=True):
+        for table in info.tables:
+            said = quantity(words(file.name.split(".")[0]))  # positions and torques may share names
+            key = (table.name, said, *(column.name for column in table.columns))
+            if table.rows == 0 or not _numbers(table):
+                continue
+            if key in found:
+                before = found[key]
+                both = _widened(before.table, table)
+                found[key] = Seen((*before.files, file), both, before.t, before.rows)
+            else:
+                found[key] = Seen((file,), table, *_beginning(file, table))
+    if not found:
+        names = ", ".join(str(file) for file in files)
+        raise DataError(f"{names}: holds no complete row: look at it with evertwin info")
+    return tuple(found.values()), told
+
+
+def _widened(one: TableInfo, other: TableInfo) -> TableInfo:
+    """A table whose columns reach as far as those of two recordings."""
+    pairs = zip(one.columns, other.columns, strict=True)
+    columns = (
+        replace(a, low=float(np.fmin(a.low, b.low)), high=float(np.fmax(a.high, b.high)))
+        for a, b in pairs
+    )
+    return replace(one, columns=tuple(columns))
+
+
+def _there(file: Path) -> Path:
+    if not file.exists():
+        raise DataError(f"{file}: no such file")
+    return file
+
+
+def _beginning(file: Path, table: TableInfo) -> tuple[Vector | None, np.ndarray]:
+    """The first rows of a table: stamps [s] and numbers."""
+    source = next(t for t in open_recording(file).tables if t.name == table.name)
+    names, time = [column.name for column in _numbers(table)], table.time
+    stamps, rows, count = [], [], 0
+    for piece in source.rows(names, None if time is None else time.column, strict=False):
+        rows.append(piece.values)
+        if time is not None:
+            stamps.append(_seconds(piece.time, time.unit))
+        count += len(piece.values)
+        if count >= ROWS:
+            break
+    values = np.concatenate(rows)[:ROWS]
+    return (np.concatenate(stamps)[:ROWS] if stamps else None), values
+
+
+def _seconds(raw: np.ndarray, unit: str) -> Vector:
+    """Seconds; NaN where a cell is no stamp."""
+    try:
+        t = to_ns(raw, unit)
+    except DataError:
+        if len(raw) == 1:
+            return np.full(1, np.nan)
+        return np.concatenate([_seconds(raw[i : i + 1], unit) for i in range(len(raw))])
+    return np.where(t == NO_STAMP, np.nan, t * 1e-9)

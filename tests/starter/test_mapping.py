@@ -1,0 +1,171 @@
+"""Recordings as others write them: which column is taken for which channel, and what is asked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evertwin.machines.catalog import machine
+from evertwin.starter import Proposal, look, mapped
+
+T = np.arange(0.0, 20.0, 0.01)
+JOINTS = 6
+Columns = Mapping[str, np.ndarray]
+Written = Callable[..., Path]
+
+
+@pytest.fixture
+def written(tmp_path: Path) -> Written:
+    def write(columns: Columns, name: str = "run.csv", head: str | None = "") -> Path:
+        lines = [] if head is None else [",".join(columns)]
+        table = np.stack(list(columns.values()), axis=1)
+        lines += [",".join(f"{value:.6g}" for value in row) for row in table]
+        (tmp_path / name).write_text("\n".join(lines) + "\n")
+        return tmp_path / name
+
+    return write
+
+
+def motion(joint: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Angle, speed and torque of a joint."""
+    w, noise = 0.7 + 0.2 * joint, np.random.default_rng(joint).normal(size=len(T))
+    q = np.sin(w * T) + 0.1 * joint
+    qd = w * np.cos(w * T)
+    return q, qd + 0.01 * noise, 5 * np.sign(qd) - 3 * w**2 * np.sin(w * T) + 0.2 * noise
+
+
+def arm(heading: Callable[[str, int], str], degrees: bool = False) -> dict[str, np.ndarray]:
+    factor = 180 / np.pi if degrees else 1.0
+    told = {"t": T}
+    for i, what in enumerate(("q", "qd", "tau")):
+        for j in range(JOINTS):
+            told[heading(what, j)] = motion(j)[i] * (factor if what != "tau" else 1.0)
+    return told
+
+
+def proposed(*files: Path, kind: str = "arm") -> Proposal:
+    options = {"urdf": "ur5_like"} if kind == "arm" else {}
+    return mapped(machine(kind, options), look(files)[0])
+
+
+def columns(proposal: Proposal) -> dict[str, str]:
+    return {match.channel: match.column for match in proposal.matches}
+
+
+WORDS = {"q": "pos", "qd": "vel", "tau": "torque"}
+LONG = {"q": "positions", "qd": "velocities", "tau": "efforts"}
+URSCRIPT = {"q": "actual_q", "qd": "actual_qd", "tau": "actual_torque"}
+UNITS = {"q": "rad", "qd": "rad/s", "tau": "Nm"}
+HEADINGS: dict[str, Callable[[str, int], str]] = {
+    "controllers": lambda what, j: f"{LONG[what]}.{j}",
+    "joint first": lambda what, j: f"J{j + 1}_{WORDS[what]}",
+    "from zero": lambda what, j: f"{URSCRIPT[what]}_{j}",
+    "brackets": lambda what, j: f"joint{j + 1}/{WORDS[what]}[{UNITS[what]}]",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("heading", HEADINGS.values(), ids=HEADINGS)
+def test_an_arm_is_found_whatever_its_headings(
+    written: Written, heading: Callable[[str, int], str]
+) -> None:
+    table = arm(heading)
+    found = proposed(written(table))
+    order = [name.split("[")[0] for name in table if name != "t"]
+    want = [f"{what}{j + 1}" for what in ("q", "qd", "tau") for j in range(JOINTS)]
+    assert columns(found) == dict(zip(want, order, strict=True))
+    assert [d.name for d in found.derivations] == [f"qdd{j + 1}" for j in range(JOINTS)]
+    assert not found.questions
+
+
+def test_numbers_tell_angle_from_speed_where_nothing_is_named(written: Written) -> None:
+    found = proposed(written(arm(lambda what, j: f"{what}{j}"), head=None))
+    assert columns(found) == {
+        f"{what}{j + 1}": f"c{2 + 6 * i + j}"
+        for i, what in enumerate(("q", "qd", "tau")) for j in range(JOINTS)
+    }  # fmt: skip
+    assert found.questions == tuple(f"tau{j + 1}: scale" for j in range(JOINTS))
+
+
+def test_an_angle_in_degrees_is_told_by_its_speed(written: Written) -> None:
+    table = arm(lambda what, j: f"{WORDS[what]}_{j}")
+    small = {
+        name: v * (np.degrees(1) if name.startswith("pos") else 1) for name, v in table.items()
+    }
+    found = proposed(written(small))
+    assert {m.unit for m in found.matches if m.channel.startswith("q")} == {"deg", "rad/s"}
+
+
+def test_desired_values_and_currents_are_not_what_was_measured(written: Written) -> None:
+    table = {"t": T}
+    for j in range(JOINTS):
+        q, qd, tau = motion(j)
+        table |= {
+            f"target_q_{j}": q + 0.001, f"actual_q_{j}": q, f"actual_qd_{j}": qd,
+            f"target_current_{j}": 0.1 * tau + 0.1, f"actual_current_{j}": 0.1 * tau,
+        }  # fmt: skip
+    found = proposed(written(table))
+    assert columns(found)["q1"] == "actual_q_0" and columns(found)["tau6"] == "actual_current_5"
+    assert found.questions[0] == "tau1: scale"
+
+
+def test_positions_and_torques_in_two_files(written: Written) -> None:
+    joints = [motion(j) for j in range(JOINTS)]
+    one = written({f"Joint_{j + 1}": q for j, (q, _, _) in enumerate(joints)}, "pos_data.csv")
+    two = written({f"Joint_{j + 1}": m for j, (_, _, m) in enumerate(joints)}, "torque_data.csv")
+    found = proposed(one, two)
+    assert {(m.channel[:-1], m.source) for m in found.matches} == {("q", 0), ("tau", 1)}
+    assert [d.name for d in found.derivations][:1] == ["qd1"]
+
+
+def test_a_base_is_commanded_by_commands_and_answers_with_its_pose(written: Written) -> None:
+    v, w = 0.3 * np.sin(T), 0.2 * np.cos(0.3 * T)
+    table = {
+        "t": T, "left_wheel_vel": v * 5, "cmd_vel_linear_x": v, "cmd_vel_angular_z": w,
+        "icp_x": np.cumsum(v) * 0.01, "icp_y": 0.1 * np.sin(0.1 * T),
+        "icp_yaw": np.cumsum(w) * 0.01, "delta_x": 0.01 * v, "range": np.full(len(T), 3.0),
+    }  # fmt: skip
+    found = proposed(written(table), kind="differential")
+    assert columns(found) == {
+        "v": "cmd_vel_linear_x", "w": "cmd_vel_angular_z", "x": "icp_x", "y": "icp_y",
+        "heading": "icp_yaw",
+    }  # fmt: skip
+    assert not found.questions
+
+
+def test_two_commanded_wheels_become_speed_and_turn_rate(written: Written) -> None:
+    table = {
+        "t": T, "cmd_left": np.sin(T), "cmd_right": np.cos(T), "left_vel": np.sin(T - 0.1),
+        "right_vel": np.cos(T - 0.1), "x": np.sin(0.1 * T), "y": np.cos(0.1 * T), "yaw": 0.1 * T,
+    }  # fmt: skip
+    found = proposed(written(table), kind="differential")
+    assert columns(found)["left"] == "cmd_left" and columns(found)["right"] == "cmd_right"
+    assert found.questions == ("v: value", "w: value")
+
+
+def test_what_stays_constant_is_asked_about(written: Written, tmp_path: Path) -> None:
+    still = {"t": T, "v_cmd": np.full(len(T), 0.3), "x": 0.3 * T}
+    found = proposed(written(still), kind="robot1d")
+    assert found.questions == ("v: column",)
+    assert "v_cmd would do, but stays at 0.3" in found.matches[0].reason
+    faster = written({**still, "v_cmd": np.full(len(T), 0.5)}, "two.csv")
+    assert not proposed(tmp_path / "run.csv", faster, kind="robot1d").questions
+
+
+def test_an_axis_moved_by_a_voltage(written: Written) -> None:
+    table = {"t": T, "qm": np.sin(T), "qg": np.sin(T + 0.01), "vir": np.cos(T)}
+    found = proposed(written(table), kind="drive")
+    assert columns(found) == {"force": "vir", "position": "qm"}
+    assert [d.name for d in found.derivations] == ["speed"]
+    assert found.questions == ("force: scale",)
+
+
+def test_the_room_is_the_steadiest_temperature(written: Written) -> None:
+    table = {
+        "t": T, "t1": 30 + np.sin(T), "t2": 31 + np.sin(T), "t3": 21 + 0.1 * np.sin(T),
+        "heater_on": (np.sin(T) > 0).astype(float), "average_temperature": 30.5 + np.sin(T),
+    }  # fmt: skip
+    found = proposed(written(table), kind="thermal")
+    assert columns(found) == {"heater": "heater_on", "box": "average_temperature", "room": "t3"}

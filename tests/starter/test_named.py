@@ -1,0 +1,54 @@
+"""Names, numbers, units and ranges decide which column could feed a channel."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from evertwin.signals import Channel, Layout
+from evertwin.starter import look
+from evertwin.starter.named import matched
+
+ARM = Layout(
+    tuple(Channel(f"q{i}", "rad", kind="angle") for i in (1, 2))
+    + tuple(Channel(f"qd{i}", "rad/s") for i in (1, 2))
+    + (Channel("T", "K"),)
+)
+
+
+def test_numbers_agree_and_units_are_told(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    head = "time [s],joint 1 velocity [rad/s],joint_2_velocity,q1,joint position 2,note,temperature"
+    rows = [f"{i / 100},0.{i % 3},0.{i % 4},{i},{2 * i},7,{20 + i % 3}" for i in range(300)]
+    path.write_text("\n".join([head, *rows]) + "\n")
+    found = {m.channel: m for m in matched(ARM, look([path])[0])}
+    assert found["q1"].column == "q1" and found["q1"].unit == "deg"
+    assert found["qd1"].column == "joint 1 velocity" and found["qd1"].unit == "rad/s"
+    assert found["T"].column == "temperature" and found["T"].unit == "degC"
+    numbers = {name: match.column for name, match in found.items()}
+    assert all(("1" in column) == ("1" in name) for name, column in numbers.items() if name != "T")
+
+
+def test_a_name_takes_axes_apart_and_no_difference_for_the_quantity(tmp_path: Path) -> None:
+    base = Layout(
+        (
+            *(Channel(f"v{a}", "m/s") for a in "xy"),
+            Channel("w", "rad/s"),
+            Channel("x", "m"),
+            Channel("heading", "rad", kind="angle"),
+        )
+    )
+    path = tmp_path / "run.csv"
+    path.write_text(
+        "time;Robot speed along Y axis [m/s];Robot speed along X axis [m/s]"
+        ";Rotational speed [rad/s];Delta X local position [m];Angle [deg]\n"
+        + "".join(
+            f"{i / 10};{i % 3 / 9};{i % 5 / 9};{i % 7 / 9};0.0{i % 4};{i}\n" for i in range(300)
+        )
+    )
+    found = matched(base, look([path])[0])
+    assert {m.channel: m.column for m in found} == {
+        "vy": "Robot speed along Y axis",
+        "vx": "Robot speed along X axis",
+        "w": "Rotational speed",
+        "heading": "Angle",
+    }
