@@ -25,7 +25,7 @@ from planted import joints
 from planted.pushed import compared, tank
 from planted.robots import drive
 from planted.twins import TWINS, opened, shipped
-from planted.worlds import record_arm, record_robot
+from planted.worlds import record_arm, record_live, record_robot
 from proofs import elsewhere
 from proofs._verdict import ended, no_data
 
@@ -69,8 +69,14 @@ def _real(*parts: str) -> Recording:
     return lambda _: [there / part for part in parts] or None
 
 
+def _said(name: str, seconds: float, *orders: str) -> Recording:
+    """What a living machine says."""
+    return lambda folder: record_live(name, folder / f"{name}.csv", seconds, *orders)
+
+
 EMPS = _real("emps/DATA_EMPS.mat")
 CASES: dict[str, Recording] = {
+    "arm_live": _said("arm", 300.0, "150:friction.2=1.3"), "robot_live": _said("robot", 600.0),
     "arm": _arm, "robot": _robot("--seconds", "600", "--seed", "1"),
     "robot1d": _robot("--light", "--world", "w3", "--seconds", "600", "--seed", "1"),
     "joint": _joint, "mass": _mass, "template": _tank, "wear": _line,

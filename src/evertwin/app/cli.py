@@ -17,6 +17,7 @@ import typer
 from evertwin.app import cli_validate
 from evertwin.app.cli_engineer import register as register_engineer
 from evertwin.app.cli_export import register as register_export
+from evertwin.app.cli_machine import register as register_machine
 from evertwin.app.cli_prognosis import register as register_prognosis
 from evertwin.app.cli_store import register as register_store
 from evertwin.errors import EvertwinError
@@ -309,6 +310,7 @@ cli_validate.register(app)
 register_engineer(app)
 register_export(app, model_app)
 register_store(app)
+register_machine(app)
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from importlib.resources import files
@@ -48,11 +49,17 @@ class World:
             raise ModelError(f"the embedded {self.name} takes more than {LIMIT:.0f} s") from None
         if self._process.returncode == 0:
             return sorted(self.out.glob("*.csv")) if self.out.is_dir() else [self.out]
-        if "No module named 'mujoco'" in said:
-            raise MissingExtra.of("mujoco", "mujoco")
-        last = (said.strip().splitlines() or ["no message"])[-1]
-        code = self._process.returncode
-        raise ModelError(f"the embedded {self.name} stopped with {code}: {last}")
+        raise failed(self.name, self._process.returncode, said)
+
+
+def failed(name: str, code: int, said: str) -> MissingExtra | ModelError:
+    """What stopped an embedded machine, from its last words."""
+    lacking = re.search(r"No module named '(\w+)", said)
+    if lacking is not None:
+        extra = "mujoco" if lacking[1] == "mujoco" else "live"
+        return MissingExtra.of(lacking[1], extra)
+    last = (said.strip().splitlines() or ["no message"])[-1]
+    return ModelError(f"the embedded {name} stopped with {code}: {last}")
 
 
 def robot(out: Path, *options: str) -> World:

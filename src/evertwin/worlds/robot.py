@@ -80,7 +80,7 @@ def simulate(seed: int, world: str, plan: Plan) -> dict[str, Vector]:
     steps = round(1.0 / model.opt.timestep)
     for k in range(len(u)):
         for _ in range(steps):
-            _servo(data, model, float(aim[k]), float(turn[k]), drive, rng)
+            servo(data, model, float(aim[k]), float(turn[k]), drive, rng)
             mujoco.mj_step(model, data)
         poses.append(data.qpos.copy())
     pose = np.array(poses)
@@ -93,7 +93,7 @@ def simulate(seed: int, world: str, plan: Plan) -> dict[str, Vector]:
     }  # fmt: skip
 
 
-def _servo(
+def servo(
     data: Any, model: Any, speed: float, turn: float, drive: Drive, rng: np.random.Generator
 ) -> None:
     """Forces of the speed controller, in the base's frame; settles with the drive's lag."""

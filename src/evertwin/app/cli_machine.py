@@ -1,0 +1,105 @@
+"""The commands ``evertwin machine …``: embedded machines that live and speak."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+machine_app = typer.Typer(
+    help="Embedded machines that run and speak: arm (Modbus, OPC UA), robot (MQTT); tell them.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+Seed = Annotated[int, typer.Option(help="Of noise and commands.")]
+Speed = Annotated[
+    float, typer.Option(min=0.1, max=1000.0, help="Time-lapse: seconds of its clock in one.")
+]
+Start = Annotated[
+    float | None,
+    typer.Option(help="Of its clock, seconds since 1970. Default: now; of a recording: 0."),
+]
+Seconds = Annotated[float | None, typer.Option(min=0.0, help="Of its clock, to run.")]
+Order = Annotated[
+    list[str] | None,
+    typer.Option("--order", help="SECONDS:ORDERS, planned: 60:friction.2=1.3; repeat."),
+]
+Control = Annotated[int, typer.Option(help="Port on loopback for orders; 0: any free one.")]
+Record = Annotated[
+    Path | None,
+    typer.Option(help="Write what it would publish in --seconds, at once, and end."),
+]
+
+
+@machine_app.command("arm")
+def arm(
+    seed: Seed = 1,
+    speed: Speed = 1.0,
+    start: Start = None,
+    seconds: Seconds = None,
+    order: Order = None,
+    control: Control = 5021,
+    record: Record = None,
+    modbus: Annotated[str, typer.Option(help="HOST:PORT of its registers; '': none.")] = (
+        "127.0.0.1:5020"
+    ),
+    opcua: Annotated[str, typer.Option(help="HOST:PORT of its variables; '': none.")] = (
+        "127.0.0.1:4840"
+    ),
+) -> None:
+    """A 6-axis arm that welds: angle, speed, torque by Modbus TCP and OPC UA, ten times a second.
+
+    Example: evertwin machine arm --speed 10
+    """
+    from evertwin.app.machines import Common, run_arm
+
+    run_arm(Common(seed, speed, start, seconds, order or [], control, record), modbus, opcua)
+
+
+@machine_app.command("robot")
+def robot(
+    seed: Seed = 1,
+    speed: Speed = 1.0,
+    start: Start = None,
+    seconds: Seconds = None,
+    order: Order = None,
+    control: Control = 5022,
+    record: Record = None,
+    world: Annotated[str, typer.Option(help="Its drive: w1, w2, w3, w4.")] = "w3",
+    broker: Annotated[
+        str | None, typer.Option(help="HOST:PORT of an MQTT broker. Default: it starts one.")
+    ] = None,
+    own_broker: Annotated[str, typer.Option(help="HOST:PORT of the broker it starts.")] = (
+        "127.0.0.1:1883"
+    ),
+) -> None:
+    """A transport robot in a hall: command and pose by MQTT, once a second.
+
+    Example: evertwin machine robot --speed 10
+    """
+    from evertwin.app.machines import Common, run_robot
+
+    common = Common(seed, speed, start, seconds, order or [], control, record)
+    run_robot(common, world, broker, own_broker)
+
+
+@machine_app.command("tell")
+def tell(
+    where: Annotated[str, typer.Argument(help="HOST:PORT of its orders.", metavar="HOST:PORT")],
+    orders: Annotated[
+        list[str] | None, typer.Argument(help="NAME=NUMBER; none: what it knows.")
+    ] = None,
+) -> None:
+    """Tell a running machine to wear, to carry, to lie with a sensor, to lose a cable.
+
+    Example: evertwin machine tell 127.0.0.1:5021 friction.2=1.3 payload=2 for=20
+    """
+    from evertwin.app.machines import tell_machine
+
+    tell_machine(where, orders or [])
+
+
+def register(app: typer.Typer) -> None:
+    """Adds them to the command line."""
+    app.add_typer(machine_app, name="machine")

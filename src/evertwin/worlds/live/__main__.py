@@ -1,0 +1,60 @@
+"""``python -m evertwin.worlds.live arm|robot``: a machine that runs and speaks.
+
+When it listens it says where, in one line of JSON on stdout.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import json
+import sys
+import time
+
+from evertwin.errors import EvertwinError
+from evertwin.worlds.live.arm_voice import ArmVoice
+from evertwin.worlds.live.contract import Machine
+from evertwin.worlds.live.life import Life
+from evertwin.worlds.live.making import machine_of, parser, samples_of
+from evertwin.worlds.live.robot_voice import RobotVoice
+from evertwin.worlds.live.voices import Voice, address
+
+
+def _given(arguments: list[str] | None) -> argparse.Namespace:
+    options = parser(__doc__)
+    options.add_argument("--control", type=int, default=0, help="port on loopback for orders")
+    options.add_argument("--modbus", help="HOST:PORT")
+    options.add_argument("--opcua", help="HOST:PORT")
+    options.add_argument("--broker", help="HOST:PORT of a broker that is there")
+    options.add_argument("--own-broker", help="HOST:PORT at which a broker is started")
+    return options.parse_args(arguments)
+
+
+def _voice(given: argparse.Namespace, machine: Machine) -> Voice:
+    if given.machine == "arm":
+        modbus, opcua = (one and address(one) for one in (given.modbus, given.opcua))
+        return ArmVoice(tuple(machine.units["state"]), modbus, opcua)
+    own = given.broker is None
+    return RobotVoice(address(given.own_broker if own else given.broker), own=own)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Runs until it is stopped or its seconds are over."""
+    given = _given(arguments)
+    machine = machine_of(given)
+    start = round(time.time(), 1) if given.start is None else given.start
+
+    def ready(reached: dict[str, str]) -> None:
+        told = {"machine": machine.name, "speed": given.speed, "start": start, **reached}
+        sys.stdout.write(json.dumps(told) + "\n")
+        sys.stdout.flush()
+
+    life = Life(machine, _voice(given, machine), start)
+    asyncio.run(life.run(samples_of(given, machine), given.control, ready))
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except (EvertwinError, OSError) as error:
+        sys.exit(f"{error}")

@@ -1,0 +1,47 @@
+"""What both ways of running a machine share: its options, and the machine made of them."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+
+from evertwin.worlds.drive import WORLDS
+from evertwin.worlds.live.arm import LiveArm
+from evertwin.worlds.live.cable import cables
+from evertwin.worlds.live.contract import Machine
+from evertwin.worlds.live.life import Planned, Samples
+from evertwin.worlds.live.orders import Knob
+from evertwin.worlds.live.robot import LiveRobot
+
+SPEEDS = (0.1, 1000.0)
+
+
+def parser(says: str | None) -> argparse.ArgumentParser:
+    """The options of a machine's process."""
+    parser = argparse.ArgumentParser(description=says)
+    parser.add_argument("machine", choices=("arm", "robot"))
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--speed", type=float, default=1.0, help="seconds of its clock in one")
+    parser.add_argument("--start", type=float, help="of its clock, seconds since 1970")
+    parser.add_argument("--seconds", type=float, default=math.inf, help="of its clock, to run")
+    parser.add_argument("--order", action="append", default=[], help="SECONDS:ORDERS, planned")
+    parser.add_argument("--urdf", type=Path, help="description of the arm")
+    parser.add_argument("--world", choices=sorted(WORLDS), default="w3", help="of the robot")
+    return parser
+
+
+def machine_of(given: argparse.Namespace) -> Machine:
+    """The machine that was asked for."""
+    arm = given.machine == "arm"
+    lines = cables(("modbus", "opcua") if arm else ("mqtt",))
+    speed = Knob("seconds of its clock in one of ours", *SPEEDS, neutral=given.speed)
+    known = {**lines, "speed": speed}
+    if arm:
+        return LiveArm(given.urdf, given.seed, known)
+    return LiveRobot(given.world, given.seed, known)
+
+
+def samples_of(given: argparse.Namespace, machine: Machine) -> Samples:
+    """What it gives, with what is planned on the way."""
+    return Samples(machine, given.seconds, [Planned.of(one) for one in given.order])

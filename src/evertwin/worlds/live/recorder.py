@@ -1,0 +1,54 @@
+"""``python -m evertwin.worlds.live.recorder arm|robot``: what a machine would publish, into files.
+
+One topic goes into one file, several into files beside each other. Nothing is waited for.
+
+>>> paths_of(Path("run.csv"), ("command", "pose"))["pose"].name
+'run-pose.csv'
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from evertwin.errors import EvertwinError
+from evertwin.types import Vector
+from evertwin.worlds.live.contract import Sample
+from evertwin.worlds.live.making import machine_of, parser, samples_of
+from evertwin.worlds.save import save
+
+
+def paths_of(path: Path, topics: Iterable[str]) -> dict[str, Path]:
+    """The file of each topic."""
+    names = tuple(topics)
+    if len(names) == 1:
+        return {names[0]: path}
+    return {name: path.with_name(f"{path.stem}-{name}{path.suffix}") for name in names}
+
+
+def columns_of(samples: list[Sample], start: float) -> dict[str, Vector]:
+    """Samples of one topic as columns; ``start``: of the machine's clock [s]."""
+    columns = [one._replace(t=start + one.t).columns for one in samples]
+    return {name: np.array([one[name] for one in columns], dtype=float) for name in columns[0]}
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Runs a machine for its seconds and writes what it said."""
+    options = parser(__doc__)
+    options.add_argument("--record", type=Path, required=True, help="file to write")
+    given = options.parse_args(arguments)
+    machine = machine_of(given)
+    kept = [one for several in samples_of(given, machine) for one in several]
+    for topic, path in paths_of(given.record, machine.units).items():
+        own = [one for one in kept if one.topic == topic]
+        save(path, columns_of(own, given.start or 0.0), {"seq": "1", **machine.units[topic]})
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except (EvertwinError, OSError) as error:
+        sys.exit(f"{error}")
