@@ -75,11 +75,8 @@ class Decoder:
         Raises:
             UsageError: one is a position, or the unit of time is to be guessed.
         """
-        asked = [
-            *self._columns,
-            self.spec.task,
-            None if self._by_arrival else self.spec.time.column,
-        ]
+        stamps = None if self._by_arrival else self.spec.time.column
+        asked = [*self._columns, self.spec.task, stamps]
         for column in asked:
             if isinstance(column, int) and not ordered:
                 raise UsageError(

@@ -10,6 +10,7 @@ counted as a loss where it cannot (`Polled` protocols).
 from __future__ import annotations
 
 import asyncio
+import os
 import random
 from abc import ABC, abstractmethod
 from collections.abc import AsyncIterator
@@ -107,7 +108,7 @@ class Line(ABC):
     async def chunks(self) -> AsyncIterator[Chunk]:
         """See `LiveSource`."""
         if not self._closed:
-            self._reading = asyncio.create_task(self._read(), name=f"evertwin {self.name}")
+            self._reading = asyncio.create_task(self._sessions(), name=f"evertwin {self.name}")
         try:
             while not self._closed:
                 chunk = await self._next()
@@ -145,7 +146,7 @@ class Line(ABC):
             LineDown, OSError, TimeoutError: the line is gone; another session follows.
         """
 
-    async def _read(self) -> None:
+    async def _sessions(self) -> None:
         while True:
             try:
                 await self._one_session()
@@ -174,6 +175,6 @@ def reason_of(error: BaseException) -> str:
     """
     if isinstance(error, TimeoutError) and not str(error):
         return "no answer in time"
-    if isinstance(error, OSError) and error.strerror:
-        return error.strerror
+    if isinstance(error, OSError) and error.errno is not None:
+        return os.strerror(error.errno) if error.errno > 0 else str(error.strerror)
     return str(error) or type(error).__name__

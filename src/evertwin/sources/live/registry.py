@@ -1,7 +1,7 @@
 """Protocols by name: own ones, and what other packages add under ``evertwin.sources``.
 
 >>> sorted(OWN), settings_of("replay").__name__
-(['file', 'replay'], 'ReplaySettings')
+(['file', 'modbus', 'replay'], 'ReplaySettings')
 """
 
 from __future__ import annotations
@@ -22,6 +22,9 @@ from evertwin.sources.spec import SourceSpec
 OWN = {
     "file": (
         "evertwin.sources.live.growing:GrowingSettings", "evertwin.sources.live.growing:Growing",
+    ),
+    "modbus": (
+        "evertwin.sources.live.modbus_spec:ModbusSettings", "evertwin.sources.live.modbus:Modbus",
     ),
     "replay": (
         "evertwin.sources.live.replay:ReplaySettings", "evertwin.sources.live.replay:Replay",

@@ -56,7 +56,8 @@ class Telling:
     def lose(self, cause: str, count: int = 1) -> None:
         """Samples never came."""
         _add(self._lost, cause, count)
-        self.reason = f"{count} lost: {cause}"
+        if self.state == "up":
+            self.reason = f"{count} lost: {cause}"
 
     def note(self, what: str, count: int = 1) -> None:
         """Something remarkable in samples that are used."""
