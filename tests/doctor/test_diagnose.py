@@ -18,7 +18,7 @@ from evertwin.config.spec import (
     TuningSpec,
     TwinSpec,
 )
-from evertwin.doctor import Diagnosis
+from evertwin.doctor import Diagnosis, Finding
 from evertwin.models import FunctionModel, Parameter, Parameters
 from evertwin.signals import Layout
 from evertwin.twin import Twin
@@ -181,3 +181,15 @@ def test_celsius_taken_for_kelvin() -> None:
 def test_it_shows_itself_in_a_notebook() -> None:
     shown = Twin(SPEC).doctor(drive(lag=0.3))._repr_html_()
     assert "<table>" in shown and "lag" in shown
+
+
+def test_what_spoils_most_comes_first_and_what_is_alike_stands_together() -> None:
+    kinds = ("weak", "gap", "unit", "weak", "lag", "horizon", "at_bound", "tolerance")
+    found = tuple(Finding(k, f"{k}{i}", f"reason {i}", "rows", k) for i, k in enumerate(kinds))
+    lines = Diagnosis("robot", 10, found, {}).text().splitlines()
+    assert [line.split(":")[0] for line in lines[1:11:2]] == [
+        "unit", "lag", "gap", "horizon", "tolerance"
+    ]  # fmt: skip
+    assert lines[-1].startswith("and 3 less important (--all): at_bound (at_bound6); weak (weak0)")
+    every = Diagnosis("robot", 10, found, {}).text(len(found))
+    assert "weak, 2 times: reason 0 (rows); also weak3" in every

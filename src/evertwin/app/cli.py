@@ -201,14 +201,23 @@ def init(
 
 
 @app.command()
-def doctor(twin: TwinFile, data: DataFiles = None, as_json: AsJson = False) -> None:
+def doctor(
+    twin: TwinFile,
+    data: DataFiles = None,
+    every: Annotated[
+        bool, typer.Option("--all", help="Every finding, not the first five.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
     """Find what is wrong, or will be: units, lag, excitation, what is not identifiable.
 
-    Exit code 1 when there are findings. Example: evertwin doctor robot.toml --data run.csv
+    What spoils the result most comes first. Exit code 1 when there are findings.
+
+    Example: evertwin doctor robot.toml --data run.csv
     """
     from evertwin.app.commands import examine
 
-    examine(twin, data, as_json)
+    examine(twin, data, every, as_json)
 
 
 @app.command()

@@ -10,6 +10,7 @@ import typer
 
 from evertwin.app.console import Progress, Search, show
 from evertwin.app.opening import store_path, to_work
+from evertwin.doctor.finding import SHOWN
 from evertwin.errors import DataError
 from evertwin.fold import plain
 from evertwin.loop.result import RunResult
@@ -101,11 +102,12 @@ def fit_twin(
         raise typer.Exit(1)
 
 
-def examine(twin: Path, data: Files, as_json: bool) -> None:
+def examine(twin: Path, data: Files, every: bool, as_json: bool) -> None:
     """``evertwin doctor``."""
     with Twin.open(twin, reading=True) as opened:
         found = opened.doctor(_files(data))
-        show(found.to_dict(), str(found), as_json)
+        most = len(found.findings) if every else SHOWN
+        show(found.to_dict(), found.text(most), as_json)
     if found.findings:
         raise typer.Exit(1)
 

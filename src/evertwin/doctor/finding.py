@@ -8,7 +8,17 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from evertwin.fold import plain
+from evertwin.sources.names import listed
 from evertwin.types import Json
+
+RANKS = (
+    "lost", "unit", "sign", "rate", "repeated", "missing", "frozen", "clock", "lag", "held", "jump",
+    "absurd", "range", "gap", "not_possible", "not_connected", "horizon", "requirement",
+    "tolerance", "gate", "tuning", "at_bound", "not_identifiable", "weak",
+)  # fmt: skip
+"""Kinds of finding, what spoils a result most first."""
+SHOWN = 5
+"""Findings that a person reads at once."""
 
 
 @dataclass(frozen=True)
@@ -60,13 +70,36 @@ class Diagnosis:
         """The findings of some kinds."""
         return tuple(item for item in self.findings if item.kind in kinds)
 
-    def __str__(self) -> str:
-        count = len(self.findings)
+    @property
+    def ranked(self) -> tuple[tuple[Finding, ...], ...]:
+        """The findings, alike ones together, what spoils the result most first.
+
+        >>> two = (Finding("weak", "b", "", "", ""), Finding("unit", "x", "", "", ""))
+        >>> [group[0].kind for group in Diagnosis("robot", 0, two, {}).ranked]
+        ['unit', 'weak']
+        """
+        groups: dict[tuple[str, str], list[Finding]] = {}
+        for one in self.findings:
+            groups.setdefault((one.kind, one.step), []).append(one)
+        place = {kind: number for number, kind in enumerate(RANKS)}
+        order = sorted(groups.values(), key=lambda group: place.get(group[0].kind, len(RANKS)))
+        return tuple(map(tuple, order))
+
+    def text(self, most: int = SHOWN) -> str:
+        """For a terminal: the ``most`` important findings, and how many others there are."""
+        count, ranked = len(self.findings), self.ranked
         head = f"{self.name}: {self.rows} rows, {count} finding{'s' * (count != 1)}"
+        shown = [_told(group) for group in ranked[:most]]
+        rest = [f"{one.kind} ({one.subject})" for group in ranked[most:] for one in group]
+        if rest:
+            shown.append(f"and {len(rest)} less important (--all): {listed(rest, 4)}")
         told = {item.subject for item in self.of_kind("clock")}
         known = self.figures.get("clocks", {}).items()
         clocks = [f"clock: {found['said']}" for source, found in known if source not in told]
-        return "\n".join([head, *map(str, self.findings), *clocks])
+        return "\n".join([head, *shown, *clocks])
+
+    def __str__(self) -> str:
+        return self.text()
 
     def _repr_html_(self) -> str:
         cells = ((f.kind, f.reason, f.where, f.step) for f in self.findings)
@@ -74,3 +107,15 @@ class Diagnosis:
         rows = "".join(f"<tr>{row}</tr>" for row in told)
         title = html.escape(f"{self.name}: {len(self.findings)} findings in {self.rows} rows")
         return f"<p>{title}</p><table><tr><th>kind<th>why<th>where<th>next</tr>{rows}</table>"
+
+
+def _told(group: tuple[Finding, ...]) -> str:
+    """Findings of one kind and one remedy: the first in words, the others by name."""
+    first, others = group[0], dict.fromkeys(one.subject for one in group[1:])
+    if not others:
+        return str(first)
+    also = listed([name for name in others if name != first.subject] or ["the same again"], 8)
+    return (
+        f"{first.kind}, {len(group)} times: {first.reason} ({first.where}); also {also}"
+        f"\n  next: {first.step}"
+    )

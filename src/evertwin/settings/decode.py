@@ -91,6 +91,7 @@ def _said(root: type[Section], one: ErrorDetails, path: Path, context: dict[str,
     if kind == "said":
         return f"{dotted(path)}: {context['said']}" if path else str(context["said"])
     said = f"expected {_expected(root, one)}, got {_shown(one['input'])}"
+    said += ": a question that was left open, answer it" if one["input"] == "?" else ""
     if kind == "literal_error":
         said += _near(one["input"], get_args(setting_at(root, one["loc"]).type))
     return f"{dotted(path)}: {said}"
