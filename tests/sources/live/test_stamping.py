@@ -74,3 +74,9 @@ def test_a_machine_that_stood_while_nobody_listened_starts_from_zero() -> None:
     out = run(clock, [(t * S, (9000 + t) * S) for t in range(1, 11)])
     assert len(out) == 10 and out[0] > 5000 * S and set(np.diff(out).tolist()) == {S}
     assert FAR < 5000 * S and clock.set == 1
+
+
+def test_a_machine_in_time_lapse_may_pause() -> None:
+    clock: Stamping[None] = Stamping()
+    rows = [(20 * i * S, i * S) for i in range(10)] + [(20 * i * S, i * S) for i in range(30, 40)]
+    assert run(clock, rows) == [t for t, _ in rows] and clock.set == 0

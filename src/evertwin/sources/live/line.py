@@ -146,6 +146,10 @@ class Line(ABC):
             LineDown, OSError, TimeoutError: the line is gone; another session follows.
         """
 
+    def decode(self, columns: Columns) -> list[Chunk]:
+        """What goes out on one more sample."""
+        return self.decoder.chunks(columns)
+
     async def _sessions(self) -> None:
         while True:
             try:
@@ -161,7 +165,7 @@ class Line(ABC):
             async for columns in session:
                 self.told.up()
                 self.backoff.reset()
-                for chunk in self.decoder.chunks(columns):
+                for chunk in self.decode(columns):
                     await self._queue.put(chunk)
         finally:
             await session.aclose()  # type: ignore[attr-defined]

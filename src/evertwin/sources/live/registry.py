@@ -1,7 +1,7 @@
 """Protocols by name: own ones, and what other packages add under ``evertwin.sources``.
 
 >>> sorted(OWN), settings_of("replay").__name__
-(['file', 'modbus', 'replay'], 'ReplaySettings')
+(['file', 'modbus', 'mqtt', 'replay'], 'ReplaySettings')
 """
 
 from __future__ import annotations
@@ -25,6 +25,9 @@ OWN = {
     ),
     "modbus": (
         "evertwin.sources.live.modbus_spec:ModbusSettings", "evertwin.sources.live.modbus:Modbus",
+    ),
+    "mqtt": (
+        "evertwin.sources.live.mqtt_spec:MqttSettings", "evertwin.sources.live.mqtt:Mqtt",
     ),
     "replay": (
         "evertwin.sources.live.replay:ReplaySettings", "evertwin.sources.live.replay:Replay",

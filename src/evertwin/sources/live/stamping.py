@@ -24,8 +24,12 @@ from typing import Generic, TypeVar
 T = TypeVar("T")
 FAR = 10 * 10**9
 """A step [ns] from which on a stamp needs others that agree with it."""
+HURRIED = 1.5
+"""Seconds of stamps in a second, from which on arrival says nothing of what is ahead."""
 GAP = 10**9
 """Interval [ns] that a moved clock leaves where nobody knows how long it was."""
+STEPS = 100
+"""Steps of a source that make one far, where arrival says nothing."""
 CONFIRM = 3
 """Samples that must follow a held one on its own clock before it is believed."""
 KNOWN = 4096
@@ -51,6 +55,8 @@ class Stamping(Generic[T]):
         self.arrives = arrives
         """Do times of arrival mean anything? Not for files that are read as fast as they can."""
         self.newest: int | None = None
+        self.judged: int | None = None
+        """Stamp of the last sample, on the clock that goes out."""
         self.repeated = 0
         self.rejected = 0
         """Single stamps of no clock."""
@@ -60,9 +66,18 @@ class Stamping(Generic[T]):
         self._shift = 0
         self._lead: int | None = None
         """Smallest delay between stamp and arrival so far [ns]."""
+        self._step = 0.0
+        """What lies between two stamps, mostly [ns]."""
+        self._first: tuple[int, int] | None = None
+        """First stamp, and its arrival."""
         self._held: list[tuple[int, int, T]] = []
         self._order: deque[int] = deque()
         self._known: set[int] = set()
+
+    @property
+    def holds(self) -> bool:
+        """Do samples wait for others that agree with them?"""
+        return bool(self._held)
 
     def resume(self, stamp: int) -> None:
         """Go on after the newest stamp that is stored."""
@@ -76,7 +91,7 @@ class Stamping(Generic[T]):
             came: its `arrival` [ns].
             sample: what is kept with it.
         """
-        moved = stamp + self._shift
+        moved = self.judged = stamp + self._shift
         stored = not self.arrives and self._resumed is not None and moved <= self._resumed
         again = bool(self._held) and stamp == self._held[-1][0]
         if stored or again or moved in self._known:
@@ -85,7 +100,7 @@ class Stamping(Generic[T]):
         if self._follows(moved, came):
             self._drop()
             return self._out(moved, came, sample)
-        if self._held and not 0 < stamp - self._held[-1][0] <= FAR:
+        if self._held and not self._joins(stamp):
             self._drop()
         self._held.append((stamp, came, sample))
         return self._believed() if len(self._held) > CONFIRM else []
@@ -100,11 +115,24 @@ class Stamping(Generic[T]):
             return not self.arrives or stamp <= came + _DAY
         if stamp < self.newest - FAR:
             return False
-        if not self.arrives:
-            return stamp <= self.newest + FAR
+        if not self.arrives or self._hurried(came):
+            return stamp <= self.newest + max(FAR, min(int(STEPS * self._step), _MONTH))
         # the first one after a start: the machine may have stood for any time
         ahead = came - stamp < self._lead - FAR if self._lead is not None else stamp > came + _DAY
         return not ahead or stamp <= self.newest + FAR
+
+    def _joins(self, stamp: int) -> bool:
+        """Does it go on from what is held?"""
+        held = [t for t, _, _ in self._held]
+        most = max(FAR, STEPS * (held[1] - held[0])) if len(held) > 1 else _MONTH
+        return 0 < stamp - held[-1] <= most
+
+    def _hurried(self, came: int) -> bool:
+        """Do stamps go faster than the clock here: a machine in time-lapse, or what was kept?"""
+        if self._first is None or self.newest is None:
+            return False
+        stamp, began = self._first
+        return self.newest - stamp > HURRIED * (came - began) + FAR // 10
 
     def _out(self, stamp: int, came: int, sample: T) -> list[tuple[int, T]]:
         late = came - stamp
@@ -112,7 +140,12 @@ class Stamping(Generic[T]):
         if self._resumed is not None and stamp <= self._resumed:
             self.repeated += 1
             return []
+        if self._first is not None and self.newest is not None and stamp > self.newest:
+            step = stamp - self.newest  # the median of all, as it goes
+            self._step *= 1.1 if step > self._step else 1.0 / 1.1
+            self._step = self._step or float(step)
         self.newest = stamp if self.newest is None else max(self.newest, stamp)
+        self._first = (stamp, came) if self._first is None else self._first
         self._known.add(stamp)
         self._order.append(stamp)
         if len(self._order) > KNOWN:
@@ -124,7 +157,10 @@ class Stamping(Generic[T]):
         held, self._held = self._held, []
         stamp, came, _ = held[0]
         step = 1 if self.newest is None else stamp + self._shift - self.newest
-        if self.newest is not None and (self.arrives or not 0 < step <= _MONTH):
+        span = held[-1][0] - stamp, held[-1][1] - came
+        hurried = self._hurried(came) or span[0] > HURRIED * span[1] + FAR // 10
+        told = self.arrives and not hurried
+        if self.newest is not None and (told or not 0 < step <= _MONTH):
             passed = 0 if self._lead is None else came - self._lead - self.newest
             self._shift = self.newest + max(passed, GAP if self._lead is None else 1) - stamp
             self.set += 1

@@ -1,0 +1,331 @@
+"""MQTT against mosquitto: what is acknowledged is stored, what was not stored comes again."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import os
+import subprocess
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evertwin.errors import UsageError
+from evertwin.fold import Chunk
+from evertwin.sources.live import LiveSource, open_live
+from evertwin.sources.live.mqtt_parts import Count, NoMessage, place
+from evertwin.sources.spec import ChannelSpec, SourceSpec, TimeSpec
+from tests.sources.live.peers import Proxy, free_port, hear, listen, listening, need
+
+SPEC = SourceSpec(
+    "robot", {"x": ChannelSpec("x", "m"), "q": ChannelSpec("q", "deg")}, time=TimeSpec("t", "ms")
+)
+COLUMNS = {"x": "pose.x", "q": {"path": "q.0"}}
+
+
+def robot(port: int, spec: SourceSpec = SPEC, **settings: object) -> LiveSource:
+    table = {"source": "robot", "protocol": "mqtt", "port": port, "topic": "robot/state",
+             "sequence": "n", "client": "twin", "timeout": 2.0, "columns": COLUMNS,
+             **settings}  # fmt: skip
+    source = open_live(table, spec)
+    source.backoff.shortest = source.backoff._bound = 0.02  # type: ignore[attr-defined]
+    source.backoff.longest = 0.1  # type: ignore[attr-defined]
+    return source
+
+
+def said(n: int) -> bytes:
+    return json.dumps({"t": 10 * n, "n": n, "pose": {"x": n}, "q": [n, 0]}).encode()
+
+
+class Broker:
+    """A mosquitto that can be killed and started again."""
+
+    def __init__(self, folder: Path, *lines: str) -> None:
+        self.port = free_port()
+        self.config = folder / "mosquitto.conf"
+        own = [f"listener {self.port} 127.0.0.1", "allow_anonymous true", "user root",
+               f"persistence_location {folder}/"]  # fmt: skip
+        self.config.write_text("\n".join([*own, *lines]) + "\n")
+        self.start()
+
+    def start(self) -> None:
+        self.process = subprocess.Popen(
+            ["mosquitto", "-c", str(self.config)],
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )  # fmt: skip
+        listening(self.port)
+
+    def stop(self, *, kill: bool = False) -> None:
+        (self.process.kill if kill else self.process.terminate)()
+        self.process.wait()
+
+    def publish(self, messages: list[bytes], topic: str = "robot/state") -> None:
+        subprocess.run(
+            ["mosquitto_pub", "-p", str(self.port), "-t", topic, "-q", "1", "-l", "-V", "5"],
+            input=b"\n".join(messages) + b"\n", check=True, timeout=20,
+        )  # fmt: skip
+
+
+@contextmanager
+def mosquitto(folder: Path, *lines: str) -> Iterator[Broker]:
+    need("mosquitto", "mosquitto_pub")
+    broker = Broker(folder, *lines)
+    try:
+        yield broker
+    finally:
+        broker.stop(kill=True)
+
+
+def numbers(chunks: list[Chunk]) -> list[int]:
+    return [int(chunk.v[0, 0]) for chunk in chunks]
+
+
+SAFE = ("persistence true", "autosave_on_changes true", "autosave_interval 1")
+
+
+@pytest.mark.system
+@pytest.mark.parametrize("version", [3, 5])
+def test_what_was_not_stored_comes_again(tmp_path: Path, version: int) -> None:
+    with mosquitto(tmp_path) as broker:
+        source = robot(broker.port, version=version)
+
+        async def one_that_stores_nothing() -> list[Chunk]:
+            source.open()
+            given = []
+            async for chunk in source.chunks():
+                if not given:
+                    source.committed(chunk)
+                given.append(chunk)
+                if len(given) == 12:
+                    return given
+            return given
+
+        async def run() -> list[Chunk]:
+            reading = asyncio.create_task(one_that_stores_nothing())
+            while source.health.state != "up":
+                await asyncio.to_thread(broker.publish, [said(0)])
+                await asyncio.sleep(0.02)
+            await asyncio.to_thread(broker.publish, [said(n) for n in range(1, 12)])
+            return await asyncio.wait_for(reading, 10)
+
+        first = asyncio.run(run())
+        broker.publish([said(n) for n in range(12, 40)])
+        again = robot(broker.port, version=version)
+        again.resume(int(first[5].t[0]))  # the store had six of them
+        rest = listen(again, lambda given: len(given) >= 34)
+    assert numbers(first) == list(range(12)) and numbers(rest) == list(range(6, 40))
+    np.testing.assert_allclose(rest[0].v[0], [6, np.deg2rad(6)])
+    assert again.health.losses == 0 and again.health.repeated >= 5
+
+
+@pytest.mark.system
+def test_a_broker_that_is_stopped_and_comes_back_loses_nothing(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO, "evertwin.live")
+    with mosquitto(tmp_path, *SAFE) as broker:
+        source = robot(broker.port)
+        before = set(os.listdir("/proc/self/fd"))
+
+        def life() -> None:
+            while source.health.state != "up":
+                broker.publish([said(0)])
+            for part in range(1, 4):
+                broker.stop()
+                broker.start()
+                broker.publish([said(n) for n in range(100 * part - 99, 100 * part + 1)])
+
+        living = threading.Thread(target=life)
+        living.start()
+        chunks = listen(source, lambda given: len(given) >= 301)
+        living.join()
+        assert len(os.listdir("/proc/self/fd")) <= len(before)
+    assert sorted(numbers(chunks)) == list(range(301))
+    health = source.health
+    assert health.losses == 0 and health.reconnects == 3 and not health.rejected
+    assert [r.levelname for r in caplog.records].count("WARNING") == 3
+
+
+@pytest.mark.system
+def test_a_broker_that_forgets_is_named_as_the_cause(tmp_path: Path) -> None:
+    with mosquitto(tmp_path, "persistence false") as broker:
+        source = robot(broker.port)
+
+        def life() -> None:
+            while source.health.state != "up":
+                broker.publish([said(0)])
+            source.backoff.shortest = source.backoff._bound = 3.0  # type: ignore[attr-defined]
+            source.backoff.longest = 3.0  # type: ignore[attr-defined]
+            broker.stop(kill=True)
+            broker.start()
+            broker.publish([said(n) for n in range(1, 20)])  # nobody is there
+            while source.health.reconnects == 0 and not done.is_set():
+                broker.publish([said(50)])
+
+        done = threading.Event()
+        living = threading.Thread(target=life)
+        living.start()
+        chunks = listen(source, lambda given: 50 in numbers(given))
+        done.set()
+        living.join()
+    health = source.health
+    assert health.losses == 51 - len(chunks) > 0
+    assert all("forgot the session" in cause for cause in health.lost)
+    assert list(health.noted) == list(health.lost)
+
+
+@pytest.mark.system
+def test_a_queue_that_is_full_is_named_as_the_cause(tmp_path: Path) -> None:
+    with mosquitto(tmp_path, "max_queued_messages 10") as broker:
+        source = robot(broker.port)
+
+        async def life() -> list[Chunk]:
+            given: list[Chunk] = []
+            source.open()
+
+            async def read() -> None:
+                async for chunk in source.chunks():
+                    given.append(chunk)
+                    source.committed(chunk)
+
+            reading = asyncio.create_task(read())
+            while source.health.state != "up":
+                await asyncio.to_thread(broker.publish, [said(0)])
+            line = source._line  # type: ignore[attr-defined]
+            source.backoff.shortest = source.backoff._bound = 3.0  # type: ignore[attr-defined]
+            source.backoff.longest = 3.0  # type: ignore[attr-defined]
+            line.client.disconnect()
+            await asyncio.to_thread(broker.publish, [said(n) for n in range(1, 100)])
+            while source.health.reconnects == 0:
+                await asyncio.sleep(0.02)
+            await asyncio.to_thread(broker.publish, [said(100)])
+            while 100 not in numbers(given):
+                await asyncio.sleep(0.02)
+            source.close()
+            await reading
+            return given
+
+        chunks = asyncio.run(asyncio.wait_for(life(), 15))
+    health = source.health
+    assert health.losses == 101 - len(chunks) > 50
+    assert any("max_queued_messages" in cause for cause in health.lost)
+
+
+@pytest.mark.system
+def test_hostile_and_retained_messages_are_counted_and_forgotten(tmp_path: Path) -> None:
+    bad = [b"{", b"\xff\xfe", b"[" * 100_000, b"9" * 6000, b"{}", b'{"t": "x", "pose": {"x": 1}}',
+           b'{"t": 5, "n": "x", "pose": 7, "q": {"0": {}}}', b"null", b"NaN"]  # fmt: skip
+    with mosquitto(tmp_path) as broker:
+        old = ["mosquitto_pub", "-p", str(broker.port), "-t", "robot/state", "-r", "-m", "{}"]
+        subprocess.run(old, check=True)
+        source = robot(broker.port)
+
+        def publish() -> None:
+            while source.health.state == "connecting":
+                broker.publish([said(1)])
+            broker.publish([*bad, said(2)])
+
+        publishing = threading.Thread(target=publish)
+        publishing.start()
+        chunks = listen(source, lambda given: 2 in numbers(given))
+        publishing.join()
+    assert numbers(chunks) == [1, 2]
+    rejected = source.health.rejected
+    assert rejected["a retained message: an old value"] == 1  # type: ignore[index]
+    assert rejected["a message that is not JSON"] == 4 and rejected["no stamp"] == 4  # type: ignore[index]
+
+
+@pytest.mark.system
+def test_plain_values_of_several_topics(tmp_path: Path) -> None:
+    spec = SourceSpec("robot", SPEC.channels, time=TimeSpec(rate=1.0))
+    columns = {"x": {"topic": "robot/x"}, "q": {"topic": "robot/q"}}
+    with mosquitto(tmp_path) as broker:
+        source = robot(broker.port, spec, columns=columns, sequence=None)
+
+        def publish() -> None:
+            while source.health.state == "connecting":
+                broker.publish([b"1.5"], "robot/x")
+            broker.publish([b"180"], "robot/q")
+
+        publishing = threading.Thread(target=publish)
+        publishing.start()
+        chunks = listen(source, lambda given: bool(np.isfinite([c.v[0, 1] for c in given]).any()))
+        publishing.join()
+    assert chunks[0].v[0, 0] == 1.5 and np.isnan(chunks[0].v[0, 1])
+    assert chunks[-1].v[0, 1] == np.pi
+
+
+@pytest.mark.system
+def test_users_and_refusals(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    need("mosquitto_passwd")
+    passwords = tmp_path / "passwords"
+    subprocess.run(["mosquitto_passwd", "-b", "-c", str(passwords), "twin", "secret"], check=True)
+    with mosquitto(tmp_path) as broker:
+        text = broker.config.read_text().replace("anonymous true", "anonymous false")
+        broker.config.write_text(f"{text}password_file {passwords}\n")
+        broker.stop()
+        broker.start()
+        monkeypatch.setenv("ROBOT_PASSWORD", "wrong")
+        source = robot(broker.port, user="twin", password_env="ROBOT_PASSWORD")
+        listen(source, lambda given: "ot authorized" in source.health.reason)
+        (tmp_path / "password").write_text("secret\n")
+        password = str(tmp_path / "password")
+        right = robot(broker.port, user="twin", password_file=password, will="robot/twin")
+
+        def told(_: list[Chunk]) -> bool:
+            return right._line is not None  # type: ignore[attr-defined]
+
+        listen(right, told)
+        said_of = subprocess.run(
+            ["mosquitto_sub", "-p", str(broker.port), "-u", "twin", "-P", "secret", "-t",
+             "robot/twin", "-C", "1", "-W", "5"], capture_output=True, check=True,
+        )  # fmt: skip
+        assert said_of.stdout == b"up\n"
+
+
+def test_what_the_site_file_must_say() -> None:
+    with pytest.raises(UsageError, match="wildcards"):
+        robot(1, topic="robot/#").open()
+    with pytest.raises(UsageError, match="no stamp in common"):
+        robot(1, columns={"x": {"topic": "a"}}).open()
+    with pytest.raises(UsageError, match="EVERTWIN_NO_SUCH is not set"):
+        robot(1, password_env="EVERTWIN_NO_SUCH").open()
+    with pytest.raises(UsageError, match="cannot be read"):
+        robot(1, password_file="no/such").open()
+    names = {robot(port, client="")._name() for port in (1, 2)}  # type: ignore[attr-defined]
+    assert len(names) == 2
+
+
+def test_messages_and_counts() -> None:
+    with pytest.raises(NoMessage, match="too large"):
+        place(b" " * (1 << 21), ["x"])
+    count = Count()
+    restart = [count.missing(n, None) for n in (500, 501, 0, 1, 4)]
+    assert restart == [0, 0, 0, 0, 2] and count.starts == 1
+    assert count.missing("x", None) == 0 and count.missing(float("nan"), None) == 0
+
+
+@pytest.mark.system
+def test_a_line_that_is_half_open_is_left(tmp_path: Path) -> None:
+    with mosquitto(tmp_path) as broker, Proxy(broker.port) as line:
+        source = robot(line.port, keepalive=1)
+
+        async def life() -> list[Chunk]:
+            hearing = asyncio.create_task(hear(source, lambda given: 7 in numbers(given)))
+            while source.health.state != "up":
+                await asyncio.to_thread(broker.publish, [said(1)])
+                await asyncio.sleep(0.05)
+            line.deaf = True
+            while source.health.state == "up":
+                await asyncio.sleep(0.05)
+            line.deaf = False
+            await asyncio.to_thread(broker.publish, [said(7)])
+            return await hearing
+
+        chunks = asyncio.run(asyncio.wait_for(life(), 20))
+    assert numbers(chunks) == [1, 7] and source.health.lost
