@@ -25,7 +25,7 @@ def record_live(name: str, out: Path, seconds: float, *orders: str, seed: int = 
     common = Common(seed=seed, seconds=seconds, record=out, order=list(orders))
     options = {
         "arm": lambda: arm_options(common, "", ""),
-        "robot": lambda: robot_options(common, "w3", None, ""),
+        "robot": lambda: robot_options(common, None, topics="command,pose"),
     }[name]()
     with LiveMachine(name, options) as machine:
         machine.wait()

@@ -73,15 +73,18 @@ def robot(
     own_broker: Annotated[str, typer.Option(help="HOST:PORT of the broker it starts.")] = (
         "127.0.0.1:1883"
     ),
+    topics: Annotated[
+        str, typer.Option(help="Of command,pose,odom,imu,scan; none named: all.")
+    ] = "",
 ) -> None:
-    """A transport robot in a hall: command and pose by MQTT, once a second.
+    """A transport robot in a hall: command, pose, odometry, gyro and lidar by MQTT.
 
     Example: evertwin machine robot --speed 10
     """
-    from evertwin.app.machines import Common, run_robot
+    from evertwin.app.machines import Common, robot_options, run_robot
 
     common = Common(seed, speed, start, seconds, order or [], control, record)
-    run_robot(common, world, broker, own_broker)
+    run_robot(common, robot_options(common, broker, own_broker, world, topics))
 
 
 @machine_app.command("tell")

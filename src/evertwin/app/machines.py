@@ -119,12 +119,14 @@ def arm_options(common: Common, modbus: str, opcua: str) -> list[str]:
     return [*common.options(), "--urdf", str(urdf), *(() if common.record else spoken)]
 
 
-def robot_options(common: Common, world: str, broker: str | None, own: str) -> list[str]:
-    """Of the robot's process."""
-    if common.record is not None:
-        return [*common.options(), "--world", world]
+def robot_options(
+    common: Common, broker: str | None, own: str = "", world: str = "w3", topics: str = ""
+) -> list[str]:
+    """Of the robot's process; ``topics``: with commas between, none for all."""
+    said = ["--topics", *topics.split(",")] if topics else []
     where = ["--own-broker", own] if broker is None else ["--broker", broker]
-    return [*common.options(), "--world", world, *where]
+    speaks = where if common.record is None else []
+    return [*common.options(), "--world", world, *said, *speaks]
 
 
 def run_arm(common: Common, modbus: str, opcua: str) -> None:
@@ -132,9 +134,9 @@ def run_arm(common: Common, modbus: str, opcua: str) -> None:
     _run("arm", arm_options(common, modbus, opcua), common)
 
 
-def run_robot(common: Common, world: str, broker: str | None, own: str) -> None:
-    """The robot until it is stopped."""
-    _run("robot", robot_options(common, world, broker, own), common)
+def run_robot(common: Common, options: list[str]) -> None:
+    """The robot until it is stopped; ``options``: of `robot_options`."""
+    _run("robot", options, common)
 
 
 def _run(name: str, options: list[str], common: Common) -> None:

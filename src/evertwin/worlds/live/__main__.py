@@ -35,7 +35,8 @@ def _voice(given: argparse.Namespace, machine: Machine) -> Voice:
         modbus, opcua = (one and address(one) for one in (given.modbus, given.opcua))
         return ArmVoice(tuple(machine.units["state"]), modbus, opcua)
     own = given.broker is None
-    return RobotVoice(address(given.own_broker if own else given.broker), own=own)
+    broker = address(given.own_broker if own else given.broker)
+    return RobotVoice(broker, given.topics, own=own)
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -28,6 +28,7 @@ def parser(says: str | None) -> argparse.ArgumentParser:
     parser.add_argument("--order", action="append", default=[], help="SECONDS:ORDERS, planned")
     parser.add_argument("--urdf", type=Path, help="description of the arm")
     parser.add_argument("--world", choices=sorted(WORLDS), default="w3", help="of the robot")
+    parser.add_argument("--topics", nargs="*", help="of the robot; absent: all")
     return parser
 
 

@@ -42,7 +42,10 @@ def main(arguments: list[str] | None = None) -> None:
     given = options.parse_args(arguments)
     machine = machine_of(given)
     kept = [one for several in samples_of(given, machine) for one in several]
-    for topic, path in paths_of(given.record, machine.units).items():
+    # scans are no columns
+    arrays = {one.topic for one in kept if any(isinstance(v, list) for v in one.values.values())}
+    topics = [topic for topic in given.topics or machine.units if topic not in arrays]
+    for topic, path in paths_of(given.record, topics).items():
         own = [one for one in kept if one.topic == topic]
         save(path, columns_of(own, given.start or 0.0), {"seq": "1", **machine.units[topic]})
 

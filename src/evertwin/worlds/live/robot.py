@@ -1,14 +1,21 @@
-"""The transport robot that drives rounds in a hall: commands, and the pose that came of them.
+"""The transport robot that drives rounds in a hall and says what it is told and what it senses.
 
 The base of `evertwin.worlds.robot` with the drive of one of its worlds. After three seconds of
 standing it sweeps over all speeds, then is sent at random ones; a planner that sees its own speed
-steers it round a circle. Once a second of its clock it tells the command [cm/s, rad/s] and the pose
-[cm, rad]. It can slip, meet another floor, be pushed, and its drive can change.
+steers it round a circle. By its own clock it gives
+
+    command   1 Hz   what it is told [cm/s, rad/s]
+    pose      1 Hz   where it is [cm, rad], as a camera or a map would say
+    odom     10 Hz   speed and way of its wheels, which do not see slip [m/s, rad/s, m, rad]
+    imu      10 Hz   its gyro, with a small bias [rad/s]
+    scan      2 Hz   its lidar [m]
+
+It can slip, meet another floor, be pushed, and its drive can change.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import mujoco
@@ -17,18 +24,26 @@ import numpy as np
 from evertwin.types import Vector
 from evertwin.worlds.drive import WORLDS, Drive, commands, sweep, target
 from evertwin.worlds.live.contract import Sample
-from evertwin.worlds.live.hall import SCENE
+from evertwin.worlds.live.hall import MIDDLE, SCENE, Lidar
 from evertwin.worlds.live.orders import Knob, Knobs
 from evertwin.worlds.live.sensors import Sensors, faults
 from evertwin.worlds.robot import servo
 
-ROUND = 2.5
-"""Radius of the rounds [m]."""
+ROUND = MIDDLE
+"""Radius of the rounds, which begin in the origin [m]."""
+TICKS = 10
+"""Ticks in a second."""
+SCAN = 5
+"""Ticks from scan to scan."""
 SWEEP = 5
 """Seconds of the sweep at each whole speed."""
 STILL = 3
 GRAVITY = 9.81
 POSE = ("x", "y", "heading")
+GYRO, WHEELS, BEAM = 0.005, 0.004, 0.01
+"""Standard deviations of the gyro [rad/s], the wheels' speed [m/s], a beam [m]."""
+DRIFT = 0.002
+"""Bias of the gyro [rad/s]."""
 
 
 def knobs_of(drive: Drive) -> dict[str, Knob]:
@@ -41,22 +56,33 @@ def knobs_of(drive: Drive) -> dict[str, Knob]:
                       0.0, 15.0, drive.start),
         "cap": Knob("highest speed of the drive [cm/s]", 1.0, 50.0, drive.cap),
         "push": Knob("force from outside, forward [N]", -500.0, 500.0, lasts=0.3),
-        **faults(POSE),
+        **faults((*POSE, "gyro")),
     }  # fmt: skip
+
+
+def wrapped(angle: float) -> float:
+    """In −π … π."""
+    return float((angle + np.pi) % (2 * np.pi) - np.pi)
 
 
 class LiveRobot:
     """The robot with the drive of a ``world``; ``seed``: of commands and noise.
 
     >>> robot = LiveRobot("w3", seed=1)
-    >>> [(one.topic, one.seq, one.t) for _ in range(2) for one in robot.advance()]
-    [('command', 0, 0.0), ('pose', 0, 0.0), ('command', 1, 1.0), ('pose', 1, 1.0)]
+    >>> first = [robot.advance() for _ in range(11)]
+    >>> [one.topic for one in first[0]], [one.topic for one in first[1]]
+    (['command', 'pose', 'odom', 'imu', 'scan'], ['odom', 'imu'])
+    >>> [(one.seq, one.t) for one in first[10]]
+    [(1, 1.0), (1, 1.0), (10, 1.0), (10, 1.0), (2, 1.0)]
     """
 
     name = "robot"
     units: Mapping[str, Mapping[str, str]] = {
         "command": {"v": "cm/s", "w": "rad/s"},
         "pose": {"x": "cm", "y": "cm", "heading": "rad"},
+        "odom": {"v": "m/s", "w": "rad/s", "x": "m", "y": "m", "heading": "rad"},
+        "imu": {"gyro": "rad/s"},
+        "scan": {"ranges": "m"},
     }
 
     def __init__(self, world: str, seed: int, cables: Mapping[str, Knob] | None = None) -> None:
@@ -67,23 +93,55 @@ class LiveRobot:
         self._commands = np.r_[np.zeros(STILL), sweep(self._how, SWEEP)]
         self._model = mujoco.MjModel.from_xml_string(SCENE)
         self._data = mujoco.MjData(self._model)
-        self._second = 0
+        self._lidar = Lidar(self._model)
+        self._tick = 0
+        self._told = (0.0, 0.0)
+        self._way = np.zeros(3)  # of the wheels: x, y [m], heading [rad]
 
     @property
     def clock(self) -> float:
         """Seconds since it was switched on."""
-        return float(self._second)
+        return self._tick / TICKS
+
+    @property
+    def _second(self) -> int:
+        return self._tick // TICKS
 
     def advance(self) -> list[Sample]:
-        """What it is told and where it is; then it drives for a second."""
-        seq, t = self._second, self.clock
+        """What there is to say now; then it drives for a tick."""
+        tick, t = self._tick, self.clock
         self.knobs.tick(t)
-        speed, turn = self._command(), self._steer()
-        told = Sample("command", t, seq, {"v": speed, "w": turn})
-        pose = Sample("pose", t, seq, self._sensors.give(self._pose()))
-        self._go(speed, turn)
-        self._second += 1
-        return [told, pose]
+        said = []
+        if tick % TICKS == 0:
+            self._told = self._command(), self._steer()
+            told = {"v": self._told[0], "w": self._told[1]}
+            said.append(Sample("command", t, self._second, told))
+            said.append(Sample("pose", t, self._second, self._sensors.give(self._pose())))
+        gyro = self._data.qvel[2] + DRIFT + GYRO * self._rng.standard_normal()
+        said.append(Sample("odom", t, tick, self._odometry()))
+        said.append(Sample("imu", t, tick, self._sensors.give({"gyro": float(gyro)})))
+        if tick % SCAN == 0:
+            said.append(Sample("scan", t, tick // SCAN, {"ranges": self._scan()}))
+        self._go(*self._told)
+        self._tick += 1
+        return said
+
+    def _scan(self) -> Sequence[float]:
+        mujoco.mj_kinematics(self._model, self._data)
+        ranges = self._lidar.scan(self._data)
+        noisy = ranges + BEAM * self._rng.standard_normal(len(ranges))
+        return [round(float(one), 3) for one in noisy]
+
+    def _odometry(self) -> dict[str, float]:
+        """Of the wheels, which turn faster than the base moves where the floor slips."""
+        x, y = self._data.qvel[:2]
+        along = np.cos(self._data.qpos[2]) * x + np.sin(self._data.qpos[2]) * y
+        v = along / (1.0 - self.knobs.of("slip")) + WHEELS * self._rng.standard_normal()
+        w = float(self._data.qvel[2] + WHEELS * self._rng.standard_normal())
+        heading = self._way[2]
+        self._way += np.array([np.cos(heading) * v, np.sin(heading) * v, w]) / TICKS
+        x, y = (float(one) for one in self._way[:2])
+        return {"v": float(v), "w": w, "x": x, "y": y, "heading": wrapped(self._way[2])}
 
     def _command(self) -> float:
         if self._second == len(self._commands):
@@ -108,19 +166,19 @@ class LiveRobot:
         noise: Vector = rng.standard_normal(3) * (sensor, sensor, 0.001)
         return {
             "x": float(100.0 * x + noise[0]), "y": float(100.0 * y + noise[1]),
-            "heading": float((heading + noise[2] + np.pi) % (2 * np.pi) - np.pi),
+            "heading": wrapped(heading + noise[2]),
         }  # fmt: skip
 
     def _go(self, speed: float, turn: float) -> None:
-        """One second under a command."""
+        """One tick under a command."""
         knobs, data, model = self.knobs, self._data, self._model
         drive = replace(
             self._drive, lag=knobs.of("lag"), start=knobs.of("start"), cap=knobs.of("cap")
         )
         aim = float(target(drive, np.array([speed]))[0]) / 100.0 * (1.0 - knobs.of("slip"))
         weight = GRAVITY * model.body_mass[1]
-        for k in range(round(1.0 / model.opt.timestep)):
-            knobs.tick(self._second + k * model.opt.timestep)
+        for k in range(round(1.0 / TICKS / model.opt.timestep)):
+            knobs.tick(self.clock + k * model.opt.timestep)
             servo(data, model, aim, turn, drive, self._rng)
             along = np.array([np.cos(data.qpos[2]), np.sin(data.qpos[2])])
             resists = knobs.of("floor") * weight * np.tanh(data.qvel[:2] @ along / 0.005)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from evertwin.worlds.live.broker import OwnBroker
 from evertwin.worlds.live.cable import Address, Cable
 from evertwin.worlds.live.contract import Sample
@@ -10,14 +12,15 @@ from evertwin.worlds.live.mqtt import MqttPublisher
 
 
 class RobotVoice:
-    """What the robot says to the ``broker``; ``own``: it is started here.
+    """What the robot says to the ``broker``, of all ``topics`` or these; ``own``: it is started
+    here.
 
-    >>> RobotVoice(("127.0.0.1", 1883), own=True).cables
+    >>> RobotVoice(("127.0.0.1", 1883), None, own=True).cables
     {}
     """
 
-    def __init__(self, broker: Address, *, own: bool) -> None:
-        self._address = broker
+    def __init__(self, broker: Address, topics: Sequence[str] | None, *, own: bool) -> None:
+        self._address, self._topics = broker, topics
         self._own = OwnBroker(broker) if own else None
         self.cables: dict[str, Cable] = {}
         self._publisher = MqttPublisher("robot")
@@ -30,7 +33,8 @@ class RobotVoice:
         return {"mqtt": f"{self._address[0]}:{self._address[1]}"}
 
     async def say(self, sample: Sample) -> None:
-        self._publisher.say(sample.topic, sample.columns)
+        if self._topics is None or sample.topic in self._topics:
+            self._publisher.say(sample.topic, sample.columns)
 
     async def close(self) -> None:
         self._publisher.close()
