@@ -24,6 +24,10 @@ COMPILED = {"cfunc", "intrinsic", "jit", "njit", "overload", "vectorize"}
 """Numba's decorators: the signature of such a function is Numba's."""
 
 BROAD_EXCEPT = {
+    (
+        "service/runner.py",
+        "_guarded",
+    ): "a model or plug-in of the user raises what it likes: its twin alone ends",
     ("app/cli.py", "main"): "the last edge: an unforeseen error becomes exit code 101",
     ("sources/foreign.py", "foreign"): "readers of others: no reader says all that it may raise",
     ("engine/pool.py", "serve"): "what a job raises is raised where its result is taken",

@@ -1,4 +1,5 @@
-"""Writes the reference pages that follow from the source: twin, breakdown and scenario file, parts.
+"""Writes the reference pages that follow from the source: twin, breakdown, scenario and site file,
+parts.
 
     python -m tools.write_reference          # or: make reference
 
@@ -12,6 +13,7 @@ from pathlib import Path
 from evertwin.ahead.spec import SCENARIO
 from evertwin.config import TWIN
 from evertwin.engineering.breakdown import BREAKDOWN
+from evertwin.service.site import SITE
 from tools import components_page
 from tools.settings_page import page
 
@@ -24,6 +26,7 @@ def pages() -> dict[str, str]:
         "twin-file.md": page(TWIN),
         "breakdown-file.md": page(BREAKDOWN),
         "scenario-file.md": page(SCENARIO),
+        "site-file.md": page(SITE),
         "components.md": components_page.page(),
     }
 

@@ -1,11 +1,8 @@
 """The twin: open it, run it beside recorded data, fit it, ask it.
 
-    twin = Twin.open("arm.toml")
-    result = twin.run(["monday.csv", "tuesday.csv"])
-    result.outputs["tau1"].relative_rms_after
-
-The same without a file: ``Twin(TwinSpec(name=…, model=ModelSpec(kind=…)))``, or with a model of
-your own as second argument.
+twin = Twin.open("arm.toml")
+result = twin.run(["monday.csv", "tuesday.csv"])
+result.outputs["tau1"].relative_rms_after
 """
 
 from __future__ import annotations
@@ -178,10 +175,14 @@ class Twin:
         Args:
             samples: of a source of the twin file; or columns by name with ``t`` [s].
         """
+        self.going(samples).push(samples)
+
+    def going(self, samples: Chunk | Mapping[str, Any] | None = None) -> loop.Live:
+        """The run of pushed samples: it begins, or goes on where a process before was cut off."""
         if self._live is None:
-            here, engine = (self.setup, self._ledger, samples), self._engines.of(None)
+            here, engine = (self.setup, self._ledger, samples or {}), self._engines.of(None)
             self._live = loop.Live.of(*here, engine, self._lasting)
-        self._live.push(samples)
+        return self._live
 
     def samples(
         self, source: str, first: float = -math.inf, last: float = math.inf
@@ -246,8 +247,6 @@ class Twin:
     def compare(self, a: int, b: int, data: Data = None) -> Comparison:
         """Two versions over the same data."""
         return loop.compare(self.setup, self._versions, (a, b), data)
-
-    # ------------------------------------------------------------------ looking ahead
 
     def prospect(self, history: str | Path | None = None, data: Data = None) -> Prospect:
         """What lives and scenarios are told from: the live version, its history, recordings."""

@@ -19,6 +19,7 @@ from evertwin.app.cli_engineer import register as register_engineer
 from evertwin.app.cli_export import register as register_export
 from evertwin.app.cli_machine import register as register_machine
 from evertwin.app.cli_prognosis import register as register_prognosis
+from evertwin.app.cli_serve import register as register_serve
 from evertwin.app.cli_store import register as register_store
 from evertwin.errors import EvertwinError
 
@@ -241,15 +242,17 @@ def compare(
 def schema(
     breakdown: Annotated[bool, typer.Option("--breakdown", help="Of a breakdown file.")] = False,
     scenario: Annotated[bool, typer.Option("--scenario", help="Of a scenario file.")] = False,
+    site: Annotated[bool, typer.Option("--site", help="Of a site file.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """The JSON schema of the twin file, of a breakdown file, or of a scenario file.
+    """The JSON schema of the twin file, or of a breakdown, scenario or site file.
 
     Example: evertwin schema > evertwin.schema.json
     """
     from evertwin.app.schemas import show_schema
 
-    show_schema("breakdown" if breakdown else "scenario" if scenario else "twin", as_json)
+    chosen = {"breakdown": breakdown, "scenario": scenario, "site": site}
+    show_schema(next((name for name, on in chosen.items() if on), "twin"), as_json)
 
 
 @model_app.command("list")
@@ -320,6 +323,7 @@ register_engineer(app)
 register_export(app, model_app)
 register_store(app)
 register_machine(app)
+register_serve(app)
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -30,6 +30,7 @@ from evertwin.loop.feed import Feed as Recorded
 from evertwin.loop.feed import chunk_of
 from evertwin.loop.ledger import Begun, Ledger
 from evertwin.loop.observer import Observer
+from evertwin.loop.open_trial import OpenTrial, open_trial
 from evertwin.loop.rate import ENOUGH, rate_of
 from evertwin.loop.result import RunResult
 from evertwin.loop.run import Run, settings_hash
@@ -38,7 +39,7 @@ from evertwin.loop.setup import Setup
 from evertwin.loop.twin_state import Saved, TwinState
 from evertwin.store import Checkpoint
 from evertwin.sync import Feed
-from evertwin.types import Marks, Outputs, Stamps
+from evertwin.types import Inputs, Marks, Outputs, Stamps
 
 SOURCES = "sources"
 TOGETHER = 0.01
@@ -80,6 +81,9 @@ class View(NamedTuple):
     """`Mark` of each output, (n, ny)."""
     version: np.ndarray
     """Version that predicted the row, int64 (n,)."""
+    inputs: Inputs
+    task: np.ndarray
+    """Number of the task, int64 (n,)."""
 
 
 @dataclass
@@ -208,10 +212,14 @@ class Live:
             every = self._run.setup.beat.every
             # what is seen at a row is told within a beat, also if several samples come at once
             self._room = min(-self._state.row % every + 1, max(3 * every // 4, 1), MOST)
-            task = 0 if self._task is None else self._task
-            self._run.save(self._state, _FeedState(self._rate, task, self._aligned))
+            self._keep()
             self._samples.forget()
         self._newest, self._folded = pushed[-1].task, time.perf_counter()
+
+    def _keep(self, *, due: bool = False) -> None:
+        assert self._run is not None and self._state is not None
+        task = 0 if self._task is None else self._task
+        self._run.save(self._state, _FeedState(self._rate, task, self._aligned), due=due)
 
     def _chunk(self, columns: Mapping[str, Any]) -> Chunk:
         """Columns by name as samples of the one source.
@@ -274,16 +282,31 @@ class Live:
     def view(self, rows: int = 1000) -> View:
         """The newest rows: measured, predicted, band, mark, version."""
         self.settle()
-        columns = self._observer.trace.columns()
+        columns = self._observer.newest(rows)
         if not columns:
-            ny = len(self.setup.model.outputs)
+            nu, ny = len(self.setup.model.inputs), len(self.setup.model.outputs)
             none, stamps = np.zeros((0, ny)), np.zeros(0, dtype=np.int64)
-            return View(stamps, stamps, none, none, none, none.astype(np.uint8), stamps)
-        kept = {name: column[-rows:].copy() for name, column in columns.items()}
+            marks = none.astype(np.uint8)
+            return View(stamps, stamps, none, none, none, marks, stamps, np.zeros((0, nu)), stamps)
+        kept = {name: column.copy() for name, column in columns.items()}
         return View(
             kept["row"], kept["t"], kept["measured"], kept["predicted"], kept["sigma"],
-            kept["mark"], kept["version"],
+            kept["mark"], kept["version"], kept["input"], kept["task"],
         )  # fmt: skip
+
+    @property
+    def trial(self) -> OpenTrial | None:
+        """The challenger that is on trial, if one is."""
+        if self._run is None or self._state is None:
+            return None
+        return open_trial(self._run.setup, self.ledger.versions, self._state)
+
+    def rest(self) -> None:
+        """A checkpoint now, so that whoever goes on has nothing to fold again."""
+        self.settle()
+        if self._run is not None and self._state is not None:
+            self._keep(due=True)
+        self.ledger.store.flush()
 
     def finish(self) -> RunResult:
         """The end of the samples: what waits is folded, open work is answered.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, TypeAlias
 
@@ -26,6 +27,8 @@ OFTEN = 100_000
 """Rows between two reports of progress."""
 PIECES, ROWS = 16, 8192
 """Pieces, and rows in them, that are put into the trace at once."""
+NEWEST = 4096
+"""Newest rows that are kept one by one, however long the run is."""
 COLUMNS = (
     "t", "task", "input", "measured", "predicted", "sigma", "update", "first", "first_update",
     "mark",
@@ -45,6 +48,7 @@ class Observer:
         self._trace = Trace()
         self._pieces: list[tuple[int, Block, Followed]] = []
         self._waiting = 0
+        self._newest: deque[dict[str, np.ndarray]] = deque()
         self.events: list[Event] = []
         self.knowledge: dict[tuple[str, float], dict[str, Any]] = {}
         self.rounds: list[dict[str, Any]] = []
@@ -77,6 +81,17 @@ class Observer:
         self._collect()
         return self._trace
 
+    def newest(self, rows: int) -> dict[str, np.ndarray]:
+        """The newest rows; those long past as the trace has them."""
+        kept, parts = self.trace.columns(), list(self._newest)
+        if parts:
+            before = int(np.searchsorted(kept["row"], parts[0]["row"][0]))
+            parts.insert(0, {name: column[:before] for name, column in kept.items()})
+            kept = {name: np.concatenate([p[name] for p in parts]) for name in parts[1]}
+        return {
+            name: column[len(column) - min(rows, len(column)) :] for name, column in kept.items()
+        }
+
     def _collect(self) -> None:
         """Small pieces are put into the trace together."""
         pieces, self._pieces, self._waiting = self._pieces, [], 0
@@ -90,9 +105,12 @@ class Observer:
         parts = zip(*(_columns(piece, out) for _, piece, out in pieces), strict=True)
         for name, column in zip(COLUMNS, parts, strict=True):
             columns[name] = column[0] if len(column) == 1 else np.concatenate(column)
+        columns["mark"] = columns["mark"][:, -len(self._angles) :]
+        self._newest.append(columns)
+        while sum(len(part["row"]) for part in self._newest) - len(self._newest[0]["row"]) > NEWEST:
+            self._newest.popleft()
         at = self._trace.places(row)
         kept = {name: column[at] for name, column in columns.items()}
-        kept["mark"] = kept["mark"][:, -len(self._angles) :]
         kept["residual"] = wrap(kept["measured"] - kept["predicted"], self._angles)
         self._trace.add(kept)
 

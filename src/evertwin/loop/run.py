@@ -248,12 +248,13 @@ class Run:
         if not self.pushed:
             self.save(state)
 
-    def save(self, state: TwinState, feed: object = ()) -> None:
-        """A checkpoint, where one is due; with what a run of pushed samples needs beside it."""
+    def save(self, state: TwinState, feed: object = (), *, due: bool = False) -> None:
+        """A checkpoint, where one is ``due``; with what a run of pushed samples needs beside it."""
         if not self._lasting or self.log.repeats:
             return
         now = time.perf_counter()
-        if state.row - self._kept >= self.every if self.every else now >= self._due:
+        passed = state.row - self._kept >= self.every if self.every else now >= self._due
+        if due or passed:
             self.log.say(state.row, (), self._of(copy(Saved(state, feed))))
             took = time.perf_counter() - now
             self._kept, self._due = state.row, now + max(SECONDS, SHARE * took)

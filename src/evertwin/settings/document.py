@@ -69,6 +69,10 @@ class Document:
                 return (*self._from[path[:length]], *path[length:])
         return path
 
+    def part(self, path: Path) -> Document:
+        """What stands at ``path``, as a document of its own with the same lines."""
+        return _Part(self, path)
+
     @cached_property
     def _lines(self) -> Lines:
         return Lines(self.text)
@@ -89,6 +93,45 @@ class Document:
                     f"{self.name}:{token.line}: expected a number of at most {DIGITS} digits, got "
                     f"{len(token.text)} characters"
                 )
+
+
+class Given(Document):
+    """A table that was no text: what is wrong with it has a name, and no line.
+
+    >>> Given({"rate": 1.0}, "question").line(("rate",))
+    0
+    """
+
+    def __init__(self, table: Mapping[str, Any], name: str) -> None:
+        self.name, self.table = name, dict(table)
+        try:
+            _bounded(self.table, ())
+        except PlacedError as error:
+            raise ConfigError(f"{name}: {error}") from error
+
+    def line(self, path: Path) -> int:
+        """None: 0."""
+        return 0
+
+    def written(self, path: Path) -> Path:
+        """As it is."""
+        return path
+
+
+class _Part(Document):
+    """A table of a document."""
+
+    def __init__(self, whole: Document, path: Path) -> None:
+        self.name, self._whole, self._path = whole.name, whole, path
+        self.table = whole.table
+        for key in path:
+            self.table = self.table[key]  # type: ignore[index]
+
+    def line(self, path: Path) -> int:
+        return self._whole.line((*self._path, *path))
+
+    def written(self, path: Path) -> Path:
+        return path
 
 
 def _bounded(node: Any, path: Path) -> None:

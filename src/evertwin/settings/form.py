@@ -65,6 +65,14 @@ class Form(Generic[S]):
             ConfigError: it does not say what it must; the message has one line for each problem,
                 ``name:line: what was expected, what came``.
         """
+        return decode(self.root, self.document(text, name))
+
+    def document(self, text: str, name: str = "") -> Document:
+        """The values of ``text``, their form's version checked and nothing else yet.
+
+        Raises:
+            ConfigError: it is no TOML, or of a newer form.
+        """
         name = name or self.title
         document = Document(text, name, self.title)
         version = document.table.get("schema")
@@ -77,4 +85,4 @@ class Form(Generic[S]):
                 f"{name}: has schema {version}, this evertwin reads up to {self.version}: "
                 "upgrade evertwin"
             )
-        return decode(self.root, document)
+        return document

@@ -163,7 +163,7 @@ def _strict(node: Any) -> Any:
     if not isinstance(node, dict):
         return node
     kind, strict = node.get("type"), {k: _strict(item) for k, item in node.items()}
-    if kind == "union":
+    if kind == "union" and all(choice["type"] in _WORDS for choice in node["choices"]):
         words = " or ".join(_WORDS[choice["type"]] for choice in node["choices"])
         return {**strict, "custom_error_type": "expected", "custom_error_message": words}
     if kind not in _WORDS or "strict" in node:

@@ -126,8 +126,10 @@ class Store(Protocol):
         """
         ...
 
-    def entries(self, after: int = 0, kinds: Sequence[str] = ()) -> tuple[Entry, ...]:
-        """Entries of the log behind a position, in order; of some kinds, or all.
+    def entries(
+        self, after: int = 0, kinds: Sequence[str] = (), most: int = -1
+    ) -> tuple[Entry, ...]:
+        """Entries of the log behind a position, in order; of some kinds, or all; the first so many.
 
         Raises:
             StoreDamaged: an entry does not match its hash.
@@ -145,6 +147,10 @@ class Store(Protocol):
 
     def samples(self, source: str, first: int, last: int) -> Iterator[Chunk]:
         """What is kept of a source with stamps in [first, last] [ns], in order of arrival."""
+        ...
+
+    def newest(self, source: str) -> tuple[int, int] | None:
+        """Task and stamp [ns] of the newest sample of a source; None: it has none."""
         ...
 
     def restore(

@@ -245,10 +245,13 @@ class SqliteStore:
         found = self._entries(where, (kind, start, end))
         return tuple(self.record(entry) for entry in found)
 
-    def entries(self, after: int = 0, kinds: Sequence[str] = ()) -> tuple[Entry, ...]:
+    def entries(
+        self, after: int = 0, kinds: Sequence[str] = (), most: int = -1
+    ) -> tuple[Entry, ...]:
         """Entries of the log behind a position, in order; of some kinds, or all."""
         chosen = f" AND l.kind IN ({', '.join('?' * len(kinds))})" if kinds else ""
-        return self._entries(f"l.number > ?{chosen} ORDER BY l.number", (after, *kinds))
+        where = f"l.number > ?{chosen} ORDER BY l.number LIMIT ?"
+        return self._entries(where, (after, *kinds, most))
 
     def _entries(self, where: str, values: Sequence[Any]) -> tuple[Entry, ...]:
         """Entries, each checked against its hash and the one before."""
@@ -286,6 +289,12 @@ class SqliteStore:
             wanted = (chunk.t >= first) & (chunk.t <= last)
             if wanted.any():
                 yield chunk._replace(t=chunk.t[wanted], v=chunk.v[wanted])
+
+    def newest(self, source: str) -> tuple[int, int] | None:
+        """Task and stamp [ns] of the newest sample of a source; None: it has none."""
+        query = "SELECT task, max(stop) FROM samples WHERE source = ? GROUP BY task"
+        found = self._query(f"{query} ORDER BY task DESC LIMIT 1", (source,))
+        return None if not found else (int(found[0][0]), int(found[0][1]))
 
     def _chunks(
         self, where: str, values: Sequence[Any], start: int = 1

@@ -1,0 +1,73 @@
+"""The contract of a publisher, and what it is given.
+
+A publisher only tells: it has no way to a machine, and nothing that comes back but questions.
+
+>>> News("robot", "rows", {"row": [1]}).kind
+'rows'
+"""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, NamedTuple, Protocol, Self, TypeAlias
+
+from evertwin.settings.section import Section
+
+Ask: TypeAlias = "Callable[[Mapping[str, Any]], Awaitable[Mapping[str, Any]]]"
+"""A what-if question as a scenario's table, and its answer."""
+
+
+class News(NamedTuple):
+    """Something that a twin says. See the module for an example."""
+
+    twin: str
+    kind: Literal["rows", "events", "health"]
+    content: Mapping[str, Any]
+    """Plain content: numbers, text, lists, no NaN."""
+
+
+@dataclass(frozen=True)
+class PublisherSettings(Section):
+    """``[[twin.publisher]]``: what every publisher is told; each protocol adds its own.
+
+    >>> PublisherSettings("mqtt").protocol
+    'mqtt'
+    """
+
+    protocol: str
+    """How it speaks: mqtt or opcua."""
+
+    def at(self, folder: Path) -> Self:
+        """The same with paths relative to ``folder``."""
+        return self
+
+
+class Publisher(Protocol):
+    """Tells what a twin says. All calls from the thread of the event loop; none blocks.
+
+    >>> hasattr(Publisher, "publish")
+    True
+    """
+
+    def open(self) -> None:
+        """Begin to connect.
+
+        Raises:
+            MissingExtra: the library of the protocol is not installed.
+        """
+        ...
+
+    def publish(self, news: News) -> None:
+        """Something new; dropped and counted where the line is down or slow."""
+        ...
+
+    @property
+    def health(self) -> Mapping[str, Any]:
+        """State, counts of what was sent and dropped, newest reason."""
+        ...
+
+    async def close(self) -> None:
+        """Say goodbye and let go. May be called again."""
+        ...

@@ -1,0 +1,156 @@
+"""What a twin says, over MQTT; and answers to what-if questions.
+
+``TOPIC/NAME/online`` is ``1`` while the twin is there; the broker sets it to ``0`` when the line
+ends without a goodbye. Rows go with QoS 0: the next ones come soon; events and answers with QoS 1,
+health is retained.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from evertwin.errors import DataError, EvertwinError, MissingExtra
+from evertwin.publishers.contract import Ask, News
+from evertwin.publishers.mqtt_spec import MqttOutSettings
+
+try:
+    import paho.mqtt.client as paho
+    from paho.mqtt.enums import CallbackAPIVersion
+except ModuleNotFoundError as error:
+    raise MissingExtra.of("paho-mqtt", "live") from error
+
+LOG = logging.getLogger("evertwin.live")
+QOS = {"rows": 0, "events": 1, "health": 1}
+WAITING = 1000
+"""Messages that wait for a broker at most."""
+LARGEST = 65_536
+"""Bytes of a question."""
+OPEN = 4
+"""Questions that wait at most."""
+
+
+class MqttOut:
+    """Implements `Publisher`; nothing that comes in but questions is listened to.
+
+    >>> MqttOut.__name__
+    'MqttOut'
+    """
+
+    def __init__(
+        self, settings: MqttOutSettings, twin: str, outputs: Sequence[tuple[str, str]], ask: Ask
+    ) -> None:
+        self.settings = settings
+        self._base = f"{settings.topic}/{twin}"
+        self._ask = ask
+        self._counts: Counter[str] = Counter()
+        self._state, self._reason = "connecting", ""
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._open: set[asyncio.Task[None]] = set()
+        client = paho.Client(
+            CallbackAPIVersion.VERSION2, client_id=f"evertwin-{twin}-out", clean_session=True
+        )
+        client.max_queued_messages_set(WAITING)
+        client.will_set(f"{self._base}/online", "0", qos=1, retain=True)
+        client.reconnect_delay_set(1, 30)
+        if settings.user:
+            client.username_pw_set(settings.user, settings.password or None)
+        client.on_connect, client.on_disconnect = self._connected, self._disconnected
+        client.on_message = self._message
+        self._client = client
+
+    @property
+    def health(self) -> Mapping[str, Any]:
+        """See `Publisher`."""
+        told = {"protocol": "mqtt", "state": self._state, "reason": self._reason}
+        return told | dict(self._counts)
+
+    def open(self) -> None:
+        """See `Publisher`."""
+        self._loop = asyncio.get_running_loop()
+        authority = self.settings.authority
+        if authority:
+            try:
+                self._client.tls_set(authority, self.settings.certificate or None)
+            except OSError as error:
+                raise DataError(f"publisher mqtt: authority, certificate: {error}") from error
+        self._client.connect_async(self.settings.host, self.settings.port, keepalive=20)
+        self._client.loop_start()
+
+    def publish(self, news: News) -> None:
+        """See `Publisher`."""
+        if self._state != "up" and news.kind == "rows":
+            self._counts["dropped"] += 1
+            return
+        text = json.dumps(news.content, allow_nan=False, separators=(",", ":"))
+        self._send(news.kind, text, QOS[news.kind], keep=news.kind == "health")
+
+    def _send(self, topic: str, text: str, qos: int, *, keep: bool = False) -> None:
+        sent = self._client.publish(f"{self._base}/{topic}", text, qos=qos, retain=keep)
+        refused = sent.rc not in (paho.MQTT_ERR_SUCCESS, paho.MQTT_ERR_NO_CONN)
+        self._counts["dropped" if refused else "sent"] += 1
+
+    async def close(self) -> None:
+        """See `Publisher`."""
+        for task in self._open:
+            task.cancel()
+        if self._state == "up":
+            self._client.publish(f"{self._base}/online", "0", qos=1, retain=True)
+        self._state = "closed"
+        self._client.disconnect()
+        await asyncio.to_thread(self._client.loop_stop)
+
+    # ------------------------------------------------------------------ in paho's thread
+
+    def _connected(self, client: paho.Client, _: Any, __: Any, code: Any, ___: Any) -> None:
+        if code.is_failure:
+            self._state, self._reason = "down", str(code)
+            LOG.warning("%s: mqtt: %s", self._base, code)
+            return
+        self._state, self._reason = "up", ""
+        LOG.info("%s: mqtt: up", self._base)
+        client.publish(f"{self._base}/online", "1", qos=1, retain=True)
+        if self.settings.questions:
+            client.subscribe(f"{self._base}/whatif/ask", qos=1)
+
+    def _disconnected(self, client: paho.Client, _: Any, __: Any, code: Any, ___: Any) -> None:
+        if self._state == "up":
+            self._state, self._reason = "down", str(code)
+            LOG.warning("%s: mqtt: down: %s", self._base, code)
+
+    def _message(self, client: paho.Client, _: Any, message: paho.MQTTMessage) -> None:
+        if self._loop is not None and not message.retain and not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self._asked, bytes(message.payload))
+
+    # ------------------------------------------------------------------ in the event loop
+
+    def _asked(self, payload: bytes) -> None:
+        if len(payload) > LARGEST or len(self._open) >= OPEN:
+            self._counts["refused"] += 1
+            return
+        task = asyncio.create_task(self._answer(payload))
+        self._open.add(task)
+        task.add_done_callback(self._open.discard)
+
+    async def _answer(self, payload: bytes) -> None:
+        """``{"id": …, "scenario": {…}}`` is answered with its id."""
+        question: Any = None
+        try:
+            question = json.loads(payload)
+            scenario = question["scenario"]
+            if not isinstance(scenario, dict):
+                raise TypeError("scenario: expected a table")
+            told: dict[str, Any] = {"answer": await self._ask(scenario)}
+        except (ValueError, TypeError, KeyError, RecursionError) as error:
+            self._counts["refused"] += 1
+            told = {"error": f"expected {{id, scenario = {{…}}}}: {error}"}
+        except EvertwinError as error:
+            told = {"error": str(error)}
+        number = question.get("id") if isinstance(question, dict) else None
+        told["id"] = number if isinstance(number, str | int) else None
+        self._counts["answered"] += 1
+        self._send("whatif/answer", json.dumps(told, allow_nan=False), 1)

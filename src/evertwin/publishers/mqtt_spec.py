@@ -1,0 +1,49 @@
+"""Settings of the MQTT publisher."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Self
+
+from annotated_types import Ge, Le
+
+from evertwin.errors import UsageError
+from evertwin.publishers.contract import PublisherSettings
+
+
+@dataclass(frozen=True)
+class MqttOutSettings(PublisherSettings):
+    """``protocol = "mqtt"`` of a publisher: topics below ``topic/NAME``.
+
+    >>> MqttOutSettings("mqtt").topic
+    'evertwin'
+    """
+
+    host: str = "127.0.0.1"
+    """Of the broker."""
+    port: Annotated[int, Ge(1), Le(65535)] = 1883
+    topic: str = "evertwin"
+    """What all topics begin with: ``TOPIC/NAME/rows``, ``/events``, ``/health``, ``/online``; a
+    question to ``/whatif/ask`` is answered at ``/whatif/answer``."""
+    user: str = ""
+    password: str = ""
+    """Write ``${NAME}`` to take it from the environment."""
+    authority: str = ""
+    """File with the certificates that the broker's is checked against (TLS); relative to the site
+    file."""
+    certificate: str = ""
+    """File with the certificate of this client, and its key."""
+    questions: bool = True
+    """Are what-if questions answered?"""
+
+    def at(self, folder: Path) -> Self:
+        """The same with paths relative to ``folder``."""
+        authority = str(folder / self.authority) if self.authority else ""
+        certificate = str(folder / self.certificate) if self.certificate else ""
+        return replace(self, authority=authority, certificate=certificate)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.topic or any(sign in self.topic for sign in "#+\0"):
+            raise UsageError(f"topic: expected text without + and #, got {self.topic!r}")

@@ -1,0 +1,166 @@
+"""What a twin says, as an OPC UA server: variables that can be read and watched, never written.
+
+Below ``Objects / NAME``: for each output an object with ``measured``, ``predicted``, ``residual``,
+``sigma`` and ``mark``, stamped as the row is; ``condition``, ``stale`` and ``event`` beside them.
+The server has a thread and an event loop of its own: loading its address space takes seconds.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import math
+import threading
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from typing import Any
+
+from evertwin.errors import MissingExtra
+from evertwin.publishers.contract import Ask, News
+from evertwin.publishers.opcua_spec import OpcuaOutSettings
+
+try:
+    from asyncua import Server, ua
+except ModuleNotFoundError as error:
+    raise MissingExtra.of("asyncua", "live") from error
+
+LOG = logging.getLogger("evertwin.live")
+SPACE = "urn:evertwin:twin"
+"""Namespace of the variables."""
+COLUMNS = ("measured", "predicted", "residual", "sigma")
+WAITING = 100
+"""Messages that wait at most; beyond, the newest rows win."""
+CHUNKS, BYTES = 64, 1 << 20
+"""Largest message of a client, in chunks and in bytes."""
+
+
+class OpcuaOut:
+    """Implements `Publisher`.
+
+    >>> OpcuaOut.__name__
+    'OpcuaOut'
+    """
+
+    def __init__(
+        self, settings: OpcuaOutSettings, twin: str, outputs: Sequence[tuple[str, str]], ask: Ask
+    ) -> None:
+        self.settings = settings
+        self._twin, self._outputs = twin, [name for name, _ in outputs]
+        self._counts: Counter[str] = Counter()
+        self._state, self._reason = "connecting", ""
+        self._news: asyncio.Queue[News] | None = None
+        self._loop = asyncio.new_event_loop()
+        self._ended = asyncio.Event()
+        self._nodes: dict[tuple[str, str], Any] = {}
+        self._thread = threading.Thread(target=self._run, name=f"opcua {twin}", daemon=True)
+
+    @property
+    def health(self) -> Mapping[str, Any]:
+        """See `Publisher`."""
+        told = {"protocol": "opcua", "state": self._state, "reason": self._reason}
+        return told | dict(self._counts)
+
+    def open(self) -> None:
+        """See `Publisher`."""
+        self._thread.start()
+
+    def publish(self, news: News) -> None:
+        """See `Publisher`."""
+        if self._state == "up":
+            self._loop.call_soon_threadsafe(self._put, news)
+        else:
+            self._counts["dropped"] += 1
+
+    async def close(self) -> None:
+        """See `Publisher`."""
+        if self._thread.is_alive():
+            self._loop.call_soon_threadsafe(self._ended.set)
+            await asyncio.to_thread(self._thread.join, 10.0)
+
+    # ------------------------------------------------------------------ in its own thread
+
+    def _run(self) -> None:
+        try:
+            self._loop.run_until_complete(self._serve())
+        except OSError as error:
+            self._state, self._reason = "down", str(error)
+            LOG.warning("%s: opcua: down: %s", self._twin, error)
+        finally:
+            self._loop.close()
+
+    def _put(self, news: News) -> None:
+        assert self._news is not None
+        if self._news.qsize() >= WAITING:
+            self._news.get_nowait()
+            self._counts["dropped"] += 1
+        self._news.put_nowait(news)
+
+    async def _serve(self) -> None:
+        server = Server()
+        server.iserver.allow_remote_admin = False
+        await server.init()
+        server.set_endpoint(f"opc.tcp://{self.settings.host}:{self.settings.port}/evertwin")
+        server.set_server_name(f"evertwin {self._twin}")
+        server.set_security_policy([ua.SecurityPolicyType.NoSecurity])
+        server.limits.max_chunk_count, server.limits.max_message_size = CHUNKS, BYTES
+        await self._variables(server)
+        self._news = asyncio.Queue()
+        async with server:
+            self._state = "up"
+            LOG.info("%s: opcua: up", self._twin)
+            while not self._ended.is_set():
+                taking = asyncio.create_task(self._news.get())
+                ending = asyncio.create_task(self._ended.wait())
+                done, left = await asyncio.wait(
+                    {taking, ending}, return_when=asyncio.FIRST_COMPLETED
+                )
+                for task in left:
+                    task.cancel()
+                if taking in done:
+                    await self._told(taking.result())
+        self._state = "closed"
+
+    async def _variables(self, server: Server) -> None:
+        space = await server.register_namespace(SPACE)
+        folder = await server.nodes.objects.add_object(ua.NodeId(self._twin, space), self._twin)
+        for output in self._outputs:
+            name = f"{self._twin}.{output}"
+            part = await folder.add_object(ua.NodeId(name, space), f"{space}:{output}")
+            for column in (*COLUMNS, "mark"):
+                first: Any = math.nan if column != "mark" else 0
+                self._nodes[output, column] = await part.add_variable(
+                    ua.NodeId(f"{name}.{column}", space), f"{space}:{column}", first
+                )
+        for name, first in (("condition", "check"), ("stale", True), ("event", "")):
+            self._nodes["", name] = await folder.add_variable(
+                ua.NodeId(f"{self._twin}.{name}", space), f"{space}:{name}", first
+            )
+
+    async def _told(self, news: News) -> None:
+        content = news.content
+        if news.kind == "rows":
+            when = datetime.fromtimestamp(content["t"][-1] * 1e-9, UTC)
+            for output, columns in content["outputs"].items():
+                for column in COLUMNS:
+                    value = columns[column][-1]
+                    await self._write(output, column, math.nan if value is None else value, when)
+                await self._write(output, "mark", int(columns["mark"][-1]), when)
+        elif news.kind == "health":
+            await self._write("", "condition", str(content["condition"]))
+            await self._write("", "stale", bool(content["stale"]))
+        else:
+            newest = content["events"][-1]
+            await self._write("", "event", f"{newest['kind']}: {newest['reason']}")
+        self._counts["sent"] += 1
+
+    async def _write(
+        self, output: str, column: str, value: object, when: datetime | None = None
+    ) -> None:
+        missing = isinstance(value, float) and math.isnan(value)
+        status = ua.StatusCodes.BadNoData if missing else ua.StatusCodes.Good
+        told = ua.DataValue(
+            ua.Variant(value), ua.StatusCode(status),
+            SourceTimestamp=when or datetime.now(UTC), ServerTimestamp=datetime.now(UTC),
+        )  # fmt: skip
+        await self._nodes[output, column].write_value(told)

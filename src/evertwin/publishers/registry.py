@@ -1,0 +1,55 @@
+"""Publishers by protocol; their libraries load when they are opened.
+
+>>> sorted(OWN), settings_of("mqtt").__name__
+(['mqtt', 'opcua'], 'MqttOutSettings')
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Sequence
+from typing import Any
+
+from evertwin.errors import UsageError, nearest
+from evertwin.publishers.contract import Ask, Publisher, PublisherSettings
+
+OWN = {
+    "mqtt": ("evertwin.publishers.mqtt_spec:MqttOutSettings", "evertwin.publishers.mqtt:MqttOut"),
+    "opcua": (
+        "evertwin.publishers.opcua_spec:OpcuaOutSettings",
+        "evertwin.publishers.opcua:OpcuaOut",
+    ),
+}
+"""Protocol → where its settings and its publisher are."""
+
+
+def settings_of(protocol: str) -> type[PublisherSettings]:
+    """The section that a ``[[twin.publisher]]`` of this protocol is read as.
+
+    Raises:
+        UsageError: there is no such protocol.
+    """
+    if protocol not in OWN:
+        raise UsageError(f"protocol {protocol!r} is not known; {nearest(protocol, OWN)}")
+    found: type[PublisherSettings] = _load(OWN[protocol][0])
+    return found
+
+
+def open_publisher(
+    settings: PublisherSettings, twin: str, outputs: Sequence[tuple[str, str]], ask: Ask
+) -> Publisher:
+    """The publisher of a protocol; nothing is connected yet.
+
+    Args:
+        settings: of the ``[[twin.publisher]]``.
+        twin: name of the twin.
+        outputs: names and units of what the twin predicts.
+        ask: answers what-if questions.
+    """
+    publisher: Publisher = _load(OWN[settings.protocol][1])(settings, twin, outputs, ask)
+    return publisher
+
+
+def _load(place: str) -> Any:
+    module, _, name = place.partition(":")
+    return getattr(importlib.import_module(module), name)

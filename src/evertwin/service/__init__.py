@@ -1,0 +1,1 @@
+"""Many twins in one process, each beside its machine: sources, HTTP, publishers, reload."""

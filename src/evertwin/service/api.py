@@ -1,0 +1,190 @@
+"""What is asked over HTTP. Every answer is strict JSON: what is not a number is null."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from fastapi import Body, FastAPI, HTTPException, Query, Request, Response, WebSocket
+from fastapi.responses import JSONResponse
+from pydantic import BaseModel, ConfigDict, Field
+
+from evertwin.errors import DataError, EvertwinError, StoreError, UsageError
+from evertwin.fold import plain
+from evertwin.service.metrics import exposition
+from evertwin.service.questions import answer
+from evertwin.service.runner import Runner
+from evertwin.service.service import Service
+from evertwin.service.stream import stream
+
+MOST = 10_000
+"""Rows, samples or events of one answer."""
+PATIENCE = 60.0
+"""Seconds that an answer may take."""
+CODES = ((UsageError, 400), (DataError, 409), (StoreError, 503))
+Count = Annotated[int, Query(ge=1, le=MOST)]
+
+
+class Order(BaseModel):
+    """What an operator orders.
+
+    >>> Order(order="pin", version=2, reason="to see").order
+    'pin'
+    """
+
+    model_config = ConfigDict(extra="forbid")
+    order: Literal["promote", "rollback", "pin", "unpin"]
+    version: int | None = Field(default=None, ge=0)
+    reason: str = Field(min_length=1, max_length=500)
+    person: str = Field(default="", max_length=100)
+    """Who says so, where the token belongs to nobody in particular."""
+
+
+def create_app(service: Service) -> FastAPI:
+    """The application, without what guards it."""
+    app = FastAPI(
+        title="evertwin", docs_url=None, redoc_url=None, openapi_url="/api/v1/openapi.json"
+    )
+    _errors(app)
+    _health(app, service)
+    _twins(app, service)
+    _operate(app, service)
+
+    @app.websocket("/api/v1/stream")
+    async def streamed(socket: WebSocket) -> None:
+        await stream(socket, service)
+
+    return app
+
+
+def _errors(app: FastAPI) -> None:
+    @app.exception_handler(EvertwinError)
+    async def told(_: Request, error: EvertwinError) -> JSONResponse:
+        status = next((code for kind, code in CODES if isinstance(error, kind)), 500)
+        return JSONResponse({"error": str(error)}, status)
+
+
+def _health(app: FastAPI, service: Service) -> None:
+    @app.get("/-/healthy")
+    async def healthy() -> dict[str, bool]:
+        """The process is there and its loop runs."""
+        return {"healthy": True}
+
+    @app.get("/-/ready")
+    async def ready(response: Response) -> dict[str, bool]:
+        """Every twin runs or is in quarantine; 503 before and while the service stops."""
+        response.status_code = 200 if service.ready else 503
+        return {"ready": service.ready}
+
+    @app.get("/metrics")
+    async def metrics() -> Response:
+        """Figures for Prometheus."""
+        return Response(exposition(service), media_type="text/plain; version=0.0.4; charset=utf-8")
+
+    @app.get("/api/v1/status")
+    async def status() -> dict[str, Any]:
+        """The service: its twins, the lag of its loop, the newest error of a reload."""
+        return service.status()
+
+
+def _found(service: Service, name: str) -> Runner:
+    try:
+        return service.runner(name)
+    except UsageError as error:
+        raise HTTPException(404, str(error)) from error
+
+
+async def _in_time(work: Any) -> Any:
+    try:
+        return await asyncio.wait_for(work, PATIENCE)
+    except TimeoutError as error:
+        raise HTTPException(503, f"no answer within {PATIENCE:g} s: the twin is busy") from error
+
+
+def _twins(app: FastAPI, service: Service) -> None:
+    @app.get("/api/v1/twins")
+    async def twins() -> list[dict[str, Any]]:
+        """Every twin: state, condition, age, counts of its sources."""
+        return [runner.status() for runner in service.runners.values()]
+
+    @app.get("/api/v1/twins/{name}")
+    async def twin(name: str) -> dict[str, Any]:
+        """One twin: also its versions, parameters with intervals, and the open trial."""
+        runner = _found(service, name)
+        about: Mapping[str, Any] = {} if runner.work is None else runner.work.about
+        return {**about, **runner.status(), "versions": about.get("versions", [])}
+
+    @app.get("/api/v1/twins/{name}/rows")
+    async def rows(name: str, last: Count = 1000, points: Count = 1000) -> Any:
+        """The newest rows, thinned to so many points."""
+        return await _in_time(_found(service, name).ask(lambda work: work.rows(last, points)))
+
+    @app.get("/api/v1/twins/{name}/events")
+    async def events(
+        name: str, after: Annotated[int, Query(ge=0)] = 0, limit: Count = 1000
+    ) -> dict[str, Any]:
+        """What was decided behind a position of the log, and the position to ask from next."""
+        runner = _found(service, name)
+        found = await asyncio.to_thread(runner.events_after, after, limit)
+        cursor = found[-1][0] if found else after
+        return {"events": [event for _, event in found], "cursor": cursor}
+
+    @app.get("/api/v1/twins/{name}/samples")
+    async def samples(
+        name: str, source: str, first: float = -math.inf, last: float = math.inf,
+        limit: Count = 1000,
+    ) -> dict[str, Any]:  # fmt: skip
+        """Samples of a source that are kept, stamped in [first, last] [s], in order of arrival."""
+        runner = _found(service, name)
+        return await asyncio.to_thread(_samples, runner, source, (first, last), limit)
+
+
+def _samples(runner: Runner, source: str, span: tuple[float, float], limit: int) -> dict[str, Any]:
+    spec = runner.plan.spec
+    known = [one.name for one in spec.source + spec.array] if spec is not None else []
+    if source not in known:
+        raise HTTPException(404, f"no source {source!r}; there are {', '.join(known)}")
+    if any(math.isnan(edge) for edge in span):
+        raise HTTPException(422, "first, last: expected numbers")
+    low, high = (int(1e9 * min(max(edge, -4e9), 4e9)) for edge in span)
+    told: list[Any] = []
+    left = limit
+    for chunk in runner.reader.samples(source, low, high):
+        told.append({"task": chunk.task, "t": chunk.t[:left].tolist(), "v": plain(chunk.v[:left])})
+        left -= len(chunk.t)
+        if left <= 0:
+            break
+    channels = [tuple(one.channels) for one in spec.source if one.name == source] if spec else []
+    return {"source": source, "channels": channels[0] if channels else None, "chunks": told,
+            "whole": left > 0}  # fmt: skip
+
+
+def _operate(app: FastAPI, service: Service) -> None:
+    @app.post("/api/v1/twins/{name}/orders")
+    async def order(name: str, told: Order, request: Request) -> Any:
+        """Promote a version, roll back, pin or unpin; heeded at the next beat, kept in the log."""
+        user = str(request.scope["state"]["user"])
+        person = told.person or user if user == "token" else user
+        number = None if told.order == "unpin" else told.version
+        if number is None and told.order in ("promote", "pin"):
+            raise HTTPException(422, f"{told.order}: needs version")
+        what = "pin" if told.order == "unpin" else told.order
+        runner = _found(service, name)
+        return await _in_time(runner.order(what, number, told.reason, person))
+
+    @app.post("/api/v1/twins/{name}/whatif")
+    async def whatif(name: str, scenario: Annotated[dict[str, Any], Body()]) -> Any:
+        """A scenario, as a scenario file says it but without files, beside the newest rows."""
+        return await _in_time(answer(_found(service, name), "whatif", scenario))
+
+    @app.post("/api/v1/twins/{name}/forecast")
+    async def forecast(name: str, question: Annotated[dict[str, Any], Body()]) -> Any:
+        """What comes within ``horizon`` seconds."""
+        return await _in_time(answer(_found(service, name), "forecast", question))
+
+    @app.post("/api/v1/reload")
+    async def reload() -> Any:
+        """Takes the site file and the twin files anew; on an error nothing changes (400)."""
+        return await service.reload()

@@ -1,0 +1,223 @@
+"""One twin at work: samples in, what is new out. All of it runs in the twin's own thread.
+
+Samples are durable when `AtWork.push` returns: the twin stores each, and one flush of the store
+stands for all that came together.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from evertwin.fold import Chunk, Event, make_block, plain
+from evertwin.loop import View
+from evertwin.service.plan import Plan
+from evertwin.store import Estimate, Kept
+from evertwin.store.spec import StoreSpec
+from evertwin.twin import Twin
+
+MOST = 256
+"""Rows that are told at once."""
+WORKERS = 1
+"""Processes for slow work, where neither site file nor twin file says."""
+
+
+class Said(NamedTuple):
+    """What became known with some samples.
+
+    >>> Said(None, 0, (), 0).skipped
+    0
+    """
+
+    rows: Mapping[str, Any] | None
+    """The new rows by column, plain; None: there are none."""
+    skipped: int
+    """New rows before them, which are not told: too many came at once."""
+    events: Sequence[tuple[int, Mapping[str, Any]]]
+    """Position in the log and content of each."""
+    row: int
+    """Rows so far."""
+
+
+class AtWork:
+    """A twin beside its machine. See the module.
+
+    >>> AtWork.__name__
+    'AtWork'
+    """
+
+    def __init__(self, plan: Plan, store: Path) -> None:
+        """Opens the twin with its store in a folder; what a process before left goes on."""
+        assert plan.spec is not None
+        workers = plan.entry.workers
+        if workers is None:
+            workers = plan.spec.engine.workers or WORKERS
+        self.spec = dataclasses.replace(
+            plan.spec, store=StoreSpec(str(store / f"{plan.name}.db")),
+            engine=dataclasses.replace(plan.spec.engine, workers=workers),
+        )  # fmt: skip
+        self.twin = Twin(self.spec)
+        self._estimates: dict[str, Estimate] = {}
+        self._read = 0
+        self._row = -1
+        self.about: Mapping[str, Any] = {}
+        """Versions, parameters, what is live: as the newest entry of the log left it."""
+        self.going = self.twin.going()
+        view = self.going.view(1)
+        self._row = int(view.row[-1]) if len(view.row) else -1
+        self.before = self._news()
+        """Events that the log had already."""
+
+    def newest(self) -> dict[str, tuple[int, int]]:
+        """Task and newest stamp of each source that the store has samples of."""
+        found = {one.name: self.twin.store.newest(one.name) for one in self.spec.source}
+        return {name: at for name, at in found.items() if at is not None}
+
+    def push(self, chunks: Sequence[Chunk]) -> Said:
+        """Samples as they came; durable when it returns.
+
+        Raises:
+            EvertwinError: they do not fit, or cannot be stored.
+        """
+        for chunk in chunks:
+            self.twin.push(chunk)
+        view = self.going.view(MOST)
+        self.twin.store.flush()
+        rows, skipped = self._fresh(view)
+        return Said(rows, skipped, self._news(), self._row + 1)
+
+    def _fresh(self, view: View) -> tuple[Mapping[str, Any] | None, int]:
+        new = view.row > self._row
+        if not new.any():
+            return None, 0
+        skipped = max(int(view.row[0]) - self._row - 1, 0)
+        self._row = int(view.row[-1])
+        return shown(view, self.outputs, new), skipped
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of what is predicted."""
+        return tuple(self.twin.model.outputs.names)
+
+    def rows(self, count: int, points: int) -> Mapping[str, Any]:
+        """The newest rows, thinned to at most so many points; the newest one stays."""
+        view = self.going.view(count)
+        step = max(-(-len(view.row) // points), 1)
+        return shown(view, self.outputs, np.arange(len(view.row))[::-1][::step][::-1])
+
+    def newest_block(self, count: int) -> Any:
+        """The newest rows of the newest task, to look ahead from."""
+        view = self.going.view(count)
+        last = view.task == view.task[-1] if len(view.task) else np.zeros(0, dtype=bool)
+        return make_block(t=view.t[last], u=view.inputs[last], y=view.measured[last])
+
+    def _news(self) -> tuple[tuple[int, Mapping[str, Any]], ...]:
+        """Events since the last call; where the log went on, `about` follows."""
+        store, found = self.twin.store, []
+        if store.head.length == self._read and self.about:
+            return ()
+        for entry in store.entries(self._read, ("event", "estimate")):
+            record = store.record(entry)
+            if isinstance(record, Estimate):
+                self._estimates[record.name] = record
+            elif isinstance(record, Event):
+                found.append((entry.number, told(entry.number, record)))
+        self._read = store.head.length
+        self.about = self._about()
+        return tuple(found)
+
+    def _about(self) -> Mapping[str, Any]:
+        live = self.twin.champion
+        trial = self.going.trial
+        return {
+            "champion": live.number, "pinned": self.twin.pinned, "model": self.spec.model.kind,
+            "outputs": [{"name": c.name, "unit": c.unit} for c in self.twin.model.outputs],
+            "versions": [_version(one) for one in self.twin.versions],
+            "parameters": [
+                {"name": item.name, "value": plain(item.value), "unit": item.unit,
+                 **self._interval(item.name, item.value)}
+                for item in self.twin.parameters_of(live.number)
+            ],
+            "trial": plain(trial),
+            "entries": self._read,
+        }  # fmt: skip
+
+    def _interval(self, name: str, value: float) -> Mapping[str, Any]:
+        """What the fit that a value comes from said of it."""
+        known = self._estimates.get(name)
+        if known is None or known.value != value:
+            return {"interval95": None, "verdict": None}
+        return {"interval95": plain((known.low, known.high)), "verdict": known.verdict}
+
+    def ordered(
+        self, order: str, number: int | None, reason: str, person: str
+    ) -> tuple[Event, Said]:
+        """An operator's order: promote, rollback, pin (None: unpin).
+
+        Raises:
+            UsageError: it cannot be heeded.
+        """
+        if order == "promote":
+            event = self.twin.promote(-1 if number is None else number, reason, person)
+        elif order == "rollback":
+            event = self.twin.rollback(reason, person)
+        else:
+            event = self.twin.pin(number, reason, person)
+        return event, Said(None, 0, self._news(), self._row + 1)
+
+    def close(self) -> None:
+        """A last checkpoint, then the store is let go."""
+        try:
+            self.going.rest()
+        finally:
+            self.twin.close()
+
+
+def shown(view: View, outputs: Sequence[str], which: np.ndarray) -> Mapping[str, Any]:
+    """Some rows by column, as plain values: what is not a number is None."""
+    told: dict[str, Any] = {
+        "row": view.row[which].tolist(), "t": view.t[which].tolist(),
+        "version": view.version[which].tolist(),
+    }  # fmt: skip
+    columns = {"measured": view.measured, "predicted": view.predicted,
+               "residual": view.measured - view.predicted, "sigma": view.band}  # fmt: skip
+    told["outputs"] = {
+        name: {key: plain(column[which, k]) for key, column in columns.items()}
+        | {"mark": view.mark[which, k].tolist()}
+        for k, name in enumerate(outputs)
+    }
+    return told
+
+
+def told(number: int, record: Kept) -> Mapping[str, Any]:
+    """An event of the log, in plain values."""
+    assert isinstance(record, Event)
+    return {
+        "number": number, "row": record.row, "time": record.time, "kind": record.kind,
+        "signal": record.signal, "reason": record.reason, "evidence": plain(record.evidence),
+    }  # fmt: skip
+
+
+def _version(version: Any) -> Mapping[str, Any]:
+    return {
+        "number": version.number, "hash": version.hash, "parent": version.parent,
+        "reason": version.reason, "row": version.row,
+    }  # fmt: skip
+
+
+def warm(plan: Plan) -> None:
+    """Compiles what a twin needs, by rows of zeros through a copy that keeps nothing."""
+    assert plan.spec is not None
+    spec = dataclasses.replace(
+        plan.spec, store=StoreSpec(), engine=dataclasses.replace(plan.spec.engine, workers=0)
+    )
+    rate = spec.clock.rate or 10.0
+    with Twin(spec) as twin:
+        for piece in range(4):
+            stamps = ((np.arange(50) + 50 * piece) / rate * 1e9).astype(np.int64)
+            for one in spec.source:
+                twin.push(Chunk(one.name, stamps, np.zeros((50, len(one.channels)))))

@@ -1,0 +1,303 @@
+"""One twin of the service: its sources feed a bounded queue, its own thread folds.
+
+The event loop never waits for a fold. What was folded is durable before its source hears
+`committed`. A twin that fails, at its start or at any sample, is quarantined with the reason; the
+others do not notice.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal, TypeAlias, TypeVar
+
+from evertwin.errors import EvertwinError, UsageError
+from evertwin.fold import Chunk
+from evertwin.publishers.contract import News, Publisher
+from evertwin.publishers.registry import open_publisher
+from evertwin.service.at_work import AtWork, Said, told, warm
+from evertwin.service.condition import Condition
+from evertwin.service.plan import Plan
+from evertwin.service.questions import answer
+from evertwin.sources.live.contract import Around, LiveSource
+from evertwin.sources.live.registry import open_live
+from evertwin.store import SqliteStore
+
+T = TypeVar("T")
+State: TypeAlias = Literal["starting", "running", "ended", "quarantined", "stopped"]
+LOG = logging.getLogger("evertwin.service")
+TOGETHER = 256
+"""Pieces of samples that are folded together at most."""
+KEPT = 64
+"""Messages with rows, and times as many events, that a slow reader may be behind."""
+
+
+class Runner:
+    """A twin with its sources and publishers.
+
+    >>> Runner.__name__
+    'Runner'
+    """
+
+    def __init__(
+        self, plan: Plan, store: Path, listeners: set[asyncio.Event], *, warms: bool
+    ) -> None:
+        self.plan = plan
+        self.name = plan.name
+        self.state: State = "starting"
+        self.reason = ""
+        self.store = store
+        self.dropped = 0
+        """Samples that were dropped because too many waited."""
+        self.row = 0
+        self.condition = Condition(plan.entry.stale)
+        self.busy_since: float | None = None
+        self.durable: deque[float] = deque(maxlen=1000)
+        """Seconds from the arrival of samples until they were durable."""
+        self.rows: deque[tuple[int, Mapping[str, Any]]] = deque(maxlen=KEPT)
+        """(serial number, rows) as they were told."""
+        self.serial = 0
+        self.events: deque[tuple[int, Mapping[str, Any]]] = deque(maxlen=16 * KEPT)
+        self.listeners = listeners
+        """Are set when there is something new."""
+        self.sources: list[LiveSource] = []
+        self.publishers: list[Publisher] = []
+        self.work: AtWork | None = None
+        self.turn = asyncio.Semaphore(1)
+        """One question after the other."""
+        self._warms = warms
+        self._reader: SqliteStore | None = None
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix=f"twin {plan.name}")
+        self._queue: deque[tuple[LiveSource, Chunk, float]] = deque()
+        self._came, self._room = asyncio.Event(), asyncio.Event()
+        self._tasks: list[asyncio.Task[None]] = []
+
+    # ------------------------------------------------------------------ its life
+
+    async def start(self) -> None:
+        """Opens the twin, its sources and publishers; what fails puts it into quarantine."""
+        with self._guarded():
+            if self.plan.spec is None:
+                raise UsageError(self.plan.wrong)
+            self.work = await self._inside(self._opened)
+            self._take(Said(None, 0, self.work.before, 0))
+            newest = await self._inside(self.work.newest)
+            around = Around(folder=Path(self.plan.spec.folder))
+            specs = {one.name: one for one in self.plan.spec.source}
+            for one in self.plan.sources:
+                source = open_live(one, specs[one.source], around)
+                self.sources.append(source)
+                source.open()
+                if one.source in newest:
+                    task, stamp = newest[one.source]
+                    source.resume(stamp, task)
+            self._publish()
+            self.state = "running"
+            self._tasks = [asyncio.create_task(self._read(source)) for source in self.sources]
+            self._tasks.append(asyncio.create_task(self._fold()))
+            LOG.info("%s: running", self.name, extra={"twin": self.name})
+
+    def _opened(self) -> AtWork:
+        if self._warms:
+            warm(self.plan)
+        return AtWork(self.plan, self.store)
+
+    def _publish(self) -> None:
+        assert self.work is not None
+        outputs = [(c.name, c.unit) for c in self.work.twin.model.outputs]
+        for settings in self.plan.publishers:
+            publisher = open_publisher(settings, self.name, outputs, self.whatif)
+            publisher.open()
+            self.publishers.append(publisher)
+
+    @contextlib.contextmanager
+    def _guarded(self) -> Iterator[None]:
+        """Whatever a twin raises ends that twin alone."""
+        try:
+            yield
+        except EvertwinError as error:
+            self._quarantine(str(error))
+        except Exception as error:  # noqa: BLE001  (a model or plug-in of the user's may raise any)
+            self._quarantine(f"{type(error).__name__}: {error}")
+
+    def _quarantine(self, reason: str) -> None:
+        self.state, self.reason = "quarantined", reason
+        LOG.error("%s: quarantined: %s", self.name, reason, extra={"twin": self.name})
+        for source in self.sources:
+            source.close()
+        self._room.set()
+        self._tell()
+
+    async def stop(self) -> None:
+        """Sources closed, what waits folded and durable, a checkpoint kept, the store released."""
+        for source in self.sources:
+            source.close()
+        running = self.state == "running"
+        self.state = self.state if self.state == "quarantined" else "stopped"
+        self._came.set()
+        self._room.set()
+        left = (await asyncio.wait(self._tasks, timeout=10.0))[1] if self._tasks else ()
+        for task in left:
+            task.cancel()
+        for publisher in self.publishers:
+            await publisher.close()
+        if self.work is not None:
+            with self._guarded():
+                await self._inside(self.work.close if running else self.work.twin.close)
+        if self._reader is not None:
+            self._reader.close()
+        self._thread.shutdown(wait=False)
+        self._tell()
+
+    # ------------------------------------------------------------------ samples
+
+    async def _read(self, source: LiveSource) -> None:
+        """The samples of one source into the queue."""
+        with self._guarded():
+            async for chunk in source.chunks():
+                while len(self._queue) >= self.plan.entry.queue and self.state == "running":
+                    if self.plan.entry.full == "drop":
+                        self.dropped += len(self._queue.popleft()[1].t)
+                    else:
+                        self._room.clear()
+                        await self._room.wait()
+                if self.state == "quarantined":
+                    return
+                self._queue.append((source, chunk, time.perf_counter()))
+                self.condition.came(len(chunk.t))
+                self._came.set()
+
+    async def _fold(self) -> None:
+        """What waits, through the twin, until it stops."""
+        assert self.work is not None
+        with self._guarded():
+            while self.state == "running" or self._queue:
+                if not self._queue:
+                    self._came.clear()
+                    await self._came.wait()
+                    continue
+                count = min(len(self._queue), TOGETHER)
+                taken = [self._queue.popleft() for _ in range(count)]
+                self._room.set()
+                chunks = [chunk for _, chunk, _ in taken]
+                said = await self._inside(partial(self.work.push, chunks))
+                now = time.perf_counter()
+                for source, chunk, came in taken:
+                    source.committed(chunk)
+                    self.durable.append(now - came)
+                self._take(said)
+
+    async def _inside(self, work: Callable[[], T]) -> T:
+        """Something in the twin's thread."""
+        self.busy_since = time.monotonic()
+        try:
+            return await asyncio.get_running_loop().run_in_executor(self._thread, work)
+        finally:
+            self.busy_since = None
+
+    def _take(self, said: Said) -> None:
+        """What became known goes to whoever listens."""
+        self.row = max(self.row, said.row)
+        if said.rows is not None:
+            self.serial += 1
+            self.rows.append((self.serial, {**said.rows, "skipped": said.skipped}))
+            self._out("rows", said.rows)
+        self.events.extend(said.events)
+        for _, event in said.events:
+            self.condition.heard(event)
+            about = {"twin": self.name, "event": event["kind"], "row": event["row"]}
+            LOG.info("%s: %s: %s", self.name, event["kind"], event["reason"], extra=about)
+        if said.events and self.publishers:
+            self._out("events", {"events": [event for _, event in said.events]})
+        self._tell()
+
+    def _out(self, kind: Literal["rows", "events", "health"], content: Mapping[str, Any]) -> None:
+        for publisher in self.publishers:
+            publisher.publish(News(self.name, kind, content))
+
+    def beat(self) -> None:
+        """Once in a while: health goes out."""
+        if self.publishers:
+            self._out("health", self.status())
+
+    def _tell(self) -> None:
+        for listener in self.listeners:
+            listener.set()
+
+    # ------------------------------------------------------------------ questions
+
+    async def ask(self, question: Callable[[AtWork], T]) -> T:
+        """Something of the twin at work, in its thread.
+
+        Raises:
+            UsageError: it is not at work.
+        """
+        if self.work is None or self.state not in ("running", "ended"):
+            raise UsageError(f"{self.name} is {self.state}: {self.reason}".rstrip(": "))
+        work = self.work
+        return await self._inside(lambda: question(work))
+
+    async def order(
+        self, order: str, number: int | None, reason: str, person: str
+    ) -> Mapping[str, Any]:
+        """An operator's order; the event that keeps it.
+
+        Raises:
+            UsageError: it cannot be heeded, or the twin is not at work.
+        """
+        event, said = await self.ask(lambda work: work.ordered(order, number, reason, person))
+        self._take(said)
+        return told(said.events[-1][0] if said.events else 0, event)
+
+    async def whatif(self, scenario: Mapping[str, Any]) -> Mapping[str, Any]:
+        """The answer to a scenario, from the newest rows."""
+        return await answer(self, "whatif", scenario)
+
+    @property
+    def reader(self) -> SqliteStore:
+        """Its store to look at, from any thread, whatever the twin does meanwhile.
+
+        Raises:
+            StoreError: there is none yet, or it cannot be read.
+        """
+        if self._reader is None:
+            self._reader = SqliteStore(self.store / f"{self.name}.db", read_only=True)
+        return self._reader
+
+    def events_after(self, cursor: int, most: int) -> Sequence[tuple[int, Mapping[str, Any]]]:
+        """Events behind a position in the log, from memory where they are still there, else from
+        the store."""
+        newest = list(self.events)
+        if newest and newest[0][0] <= cursor + 1:
+            return [one for one in newest if one[0] > cursor][:most]
+        store = self.reader
+        found = store.entries(cursor, ("event",), most)
+        return [(entry.number, told(entry.number, store.record(entry))) for entry in found]
+
+    @property
+    def waiting(self) -> int:
+        """Pieces of samples that wait."""
+        return len(self._queue)
+
+    def status(self) -> dict[str, Any]:
+        """How it is, in plain values."""
+        ended = self.sources and all(one.health.state == "ended" for one in self.sources)
+        state = "ended" if self.state == "running" and ended and not self._queue else self.state
+        busy = 0.0 if self.busy_since is None else time.monotonic() - self.busy_since
+        how = self.condition.told(failed=state == "quarantined", ended=state == "ended")
+        about = {} if self.work is None else self.work.about
+        return {
+            "name": self.name, "state": state, "reason": self.reason, **how, "rows": self.row,
+            "champion": about.get("champion"), "pinned": about.get("pinned"),
+            "versions": len(about.get("versions", ())), "waiting": self.waiting,
+            "dropped": self.dropped, "busy": round(busy, 3),
+            "sources": {one.name: one.health.to_dict() for one in self.sources},
+            "publishers": [dict(one.health) for one in self.publishers],
+        }  # fmt: skip

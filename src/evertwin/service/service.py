@@ -1,0 +1,144 @@
+"""All twins of a site in one process: start, reload, stop.
+
+A reload takes the site file and the twin files anew: twins that are gone are stopped, new ones are
+started, changed ones are stopped and started, the others never notice. A file that cannot be read
+changes nothing, and the error is told.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from evertwin.errors import ConfigError, UsageError, nearest
+from evertwin.service.lag import Lag
+from evertwin.service.notify import beat_of, notify
+from evertwin.service.plan import Site, read_site
+from evertwin.service.runner import Runner
+
+LOG = logging.getLogger("evertwin.service")
+BEAT = 1.0
+"""Seconds between two looks at everything."""
+RESTART = ("address", "port", "certificate", "key", "connections", "timeout")
+"""Settings of [http] that hold from the next start on."""
+
+
+class Service:
+    """The twins of a site file.
+
+    >>> Service.__name__
+    'Service'
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Reads the site file.
+
+        Raises:
+            ConfigError: it does not say what it must.
+        """
+        self.path = path
+        self.site: Site = read_site(path)
+        self.runners: dict[str, Runner] = {}
+        self.listeners: set[asyncio.Event] = set()
+        """Are set when any twin says something new."""
+        self.lag = Lag()
+        self.began = time.time()
+        self.ready = False
+        self.reloads = 0
+        self.error = ""
+        """Why the newest reload changed nothing."""
+        self._turn = asyncio.Lock()
+        self._tasks: list[asyncio.Task[None]] = []
+
+    async def start(self) -> None:
+        """Starts every twin; ready when each runs or is in quarantine."""
+        self.site.store.mkdir(parents=True, exist_ok=True)
+        self._tasks = [asyncio.create_task(self.lag.watch()), asyncio.create_task(self._beat())]
+        await self._follow(self.site)
+        self.ready = True
+        notify("READY=1")
+        bad = [one.name for one in self.runners.values() if one.state == "quarantined"]
+        LOG.info("ready: %d twins, quarantined: %s", len(self.runners), ", ".join(bad) or "none")
+
+    async def _follow(self, site: Site) -> dict[str, list[str]]:
+        """What runs becomes what the site says."""
+        wanted = {plan.name: plan for plan in site.twins}
+        gone = [
+            runner for name, runner in self.runners.items()
+            if wanted.get(name) != runner.plan or runner.state == "quarantined"
+            or runner.store != site.store
+        ]  # fmt: skip
+        await asyncio.gather(*(runner.stop() for runner in gone))
+        for runner in gone:
+            del self.runners[runner.name]
+        fresh = [
+            Runner(plan, site.store, self.listeners, warms=site.spec.warm)
+            for name, plan in wanted.items() if name not in self.runners
+        ]  # fmt: skip
+        self.runners |= {runner.name: runner for runner in fresh}
+        self.site = site
+        await asyncio.gather(*(runner.start() for runner in fresh))
+        return {
+            "stopped": [one.name for one in gone if one.name not in wanted],
+            "started": [one.name for one in fresh],
+        }
+
+    async def reload(self) -> Mapping[str, Any]:
+        """Takes the files anew; what changed.
+
+        Raises:
+            ConfigError: they cannot be read; everything stays as it was.
+        """
+        async with self._turn:
+            try:
+                site = await asyncio.to_thread(read_site, self.path)
+            except ConfigError as error:
+                self.error = str(error)
+                LOG.error("reload: nothing is changed: %s", error)
+                raise
+            old, new = self.site.spec.http, site.spec.http
+            later = [key for key in RESTART if getattr(old, key) != getattr(new, key)]
+            told: dict[str, Any] = await self._follow(site)
+            self.error, self.reloads = "", self.reloads + 1
+            LOG.info("reloaded: %s", told)
+            return {**told, "after_restart": later}
+
+    async def stop(self) -> None:
+        """Stops every twin; their states are kept."""
+        notify("STOPPING=1")
+        self.ready = False
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*(runner.stop() for runner in self.runners.values()))
+        LOG.info("stopped")
+
+    def runner(self, name: str) -> Runner:
+        """One twin.
+
+        Raises:
+            UsageError: there is none of this name.
+        """
+        if name not in self.runners:
+            raise UsageError(f"no twin {name!r}; {nearest(name, self.runners)}")
+        return self.runners[name]
+
+    async def _beat(self) -> None:
+        beat = beat_of()
+        while True:
+            await asyncio.sleep(BEAT if beat is None else min(BEAT, beat))
+            notify("WATCHDOG=1")
+            for runner in self.runners.values():
+                runner.beat()
+
+    def status(self) -> dict[str, Any]:
+        """How the service is, in plain values."""
+        return {
+            "schema": "evertwin.service/1", "site": self.site.spec.name, "ready": self.ready,
+            "began": self.began, "reloads": self.reloads, "error": self.error,
+            "lag": {"p99": self.lag.share(0.99), "worst": self.lag.worst},
+            "twins": [runner.status() for runner in self.runners.values()],
+        }  # fmt: skip

@@ -1,0 +1,134 @@
+"""`evertwin serve` as a process: many twins, kills, poison, reload, stop."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evertwin.config import read
+from evertwin.fold import plain
+from evertwin.sources.recorded import Recorded
+from evertwin.store import SqliteStore
+from evertwin.twin import Twin
+from planted.serving import ENTRY, Served, said_to, site
+from planted.worlds import record_robot
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("robot") / "run.csv"
+    record_robot(file, "--light", "--world", "w3", "--seconds", "60", "--seed", "2")
+    return file
+
+
+@pytest.fixture
+def hall(tmp_path: Path, recording: Path) -> Path:
+    (tmp_path / "run.csv").write_bytes(recording.read_bytes())
+    return tmp_path
+
+
+def ended(status: dict) -> bool:  # type: ignore[type-arg]
+    return all(one["state"] in ("ended", "quarantined") for one in status["twins"])
+
+
+def test_a_killed_service_goes_on_as_if_nothing_had_been(hall: Path) -> None:
+    file = site(hall, "robot", speed=100)
+    for rows in (40, 110):
+        with Served(file) as served:
+            served.until(lambda status, rows=rows: status["twins"][0]["rows"] >= rows)
+            served.kill()
+    with Served(file) as served:
+        served.until(ended)
+        found = served.ask("/api/v1/twins/robot/rows?last=10000&points=10000")[1]
+        samples = served.ask("/api/v1/twins/robot/samples?source=log&limit=10000")[1]
+        events = served.ask("/api/v1/twins/robot/events")[1]["events"]
+        assert served.end() == 0
+    with Twin(read(hall / "robot1d.toml")) as twin:
+        chunks = list(Recorded.of(twin.spec.source[0], (hall / "run.csv",)).read())
+        for chunk in chunks:
+            twin.push(chunk)
+        view = twin.view(10_000)
+        said = [(e.row, e.kind, e.reason) for e in twin.events if e.kind != "started"]
+    stamps = [stamp for chunk in samples["chunks"] for stamp in chunk["t"]]
+    assert stamps == np.concatenate([chunk.t for chunk in chunks]).tolist()
+    assert found["row"] == view.row.tolist() and found["t"] == view.t.tolist()
+    for name in ("measured", "predicted"):
+        assert tuple(found["outputs"]["x"][name]) == plain(getattr(view, name)[:, 0].tolist())
+    assert found["version"] == view.version.tolist()
+    assert [(e["row"], e["kind"], e["reason"]) for e in events if e["kind"] != "started"] == said
+    assert any(kind in ("tuned", "abnormal") for _, kind, _ in said)
+
+
+def test_a_poison_twin_is_alone_with_it(hall: Path) -> None:
+    file = site(hall, "good", "broken")
+    (hall / "store").mkdir()
+    (hall / "store" / "broken.db").write_bytes(b"no store at all, " * 999)
+    bad = hall / "poison.toml"
+    bad.write_text((hall / "robot1d.toml").read_text().replace('kind = "robot1d"', 'kind = "nil"'))
+    entry = ENTRY.replace("robot1d.toml", "poison.toml").format(name="poison", speed=200)
+    file.write_text(file.read_text() + entry + '[[twin]]\nfile = "absent.toml"\n')
+    with Served(file) as served:
+        status = served.until(ended)
+        twins = {one["name"]: one for one in status["twins"]}
+        assert twins["good"]["state"] == "ended" and twins["good"]["rows"] > 100
+        for name in ("poison", "absent"):
+            assert twins[name]["state"] == "quarantined" and twins[name]["condition"] == "failure"
+        assert "nil" in twins["poison"]["reason"] and "absent.toml" in twins["absent"]["reason"]
+        assert twins["broken"]["state"] == "quarantined" or twins["broken"]["rows"] > 100
+        code, told = served.ask("/api/v1/twins/poison/rows")
+        assert code == 400 and "quarantined" in told["error"]
+
+
+def test_the_configuration_is_taken_anew_without_a_stop(hall: Path) -> None:
+    file = site(hall, "one", "two", speed=10)
+    with Served(file) as served:
+        served.until(lambda status: all(one["rows"] > 0 for one in status["twins"]))
+        text = file.read_text()
+        file.write_text(text.replace("[[twin]]", "[[twin]]\nfiel = 3", 1))
+        code, told = served.ask("/api/v1/reload", {})
+        assert code == 400 and "fiel" in told["error"] and "site.toml:8" in told["error"]
+        before = served.twin("one")
+        assert served.twin("two")["state"] == "running"
+        head = text[: text.index("[[twin]]")]
+        entries = [ENTRY.format(name=name, speed=10) for name in ("one", "three")]
+        file.write_text(head + "".join(entries))
+        served.process.send_signal(signal.SIGHUP)
+        status = served.until(lambda status: status["reloads"] == 1)
+        assert [one["name"] for one in status["twins"]] == ["one", "three"]
+        assert status["error"] == "" and status["twins"][0]["rows"] >= before["rows"]
+        file.write_text(file.read_text().replace("workers = 0", "workers = 0\nqueue = 9", 1))
+        code, told = served.ask("/api/v1/reload", {})
+        assert (code, told["started"], told["stopped"]) == (200, ["one"], [])
+
+
+def test_a_stop_keeps_the_state_tells_systemd_and_a_second_service_is_refused(hall: Path) -> None:
+    line, environment = said_to(hall)
+    file = site(hall, "robot", speed=50)
+    with line, Served(file, **environment, WATCHDOG_USEC="400000") as served:
+        assert line.recv(100) == b"READY=1"
+        served.until(lambda status: status["twins"][0]["rows"] > 40)
+        assert line.recv(100) == b"WATCHDOG=1"
+        with Served(file) as second:
+            (other,) = second.until(lambda _: True)["twins"]
+        assert other["state"] == "quarantined" and "is open in process" in other["reason"]
+        rows = served.twin("robot")["rows"]
+        with contextlib.suppress(BlockingIOError):
+            line.setblocking(False)
+            while line.recv(100):
+                pass
+        line.settimeout(10)
+        assert served.end() == 0
+        heard = b""
+        while heard != b"STOPPING=1":
+            heard = line.recv(100)
+    store = SqliteStore(hall / "store" / "robot.db", read_only=True)
+    (kept,) = store._db.query("SELECT max(row) FROM checkpoints")
+    assert kept[0] >= rows
+    store.close()
+    lines = [json.loads(text) for text in (hall / "log.jsonl").read_text().splitlines()]
+    assert any(one.get("event") == "started" and one["twin"] == "robot" for one in lines)
