@@ -31,9 +31,11 @@ from evertwin.sources.live.telling import Telling
 from evertwin.sources.spec import SourceSpec
 from evertwin.sources.stamps import NO_STAMP, StampError, to_ns
 
-Raw: TypeAlias = "float | int | bool | str | bytes | None"
+Raw: TypeAlias = float | int | bool | str | bytes | None
 Columns: TypeAlias = Mapping[str, Raw]
 """What a machine said at one moment, in the units of its own."""
+PROTOCOL = "the protocol's own stamp"
+"""Key of a stamp [ns] that comes with the columns and not as one of them."""
 BAD = math.inf
 """Stands for a value that the machine itself calls bad: later stages mark it as an error."""
 
@@ -61,6 +63,8 @@ class Decoder:
         self._opened: int | None = None
         self._before: int | None = None
         self._offset = round(spec.offset * 1e9)
+        self.by_protocol = False
+        """Does the protocol itself bring stamps (`PROTOCOL`)?"""
         self._by_arrival = self.settings.stamp == "arrival" or spec.time.column is None
         channels = spec.channels.values()
         pairs = [conversion(channel.unit) for channel in channels]
@@ -75,7 +79,7 @@ class Decoder:
         Raises:
             UsageError: one is a position, or the unit of time is to be guessed.
         """
-        stamps = None if self._by_arrival else self.spec.time.column
+        stamps = None if self.time is None else self.spec.time.column
         asked = [*self._columns, self.spec.task, stamps]
         for column in asked:
             if isinstance(column, int) and not ordered:
@@ -83,7 +87,7 @@ class Decoder:
                     f"source {self.spec.name!r}: column {column}: expected a name: a machine has "
                     "no order of columns (stamps may be those of arrival: stamp = 'arrival')"
                 )
-        if self.spec.time.unit == "auto" and not self._by_arrival:
+        if self.spec.time.unit == "auto" and self.time is not None:
             raise UsageError(
                 f"source {self.spec.name!r}: time: unit = 'auto' holds for files: state s, ms, us, "
                 "ns or iso"
@@ -100,8 +104,8 @@ class Decoder:
 
     @property
     def time(self) -> str | None:
-        """Column of the stamps; None: they are of arrival."""
-        return None if self._by_arrival else str(self.spec.time.column)
+        """Column of the stamps; None: they are of arrival, or the protocol's own."""
+        return None if self._by_arrival or self.by_protocol else str(self.spec.time.column)
 
     def resume(self, stamp: int, task: int) -> None:
         """What is stored: nothing up to there comes again."""
@@ -142,6 +146,8 @@ class Decoder:
     def _stamp(self, columns: Columns, arrival: int) -> int | None:
         if self._by_arrival:
             return arrival + self._offset
+        if self.by_protocol:
+            return int(columns[PROTOCOL] or 0) + self._offset
         value = columns.get(str(self.spec.time.column))
         unit = self.spec.time.unit
         if isinstance(value, str | bytes):

@@ -12,6 +12,7 @@ from __future__ import annotations
 import asyncio
 import os
 import random
+import time
 from abc import ABC, abstractmethod
 from collections.abc import AsyncIterator
 from contextlib import suppress
@@ -77,6 +78,8 @@ class Line(ABC):
         self._queue: asyncio.Queue[Chunk | None] = asyncio.Queue(WAITING)
         self._reading: asyncio.Task[None] | None = None
         self._closed = False
+        self._left: float | None = None
+        """When the line was up last."""
 
     @property
     def name(self) -> str:
@@ -150,6 +153,13 @@ class Line(ABC):
         """What goes out on one more sample."""
         return self.decoder.chunks(columns)
 
+    def lost_since(self, period: float) -> None:
+        """Counts what a machine that keeps nothing said while the line was down."""
+        if self._left is not None:
+            away, self._left = time.monotonic() - self._left, None
+            if away >= period:
+                self.told.lose("the line was down", int(away / period))
+
     async def _sessions(self) -> None:
         while True:
             try:
@@ -168,6 +178,8 @@ class Line(ABC):
                 for chunk in self.decode(columns):
                     await self._queue.put(chunk)
         finally:
+            if self.told.state == "up":
+                self._left = time.monotonic()
             await session.aclose()  # type: ignore[attr-defined]
 
 

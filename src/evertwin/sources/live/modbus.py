@@ -82,7 +82,6 @@ class Modbus(Line):
         }
         self._units = self._factors(spec)
         self._before: Raw = None
-        self._left: float | None = None
 
     def open(self) -> None:
         """See `LiveSource`."""
@@ -101,10 +100,7 @@ class Modbus(Line):
         wire = Wire(self.machine.timeout)
         try:
             await wire.connect(self.machine.host, self.machine.port)
-            if self._left is not None:
-                away = int((time.monotonic() - self._left) / self.machine.period)
-                if away:
-                    self.told.lose("the line was down", away)
+            self.lost_since(self.machine.period)
             due = time.monotonic()
             while True:
                 columns = await self._sample(wire)
@@ -112,7 +108,6 @@ class Modbus(Line):
                     yield columns
                 due = await self._wait(due + self.machine.period)
         finally:
-            self._left = time.monotonic() if self.told.state == "up" else self._left
             wire.close()
 
     async def _wait(self, due: float) -> float:

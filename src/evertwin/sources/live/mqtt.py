@@ -20,6 +20,7 @@ import time
 from collections import defaultdict
 from collections.abc import AsyncIterator
 from contextlib import suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evertwin.errors import UsageError
@@ -31,6 +32,7 @@ from evertwin.sources.live.decode import Columns
 from evertwin.sources.live.line import Line, LineDown
 from evertwin.sources.live.mqtt_parts import Count, NoMessage, place
 from evertwin.sources.live.mqtt_spec import MqttSettings, Part
+from evertwin.sources.live.secrets import password
 from evertwin.sources.spec import SourceSpec
 
 if TYPE_CHECKING:
@@ -198,21 +200,9 @@ class Mqtt(Line):
 
     def _password(self) -> str | None:
         broker = self.broker
-        if broker.password_env is not None:
-            if broker.password_env not in os.environ:
-                raise UsageError(
-                    f"source {self.name!r}: the environment variable {broker.password_env} is not "
-                    "set: it holds the password"
-                )
-            return os.environ[broker.password_env]
-        if broker.password_file is None:
-            return None
-        path = str(self._file(broker.password_file))
-        try:
-            with open(path, encoding="utf-8") as file:
-                return file.read().strip()
-        except OSError as error:
-            raise UsageError(f"{path}: the password cannot be read: {error.strerror}") from None
+        text = self._file(broker.password_file)
+        file = None if text is None else Path(text)
+        return password(f"source {self.name!r}", broker.password_env, file)
 
 
 class _Connection:

@@ -1,7 +1,7 @@
 """Protocols by name: own ones, and what other packages add under ``evertwin.sources``.
 
 >>> sorted(OWN), settings_of("replay").__name__
-(['file', 'modbus', 'mqtt', 'replay'], 'ReplaySettings')
+(['file', 'modbus', 'mqtt', 'opcua', 'replay'], 'ReplaySettings')
 """
 
 from __future__ import annotations
@@ -28,6 +28,9 @@ OWN = {
     ),
     "mqtt": (
         "evertwin.sources.live.mqtt_spec:MqttSettings", "evertwin.sources.live.mqtt:Mqtt",
+    ),
+    "opcua": (
+        "evertwin.sources.live.opcua_spec:OpcuaSettings", "evertwin.sources.live.opcua:Opcua",
     ),
     "replay": (
         "evertwin.sources.live.replay:ReplaySettings", "evertwin.sources.live.replay:Replay",
