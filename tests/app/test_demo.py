@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -28,3 +31,16 @@ def test_both_twins_improve(call: Command, folder: Path) -> None:
         page = (folder / "shown" / f"{name}.html").read_text()
         assert "<svg" in page or "data:image/png" in page
         assert "http://" not in page.replace("http://www.w3.org", "") and "<script src" not in page
+
+
+@pytest.mark.slow
+def test_both_twins_run_beside_their_machines(tmp_path: Path) -> None:
+    words = ["demo", "--live", "--headless", "--speed", "20", "--seconds", "10", "--json"]
+    command = [sys.executable, "-m", "evertwin", *words]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    content = json.loads(done.stdout)
+    assert content["schema"] == "evertwin.demo-live/1" and content["speed"] == 20.0
+    assert {name: one["rows"] > 20 for name, one in content["twins"].items()} == {
+        "arm_live": True, "robot_live": True,
+    }  # fmt: skip

@@ -18,6 +18,7 @@ from evertwin.app import cli_validate
 from evertwin.app.cli_engineer import register as register_engineer
 from evertwin.app.cli_export import register as register_export
 from evertwin.app.cli_machine import register as register_machine
+from evertwin.app.cli_machine import register_demo
 from evertwin.app.cli_prognosis import register as register_prognosis
 from evertwin.app.cli_serve import register as register_serve
 from evertwin.app.cli_store import register as register_store
@@ -88,21 +89,7 @@ def _options(
         )
 
 
-@app.command()
-def demo(
-    seed: Annotated[int, typer.Option(help="Seed of the embedded machines.")] = 1,
-    out: Annotated[Path, typer.Option(help="Folder for recordings and reports.")] = Path(
-        "evertwin-demo"
-    ),
-    as_json: AsJson = False,
-) -> None:
-    """Both embedded machines through the whole loop: a mobile robot and a 6-axis arm.
-
-    Example: evertwin demo --out shown
-    """
-    from evertwin.app.demo import run_demo
-
-    run_demo(out, seed, as_json)
+register_demo(app)
 
 
 @app.command()

@@ -1,4 +1,4 @@
-"""The commands ``evertwin machine …``: embedded machines that live and speak."""
+"""The commands ``evertwin demo`` and ``evertwin machine …``: embedded machines."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ machine_app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
 )
+AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
 Seed = Annotated[int, typer.Option(help="Of noise and commands.")]
 Speed = Annotated[
     float, typer.Option(min=0.1, max=1000.0, help="Time-lapse: seconds of its clock in one.")
@@ -101,6 +102,38 @@ def tell(
     from evertwin.app.machines import tell_machine
 
     tell_machine(where, orders or [])
+
+
+def register_demo(app: typer.Typer) -> None:
+    """Adds the demonstration."""
+
+    @app.command()
+    def demo(
+        seed: Annotated[int, typer.Option(help="Seed of the embedded machines.")] = 1,
+        out: Annotated[Path, typer.Option(help="Folder for recordings and reports.")] = Path(
+            "evertwin-demo"
+        ),
+        live: Annotated[
+            bool, typer.Option("--live", help="While they run: Modbus, MQTT, one service.")
+        ] = False,
+        speed: Annotated[
+            float, typer.Option(min=0.1, max=100.0, help="Time-lapse of the live machines.")
+        ] = 10.0,
+        seconds: Annotated[float, typer.Option(min=1.0, help="Length of the live one.")] = 90.0,
+        headless: Annotated[bool, typer.Option("--headless", help="Nothing but the end.")] = False,
+        as_json: AsJson = False,
+    ) -> None:
+        """Both embedded machines through the whole loop: a mobile robot and a 6-axis arm.
+
+        Example: evertwin demo --out shown
+        """
+        if live:
+            from evertwin.app.demo_live import run_live_demo
+
+            return run_live_demo(out, seed, (speed, seconds), headless, as_json)
+        from evertwin.app.demo import run_demo
+
+        run_demo(out, seed, as_json)
 
 
 def register(app: typer.Typer) -> None:

@@ -9,6 +9,8 @@ from __future__ import annotations
 import json
 import math
 import secrets
+import time
+from collections import deque
 from collections.abc import Mapping, Sequence
 
 from paho.mqtt.client import Client, MQTTMessageInfo
@@ -17,7 +19,11 @@ from paho.mqtt.enums import CallbackAPIVersion
 from evertwin.worlds.live.cable import Address
 
 WAITING = 10_000
-"""Messages that wait for the broker at most; then the oldest are not sent again."""
+"""Messages that wait for the broker at most; then the oldest are lost."""
+AGAIN = 0.05
+"""Seconds in which what was under way when the line broke is sent again, before all others."""
+LAST = 1.0
+"""Seconds that the last message may take."""
 
 
 def message(columns: Mapping[str, float | Sequence[float]], session: str) -> str:
@@ -43,17 +49,39 @@ class MqttPublisher:
         )
         self._client.max_queued_messages_set(WAITING)
         self._client.reconnect_delay_set(1, 5)
+        self._client.on_connect = self._connected
+        self._client.on_disconnect = self._cut
+        self._since = math.inf
+        self._waiting: deque[tuple[str, str]] = deque(maxlen=WAITING)
+        self._newest: MQTTMessageInfo | None = None
 
     def open(self, broker: Address) -> None:
         """Connects, and connects again, in a thread of its own."""
         self._client.connect_async(*broker, keepalive=10)
         self._client.loop_start()
 
-    def say(self, topic: str, columns: Mapping[str, float | Sequence[float]]) -> MQTTMessageInfo:
-        """Sends one sample; it waits while there is no broker."""
-        return self._client.publish(f"{self.name}/{topic}", message(columns, self.session), qos=1)
+    def _connected(self, *_: object) -> None:
+        self._since = time.monotonic()
+
+    def _cut(self, *_: object) -> None:
+        self._since = math.inf
+
+    def say(self, topic: str, columns: Mapping[str, float | Sequence[float]]) -> None:
+        """Sends one sample; it waits while there is no broker, and none overtakes another."""
+        self._waiting.append((f"{self.name}/{topic}", message(columns, self.session)))
+        if time.monotonic() > self._since + AGAIN:
+            self._send()
+
+    def _send(self) -> None:
+        while self._waiting:
+            topic, content = self._waiting.popleft()
+            self._newest = self._client.publish(topic, content, qos=1)
 
     def close(self) -> None:
-        """Lets go."""
+        """Sends what waits, and lets go."""
+        if self._client.is_connected():
+            self._send()
+            if self._newest is not None:
+                self._newest.wait_for_publish(LAST)
         self._client.disconnect()
         self._client.loop_stop()

@@ -1,0 +1,234 @@
+"""The demonstration, live: both machines run and speak, their twins improve themselves beside them.
+
+The arm speaks Modbus TCP, the robot MQTT through a broker that it brings; all in time-lapse, with
+the factor on the screen. While they run one axis wears, the arm is pushed and a camera lies: what
+the twins make of it is told as it becomes known. Nothing but what pip installs is needed.
+
+    machine ─ Modbus ─► ┌─────────┐
+                        │ service │ ─► lines on the screen, figures at the end
+    machine ─ MQTT ───► └─────────┘
+"""
+
+from __future__ import annotations
+
+import asyncio
+import shutil
+import socket
+import time
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import typer
+
+from evertwin.app.console import show
+from evertwin.app.machines import Common, LiveMachine, arm_options, robot_options, told
+from evertwin.errors import UsageError
+from evertwin.service.runner import Runner
+from evertwin.service.service import Service
+
+SHOWN = ("suspected", "tuned", "corrected", "promoted", "measurement_error", "drift",
+         "rolled_back", "changed", "rejected", "abnormal")  # fmt: skip
+"""Kinds of events that are told."""
+TOLERANCE = 0.02
+"""A robot's twin that is off by more [m] adopts the measured pose: a position update."""
+SPAN = 100
+"""Rows over which position updates are counted."""
+PORTS = {"5020": "modbus", "1883": "mqtt", "8700": "http"}
+"""What stands in the shipped site file, in whose place free ones come."""
+
+
+class Act(NamedTuple):
+    """Something that is done to a machine, in seconds of its clock.
+
+    >>> Act(200.0, "arm", "friction.2=1.3", "axis 2 rubs 30 % more").orders
+    'friction.2=1.3'
+    """
+
+    at: float
+    machine: str
+    orders: str
+    says: str
+
+
+STORY = (
+    Act(200.0, "arm", "friction.2=1.3", "axis 2 of the arm wears: 30 % more friction"),
+    Act(430.0, "arm", "push.1=120 for=0.5", "somebody pushes the arm"),
+    Act(500.0, "robot", "bias.x=100 for=6", "the robot's camera is off by 1 m for 6 s"),
+)
+
+
+@dataclass
+class Told:
+    """What one twin said so far.
+
+    >>> Told().to_dict()["promoted"]
+    0
+    """
+
+    events: list[Mapping[str, Any]] = field(default_factory=list)
+    updates: list[bool] = field(default_factory=list)
+    """Row by row, whether the pose was adopted."""
+    improved: float | None = None
+    """Seconds of ours until the first promotion."""
+    rows: int = 0
+    serial: int = 0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain content."""
+        kinds = [str(event["kind"]) for event in self.events]
+        found: dict[str, Any] = {
+            "rows": self.rows, "promoted": kinds.count("promoted"),
+            "first_improvement": self.improved,
+            "measurement_errors": kinds.count("measurement_error"),
+            "events": [dict(event) for event in self.events],
+        }  # fmt: skip
+        if any(self.updates):
+            first, last = self.updates[SPAN : 2 * SPAN], self.updates[-SPAN:]
+            found["updates_per_row"] = {
+                "before": sum(first) / max(len(first), 1), "after": sum(last) / max(len(last), 1)
+            }  # fmt: skip
+        return found
+
+
+class Screen:
+    """Lines with our time and the factor, unless one document is asked for.
+
+    >>> Screen(speed=10.0, quiet=True).speed
+    10.0
+    """
+
+    def __init__(self, speed: float, *, quiet: bool) -> None:
+        self.speed, self._quiet, self._began = speed, quiet, time.monotonic()
+
+    @property
+    def seconds(self) -> float:
+        """Of ours, since the machines run."""
+        return time.monotonic() - self._began
+
+    def begin(self) -> None:
+        """The machines run."""
+        self._began = time.monotonic()
+
+    def say(self, who: str, text: str) -> None:
+        """One line."""
+        if not self._quiet:
+            typer.echo(f"{self.seconds:6.1f} s × {self.speed:g}  {who:6} {text}")
+
+
+def site_of(out: Path, ports: Mapping[str, int]) -> Path:
+    """The shipped site file and twin files in a folder, with these ports.
+
+    Raises:
+        UsageError: it does not lie with the package.
+    """
+    inside = Path(str(files("evertwin.app")))
+    beside = Path(__file__).parents[3]
+    for root in (inside, beside):
+        if (root / "sites" / "demo.toml").is_file():
+            break
+    else:
+        raise UsageError("sites/demo.toml does not lie with the package: install evertwin again")
+    for name in ("sites", "twins"):
+        (out / name).mkdir(parents=True, exist_ok=True)
+    for name in ("arm_live", "robot_live"):
+        shutil.copy(root / "twins" / f"{name}.toml", out / "twins")
+    text = (root / "sites" / "demo.toml").read_text(encoding="utf-8")
+    for shipped, what in PORTS.items():
+        text = text.replace(f"port = {shipped}", f"port = {ports[what]}")
+    (out / "sites" / "demo.toml").write_text(text, encoding="utf-8")
+    return out / "sites" / "demo.toml"
+
+
+def free_ports(names: tuple[str, ...]) -> dict[str, int]:
+    """A free port of this computer for each name."""
+    with ExitStack() as held:
+        sockets = {name: held.enter_context(socket.socket()) for name in names}
+        for one in sockets.values():
+            one.bind(("127.0.0.1", 0))
+        return {name: int(one.getsockname()[1]) for name, one in sockets.items()}
+
+
+def run_live_demo(
+    out: Path, seed: int, paced: tuple[float, float], headless: bool, as_json: bool
+) -> None:
+    """Runs in time-lapse by a factor, for so many seconds of ours: ``paced``; lines on stdout, or
+    figures at the end."""
+    speed, seconds = paced
+    if (out / "sites" / "demo-store").exists():
+        shutil.rmtree(out / "sites" / "demo-store")  # a demonstration begins anew
+    screen = Screen(speed, quiet=as_json or headless)
+    ports = free_ports(("modbus", "mqtt", "http"))
+    arm = arm_options(Common(seed, speed), f"127.0.0.1:{ports['modbus']}", "")
+    robot = robot_options(
+        Common(seed, speed), None, f"127.0.0.1:{ports['mqtt']}", topics="command,pose"
+    )
+    service = Service(site_of(out, ports))
+    with LiveMachine("arm", arm) as one, LiveMachine("robot", robot) as other:
+        found = asyncio.run(_beside(service, {"arm": one, "robot": other}, screen, seconds))
+    content = {"schema": "evertwin.demo-live/1", "speed": speed, "seconds": seconds, **found}
+    show(content, "\n".join(_summary(name, one) for name, one in found["twins"].items()), as_json)
+
+
+def _summary(name: str, found: Mapping[str, Any]) -> str:
+    """What one twin came to, in a line."""
+    first = found["first_improvement"]
+    better = "no improvement yet" if first is None else f"first improvement after {first:.0f} s"
+    share = found.get("updates_per_row")
+    told_ = "" if share is None else (
+        f"; position updates a row: {share['before']:.2f} before, {share['after']:.2f} at the end"
+    )  # fmt: skip
+    return (
+        f"{name}: {better}, {found['promoted']} promoted, {found['measurement_errors']} faults of "
+        f"sensors{told_}"
+    )
+
+
+async def _beside(
+    service: Service, machines: Mapping[str, LiveMachine], screen: Screen, seconds: float
+) -> dict[str, Any]:
+    """The service beside the machines, and the story."""
+    begun = time.monotonic()
+    controls = {name: machine.reached()["control"] for name, machine in machines.items()}
+    screen.begin()
+    screen.say("", f"both machines run; time-lapse: {screen.speed:g} of their seconds in one")
+    await service.start()
+    said = {name: Told() for name in service.runners}
+    story = list(STORY)
+    try:
+        while screen.seconds < seconds:
+            await asyncio.sleep(0.1)
+            while story and story[0].at <= screen.seconds * screen.speed:
+                act = story.pop(0)
+                await asyncio.to_thread(told, controls[act.machine], act.orders)
+                screen.say("you", act.says)
+            for name, runner in service.runners.items():
+                _listen(runner, said[name], screen, begun)
+    finally:
+        await service.stop()
+    return {"twins": {name: one.to_dict() for name, one in said.items()}}
+
+
+def _listen(runner: Runner, said: Told, screen: Screen, begun: float) -> None:
+    """What is new from one twin."""
+    name, said.rows = runner.name.removesuffix("_live"), runner.row
+    for _, event in list(runner.events)[len(said.events) :]:
+        said.events.append(event)
+        if event["kind"] == "promoted" and said.improved is None:
+            said.improved = time.monotonic() - begun
+        if event["kind"] in SHOWN:
+            screen.say(name, f"{event['kind']}: {event['reason']}")
+    for serial, rows in list(runner.rows):
+        if serial <= said.serial or "x" not in rows["outputs"]:
+            continue
+        said.serial = serial
+        x, y = (rows["outputs"][axis]["residual"] for axis in "xy")
+        for one, other in zip(x, y):
+            off = (one or 0.0) ** 2 + (other or 0.0) ** 2 > TOLERANCE**2
+            said.updates.append(off)
+            if len(said.updates) % SPAN == 0:
+                count = sum(said.updates[-SPAN:])
+                screen.say(name, f"{count} position updates in its newest {SPAN} rows")
