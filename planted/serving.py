@@ -30,13 +30,14 @@ speed = {speed}
 
 
 def site(
-    folder: Path, *twins: str, speed: float = 200.0, http: str = "port = 0", warm: bool = False
+    folder: Path, *twins: str, speed: float = 200.0, http: str = "port = 0", workers: int = 0
 ) -> Path:
     """A site of so many robots, each with the same recording."""
     file = folder / "site.toml"
     (folder / "robot1d.toml").write_text((TWINS / "robot1d.toml").read_text())
     entries = "".join(ENTRY.format(name=name, speed=speed) for name in twins)
-    head = f'schema = 1\nname = "hall"\nwarm = {str(warm).lower()}\n[http]\n{http}\n'
+    entries = entries.replace("workers = 0", f"workers = {workers}")
+    head = f'schema = 1\nname = "hall"\nwarm = {str(workers > 0).lower()}\n[http]\n{http}\n'
     file.write_text(head + entries)
     return file
 

@@ -5,13 +5,20 @@ from __future__ import annotations
 import asyncio
 import json
 import socket
+import ssl
 import time
+import urllib.error
+import urllib.request
 from collections.abc import Iterator
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 import pytest
 import websockets
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
 
 from evertwin.errors import ConfigError
 from evertwin.service.access import hashed
@@ -197,6 +204,41 @@ def test_who_guesses_tokens_is_no_longer_answered(served: Served) -> None:
     codes = [served.ask("/api/v1/status", None, f"guess {k}")[0] for k in range(15)]
     assert codes[0] == 401 and codes[-1] == 429
     assert served.ask("/api/v1/status", token="ben's")[0] == 200  # who knows one still is
+
+
+def certified(folder: Path) -> None:
+    """A certificate that signs itself, for localhost."""
+    key = ec.generate_private_key(ec.SECP256R1())
+    name = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, "localhost")])
+    now = datetime.now(UTC)
+    made = (
+        x509.CertificateBuilder().subject_name(name).issuer_name(name).public_key(key.public_key())
+        .serial_number(1).not_valid_before(now - timedelta(1)).not_valid_after(now + timedelta(1))
+        .add_extension(x509.SubjectAlternativeName([x509.DNSName("localhost")]), critical=False)
+        .sign(key, hashes.SHA256())
+    )  # fmt: skip
+    (folder / "hall.pem").write_bytes(made.public_bytes(serialization.Encoding.PEM))
+    plain, none = serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
+    (folder / "hall.key").write_bytes(key.private_bytes(serialization.Encoding.PEM, plain, none))
+
+
+def test_tls_is_spoken_and_nothing_else(tmp_path: Path) -> None:
+    certified(tmp_path)
+    http = 'address = "0.0.0.0"\ncertificate = "hall.pem"\nkey = "hall.key"\n'
+    file = site(tmp_path, http=http + USERS.format(anna=hashed(CANARY), ben=hashed("ben's")))
+    trusted = ssl.create_default_context(cafile=str(tmp_path / "hall.pem"))
+    with Served(file) as served:
+        assert served.address.startswith("https://")
+        url = f"https://localhost:{served.port}/api/v1/status"
+        asked = urllib.request.Request(url, headers={"Authorization": f"Bearer {CANARY}"})
+        with urllib.request.urlopen(asked, timeout=10, context=trusted) as answer:
+            assert json.load(answer)["site"] == "hall"
+        with pytest.raises(urllib.error.URLError, match="CERTIFICATE_VERIFY_FAILED"):
+            urllib.request.urlopen(asked, timeout=10)
+        with socket.create_connection(("127.0.0.1", served.port), timeout=10) as line:
+            line.sendall(b"GET /-/healthy HTTP/1.1\r\nHost: localhost\r\n\r\n")
+            assert not line.recv(200).startswith(b"HTTP/1.1 200")
+    assert not (tmp_path / "store" / "token").exists()
 
 
 @pytest.mark.parametrize(

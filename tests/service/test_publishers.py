@@ -109,10 +109,10 @@ def test_a_twin_tells_and_answers(tmp_path: Path, broker: int) -> None:
             rows = json.loads(panel.wait("hall/robot/rows")[0])
             assert set(rows["outputs"]["x"]) >= {"measured", "predicted", "residual", "sigma"}
             served.until(lambda status: status["twins"][0]["rows"] > 60)
-            ask = {"id": 7, "scenario": {"speed": {"factor": 1.2}}}
-            for text in (json.dumps(ask), "no json", '{"id": 8, "scenario": {"sped": 1}}'):
-                panel.client.publish("hall/robot/whatif/ask", text, qos=1)
-            answers = [json.loads(a) for a in panel.wait("hall/robot/whatif/answer", 3)]
+            ask = {"id": 7, "whatif": {"speed": {"factor": 1.2}}}
+            for text in (json.dumps(ask), "no json", '{"id": 8, "whatif": {"sped": 1}}'):
+                panel.client.publish("hall/robot/ask", text, qos=1)
+            answers = [json.loads(a) for a in panel.wait("hall/robot/answer", 3)]
             by = {one["id"]: one for one in answers}
             assert by[7]["answer"]["schema"] == "evertwin.whatif/1"
             assert "sped" in by[8]["error"] and "expected" in by[None]["error"]

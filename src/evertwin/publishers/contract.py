@@ -15,8 +15,9 @@ from typing import Any, Literal, NamedTuple, Protocol, Self, TypeAlias
 
 from evertwin.settings.section import Section
 
-Ask: TypeAlias = "Callable[[Mapping[str, Any]], Awaitable[Mapping[str, Any]]]"
-"""A what-if question as a scenario's table, and its answer."""
+Kind: TypeAlias = Literal["whatif", "forecast", "life"]
+Ask: TypeAlias = "Callable[[Kind, Mapping[str, Any]], Awaitable[Mapping[str, Any]]]"
+"""A question: a scenario's table, ``{"horizon": seconds}``, or nothing more; and its answer."""
 
 
 class News(NamedTuple):

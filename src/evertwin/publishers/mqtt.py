@@ -1,4 +1,4 @@
-"""What a twin says, over MQTT; and answers to what-if questions.
+"""What a twin says, over MQTT; and answers to questions.
 
 ``TOPIC/NAME/online`` is ``1`` while the twin is there; the broker sets it to ``0`` when the line
 ends without a goodbye. Rows go with QoS 0: the next ones come soon; events and answers with QoS 1,
@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from evertwin.errors import DataError, EvertwinError, MissingExtra
-from evertwin.publishers.contract import Ask, News
+from evertwin.publishers.contract import Ask, Kind, News
 from evertwin.publishers.mqtt_spec import MqttOutSettings
 
 try:
@@ -30,6 +30,7 @@ WAITING = 1000
 """Messages that wait for a broker at most."""
 LARGEST = 65_536
 """Bytes of a question."""
+KINDS: tuple[Kind, ...] = ("whatif", "forecast", "life")
 OPEN = 4
 """Questions that wait at most."""
 
@@ -115,7 +116,7 @@ class MqttOut:
         LOG.info("%s: mqtt: up", self._base)
         client.publish(f"{self._base}/online", "1", qos=1, retain=True)
         if self.settings.questions:
-            client.subscribe(f"{self._base}/whatif/ask", qos=1)
+            client.subscribe(f"{self._base}/ask", qos=1)
 
     def _disconnected(self, client: paho.Client, _: Any, __: Any, code: Any, ___: Any) -> None:
         if self._state == "up":
@@ -137,20 +138,20 @@ class MqttOut:
         task.add_done_callback(self._open.discard)
 
     async def _answer(self, payload: bytes) -> None:
-        """``{"id": …, "scenario": {…}}`` is answered with its id."""
+        """``{"id": …, "whatif": {…}}`` (or forecast, life) is answered with its id."""
         question: Any = None
         try:
             question = json.loads(payload)
-            scenario = question["scenario"]
-            if not isinstance(scenario, dict):
-                raise TypeError("scenario: expected a table")
-            told: dict[str, Any] = {"answer": await self._ask(scenario)}
+            (kind,) = [one for one in KINDS if one in question]
+            if not isinstance(question[kind], dict):
+                raise TypeError(f"{kind}: expected a table")
+            told: dict[str, Any] = {"answer": await self._ask(kind, question[kind])}
         except (ValueError, TypeError, KeyError, RecursionError) as error:
             self._counts["refused"] += 1
-            told = {"error": f"expected {{id, scenario = {{…}}}}: {error}"}
+            told = {"error": f"expected id, and a table whatif, forecast or life: {error}"}
         except EvertwinError as error:
             told = {"error": str(error)}
         number = question.get("id") if isinstance(question, dict) else None
         told["id"] = number if isinstance(number, str | int) else None
         self._counts["answered"] += 1
-        self._send("whatif/answer", json.dumps(told, allow_nan=False), 1)
+        self._send("answer", json.dumps(told, allow_nan=False), 1)

@@ -25,7 +25,8 @@ class MqttOutSettings(PublisherSettings):
     port: Annotated[int, Ge(1), Le(65535)] = 1883
     topic: str = "evertwin"
     """What all topics begin with: ``TOPIC/NAME/rows``, ``/events``, ``/health``, ``/online``; a
-    question to ``/whatif/ask`` is answered at ``/whatif/answer``."""
+    question to ``/ask`` is answered at ``/answer``: ``{"id": 1, "whatif": {…}}``, ``forecast`` or
+    ``life``."""
     user: str = ""
     password: str = ""
     """Write ``${NAME}`` to take it from the environment."""
@@ -35,7 +36,7 @@ class MqttOutSettings(PublisherSettings):
     certificate: str = ""
     """File with the certificate of this client, and its key."""
     questions: bool = True
-    """Are what-if questions answered?"""
+    """Are questions answered?"""
 
     def at(self, folder: Path) -> Self:
         """The same with paths relative to ``folder``."""

@@ -44,7 +44,7 @@ def open_publisher(
         settings: of the ``[[twin.publisher]]``.
         twin: name of the twin.
         outputs: names and units of what the twin predicts.
-        ask: answers what-if questions.
+        ask: answers questions.
     """
     publisher: Publisher = _load(OWN[settings.protocol][1])(settings, twin, outputs, ask)
     return publisher

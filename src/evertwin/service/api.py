@@ -14,7 +14,6 @@ from pydantic import BaseModel, ConfigDict, Field
 from evertwin.errors import DataError, EvertwinError, StoreError, UsageError
 from evertwin.fold import plain
 from evertwin.service.metrics import exposition
-from evertwin.service.questions import answer
 from evertwin.service.runner import Runner
 from evertwin.service.service import Service
 from evertwin.service.stream import stream
@@ -116,6 +115,11 @@ def _twins(app: FastAPI, service: Service) -> None:
         about: Mapping[str, Any] = {} if runner.work is None else runner.work.about
         return {**about, **runner.status(), "versions": about.get("versions", [])}
 
+    @app.get("/api/v1/twins/{name}/life")
+    async def life(name: str) -> Any:
+        """How long the twin's components last, as ``evertwin life`` tells it."""
+        return await _in_time(_found(service, name).answer("life", {}))
+
     @app.get("/api/v1/twins/{name}/rows")
     async def rows(name: str, last: Count = 1000, points: Count = 1000) -> Any:
         """The newest rows, thinned to so many points."""
@@ -177,12 +181,12 @@ def _operate(app: FastAPI, service: Service) -> None:
     @app.post("/api/v1/twins/{name}/whatif")
     async def whatif(name: str, scenario: Annotated[dict[str, Any], Body()]) -> Any:
         """A scenario, as a scenario file says it but without files, beside the newest rows."""
-        return await _in_time(answer(_found(service, name), "whatif", scenario))
+        return await _in_time(_found(service, name).answer("whatif", scenario))
 
     @app.post("/api/v1/twins/{name}/forecast")
     async def forecast(name: str, question: Annotated[dict[str, Any], Body()]) -> Any:
         """What comes within ``horizon`` seconds."""
-        return await _in_time(answer(_found(service, name), "forecast", question))
+        return await _in_time(_found(service, name).answer("forecast", question))
 
     @app.post("/api/v1/reload")
     async def reload() -> Any:

@@ -72,6 +72,11 @@ class AtWork:
         self.before = self._news()
         """Events that the log had already."""
 
+    @property
+    def row(self) -> int:
+        """Rows so far."""
+        return self._row + 1
+
     def newest(self) -> dict[str, tuple[int, int]]:
         """Task and newest stamp of each source that the store has samples of."""
         found = {one.name: self.twin.store.newest(one.name) for one in self.spec.source}
@@ -88,7 +93,7 @@ class AtWork:
         view = self.going.view(MOST)
         self.twin.store.flush()
         rows, skipped = self._fresh(view)
-        return Said(rows, skipped, self._news(), self._row + 1)
+        return Said(rows, skipped, self._news(), self.row)
 
     def _fresh(self, view: View) -> tuple[Mapping[str, Any] | None, int]:
         new = view.row > self._row
@@ -167,7 +172,7 @@ class AtWork:
             event = self.twin.rollback(reason, person)
         else:
             event = self.twin.pin(number, reason, person)
-        return event, Said(None, 0, self._news(), self._row + 1)
+        return event, Said(None, 0, self._news(), self.row)
 
     def close(self) -> None:
         """A last checkpoint, then the store is let go."""

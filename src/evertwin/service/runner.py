@@ -20,7 +20,7 @@ from typing import Any, Literal, TypeAlias, TypeVar
 
 from evertwin.errors import EvertwinError, UsageError
 from evertwin.fold import Chunk
-from evertwin.publishers.contract import News, Publisher
+from evertwin.publishers.contract import Kind, News, Publisher
 from evertwin.publishers.registry import open_publisher
 from evertwin.service.at_work import AtWork, Said, told, warm
 from evertwin.service.condition import Condition
@@ -87,7 +87,8 @@ class Runner:
             if self.plan.spec is None:
                 raise UsageError(self.plan.wrong)
             self.work = await self._inside(self._opened)
-            self._take(Said(None, 0, self.work.before, 0))
+            self._remember(self.work.before)
+            self.row = self.work.row
             newest = await self._inside(self.work.newest)
             around = Around(folder=Path(self.plan.spec.folder))
             specs = {one.name: one for one in self.plan.spec.source}
@@ -113,7 +114,7 @@ class Runner:
         assert self.work is not None
         outputs = [(c.name, c.unit) for c in self.work.twin.model.outputs]
         for settings in self.plan.publishers:
-            publisher = open_publisher(settings, self.name, outputs, self.whatif)
+            publisher = open_publisher(settings, self.name, outputs, self.answer)
             publisher.open()
             self.publishers.append(publisher)
 
@@ -209,14 +210,18 @@ class Runner:
             self.serial += 1
             self.rows.append((self.serial, {**said.rows, "skipped": said.skipped}))
             self._out("rows", said.rows)
-        self.events.extend(said.events)
+        self._remember(said.events)
         for _, event in said.events:
-            self.condition.heard(event)
             about = {"twin": self.name, "event": event["kind"], "row": event["row"]}
             LOG.info("%s: %s: %s", self.name, event["kind"], event["reason"], extra=about)
         if said.events and self.publishers:
             self._out("events", {"events": [event for _, event in said.events]})
         self._tell()
+
+    def _remember(self, events: Sequence[tuple[int, Mapping[str, Any]]]) -> None:
+        self.events.extend(events)
+        for _, event in events:
+            self.condition.heard(event)
 
     def _out(self, kind: Literal["rows", "events", "health"], content: Mapping[str, Any]) -> None:
         for publisher in self.publishers:
@@ -256,9 +261,9 @@ class Runner:
         self._take(said)
         return told(said.events[-1][0] if said.events else 0, event)
 
-    async def whatif(self, scenario: Mapping[str, Any]) -> Mapping[str, Any]:
-        """The answer to a scenario, from the newest rows."""
-        return await answer(self, "whatif", scenario)
+    async def answer(self, kind: Kind, question: Mapping[str, Any]) -> Mapping[str, Any]:
+        """The answer to a question, from the newest rows."""
+        return await answer(self, kind, question)
 
     @property
     def reader(self) -> SqliteStore:

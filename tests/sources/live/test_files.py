@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import re
 import threading
 import time
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,7 @@ import pytest
 from evertwin.errors import ConfigError, DataError, UsageError
 from evertwin.fold import Chunk
 from evertwin.sources.live import Around, LiveSource, check_live, open_live, settings_of
+from evertwin.sources.live.registry import read_settings
 from evertwin.sources.recorded import Recorded
 from evertwin.sources.spec import ChannelSpec, SourceSpec, TimeSpec
 
@@ -156,3 +159,11 @@ def test_an_unknown_protocol_is_said_with_the_nearest() -> None:
         settings_of("repla")
     with pytest.raises(ConfigError, match="spead"):
         open_live({"source": "log", "protocol": "replay", "spead": 1}, SPEC)
+
+
+def test_the_how_to_says_what_is_read() -> None:
+    page = Path(__file__).parents[3] / "docs" / "how-to" / "connect-a-machine.md"
+    blocks = re.findall(r"```toml\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    tables = [tomllib.loads(block)["twin"]["source"][0] for block in blocks]
+    read = [read_settings(table).protocol for table in tables]
+    assert read == ["modbus", "mqtt", "opcua", "file"]

@@ -1,0 +1,53 @@
+"""Does slow work keep the service waiting? `python -m proofs.loop_lag [SECONDS] [TWINS] [RATE]`.
+
+So many robots follow a replayed recording at so many rows a second while their fits, corrections
+and trials run in processes. Lag of the event loop: how late a sleep of 20 ms wakes up. Arrival to
+durable: from a sample leaving its source to the store having it on the disk. Figures mean something
+on an idle machine alone.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+
+from planted.serving import Served, site
+from planted.worlds import record_robot
+from proofs._verdict import ended
+
+P99, WORST, DURABLE = 0.020, 0.250, 0.050
+
+
+def main(seconds: int = 60, twins: int = 2, rate: int = 10) -> int:
+    """Exit code 0 where the lag p99 is within 20 ms, the worst within 250 ms, durable p99 50 ms."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        length = str(seconds * rate + 100)
+        record_robot(folder / "run.csv", "--light", "--world", "w3", "--seconds", length)
+        names = [f"robot{k}" for k in range(twins)]
+        with Served(site(folder, *names, speed=float(rate), workers=1)) as served:
+            served.until(lambda _: True, 300.0)
+            time.sleep(seconds)
+            lag = served.ask("/api/v1/status")[1]["lag"]
+            figures = served.ask("/metrics")[1].splitlines()
+            events: Counter[str] = Counter()
+            for one in names:
+                told = served.ask(f"/api/v1/twins/{one}/events?limit=10000")[1]["events"]
+                events.update(event["kind"] for event in told)
+    durable = max(
+        float(line.rpartition(" ")[2]) for line in figures
+        if line.startswith("evertwin_twin_durable_seconds{")
+    )  # fmt: skip
+    print(f"{twins} twins, {rate} rows/s each, {seconds} s; events: {dict(events)}")
+    print(f"lag of the loop: p99 {1e3 * lag['p99']:.1f} ms, worst {1e3 * lag['worst']:.1f} ms")
+    print(f"arrival to durable: p99 {1e3 * durable:.1f} ms")
+    return ended({"lag p99 within 20 ms": lag["p99"] <= P99,
+                  "worst lag within 250 ms": lag["worst"] <= WORST,
+                  "durable p99 within 50 ms": durable <= DURABLE})  # fmt: skip
+
+
+if __name__ == "__main__":
+    sys.exit(main(*map(int, sys.argv[1:])))

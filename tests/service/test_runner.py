@@ -1,0 +1,187 @@
+"""One twin of the service: its queue, its quarantine, its slow readers."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import time
+from collections.abc import AsyncIterator, Callable
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from fastapi import WebSocket
+
+from evertwin.errors import UsageError
+from evertwin.fold import Chunk
+from evertwin.service import runner as room
+from evertwin.service.condition import Condition
+from evertwin.service.plan import read_site
+from evertwin.service.runner import Runner
+from evertwin.service.service import Service
+from evertwin.service.stream import stream
+from evertwin.sources.live.contract import Health
+from planted.serving import site
+
+
+class Fast:
+    """A source that never waits."""
+
+    name = "log"
+
+    def __init__(self, count: int = 300) -> None:
+        self.count, self.taken, self.closed = count, 0, False
+        self.health = Health("up")
+
+    def open(self) -> None:
+        pass
+
+    def resume(self, stamp: int, task: int = 0) -> None:
+        pass
+
+    def committed(self, chunk: Chunk) -> None:
+        self.taken += len(chunk.t)
+
+    def close(self) -> None:
+        self.closed = True
+
+    async def chunks(self) -> AsyncIterator[Chunk]:
+        for k in range(self.count):
+            if self.closed:
+                return
+            await asyncio.sleep(0)
+            yield Chunk("log", np.array([k * 10**9]), np.array([[0.1, 0.1 * k]]))
+
+
+def run(
+    folder: Path, source: Fast, more: str, during: Callable[[Runner], Any], monkeypatch: Any
+) -> Runner:
+    """A runner while ``during`` looks at it."""
+    file = site(folder, "robot")
+    file.write_text(file.read_text().replace("workers = 0", f"workers = 0\n{more}"))
+    monkeypatch.setattr(room, "open_live", lambda *_: source)
+
+    async def go() -> Runner:
+        (folder / "store").mkdir()
+        plan = read_site(file).twins[0]
+        one = Runner(plan, folder / "store", set(), warms=False)
+        await one.start()
+        await during(one)
+        await one.stop()
+        return one
+
+    return asyncio.run(go())
+
+
+async def folded(runner: Runner, count: int) -> None:
+    end = time.monotonic() + 20
+    while runner.sources[0].taken + runner.dropped < count and time.monotonic() < end:
+        await asyncio.sleep(0.01)
+
+
+@pytest.mark.parametrize("full", ["wait", "drop"])
+def test_a_full_queue_waits_or_drops_and_counts(
+    tmp_path: Path, full: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = Fast()
+    one = run(tmp_path, source, f'queue = 5\nfull = "{full}"', lambda r: folded(r, 300),
+              monkeypatch)  # fmt: skip
+    assert source.taken + one.dropped == 300
+    assert (one.dropped > 0) == (full == "drop") and source.closed and one.state == "stopped"
+
+
+def test_a_model_that_breaks_ends_its_twin_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def broken(one: Runner) -> None:
+        def push(chunks: object) -> None:
+            raise ZeroDivisionError("a plug-in's")
+
+        one.work.push = push  # type: ignore[method-assign, assignment, union-attr]
+        end = time.monotonic() + 10
+        while one.state == "running" and time.monotonic() < end:
+            await asyncio.sleep(0.01)
+        with pytest.raises(UsageError, match="quarantined"):
+            await one.ask(lambda work: work.row)
+        assert one.status()["condition"] == "failure"
+
+    one = run(tmp_path, Fast(), "", broken, monkeypatch)
+    assert one.state == "quarantined" and one.reason == "ZeroDivisionError: a plug-in's"
+
+
+class Socket(WebSocket):
+    """A reader that takes its time."""
+
+    def __init__(self, after: str) -> None:
+        self.after = after
+        self.scope = {"subprotocols": [], "state": {"still": lambda: len(self.told) < 8}}
+        self.told: list[dict[str, Any]] = []
+        self.code = 0
+
+    @property
+    def query_params(self) -> Any:
+        return self
+
+    def getlist(self, key: str) -> list[str]:
+        return ["robot"]
+
+    def get(self, key: str, default: str = "") -> str:
+        return self.after
+
+    async def accept(self, *_: object) -> None:
+        pass
+
+    async def receive_text(self) -> str:
+        await asyncio.Event().wait()
+        return ""
+
+    async def send_text(self, text: str) -> None:
+        self.told.append(json.loads(text))
+        await asyncio.sleep(0.02)
+
+    async def close(self, code: int = 1000, reason: str | None = None) -> None:
+        self.code = code
+
+
+def test_a_slow_reader_gets_the_newest_and_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    service = Service(site(tmp_path, "robot"))
+    socket = Socket("robot:0")
+
+    async def watched(one: Runner) -> None:
+        await folded(one, 100)
+        service.runners = {"robot": one}
+        one.serial, one.rows = 5, type(one.rows)([(1, {"row": [1]})], maxlen=4)
+        serving = asyncio.create_task(stream(socket, service))  # type: ignore[arg-type]
+        for serial in range(6, 400):
+            one.serial = serial
+            one.rows.append((serial, {"row": [serial]}))
+            for listener in service.listeners:
+                listener.set()
+            await asyncio.sleep(0.001)
+        await asyncio.wait_for(serving, 10)
+
+    run(tmp_path, Fast(100), "", watched, monkeypatch)
+    rows = [one for one in socket.told if one["type"] == "rows"]
+    seen = [one["rows"]["row"][0] for one in rows]
+    assert seen == sorted(set(seen)) and sum(one["missed"] for one in rows) > 10
+    for before, one in pairwise(rows):
+        assert one["rows"]["row"][0] - before["rows"]["row"][0] - 1 == one["missed"]
+    assert socket.code == 4401  # its token was no longer one
+    assert not service.listeners
+
+
+def test_silence_is_stale_and_alarms_are_told() -> None:
+    condition = Condition(stale=0.01)
+    condition.came(1)
+    assert not condition.told(failed=False, ended=False)["stale"]
+    time.sleep(0.02)
+    assert condition.told(failed=False, ended=False)["condition"] == "check"
+    condition.came(1)
+    condition.heard({"kind": "alarm", "reason": "a worn joint"})
+    assert condition.told(failed=False, ended=False)["why"] == "a worn joint"
+    condition.heard({"kind": "alarm_cleared", "reason": ""})
+    assert condition.told(failed=False, ended=False)["condition"] == "good"
