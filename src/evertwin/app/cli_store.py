@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-TwinFile = Annotated[Path, typer.Argument(help="Twin file (TOML).", metavar="TWIN.toml")]
+TwinFile = Annotated[
+    Path, typer.Argument(help="Twin file (TOML), or a store (.db).", metavar="TWIN.toml")
+]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
 Key = Annotated[
     Path | None, typer.Option("--key", help="File with a secret: signs the head (HMAC-SHA256).")
@@ -83,6 +86,44 @@ def backup(
     from evertwin.app.storing import back_up
 
     back_up(twin, file, as_json)
+
+
+@store_app.command("restore")
+def restore(
+    twin: TwinFile,
+    file: Annotated[Path, typer.Argument(help="Backup.", metavar="FILE")],
+    as_json: AsJson = False,
+) -> None:
+    """Put a backup in the place of the store; what stood there is kept as FILE.before.
+
+    Example: evertwin store restore arm.toml arm-monday.db
+    """
+    from evertwin.app.storing import put_back
+
+    put_back(twin, file, as_json)
+
+
+@store_app.command("export")
+def export(
+    twin: TwinFile,
+    file: Annotated[
+        Path, typer.Argument(help="File to write: .csv, .mcap, .parquet, .npz.", metavar="FILE")
+    ],
+    source: Annotated[str, typer.Option(help="Of one source; only MCAP holds several.")] = "",
+    store: Annotated[
+        Path | None, typer.Option(help="Store of the service, in place of the twin file's.")
+    ] = None,
+    first: Annotated[float, typer.Option(help="Stamped from here on [s].")] = -math.inf,
+    last: Annotated[float, typer.Option(help="Stamped up to here [s].")] = math.inf,
+    as_json: AsJson = False,
+) -> None:
+    """Write the samples that a live twin has kept, in SI units, sorted by their stamps.
+
+    Example: evertwin store export arm.toml monday.mcap --store store/arm.db
+    """
+    from evertwin.app.storing import export_samples
+
+    export_samples(twin, file, (source, store), (first, last), as_json)
 
 
 def register(app: typer.Typer) -> None:

@@ -5,12 +5,18 @@ from __future__ import annotations
 from contextlib import closing
 from pathlib import Path
 
+import numpy as np
+
 from evertwin.app.console import show
 from evertwin.app.opening import store_path
 from evertwin.config import read
 from evertwin.errors import StoreDamaged, UsageError
 from evertwin.fold import Event
-from evertwin.store import Head, SqliteStore
+from evertwin.signals import Channel, Layout
+from evertwin.signals.series import Series
+from evertwin.signals.units import si_unit
+from evertwin.sources import write
+from evertwin.store import Head, SqliteStore, restore
 
 
 def show_events(twin: Path, kind: str | None, as_json: bool) -> None:
@@ -55,7 +61,7 @@ def repair_store(twin: Path, as_json: bool) -> None:
     Raises:
         UsageError: there is no store.
     """
-    path = store_path(twin, read(twin))
+    path = _path(twin)
     if not path.is_file():
         raise UsageError(f"{path}: no such store: nothing to repair")
     with closing(SqliteStore(path)) as store:
@@ -82,8 +88,63 @@ def back_up(twin: Path, file: Path, as_json: bool) -> None:
     show(content, f"{file}: {length} entries", as_json)
 
 
+def put_back(twin: Path, file: Path, as_json: bool) -> None:
+    """``evertwin store restore``.
+
+    Raises:
+        UsageError: there is no such file.
+    """
+    if not file.is_file():
+        raise UsageError(f"{file}: no such file")
+    path = _path(twin)
+    entries = restore(path, file)
+    content = {"schema": "evertwin.backup/1", "file": str(path), "entries": entries}
+    show(content, f"{path}: {entries} entries, as {file} has them", as_json)
+
+
+def export_samples(
+    twin: Path,
+    file: Path,
+    chosen: tuple[str, Path | None],
+    span: tuple[float, float],
+    as_json: bool,
+) -> None:
+    """``evertwin store export``.
+
+    Raises:
+        UsageError: no such source, or no samples of it.
+    """
+    source, store_file = chosen
+    spec = read(twin)
+    low, high = (int(1e9 * min(max(edge, -4e9), 4e9)) for edge in span)
+    found: dict[str, Series] = {}
+    path = store_path(twin, spec) if store_file is None else store_file
+    with closing(SqliteStore(path, read_only=True)) as store:
+        for one in spec.source:
+            chunks = list(store.samples(one.name, low, high)) if source in ("", one.name) else []
+            if chunks:
+                units = {name: si_unit(channel.unit) for name, channel in one.channels.items()}
+                layout = Layout(tuple(Channel(name, unit) for name, unit in units.items()))
+                t, v = np.concatenate([c.t for c in chunks]), np.concatenate([c.v for c in chunks])
+                order = np.argsort(t, kind="stable")
+                found[one.name] = Series(layout, t[order], np.ascontiguousarray(v[order]))
+    if not found:
+        names = ", ".join(one.name for one in spec.source)
+        raise UsageError(f"{path}: no samples in that time; the sources are {names}")
+    write(file, found)
+    counts = {name: len(series.t) for name, series in found.items()}
+    content = {"schema": "evertwin.samples/1", "file": str(file), "samples": counts}
+    said = ", ".join(f"{count} of {name}" for name, count in counts.items())
+    show(content, f"{file}: samples: {said}", as_json)
+
+
+def _path(twin: Path) -> Path:
+    """The store of a twin file; of the service, the store file itself."""
+    return twin if twin.suffix == ".db" else store_path(twin, read(twin))
+
+
 def _store(twin: Path) -> closing[SqliteStore]:
-    return closing(SqliteStore(store_path(twin, read(twin)), read_only=True))
+    return closing(SqliteStore(_path(twin), read_only=True))
 
 
 def _secret(key: Path | None) -> bytes:

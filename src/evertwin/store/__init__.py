@@ -16,7 +16,7 @@ if TYPE_CHECKING:
         Store as Store,
     )
     from evertwin.store.kinds import Estimate as Estimate, Kept as Kept
-    from evertwin.store.opening import opened as opened
+    from evertwin.store.opening import opened as opened, restore as restore
     from evertwin.store.sqlite import SqliteStore as SqliteStore
 
 __getattr__ = surface(__name__)
