@@ -210,7 +210,7 @@ def watch(
                 learned(old, number, figure, rule)
             moved(row + i, moving[i, k], v[i, k], half[i, k], number, figure, n)
             limit = limit_of(number, figure, times, rule)
-            if not moving[i, k]:
+            if not moving[i, k] and machine[BLIND] >= 0:  # below: it was said
                 machine[BLIND] = max(machine[BLIND] + (1 if limit == np.inf else -1), 0)
             last = ring[RESIDUAL, (machine[NEXT] - 1) % n, k]
             if x == x and last == last:

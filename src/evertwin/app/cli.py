@@ -102,6 +102,7 @@ def run(
     again: Annotated[
         bool, typer.Option("--again", help="As a new run, also rows that have been run before.")
     ] = False,
+    every: Annotated[bool, typer.Option("--events", help="Every event, one a line.")] = False,
     workers: Workers = None,
 ) -> None:
     """Run a twin beside recorded data: judge, tune, correct, try in shadow, promote.
@@ -111,7 +112,7 @@ def run(
     """
     from evertwin.app.commands import run_twin
 
-    run_twin(twin, data, report, (as_json, check), again, workers)
+    run_twin(twin, data, report, (as_json, every, check), again, workers)
 
 
 @app.command()

@@ -26,18 +26,18 @@ FINDINGS = (
 
 
 def run_twin(
-    twin: Path, data: Files, report: Path | None, shown: tuple[bool, bool], again: bool,
-    workers: int | None,
+    twin: Path, data: Files, report: Path | None, shown: tuple[bool, bool, bool],
+    again: bool, workers: int | None,
 ) -> None:  # fmt: skip
-    """``evertwin run``; ``shown`` as JSON, and with an exit code for findings."""
-    as_json, check = shown
+    """``evertwin run``; ``shown`` as JSON, with every event, with an exit code for findings."""
+    as_json, every, check = shown
     with Twin.open(twin) as opened:
         result = _run(opened, data, again=again, workers=workers)
         if report is not None:
             from evertwin.report.run_report import write_report  # draws with Matplotlib
 
             write_report(result, opened.setup, report)
-        show(result.to_dict(), str(result), as_json)
+        show(result.to_dict(), result.text(every=every), as_json)
         if not opened.setup.decides:
             typer.echo(
                 f"evertwin: {twin}: nothing is tuned or corrected without a requirement: set "

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le, Lt
 
+from evertwin.errors import UsageError
 from evertwin.fold.span import Span
 from evertwin.models.terms.registry import check_kind
 from evertwin.settings.kinds import Duration, Finite, Radians, Size, Spread
@@ -82,6 +83,10 @@ class CorrectionSpec(Section):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.channels and not self.terms:
+            raise UsageError(
+                'terms: expected the kinds that may be tried on the channels, as in ["lag", "law"]'
+            )
         for name in self.terms:
             check_kind(name)
 

@@ -12,6 +12,7 @@ from evertwin.fold import Answer, Block, Event, Record
 from evertwin.loop.deviation import deviation
 from evertwin.loop.driver import Driver
 from evertwin.loop.follow import Followed
+from evertwin.loop.headline import headline
 from evertwin.loop.open_trial import open_trial
 from evertwin.loop.result import OutputFigures, RunResult
 from evertwin.loop.setup import Setup
@@ -139,16 +140,18 @@ class Observer:
         champion = driver.versions[state.live.version]
         model = driver.versions.model(state.live.version)
         parameters: Parameters = model.parameters.with_values(champion.p)
+        outputs = figures(self.setup, state)
+        trial = open_trial(driver.setup, driver.versions, state)
         return RunResult(
             name=self.setup.spec.name, samples=state.row, seconds=seconds,
-            outputs=figures(self.setup, state), position_updates=updates(state),
+            outputs=outputs, position_updates=updates(state),
             unseen_since=state.scores.rows, events=tuple(self.events), champion=champion,
             parameters=parameters, knowledge=self._known(parameters),
             versions=tuple(driver.versions),
             model=model,
             models={v.form: driver.versions.model(v.number) for v in driver.versions},
             trace=self.trace.columns(), rounds=tuple(self.rounds),
-            trial=open_trial(driver.setup, driver.versions, state),
+            trial=trial, headline=headline(self.setup, outputs, champion, self.events, trial),
         )  # fmt: skip
 
 

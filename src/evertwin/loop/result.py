@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +22,14 @@ from evertwin.types import Json
 if TYPE_CHECKING:
     import pandas
     import xarray
+
+DECISIONS = (
+    "promoted", "rolled_back", "superseded", "corrected", "changed", "external", "not_judged",
+    "training_restarted", "model_failed", "pinned", "configured", "drift",
+)  # fmt: skip
+"""Kinds of event that a person reads first."""
+MOST = 12
+"""Of them, the newest that are shown at once."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +91,8 @@ class RunResult:
     """Row of the run that it went on from, after it was cut off or at its end."""
     trial: OpenTrial | None = None
     """The challenger that was on trial at the end."""
+    headline: str = ""
+    """What came of it, as one would tell a colleague."""
 
     @property
     def problems(self) -> Mapping[str, int]:
@@ -95,6 +105,7 @@ class RunResult:
         content: dict[str, Any] = {
             "schema": "evertwin.run/1",
             "name": self.name,
+            "headline": self.headline,
             "samples": self.samples,
             "seconds": self.seconds,
             "unseen_since_row": self.unseen_since,
@@ -188,21 +199,44 @@ class RunResult:
         ]  # fmt: skip
 
     def __str__(self) -> str:
-        """Figures and decisions as text."""
+        return self.text()
+
+    def text(self, *, every: bool = False) -> str:
+        """For a terminal: what came of it, figures, decisions; ``every`` event, or these alone."""
         before, after = self.position_updates
-        text = [
-            f"{self.name}: {self.samples} rows in {self.seconds:.2f} s, champion is version "
-            f"{self.champion.number} ({self.champion.reason})",
-            f"unseen rows from {self.unseen_since} on; position updates {before} -> {after}",
-        ]
+        text = [self.headline, ""]
         text += [
             f"  {name:<10} rms {b} -> {a} {unit}   relative {rb} -> {ra}"
             for name, unit, b, a, rb, ra in self._lines()
         ]
+        if before or after:
+            text.append(f"  position updates {before} -> {after}")
         text += [] if self.trial is None else [f"  {self.trial}"]
         text += [f"  {tally}" for tally in self.left_out]
-        text += [f"  row {e.row:>8}  {e.kind:<18} {e.signal:<8} {e.reason}" for e in self.events]
+        shown = self.events if every else self.of_kind(*DECISIONS)
+        text += [self._event(event) for event in (shown if every else shown[-MOST:])]
+        if not every:
+            text += self._others(shown[:-MOST])
+        text.append(
+            f"{self.name}: {self.samples} rows in {self.seconds:.2f} s; figures are of unseen rows "
+            f"from {self.unseen_since} on; champion is version {self.champion.number} "
+            f"({self.champion.reason})"
+        )
         return "\n".join(text)
+
+    def _event(self, event: Event) -> str:
+        start = int(self.trace["t"][0]) if len(self.trace.get("t", ())) else event.time
+        at = f"{1e-9 * (event.time - start):.4g} s"
+        return f"  row {event.row:>8} {at:>9}  {event.kind:<18} {event.signal:<8} {event.reason}"
+
+    def _others(self, earlier: Sequence[Event]) -> list[str]:
+        """How many events are not shown, by kind."""
+        others = [event for event in self.events if event.kind not in DECISIONS]
+        counts = Counter(event.kind for event in (*earlier, *others))
+        if not counts:
+            return []
+        said = ", ".join(f"{count} {kind}" for kind, count in counts.most_common())
+        return [f"  and {said} (--events shows each)"]
 
     def _repr_html_(self) -> str:
         """Tables for a notebook."""
@@ -219,6 +253,6 @@ class RunResult:
         trial = "" if self.trial is None else f"; {self.trial}"
         title = html.escape(f"{self.name}: version {self.champion.number} is live{trial}")
         return (
-            f"<p>{title}</p><table>{head}{body}</table>"
+            f"<p><b>{html.escape(self.headline)}</b></p><p>{title}</p><table>{head}{body}</table>"
             f"<table><tr><th>row<th>event<th>signal<th>reason</tr>{events}</table>"
         )

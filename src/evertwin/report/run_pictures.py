@@ -74,6 +74,40 @@ def draw_run(result: RunResult, output: str | None = None) -> Figure:
     return figure
 
 
+def draw_improvement(result: RunResult, newest: int = 300) -> Figure | None:
+    """The output that gained most: measured, by the first and by the live version, what is off.
+
+    The newest rows since the last switch, which neither had learned from; None: there are none.
+    """
+    gains = {
+        name: f.rms_after / f.rms_before
+        for name, f in result.outputs.items() if f.rms_before > 0 and f.rms_after >= 0
+    }  # fmt: skip
+    if not gains:
+        return None
+    name = min(gains, key=gains.__getitem__)
+    k, trace = result.model.outputs.names.index(name), result.trace
+    unseen = (trace["row"] >= result.unseen_since) & np.isfinite(trace["measured"][:, k])
+    at = np.flatnonzero(unseen)[-newest:]
+    if not len(at):
+        return None
+    figure, (above, below) = _figure(2, 2.2)
+    t, measured = _seconds(trace)[at], trace["measured"][at, k]
+    above.plot(t, measured, ".", ms=3, color=MEASURED, label="measured")
+    versions = [("first", "as configured", UPDATE, "--"), ("predicted", "live", PREDICTED, "-")]
+    for column, label, colour, style in versions if gains[name] != 1.0 else versions[1:]:
+        predicted = trace[column][at, k]
+        above.plot(t, predicted, style, lw=1.1, color=colour, label=label)
+        below.plot(t, measured - predicted, style, lw=1.1, color=colour, label=label)
+    below.axhline(0.0, color=MEASURED, lw=0.6)
+    unit = result.model.outputs.units[k]
+    above.set_ylabel(f"{name} [{unit}]")
+    below.set_ylabel(f"off by [{unit}]")
+    below.set_xlabel("time [s]")
+    _legend(above)
+    return figure
+
+
 def _switches(result: RunResult) -> list[int]:
     return [e.row for e in result.events if e.kind in ("promoted", "rolled_back")]
 

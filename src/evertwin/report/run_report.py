@@ -16,6 +16,7 @@ from evertwin.models.form import Version
 from evertwin.report.html import encoded, write_page
 from evertwin.report.run_pictures import (
     draw_deviation,
+    draw_improvement,
     draw_rounds,
     draw_run,
     draw_table,
@@ -56,6 +57,7 @@ def write_report(result: RunResult, setup: Setup, path: Path) -> None:
         "name": result.name,
         "relative": setup.relative,
         "updating": _updating(result, setup),
+        "first": _first(result),
         "pictures": list(_pictures(result, setup)),
         "trial": result.trial,
         "trials": [_trial(e) for e in result.of_kind("promoted", "rolled_back", "rejected")],
@@ -73,6 +75,12 @@ def _trial(event: Event) -> dict[str, Any]:
 
 def _updating(result: RunResult, setup: Setup) -> bool:
     return setup.spec.arbiter.use == "tolerance" or any(result.position_updates)
+
+
+def _first(result: RunResult) -> str | None:
+    """The picture that opens the report."""
+    figure = draw_improvement(result)
+    return None if figure is None else encoded(figure)
 
 
 def _pictures(result: RunResult, setup: Setup) -> Iterator[Picture]:

@@ -88,20 +88,52 @@ class Draft:
     def period(self) -> float | None:
         """Seconds from row to row, of the slowest source; None where one does not say it."""
         periods = [source.period for source in self.sources]
-        return None if None in periods else max(p for p in periods if p is not None)
+        known = [period for period in periods if period is not None]
+        return max(known) if len(known) == len(periods) else None
 
     @property
     def rate(self) -> float | None:
-        """Rate to resample to: where derivatives or a filter need one."""
-        if not self.static or self.period is None or not self.period > 0:
+        """Rate to resample to: where derivatives, a filter or several sources need one."""
+        if self.period is None or not self.period > 0:
+            return None
+        if not self.static and len(self.sources) < 2:
             return None
         return min(float(f"{1.0 / self.period:.3g}"), FASTEST)
 
     @property
     def horizon(self) -> float:
-        """Of predictions [s]: ten rows or more, a power of ten."""
-        period = self.period or 0.01
+        """Of predictions [s]: a power of ten; ten rows or more where nothing is driven."""
+        period = (self.period or 0.01) * (0.1 if self.corrected else 1.0)
         return max(1.0, float(f"{10 ** math.ceil(math.log10(10 * period)):g}"))
+
+    @property
+    def duration(self) -> float:
+        """Of the longest table [s]; infinite where no stamp says it."""
+        times = [one.table.time for one in self.seen]
+        return max((time.duration for time in times if time is not None), default=math.inf)
+
+    @property
+    def window(self) -> float:
+        """What a deviation is judged on [s]: many predictions; a quarter of the recording."""
+        many = 10.0 if self.static else 100.0 * self.horizon
+        return float(f"{min(many, max(10.0 * self.horizon, self.duration / 4)):.2g}")
+
+    @property
+    def memory(self) -> float:
+        """What is learned from [s]."""
+        return 60.0 if self.static else 300.0 * self.horizon
+
+    @property
+    def judged(self) -> tuple[str, ...]:
+        """Outputs that one requirement suits: those in the first one's unit."""
+        outputs = () if self.model is None else tuple(self.model.outputs)
+        return tuple(one.name for one in outputs if one.unit == outputs[0].unit)
+
+    @property
+    def corrected(self) -> tuple[str, ...]:
+        """What a moving base is told: its drives are rarely what they are taken for."""
+        base = self.kind in ("differential", "omni", "odometer", "robot1d")
+        return self.model.inputs.names if base and self.model is not None else ()
 
     @property
     def questions(self) -> tuple[str, ...]:

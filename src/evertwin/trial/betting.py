@@ -14,8 +14,10 @@ challenger here, and counts in full in the pooled gain that the gate asks for be
 Deviations follow each other, they are not independent. So the same bets are also placed on means
 over 2, 4, 8 and 16 segments, and a logarithm of wealth counts divided by the inflation of the
 variance ``τ = (1 + ρ)/(1 − ρ)``, ρ the lag-1 autocorrelation of the payoffs plus half its standard
-error: bets λ/τ on payoffs whose sum varies τ times as much come to that. The evidence is the mean
-wealth over all lengths.
+error: bets λ/τ on payoffs whose sum varies τ times as much come to that. Blocks in which both are
+off alike (the machine stands, say) add next to nothing to that sum or its variance, so ρ is of the
+others: taken along, standing and moving in turn would pass for one long run of luck. The evidence
+is the mean wealth over all lengths.
 
 Sources: Waudby-Smith and Ramdas, "Estimating means of bounded random variables by betting" (2024);
 METHOD: a sequential test on the paired loss.
@@ -41,6 +43,8 @@ SPREAD = 2.0
 """s in rms of the challenger's deviations."""
 CEILING = 20.0
 """Payoffs are cut above this: one block must not decide alone."""
+ALIKE = 0.05
+"""Share by which deviations differ at most that count as alike."""
 STEADIEST = 0.95
 """Lag-1 autocorrelation of payoffs that is assumed at most."""
 
@@ -60,8 +64,8 @@ class Bets(NamedTuple):
     """Σx² over finished blocks."""
     wealth: Float64[np.ndarray, "lengths shares"]
     """Logarithm of the wealth per share."""
-    serial: Float64[np.ndarray, "lengths 5"]
-    """Of the relative payoffs v: Σv, Σv², Σv·v(before), first, last."""
+    serial: Float64[np.ndarray, "lengths 6"]
+    """Of the relative payoffs v that are not alike: Σv, Σv², Σv·v(before), first, last, count."""
 
 
 def open_bets() -> Bets:
@@ -69,7 +73,7 @@ def open_bets() -> Bets:
     k = len(LENGTHS)
     return Bets(
         np.zeros((k, 3)), np.zeros(k, dtype=np.int64), np.zeros(k), np.zeros((k, len(GRID))),
-        np.zeros((k, 5)),
+        np.zeros((k, 6)),
     )  # fmt: skip
 
 
@@ -93,15 +97,16 @@ def place(c: float, x: float, margin: float, lengths: Any, grid: Any, bets: Any)
             payoff = min(max(payoff, -1.0), CEILING)
             for j in range(len(grid)):
                 wealth[level, j] += math.log1p(grid[j] * payoff)
-        total = champion + challenger
-        relative = gain / total if total > 0.0 else 0.0
-        serial[level, 0] += relative
-        serial[level, 1] += relative * relative
-        if n == 0:
-            serial[level, 3] = relative
-        else:
-            serial[level, 2] += relative * serial[level, 4]
-        serial[level, 4] = relative
+        if abs(champion - challenger) > ALIKE * max(champion, challenger):
+            relative = gain / (champion + challenger)
+            serial[level, 0] += relative
+            serial[level, 1] += relative * relative
+            if serial[level, 5] == 0.0:
+                serial[level, 3] = relative
+            else:
+                serial[level, 2] += relative * serial[level, 4]
+            serial[level, 4] = relative
+            serial[level, 5] += 1.0
         square[level] += challenger * challenger
         blocks[level] = n + 1
 
@@ -116,7 +121,8 @@ def evidence(bets: Any) -> float:
         if n <= WARM:
             continue
         counted += 1
-        rho = min(_correlation(n, serial[level]) + 0.5 / math.sqrt(n), STEADIEST)
+        told = max(serial[level, 5], 1.0)
+        rho = min(_correlation(told, serial[level]) + 0.5 / math.sqrt(told), STEADIEST)
         inflation = max((1.0 + rho) / (1.0 - rho), 1.0)
         for share in range(wealth.shape[1]):
             log = wealth[level, share]
@@ -125,7 +131,7 @@ def evidence(bets: Any) -> float:
 
 
 @njit(cache=True)
-def _correlation(n: int, serial: Any) -> float:
+def _correlation(n: float, serial: Any) -> float:
     """Lag-1 autocorrelation of n payoffs from their running sums."""
     mean = serial[0] / n
     variance = serial[1] / n - mean * mean

@@ -1,0 +1,146 @@
+"""What came of a run, as one would tell a colleague: the first lines of every result.
+
+Better, unchanged, on trial, not judged, or off with nothing better found: each case says so, with
+the deviation in a person's units, how far ahead it is predicted, and what to do next.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from evertwin.fold import Event
+from evertwin.loop.open_trial import OpenTrial
+from evertwin.loop.result import OutputFigures
+from evertwin.loop.setup import Setup
+from evertwin.models.form import Version
+from evertwin.signals.spoken import both, spoken
+
+CLEAR = 0.03
+"""Share by which a deviation has to fall, or rise, to be called better, or worse."""
+FEW = 3
+"""Outputs that are named one by one."""
+LONG = 220
+"""Signs of a reason that is told whole."""
+
+
+def headline(
+    setup: Setup, outputs: Mapping[str, OutputFigures], champion: Version,
+    events: Sequence[Event], trial: OpenTrial | None,
+) -> str:  # fmt: skip
+    """The outcome in a sentence or a few."""
+    known = {name: f for name, f in outputs.items() if not math.isnan(f.rms_after)}
+    if not known:
+        return "Nothing was predicted: no output has a measurement to be compared with."
+    told = [_outcome(setup, known, champion, events, trial)]
+    doubts = Counter(e.signal for e in events if e.kind in ("measurement_error", "overruled"))
+    for signal, count in doubts.most_common(2):
+        told.append(
+            f"Measurement and model contradicted each other {count} time{'s' * (count > 1)} at "
+            f"{signal}: what was believed stands in the events."
+        )
+    contacts = sum(e.kind == "external" for e in events)
+    if contacts:
+        times = f"{contacts} time{'s' * (contacts > 1)}"
+        told.append(f"Something outside acted on the machine {times}; it was not learned.")
+    return " ".join(told)
+
+
+def _outcome(
+    setup: Setup, known: Mapping[str, OutputFigures], champion: Version,
+    events: Sequence[Event], trial: OpenTrial | None,
+) -> str:  # fmt: skip
+    changed = {
+        name: f for name, f in known.items() if f.rms_after != f.rms_before and f.rms_before > 0
+    }
+    better = {n: f for n, f in changed.items() if f.rms_after < (1.0 - CLEAR) * f.rms_before}
+    worse = {n: f for n, f in changed.items() if f.rms_after > (1.0 + CLEAR) * f.rms_before}
+    why = champion.reason if len(champion.reason) <= LONG else f"{champion.reason[:LONG]}…"
+    if champion.number and better:
+        less = f" ({_pairs(setup, worse)}: worse)" if worse else ""
+        return (
+            f"The twin is closer to its machine than before: {_pairs(setup, better)}{less}"
+            f"{_lead(setup)}, over rows that it had not seen. Changed: {why}."
+        )
+    if champion.number and changed:
+        return (
+            f"Version {champion.number} is live ({why}), and on the rows since then it is no "
+            f"better than the first: {_pairs(setup, worse or changed)}{_lead(setup)}."
+        )
+    now = _sizes(setup, known)
+    if not setup.decides:
+        return (
+            f"Nothing was judged, for no requirement is set: {now}{_lead(setup)}. How far may it "
+            "be off? Say so in [anomaly] requirement."
+        )
+    if not any(e.kind in ("suspected", "drift", "abnormal") for e in events):
+        return f"The twin fits its machine, and nothing was changed: {now}{_lead(setup)}."
+    limit = _limit(setup, known)
+    return (
+        f"The twin is off, {now}{_lead(setup)}{limit}, and {_nothing_better(setup, events, trial)}."
+    )
+
+
+def _nothing_better(setup: Setup, events: Sequence[Event], trial: OpenTrial | None) -> str:
+    if trial is not None:
+        return f"a better version is on trial: {100 * trial.gain:.0f} % less so far"
+    abnormal: list[Any] = [e.evidence.get("dependence") for e in events if e.kind == "abnormal"]
+    depends = next((str(found["input"]) for found in reversed(abnormal) if found), "")
+    channel = depends.removeprefix("change of ")
+    if channel in setup.model.inputs.names and not setup.spec.correction.terms:
+        return (
+            f"no number of the model explains it: it depends on {depends}. To let it learn that, "
+            f'say [correction] channels = ["{channel}"], terms = ["lag", "table", "law"]'
+        )
+    tried = sum(e.kind == "rejected" for e in events)
+    if tried:
+        return (
+            f"nothing better was found: {tried} candidate{'s were' if tried > 1 else ' was'} tried"
+        )
+    return "nothing better has been found yet"
+
+
+def _limit(setup: Setup, known: Mapping[str, OutputFigures]) -> str:
+    rule = setup.spec.anomaly
+    judged = (name for name in known if name in (rule.outputs or known))
+    unit = next((known[name].unit for name in judged), "1")
+    size = f"{100 * rule.requirement:g} %" if setup.relative else spoken(rule.requirement, unit)
+    return f" where {size} is asked"
+
+
+def _lead(setup: Setup) -> str:
+    static = setup.static or not math.isfinite(setup.horizon)
+    return " (rms)" if static else f" (rms, predicted {setup.horizon:g} s ahead)"
+
+
+def _pairs(setup: Setup, some: Mapping[str, OutputFigures]) -> str:
+    """Before and after, of a few outputs by name, of many as a range."""
+    if len(some) > FEW:
+        after, before = (
+            _range([getattr(f, which) for f in some.values()])
+            for which in ("relative_rms_after", "relative_rms_before")
+        )
+        return f"{', '.join(_named(list(some)))} off by {after} of their size instead of {before}"
+    told = []
+    for name, f in some.items():
+        first, last = both(f.rms_before, f.rms_after, f.unit)
+        told.append(f"{name} is off by {last} instead of {first}")
+    return ", ".join(told)
+
+
+def _sizes(setup: Setup, some: Mapping[str, OutputFigures]) -> str:
+    if len(some) > FEW:
+        share = _range([f.relative_rms_after for f in some.values()])
+        return f"{', '.join(_named(list(some)))} by {share} of their size"
+    return ", ".join(f"{name} by {spoken(f.rms_after, f.unit)}" for name, f in some.items())
+
+
+def _named(names: Sequence[str]) -> list[str]:
+    return list(names) if len(names) <= FEW else [f"{names[0]} … {names[-1]} are"]
+
+
+def _range(shares: Sequence[float]) -> str:
+    low, high = 100 * min(shares), 100 * max(shares)
+    return f"{low:.2g} %" if f"{low:.2g}" == f"{high:.2g}" else f"{low:.2g} to {high:.2g} %"

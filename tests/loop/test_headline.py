@@ -1,0 +1,84 @@
+"""The first sentence of a result: better, as before, on trial, not judged, off: each says which."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from evertwin.config.spec import AnomalySpec, ModelSpec, PredictionSpec, TwinSpec
+from evertwin.correction.spec import CorrectionSpec
+from evertwin.errors import UsageError
+from evertwin.fold import Event
+from evertwin.loop.headline import headline
+from evertwin.loop.result import OutputFigures
+from evertwin.signals.spoken import both, spoken
+from evertwin.twin import Twin
+
+ROBOT = TwinSpec(
+    "robot", ModelSpec("robot1d"), prediction=PredictionSpec(horizon=1.0),
+    anomaly=AnomalySpec(requirement=0.01, relative=False),
+)  # fmt: skip
+
+
+def figures(before: float, after: float) -> dict[str, OutputFigures]:
+    return {"x": OutputFigures("m", before, after, 0.2, 0.1, 0.2, 0.1, 100, 100)}
+
+
+def said(spec: TwinSpec, before: float, after: float, *kinds: str, version: int = 0) -> str:
+    with Twin(spec) as twin:
+        first = twin.champion
+        champion = replace(first, number=version, reason="tuned gain" if version else first.reason)
+        events = [
+            Event(5, 0, kind, "x", "", {"dependence": {"input": "v"}} if kind == "abnormal" else {})
+            for kind in kinds
+        ]
+        return headline(twin.setup, figures(before, after), champion, events, None)
+
+
+def test_better_is_said_in_millimetres_with_what_was_changed() -> None:
+    text = said(ROBOT, 0.029, 0.004, "suspected", "promoted", version=1)
+    assert text.startswith("The twin is closer to its machine than before: x is off by 4 mm inst")
+    assert "29 mm (rms, predicted 1 s ahead)" in text and "Changed: tuned gain." in text
+
+
+def test_a_version_that_is_no_better_is_not_called_better() -> None:
+    text = said(ROBOT, 0.004, 0.005, "suspected", "promoted", version=1)
+    assert "no better than the first" in text and "closer" not in text
+
+
+def test_within_the_requirement_nothing_was_changed() -> None:
+    assert said(ROBOT, 0.004, 0.004).startswith(
+        "The twin fits its machine, and nothing was changed"
+    )
+
+
+def test_off_says_what_would_help() -> None:
+    text = said(ROBOT, 0.03, 0.03, "suspected", "abnormal")
+    assert "off, x by 30 mm" in text and "where 10 mm is asked" in text
+    assert 'it depends on v. To let it learn that, say [correction] channels = ["v"]' in text
+    rule = CorrectionSpec(channels=("v",), terms=("law",))
+    tried = said(replace(ROBOT, correction=rule), 0.03, 0.03, "suspected", "abnormal", "rejected")
+    assert "nothing better was found: 1 candidate was tried" in tried
+
+
+def test_without_a_requirement_it_asks_for_one() -> None:
+    text = said(replace(ROBOT, anomaly=AnomalySpec()), 0.03, 0.03)
+    assert "no requirement is set" in text and "[anomaly] requirement" in text
+
+
+def test_contradictions_of_a_sensor_are_counted() -> None:
+    text = said(ROBOT, 0.004, 0.004, "overruled", "measurement_error", "external")
+    assert "contradicted each other 2 times at x" in text and "acted on the machine 1 time" in text
+
+
+def test_channels_without_terms_are_refused() -> None:
+    with pytest.raises(UsageError, match="kinds that may be tried"):
+        CorrectionSpec(channels=("v",))
+
+
+def test_sizes_as_a_person_says_them() -> None:
+    assert spoken(0.00012, "m") == "0.12 mm" and spoken(250.0, "N") == "250 N"
+    assert both(1.2, 0.04, "m") == ("1.2 m", "0.04 m") and spoken(np.nan, "m") == "unknown"
+    assert spoken(0.5, "1") == "0.5"
