@@ -21,6 +21,7 @@ from pymodbus.client import ModbusTcpClient
 
 from evertwin.app.machines import Common, LiveMachine, arm_options, robot_options, told
 from evertwin.errors import DataError, UsageError
+from evertwin.service.plan import read_site
 from evertwin.worlds.live.modbus import Registers
 from evertwin.worlds.live.orders import Knob, Knobs
 from evertwin.worlds.live.robot import LiveRobot
@@ -29,6 +30,7 @@ from evertwin.worlds.live.voices import inside
 
 TABLE = Registers(("cycle", *(f"{n}{a}" for n in ("q", "qd", "tau") for a in range(1, 7))))
 Columns = dict[str, float]
+SITES = Path(__file__).parents[2] / "sites"
 
 
 @pytest.fixture(scope="module")
@@ -269,6 +271,13 @@ def test_a_recording_is_what_would_be_published(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="--seconds"):
         Common(record=tmp_path / "x.csv").options()
     assert len((tmp_path / "run.csv").read_text().splitlines()) == 11
+
+
+@pytest.mark.parametrize("file", sorted(SITES.glob("*.toml")), ids=lambda file: file.stem)
+def test_shipped_sites_name_every_source_of_their_twins(file: Path) -> None:
+    for plan in read_site(file).twins:
+        assert plan.spec is not None and not plan.wrong
+        assert [one.source for one in plan.sources] == [one.name for one in plan.spec.source]
 
 
 def test_each_sensor_lies_in_its_way() -> None:
