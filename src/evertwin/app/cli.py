@@ -200,7 +200,8 @@ def doctor(
 ) -> None:
     """Find what is wrong, or will be: units, lag, excitation, what is not identifiable.
 
-    What spoils the result most comes first. Exit code 1 when there are findings.
+    What spoils the result most comes first. Exit code 1 when there are findings. Of a site file:
+    what its machines say now: registers in the likely types, topics, the tree of a server.
 
     Example: evertwin doctor robot.toml --data run.csv
     """

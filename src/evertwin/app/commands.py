@@ -103,7 +103,11 @@ def fit_twin(
 
 
 def examine(twin: Path, data: Files, every: bool, as_json: bool) -> None:
-    """``evertwin doctor``."""
+    """``evertwin doctor``: of a twin file; of a site file what its machines say."""
+    from evertwin.app.looking import is_site, look_at
+
+    if is_site(twin):
+        return look_at(twin, as_json)
     with Twin.open(twin, reading=True) as opened:
         found = opened.doctor(_files(data))
         most = len(found.findings) if every else SHOWN

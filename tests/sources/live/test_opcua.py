@@ -19,8 +19,10 @@ from cryptography.x509.oid import ExtendedKeyUsageOID
 
 from evertwin.errors import UsageError
 from evertwin.fold import Chunk
-from evertwin.sources.live import LiveSource, open_live
+from evertwin.sources.live import Around, LiveSource, open_live
+from evertwin.sources.live.look import look
 from evertwin.sources.live.opcua_group import Groups
+from evertwin.sources.live.registry import read_settings
 from evertwin.sources.spec import ChannelSpec, SourceSpec, TimeSpec
 from tests.sources.live.peers import HERE, Proxy, free_port, listen
 
@@ -192,3 +194,12 @@ def test_values_of_one_stamp_are_one_sample() -> None:
     assert groups.take(0.0, 0.1) == [(0, {"x": 0, "y": 7})]
     groups.put("y", 8, 2, 0.0)
     assert groups.take(0.2, 0.1) == [(1, {"x": 1, "y": 7}), (2, {"x": 2, "y": 8})]
+
+
+def test_the_tree_of_a_server(peer: Server) -> None:
+    table = {"source": "arm", "protocol": "opcua", "url": f"opc.tcp://127.0.0.1:{peer.port}/arm"}
+    peer.say(70, 1.0, "bad")
+    time.sleep(0.1)
+    lines = asyncio.run(look(read_settings(table), Around()))
+    assert "n  nsu=urn:arm;s=n  70.0  Good" in lines
+    assert any(line.startswith("x  nsu=urn:arm;s=x") and "BadSensor" in line for line in lines)

@@ -61,7 +61,7 @@ class Mqtt(Line):
         for column in self.decoder.names:
             part = settings.columns.get(column, Part(column))
             self.topics[part.topic or settings.topic or ""][part.path] = column
-        self._line: _Connection | None = None
+        self._line: Connection | None = None
         self._given: dict[int, list[int]] = {}
         """Stamp of a sample that is not stored yet → its messages on this connection."""
         self._waiting: list[int] = []
@@ -95,7 +95,7 @@ class Mqtt(Line):
 
     async def session(self) -> AsyncIterator[Columns]:
         """One connection."""
-        line = _Connection(self._client())
+        line = Connection(self.client())
         try:
             kept = await line.connect(self.broker, list(self.topics))
             self._cause = BEFORE if not self._connected else FULL if kept else FORGOTTEN
@@ -167,7 +167,8 @@ class Mqtt(Line):
                 self._cause = BEFORE
         return {column: found[path] for path, column in paths.items()}
 
-    def _client(self) -> Client:
+    def client(self) -> Client:
+        """One that is not connected yet."""
         paho = load("paho.mqtt.client", "live")
         broker = self.broker
         old = {"clean_session": False} if broker.version == 3 else {}
@@ -205,8 +206,12 @@ class Mqtt(Line):
         return password(f"source {self.name!r}", broker.password_env, file)
 
 
-class _Connection:
-    """One connection of paho, driven by the event loop: no thread of its own."""
+class Connection:
+    """One connection of paho, driven by the event loop: no thread of its own.
+
+    >>> hasattr(Connection, "next")
+    True
+    """
 
     def __init__(self, client: Client) -> None:
         self.client = client
@@ -214,6 +219,8 @@ class _Connection:
         self._inbox: asyncio.Queue[MQTTMessage | str] = asyncio.Queue()
         self._answer: asyncio.Future[tuple[bool, str]] = self._loop.create_future()
         self._granted: asyncio.Future[str] = self._loop.create_future()
+        self.inflight = 65535
+        """Messages that the broker sends at most before they are acknowledged."""
         self._socket: Any = None
         self._beat: asyncio.Task[None] | None = None
         client.on_connect = self._on_connect
@@ -310,7 +317,8 @@ class _Connection:
             self._loop.remove_writer(line)
         self._socket = None
 
-    def _on_connect(self, _c: object, _u: object, flags: Any, code: Any, _p: object) -> None:
+    def _on_connect(self, _c: object, _u: object, flags: Any, code: Any, told: Any) -> None:
+        self.inflight = getattr(told, "ReceiveMaximum", self.inflight)
         if not self._answer.done():
             reason = str(code) if code.is_failure else ""
             self._answer.set_result((bool(flags.session_present), reason))

@@ -78,7 +78,7 @@ class Opcua(Line):
         client.max_chunkcount = LARGEST >> 16
         try:
             try:
-                await self._connect(client)
+                await self.connect(client)
                 changes = await self._subscribe(client)
                 self.lost_since(self.server.period)
                 async for columns in self._samples(client, changes):
@@ -92,7 +92,8 @@ class Opcua(Line):
         finally:
             client.disconnect_socket()
 
-    async def _connect(self, client: Client) -> None:
+    async def connect(self, client: Client) -> None:
+        """Connects, as user and securely where that is said."""
         server = self.server
         if server.user is not None:
             client.set_user(server.user)
