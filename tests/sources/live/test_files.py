@@ -144,7 +144,7 @@ def test_replayed_sources_keep_step(tmp_path: Path, speed: float) -> None:
         assert newest["b"] == 0 or abs(newest["a"] - newest["b"]) <= 2.1e9
     assert len(came) == 602
     if np.isfinite(speed):
-        assert 0.4 <= took < 5.0
+        assert 0.4 <= took < 30.0
 
 
 def test_a_replay_without_files_says_so(tmp_path: Path) -> None:

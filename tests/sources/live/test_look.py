@@ -10,11 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from evertwin.app.cli import main
 from evertwin.sources.live.contract import Around
 from evertwin.sources.live.look import look
 from evertwin.sources.live.registry import read_settings
-from tests.sources.live.peers import free_port
 from tests.sources.live.test_modbus import server
 from tests.sources.live.test_mqtt import mosquitto, said
 
@@ -24,39 +22,21 @@ def floats(asked: bytes) -> bytes:
     count = struct.unpack(">H", asked[10:12])[0]
     if asked[7] == 4:
         return asked[:4] + struct.pack(">HBBB", 3, asked[6], 0x84, 2)
+    if asked[7] == 2:
+        return asked[:4] + struct.pack(">HBBBB", 4, asked[6], 2, 1, 1)
     content = (struct.pack(">f", 42.5) * count)[: 2 * count]
     return asked[:4] + struct.pack(">HBBB", 3 + len(content), asked[6], 3, len(content)) + content
 
 
-def doctor(site: Path) -> object:
-    with pytest.raises(SystemExit) as ended:
-        main(["doctor", str(site)])
-    return ended.value.code
-
-
-def test_registers_side_by_side(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "pump.toml").write_text(
-        'schema = 1\nname = "pump"\n[model]\nkind = "robot1d"\n[[source]]\nname = "log"\n'
-        '[source.channels]\nv = { column = "v", unit = "m/s" }\nx = { column = "x", unit = "m" }\n'
-    )
-    site = tmp_path / "site.toml"
+def test_registers_side_by_side() -> None:
     with server(floats) as port:
-        text = 'schema = 1\nname = "hall"\n[[twin]]\nfile = "pump.toml"\n[[twin.source]]\n'
-        text += f'source = "log"\nprotocol = "modbus"\nport = {port}\n'
-        site.write_text(text)
-        assert doctor(site) == 0
-        out = capsys.readouterr().out
-        assert "pump: log (modbus)" in out and "input        0 and on: exception 2" in out
-        row = next(line for line in out.splitlines() if line.startswith("  holding      0"))
-        assert row.split()[2] == "422a" and "42.5" in row
-        site.write_text(
-            text + "[twin.source.registers]\nspeed = { address = 0, type = 'float32' }\n"
-        )
-        assert doctor(site) == 0
-        assert "speed" in capsys.readouterr().out
-    site.write_text(text.replace(str(port), str(free_port())))
-    assert doctor(site) == 1
-    assert "down: Connection refused" in capsys.readouterr().out
+        table = {"source": "log", "protocol": "modbus", "port": port}
+        lines = asyncio.run(look(read_settings(table), Around()))
+        table["registers"] = {"speed": 0, "coil": {"address": 2, "table": "discrete"}}
+        mapped = asyncio.run(look(read_settings(table), Around()))
+    assert lines[-1] == "input        0 and on: exception 2: illegal address"
+    assert lines[1].split()[2] == "422a" and "42.5" in lines[1]
+    assert len(lines) == 42 and mapped[-1].endswith("speed")
 
 
 @pytest.mark.system
