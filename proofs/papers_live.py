@@ -54,9 +54,10 @@ def live(seed: int, speed: float, folder: Path) -> dict[str, Path]:
     both = Common(seed, speed, seconds=SECONDS)
     arm = arm_options(both._replace(order=orders), f"127.0.0.1:{ports['modbus']}", "")
     robot = robot_options(both, None, f"127.0.0.1:{ports['mqtt']}", topics="command,pose")
+    site = site_of(folder, ports)
+    store = site.parent / "demo-store"
     with ExitStack() as running:
-        site = site_of(folder, ports)
-        running.enter_context(Served(site))
+        served = running.enter_context(Served(site))
         machines = [
             running.enter_context(LiveMachine("arm", arm)),
             running.enter_context(LiveMachine("robot", robot)),
@@ -65,9 +66,20 @@ def live(seed: int, speed: float, folder: Path) -> dict[str, Path]:
             one.reached()
         for one in machines:
             one.wait()
-        time.sleep(2.0)  # what is under way is stored
-    store = site.parent / "demo-store"
+        folded(served, store)
     return {name: store / f"{name}_live.db" for name in ("arm", "robot")}
+
+
+def folded(served: Served, store: Path) -> None:
+    """Waits until no sample waits, on a busy computer up to five minutes."""
+    token = (store / "token").read_text().strip()
+    end = time.monotonic() + 300.0
+    while time.monotonic() < end:
+        time.sleep(2.0)  # what is under way comes in
+        twins = served.ask("/api/v1/status", token=token)[1]["twins"]
+        if not any(one["waiting"] or one["busy"] for one in twins):
+            return
+    raise TimeoutError("samples still wait after 300 s: choose a smaller SPEED")
 
 
 def opened(name: str, store: Path, folder: Path) -> Twin:

@@ -35,12 +35,12 @@ def test_both_twins_improve(call: Command, folder: Path) -> None:
 
 @pytest.mark.slow
 def test_both_twins_run_beside_their_machines(tmp_path: Path) -> None:
-    words = ["demo", "--live", "--headless", "--speed", "20", "--seconds", "10", "--json"]
+    words = ["demo", "--live", "--headless", "--speed", "20", "--seconds", "4", "--json"]
     command = [sys.executable, "-m", "evertwin", *words]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     content = json.loads(done.stdout)
     assert content["schema"] == "evertwin.demo-live/1" and content["speed"] == 20.0
-    assert {name: one["rows"] > 20 for name, one in content["twins"].items()} == {
+    assert {name: one["samples"] > 20 for name, one in content["twins"].items()} == {
         "arm_live": True, "robot_live": True,
     }  # fmt: skip

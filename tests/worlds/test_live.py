@@ -27,6 +27,7 @@ from evertwin.worlds.live.orders import Knob, Knobs
 from evertwin.worlds.live.robot import LiveRobot
 from evertwin.worlds.live.sensors import Sensors, faults
 from evertwin.worlds.live.voices import inside
+from tests.sources.live.peers import need
 
 TABLE = Registers(("cycle", *(f"{n}{a}" for n in ("q", "qd", "tau") for a in range(1, 7))))
 Columns = dict[str, float]
@@ -240,6 +241,7 @@ def test_orders_that_cannot_be_followed_say_what_can(arm: dict[str, str]) -> Non
 
 @pytest.mark.system
 def test_mbpoll_reads_the_arm(arm: dict[str, str]) -> None:
+    need("mbpoll")
     host, port = arm["modbus"].split(":")
     asked = ["mbpoll", "-m", "tcp", "-a", "1", "-r", "9", "-c", "6", "-t", "4:float", "-B", "-1"]
     done = subprocess.run([*asked, "-p", port, host], capture_output=True, text=True, timeout=10)
@@ -249,6 +251,7 @@ def test_mbpoll_reads_the_arm(arm: dict[str, str]) -> None:
 
 @pytest.mark.system
 def test_mosquitto_sub_reads_the_robot(robot: dict[str, str]) -> None:
+    need("mosquitto_sub")
     _, port = robot["mqtt"].split(":")
     asked = ["mosquitto_sub", "-p", port, "-t", "robot/pose", "-q", "1", "-C", "3", "-W", "5"]
     done = subprocess.run(asked, capture_output=True, text=True, timeout=10)

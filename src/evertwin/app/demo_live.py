@@ -74,6 +74,8 @@ class Told:
     """Row by row, whether the pose was adopted."""
     improved: float | None = None
     """Seconds of ours until the first promotion."""
+    samples: int = 0
+    """That came from its machine."""
     rows: int = 0
     serial: int = 0
 
@@ -81,7 +83,7 @@ class Told:
         """Plain content."""
         kinds = [str(event["kind"]) for event in self.events]
         found: dict[str, Any] = {
-            "rows": self.rows, "promoted": kinds.count("promoted"),
+            "samples": self.samples, "rows": self.rows, "promoted": kinds.count("promoted"),
             "first_improvement": self.improved,
             "measurement_errors": kinds.count("measurement_error"),
             "events": [dict(event) for event in self.events],
@@ -192,10 +194,11 @@ async def _beside(
 ) -> dict[str, Any]:
     """The service beside the machines, and the story."""
     begun = time.monotonic()
-    controls = {name: machine.reached()["control"] for name, machine in machines.items()}
+    reached = await asyncio.gather(*(asyncio.to_thread(one.reached) for one in machines.values()))
+    controls = {name: one["control"] for name, one in zip(machines, reached)}
+    await service.start()
     screen.begin()
     screen.say("", f"both machines run; time-lapse: {screen.speed:g} of their seconds in one")
-    await service.start()
     said = {name: Told() for name in service.runners}
     story = list(STORY)
     try:
@@ -215,6 +218,7 @@ async def _beside(
 def _listen(runner: Runner, said: Told, screen: Screen, begun: float) -> None:
     """What is new from one twin."""
     name, said.rows = runner.name.removesuffix("_live"), runner.row
+    said.samples = sum(source.health.received for source in runner.sources)
     for _, event in list(runner.events)[len(said.events) :]:
         said.events.append(event)
         if event["kind"] == "promoted" and said.improved is None:
