@@ -62,6 +62,15 @@ def test_what_is_stored_does_not_come_again() -> None:
         assert clock.repeated == len(rows) - 2
 
 
+def test_what_a_broker_sends_again_after_a_start_is_no_clock_that_was_set() -> None:
+    clock: Stamping[None] = Stamping()
+    clock.resume(100 * S)
+    burst = [(t * S, 200 * S + t) for t in range(81, 101)]
+    fresh = [(t * S, (100 + t) * S) for t in range(101, 105)]
+    assert run(clock, [*burst, *fresh]) == [t for t, _ in fresh]
+    assert clock.set == 0 and clock.repeated == 20 and clock.rejected == 0
+
+
 def test_a_pause_in_a_file_is_no_clock_that_was_set() -> None:
     clock: Stamping[None] = Stamping(arrives=False)
     rows = [(t * S, 0) for t in (1, 2, 3, 1000, 1001, 1002, 1003, 1004)]

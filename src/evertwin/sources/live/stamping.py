@@ -24,6 +24,8 @@ from typing import Generic, TypeVar
 T = TypeVar("T")
 FAR = 10 * 10**9
 """A step [ns] from which on a stamp needs others that agree with it."""
+AGAIN = 10**9
+"""Time [ns] in which what a broker sends again after a start has come: old, and all at once."""
 HURRIED = 1.5
 """Seconds of stamps in a second, from which on arrival says nothing of what is ahead."""
 GAP = 10**9
@@ -103,10 +105,20 @@ class Stamping(Generic[T]):
         if self._held and not self._joins(stamp):
             self._drop()
         self._held.append((stamp, came, sample))
-        return self._believed() if len(self._held) > CONFIRM else []
+        if len(self._held) <= CONFIRM or self._may_be_stored(came):
+            return []
+        return self._believed()
+
+    def _may_be_stored(self, came: int) -> bool:
+        """Are those that are held what was stored, not acknowledged, and sent again at a start?"""
+        resumed, (oldest, began, _) = self._resumed, self._held[0]
+        fresh = resumed is not None and self._first is None and came - began < AGAIN
+        return fresh and resumed is not None and oldest <= resumed
 
     def _drop(self) -> None:
-        self.rejected += len(self._held)
+        again = bool(self._held) and self._may_be_stored(self._held[-1][1])
+        self.repeated += len(self._held) if again else 0
+        self.rejected += 0 if again else len(self._held)
         self._held = []
 
     def _follows(self, stamp: int, came: int) -> bool:
