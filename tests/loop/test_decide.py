@@ -130,7 +130,9 @@ def deviating(bench: Bench, state: TwinState) -> TwinState:
 def test_a_deviation_beside_a_trial_asks_for_what_surpasses_the_challenger() -> None:
     bench = Bench(anomaly=AnomalySpec(requirement=1e-12, relative=False, window=Span(10)))
     state = bench.challenger(TRIAL)
-    assert bench.beat(deviating(bench, copy(state))).kinds == []  # it has just begun
+    begun = bench.beat(deviating(bench, copy(state)))
+    assert begun.kinds == ["suspected"] and not begun.requests
+    assert bench.beat(deviating(bench, begun.state)).kinds == []  # told once
     bench.setup.trial.step(state.trial, losses(1.2, 1.0, bench.setup.trial.least + 1))
     done = bench.beat(deviating(bench, state))
     assert done.kinds == ["suspected"]

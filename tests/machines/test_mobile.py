@@ -77,6 +77,15 @@ def test_three_wheels_agree_with_the_speeds_of_the_base() -> None:
     assert np.allclose(a, b[:, :3], atol=1e-12) and np.array_equal(b[:, 3:], speeds)
 
 
+def test_each_motor_bears_its_share_of_what_resists_the_way() -> None:
+    base = Omni(wheels=True)
+    p = base.parameters.with_values({"load": 5.0}).values
+    speeds = np.array([[6.0, -8.0, 0.0], [1.5, -2.0, 0.0], [0.0, 0.0, 0.0]])
+    y = base.simulate(np.zeros(3), speeds, np.full(3, 0.1), p)[1]
+    assert np.allclose(y[:, 3:], [[3.0, -4.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    assert np.ptp(y[:, 0]) == 0.0 < abs(y[0, 0])
+
+
 def test_a_full_circle_comes_back() -> None:
     n = 1000
     u = np.tile([0.5, 2 * math.pi / 10], (n, 1))

@@ -79,6 +79,14 @@ def test_positions_count_from_zero_and_clock_offset(csv: Path) -> None:
     assert next(source.read()).t[:2].tolist() == [-7, 50_000 - 7]
 
 
+def test_a_command_is_taken_in_whole_steps(tmp_path: Path) -> None:
+    file = tmp_path / "steps.csv"
+    file.write_text("t,w\n0,28.2743\n1,2.8\n2,-3.0\n3,8.5\n")
+    cell = Cell("w", "w", "rad/s", step=2.82743)
+    found = values(Recorded("r", (file,), (cell,), Clock("t")))
+    assert np.allclose(found.ravel(), np.array([10, 0, -1, 3]) * 2.82743)
+
+
 def test_sentinels_are_errors_not_values(csv: Path) -> None:
     v = values(Recorded("r", (csv,), (Cell("v", "speed", "1", sentinels=(5.0,)),), Clock("t")))
     assert np.isinf(v[5, 0]) and np.isfinite(np.delete(v, 5)).all()

@@ -162,8 +162,10 @@ class Decide:
         free = self._free(decision.state, bool(reason or alarm))
         if not reason and alarm:
             reason = alarm
-        elif reason and free:
+        elif reason and (free or not state.agenda.told):
             decision.say("suspected", signal, reason, evidence)
+        if reason is not None:
+            decision.remember(told=bool(reason))
         if (reason or due) and free:
             trial = decision.state.agenda.phase == TRIAL
             again = 0 if trial else again or (state.row if reason and not last else 0)
@@ -355,7 +357,7 @@ class Decide:
         scores = new_scores(len(follow.setup.model.outputs), updates, state.row, state.scores.scale)
         return state._replace(
             live=lane, first=first, other=other, scores=scores,
-            agenda=state.agenda._replace(held=False, open=0),
+            agenda=state.agenda._replace(held=False, told=False, open=0),
             trial=follow.setup.probation.init(), detect=follow.setup.detect.init(),
             external=follow.setup.external.init(),
             # what waits is of the version that goes

@@ -114,7 +114,8 @@ def with_terms(setup: Setup, work: Work, version: Version, problem: Problem) -> 
         {"output": o, "without": a, "with": b} for o, a, b in _rms(without.fit, formed.fit)
     ]
     search |= {"tuned": left}
-    ratios = [b / a for _, a, b in _rms(without.fit, formed.fit) if a > 0]
+    asked = rule.outputs or [output for output, _, _ in _rms(without.fit, formed.fit)]
+    ratios = [b / a for o, a, b in _rms(without.fit, formed.fit) if a > 0 and o in asked]
     if not formed.fit.converged or float(np.mean(ratios)) > 1.0 - GAIN:
         return replace(without, search=search)
     return formed

@@ -92,6 +92,8 @@ class Agenda(NamedTuple):
     """Row of a suspicion that rows were too few to explain; 0: there is none."""
     held: bool = False
     """Has the live version been found within the requirement?"""
+    told: bool = False
+    """Was a deviation told of that goes on? One while nothing can be sought is told of once."""
     correcting: bool = False
     """Does the open request seek a correction, not a fit?"""
     rival: int = 0

@@ -25,6 +25,7 @@ from evertwin.loop.friction_law import climb_laws
 from evertwin.loop.physical import physically
 from evertwin.loop.posterior import posterior
 from evertwin.loop.recursive_fit import Recursion
+from evertwin.loop.settled import settled
 from evertwin.loop.setup import Setup
 from evertwin.loop.versions import Versions
 from evertwin.loop.workers import setup_of
@@ -193,13 +194,7 @@ class Work:
     def _tune(self, problem: Problem) -> tuple[Fit, dict[str, Any]]:
         rule = self.setup.spec.tuning
         if rule.method != "iteration":
-            fit = solve(problem)
-            stays = _superseded(problem, fit)
-            if not stays:
-                return fit, {}
-            fit = solve(problem.tuning(tuple(n for n in fit.names if n not in stays)))
-            said = f"{fit.message}; {', '.join(stays)} as before: the correction tells the same"
-            return replace(fit, message=said), {}
+            return settled(problem), {}
         limit = self.setup.requirement if np.isfinite(self.setup.requirement) else 0.05
         done = Iteration(limit=limit, relaxation=rule.relaxation).run(problem)
         return done.fit, {
@@ -234,13 +229,24 @@ class Work:
             "events": events, "fit": fit.to_dict(timing=False), "tuned": True, **rounds,
         }  # fmt: skip
         if verdict.kind == "abnormal" and self._next():
-            content["next"] = self._next()
+            content["candidate"] = self._named(verdict, version, problem, events)
+            content |= {} if content["candidate"] else {"next": self._next()}
         elif part >= self.setup.trial.margin and (  # less would not be worth a switch
             verdict.kind == "normal" or self._helps(verdict, fit)
         ):
             found = self._tuned(version, problem, fit, windows, events)
             content["candidate"] = found and found | {"reason": found["reason"] + chosen.said}
         return content | ({"since": windows[0].row} if windows is not task.windows else {})
+
+    def _named(
+        self, verdict: Verdict, version: Version, problem: Problem, events: list[dict[str, Any]]
+    ) -> dict[str, Any] | None:
+        """The cause that has a name decides what is tuned; what is left then is corrected."""
+        names = tuple(n for n in self.setup.causes.get(verdict.cause, ()) if n in problem.names)
+        if not names:
+            return None
+        problem, fit, _ = self.tune(problem.tuning(names))
+        return self._tuned(version, problem, fit, problem.windows, events)
 
     def _now(
         self, version: Version, windows: Windows, names: tuple[str, ...]
@@ -380,13 +386,3 @@ class Work:
             return np.zeros((0, 2))
         u = np.concatenate([w.u[:, columns] for w in windows])
         return np.stack([np.nanmin(u, axis=0), np.nanmax(u, axis=0)], axis=1)
-
-
-def _superseded(problem: Problem, fit: Fit) -> tuple[str, ...]:
-    """The model's numbers that no row tells from a correction's, which has taken their place."""
-    if not isinstance(problem.model, Corrected):
-        return ()
-    base = problem.model.model.parameters.names
-    alike = [n for n, why in zip(fit.names, fit.reasons, strict=True) if "collinear" in why]
-    stays = tuple(name for name in alike if name in base)
-    return stays if len(stays) < len(alike) else ()

@@ -27,6 +27,7 @@ from evertwin.errors import DataError, UsageError
 from evertwin.fold import Chunk
 from evertwin.fold.block import LARGEST
 from evertwin.signals import conversion
+from evertwin.signals.whole_steps import whole_steps
 from evertwin.sources.dialect import FOUND, Stated
 from evertwin.sources.guard import Guarded, Piece, Watch, typical
 from evertwin.sources.names import closest
@@ -67,6 +68,8 @@ class Cell:
     offset: float = 0.0
     sentinels: tuple[float, ...] = ()
     """Raw cells that mean "no measurement", such as -9999 or 65535."""
+    step: float = 0.0
+    """What is no whole number of these is cut towards 0; 0: nothing is."""
 
     def __post_init__(self) -> None:
         conversion(self.unit)
@@ -123,7 +126,7 @@ class Recorded:
     def of(cls, spec: SourceSpec, files: tuple[Path, ...], tally: Tally | None = None) -> Recorded:
         """The source of a twin file over these files."""
         cells = [
-            Cell(name, c.column, c.unit, c.scale, c.offset, c.sentinels)
+            Cell(name, c.column, c.unit, c.scale, c.offset, c.sentinels, c.step)
             for name, c in spec.channels.items()
         ]
         cells += [Cell(f"?{column}", column, "1") for column in spec.where]
@@ -270,7 +273,8 @@ class Recorded:
         si = np.empty((len(out.t), len(self.cells)))
         for j, cell in enumerate(self.cells):
             factor, zero = conversion(cell.unit)
-            si[:, j] = (out.v[:, j] * cell.scale + cell.offset) * factor + zero
+            value = whole_steps(out.v[:, j] * cell.scale + cell.offset, cell.step)
+            si[:, j] = value * factor + zero
         absurd = np.abs(si) > LARGEST
         for j, cell in enumerate(self.cells):
             sentinel = np.isin(out.v[:, j], cell.sentinels)

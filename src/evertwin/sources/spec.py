@@ -34,6 +34,9 @@ class ChannelSpec(Section):
     """Multiplies the file's value before its unit is converted (a motor constant, a sign)."""
     offset: Finite = 0.0
     """Added after ``scale``, in the file's unit."""
+    step: Annotated[Finite, Ge(0.0)] = 0.0
+    """A command that the machine takes in whole steps only: their size, in the file's unit after
+    ``scale`` and ``offset``; what lies between two is cut towards 0. 0: it takes any value."""
     sentinels: tuple[float, ...] = ()
     """Values of the file that mean "no value"."""
 

@@ -91,9 +91,11 @@ class Omni(Compiled):
     With ``wheels`` the inputs are the set speeds ``set1`` to ``set3`` [rad/s] of the motors of
     three omni wheels instead, 60°, 180° and 300° to the left of forward, and the outputs are the
     motors' speeds ``motor1`` to ``motor3`` as well: what the motors lose of a set speed and what
-    the floor takes of the wheels' speed (the gains) are told apart. Sizes come from the
-    description. With ``odometry`` the pose follows the measured motor speeds, further inputs
-    ``wheel1`` to ``wheel3``, so that each loss is judged on rows of its own.
+    the floor takes of the wheels' speed (the gains) are told apart. ``load`` [rad/s] is what the
+    floor's resistance takes of the motors' speeds, each by its share of the way (Euclidean norm
+    over the three). Sizes come from the description. With ``odometry`` the pose follows the
+    measured motor speeds, further inputs ``wheel1`` to ``wheel3``, so that each loss is judged on
+    rows of its own.
 
     >>> Omni().parameters.names, Omni(wheels=True).outputs.names
     (('gain', 'side_gain', 'turn_gain'), ('x', 'y', 'heading', 'motor1', 'motor2', 'motor3'))
@@ -114,7 +116,8 @@ class Omni(Compiled):
             step = kernels.three_wheel_step
             inputs = _motors("set", *["wheel"] * odometry)
             outputs = Layout((*POSE.channels, *_motors("motor")))
-            items += [Parameter(*size, low=0.0, editable=False) for size in sizes]
+            load = Parameter("load", 0.0, "rad/s", 0.0, 100.0, source="as commanded")
+            items += [load, *(Parameter(*s, low=0.0, editable=False) for s in sizes)]
         super().__init__(
             inputs, outputs, POSE, Parameters(tuple(items)), step, kernels.observe,
             (3, 3 * odometry),

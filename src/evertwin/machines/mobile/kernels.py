@@ -64,18 +64,23 @@ def omni_step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: An
 
 @cfunc(STEP)
 def three_wheel_step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) -> int:
-    """Omnidirectional base with motor speeds; after the gains: radius, distance of the wheels from
-    the centre, gear. A wheel at angle a drives with −sin(a)·vx + cos(a)·vy + distance·w."""
+    """Omnidirectional base with motor speeds; after the gains: load, radius, distance of the wheels
+    from the centre, gear. A wheel at angle a drives with −sin(a)·vx + cos(a)·vy + distance·w. The
+    floor's resistance is against the way, so each motor has its share of it."""
+    size = math.sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2])
+    left_over = max(1.0 - p[3] / size, 0.0) if size > 0.0 else 1.0
+    for i in range(3):
+        y[3 + i] = left_over * u[i]
+    first = context[1]
     forward, left, turn = 0.0, 0.0, 0.0
     for i in range(3):
         at = math.pi * (1 + 2 * i) / 3.0
-        speed = u[context[1] + i]
+        speed = u[first + i] if first > 0 else y[3 + i]
         forward -= math.sin(at) * speed
         left += math.cos(at) * speed
         turn += speed
-        y[3 + i] = u[i]
-    way = dt * p[3] / p[5] / 3.0
+    way = dt * p[4] / p[6] / 3.0
     moved(
-        x, 2.0 * p[0] * way * forward, 2.0 * p[1] * way * left, p[2] * way * turn / p[4], ahead, y
+        x, 2.0 * p[0] * way * forward, 2.0 * p[1] * way * left, p[2] * way * turn / p[5], ahead, y
     )
     return 0

@@ -24,6 +24,7 @@ import numpy as np
 from evertwin.errors import UsageError
 from evertwin.fold import Chunk
 from evertwin.signals import conversion
+from evertwin.signals.whole_steps import whole_steps
 from evertwin.sources.live.contract import LiveSettings
 from evertwin.sources.live.stamping import Stamping
 from evertwin.sources.live.stamping import arrival as now
@@ -69,6 +70,7 @@ class Decoder:
         channels = spec.channels.values()
         pairs = [conversion(channel.unit) for channel in channels]
         self._scale = np.array([(c.scale, c.offset) for c in channels]).reshape(-1, 2).T
+        self._step = np.array([c.step for c in channels])
         self._unit = np.array(pairs).reshape(-1, 2).T
         self._columns = [c.column for c in channels]
         self._sentinels = [(j, c.sentinels) for j, c in enumerate(channels) if c.sentinels]
@@ -187,7 +189,8 @@ class Decoder:
     def _chunk(self, stamp: int, sample: _Sample) -> Chunk:
         scale, unit = self._scale, self._unit
         with np.errstate(over="ignore", invalid="ignore"):
-            si = (sample.raw * scale[0] + scale[1]) * unit[0] + unit[1]
+            taken = whole_steps(sample.raw * scale[0] + scale[1], self._step)
+            si = taken * unit[0] + unit[1]
         for j, sentinels in self._sentinels:
             if sample.raw[j] in sentinels:
                 si[j] = BAD

@@ -1,0 +1,49 @@
+"""A fit in which numbers that the rows do not tell stay as they are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from evertwin.models.corrected import Corrected
+from evertwin.tuning import Fit, Problem, solve
+
+
+def settled(problem: Problem) -> Fit:
+    """The fit; where it would move what no row tells, one without these numbers.
+
+    >>> import numpy as np
+    >>> from evertwin.fold import make_block
+    >>> from evertwin.machines.mobile import Omni
+    >>> rng, u = np.random.default_rng(2), np.zeros((50, 3))
+    >>> u[:, :2] = 0.1, 1e-4  # it hardly goes sideways
+    >>> y = np.stack([0.008 * np.arange(1, 51), *np.zeros((2, 50))], axis=1)
+    >>> rows = make_block(t=np.arange(50) * 10**8, u=u, y=y + rng.normal(0, 3e-3, (50, 3)))
+    >>> settled(Problem(Omni(), (rows,), ("gain", "side_gain"))).names
+    ('gain',)
+    """
+    fit = solve(problem)
+    for stays, why in (
+        (_superseded(problem, fit), "the correction tells the same"),
+        (_untouched(fit), "no row tells them"),
+    ):
+        if stays:
+            fit = solve(problem.tuning(tuple(n for n in fit.names if n not in stays)))
+            return replace(fit, message=f"{fit.message}; {', '.join(stays)} as before: {why}")
+    return fit
+
+
+def _superseded(problem: Problem, fit: Fit) -> tuple[str, ...]:
+    """The model's numbers that no row tells from a correction's, which has taken their place."""
+    if not isinstance(problem.model, Corrected):
+        return ()
+    base = problem.model.model.parameters.names
+    alike = [n for n, why in zip(fit.names, fit.reasons, strict=True) if "collinear" in why]
+    stays = tuple(name for name in alike if name in base)
+    return stays if len(stays) < len(alike) else ()
+
+
+def _untouched(fit: Fit) -> tuple[str, ...]:
+    """Numbers that noise drove to a bound."""
+    told = dict(zip(fit.names, fit.verdict, strict=True))
+    loose = tuple(name for name in fit.at_bound if told[name] != "identifiable")
+    return loose if len(loose) < len(fit.names) else ()
