@@ -166,7 +166,7 @@ def _serve() -> None:
 
     for name in (
         "evertwin.app.commands", "evertwin.app.engineering", "evertwin.app.exporting",
-        "evertwin.app.prognosis", "evertwin.app.starter", "evertwin.sources.bags", "h5py",
+        "evertwin.app.prognosis", "evertwin.app.starting", "evertwin.sources.bags", "h5py",
         "mcap.reader", "pandas", "pyarrow.parquet", "rosbags.highlevel", "scipy.io", "tomlkit",
         "tests.edge.readers",
     ):  # fmt: skip

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from importlib.resources import files as resources
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from evertwin.errors import UsageError
 from evertwin.files import write_whole
 from evertwin.loop.configured_model import model_of
 from evertwin.machines.catalog import machine
+from evertwin.sources.names import unit_problem
 from evertwin.starter import Draft, look, mapped
 
 
@@ -48,8 +49,21 @@ def write_starter(
         "questions": draft.questions,
     }  # fmt: skip
     show(content, draft.summary(), as_json)
-    for note in (note for info in told for note in info.notes):
+    for note in (*(note for info in told for note in info.notes), *_odd_units(draft)):
         typer.echo(f"evertwin: {note}", err=True)
+
+
+def _odd_units(draft: Draft) -> Iterator[str]:
+    """What files state as units and are none."""
+    for match in draft.proposal.matches:
+        seen = draft.seen[match.source]
+        unit = next((c.unit for c in seen.columns if c.name == match.column), "")
+        problem = unit_problem(unit)
+        if problem:
+            yield (
+                f"{seen.files[0].name}: column {match.column!r}: the unit {problem}: {draft.out} "
+                f"takes its numbers as '{match.unit}'"
+            )
 
 
 def _options(kind: str, urdf: Path | None, own: Path) -> dict[str, Any]:
