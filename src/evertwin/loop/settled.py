@@ -43,7 +43,7 @@ def _superseded(problem: Problem, fit: Fit) -> tuple[str, ...]:
 
 
 def _untouched(fit: Fit) -> tuple[str, ...]:
-    """Numbers that noise drove to a bound."""
+    """Numbers that noise drove to a bound; what ends at zero is an effect that is not there."""
     told = dict(zip(fit.names, fit.verdict, strict=True))
-    loose = tuple(name for name in fit.at_bound if told[name] != "identifiable")
+    loose = tuple(n for n in fit.at_bound if told[n] != "identifiable" and fit[n] != 0.0)
     return loose if len(loose) < len(fit.names) else ()
