@@ -108,6 +108,7 @@ def functions(source: Source) -> Iterator[Function]:
     return walk(source.tree, ())
 
 
+@cache
 def all_functions() -> list[Function]:
     return [function for source in sources() for function in functions(source)]
 

@@ -46,7 +46,7 @@ class Module:
         elif isinstance(node, ast.Import):
             split = ((item.asname or item.name, *item.name.rpartition(".")) for item in node.names)
             self.imported += [(here, module, name) for here, module, _, name in split]
-        elif isinstance(node, ast.Assign) and "import_module(" in ast.unparse(node.value):
+        elif isinstance(node, ast.Assign) and self._imports(node.value):
             self.late |= {ast.unparse(target) for target in node.targets}
         elif isinstance(node, ast.Attribute):
             self.attributes.add((ast.unparse(node.value), node.attr))
@@ -54,6 +54,11 @@ class Module:
             self.texts += re.findall(r"[\w.]+:\w+", node.value)
             imports = re.findall(r"from ([\w.]+) import (\w+)", node.value)
             self.texts += [f"{module}:{name}" for module, name in imports]
+
+    @staticmethod
+    def _imports(node: ast.AST) -> bool:
+        calls = (part for part in ast.walk(node) if isinstance(part, ast.Call))
+        return any(ast.unparse(call.func).endswith("import_module") for call in calls)
 
     def reads(self, name: str, inside: ast.AST | None = None) -> bool:
         """Is a name read here, other than inside its own definition?"""
