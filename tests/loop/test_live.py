@@ -24,6 +24,7 @@ from evertwin.config.spec import (
 from evertwin.engine import EngineSpec, InProcess
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import Answer, Chunk
+from evertwin.loop import chunk_of
 
 SPEC = TwinSpec(
     "cart", ModelSpec("robot1d"), beat=Span(seconds=10.0), prediction=PredictionSpec(horizon=5.0),
@@ -109,6 +110,29 @@ def test_a_twin_that_died_folds_what_came_after_its_checkpoint(
     for name, column in expected[0].trace.items():
         np.testing.assert_array_equal(result.trace[name], column, err_msg=name)
     assert view.row.tolist() == list(range(890, 900))
+
+
+def test_what_is_kept_waits_in_the_store_for_its_fold(
+    spec: TwinSpec, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("evertwin.loop.run.SECONDS", 0.0)  # a checkpoint with every fold
+    monkeypatch.setattr("evertwin.loop.run.SHARE", 0.0)
+    with Twin(SPEC) as unbroken:
+        unbroken.push(drive())
+        expected, events = unbroken.finish(), said(unbroken)
+    parts = [chunk_of(piece, "log") for piece in pieces(drive(), [30])]
+    with Twin(spec) as twin:
+        kept = [twin.going().keep(part) for part in parts]
+        assert [one.number for one in kept] == list(range(1, 31))
+        for one in kept[:13]:
+            twin.going().fold(one)
+        assert len(twin.view(10**6).row) == 390
+    with Twin(spec) as twin:  # its checkpoints are of what was folded, not of what was kept
+        assert len(twin.going().view(10**6).row) == 900
+        result = twin.finish()
+        assert said(twin) == events and result.champion == expected.champion
+    for name, column in expected.trace.items():
+        np.testing.assert_array_equal(result.trace[name], column, err_msg=name)
 
 
 def test_other_settings_begin_another_run(spec: TwinSpec) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import threading
 import time
 from collections.abc import AsyncIterator, Callable
 from itertools import pairwise
@@ -77,7 +78,9 @@ def run(
 
 async def folded(runner: Runner, count: int) -> None:
     end = time.monotonic() + 20
-    while runner.sources[0].taken + runner.dropped < count and time.monotonic() < end:
+    while time.monotonic() < end and (
+        runner.sources[0].taken + runner.dropped < count or runner.waiting
+    ):
         await asyncio.sleep(0.01)
 
 
@@ -92,14 +95,41 @@ def test_a_full_queue_waits_or_drops_and_counts(
     assert (one.dropped > 0) == (full == "drop") and source.closed and one.state == "stopped"
 
 
+def test_what_is_stored_is_acknowledged_while_a_fold_takes_its_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source, go_on = Fast(100), threading.Event()
+
+    async def slow(one: Runner) -> None:
+        assert one.work is not None
+        fold = one.work.fold
+
+        def waits(kept: Any) -> Any:
+            go_on.wait(20.0)
+            return fold(kept)
+
+        one.work.fold = waits  # type: ignore[method-assign]
+        end = time.monotonic() + 20
+        while source.taken < 100 and time.monotonic() < end:
+            await asyncio.sleep(0.01)
+        assert source.taken == 100 and one.row == 0 and len(one.durable) == 100
+        assert sum(len(chunk.t) for chunk in one.reader.samples("log", 0, 10**12)) == 100
+        go_on.set()
+        while one.row < 100 and time.monotonic() < end:
+            await asyncio.sleep(0.01)
+        assert one.row == 100
+
+    run(tmp_path, source, "", slow, monkeypatch)
+
+
 def test_a_model_that_breaks_ends_its_twin_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async def broken(one: Runner) -> None:
-        def push(chunks: object) -> None:
+        def fold(kept: object) -> None:
             raise ZeroDivisionError("a plug-in's")
 
-        one.work.push = push  # type: ignore[method-assign, assignment, union-attr]
+        one.work.fold = fold  # type: ignore[method-assign, assignment, union-attr]
         end = time.monotonic() + 10
         while one.state == "running" and time.monotonic() < end:
             await asyncio.sleep(0.01)

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from evertwin.loop.observer import Observer as Observer, Progress as Progress
     from evertwin.loop.result import RunResult as RunResult
     from evertwin.loop.run import Run as Run
+    from evertwin.loop.samples import Numbered as Numbered
     from evertwin.loop.setup import Setup as Setup
     from evertwin.loop.versions import Versions as Versions
     from evertwin.loop.work import work_of as work_of

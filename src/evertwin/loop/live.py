@@ -1,9 +1,11 @@
 """A run whose samples are pushed as they come.
 
-They take the way of recorded ones: stored, aligned, folded, each decision one transaction. After a
-crash the run goes on from its newest checkpoint: the samples that the store has from there on are
-folded again, with the answers that the log has, so that the twin stands where it stood. The same
-samples from a file give the same rows, records and versions.
+They take the way of recorded ones: stored (`Live.keep`), aligned and folded (`Live.fold`), each
+decision one transaction. So a sample is durable before any fold of it, and who answers for samples
+lets one thread keep while another folds. After a crash the run goes on from its newest checkpoint:
+the samples that the store has from there on are folded again, with the answers that the log has, so
+that the twin stands where it stood. The same samples from a file give the same rows, records and
+versions.
 
 Samples that come faster than they could be folded one by one are folded together: what comes within
 `TOGETHER` of the last fold waits for the next sample after it, for the row of a beat, or for
@@ -34,7 +36,7 @@ from evertwin.loop.open_trial import OpenTrial, open_trial
 from evertwin.loop.rate import ENOUGH, rate_of
 from evertwin.loop.result import RunResult
 from evertwin.loop.run import Run, settings_hash
-from evertwin.loop.samples import Samples
+from evertwin.loop.samples import Numbered, Samples
 from evertwin.loop.setup import Setup
 from evertwin.loop.twin_state import Saved, TwinState
 from evertwin.store import Checkpoint
@@ -113,6 +115,8 @@ class Live:
     """Does the store outlive this process?"""
     _pushed: list[Chunk] = field(default_factory=list, init=False)
     """Samples that are not folded yet."""
+    _number: int = field(default=0, init=False)
+    """Of the newest among them, in the store."""
     _room: int = field(default=0, init=False)
     """Samples that may wait before a beat is due."""
     _folded: float = field(default=-np.inf, init=False)
@@ -157,9 +161,10 @@ class Live:
         else:  # what was pushed before its run began is of the run that begins now
             ended = (run.ended or {} for run in self.ledger.runs)
             self._first = 1 + max((int(one.get("chunks", 0)) for one in ended), default=0)
-        for _, chunk in store.read_chunks(self._first if came is None else came.chunks + 1):
+        for number, chunk in store.read_chunks(self._first if came is None else came.chunks + 1):
+            self._number = number
             if not self._samples.is_array(chunk):
-                self._fold(chunk)
+                self._align(chunk)
 
     @property
     def _told(self) -> dict[str, Any]:
@@ -183,20 +188,32 @@ class Live:
             DataError: the source is unknown, or has another number of columns.
             StoreError: they could not be stored; then nothing was folded.
         """
-        chunk = samples if isinstance(samples, Chunk) else self._chunk(samples)
+        self.fold(self.keep(samples if isinstance(samples, Chunk) else self._chunk(samples)))
+
+    def keep(self, chunk: Chunk) -> Numbered:
+        """Samples into the store, for `fold`: durable with its next flush. In any thread, one call
+        after the other.
+
+        Raises:
+            DataError: the source is unknown, or has another number of columns.
+            StoreError: they could not be stored.
+        """
+        # whoever pushed them may use the arrays again
+        chunk = chunk._replace(t=chunk.t.copy(), v=chunk.v.copy())
         if self._samples.is_array(chunk):
-            self._samples.keep(chunk)
-            return self._samples.forget()
+            return self._samples.keep(chunk)
         self._alignment.align.check(chunk)  # what does not fit is neither stored nor folded
-        if self.lasting:
-            self._samples.keep(chunk)
+        return self._samples.keep(chunk) if self.lasting else Numbered(0, chunk)
+
+    def fold(self, kept: Numbered) -> None:
+        """What was kept, in the order in which it was."""
+        self._number, chunk = kept
+        if self._samples.is_array(chunk):
+            return
         self._pushed.append(chunk)
         self._room -= len(chunk.t)
         waits = self._room > 0 and time.perf_counter() < self._folded + TOGETHER
-        if waits and chunk.task == self._newest:
-            # whoever pushed them may use the arrays again
-            self._pushed[-1] = chunk._replace(t=chunk.t.copy(), v=chunk.v.copy())
-        else:
+        if not (waits and chunk.task == self._newest):
             self.settle()
 
     def settle(self) -> None:
@@ -207,19 +224,19 @@ class Live:
         groups = groupby(pushed, lambda chunk: (chunk.source, chunk.task))
         chunks = tuple(_joined(*alike) for _, alike in groups)
         for chunk in chunks:
-            self._fold(chunk)
+            self._align(chunk)
         if self._run is not None and self._state is not None:
             every = self._run.setup.beat.every
             # what is seen at a row is told within a beat, also if several samples come at once
             self._room = min(-self._state.row % every + 1, max(3 * every // 4, 1), MOST)
-            self._keep()
-            self._samples.forget()
+            self._save()
         self._newest, self._folded = pushed[-1].task, time.perf_counter()
 
-    def _keep(self, *, due: bool = False) -> None:
+    def _save(self, *, due: bool = False) -> None:
         assert self._run is not None and self._state is not None
         task = 0 if self._task is None else self._task
-        self._run.save(self._state, _FeedState(self._rate, task, self._aligned), due=due)
+        feed = _FeedState(self._rate, task, self._aligned)
+        self._run.save(self._state, feed, due=due, chunks=self._number)
 
     def _chunk(self, columns: Mapping[str, Any]) -> Chunk:
         """Columns by name as samples of the one source.
@@ -236,7 +253,7 @@ class Live:
             raise DataError(f"columns: expected {', '.join(lacking)} too, got {', '.join(columns)}")
         return chunk_of({name: columns[name] for name in ("t", *feed.channels)}, feed.name)
 
-    def _fold(self, chunk: Chunk) -> None:
+    def _align(self, chunk: Chunk) -> None:
         self._aligned, block, events = self._alignment.step(self._aligned, chunk)
         self._take(block, events)
 
@@ -305,7 +322,7 @@ class Live:
         """A checkpoint now, so that whoever goes on has nothing to fold again."""
         self.settle()
         if self._run is not None and self._state is not None:
-            self._keep(due=True)
+            self._save(due=True)
         self.ledger.store.flush()
 
     def finish(self) -> RunResult:

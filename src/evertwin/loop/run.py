@@ -248,20 +248,23 @@ class Run:
         if not self.pushed:
             self.save(state)
 
-    def save(self, state: TwinState, feed: object = (), *, due: bool = False) -> None:
-        """A checkpoint, where one is ``due``; with what a run of pushed samples needs beside it."""
+    def save(
+        self, state: TwinState, feed: object = (), *, due: bool = False, chunks: int = -1
+    ) -> None:
+        """A checkpoint, where one is ``due``; of a run of pushed samples with what it needs beside
+        it, and the number of the newest that was folded."""
         if not self._lasting or self.log.repeats:
             return
         now = time.perf_counter()
         passed = state.row - self._kept >= self.every if self.every else now >= self._due
         if due or passed:
-            self.log.say(state.row, (), self._of(copy(Saved(state, feed))))
+            self.log.say(state.row, (), self._of(copy(Saved(state, feed)), chunks))
             took = time.perf_counter() - now
             self._kept, self._due = state.row, now + max(SECONDS, SHARE * took)
 
-    def _of(self, saved: Saved) -> Checkpoint:
-        shown = self.observer.trace.fresh()
-        return Checkpoint(saved.twin.row, saved, self.log.run.number, shown=shown)
+    def _of(self, saved: Saved, chunks: int = -1) -> Checkpoint:
+        shown, run = self.observer.trace.fresh(), self.log.run.number
+        return Checkpoint(saved.twin.row, saved, run, chunks=chunks, shown=shown)
 
     def _finished(self, state: TwinState) -> TwinState:
         """The end of the data, and of the run."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from evertwin.config import TwinSpec
 from evertwin.errors import DataError
@@ -14,6 +15,18 @@ from evertwin.sync.horizon import nanoseconds
 
 SECONDS = 1.0
 """Time from one look at what may go to the next."""
+
+
+class Numbered(NamedTuple):
+    """Samples with their number in the store.
+
+    >>> Numbered._fields
+    ('number', 'chunk')
+    """
+
+    number: int
+    """0: the store has none of them."""
+    chunk: Chunk
 
 
 @dataclass
@@ -27,9 +40,8 @@ class Samples:
     >>> samples = Samples(SqliteStore(":memory:"), spec)
     >>> for second in range(4):
     ...     scan = Chunk("lidar", np.array([second * 10**9]), np.ones((1, 3)))
-    ...     assert samples.is_array(scan)
-    ...     samples.keep(scan)
-    >>> samples.forget(now=0.0)
+    ...     assert samples.is_array(scan) and samples.keep(scan).number == second + 1
+    >>> samples.forget(now=1e9)
     >>> [int(chunk.t[0]) for chunk in samples.store.samples("lidar", 0, 10**12)]
     [2000000000, 3000000000]
     """
@@ -43,7 +55,11 @@ class Samples:
     _kept: Mapping[str, int] = field(init=False)
     """How long [ns]."""
 
+    _count: int = field(init=False)
+    """Number of the newest ones."""
+
     def __post_init__(self) -> None:
+        self._count = self.store.chunks
         self._shapes = {one.name: one.shape for one in self.spec.array}
         kept = {one.name: one.keep for one in self.spec.source}
         kept |= {one.name: one.keep for one in self.spec.array}
@@ -63,17 +79,19 @@ class Samples:
             )
         return shape is not None
 
-    def keep(self, chunk: Chunk) -> None:
-        """Stores samples."""
+    def keep(self, chunk: Chunk) -> Numbered:
+        """Stores samples, and lets go of what need not be kept any longer."""
         self.store.commit(Batch(chunks=(chunk,)), wait=False)
+        self._count += 1
         if chunk.source in self._kept:
             newest = self._newest.get(chunk.source, int(chunk.t[0]))
             self._newest[chunk.source] = max(newest, int(chunk.t.max()))
+            self.forget(time.monotonic())
+        return Numbered(self._count, chunk)
 
-    def forget(self, now: float | None = None) -> None:
+    def forget(self, now: float) -> None:
         """Lets go of what need not be kept any longer; looks once a second (of ``now`` [s])."""
-        now = time.monotonic() if now is None else now
-        if not self._newest or now < self._looked + SECONDS:
+        if now < self._looked + SECONDS:
             return
         self._looked = now
         before = {name: newest - self._kept[name] for name, newest in self._newest.items()}

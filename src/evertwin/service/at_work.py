@@ -1,7 +1,8 @@
-"""One twin at work: samples in, what is new out. All of it runs in the twin's own thread.
+"""One twin at work: samples in, what is new out. All of it runs in the twin's own thread, but
+`AtWork.keep`.
 
-Samples are durable when `AtWork.push` returns: the twin stores each, and one flush of the store
-stands for all that came together.
+Samples are durable when `AtWork.keep` returns: the twin stores each, and one flush of the store
+stands for all that came together. `AtWork.fold` makes rows of them.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evertwin.fold import Chunk, Event, make_block, plain
-from evertwin.loop import View
+from evertwin.loop import Numbered, View
 from evertwin.service.plan import Plan
 from evertwin.store import Estimate, Kept
 from evertwin.store.spec import StoreSpec
@@ -79,17 +80,28 @@ class AtWork:
 
     def newest(self) -> dict[str, tuple[int, int]]:
         """Task and newest stamp of each source that the store has samples of."""
-        found = {one.name: self.twin.store.newest(one.name) for one in self.spec.source}
+        every = self.spec.source + self.spec.array
+        found = {one.name: self.twin.store.newest(one.name) for one in every}
         return {name: at for name, at in found.items() if at is not None}
 
-    def push(self, chunks: Sequence[Chunk]) -> Said:
-        """Samples as they came; durable when it returns.
+    def keep(self, chunks: Sequence[Chunk]) -> Sequence[Numbered]:
+        """Samples as they came; durable when it returns. In any one thread.
 
         Raises:
             EvertwinError: they do not fit, or cannot be stored.
         """
-        for chunk in chunks:
-            self.twin.push(chunk)
+        kept = [self.going.keep(chunk) for chunk in chunks]
+        self.twin.store.flush()
+        return kept
+
+    def fold(self, kept: Sequence[Numbered]) -> Said:
+        """What was kept, through the twin; what it says is durable when it returns.
+
+        Raises:
+            EvertwinError: the model, or the store, fails.
+        """
+        for one in kept:
+            self.going.fold(one)
         view = self.going.view(MOST)
         self.twin.store.flush()
         rows, skipped = self._fresh(view)

@@ -59,15 +59,17 @@ class Figures(Collector):
             yield gauge
         dropped = CounterMetricFamily("evertwin_twin_dropped", "Samples dropped: too many waited",
                                       labels=["twin"])  # fmt: skip
-        durable = GaugeMetricFamily("evertwin_twin_durable_seconds", "From arrival to durable, p99",
-                                    labels=["twin"])  # fmt: skip
         for name, status in told.items():
             dropped.add_metric([name], status["dropped"])
-            took = self._service.runners[name].durable
-            if took:
-                durable.add_metric([name], float(np.quantile(took, 0.99)))
         yield dropped
-        yield durable
+        for key, text in (("durable", "durable"), ("folded", "what is said of it is durable")):
+            gauge = GaugeMetricFamily(
+                f"evertwin_twin_{key}_seconds", f"From arrival until {text}, p99", labels=["twin"]
+            )
+            for name in told:
+                if took := getattr(self._service.runners[name], key):
+                    gauge.add_metric([name], float(np.quantile(took, 0.99)))
+            yield gauge
 
     def _sources(self, told: dict[str, Any]) -> Iterator[Metric]:
         counts = {"received": "Samples that came", "repeated": "Samples that had come before",

@@ -108,7 +108,7 @@ def _plan(folder: Path, entry: TwinEntry, document: Document, k: int) -> Plan:
         raise ConfigError(
             f"{where}: twin {name!r}: expected letters, digits, - _ and dots: give it a name here"
         )
-    known = [source.name for source in spec.source] if spec is not None else []
+    known = [] if spec is None else [one.name for one in spec.source + spec.array]
     for i, one in enumerate(told):
         if spec is not None and one.source not in known:
             where = f"{document.name}:{document.line(('twin', k, 'source', i, 'source'))}"

@@ -1,8 +1,9 @@
-"""One twin of the service: its sources feed a bounded queue, its own thread folds.
+"""One twin of the service: its sources feed a bounded queue, one thread stores, another folds.
 
-The event loop never waits for a fold. What was folded is durable before its source hears
-`committed`. A twin that fails, at its start or at any sample, is quarantined with the reason; the
-others do not notice.
+The event loop never waits for either. Samples are durable before their source hears `committed`,
+and before they are folded: a fold that takes long holds up no acknowledgement, and what was not
+folded when the process died is folded from the store. A twin that fails, at its start or at any
+sample, is quarantined with the reason; the others do not notice.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import contextlib
 import logging
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -20,6 +21,7 @@ from typing import Any, Literal, TypeAlias, TypeVar
 
 from evertwin.errors import EvertwinError, UsageError
 from evertwin.fold import Chunk
+from evertwin.loop import Numbered
 from evertwin.publishers.contract import Kind, News, Publisher
 from evertwin.publishers.registry import open_publisher
 from evertwin.service.at_work import AtWork, Said, told, warm
@@ -34,7 +36,9 @@ T = TypeVar("T")
 State: TypeAlias = Literal["starting", "running", "ended", "quarantined", "stopped"]
 LOG = logging.getLogger("evertwin.service")
 TOGETHER = 256
-"""Pieces of samples that are folded together at most."""
+"""Pieces of samples that are stored, or folded, together at most."""
+PATIENCE = 10.0
+"""Seconds that what waits has at most to be folded when a twin is stopped."""
 KEPT = 64
 """Messages with rows, and times as many events, that a slow reader may be behind."""
 
@@ -61,6 +65,8 @@ class Runner:
         self.busy_since: float | None = None
         self.durable: deque[float] = deque(maxlen=1000)
         """Seconds from the arrival of samples until they were durable."""
+        self.folded: deque[float] = deque(maxlen=1000)
+        """Seconds from their arrival until what the twin says of them was durable too."""
         self.rows: deque[tuple[int, Mapping[str, Any]]] = deque(maxlen=KEPT)
         """(serial number, rows) as they were told."""
         self.serial = 0
@@ -75,9 +81,12 @@ class Runner:
         self._warms = warms
         self._reader: SqliteStore | None = None
         self._thread = ThreadPoolExecutor(1, thread_name_prefix=f"twin {plan.name}")
-        self._queue: deque[tuple[LiveSource, Chunk, float]] = deque()
-        self._came, self._room = asyncio.Event(), asyncio.Event()
-        self._tasks: list[asyncio.Task[None]] = []
+        self._storing = ThreadPoolExecutor(1, thread_name_prefix=f"keep {plan.name}")
+        self._came: asyncio.Queue[tuple[LiveSource, Chunk, float]] = asyncio.Queue(plan.entry.queue)
+        self._kept: asyncio.Queue[tuple[Numbered, float]] = asyncio.Queue(plan.entry.queue)
+        """Stored, not folded yet."""
+        self._reading: list[asyncio.Task[None]] = []
+        self._working: list[asyncio.Task[None]] = []
 
     # ------------------------------------------------------------------ its life
 
@@ -91,7 +100,7 @@ class Runner:
             self.row = self.work.row
             newest = await self._inside(self.work.newest)
             around = Around(folder=Path(self.plan.spec.folder))
-            specs = {one.name: one for one in self.plan.spec.source}
+            specs = {s.name: s for s in self.plan.spec.source + self.plan.spec.array}
             for one in self.plan.sources:
                 source = open_live(one, specs[one.source], around)
                 self.sources.append(source)
@@ -101,8 +110,8 @@ class Runner:
                     source.resume(stamp, task)
             self._publish()
             self.state = "running"
-            self._tasks = [asyncio.create_task(self._read(source)) for source in self.sources]
-            self._tasks.append(asyncio.create_task(self._fold()))
+            self._reading = [asyncio.create_task(self._read(source)) for source in self.sources]
+            self._working = [asyncio.create_task(one) for one in (self._store(), self._fold())]
             LOG.info("%s: running", self.name, extra={"twin": self.name})
 
     def _opened(self) -> AtWork:
@@ -133,7 +142,9 @@ class Runner:
         LOG.error("%s: quarantined: %s", self.name, reason, extra={"twin": self.name})
         for source in self.sources:
             source.close()
-        self._room.set()
+        for task in (*self._reading, *self._working):
+            if task is not asyncio.current_task():
+                task.cancel()
         self._tell()
 
     async def stop(self) -> None:
@@ -141,12 +152,9 @@ class Runner:
         for source in self.sources:
             source.close()
         running = self.state == "running"
+        if running and self._reading:
+            await self._rest()
         self.state = self.state if self.state == "quarantined" else "stopped"
-        self._came.set()
-        self._room.set()
-        left = (await asyncio.wait(self._tasks, timeout=10.0))[1] if self._tasks else ()
-        for task in left:
-            task.cancel()
         for publisher in self.publishers:
             await publisher.close()
         if self.work is not None:
@@ -155,7 +163,22 @@ class Runner:
         if self._reader is not None:
             self._reader.close()
         self._thread.shutdown(wait=False)
+        self._storing.shutdown(wait=False)
         self._tell()
+
+    async def _rest(self) -> None:
+        """What came is stored and folded; what takes too long is stored, or comes again."""
+
+        async def drained() -> None:
+            await asyncio.wait(self._reading)
+            await self._came.join()
+            await self._kept.join()
+
+        resting = asyncio.create_task(drained())
+        first = asyncio.FIRST_COMPLETED
+        await asyncio.wait({resting, *self._working}, timeout=PATIENCE, return_when=first)
+        for task in (resting, *self._reading, *self._working):
+            task.cancel()
 
     # ------------------------------------------------------------------ samples
 
@@ -163,36 +186,36 @@ class Runner:
         """The samples of one source into the queue."""
         with self._guarded():
             async for chunk in source.chunks():
-                while len(self._queue) >= self.plan.entry.queue and self.state == "running":
-                    if self.plan.entry.full == "drop":
-                        self.dropped += len(self._queue.popleft()[1].t)
-                    else:
-                        self._room.clear()
-                        await self._room.wait()
-                if self.state == "quarantined":
-                    return
-                self._queue.append((source, chunk, time.perf_counter()))
+                if self._came.full() and self.plan.entry.full == "drop":
+                    self.dropped += len(self._came.get_nowait()[1].t)
+                    self._came.task_done()
+                await self._came.put((source, chunk, time.perf_counter()))
                 self.condition.came(len(chunk.t))
-                self._came.set()
 
-    async def _fold(self) -> None:
-        """What waits, through the twin, until it stops."""
+    async def _store(self) -> None:
+        """What came, into the store, whatever the twin does meanwhile."""
         assert self.work is not None
+        loop = asyncio.get_running_loop()
         with self._guarded():
-            while self.state == "running" or self._queue:
-                if not self._queue:
-                    self._came.clear()
-                    await self._came.wait()
-                    continue
-                count = min(len(self._queue), TOGETHER)
-                taken = [self._queue.popleft() for _ in range(count)]
-                self._room.set()
+            async for taken in together(self._came):
                 chunks = [chunk for _, chunk, _ in taken]
-                said = await self._inside(partial(self.work.push, chunks))
+                kept = await loop.run_in_executor(self._storing, self.work.keep, chunks)
                 now = time.perf_counter()
                 for source, chunk, came in taken:
                     source.committed(chunk)
                     self.durable.append(now - came)
+                for one, (_, _, came) in zip(kept, taken, strict=True):
+                    await self._kept.put((one, came))
+
+    async def _fold(self) -> None:
+        """What is stored, through the twin."""
+        assert self.work is not None
+        with self._guarded():
+            async for taken in together(self._kept):
+                kept = [one for one, _ in taken]
+                said = await self._inside(partial(self.work.fold, kept))
+                now = time.perf_counter()
+                self.folded.extend(now - came for _, came in taken)
                 self._take(said)
 
     async def _inside(self, work: Callable[[], T]) -> T:
@@ -289,12 +312,12 @@ class Runner:
     @property
     def waiting(self) -> int:
         """Pieces of samples that wait."""
-        return len(self._queue)
+        return self._came.qsize() + self._kept.qsize()
 
     def status(self) -> dict[str, Any]:
         """How it is, in plain values."""
         ended = self.sources and all(one.health.state == "ended" for one in self.sources)
-        state = "ended" if self.state == "running" and ended and not self._queue else self.state
+        state = "ended" if self.state == "running" and ended and not self.waiting else self.state
         busy = 0.0 if self.busy_since is None else time.monotonic() - self.busy_since
         how = self.condition.told(failed=state == "quarantined", ended=state == "ended")
         about = {} if self.work is None else self.work.about
@@ -306,3 +329,14 @@ class Runner:
             "sources": {one.name: one.health.to_dict() for one in self.sources},
             "publishers": [dict(one.health) for one in self.publishers],
         }  # fmt: skip
+
+
+async def together(queue: asyncio.Queue[T]) -> AsyncIterator[list[T]]:
+    """All that waits in a queue, again and again; done with when the next is asked for."""
+    while True:
+        taken = [await queue.get()]
+        while len(taken) < TOGETHER and not queue.empty():
+            taken.append(queue.get_nowait())
+        yield taken
+        for _ in taken:
+            queue.task_done()

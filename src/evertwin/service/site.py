@@ -143,7 +143,7 @@ class TwinEntry(Section):
     publisher: tuple[PublisherTable, ...] = ()
     """Where it is told what the twin says."""
     queue: Annotated[int, Ge(1), Le(1_000_000)] = 256
-    """Pieces of samples that wait at most for the twin to take them."""
+    """Pieces of samples that wait at most to be stored, and as many to be folded."""
     full: Literal["wait", "drop"] = "wait"
     """What happens when so many wait: the sources wait, or the oldest piece is dropped and its
     samples are counted as lost."""

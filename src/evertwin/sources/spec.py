@@ -130,5 +130,9 @@ class ArraySpec(Section):
     """Name of the source that they come from."""
     shape: tuple[Annotated[int, Ge(1), Le(1_000_000)], ...]
     """Shape of one sample."""
+    column: str = "values"
+    """Where a running machine says its values: a list of so many numbers, row by row."""
+    time: TimeSpec = TimeSpec("t")
+    """Their stamps, where a running machine says them."""
     keep: Duration | None = None
     """How long they stay in the store; absent: for good."""

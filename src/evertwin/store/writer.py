@@ -57,7 +57,7 @@ class Writer(Generic[T]):
         self._threaded = threaded
         self._waiting: list[T] = []
         self._room = 0
-        self._busy = False
+        self._taken = self._written = 0
         self._ends = False
         self._failed: StoreError | None = None
         self._changed = threading.Condition()
@@ -78,13 +78,14 @@ class Writer(Generic[T]):
             self.check()
             self._waiting.append(job)
             self._room += size
+            self._taken += 1
             self._changed.notify_all()
             if self._thread is None:
                 self._thread = threading.Thread(target=self._work, name="store", daemon=True)
                 self._thread.start()
 
     def flush(self) -> None:
-        """Returns when everything is durable.
+        """Returns when everything is durable that was put before.
 
         Raises:
             StoreError: something could not be written.
@@ -92,7 +93,8 @@ class Writer(Generic[T]):
         with self._changed:
             if not self._threaded:
                 return self._write(1)
-            self._changed.wait_for(lambda: not self._waiting and not self._busy)
+            here = self._taken
+            self._changed.wait_for(lambda: self._written >= here or self._failed is not None)
             self.check()
 
     def _write(self, least: int) -> None:
@@ -126,10 +128,10 @@ class Writer(Generic[T]):
                 self._changed.wait_for(lambda: bool(self._waiting) or self._ends)
                 if not self._waiting:
                     return
-                jobs, self._waiting, self._busy = self._waiting, [], True
+                jobs, self._waiting, size = self._waiting, [], self._room
             failed = self._attempt(jobs)
             with self._changed:
-                self._busy, self._room = False, 0
+                self._written, self._room = self._written + len(jobs), self._room - size
                 if failed is not None:
                     self._failed, self._waiting = failed, []
                 self._changed.notify_all()

@@ -19,7 +19,7 @@ from evertwin.errors import UsageError
 from evertwin.fold import Chunk
 from evertwin.sources.live import LiveSource, open_live
 from evertwin.sources.live.mqtt_parts import Count, NoMessage, place
-from evertwin.sources.spec import ChannelSpec, SourceSpec, TimeSpec
+from evertwin.sources.spec import ArraySpec, ChannelSpec, SourceSpec, TimeSpec
 from tests.sources.live.peers import Proxy, free_port, hear, listen, listening, need
 
 SPEC = SourceSpec(
@@ -329,3 +329,32 @@ def test_a_line_that_is_half_open_is_left(tmp_path: Path) -> None:
 
         chunks = asyncio.run(asyncio.wait_for(life(), 20))
     assert numbers(chunks) == [1, 7] and source.health.lost
+
+
+@pytest.mark.system
+def test_scans_are_arrays(tmp_path: Path) -> None:
+    spec = ArraySpec("scan", (3,), column="ranges", time=TimeSpec("t", "s"))
+    with mosquitto(tmp_path) as broker:
+        table = {"source": "scan", "protocol": "mqtt", "port": broker.port, "topic": "robot/scan"}
+
+        def scan(t: float, *ranges: object) -> bytes:
+            return json.dumps({"t": t, "ranges": ranges}).encode()
+
+        async def run() -> tuple[list[Chunk], LiveSource]:
+            source = open_live(table, spec)
+            hearing = asyncio.create_task(hear(source, lambda given: len(given) >= 2))
+            while source.health.state != "up":
+                await asyncio.to_thread(broker.publish, [scan(1.0, 1, 2, 3)], "robot/scan")
+                await asyncio.sleep(0.05)
+            said = [scan(2.0, 1, 2), b'{"t": 2.5, "ranges": 7}', scan(2.6, 1, "far", 3),
+                    scan(3.0, 4, None, 6)]  # fmt: skip
+            await asyncio.to_thread(broker.publish, said, "robot/scan")
+            return await hearing, source
+
+        given, source = asyncio.run(run())
+    np.testing.assert_array_equal(given[-1].v, [[4.0, np.nan, 6.0]])
+    assert given[0].v.tolist() == [[1.0, 2.0, 3.0]]
+    assert source.health.rejected == {"expected 3 numbers in ranges": 3}
+    with pytest.raises(UsageError, match="modbus gives no arrays"):
+        open_live({"source": "scan", "protocol": "modbus", "host": "127.0.0.1", "registers": {
+            "ranges": {"address": 1}}}, spec)  # fmt: skip

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -32,7 +32,7 @@ from evertwin.sources.live.telling import Telling
 from evertwin.sources.spec import SourceSpec
 from evertwin.sources.stamps import NO_STAMP, StampError, to_ns
 
-Raw: TypeAlias = float | int | bool | str | bytes | None
+Raw: TypeAlias = float | int | bool | str | bytes | list[Any] | None
 Columns: TypeAlias = Mapping[str, Raw]
 """What a machine said at one moment, in the units of its own."""
 PROTOCOL = "the protocol's own stamp"
@@ -125,9 +125,8 @@ class Decoder:
         stamp = self._stamp(columns, came)
         if stamp is None or not self._wanted(columns):
             return []
-        raw = np.array([self._number(column, columns.get(str(column))) for column in self._columns])
-        if len(raw) and np.isnan(raw).all():
-            self.told.reject("no column of the twin in it")
+        raw = self._values(columns)
+        if raw is None:
             return []
         code = math.nan
         if self.spec.task is not None:
@@ -137,6 +136,14 @@ class Decoder:
         if before != (self.clock.repeated, self.clock.rejected, self.clock.set):
             self._tell(before)
         return [self._chunk(stamp, sample) for stamp, sample in out]
+
+    def _values(self, columns: Columns) -> np.ndarray | None:
+        """What the columns say, as it comes; None where none of them is there."""
+        raw = np.array([self._number(column, columns.get(str(column))) for column in self._columns])
+        if len(raw) and np.isnan(raw).all():
+            self.told.reject("no column of the twin in it")
+            return None
+        return raw
 
     def _tell(self, before: tuple[int, int, int]) -> None:
         self.told.repeated += self.clock.repeated - before[0]
@@ -149,13 +156,13 @@ class Decoder:
         if self._by_arrival:
             return arrival + self._offset
         if self.by_protocol:
-            return int(columns[PROTOCOL] or 0) + self._offset
+            return int(columns[PROTOCOL] or 0) + self._offset  # type: ignore[arg-type]
         value = columns.get(str(self.spec.time.column))
         unit = self.spec.time.unit
         if isinstance(value, str | bytes):
             text = value.encode() if isinstance(value, str) else value
             cell = np.array([text[:64]])
-        elif value is None or isinstance(value, bool) or unit == "iso":
+        elif value is None or isinstance(value, bool | list) or unit == "iso":
             cell = np.array([None])
         else:
             cell = np.array([value])
@@ -181,24 +188,26 @@ class Decoder:
         if value is None:
             return math.nan
         try:
-            return float(value)
-        except (ValueError, OverflowError):
+            return float(value)  # type: ignore[arg-type]
+        except (TypeError, ValueError, OverflowError):
             self.told.note(f"{column}: not a number")
             return math.nan
 
-    def _chunk(self, stamp: int, sample: _Sample) -> Chunk:
+    def _si(self, raw: np.ndarray) -> np.ndarray:
         scale, unit = self._scale, self._unit
         with np.errstate(over="ignore", invalid="ignore"):
-            taken = whole_steps(sample.raw * scale[0] + scale[1], self._step)
-            si = taken * unit[0] + unit[1]
+            taken = whole_steps(raw * scale[0] + scale[1], self._step)
+            si: np.ndarray = taken * unit[0] + unit[1]
         for j, sentinels in self._sentinels:
-            if sample.raw[j] in sentinels:
+            if raw[j] in sentinels:
                 si[j] = BAD
+        return si
+
+    def _chunk(self, stamp: int, sample: _Sample) -> Chunk:
+        si = self._si(sample.raw)
         self._open_task(stamp, sample.code)
         self.told.give(stamp)
-        return Chunk(
-            self.spec.name, np.array([stamp], dtype=np.int64), si.reshape(1, -1), self.task
-        )
+        return Chunk(self.spec.name, np.array([stamp], dtype=np.int64), si[None], self.task)
 
     def _open_task(self, stamp: int, code: float) -> None:
         began = stamp if self._opened is None else self._opened

@@ -19,10 +19,11 @@ from contextlib import suppress
 
 from evertwin.errors import DataError
 from evertwin.fold import Chunk
+from evertwin.sources.live.arrays import decoder_of
 from evertwin.sources.live.contract import Health, LiveSettings
-from evertwin.sources.live.decode import Columns, Decoder
+from evertwin.sources.live.decode import Columns
 from evertwin.sources.live.telling import Telling
-from evertwin.sources.spec import SourceSpec
+from evertwin.sources.spec import ArraySpec, SourceSpec
 
 SHORTEST = 0.2
 LONGEST = 30.0
@@ -70,10 +71,10 @@ class Line(ABC):
     """
 
     def __init__(
-        self, settings: LiveSettings, spec: SourceSpec, *, arrives: bool = True
+        self, settings: LiveSettings, spec: SourceSpec | ArraySpec, *, arrives: bool = True
     ) -> None:  # fmt: skip
         self.told = Telling(spec.name)
-        self.decoder = Decoder(spec, self.told, settings, arrives=arrives)
+        self.decoder = decoder_of(spec, self.told, settings, arrives=arrives)
         self.backoff = Backoff()
         self._queue: asyncio.Queue[Chunk | None] = asyncio.Queue(WAITING)
         self._reading: asyncio.Task[None] | None = None

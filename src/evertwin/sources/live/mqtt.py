@@ -33,7 +33,7 @@ from evertwin.sources.live.line import Line, LineDown
 from evertwin.sources.live.mqtt_parts import Count, NoMessage, place
 from evertwin.sources.live.mqtt_spec import MqttSettings, Part
 from evertwin.sources.live.secrets import password
-from evertwin.sources.spec import SourceSpec
+from evertwin.sources.spec import ArraySpec, SourceSpec
 
 if TYPE_CHECKING:
     from paho.mqtt.client import Client, MQTTMessage
@@ -50,8 +50,11 @@ class Mqtt(Line):
     """The source. Implements `LiveSource`. See the module for an example."""
 
     settings = MqttSettings
+    arrays = True
 
-    def __init__(self, settings: MqttSettings, spec: SourceSpec, around: Around) -> None:
+    def __init__(
+        self, settings: MqttSettings, spec: SourceSpec | ArraySpec, around: Around
+    ) -> None:
         super().__init__(settings, spec)
         self.broker = settings
         self.around = around

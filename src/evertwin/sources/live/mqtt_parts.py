@@ -51,7 +51,7 @@ def _at(tree: Any, path: str) -> Raw:
             tree = tree[int(key)]
         else:
             return None
-    return tree if isinstance(tree, float | int | bool | str) else None
+    return tree if isinstance(tree, float | int | bool | str | list) else None
 
 
 class Count:

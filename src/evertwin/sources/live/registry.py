@@ -17,7 +17,7 @@ from evertwin.errors import ConfigError, UsageError, nearest
 from evertwin.settings.decode import adapter
 from evertwin.settings.notes import dotted
 from evertwin.sources.live.contract import Around, LiveSettings, LiveSource
-from evertwin.sources.spec import SourceSpec
+from evertwin.sources.spec import ArraySpec, SourceSpec
 
 OWN = {
     "file": (
@@ -70,13 +70,15 @@ def read_settings(table: Mapping[str, Any], name: str = "source") -> LiveSetting
 
 
 def open_live(
-    settings: LiveSettings | Mapping[str, Any], spec: SourceSpec, around: Around | None = None
+    settings: LiveSettings | Mapping[str, Any],
+    spec: SourceSpec | ArraySpec,
+    around: Around | None = None,
 ) -> LiveSource:
     """The source of a protocol; nothing is connected yet.
 
     Args:
         settings: of the ``[[twin.source]]``; as a table too.
-        spec: the ``[[source]]`` of the twin file with its name.
+        spec: the ``[[source]]`` or ``[[array]]`` of the twin file with its name.
         around: what the sources of this twin share; make one a twin.
 
     Raises:
@@ -87,6 +89,11 @@ def open_live(
         settings = read_settings(settings)
     protocol = settings.protocol
     make = _load(OWN[protocol][1]) if protocol in OWN else _plugin(protocol)
+    if isinstance(spec, ArraySpec) and not getattr(make, "arrays", False):
+        raise UsageError(
+            f"array {spec.name!r}: {protocol} gives no arrays; mqtt does, or a source of your own "
+            "that says so (arrays = True)"
+        )
     source: LiveSource = make(settings, spec, Around() if around is None else around)
     return source
 
