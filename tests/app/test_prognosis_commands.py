@@ -78,7 +78,7 @@ def test_plan_is_written_and_decisions_are_kept(worn: Path, call: Command) -> No
     done = call("plan", "robot.toml", *known, "-o", "plan.csv", "--report", "r.html", "--json")
     content = done.json
     assert content["schema"] == "evertwin.plan/1"
-    assert content["items"][0]["component"] == "gearbox" and content["items"][0]["window"] == 1
+    assert content["items"][0]["component"] == "gearbox" and content["items"][0]["window"] == 0
     assert (worn / "plan.csv").read_text().startswith("component,after,unit,window")
     page = (worn / "r.html").read_text()
     assert page.count("data:image/png") == 1 and 'class="date"' in page and "http" not in page
@@ -94,7 +94,7 @@ def test_plan_is_written_and_decisions_are_kept(worn: Path, call: Command) -> No
         assert wrong.code == 2 and "expected" in wrong.err
     taken = call("decide", "robot.toml", "gearbox", "withdraw", "--reason", "it came")
     assert taken.code == 0 and call("plan", "robot.toml", *known).out.startswith(
-        "gearbox: after 10"
+        "gearbox: after 0"
     )
     assert call("decide", "robot.toml", "gearbox", "reject").code == 2
     unknown = call("decide", "robot.toml", "gearbox", "later")

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import gamma as gamma_law
 from scipy.stats import invgauss
 
-from evertwin.prognosis.laws import bank, jumps, onset, passage, scaled
+from evertwin.prognosis.laws import bank, jumps, passage, scaled
 from evertwin.prognosis.laws.bank import Posterior, evaluate, without_growth
 from evertwin.prognosis.laws.clocks import Clocks
 from evertwin.prognosis.laws.hypotheses import LAWS, families
@@ -132,18 +132,7 @@ def test_every_law_has_its_families() -> None:
         assert 0.2 < weight < 2.5
 
 
-def test_the_onset_test_keeps_its_false_alarms() -> None:
-    rng = np.random.default_rng(6)
-    rate, n, runs = 1e-3, 300, 300
-    ones = np.ones((n, 1))
-    rung = sum(
-        onset.first_alarm(rng.standard_normal(n), ones, rate) is not None for _ in range(runs)
-    )
-    told = runs * -np.expm1(-rate * n)
-    assert 0.3 * told < rung < told + 3.0 * np.sqrt(told)
-
-
-@pytest.mark.parametrize("kernel", ["grams", "drifting", "watch", "neighbours"])
+@pytest.mark.parametrize("kernel", ["grams", "drifting", "neighbours"])
 def test_compiled_code_does_what_plain_code_does(kernel: str) -> None:
     rng = np.random.default_rng(7)
     y, fixed = rng.standard_normal(40), np.ones((40, 2))
@@ -167,13 +156,11 @@ def test_compiled_code_does_what_plain_code_does(kernel: str) -> None:
                      np.array([1.0, 5.0, 2.0]), np.array([0.02, 0.03]), np.tile(R, (3, 1)),
                      passage.NODES, passage.SHARES, found)  # fmt: skip
             return [found]
-        if kernel == "watch":
-            return [np.array(function(y, fixed, 0.3, 10, onset.scores(), onset.STEP, 3.0, 0.5))]
         rest = np.empty(40)
         function(y, 3, rest)
         return [rest]
 
-    module = {"grams": bank, "drifting": passage, "watch": onset, "neighbours": scaled}[kernel]
+    module = {"grams": bank, "drifting": passage, "neighbours": scaled}[kernel]
     for compiled, plain in zip(run(module, False), run(module, True), strict=True):
         assert np.allclose(compiled, plain, rtol=1e-12, atol=1e-14)
 

@@ -1,9 +1,9 @@
 """Prediction of the remaining life: all laws at once, weighted by how well they foresaw the data.
 
 The hypotheses are looked at (`hypotheses`), mixed to one distribution of the first
-passage (`mixture`), first roughly, then sharply where the probability lies, and
-life may end sooner where the laws foretell badly (`unforeseen`). A fleet of like
-machines corrects the outcome.
+passage (`mixture`), first roughly, then sharply where the probability lies. A fleet of like
+machines corrects the outcome; a life told alone waits for its wear to begin (`onset`) and is as
+wide as was measured on wear that follows none of the laws (`alone`).
 
 >>> from evertwin.prognosis.laws.indicator import Limit
 >>> rng = np.random.default_rng(0)
@@ -29,29 +29,27 @@ was known at several moments of its life, by a prior from the others, as in cros
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from evertwin.errors import UsageError
+from evertwin.prognosis.laws.alone import along, widened
 from evertwin.prognosis.laws.fleet import Fleet
-from evertwin.prognosis.laws.hypotheses import LAWS, Look, every_look, families, look, sharpened
+from evertwin.prognosis.laws.hypotheses import LAWS, every_look, families, look, sharpened
 from evertwin.prognosis.laws.indicator import Indicator
-from evertwin.prognosis.laws.life import Life, NotEnough, Workload, quantiles
+from evertwin.prognosis.laws.life import Life, NotEnough, Onset, Workload, quantiles
 from evertwin.prognosis.laws.mixture import COARSE, density_of, fine_nodes, mixture
-from evertwin.prognosis.laws.onset import find_onset
+from evertwin.prognosis.laws.onset import SHARE, find_onset
 from evertwin.prognosis.laws.scaled import Problem, noise_of, scaled
-from evertwin.prognosis.laws.unforeseen import ending, errors, probability
-from evertwin.types import Float64
 
 FAR = 20.0
 """A median beyond so many ages is no answer: growth is not told from none."""
+ANY = Fleet()
 LASTING = 3
 """Values beyond the limit that end a life; a single one does not."""
-SURE = 3.0
-"""Standard deviations at which growth stands out."""
 
 
 def predict_life(
@@ -68,8 +66,7 @@ def predict_life(
     if isinstance(problem, str):
         return NotEnough(problem)
     onset = find_onset(indicator)
-    worn = problem.age if onset is None else since(indicator, onset.begin)
-    found = replace(from_problem(indicator, problem, laws, fleet, worn), onset=onset)
+    found = replace(from_problem(indicator, problem, laws, fleet, onset), onset=onset)
     if isinstance(found, NotEnough) and found.onset is not None:
         begun = f"; wear has begun at {found.onset.begin:g} {indicator.clock}"
         return replace(found, reason=found.reason + begun)
@@ -79,10 +76,25 @@ def predict_life(
 
 
 def from_problem(
-    indicator: Indicator, problem: Problem, laws: Sequence[str], fleet: Fleet | None, worn: float
+    indicator: Indicator, problem: Problem, laws: Sequence[str], fleet: Fleet | None,
+    onset: Onset | None,
+) -> Life | NotEnough:  # fmt: skip
+    """The life on the law's own clock: by a fleet, or as wide as one told alone has to be."""
+    found = by_laws(indicator, problem, laws, fleet if fleet is not None else Fleet())
+    if isinstance(found, NotEnough) or found.passed is not None or fleet is not None:
+        return found
+    if onset is None:
+        return not_begun(indicator, problem)
+    remaining = widened(found.remaining, along(problem) * problem.age)
+    if remaining is None:
+        return not_begun(indicator, problem)
+    return replace(found, remaining=remaining)
+
+
+def by_laws(
+    indicator: Indicator, problem: Problem, laws: Sequence[str] = LAWS, prior: Fleet = ANY
 ) -> Life | NotEnough:
-    """The life on the law's own clock; ``worn`` is the time since wear began."""
-    prior = fleet if fleet is not None else Fleet()
+    """What the laws say, as if one of them held for certain."""
     density = density_of(prior, problem.age)
     looks = every_look(problem, laws, prior)
     if not looks:
@@ -94,14 +106,10 @@ def from_problem(
     found = mixture(problem, looks, fine_nodes(rough.cdf), density)
     half = float(np.interp(0.5, found.cdf, found.nodes)) if found.cdf[-1] > 0.5 else np.inf
     if half > FAR:
-        return too_calm(indicator, problem, found.laws)
+        return not_begun(indicator, problem)
     nodes = np.union1d(found.nodes, COARSE)
-    cdf = ending(
-        np.interp(nodes, found.nodes, found.cdf),
-        sooner(prior, nodes * problem.age, problem.age, worn), unforeseen(problem, looks),
-    )  # fmt: skip
-    remaining = quantiles(nodes, prior.calibrated(cdf, 1.0 / (1.0 + half))) * problem.age
-    return Life(indicator.clock, remaining, problem.now, found.laws)
+    cdf = prior.calibrated(np.interp(nodes, found.nodes, found.cdf), 1.0 / (1.0 + half))
+    return Life(indicator.clock, quantiles(nodes, cdf) * problem.age, problem.now, found.laws)
 
 
 def beyond_for_good(indicator: Indicator) -> bool:
@@ -128,49 +136,18 @@ def over(indicator: Indicator, problem: Problem) -> Life:
     return Life(indicator.clock, none, problem.now, passed=at)
 
 
-def since(indicator: Indicator, begin: float) -> float:
-    """How long ago ``begin`` was on the law's own clock; above 0."""
-    life = indicator.since_replaced()
-    clock = life.at if life.usage is None else life.usage
-    ago = float(clock[-1] - np.interp(begin, life.at, clock))
-    return max(ago, float(clock[-1] - clock[0]) / len(clock))
-
-
-def unforeseen(problem: Problem, looks: Sequence[Look]) -> float:
-    """Probability that wear follows none of the laws; 0 where it grows in jumps, gamma's own."""
-    best = max((x for x in looks if len(x.weight)), key=lambda x: float(x.weight.max()))
-    if best.family.law == "gamma":
-        return 0.0
-    k = int(np.argmax(best.weight))
-    clock = best.clocks.take(np.array([k])).at(problem.s)[0]
-    return probability(errors(problem, clock, float(best.q[k])), problem.fixed.shape[1] + 1)
-
-
-def sooner(
-    prior: Fleet, r: Float64[np.ndarray, " m"], age: float, worn: float
-) -> Float64[np.ndarray, " m"]:
-    """P(life ends within ``r``) from nothing but the time that wear has lasted, or the fleet."""
-    if not prior.knows_lives:
-        out: Float64[np.ndarray, " m"] = r / (r + worn)
-        return out
-    beyond = max(prior.beyond(age), 1e-12)
-    return np.array([1.0 - min(prior.beyond(age + x) / beyond, 1.0) for x in r])
-
-
-def too_calm(indicator: Indicator, problem: Problem, laws: Mapping[str, float]) -> NotEnough:
-    """The answer where growth is not told from none: how much of it would be.
-
-    A straight line through n values with noise s has a growth known to s·√(12/n).
-    """
+def not_begun(indicator: Indicator, problem: Problem) -> NotEnough:
+    """The answer where growth is not established: how much of it would be."""
     noise = noise_of(problem.y) * problem.scale
     if not np.ptp(problem.y) > 0.0:
-        return NotEnough(f"values that change: all {len(problem.y)} are alike so far", laws=laws)
-    enough = SURE * noise * np.sqrt(12.0 / len(problem.y))
+        return NotEnough(f"values that change: all {len(problem.y)} are alike so far")
+    first = problem.y[: max(len(problem.y) // 3, 3)]
+    way = SHARE * (problem.limit - float(np.median(first))) * problem.scale
     return NotEnough(
-        f"growth that stands out: about {enough:.2g} {indicator.unit} towards the limit over as "
-        f"many values as there are ({len(problem.y)})",
-        f"no growth stands out of a scatter of {noise:.2g} {indicator.unit}",
-        laws=laws,
+        f"growth that stands out: {indicator.shown(max(way, 3.0 * noise))} towards the limit from "
+        "the lowest level so far, held for as many values as a median needs, and steady enough to "
+        "be followed",
+        f"growth is not established over a scatter of {indicator.shown(noise)}",
     )
 
 
