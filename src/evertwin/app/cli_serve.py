@@ -1,4 +1,4 @@
-"""The commands ``evertwin serve`` and ``evertwin token``."""
+"""The commands ``evertwin serve``, ``evertwin page`` and ``evertwin token``."""
 
 from __future__ import annotations
 
@@ -25,6 +25,37 @@ def serve(
     run_service(site, log)
 
 
+def page(
+    service: Annotated[str, typer.Option(help="Where the service is reached.")] = (
+        "http://127.0.0.1:8700"
+    ),
+    token_file: Annotated[
+        Path, typer.Option(help="File with a token of the service; it prints where it keeps one.")
+    ] = Path("store/token"),
+    port: Annotated[int, typer.Option(min=0, max=65535, help="On loopback; 0: any free one.")] = (
+        8701
+    ),
+    host: Annotated[
+        list[str] | None, typer.Option(help="Name that a proxy calls the page by; repeat.")
+    ] = None,
+    machine: Annotated[
+        list[str] | None,
+        typer.Option(help="NAME=HOST:PORT, an embedded machine to be told faults; repeat."),
+    ] = None,
+    certificates: Annotated[
+        Path | None, typer.Option(help="PEM file of what the service's certificate is signed by.")
+    ] = None,
+) -> None:
+    """Show the twins of a service in a browser: a process of its own, beside the service.
+
+    Example: evertwin page --token-file store/token
+    """
+    from evertwin.app.serving import show_page
+
+    where = (token_file, certificates)
+    show_page(service, where, port, tuple(host or ()), tuple(machine or ()))
+
+
 def token(as_json: AsJson = False) -> None:
     """Make a random token for a user of the service, and the hash that the site file keeps.
 
@@ -38,4 +69,5 @@ def token(as_json: AsJson = False) -> None:
 def register(app: typer.Typer) -> None:
     """Adds the commands."""
     app.command()(serve)
+    app.command()(page)
     app.command()(token)

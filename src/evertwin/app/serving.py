@@ -1,4 +1,4 @@
-"""What ``evertwin serve`` and ``evertwin token`` do."""
+"""What ``evertwin serve``, ``evertwin page`` and ``evertwin token`` do."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from pathlib import Path
 import typer
 
 from evertwin.app.console import show
-from evertwin.errors import MissingExtra
+from evertwin.app.machines import told
+from evertwin.errors import MissingExtra, UsageError
 from evertwin.service.access import hashed, new_token
 from evertwin.service.logs import log_to_stderr
 
@@ -25,6 +26,30 @@ def run_service(site: Path, form: str) -> None:
         raise MissingExtra.of(str(error.name), "live") from error
     log_to_stderr(form)
     asyncio.run(serve(site, lambda line: typer.echo(line)))
+
+
+def show_page(
+    service: str, files: tuple[Path, Path | None], port: int, hosts: tuple[str, ...],
+    machines: tuple[str, ...],
+) -> None:  # fmt: skip
+    """``evertwin page``; ``files``: of the token, and of certificates.
+
+    Raises:
+        MissingExtra: the extra ``web`` is not installed.
+        UsageError: the token cannot be read, or a machine has another form.
+    """
+    try:
+        from evertwin.page.door import Door
+        from evertwin.page.relay import Relay
+        from evertwin.page.server import Machines, run_page, token_of
+    except ModuleNotFoundError as error:
+        raise MissingExtra.of(str(error.name), "web") from error
+    token, certificates = token_of(files[0]), files[1]
+    named = dict(one.partition("=")[::2] for one in machines)
+    if bad := [name for name, where in named.items() if not where]:
+        raise UsageError(f"--machine: expected NAME=HOST:PORT, got {bad[0]!r}")
+    relay = Relay(service, token, True if certificates is None else str(certificates))
+    run_page(relay, Door(token, hosts), Machines(named, told), port, lambda s: typer.echo(s))
 
 
 def make_token(as_json: bool) -> None:

@@ -274,6 +274,20 @@ class Ledger:
         said = f"version {chosen} pinned: {reason}" if number is not None else f"unpinned: {reason}"
         return self._ordered("pinned", said, evidence, person)
 
+    def label(self, number: int, verdict: str, reason: str, person: str = "") -> Event:
+        """Keeps what a person says to an event of the log.
+
+        Raises:
+            UsageError: there is no such event.
+        """
+        (entry,) = self.store.entries(number - 1, most=1) or (None,)
+        if entry is None or entry.number != number or entry.kind != "event":
+            raise UsageError(f"label: the log has no event {number}")
+        about = self.store.record(entry)
+        assert isinstance(about, Event)
+        evidence = {"event": number, "kind": about.kind, "verdict": verdict}
+        return self._ordered("labelled", f"{about.kind}: {verdict}: {reason}", evidence, person)
+
     def _ordered(self, kind: str, said: str, evidence: dict[str, Any], person: str) -> Event:
         told = evidence | ({"person": person} if person else {})
         event = Event(self.row, 0, kind, "", said, told)

@@ -30,11 +30,12 @@ from evertwin.fold import Block, Chunk, Event
 from evertwin.loop.alignment import Alignment, AlignmentState
 from evertwin.loop.feed import Feed as Recorded
 from evertwin.loop.feed import chunk_of
+from evertwin.loop.headline import headline
 from evertwin.loop.ledger import Begun, Ledger
-from evertwin.loop.observer import Observer
+from evertwin.loop.observer import Observer, figures
 from evertwin.loop.open_trial import OpenTrial, open_trial
 from evertwin.loop.rate import ENOUGH, rate_of
-from evertwin.loop.result import RunResult
+from evertwin.loop.result import OutputFigures, RunResult
 from evertwin.loop.run import Run, settings_hash
 from evertwin.loop.samples import Numbered, Samples
 from evertwin.loop.setup import Setup
@@ -86,6 +87,8 @@ class View(NamedTuple):
     inputs: Inputs
     task: np.ndarray
     """Number of the task, int64 (n,)."""
+    first: Outputs
+    """What the first version predicts, beside the live one."""
 
 
 @dataclass
@@ -299,17 +302,34 @@ class Live:
     def view(self, rows: int = 1000) -> View:
         """The newest rows: measured, predicted, band, mark, version."""
         self.settle()
-        columns = self._observer.newest(rows)
+        return self._view(self._observer.newest(rows))
+
+    def between(self, first: int, last: int) -> View:
+        """Rows stamped in [first, last] [ns]; of those long past every second, fourth … one."""
+        self.settle()
+        return self._view(self._observer.between(first, last))
+
+    def _view(self, columns: Mapping[str, np.ndarray]) -> View:
         if not columns:
             nu, ny = len(self.setup.model.inputs), len(self.setup.model.outputs)
             none, stamps = np.zeros((0, ny)), np.zeros(0, dtype=np.int64)
-            marks = none.astype(np.uint8)
-            return View(stamps, stamps, none, none, none, marks, stamps, np.zeros((0, nu)), stamps)
+            marks, inputs = none.astype(np.uint8), np.zeros((0, nu))
+            return View(stamps, stamps, none, none, none, marks, stamps, inputs, stamps, none)
         kept = {name: column.copy() for name, column in columns.items()}
         return View(
             kept["row"], kept["t"], kept["measured"], kept["predicted"], kept["sigma"],
-            kept["mark"], kept["version"], kept["input"], kept["task"],
+            kept["mark"], kept["version"], kept["input"], kept["task"], kept["first"],
         )  # fmt: skip
+
+    @property
+    def outcome(self) -> tuple[str, Mapping[str, OutputFigures]]:
+        """What came of it so far, in a sentence or a few, and the figures behind it."""
+        if self._run is None or self._state is None:
+            return "No rows yet.", {}
+        setup, found = self._run.setup, figures(self._run.setup, self._state)
+        champion = self.ledger.versions[self._state.live.version]
+        events = self._observer.events
+        return headline(setup, found, champion, events, self.trial), found
 
     @property
     def trial(self) -> OpenTrial | None:

@@ -84,14 +84,37 @@ class Observer:
 
     def newest(self, rows: int) -> dict[str, np.ndarray]:
         """The newest rows; those long past as the trace has them."""
-        kept, parts = self.trace.columns(), list(self._newest)
-        if parts:
-            before = int(np.searchsorted(kept["row"], parts[0]["row"][0]))
-            parts.insert(0, {name: column[:before] for name, column in kept.items()})
-            kept = {name: np.concatenate([p[name] for p in parts]) for name in parts[1]}
+        self._collect()
+        parts: list[dict[str, np.ndarray]] = []
+        for part in reversed(self._newest):  # the trace is long: it is taken where it is needed
+            if rows <= sum(len(one["row"]) for one in parts):
+                break
+            parts.insert(0, part)
+        if len(parts) == len(self._newest):
+            parts.insert(0, self._before())
+        kept = {name: np.concatenate([p[name] for p in parts]) for name in parts[-1]}
         return {
             name: column[len(column) - min(rows, len(column)) :] for name, column in kept.items()
         }
+
+    def between(self, first: int, last: int) -> dict[str, np.ndarray]:
+        """Rows stamped in [first, last] [ns]; those long past as the trace has them."""
+        self._collect()
+        parts = [
+            {name: column[chosen] for name, column in part.items()}
+            for part in (self._before(), *self._newest)
+            if "t" in part and (chosen := (part["t"] >= first) & (part["t"] <= last)).any()
+        ]
+        names = parts[-1] if parts else {}
+        return {name: np.concatenate([part[name] for part in parts]) for name in names}
+
+    def _before(self) -> dict[str, np.ndarray]:
+        """The trace up to the newest rows."""
+        kept = self._trace.columns()
+        if not self._newest or not kept:
+            return kept
+        before = int(np.searchsorted(kept["row"], self._newest[0]["row"][0]))
+        return {name: column[:before] for name, column in kept.items()}
 
     def _collect(self) -> None:
         """Small pieces are put into the trace together."""

@@ -13,17 +13,13 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from evertwin.errors import DataError, EvertwinError, StoreError, UsageError
 from evertwin.fold import plain
+from evertwin.service.api_look import Count, found_at, in_time, looks
 from evertwin.service.metrics import exposition
 from evertwin.service.runner import Runner
 from evertwin.service.service import Service
 from evertwin.service.stream import stream
 
-MOST = 10_000
-"""Rows, samples or events of one answer."""
-PATIENCE = 60.0
-"""Seconds that an answer may take."""
 CODES = ((UsageError, 400), (DataError, 409), (StoreError, 503))
-Count = Annotated[int, Query(ge=1, le=MOST)]
 
 
 class Order(BaseModel):
@@ -41,6 +37,21 @@ class Order(BaseModel):
     """Who says so, where the token belongs to nobody in particular."""
 
 
+class Label(BaseModel):
+    """What a person says to an event.
+
+    >>> Label(event=7, verdict="false alarm", reason="the door was open").event
+    7
+    """
+
+    model_config = ConfigDict(extra="forbid")
+    event: int = Field(ge=1)
+    """Its number in the log."""
+    verdict: Literal["acknowledged", "shelved", "false alarm", "true"]
+    reason: str = Field(min_length=1, max_length=500)
+    person: str = Field(default="", max_length=100)
+
+
 def create_app(service: Service) -> FastAPI:
     """The application, without what guards it."""
     app = FastAPI(
@@ -50,6 +61,7 @@ def create_app(service: Service) -> FastAPI:
     _health(app, service)
     _twins(app, service)
     _operate(app, service)
+    looks(app, service)
 
     @app.websocket("/api/v1/stream")
     async def streamed(socket: WebSocket) -> None:
@@ -88,20 +100,6 @@ def _health(app: FastAPI, service: Service) -> None:
         return service.status()
 
 
-def _found(service: Service, name: str) -> Runner:
-    try:
-        return service.runner(name)
-    except UsageError as error:
-        raise HTTPException(404, str(error)) from error
-
-
-async def _in_time(work: Any) -> Any:
-    try:
-        return await asyncio.wait_for(work, PATIENCE)
-    except TimeoutError as error:
-        raise HTTPException(503, f"no answer within {PATIENCE:g} s: the twin is busy") from error
-
-
 def _twins(app: FastAPI, service: Service) -> None:
     @app.get("/api/v1/twins")
     async def twins() -> list[dict[str, Any]]:
@@ -111,26 +109,34 @@ def _twins(app: FastAPI, service: Service) -> None:
     @app.get("/api/v1/twins/{name}")
     async def twin(name: str) -> dict[str, Any]:
         """One twin: also its versions, parameters with intervals, and the open trial."""
-        runner = _found(service, name)
+        runner = found_at(service, name)
         about: Mapping[str, Any] = {} if runner.work is None else runner.work.about
+        if runner.work is not None and runner.state == "running":
+            about = await in_time(runner.ask(lambda work: work.looked_at()))
         return {**about, **runner.status(), "versions": about.get("versions", [])}
 
     @app.get("/api/v1/twins/{name}/life")
     async def life(name: str) -> Any:
         """How long the twin's components last, as ``evertwin life`` tells it."""
-        return await _in_time(_found(service, name).answer("life", {}))
+        return await in_time(found_at(service, name).answer("life", {}))
 
     @app.get("/api/v1/twins/{name}/rows")
     async def rows(name: str, last: Count = 1000, points: Count = 1000) -> Any:
         """The newest rows, thinned to so many points."""
-        return await _in_time(_found(service, name).ask(lambda work: work.rows(last, points)))
+        return await in_time(found_at(service, name).ask(lambda work: work.rows(last, points)))
 
     @app.get("/api/v1/twins/{name}/events")
     async def events(
-        name: str, after: Annotated[int, Query(ge=0)] = 0, limit: Count = 1000
-    ) -> dict[str, Any]:
-        """What was decided behind a position of the log, and the position to ask from next."""
-        runner = _found(service, name)
+        name: str, after: Annotated[int, Query(ge=0)] = 0, limit: Count = 1000,
+        last: Count | None = None,
+    ) -> dict[str, Any]:  # fmt: skip
+        """What was decided behind a position of the log, and the position to ask from next;
+        ``last``: the newest so many, of those that are at hand."""
+        runner = found_at(service, name)
+        if last is not None:
+            newest = list(runner.events)[-last:]
+            cursor = newest[-1][0] if newest else 0
+            return {"events": [event for _, event in newest], "cursor": cursor}
         found = await asyncio.to_thread(runner.events_after, after, limit)
         cursor = found[-1][0] if found else after
         return {"events": [event for _, event in found], "cursor": cursor}
@@ -141,7 +147,7 @@ def _twins(app: FastAPI, service: Service) -> None:
         limit: Count = 1000,
     ) -> dict[str, Any]:  # fmt: skip
         """Samples of a source that are kept, stamped in [first, last] [s], in order of arrival."""
-        runner = _found(service, name)
+        runner = found_at(service, name)
         return await asyncio.to_thread(_samples, runner, source, (first, last), limit)
 
 
@@ -165,28 +171,40 @@ def _samples(runner: Runner, source: str, span: tuple[float, float], limit: int)
             "whole": left > 0}  # fmt: skip
 
 
+def _person(told: Order | Label, request: Request) -> str:
+    """Who says it: the user, or, where the token belongs to nobody in particular, as named."""
+    user = str(request.scope["state"]["user"])
+    return told.person or user if user == "token" else user
+
+
 def _operate(app: FastAPI, service: Service) -> None:
     @app.post("/api/v1/twins/{name}/orders")
     async def order(name: str, told: Order, request: Request) -> Any:
         """Promote a version, roll back, pin or unpin; heeded at the next beat, kept in the log."""
-        user = str(request.scope["state"]["user"])
-        person = told.person or user if user == "token" else user
+        person = _person(told, request)
         number = None if told.order == "unpin" else told.version
         if number is None and told.order in ("promote", "pin"):
             raise HTTPException(422, f"{told.order}: needs version")
         what = "pin" if told.order == "unpin" else told.order
-        runner = _found(service, name)
-        return await _in_time(runner.order(what, number, told.reason, person))
+        runner = found_at(service, name)
+        return await in_time(runner.order(what, number, told.reason, person))
+
+    @app.post("/api/v1/twins/{name}/labels")
+    async def label(name: str, told: Label, request: Request) -> Any:
+        """What a person says to an event, kept in the log."""
+        person = _person(told, request)
+        runner = found_at(service, name)
+        return await in_time(runner.label(told.event, told.verdict, told.reason, person))
 
     @app.post("/api/v1/twins/{name}/whatif")
     async def whatif(name: str, scenario: Annotated[dict[str, Any], Body()]) -> Any:
         """A scenario, as a scenario file says it but without files, beside the newest rows."""
-        return await _in_time(_found(service, name).answer("whatif", scenario))
+        return await in_time(found_at(service, name).answer("whatif", scenario))
 
     @app.post("/api/v1/twins/{name}/forecast")
     async def forecast(name: str, question: Annotated[dict[str, Any], Body()]) -> Any:
         """What comes within ``horizon`` seconds."""
-        return await _in_time(_found(service, name).answer("forecast", question))
+        return await in_time(found_at(service, name).answer("forecast", question))
 
     @app.post("/api/v1/reload")
     async def reload() -> Any:

@@ -16,10 +16,13 @@ import numpy as np
 
 from evertwin.fold import Chunk, Event, make_block, plain
 from evertwin.loop import Numbered, View
+from evertwin.models import Model
 from evertwin.service.plan import Plan
+from evertwin.signals import wrap
 from evertwin.store import Estimate, Kept
 from evertwin.store.spec import StoreSpec
 from evertwin.twin import Twin
+from evertwin.types import Outputs
 
 MOST = 256
 """Rows that are told at once."""
@@ -113,18 +116,30 @@ class AtWork:
             return None, 0
         skipped = max(int(view.row[0]) - self._row - 1, 0)
         self._row = int(view.row[-1])
-        return shown(view, self.outputs, new), skipped
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Names of what is predicted."""
-        return tuple(self.twin.model.outputs.names)
+        return shown(view, self.twin.model, new), skipped
 
     def rows(self, count: int, points: int) -> Mapping[str, Any]:
         """The newest rows, thinned to at most so many points; the newest one stays."""
         view = self.going.view(count)
         step = max(-(-len(view.row) // points), 1)
-        return shown(view, self.outputs, np.arange(len(view.row))[::-1][::step][::-1])
+        return shown(view, self.twin.model, np.arange(len(view.row))[::-1][::step][::-1])
+
+    def between(self, first: int, last: int) -> View:
+        """Rows stamped in [first, last] [ns]."""
+        return self.going.between(first, last)
+
+    def looked_at(self) -> Mapping[str, Any]:
+        """`about` as it is now: a trial goes on between two entries of the log."""
+        self._news()
+        self.about = {**self.about, **self._outcome()}
+        return self.about
+
+    def _outcome(self) -> Mapping[str, Any]:
+        said, found = self.going.outcome
+        return {
+            "trial": plain(self.going.trial), "headline": said,
+            "figures": {name: plain(dataclasses.asdict(one)) for name, one in found.items()},
+        }  # fmt: skip
 
     def newest_block(self, count: int) -> Any:
         """The newest rows of the newest task, to look ahead from."""
@@ -149,17 +164,17 @@ class AtWork:
 
     def _about(self) -> Mapping[str, Any]:
         live = self.twin.champion
-        trial = self.going.trial
         return {
             "champion": live.number, "pinned": self.twin.pinned, "model": self.spec.model.kind,
             "outputs": [{"name": c.name, "unit": c.unit} for c in self.twin.model.outputs],
+            "inputs": [{"name": c.name, "unit": c.unit} for c in self.twin.model.inputs],
             "versions": [_version(one) for one in self.twin.versions],
             "parameters": [
                 {"name": item.name, "value": plain(item.value), "unit": item.unit,
                  **self._interval(item.name, item.value)}
                 for item in self.twin.parameters_of(live.number)
             ],
-            "trial": plain(trial),
+            **self._outcome(),
             "entries": self._read,
         }  # fmt: skip
 
@@ -186,6 +201,15 @@ class AtWork:
             event = self.twin.pin(number, reason, person)
         return event, Said(None, 0, self._news(), self.row)
 
+    def labelled(self, number: int, verdict: str, reason: str, person: str) -> tuple[Event, Said]:
+        """What a person says to an event.
+
+        Raises:
+            UsageError: the log has no such event.
+        """
+        event = self.going.ledger.label(number, verdict, reason, person)
+        return event, Said(None, 0, self._news(), self.row)
+
     def close(self) -> None:
         """A last checkpoint, then the store is let go."""
         try:
@@ -194,20 +218,29 @@ class AtWork:
             self.twin.close()
 
 
-def shown(view: View, outputs: Sequence[str], which: np.ndarray) -> Mapping[str, Any]:
+def shown(view: View, model: Model, which: np.ndarray) -> Mapping[str, Any]:
     """Some rows by column, as plain values: what is not a number is None."""
     told: dict[str, Any] = {
         "row": view.row[which].tolist(), "t": view.t[which].tolist(),
         "version": view.version[which].tolist(),
     }  # fmt: skip
     columns = {"measured": view.measured, "predicted": view.predicted,
-               "residual": view.measured - view.predicted, "sigma": view.band}  # fmt: skip
+               "residual": off(view.measured, view.predicted, model), "sigma": view.band,
+               "before": view.first}  # fmt: skip
     told["outputs"] = {
         name: {key: plain(column[which, k]) for key, column in columns.items()}
         | {"mark": view.mark[which, k].tolist()}
-        for k, name in enumerate(outputs)
+        for k, name in enumerate(model.outputs.names)
+    }
+    told["inputs"] = {
+        name: plain(view.inputs[which, k]) for k, name in enumerate(model.inputs.names)
     }
     return told
+
+
+def off(measured: Outputs, predicted: Outputs, model: Model) -> Outputs:
+    """Measured less predicted, angles the short way round."""
+    return wrap(measured - predicted, model.outputs.angles)
 
 
 def told(number: int, record: Kept) -> Mapping[str, Any]:

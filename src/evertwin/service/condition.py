@@ -31,7 +31,8 @@ class Condition:
         self._stale = stale
         self._newest: float | None = None
         self._period = 0.0
-        self._out = self._alarm = ""
+        self._out = self._alarm = self._label = ""
+        self._since = 0
 
     def came(self, count: int) -> None:
         """Samples arrived."""
@@ -43,15 +44,25 @@ class Condition:
     def heard(self, event: Mapping[str, Any]) -> None:
         """An event."""
         kind, reason = str(event["kind"]), str(event["reason"])
-        if kind in OUT:
-            self._out = reason
+        if kind == "labelled":
+            self._labelled(event["evidence"])
+        elif kind in OUT:
+            self._out, self._since, self._label = reason, int(event.get("number", 0)), ""
         elif kind in SOUND:
             self._out = ""
         elif kind in ("alarm", "alarm_cleared"):
             self._alarm = reason if kind == "alarm" else ""
 
+    def _labelled(self, said: Mapping[str, Any]) -> None:
+        """A person's word on what is out holds until it is out anew."""
+        if not self._out or int(said["event"]) < self._since:
+            return
+        self._label = str(said["verdict"])
+        if self._label == "false alarm":
+            self._out = ""
+
     def told(self, *, failed: bool, ended: bool) -> dict[str, Any]:
-        """In plain values: condition, why, age [s], stale."""
+        """In plain values: condition, why, what a person said to it, age [s], stale."""
         age = None if self._newest is None else time.monotonic() - self._newest
         limit = self._stale if self._stale is not None else max(PERIODS * self._period, LEAST)
         stale = age is None or age > limit
@@ -66,5 +77,6 @@ class Condition:
             condition, why = "maintenance_required", self._alarm
         return {
             "condition": condition, "why": why, "stale": stale,
+            "label": self._label if condition == "out_of_specification" else "",
             "age": None if age is None else round(age, 3),
         }  # fmt: skip

@@ -12,6 +12,7 @@ import json
 import logging
 import re
 import sys
+from collections import deque
 from datetime import UTC, datetime
 
 SECRET = re.compile(
@@ -58,3 +59,31 @@ def log_to_stderr(form: str) -> None:
     logging.basicConfig(handlers=[handler], level=logging.INFO, force=True)
     for noisy in ("asyncua", "uvicorn.access", "pymodbus", "httpx", "numba"):
         logging.getLogger(noisy).setLevel(logging.WARNING)
+
+
+class Newest(logging.Handler):
+    """The newest lines of the log, for whoever looks.
+
+    >>> newest = Newest()
+    >>> newest.emit(logging.LogRecord("evertwin", logging.INFO, "", 0, "token=abc", (), None))
+    >>> [(line["number"], line["message"]) for line in newest.after(0)]
+    [(1, 'token=***')]
+    """
+
+    def __init__(self, most: int = 1000) -> None:
+        super().__init__(logging.INFO)
+        self._lines: deque[dict[str, object]] = deque(maxlen=most)
+        self._count = 0
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keeps one."""
+        self._count += 1
+        kept = {key: getattr(record, key) for key in KEPT if hasattr(record, key)}
+        self._lines.append({
+            "number": self._count, "time": record.created, "level": record.levelname.lower(),
+            "message": hidden(record.getMessage()), **kept,
+        })  # fmt: skip
+
+    def after(self, number: int) -> list[dict[str, object]]:
+        """Those behind a number."""
+        return [line for line in list(self._lines) if int(str(line["number"])) > number]

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, Literal, TypeAlias, TypeVar
 
 from evertwin.errors import EvertwinError, UsageError
-from evertwin.fold import Chunk
+from evertwin.fold import Chunk, Event
 from evertwin.loop import Numbered
 from evertwin.publishers.contract import Kind, News, Publisher
 from evertwin.publishers.registry import open_publisher
@@ -280,7 +280,18 @@ class Runner:
         Raises:
             UsageError: it cannot be heeded, or the twin is not at work.
         """
-        event, said = await self.ask(lambda work: work.ordered(order, number, reason, person))
+        return await self._done(lambda work: work.ordered(order, number, reason, person))
+
+    async def label(self, number: int, verdict: str, reason: str, person: str) -> Mapping[str, Any]:
+        """What a person says to an event; the event that keeps it.
+
+        Raises:
+            UsageError: the log has no such event, or the twin is not at work.
+        """
+        return await self._done(lambda work: work.labelled(number, verdict, reason, person))
+
+    async def _done(self, work: Callable[[AtWork], tuple[Event, Said]]) -> Mapping[str, Any]:
+        event, said = await self.ask(work)
         self._take(said)
         return told(said.events[-1][0] if said.events else 0, event)
 
@@ -325,7 +336,7 @@ class Runner:
             "name": self.name, "state": state, "reason": self.reason, **how, "rows": self.row,
             "champion": about.get("champion"), "pinned": about.get("pinned"),
             "versions": len(about.get("versions", ())), "waiting": self.waiting,
-            "dropped": self.dropped, "busy": round(busy, 3),
+            "headline": about.get("headline", ""), "dropped": self.dropped, "busy": round(busy, 3),
             "sources": {one.name: one.health.to_dict() for one in self.sources},
             "publishers": [dict(one.health) for one in self.publishers],
         }  # fmt: skip

@@ -16,6 +16,7 @@ from typing import Any
 
 from evertwin.errors import ConfigError, UsageError, nearest
 from evertwin.service.lag import Lag
+from evertwin.service.logs import Newest
 from evertwin.service.notify import beat_of, notify
 from evertwin.service.plan import Site, read_site
 from evertwin.service.runner import Runner
@@ -51,11 +52,13 @@ class Service:
         self.reloads = 0
         self.error = ""
         """Why the newest reload changed nothing."""
+        self.log = Newest()
         self._turn = asyncio.Lock()
         self._tasks: list[asyncio.Task[None]] = []
 
     async def start(self) -> None:
         """Starts every twin; ready when each runs or is in quarantine."""
+        logging.getLogger("evertwin").addHandler(self.log)
         self.site.store.mkdir(parents=True, exist_ok=True)
         self._tasks = [asyncio.create_task(self.lag.watch()), asyncio.create_task(self._beat())]
         await self._follow(self.site)
@@ -115,6 +118,7 @@ class Service:
             task.cancel()
         await asyncio.gather(*(runner.stop() for runner in self.runners.values()))
         LOG.info("stopped")
+        logging.getLogger("evertwin").removeHandler(self.log)
 
     def runner(self, name: str) -> Runner:
         """One twin.

@@ -1,0 +1,124 @@
+// The frame of the page: where one is, what the service says of its twins, and whether it is there.
+
+import { h, put } from "./dom.js";
+import { age, conditionOf } from "./words.js";
+import { ask, Feed } from "./wire.js";
+import * as fleet from "./views/fleet.js";
+import * as live from "./views/live.js";
+
+const VIEWS = { live: ["Live", live] };
+const EVERY = 1000;
+const top = document.getElementById("top");
+const main = document.getElementById("main");
+const banner = document.getElementById("banner");
+
+const context = { twins: [], page: { machines: [], may_order: false }, feed: null, site: "", person: "" };
+let here = null;
+let shown = "";
+let heard = null;
+let lost = "";
+
+/** What the address says: {view, twin}. */
+function place() {
+  const [first, twin, view] = location.hash.replace(/^#\/?/, "").split("/").map(decodeURIComponent);
+  if (first === "twin" && twin) return { twin, view: view in VIEWS ? view : "live" };
+  return { view: "fleet" };
+}
+
+export const address = (twin, view = "live") => `#/twin/${encodeURIComponent(twin)}/${view}`;
+
+function header(at) {
+  const link = (to, text, current) => h("a", { href: to, "aria-current": current && "page" }, text);
+  const tabs = at.twin
+    ? Object.entries(VIEWS).filter(([key]) => key !== "faults" || context.page.machines.length).map(([key, [name]]) => link(address(at.twin, key), name, key === at.view))
+    : [];
+  put(top, h("a", { class: "brand", href: "#/" }, `evertwin${context.site && ` · ${context.site}`}`),
+    h("nav", { "aria-label": "Views" }, link("#/", "Fleet", at.view === "fleet"), tabs),
+    h("span", { class: "space" }),
+    h("span", { class: "quiet" }, context.page.may_order ? "you may order" : "to look only"),
+    h("button", { type: "button", id: "theme", onclick: () => theme(dark() ? "light" : "dark") }, "Light / dark"));
+}
+
+function follow() {
+  const at = place();
+  const now = JSON.stringify(at);
+  if (now === shown) return;
+  shown = now;
+  here?.close?.();
+  if (context.feed && context.feed.twin !== at.twin) {
+    context.feed.close();
+    context.feed = null;
+  }
+  if (at.twin && !context.feed) {
+    context.feed = new Feed(at.twin);
+    context.feed.addEventListener("line", told);
+  }
+  header(at);
+  const [name, view] = at.twin ? VIEWS[at.view] : ["", fleet];
+  document.title = [at.twin, name, "evertwin"].filter(Boolean).join(" · ");
+  here = view.open({ ...at, context });
+  put(main, here.element);
+  here.update?.(context);
+  main.scrollTop = 0;
+}
+
+/** What the service says of itself, once a second, whether it is looked at or not. */
+async function poll() {
+  try {
+    const status = await ask("/api/v1/status");
+    context.twins = status.twins;
+    if (context.site !== status.site) {
+      context.site = status.site;
+      header(place());
+    }
+    heard = Date.now();
+    lost = "";
+    document.documentElement.dataset.up = "yes";
+  } catch (error) {
+    lost = error.message;
+    document.documentElement.dataset.up = "no";
+  }
+  told();
+  if (!lost) here?.update?.(context);
+  setTimeout(poll, EVERY);
+}
+
+/** The banner: what is not there, and how old what is shown is. */
+function told() {
+  const feed = context.feed;
+  const twin = feed && context.twins.find((one) => one.name === feed.twin);
+  const old = (since) => age(since === null ? null : Math.max((Date.now() - since) / 1000, 1));
+  let text = "";
+  if (lost) text = `No connection: ${lost}. What is shown is ${heard === null ? "nothing yet" : `${old(heard)} old`}. It is tried again by itself.`;
+  else if (twin && conditionOf(twin) === "failure") text = `This twin does not run: ${twin.reason || "its model or its store failed"}. What is shown is ${age(twin.age)} old.`;
+  else if (twin && conditionOf(twin) === "stale") text = `STALE: no samples since ${age(twin.age)}. What is shown is as old.`;
+  else if (feed && !feed.up && Date.now() - feed.since > 1500) text = `The live line is down since ${old(feed.since)}. It is tried again by itself.`;
+  if (banner.textContent !== text) banner.textContent = text;
+  banner.classList.toggle("on", text !== "");
+}
+
+const dark = () => document.documentElement.classList.contains("dark");
+
+function theme(name) {
+  const wanted = name ?? localStorage.getItem("theme") ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
+  if (name) localStorage.setItem("theme", name);
+  document.documentElement.classList.remove("dark", "light");
+  document.documentElement.classList.add(wanted);
+  here?.redraw?.();
+}
+
+theme();
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => theme());
+addEventListener("hashchange", () => {
+  follow();
+  main.focus({ preventScroll: true });
+  scrollTo(0, 0);
+});
+addEventListener("resize", () => here?.redraw?.());
+ask("/page").then((page) => {
+  context.page = page;
+  header(place());
+}, () => {});
+follow();
+poll();
+window.evertwin = context;

@@ -1,0 +1,71 @@
+// Within ten seconds: what was wrong, what was changed, how much better it is, whether to trust it.
+
+import { h } from "./dom.js";
+import { age, CONDITIONS, conditionOf, count, number, quantity, sign } from "./words.js";
+
+const CLEAR = 0.03;
+
+/** The newest event of some kinds before another, if there is one. */
+const newest = (events, kinds, before = Infinity) => events.findLast((e) => kinds.includes(e.kind) && e.number < before);
+
+/** What was off before the live version came, or is off now. */
+function wrong(about, events, promoted) {
+  const found = newest(events, ["suspected", "abnormal", "drift"], promoted?.number);
+  if (found) return found.reason;
+  return about.condition === "out_of_specification" ? about.why : "Nothing: predictions stay within what is asked.";
+}
+
+function changed(about) {
+  const champion = about.versions?.find((one) => one.number === about.champion);
+  if (!champion || !champion.number) return "Nothing: it runs as configured.";
+  return champion.reason;
+}
+
+/** [text, share] of each output that is clearly better or worse. */
+export function gains(figures) {
+  return Object.entries(figures ?? {}).filter(([, f]) => f.rms_before > 0 && Math.abs(1 - f.rms_after / f.rms_before) > CLEAR)
+    .map(([name, f]) => ({ name, share: 1 - f.rms_after / f.rms_before, text: `${name} ${quantity(f.rms_before, f.unit)} → ${quantity(f.rms_after, f.unit)}` }))
+    .sort((a, b) => b.share - a.share);
+}
+
+function better(about) {
+  const found = gains(about.figures);
+  const good = found.filter((one) => one.share > 0);
+  const bad = found.filter((one) => one.share < 0);
+  if (!about.champion) return about.trial ? `On trial: ${number(100 * about.trial.gain)} % less so far.` : "No better version has been found yet.";
+  if (!good.length && !bad.length) return "No clear difference on what it had not seen.";
+  const said = good.slice(0, 3).map((one) => h("div", {}, h("b", {}, `${Math.round(100 * one.share)} % less: `), one.text));
+  if (good.length > 3) said.push(h("div", { class: "quiet" }, `and ${good.length - 3} more outputs`));
+  if (bad.length) said.push(h("div", {}, h("b", {}, "Worse: "), bad.map((one) => one.text).join("; ")));
+  return said;
+}
+
+/** Whether to trust it: [tag, look, why]. */
+export function trust(about, promoted) {
+  const condition = conditionOf(about);
+  const weak = (about.parameters ?? []).filter((one) => one.verdict && one.verdict !== "identifiable").map((one) => one.name);
+  if (condition === "failure") return ["No", "weak", `it does not run: ${about.reason}`];
+  if (condition === "stale" || condition === "check") return ["Not now", "weak", about.age === null ? "no samples have come yet" : `no samples for ${age(about.age)}: nothing is checked now`];
+  const rows = Math.max(0, ...Object.values(about.figures ?? {}).map((f) => f.rows));
+  const over = condition === "out_of_specification" ? `It is off again: ${about.why}. ` : "";
+  const unsure = weak.length ? ` Weakly known: ${weak.join(", ")}.` : "";
+  if (!promoted) return about.champion
+    ? ["By hand", "weak", `${over}this version went live by an order, not by its trial.${unsure}`]
+    : [over ? "Not yet" : "As configured", over ? "weak" : "good", `${over}${count(rows, "row")} compared.`];
+  const evidence = promoted.reason.replace(/^version \d+ replaces \d+: /, "").replace(/, e-value.*/, "");
+  if (promoted.evidence?.person) return ["By hand", "weak", `${over}promoted by ${promoted.evidence.person}, not by its trial.${unsure}`];
+  return [over ? "With care" : "Yes", over ? "weak" : "good", `${over}Proved against the version before: ${evidence}.${unsure}`];
+}
+
+/** The card. `about`: of GET /twins/NAME; `events`: those that are known. */
+export function verdict(about, events) {
+  const promoted = events.findLast((e) => e.kind === "promoted" && e.evidence?.version === about.champion);
+  const condition = conditionOf(about);
+  const [tag, look, why] = trust(about, promoted);
+  const part = (name, said) => h("div", {}, h("dt", {}, name), h("dd", {}, said));
+  return h("section", { class: "card", id: "verdict", "aria-label": "What came of it" },
+    h("div", { class: "row" }, sign(condition), h("h1", {}, about.name), h("span", {}, CONDITIONS[condition][0], about.why && condition !== "good" ? `: ${about.why}` : ""),
+      h("span", { class: "quiet" }, `version ${about.champion ?? "–"}${about.pinned ? ", pinned" : ""}`), about.label && h("span", { class: "tag" }, about.label)),
+    h("dl", { class: "verdict" }, part("What was wrong", wrong(about, events, promoted)), part("What was changed", changed(about)),
+      part("How much better", better(about)), part("Can it be trusted?", [h("span", { class: `tag ${look}` }, tag), " ", why])));
+}

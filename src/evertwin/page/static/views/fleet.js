@@ -1,0 +1,56 @@
+// All twins: what needs attention first.
+
+import { h, put } from "../dom.js";
+import { age, CONDITIONS, conditionOf, count, sign } from "../words.js";
+
+const ORDER = Object.keys(CONDITIONS);
+
+export function open() {
+  const tiles = new Map();
+  const list = h("ul", { class: "tiles" });
+  const summary = h("p", { class: "lead", role: "status" });
+  const search = h("input", { type: "search", id: "search", placeholder: "name or reason", oninput: () => update(last) });
+  let last = { twins: [] };
+
+  function update(context) {
+    last = context;
+    const asked = search.value.trim().toLowerCase();
+    const known = context.twins.map((twin) => [twin, conditionOf(twin)]);
+    known.sort(([a, x], [b, y]) => ORDER.indexOf(x) - ORDER.indexOf(y) || a.name.localeCompare(b.name));
+    const seen = known.filter(([twin]) => !asked || `${twin.name} ${twin.why} ${twin.headline}`.toLowerCase().includes(asked));
+    const bad = known.filter(([, condition]) => condition !== "good");
+    put(summary, known.length ? (bad.length ? `${count(bad.length, "twin needs", "twins need")} attention, ${known.length - bad.length} good.` : `All ${known.length} good.`) : "No twins yet.");
+    for (const name of tiles.keys()) if (!seen.some(([twin]) => twin.name === name)) tiles.delete(name);
+    const wanted = seen.map(([twin, condition]) => {
+      if (!tiles.has(twin.name)) tiles.set(twin.name, tile(twin));
+      tiles.get(twin.name).show(twin, condition);
+      return tiles.get(twin.name).element;
+    });
+    wanted.forEach((one, k) => list.children[k] !== one && list.insertBefore(one, list.children[k] ?? null));
+    while (list.children.length > wanted.length) list.lastChild.remove();
+  }
+
+  const element = h("section", {}, h("div", { class: "row" }, h("h1", {}, "Fleet"), h("div", { class: "grow" }, summary), h("label", {}, "Search ", search)), list);
+  return { element, update };
+}
+
+function tile(twin) {
+  const parts = { head: h("header"), why: h("p"), told: h("p"), meta: h("p", { class: "meta" }) };
+  const link = h("a", { href: `#/twin/${encodeURIComponent(twin.name)}/live` }, parts.head, parts.why, parts.told, parts.meta);
+  let drawn = "";
+  const show = (now, condition) => {
+    const [name, look] = CONDITIONS[condition];
+    const old = condition === "stale" ? `STALE for ${age(now.age)}` : name;
+    const why = now.reason || now.why || (now.state === "ended" ? "its sources have ended" : "");
+    const meta = `newest sample ${now.age !== null && now.age >= 1 ? `${age(now.age)} ago` : age(now.age)} · version ${now.champion ?? "–"}${now.pinned ? " pinned" : ""} · ${count(now.rows, "row")}`;
+    const key = [old, why, now.headline, meta, now.label].join("|");
+    if (key === drawn) return;
+    drawn = key;
+    link.className = `tile ${look}`;
+    put(parts.head, sign(condition), h("b", {}, now.name), h("span", {}, old), now.label && h("span", { class: "tag" }, now.label));
+    put(parts.why, why);
+    put(parts.told, now.headline ?? "");
+    put(parts.meta, meta);
+  };
+  return { element: h("li", {}, link), show };
+}

@@ -1,0 +1,298 @@
+// One twin as it runs: the verdict, the machine beside its ghost, signals over time, the service's log.
+
+import { Axis, Chart, fromPixels, fromRows } from "../chart.js";
+import { h, put, table } from "../dom.js";
+import { arm, floor, robot, Scene } from "../scene.js";
+import { verdict } from "../verdict.js";
+import { age, clock, quantity } from "../words.js";
+import { ask, of } from "../wire.js";
+
+const SPANS = [["30 s", 30], ["2 min", 120], ["10 min", 600], ["1 h", 3600], ["8 h", 28800]];
+const FRAME = 100;
+const kept = new Map();
+
+export function open({ twin, context }) {
+  const memory = kept.get(twin) ?? { axis: new Axis(), chosen: null };
+  kept.set(twin, memory);
+  return new Live(twin, context, memory);
+}
+
+class Live {
+  constructor(twin, context, memory) {
+    Object.assign(this, { twin, context, memory, axis: memory.axis, charts: [], past: null, about: null });
+    this.head = h("div");
+    this.choice = h("fieldset", { class: "choices" });
+    this.pictures = h("div");
+    this.pause = h("button", { type: "button", id: "pause", onclick: () => this.follow(!this.axis.follows) }, "Pause");
+    this.at = h("span", { class: "quiet", id: "at" });
+    this.solid = h("div", { class: "card" }, h("p", { class: "quiet" }, "…"));
+    this.values = h("div", { class: "card" });
+    this.log = new Log(twin);
+    this.element = h("div", {}, this.head, h("div", { class: "columns" },
+      h("section", { class: "card", "aria-label": "Signals over time" }, this.#controls(), this.choice, this.pictures,
+        h("p", { class: "quiet" }, h("small", {}, "Drag: back in time. Click: cursor A; with Shift: B. Keys on a chart: arrows, + and −, Escape."))),
+      h("div", {}, this.solid, this.values)), this.log.element);
+    this.moved = () => this.#look();
+    this.heard = () => (this.fresh = true);
+    this.axis.addEventListener("change", this.moved);
+    context.feed.addEventListener("rows", this.heard);
+    context.feed.addEventListener("events", (this.said = () => this.#about()));
+    this.timer = setInterval(() => this.#frame(), FRAME);
+    this.#about();
+    this.#scene();
+  }
+
+  close() {
+    clearInterval(this.timer);
+    this.log.close();
+    this.axis.removeEventListener("change", this.moved);
+    this.context.feed?.removeEventListener("rows", this.heard);
+    this.context.feed?.removeEventListener("events", this.said);
+  }
+
+  redraw() {
+    for (const chart of this.charts) chart.draw();
+    this.scene?.draw();
+  }
+
+  update() {
+    if (Date.now() - (this.asked ?? 0) > 4000) this.#about();
+    this.log.update();
+  }
+
+  #controls() {
+    const back = (share) => () => this.axis.show(this.axis.last - share * this.axis.span);
+    const span = h("select", { id: "span", "aria-label": "Time that is shown", onchange: (e) => this.axis.show(this.axis.last, Number(e.target.value), this.axis.follows) },
+      SPANS.map(([name, value]) => h("option", { value: String(value), selected: value === this.axis.span }, name)));
+    return h("div", { class: "row" }, this.pause, h("button", { type: "button", id: "back", onclick: back(0.5) }, "◀ Back"),
+      h("button", { type: "button", id: "on", onclick: back(-0.5) }, "On ▶"), span, this.at);
+  }
+
+  follow(follows) {
+    this.axis.follows = follows;
+    if (follows && this.axis.end !== undefined) this.axis.last = this.axis.end;
+    this.axis.changed();
+  }
+
+  async #about() {
+    if (this.asking) return;
+    this.asking = true;
+    this.asked = Date.now();
+    try {
+      const about = await ask(of(this.twin));
+      this.about = about;
+      const drawn = JSON.stringify([about.headline, about.condition, about.why, about.champion, about.figures, about.trial, about.label, about.stale, this.context.feed?.cursor]);
+      if (drawn !== this.drawn) put(this.head, verdict(about, this.context.feed?.events ?? []));
+      this.drawn = drawn;
+      if (about.outputs && !this.charts.length) this.#choose();
+    } catch (error) {
+      if (!this.about) put(this.head, h("p", {}, error.message));
+    }
+    this.asking = false;
+  }
+
+  #choose() {
+    const names = this.about.outputs.map((one) => one.name);
+    this.memory.chosen ??= names.slice(0, 3);
+    const box = (name) => h("label", {}, h("input", { type: "checkbox", checked: this.memory.chosen.includes(name), onchange: (e) => {
+      this.memory.chosen = names.filter((one) => (one === name ? e.target.checked : this.memory.chosen.includes(one)));
+      this.#build();
+    } }), name);
+    put(this.choice, h("legend", { class: "quiet" }, "Signals"), names.map(box));
+    this.#build();
+  }
+
+  #build() {
+    const unit = Object.fromEntries(this.about.outputs.map((one) => [one.name, one.unit]));
+    this.past = null;
+    this.charts = this.memory.chosen.flatMap((name) => {
+      const line = (key, look, title, more = {}) => ({ name: title, look, parts: () => this.#parts(name, key), ...more });
+      return [
+        new Chart(this.axis, { title: name, unit: unit[name], lines: [
+          line("band", "band", "band (±2 σ)"), line("measured", "measured", "measured"),
+          line("predicted", "predicted", "predicted", { dashed: true }), line("refused", "refused", "refused")] }),
+        new Chart(this.axis, { title: `${name}: off by`, unit: unit[name], zero: true, height: 80, lines: [line("residual", "residual", "residual")] }),
+      ];
+    });
+    put(this.pictures, this.charts.map((one) => one.element));
+    this.#look();
+  }
+
+  /** What a line is drawn from: the store's past, then the rows that are here. */
+  #parts(name, key) {
+    const rows = this.context.feed.rows;
+    const held = rows.outputs[name];
+    const oldest = rows.t.length ? rows.t[0] * 1e-9 : Infinity;
+    const parts = [];
+    const past = this.past?.signals[name];
+    if (past?.[key]) parts.push(fromPixels(this.past, past[key], oldest));
+    if (!held) return parts;
+    if (key === "band") {
+      const edge = (side) => held.predicted.map((p, k) => (p === null || held.sigma[k] === null ? null : p + side * 2 * held.sigma[k]));
+      if (this.bandOf !== rows.newest) {
+        this.bandOf = rows.newest;
+        this.bands = {};
+      }
+      const [low, high] = (this.bands[name] ??= [edge(-1), edge(1)]);
+      parts.push(fromRows(rows, low, high));
+    } else if (key === "refused") {
+      const marks = held.mark.some((m) => m >= 4) ? held.measured.map((v, k) => (held.mark[k] >= 4 ? v : null)) : [];
+      parts.push(fromRows(rows, marks));
+    } else parts.push(fromRows(rows, held[key]));
+    return parts;
+  }
+
+  /** The past that is looked at and not here is asked for, once, with room to either side. */
+  async #look() {
+    this.redraw();
+    put(this.pause, this.axis.follows ? "Pause" : "Follow again");
+    this.pause.setAttribute("aria-pressed", String(!this.axis.follows));
+    const rows = this.context.feed?.rows;
+    if (!rows?.t.length || !this.memory.chosen?.length || this.axis.last === null) return;
+    const oldest = rows.t[0] * 1e-9;
+    const { first, span } = this.axis;
+    const past = this.past;
+    const covered = past && past.first <= first && past.last >= Math.min(this.axis.last, oldest - 1e-6) && past.scale <= span * 1.5 && past.scale >= span / 1.5;
+    if (first >= oldest || covered || this.looking) return;
+    this.looking = true;
+    try {
+      const [from, to] = [first - span, Math.min(this.axis.last + span, oldest)];
+      const width = Math.min(4096, Math.max(Math.round(((to - from) / span) * this.pictures.clientWidth), 1));
+      const signals = this.memory.chosen.map((name) => `&signal=${encodeURIComponent(name)}`).join("");
+      const found = await ask(of(this.twin, `/history?first=${from}&last=${to}&width=${width}${signals}`));
+      this.past = { ...found, scale: span };
+    } catch (error) {
+      put(this.at, error.message);
+    }
+    this.looking = false;
+    this.redraw();
+  }
+
+  #frame() {
+    if (!this.fresh || document.hidden) return;
+    this.fresh = false;
+    const rows = this.context.feed.rows;
+    if (!rows.t.length) return;
+    const newest = rows.t[rows.t.length - 1];
+    this.axis.newest(newest * 1e-9);
+    put(this.at, `${this.axis.follows ? "live, machine's clock" : "stopped at"} ${clock(this.axis.last * 1e9, true)}`);
+    if (this.axis.follows || !this.past) this.#look();
+    this.#values(rows);
+    this.#pose(rows);
+  }
+
+  #values(rows) {
+    const k = rows.t.length - 1;
+    const last = (column) => column?.[k] ?? null;
+    const lines = (this.about?.outputs ?? []).map(({ name, unit }) => {
+      const one = rows.outputs[name];
+      const size = last(one?.measured) ?? last(one?.predicted) ?? 0;
+      return [name, quantity(last(one?.measured), unit, size), quantity(last(one?.predicted), unit, size), quantity(last(one?.residual), unit)];
+    });
+    put(this.values, table(`Newest row (${rows.newest}), ${age(this.context.feed.age)}`, ["", "measured", "predicted", "off by"], lines));
+  }
+
+  async #scene() {
+    try {
+      this.looks = await ask(of(this.twin, "/scene"));
+    } catch (error) {
+      return put(this.solid, h("p", { class: "quiet" }, error.message));
+    }
+    const said = {
+      arm: "Follows the measured angles. This model predicts torques at the measured pose, so its ghost would stand where the arm stands; instead each joint goes from green to red as its torque leaves the band.",
+      base: "Solid: as measured. Ghost: as simulated. Line: the path. Crosses: off by more than is allowed, so the simulation took over the measured pose.",
+      line: "Solid: as measured. Ghost: as simulated.",
+      none: "This model does not say what its machine looks like.",
+    }[this.looks.kind];
+    if (this.looks.kind === "none") return put(this.solid, h("p", { class: "quiet" }, said));
+    const big = this.looks.kind === "arm";
+    this.scene = new Scene({ centre: big ? [0, 0, 0.35] : [0, 0, 0], distance: big ? 2.3 : 9, tilt: big ? 0.3 : 1.1, turn: big ? -0.7 : 0, label: `${this.twin}: the machine and its simulated ghost; arrow keys turn it` });
+    put(this.solid, h("h2", {}, "Machine and ghost"), this.scene.canvas, h("p", { class: "quiet" }, h("small", {}, said)));
+    this.fresh = true;
+    return undefined;
+  }
+
+  #pose(rows) {
+    if (!this.scene) return;
+    const k = rows.t.length - 1;
+    if (this.looks.kind === "arm") {
+      const { joints, tool } = this.looks;
+      const q = joints.map((one) => rows.inputs[one.input]?.[k] ?? 0);
+      const off = joints.map((one) => beyond(rows.outputs[one.output], k));
+      return this.scene.draw([floor(1, 0.25), ...arm(joints, tool, q, off)]);
+    }
+    const pose = (key, j) => ["x", "y", "heading"].map((name) => (this.looks.pose.includes(name) ? rows.outputs[name]?.[key][j] : 0));
+    const known = (p) => p.every((v) => v !== null && v !== undefined);
+    const from = Math.max(0, k - 1500);
+    const path = { points: [], colour: [0.3, 0.5, 0.9, 1] };
+    const adopted = { points: [], apart: true, colour: [0.85, 0.2, 0.1, 1] };
+    for (let j = from; j <= k; j += 1) {
+      const [m, p] = [pose("measured", j), pose("predicted", j)];
+      if (known(m)) path.points.push([m[0], m[1], 0.02]);
+      if (!known(m) || !known(p) || !(Math.hypot(m[0] - p[0], m[1] - p[1]) > this.looks.tolerance)) continue;
+      const e = 0.06;
+      adopted.points.push([m[0] - e, m[1] - e, 0.04], [m[0] + e, m[1] + e, 0.04], [m[0] - e, m[1] + e, 0.04], [m[0] + e, m[1] - e, 0.04]);
+    }
+    const [low, high] = [0, 1].map((axis) => path.points.map((p) => p[axis])).map((v) => [Math.min(...v), Math.max(...v)]);
+    if (path.points.length) {
+      this.scene.centre = [(low[0] + low[1]) / 2, (high[0] + high[1]) / 2, 0];
+      this.scene.distance = Math.max(this.scene.distance, 1.9 * Math.max(low[1] - low[0], high[1] - high[0]), 3);
+    }
+    const things = [floor(Math.ceil(this.scene.distance / 3), 1, this.scene.centre.map(Math.round)), path, adopted];
+    const [m, p] = [pose("measured", k), pose("predicted", k)];
+    if (known(m)) things.push(...robot(m, 0.25));
+    if (known(p)) things.push(...robot(p, 0.28, true));
+    this.scene.draw(things.filter((one) => !one.points || one.points.length));
+    return undefined;
+  }
+}
+
+/** How far the newest rows of an output are beyond their band: 0 inside, 1 at twice its width. */
+function beyond(output, k) {
+  if (!output) return 0;
+  let sum = 0;
+  let n = 0;
+  for (let j = Math.max(0, k - 20); j <= k; j += 1) {
+    const [r, sigma] = [output.residual[j], output.sigma[j]];
+    if (r === null || !sigma) continue;
+    sum += (r / sigma) ** 2;
+    n += 1;
+  }
+  return n ? Math.max(0, Math.sqrt(sum / n) / 2 - 0.5) : 0;
+}
+
+/** The service's log, in a pane that is asked for only while it is open. */
+class Log {
+  constructor(twin) {
+    this.newest = 0;
+    this.twin = twin;
+    this.text = h("div", { class: "log", role: "log", tabindex: 0, "aria-label": "Lines of the log" });
+    this.box = h("details", { class: "card", open: true }, h("summary", {}, "Log of the service"), this.text);
+    this.element = this.box;
+    this.update();
+  }
+
+  close() {
+    this.ended = true;
+  }
+
+  async update() {
+    if (!this.box.open || this.asking || this.ended) return;
+    this.asking = true;
+    try {
+      const lines = await ask(`/api/v1/log?after=${this.newest}`);
+      const end = this.text.scrollTop + this.text.clientHeight > this.text.scrollHeight - 30;
+      for (const line of lines.slice(-300)) {
+        this.text.append(h("div", { class: line.level }, `${clock(line.time * 1e9)}  ${line.message}`));
+      }
+      if (lines.length) this.newest = lines[lines.length - 1].number;
+      while (this.text.children.length > 300) this.text.firstChild.remove();
+      if (end) this.text.scrollTop = this.text.scrollHeight;
+    } catch {
+      this.newest = 0; // another process: its log begins anew
+      put(this.text);
+    }
+    this.asking = false;
+  }
+}
+

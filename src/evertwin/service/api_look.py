@@ -1,0 +1,119 @@
+"""What somebody who looks asks for: the past by pixel, what a machine looks like, the log.
+
+>>> MOST
+10000
+"""
+
+from __future__ import annotations
+
+import asyncio
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, Literal
+
+from fastapi import FastAPI, HTTPException, Query
+from pydantic import BaseModel, ConfigDict, Field
+
+from evertwin.errors import UsageError
+from evertwin.service.history import WIDEST, Span, Stored, looked_back
+from evertwin.service.runner import Runner
+from evertwin.service.scene import scene_of
+from evertwin.service.service import Service
+from evertwin.sources.live import registry as sources
+from evertwin.sources.live.contract import Around
+from evertwin.sources.live.line import LineDown, reason_of
+from evertwin.sources.live.look import look
+
+MOST = 10_000
+"""Rows, samples or events of one answer."""
+PATIENCE = 60.0
+"""Seconds that an answer may take."""
+Count = Annotated[int, Query(ge=1, le=MOST)]
+Width = Annotated[int, Query(ge=1, le=WIDEST)]
+
+
+class Look(BaseModel):
+    """A machine that somebody wants to add.
+
+    >>> Look(protocol="modbus", host="127.0.0.1", port=502).url
+    ''
+    """
+
+    model_config = ConfigDict(extra="forbid")
+    protocol: Literal["modbus", "mqtt", "opcua"]
+    host: str = Field(default="127.0.0.1", max_length=255)
+    port: int = Field(default=0, ge=0, le=65535)
+    url: str = Field(default="", max_length=255)
+    """OPC UA: where its server is."""
+
+
+def found_at(service: Service, name: str) -> Runner:
+    """One twin; 404 where there is none of this name."""
+    try:
+        return service.runner(name)
+    except UsageError as error:
+        raise HTTPException(404, str(error)) from error
+
+
+async def in_time(work: Any) -> Any:
+    """What comes of it; 503 where it takes too long."""
+    try:
+        return await asyncio.wait_for(work, PATIENCE)
+    except TimeoutError as error:
+        raise HTTPException(503, f"no answer within {PATIENCE:g} s: the twin is busy") from error
+
+
+def looks(app: FastAPI, service: Service) -> None:
+    """Adds the routes."""
+
+    @app.get("/api/v1/twins/{name}/history")
+    async def history(
+        name: str, first: float, last: float, width: Width = 800,
+        signal: Annotated[Sequence[str], Query(max_length=64)] = (),
+    ) -> Any:  # fmt: skip
+        """A span of time [s] in ``width`` pixels: least and largest value of each, by signal."""
+        runner = found_at(service, name)
+        return await in_time(_history(runner, Span.of(first, last, width), signal))
+
+    @app.get("/api/v1/twins/{name}/scene")
+    async def scene(name: str) -> Mapping[str, Any]:
+        """What its machine looks like: the joints of an arm, or the pose of a base."""
+        runner = found_at(service, name)
+        found: Mapping[str, Any] = await in_time(
+            runner.ask(lambda work: scene_of(work.twin.model, work.spec.arbiter.tolerance))
+        )
+        return found
+
+    @app.get("/api/v1/log")
+    async def log(after: Annotated[int, Query(ge=0)] = 0) -> list[dict[str, object]]:
+        """The newest lines of the service's log behind a number."""
+        return service.log.after(after)
+
+    @app.post("/api/v1/look")
+    async def looked(at: Look) -> dict[str, list[str]]:
+        """What a machine says that no twin file knows yet, decoded side by side."""
+        return {"lines": await _look(at)}
+
+
+async def _history(runner: Runner, span: Span, signals: Sequence[str]) -> Mapping[str, Any]:
+    view, model = await runner.ask(
+        lambda work: (work.between(span.first, span.last), work.twin.model)
+    )
+    known = model.outputs.names
+    if unknown := [one for one in signals if one not in known]:
+        raise HTTPException(404, f"no signal {unknown[0]!r}; there are {', '.join(known)}")
+    sources = () if runner.plan.spec is None else runner.plan.spec.source
+    stored = Stored(runner.reader, sources)
+    return await asyncio.to_thread(looked_back, stored, view, model, span, signals or known)
+
+
+async def _look(at: Look) -> list[str]:
+    form = sources.settings_of(at.protocol)
+    given: dict[str, Any] = {"host": at.host, "port": at.port, "url": at.url}
+    named = {field.name for field in dataclasses.fields(form)}
+    chosen = {name: value for name, value in given.items() if value and name in named}
+    try:
+        settings = form(source="look", protocol=at.protocol, **chosen)
+        return await look(settings, Around())
+    except (LineDown, OSError, TimeoutError) as error:
+        raise HTTPException(502, f"{at.protocol}: {reason_of(error)}") from error
