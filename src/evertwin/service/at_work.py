@@ -130,7 +130,6 @@ class AtWork:
 
     def looked_at(self) -> Mapping[str, Any]:
         """`about` as it is now: a trial goes on between two entries of the log."""
-        self._news()
         self.about = {**self.about, **self._outcome()}
         return self.about
 
