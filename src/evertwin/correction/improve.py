@@ -8,7 +8,8 @@ One procedure with one set of settings for every machine:
    its channel. Fit, score.
 3. The best one joins if it lowers the held-out deviation by ``gain`` (5 %), and by ``sure``
    standard errors of the mean over segments; by one, where it takes the place of another. Refit
-   the terms with few numbers together. Repeat; when no candidate of the tier pays, climb.
+   the terms with few numbers together. Repeat from the simplest tier, whose terms may show only
+   beside a law; when no candidate of the tier pays, climb.
 4. At the end a term that no longer pays is dropped.
 
 What comes out is a proposal. It goes live through a trial on unseen data only.
@@ -241,29 +242,27 @@ class _Search:
     def run(self, start: Scored) -> tuple[Stack, float, list[Gain], dict[str, float]]:
         """Climbs the tiers: stack found, its held-out deviation, what terms brought, what was
         tried."""
-        now = start
+        now, tier = start, SIMPLE
         level, gains, tried = now.mean, list[Gain](), dict[str, float]()
-        for tier in range(SIMPLE, FREE + 1):
-            while len(gains) < self.settings.most:
-                options = self.options(now, level, tier)
-                tried = {_label(o): o.gain for o in options if not o.replaced} | tried
-                best = self.confirmed(options)
-                if best is None:
-                    break
-                now, after = best.scored, level * (1.0 - best.gain)
-                if not kind(best.candidate.term.kind).linear:
-                    again = confirm(refit(now.stack, self.evidence), self.evidence)
-                    if again.mean < now.mean:
-                        now, after = again, after * again.mean / now.mean
-                gains.append(
-                    Gain(
-                        best.candidate.term, level, after, self.evidence.segments, best.replaced,
-                        _said(now.stack, best.candidate.term, now.detail),
-                    )
-                )  # fmt: skip
-                level = after
-            if tier < FREE:
-                now, level = self.pruned(now, level, gains)
+        while tier <= FREE:
+            options = self.options(now, level, tier) if len(gains) < self.settings.most else []
+            tried = {_label(o): o.gain for o in options if not o.replaced} | tried
+            best = self.confirmed(options)
+            if best is None:
+                if tier < FREE:
+                    now, level = self.pruned(now, level, gains)
+                tier += 1
+                continue
+            now, after = best.scored, level * (1.0 - best.gain)
+            if not kind(best.candidate.term.kind).linear:
+                again = confirm(refit(now.stack, self.evidence), self.evidence)
+                if again.mean < now.mean:
+                    now, after = again, after * again.mean / now.mean
+            said = _said(now.stack, best.candidate.term, now.detail)
+            count, replaced = self.evidence.segments, best.replaced
+            gains.append(Gain(best.candidate.term, level, after, count, replaced, said))
+            level = after
+            tier = SIMPLE if tier < FREE else FREE
         return now.stack, level, gains, tried
 
     def options(self, now: Scored, level: float, tier: int) -> list[_Option]:
