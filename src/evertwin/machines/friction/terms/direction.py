@@ -1,9 +1,7 @@
 """Viscous friction by direction, ``Fv_back·min(v, 0)``.
 
 Viscous friction is ``Fv`` forwards and ``Fv + Fv_back`` backwards, so that a law without this term
-is the same law with a zero. Coulomb friction by direction needs no term: while the drive moves it
-*is* ``Fc`` with ``offset`` (their sum forwards, their difference backwards), so that both together
-can never be told apart.
+is the same law with a zero. Coulomb friction by direction is ``asymmetry``.
 """
 
 from __future__ import annotations
