@@ -12,6 +12,7 @@ from evertwin.correction.spec import CorrectionSpec
 from evertwin.errors import UsageError
 from evertwin.fold import Event
 from evertwin.loop.headline import headline
+from evertwin.loop.open_trial import OpenTrial
 from evertwin.loop.result import OutputFigures
 from evertwin.signals.spoken import both, spoken
 from evertwin.twin import Twin
@@ -26,15 +27,18 @@ def figures(before: float, after: float) -> dict[str, OutputFigures]:
     return {"x": OutputFigures("m", before, after, 0.2, 0.1, 0.2, 0.1, 100, 100)}
 
 
-def said(spec: TwinSpec, before: float, after: float, *kinds: str, version: int = 0) -> str:
+def said(
+    spec: TwinSpec, before: float, after: float, *kinds: str, version: int = 0,
+    reason: str = "tuned gain", trial: OpenTrial | None = None,
+) -> str:  # fmt: skip
     with Twin(spec) as twin:
         first = twin.champion
-        champion = replace(first, number=version, reason="tuned gain" if version else first.reason)
+        champion = replace(first, number=version, reason=reason if version else first.reason)
         events = [
             Event(5, 0, kind, "x", "", {"dependence": {"input": "v"}} if kind == "abnormal" else {})
             for kind in kinds
         ]
-        return headline(twin.setup, figures(before, after), champion, events, None)
+        return headline(twin.setup, figures(before, after), champion, events, trial)
 
 
 def test_better_is_said_in_millimetres_with_what_was_changed() -> None:
@@ -70,7 +74,30 @@ def test_without_a_requirement_it_asks_for_one() -> None:
 
 def test_contradictions_of_a_sensor_are_counted() -> None:
     text = said(ROBOT, 0.004, 0.004, "overruled", "measurement_error", "external")
-    assert "contradicted each other 2 times at x" in text and "acted on the machine 1 time" in text
+    assert "contradicted each other at x (2×)" in text and "acted on the machine 1 time" in text
+
+
+@pytest.mark.parametrize(
+    ("gain", "told"), [(0.94, "94 % less so far"), (0.0, "no better so far"), (-6.46, "worse so")]
+)
+def test_a_trial_is_called_better_only_where_it_is(gain: float, told: str) -> None:
+    trial = OpenTrial(1, "tuned gain", 5, 7, gain, 0.67, (), None, None, "the gain is below 5 %")
+    text = said(ROBOT, 0.03, 0.03, "suspected", trial=trial)
+    assert told in text and ("a better version" in text) == (gain > 0.1)
+
+
+def test_a_long_list_is_cut_behind_its_first_names_and_causes_stay() -> None:
+    names = ", ".join(f"Fc{k}" for k in range(34))
+    text = said(ROBOT, 0.029, 0.004, "promoted", version=1, reason=f"tuned {names}; joint1 sticks")
+    assert "Changed: tuned 34 numbers (Fc0, Fc1, Fc2 …); joint1 sticks." in text
+
+
+def test_many_outputs_are_told_as_a_range() -> None:
+    with Twin(ROBOT) as twin:
+        many = {f"tau{k}": OutputFigures("Nm", 1.0, 1.0, s, s, s, s, 9, 9) for k, s in enumerate(
+            (0.6, 0.8, 0.9, 1.0), start=1)}  # fmt: skip
+        text = headline(twin.setup, many, twin.champion, [], None)
+    assert "tau1 … tau4 are off by 60 to 100 % of their size" in text
 
 
 def test_channels_without_terms_are_refused() -> None:

@@ -22,8 +22,8 @@ CLEAR = 0.03
 """Share by which a deviation has to fall, or rise, to be called better, or worse."""
 FEW = 3
 """Outputs that are named one by one."""
-LONG = 220
-"""Signs of a reason that is told whole."""
+MANY = 6
+"""Numbers, or parts of a form, that are told one by one."""
 
 
 def headline(
@@ -36,10 +36,12 @@ def headline(
         return "Nothing was predicted: no output has a measurement to be compared with."
     told = [_outcome(setup, known, champion, events, trial)]
     doubts = Counter(e.signal for e in events if e.kind in ("measurement_error", "overruled"))
-    for signal, count in doubts.most_common(2):
+    if doubts:
+        most = [f"{signal} ({count}×)" for signal, count in doubts.most_common(FEW)]
+        rest = [f"{len(doubts) - FEW} more"] if len(doubts) > FEW else []
         told.append(
-            f"Measurement and model contradicted each other {count} time{'s' * (count > 1)} at "
-            f"{signal}: what was believed stands in the events."
+            f"Measurement and model contradicted each other at {', '.join(most + rest)}: the "
+            "events say which was believed."
         )
     contacts = sum(e.kind == "external" for e in events)
     if contacts:
@@ -57,7 +59,7 @@ def _outcome(
     }
     better = {n: f for n, f in changed.items() if f.rms_after < (1.0 - CLEAR) * f.rms_before}
     worse = {n: f for n, f in changed.items() if f.rms_after > (1.0 + CLEAR) * f.rms_before}
-    why = champion.reason if len(champion.reason) <= LONG else f"{champion.reason[:LONG]}…"
+    why = _shorter(champion.reason)
     if champion.number and better:
         less = f" ({_pairs(setup, worse)}: worse)" if worse else ""
         return (
@@ -69,7 +71,7 @@ def _outcome(
             f"Version {champion.number} is live ({why}), and on the rows since then it is no "
             f"better than the first: {_pairs(setup, worse or changed)}{_lead(setup)}."
         )
-    now = _sizes(setup, known)
+    now = _sizes(known, "off")
     if not setup.decides:
         return (
             f"Nothing was judged, for no requirement is set: {now}{_lead(setup)}. How far may it "
@@ -79,13 +81,17 @@ def _outcome(
         return f"The twin fits its machine, and nothing was changed: {now}{_lead(setup)}."
     limit = _limit(setup, known)
     return (
-        f"The twin is off, {now}{_lead(setup)}{limit}, and {_nothing_better(setup, events, trial)}."
+        f"The twin is off, {_sizes(known)}{_lead(setup)}{limit}, and "
+        f"{_nothing_better(setup, events, trial)}."
     )
 
 
 def _nothing_better(setup: Setup, events: Sequence[Event], trial: OpenTrial | None) -> str:
     if trial is not None:
-        return f"a better version is on trial: {100 * trial.gain:.0f} % less so far"
+        if trial.gain > CLEAR:
+            return f"a better version is on trial: {100 * trial.gain:.0f} % less so far"
+        so_far = "worse" if trial.gain < -CLEAR else "no better"
+        return f"the candidate that is on trial is {so_far} so far"
     abnormal: list[Any] = [e.evidence.get("dependence") for e in events if e.kind == "abnormal"]
     depends = next((str(found["input"]) for found in reversed(abnormal) if found), "")
     channel = depends.removeprefix("change of ")
@@ -122,7 +128,7 @@ def _pairs(setup: Setup, some: Mapping[str, OutputFigures]) -> str:
             _range([getattr(f, which) for f in some.values()])
             for which in ("relative_rms_after", "relative_rms_before")
         )
-        return f"{', '.join(_named(list(some)))} off by {after} of their size instead of {before}"
+        return f"{_span(some)} are off by {after} of their size instead of {before}"
     told = []
     for name, f in some.items():
         first, last = both(f.rms_before, f.rms_after, f.unit)
@@ -130,17 +136,32 @@ def _pairs(setup: Setup, some: Mapping[str, OutputFigures]) -> str:
     return ", ".join(told)
 
 
-def _sizes(setup: Setup, some: Mapping[str, OutputFigures]) -> str:
+def _sizes(some: Mapping[str, OutputFigures], *off: str) -> str:
+    """Sizes, with the words between a name and its size."""
     if len(some) > FEW:
         share = _range([f.relative_rms_after for f in some.values()])
-        return f"{', '.join(_named(list(some)))} by {share} of their size"
-    return ", ".join(f"{name} by {spoken(f.rms_after, f.unit)}" for name, f in some.items())
+        return " ".join(
+            (_span(some), *(f"are {word}" for word in off), f"by {share} of their size")
+        )
+    verb = "".join(f"is {word} " for word in off)
+    return ", ".join(f"{name} {verb}by {spoken(f.rms_after, f.unit)}" for name, f in some.items())
 
 
-def _named(names: Sequence[str]) -> list[str]:
-    return list(names) if len(names) <= FEW else [f"{names[0]} … {names[-1]} are"]
+def _span(some: Mapping[str, OutputFigures]) -> str:
+    names = list(some)
+    return f"{names[0]} … {names[-1]}"
 
 
 def _range(shares: Sequence[float]) -> str:
-    low, high = 100 * min(shares), 100 * max(shares)
-    return f"{low:.2g} %" if f"{low:.2g}" == f"{high:.2g}" else f"{low:.2g} to {high:.2g} %"
+    low, high = (spoken(100 * bound(shares), "1") for bound in (min, max))
+    return f"{low} %" if low == high else f"{low} to {high} %"
+
+
+def _shorter(reason: str) -> str:
+    """What a version was made of, without the end of long lists."""
+    tuned, *parts = reason.split("; ")
+    names = tuned.removeprefix("tuned ").split(", ")
+    if tuned.startswith("tuned ") and len(names) > MANY:
+        tuned = f"tuned {len(names)} numbers ({', '.join(names[:FEW])} …)"
+    rest = [f"and {len(parts) - MANY} more"] if len(parts) > MANY else []
+    return "; ".join([tuned, *parts[:MANY], *rest])

@@ -42,4 +42,4 @@ def both(first: float, second: float, unit: str) -> tuple[str, str]:
 
 def _digits(value: float) -> str:
     """Two digits; whole numbers from 100 on."""
-    return f"{value:.0f}" if abs(value) >= 100 else f"{value:.2g}"
+    return f"{value:.0f}" if abs(value) >= 99.5 else f"{value:.2g}"
