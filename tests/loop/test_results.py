@@ -29,6 +29,7 @@ from evertwin.errors import MissingExtra, UsageError
 from evertwin.loop.fitting import FitResult
 from evertwin.loop.result import RunResult
 from evertwin.report import draw_run
+from evertwin.report.run_pictures import draw_improvement
 from evertwin.report.run_report import write_report
 from evertwin.twin import Twin
 
@@ -113,6 +114,22 @@ def test_a_run_draws_and_shows_itself(result: RunResult) -> None:
     assert "position updates" in str(result)
     with pytest.raises(UsageError):
         draw_run(result, "y")
+
+
+def test_the_first_picture_shows_a_typical_stretch_and_angles_the_short_way() -> None:
+    t = 0.1 * np.arange(1200)
+    w = 0.5 * np.ones(1200)
+    heading = np.mod(0.5 * t * 1.02 + np.pi, 2 * np.pi) - np.pi  # as a compass has it
+    still = np.zeros(1200)
+    turning = TwinSpec("base", ModelSpec("differential"), prediction=PredictionSpec(horizon=1.0))
+    with Twin(turning) as base:
+        found = base.run({"t": t, "v": still, "w": w, "x": still, "y": still, "heading": heading})
+    figure = draw_improvement(found, rows=100)
+    assert figure is not None
+    below = figure.axes[1]
+    assert below.get_ylabel() == "off by [°]"
+    off = np.asarray(below.get_lines()[0].get_ydata())
+    assert len(off) == 100 and 1.0 < np.abs(off).max() < 90.0 and np.abs(np.diff(off)).max() < 1.0
 
 
 def test_two_versions_are_compared(twin: Twin, result: RunResult) -> None:

@@ -13,12 +13,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from evertwin.signals import wrap
+from evertwin.signals.spoken import suited
 from evertwin.types import Vector
 
 if TYPE_CHECKING:
     from evertwin.loop.result import RunResult
 
 MEASURED, PREDICTED, UPDATE, BAND = "#000000", "#0072B2", "#D55E00", "#56B4E9"
+TINY = 1e-24
 
 
 def _figure(rows: int = 1, height: float = 2.2) -> tuple[Figure, Any]:
@@ -74,10 +77,11 @@ def draw_run(result: RunResult, output: str | None = None) -> Figure:
     return figure
 
 
-def draw_improvement(result: RunResult, newest: int = 300) -> Figure | None:
+def draw_improvement(result: RunResult, rows: int = 300) -> Figure | None:
     """The output that gained most: measured, by the first and by the live version, what is off.
 
-    The newest rows since the last switch, which neither had learned from; None: there are none.
+    A typical stretch of the rows since the last switch, which neither had learned from; None:
+    there are none.
     """
     gains = {
         name: f.rms_after / f.rms_before
@@ -86,26 +90,43 @@ def draw_improvement(result: RunResult, newest: int = 300) -> Figure | None:
     if not gains:
         return None
     name = min(gains, key=gains.__getitem__)
-    k, trace = result.model.outputs.names.index(name), result.trace
+    outputs, trace = result.model.outputs, result.trace
+    k = outputs.names.index(name)
     unseen = (trace["row"] >= result.unseen_since) & np.isfinite(trace["measured"][:, k])
-    at = np.flatnonzero(unseen)[-newest:]
-    if not len(at):
+    unseen &= np.isfinite(trace["first"][:, k]) & np.isfinite(trace["predicted"][:, k])
+    if not unseen.any():
         return None
+    measured, angle = trace["measured"][:, k, None], outputs.angles[k : k + 1]
+    off = {v: wrap(measured - trace[v][:, k, None], angle)[:, 0] for v in ("first", "predicted")}
+    at = _typical(np.stack(list(off.values())), np.flatnonzero(unseen), rows)
     figure, (above, below) = _figure(2, 2.2)
-    t, measured = _seconds(trace)[at], trace["measured"][at, k]
-    above.plot(t, measured, ".", ms=3, color=MEASURED, label="measured")
+    t, live = _seconds(trace)[at], trace["predicted"][at, k]
+    above.plot(t, live + off["predicted"][at], ".", ms=3, color=MEASURED, label="measured")
     versions = [("first", "as configured", UPDATE, "--"), ("predicted", "live", PREDICTED, "-")]
+    unit, factor = suited(result.outputs[name].rms_before, outputs.units[k])
     for column, label, colour, style in versions if gains[name] != 1.0 else versions[1:]:
-        predicted = trace[column][at, k]
+        predicted = live + off["predicted"][at] - off[column][at]
         above.plot(t, predicted, style, lw=1.1, color=colour, label=label)
-        below.plot(t, measured - predicted, style, lw=1.1, color=colour, label=label)
+        below.plot(t, factor * off[column][at], style, lw=1.1, color=colour, label=label)
     below.axhline(0.0, color=MEASURED, lw=0.6)
-    unit = result.model.outputs.units[k]
-    above.set_ylabel(f"{name} [{unit}]")
+    above.set_ylabel(f"{name} [{outputs.units[k]}]")
     below.set_ylabel(f"off by [{unit}]")
     below.set_xlabel("time [s]")
     _legend(above)
     return figure
+
+
+def _typical(off: np.ndarray, places: np.ndarray, rows: int) -> np.ndarray:
+    """Of stretches of so many places the one whose rms are nearest to those of all; the newest."""
+    starts = range(max(len(places) - rows, 0), -1, -max(rows // 4, 1))
+    square = off**2
+
+    def strange(start: int) -> float:
+        part, whole = (square[:, p].mean(axis=1) for p in (places[start : start + rows], places))
+        return float(np.abs(np.log((part + TINY) / (whole + TINY))).sum())
+
+    best = min(starts, key=strange)
+    return places[best : best + rows]
 
 
 def _switches(result: RunResult) -> list[int]:

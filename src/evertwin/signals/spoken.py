@@ -29,8 +29,7 @@ def spoken(value: float, unit: str) -> str:
 def both(first: float, second: float, unit: str) -> tuple[str, str]:
     """Two sizes in one unit, that of the larger one."""
     size = max((abs(v) for v in (first, second) if math.isfinite(v)), default=0.0)
-    steps = _SMALLER.get(unit, ((0.0, unit, 1.0),))
-    name, factor = next(((name, f) for least, name, f in steps if size >= least), (unit, 1.0))
+    name, factor = suited(size, unit)
     space = "" if name.startswith("°") or name == "1" else " "
     return tuple(  # type: ignore[return-value]
         "unknown"
@@ -38,6 +37,12 @@ def both(first: float, second: float, unit: str) -> tuple[str, str]:
         else f"{_digits(value * factor)}{space}{'' if name == '1' else name}"
         for value in (first, second)
     )
+
+
+def suited(size: float, unit: str) -> tuple[str, float]:
+    """The unit that suits a size, and what an SI number is multiplied by."""
+    steps = _SMALLER.get(unit, ((0.0, unit, 1.0),))
+    return next(((name, f) for least, name, f in steps if size >= least), (unit, 1.0))
 
 
 def _digits(value: float) -> str:
