@@ -5,8 +5,17 @@ import { age, conditionOf } from "./words.js";
 import { ask, Feed } from "./wire.js";
 import * as fleet from "./views/fleet.js";
 import * as live from "./views/live.js";
+import * as improvement from "./views/improvement.js";
+import * as events from "./views/events.js";
+import * as signals from "./views/signals.js";
+import * as life from "./views/life.js";
+import * as faults from "./views/faults.js";
+import * as add from "./views/add.js";
 
-const VIEWS = { live: ["Live", live] };
+const VIEWS = {
+  live: ["Live", live], improvement: ["Improvement", improvement], events: ["Events", events], signals: ["Signals", signals],
+  life: ["Life", life], faults: ["Inject a fault", faults],
+};
 const EVERY = 1000;
 const top = document.getElementById("top");
 const main = document.getElementById("main");
@@ -22,7 +31,7 @@ let lost = "";
 function place() {
   const [first, twin, view] = location.hash.replace(/^#\/?/, "").split("/").map(decodeURIComponent);
   if (first === "twin" && twin) return { twin, view: view in VIEWS ? view : "live" };
-  return { view: "fleet" };
+  return { view: first === "add" ? "add" : "fleet" };
 }
 
 export const address = (twin, view = "live") => `#/twin/${encodeURIComponent(twin)}/${view}`;
@@ -31,7 +40,7 @@ function header(at) {
   const link = (to, text, current) => h("a", { href: to, "aria-current": current && "page" }, text);
   const tabs = at.twin
     ? Object.entries(VIEWS).filter(([key]) => key !== "faults" || context.page.machines.length).map(([key, [name]]) => link(address(at.twin, key), name, key === at.view))
-    : [];
+    : [link("#/add", "Add a machine", at.view === "add")];
   put(top, h("a", { class: "brand", href: "#/" }, `evertwin${context.site && ` · ${context.site}`}`),
     h("nav", { "aria-label": "Views" }, link("#/", "Fleet", at.view === "fleet"), tabs),
     h("span", { class: "space" }),
@@ -54,7 +63,7 @@ function follow() {
     context.feed.addEventListener("line", told);
   }
   header(at);
-  const [name, view] = at.twin ? VIEWS[at.view] : ["", fleet];
+  const [name, view] = at.twin ? VIEWS[at.view] : ["", at.view === "add" ? add : fleet];
   document.title = [at.twin, name, "evertwin"].filter(Boolean).join(" · ");
   here = view.open({ ...at, context });
   put(main, here.element);

@@ -1,0 +1,54 @@
+// What was decided and what was said to it.
+
+import { action, field, h, put } from "../dom.js";
+import { clock, kind } from "../words.js";
+import { ask, of } from "../wire.js";
+
+const VERDICTS = [["acknowledged", "Acknowledge"], ["shelved", "Shelve"], ["false alarm", "False alarm"], ["true", "It is true"]];
+const ALARMS = ["suspected", "abnormal", "drift", "alarm", "measurement_error", "not_valid", "external"];
+
+export function open({ twin, context }) {
+  const list = h("ol", { class: "events" });
+  const search = h("input", { type: "search", id: "search", oninput: () => show() });
+  const only = h("input", { type: "checkbox", id: "alarms", onchange: () => show() });
+  const said = h("section", { class: "card", hidden: true, id: "label" });
+  const reason = h("input", { id: "reason", maxlength: 500 });
+  const person = h("input", { id: "person", maxlength: 100, value: context.person, onchange: (e) => (context.person = e.target.value) });
+
+  function choose(event) {
+    const may = context.page.may_order;
+    const say = (verdict) => async () => {
+      if (!reason.value.trim() || !person.value.trim()) throw new Error("say who and why first");
+      const before = (await ask(of(twin))).condition;
+      await ask(of(twin, "/labels"), { event: event.number, verdict, reason: reason.value, person: person.value });
+      const after = (await ask(of(twin))).condition;
+      return before === after ? `kept; the condition stays ${after.replaceAll("_", " ")}` : `kept; the condition went from ${before.replaceAll("_", " ")} to ${after.replaceAll("_", " ")}`;
+    };
+    said.hidden = false;
+    put(said, h("h2", {}, `${kind(event.kind)}: ${event.reason}`), !may && h("p", { class: "quiet" }, "To look only: open the link that 'evertwin page' printed to label."),
+      h("div", { class: "row" }, field("Who", person), field("Because", reason)),
+      h("div", { class: "row" }, VERDICTS.map(([verdict, label]) => action(label, say(verdict), { disabled: !may, id: `say-${verdict.replace(" ", "-")}` }))));
+    reason.focus();
+  }
+
+  function show() {
+    const asked = search.value.trim().toLowerCase();
+    const all = context.feed?.events ?? [];
+    const labels = new Map(all.filter((e) => e.kind === "labelled").map((e) => [e.evidence?.event, e]));
+    const seen = all.filter((e) => (!only.checked || ALARMS.includes(e.kind)) && (!asked || `${e.kind} ${kind(e.kind)} ${e.signal} ${e.reason}`.toLowerCase().includes(asked)));
+    put(list, seen.slice(-400).reverse().map((e) => {
+      const label = labels.get(e.number);
+      return h("li", {}, h("time", {}, e.time ? clock(e.time, true) : `row ${e.row}`), h("b", {}, kind(e.kind)), e.signal && !e.reason.startsWith(e.signal) && ` ${e.signal}`, ` ${e.reason}`, e.evidence?.person && h("span", { class: "quiet" }, ` (${e.evidence.person})`), " ",
+        label && h("span", { class: "tag" }, `${label.evidence.verdict}, ${label.evidence.person ?? "somebody"}`), " ",
+        e.kind !== "labelled" && h("button", { type: "button", id: `event-${e.number}`, "aria-label": `Label event ${e.number}`, onclick: () => choose(e) }, "Label"));
+    }), !seen.length && h("li", { class: "quiet" }, "No events."));
+  }
+
+  const heard = () => show();
+  context.feed?.addEventListener("events", heard);
+  show();
+  return {
+    element: h("div", {}, h("div", { class: "row" }, h("h1", {}, `Events of ${twin}`), h("span", { class: "grow" }), h("label", {}, only, " only alarms"), h("label", {}, "Search ", search)), said, h("section", { class: "card" }, list)),
+    close: () => context.feed?.removeEventListener("events", heard),
+  };
+}

@@ -1,0 +1,217 @@
+"""Every view in a real Chromium, beside a real service: what people see and may do."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from planted.serving import Served, site
+from planted.worlds import record_robot
+
+pytestmark = pytest.mark.system
+HOSTILE = '"><img src=x onerror="window.hit=1"><script>window.hit=1</script>'
+VIEWS = ("live", "improvement", "events", "signals", "life", "faults")
+SHOWN = "document.documentElement.dataset.up"
+ROWS = "() => Array.from(window.evertwin.feed.rows.row)"
+
+
+def free_port() -> int:
+    with socket.socket() as line:
+        line.bind(("127.0.0.1", 0))
+        return int(line.getsockname()[1])
+
+
+class Shown:
+    """A service, `evertwin page` and a browser."""
+
+    def __init__(self, folder: Path, browser: Any) -> None:
+        self.file = site(folder, "robot", speed=8, http=f"port = {free_port()}")
+        text = self.file.read_text().replace('name = "hall"', f"name = '{HOSTILE}'")
+        self.file.write_text(text)
+        self.served = Served(self.file)
+        words = [
+            sys.executable, "-m", "evertwin", "page", "--service", self.served.address, "--port",
+            "0", "--token-file", str(folder / "store" / "token"), "--machine", "arm=127.0.0.1:9",
+        ]  # fmt: skip
+        environment = {**os.environ, "JAXTYPING_DISABLE": "1"}
+        self.process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True, env=environment)
+        assert self.process.stdout is not None
+        self.address = self.process.stdout.readline().strip()
+        self.enter = self.process.stdout.readline().split()[-1]
+        self.errors: list[str] = []
+        self.context = browser.new_context(viewport={"width": 1024, "height": 768})
+        self.page = self.context.new_page()
+        self.page.on("pageerror", lambda error: self.errors.append(str(error)))
+        self.page.on(
+            "console", lambda said: self.errors.append(said.text) if said.type == "error" else None
+        )
+        self.served.until(lambda status: status["twins"][0]["rows"] > 150)
+
+    def go(self, place: str) -> Any:
+        self.page.goto(f"{self.address}/#/{place}")
+        self.page.wait_for_selector("#main :is(h1, h2)")
+        self.page.wait_for_function(f"{SHOWN} === 'yes'")
+        return self.page
+
+    def close(self) -> None:
+        self.context.close()
+        self.process.terminate()
+        with self.process:
+            self.process.wait(10)
+        if self.served.process.poll() is None:
+            self.served.end()
+
+
+@pytest.fixture(scope="module")
+def shown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shown]:
+    chromium = shutil.which("chromium")
+    if chromium is None:
+        pytest.skip("chromium is not installed")
+    playwright = pytest.importorskip("playwright.sync_api")
+    folder = tmp_path_factory.mktemp("page")
+    record_robot(folder / "run.csv", "--light", "--world", "w3", "--seconds", "1500", "--seed", "2")
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(
+            executable_path=chromium, args=["--no-sandbox", "--enable-unsafe-swiftshader"]
+        )
+        found = Shown(folder, browser)
+        try:
+            found.page.goto(found.enter)
+            yield found
+        finally:
+            found.close()
+            browser.close()
+
+
+@pytest.mark.parametrize("place", ["", *(f"twin/robot/{view}" for view in VIEWS), "add"])
+def test_each_view_is_whole_in_light_and_dark_and_on_a_tablet(shown: Shown, place: str) -> None:
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
+    page = shown.go(place)
+    serious = []
+    for look in ("light", "dark"):
+        page.evaluate(
+            f"document.documentElement.classList.remove('light', 'dark'), "
+            f"document.documentElement.classList.add('{look}')"
+        )
+        page.wait_for_timeout(200)
+        told = axe.run(page).response
+        assert len(told["passes"]) > 10
+        found = told["violations"]
+        serious += [
+            (look, one["id"], [node["html"][:150] for node in one["nodes"]][:2])
+            for one in found if one["impact"] in ("serious", "critical")
+        ]  # fmt: skip
+    assert serious == []
+    assert page.evaluate("document.documentElement.scrollWidth") <= 1024
+    refused = ("status of 400", "status of 502")  # no indicator; no embedded machine listens
+    assert [one for one in shown.errors if not any(word in one for word in refused)] == []
+    assert "undefined" not in page.inner_text("main") and "NaN" not in page.inner_text("main")
+
+
+def test_the_keyboard_reaches_everything(shown: Shown) -> None:
+    page = shown.go("twin/robot/improvement")
+    page.wait_for_selector("#order-promote")
+    wanted = page.evaluate(
+        "[...document.querySelectorAll('a[href], button:not(:disabled), input, select, summary, "
+        "canvas')].filter((one) => one.checkVisibility()).length"
+    )
+    page.evaluate("document.activeElement.blur(), (window.seen = new Set())")
+    for _ in range(3 * wanted + 10):
+        page.keyboard.press("Tab")
+        page.evaluate(
+            "document.activeElement.matches('a, button, input, select, summary, canvas') && "
+            "window.seen.add(document.activeElement)"
+        )
+        if page.evaluate("window.seen.size") >= wanted:
+            break
+    assert page.evaluate("window.seen.size") >= wanted
+
+
+def test_an_order_changes_the_next_rows_and_hostile_words_are_text(shown: Shown) -> None:
+    page, served = shown.go("twin/robot/improvement"), shown.served
+    served.until(lambda status: status["twins"][0]["versions"] > 1)
+    page.reload()
+    page.wait_for_selector("#order-pin")
+    twin = served.ask("/api/v1/twins/robot")[1]
+    other = next(v["number"] for v in twin["versions"] if v["number"] != twin["champion"])
+    page.select_option("#version", str(other))
+    page.fill("#person", HOSTILE)
+    page.fill("#reason", HOSTILE)
+    page.click("#order-promote")
+    page.wait_for_function(
+        f"() => window.evertwin.feed.rows.version.at(-1) === {other}", timeout=15_000
+    )
+    events = served.ask("/api/v1/twins/robot/events?last=50")[1]["events"]
+    (ordered,) = [e for e in events if e["evidence"].get("person") == HOSTILE]
+    assert ordered["kind"] == "promoted" and HOSTILE in ordered["reason"]
+    page = shown.go("twin/robot/events")
+    page.wait_for_selector(f"#event-{ordered['number']}")
+    page.click(f"#event-{ordered['number']}")
+    page.fill("#person", HOSTILE)
+    page.fill("#reason", HOSTILE)
+    page.click("#say-acknowledged")
+    page.wait_for_selector("text=kept; the condition")
+    shown.go("")
+    assert HOSTILE in page.inner_text("#top")
+    assert page.evaluate("window.hit") is None and page.query_selector("main img") is None
+
+
+def test_it_goes_on_by_itself_where_the_service_was_killed(shown: Shown) -> None:
+    page = shown.go("twin/robot/live")
+    page.wait_for_function("() => window.evertwin.feed.rows.row.length > 20")
+    page.evaluate("window.here = 1")
+    shown.served.kill()
+    page.wait_for_function("() => document.getElementById('banner').textContent.includes('old')")
+    assert "No connection" in page.inner_text("#banner")
+    last = page.evaluate("window.evertwin.feed.rows.newest")
+    shown.served = Served(shown.file)
+    shown.served.until(lambda status: status["twins"][0]["rows"] > last)
+    page.wait_for_function(f"() => window.evertwin.feed.rows.newest > {last + 3}", timeout=5000)
+    assert page.evaluate("window.here") == 1 and page.url.endswith("#/twin/robot/live")
+    page.wait_for_function("() => !document.getElementById('banner').classList.contains('on')")
+    rows = page.evaluate(ROWS)
+    assert rows == list(range(rows[0], rows[-1] + 1))
+    kept = shown.served.ask("/api/v1/twins/robot/rows?last=10000&points=10000")[1]
+    number = kept["row"].index(rows[0])
+    seen = page.evaluate("() => Array.from(window.evertwin.feed.rows.outputs.x.measured)")
+    assert seen == kept["outputs"]["x"]["measured"][number : number + len(seen)]
+    numbers = page.evaluate("() => window.evertwin.feed.events.map((e) => e.number)")
+    told = shown.served.ask("/api/v1/twins/robot/events?last=500")[1]["events"]
+    assert numbers == sorted(set(numbers)) == [e["number"] for e in told][: len(numbers)]
+    shown.errors.clear()  # the browser tells each question that found nobody
+
+
+def test_the_past_is_drawn_without_a_seam(shown: Shown) -> None:
+    page = shown.go("twin/robot/live")
+    page.wait_for_selector("canvas")
+    before = page.inner_text("#at")
+    page.click("#pause")
+    page.click("#back")
+    page.wait_for_function(
+        "(text) => document.getElementById('at').textContent !== text", arg=before
+    )
+    assert page.get_attribute("#pause", "aria-pressed") == "true"
+    page.focus("figure canvas")
+    page.keyboard.press("ArrowLeft")
+    assert "x" in page.inner_text("figure.chart .legend") and page.query_selector(".legend output")
+    page.keyboard.press("Escape")
+    page.click("#pause")
+
+
+def test_who_has_no_cookie_may_only_look(shown: Shown) -> None:
+    answer = shown.context.browser.new_context().request.post(
+        f"{shown.address}/api/v1/twins/robot/orders", data={"order": "rollback", "reason": "x"}
+    )
+    assert answer.status == 401
+    cookie = next(iter(shown.context.cookies()))
+    assert cookie["httpOnly"] and cookie["sameSite"] == "Strict"
+    assert re.fullmatch(r"[0-9a-f]{40}", cookie["value"])
