@@ -34,7 +34,7 @@ class Shown:
     """A service, `evertwin page` and a browser."""
 
     def __init__(self, folder: Path, browser: Any) -> None:
-        self.file = site(folder, "robot", speed=8, http=f"port = {free_port()}")
+        self.file = site(folder, "robot", speed=25, http=f"port = {free_port()}")
         text = self.file.read_text().replace('name = "hall"', f"name = '{HOSTILE}'")
         self.file.write_text(text)
         self.served = Served(self.file)
@@ -54,7 +54,7 @@ class Shown:
         self.page.on(
             "console", lambda said: self.errors.append(said.text) if said.type == "error" else None
         )
-        self.served.until(lambda status: status["twins"][0]["rows"] > 150)
+        self.served.until(lambda status: status["twins"][0]["rows"] > 30)
 
     def go(self, place: str) -> Any:
         self.page.goto(f"{self.address}/#/{place}")
@@ -78,7 +78,7 @@ def shown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shown]:
         pytest.skip("chromium is not installed")
     playwright = pytest.importorskip("playwright.sync_api")
     folder = tmp_path_factory.mktemp("page")
-    record_robot(folder / "run.csv", "--light", "--world", "w3", "--seconds", "1500", "--seed", "2")
+    record_robot(folder / "run.csv", "--light", "--world", "w3", "--seconds", "3000", "--seed", "2")
     with playwright.sync_playwright() as driver:
         browser = driver.chromium.launch(
             executable_path=chromium, args=["--no-sandbox", "--enable-unsafe-swiftshader"]

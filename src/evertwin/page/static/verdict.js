@@ -32,7 +32,7 @@ function better(about) {
   const found = gains(about.figures);
   const good = found.filter((one) => one.share > 0);
   const bad = found.filter((one) => one.share < 0);
-  if (!about.champion) return about.trial ? `On trial: ${number(100 * about.trial.gain)} % less so far.` : "No better version has been found yet.";
+  if (!about.champion) return about.trial ? `On trial: ${less(about.trial.gain)}.` : "No better version has been found yet.";
   if (!good.length && !bad.length) return "No clear difference on what it had not seen.";
   const said = good.slice(0, 3).map((one) => h("div", {}, h("b", {}, `${Math.round(100 * one.share)} % less: `), one.text));
   if (good.length > 3) said.push(h("div", { class: "quiet" }, `and ${good.length - 3} more outputs`));
@@ -50,12 +50,15 @@ export function trust(about, promoted) {
   const over = condition === "out_of_specification" ? `It is off again: ${about.why}. ` : "";
   const unsure = weak.length ? ` Weakly known: ${weak.join(", ")}.` : "";
   if (!promoted) return about.champion
-    ? ["By hand", "weak", `${over}this version went live by an order, not by its trial.${unsure}`]
+    ? ["With care", "weak", `${over}How it went live lies further back than the events that are shown.${unsure}`]
     : [over ? "Not yet" : "As configured", over ? "weak" : "good", `${over}${count(rows, "row")} compared.`];
   const evidence = promoted.reason.replace(/^version \d+ replaces \d+: /, "").replace(/, e-value.*/, "");
-  if (promoted.evidence?.person) return ["By hand", "weak", `${over}promoted by ${promoted.evidence.person}, not by its trial.${unsure}`];
+  if (promoted.evidence?.person) return ["By hand", "weak", `${over}Promoted by ${promoted.evidence.person}, not by its trial.${unsure}`];
   return [over ? "With care" : "Yes", over ? "weak" : "good", `${over}Proved against the version before: ${evidence}.${unsure}`];
 }
+
+/** What a trial has gained, in words. */
+export const less = (gain) => (gain > 0 ? `${number(100 * gain)} % less so far` : `no less so far (${number(-100 * gain)} % more)`);
 
 /** The card. `about`: of GET /twins/NAME; `events`: those that are known. */
 export function verdict(about, events) {

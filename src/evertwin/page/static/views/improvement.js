@@ -2,7 +2,7 @@
 
 import { Axis, Chart, fromPixels } from "../chart.js";
 import { action, field, h, put, s, table } from "../dom.js";
-import { gains, verdict } from "../verdict.js";
+import { gains, less, verdict } from "../verdict.js";
 import { clock, number, quantity } from "../words.js";
 import { ask, of } from "../wire.js";
 
@@ -23,6 +23,7 @@ export function open({ twin, context }) {
       return put(parts.head, h("p", {}, error.message));
     }
     const events = context.feed?.events ?? [];
+    if (context.feed?.cursor === null) return setTimeout(look, 300); // how it went live is not known yet
     const key = JSON.stringify([about.champion, about.pinned, about.versions?.length, about.trial, about.figures, events.length, about.condition, about.stale]);
     if (key === drawn) return undefined;
     drawn = key;
@@ -119,7 +120,7 @@ function trial(about) {
   const one = about.trial;
   if (!one) return [h("h2", {}, "On trial"), h("p", { class: "quiet" }, "No version is on trial.")];
   const lacks = one.missing.map((check) => h("li", {}, `${check.name}: ${number(check.value)} of ${number(check.limit)}`, " ", h("progress", { value: String(Math.max(0, Math.min(1, check.value / check.limit || 0))), max: "1", "aria-label": check.name })));
-  return [h("h2", {}, `On trial: version ${one.version}`), h("p", {}, one.reason), h("p", {}, h("b", {}, `${number(100 * one.gain)} % less`), ` so far, over ${one.segments} segments that neither had seen`),
+  return [h("h2", {}, `On trial: version ${one.version}`), h("p", {}, one.reason), h("p", {}, h("b", {}, less(one.gain)), `, over ${one.segments} segments that neither had seen`),
     h("h3", {}, lacks.length ? "It still needs" : "It lacks nothing"), h("ul", { class: "missing" }, lacks),
     h("p", { class: "quiet" }, one.more === null ? `How long that takes cannot be told: ${one.untold}` : `At this pace ${one.more} more segments, ${number(one.seconds)} s of the machine's time`)];
 }

@@ -82,8 +82,9 @@ class Live {
       const about = await ask(of(this.twin));
       this.about = about;
       const drawn = JSON.stringify([about.headline, about.condition, about.why, about.champion, about.figures, about.trial, about.label, about.stale, this.context.feed?.cursor]);
-      if (drawn !== this.drawn) put(this.head, verdict(about, this.context.feed?.events ?? []));
-      this.drawn = drawn;
+      if (this.context.feed?.cursor === null) this.asked = 0; // how it went live is not known yet
+      else if (drawn !== this.drawn) put(this.head, verdict(about, this.context.feed?.events ?? []));
+      if (this.context.feed?.cursor !== null) this.drawn = drawn;
       if (about.outputs && !this.charts.length) this.#choose();
     } catch (error) {
       if (!this.about) put(this.head, h("p", {}, error.message));
