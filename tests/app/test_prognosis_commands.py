@@ -93,9 +93,7 @@ def test_plan_is_written_and_decisions_are_kept(worn: Path, call: Command) -> No
         wrong = call("decide", "robot.toml", "gearbox", *said, *known)
         assert wrong.code == 2 and "expected" in wrong.err
     taken = call("decide", "robot.toml", "gearbox", "withdraw", "--reason", "it came")
-    assert taken.code == 0 and call("plan", "robot.toml", *known).out.startswith(
-        "gearbox: after 0"
-    )
+    assert taken.code == 0 and call("plan", "robot.toml", *known).out.startswith("gearbox: after 0")
     assert call("decide", "robot.toml", "gearbox", "reject").code == 2
     unknown = call("decide", "robot.toml", "gearbox", "later")
     assert unknown.code == 2 and "expected one of confirm" in unknown.err
