@@ -126,3 +126,39 @@ def test_the_documents_keep_their_schema(kind: str, folder: Path, call: Command)
     assert dated == (["gearbox"] if told else []) and set(planned["without_date"]) == (
         set() if told else {"gearbox"}
     )
+
+
+def test_a_series_alone_tells_its_life(folder: Path, call: Command) -> None:
+    rng = np.random.default_rng(0)
+    rows = [f"{k},{1.9 - 0.004 * k + 0.002 * rng.normal():.5f}" for k in range(80)]
+    (folder / "cell.csv").write_text("cycle,capacity\n" + "\n".join(rows) + "\n")
+    told = strict(call("life", "cell.csv", "--limit", "1.4", "--below", "--json").out)
+    jsonschema.validate(told, SCHEMA)
+    life = told["components"]["capacity"]["life"]
+    assert life["interval80"][0] < 46.0 < life["interval80"][1] and told["clock"] == "cycle"
+    assert call("life", "cell.csv", "--limit", "1.4", "--below", "--check").code == 0
+    wrong = call("life", "cell.csv", "--limit", "1.4")
+    assert wrong.code == 4 and "cell.csv:2" in wrong.err and "--below" in wrong.err
+    far = call("life", "cell.csv", "--limit", "1400", "--below")
+    assert far.code == 4 and "in another unit" in far.err
+    assert call("life", "cell.csv").code == 2
+    none = call("life", "cell.csv", "--limit", "1.4", "--below", "--fleet", "none/*.csv")
+    assert none.code == 2 and "none/*.csv" in none.err
+
+
+def test_a_fleet_is_named_on_the_command_line(folder: Path, call: Command) -> None:
+    rng = np.random.default_rng(1)
+    for name, life in (("a", 100), ("b", 110), ("c", 120), ("d", 105), ("own", 60)):
+        whole = 110 if name == "own" else life
+        y = 1.0 + np.arange(life + (0 if name == "own" else 4)) / whole
+        text = "\n".join(f"{k},{v + 0.01 * rng.normal():.5f}" for k, v in enumerate(y))
+        (folder / f"{name}.csv").write_text(f"run,wear\n{text}\n")
+    known = ("life", "own.csv", "--limit", "2", "--json")
+
+    def interval(*more: str) -> list[float]:
+        document = strict(call(*known, *more).out)
+        told: list[float] = document["components"]["wear"]["life"]["interval80"]
+        return told
+
+    alone, fleet = interval(), interval("--fleet", "[abcd].csv")
+    assert fleet[0] < 51.0 < fleet[1] and np.ptp(fleet) < 0.5 * np.ptp(alone)

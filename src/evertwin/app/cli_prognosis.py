@@ -21,7 +21,10 @@ History = Annotated[
     Path | None, typer.Option(help="History (CSV) in place of the store's parameter history.")
 ]
 
+_LOOKING = typer.Typer()
 
+
+@_LOOKING.command()
 def forecast(
     twin: TwinFile,
     horizon: Annotated[str, typer.Option(help="How far, as in '10 min'.")] = "60 s",
@@ -41,23 +44,51 @@ def forecast(
     show_forecast(twin, horizon, data, (mode, inputs), as_json)
 
 
+@_LOOKING.command()
 def life(
-    twin: TwinFile,
+    twin: Annotated[
+        Path, typer.Argument(help="Twin file (TOML), or a series alone.", metavar="TWIN.toml|CSV")
+    ],
     history: History = None,
     data: DataFiles = None,
     report: Report = None,
+    limit: Annotated[
+        float | None, typer.Option(help="Of a series alone: where its life ends.")
+    ] = None,
+    below: Annotated[
+        bool, typer.Option("--below", help="Of a series alone: the harmful side is below.")
+    ] = False,
+    column: Annotated[str, typer.Option(help="Of a series alone: the column of values.")] = "",
+    fleet: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Of a series alone: like machines until their end, as in 'others/*.csv'."
+        ),
+    ] = None,
     as_json: AsJson = False,
     check: Check = False,
 ) -> None:
     """Remaining useful life of each component, from the parameter history or a file.
 
     Example: evertwin life arm.toml --history friction.csv
+    Example: evertwin life cell.csv --limit 1.4 --below --fleet 'others/*.csv'
     """
+    if twin.suffix.lower() != ".toml":
+        from evertwin.app.lone_life import show_series
+
+        show_series(twin, (limit, below, column, fleet or []), as_json, check)
+        return
+    if limit is not None or below or column or fleet:
+        raise UsageError(
+            f"{twin}: --limit, --below, --column and --fleet are of a series alone; a twin file "
+            "says them in [[indicator]] and [prognosis]"
+        )
     from evertwin.app.prognosis import show_life
 
     show_life(twin, (history, data), report, as_json, check)
 
 
+@_LOOKING.command()
 def whatif(
     twin: TwinFile,
     scenario: Annotated[Path, typer.Option(help="Scenario file (TOML).", metavar="FILE")],
@@ -75,6 +106,7 @@ def whatif(
     show_whatif(twin, scenario, (history, data), as_json, check)
 
 
+@_LOOKING.command()
 def plan(
     twin: TwinFile,
     history: History = None,
@@ -92,6 +124,7 @@ def plan(
     show_plan(twin, (history, data), out, report, as_json)
 
 
+@_LOOKING.command()
 def decide(
     twin: TwinFile,
     said: Annotated[
@@ -132,5 +165,4 @@ def decide(
 
 def register(app: typer.Typer) -> None:
     """Adds the commands."""
-    for command in (forecast, life, whatif, plan, decide):
-        app.command()(command)
+    app.registered_commands.extend(_LOOKING.registered_commands)

@@ -185,8 +185,9 @@ class PrognosisSpec(Section):
     visit: Annotated[float, Ge(0.0)] = 0.0
     """Cost of one stop for maintenance, whatever is done in it: components whose dates lie close
     share one. It comes on top of their ``maintenance``."""
-    ahead: Positive = 20.0
-    """An alarm is due when a failure within this time is likelier than ``risk``."""
+    ahead: Positive | None = None
+    """An alarm is due when a failure within this time is likelier than ``risk``, in units of the
+    clock; absent: a tenth of the whole life."""
     risk: Fraction = 0.1
     """Probability of failure that is not accepted."""
     alarms: Positive = 1.0

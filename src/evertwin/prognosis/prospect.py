@@ -216,7 +216,7 @@ class Prospect:
         """Times from now at which probabilities are told: windows, else the time ahead."""
         rule = self.rule
         if rule.windows is None:
-            return (rule.ahead,)
+            return () if rule.ahead is None else (rule.ahead,)
         dates = (rule.window + k * rule.windows for k in range(5))
         return tuple(date for date in dates if date > 0.0)[:4]
 

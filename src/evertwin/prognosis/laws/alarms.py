@@ -31,6 +31,8 @@ Kind = Literal["limit_passed", "failure_due", "wear_begun"]
 URGENCY: Mapping[str, int] = {"limit_passed": 0, "failure_due": 1, "wear_begun": 2}
 UNHELD: Kind = "limit_passed"
 """Raised whatever the budget says."""
+LEAD = 0.1
+"""Share of the whole life within which a failure has to be foreseen."""
 RELEASE = 0.5
 """Share of the accepted risk below which a failure is no longer due."""
 
@@ -68,7 +70,7 @@ class Spent(NamedTuple):
 
 
 def alarm_of(
-    component: str, indicator: Indicator, life: Life | NotEnough, ahead: float, risk: float
+    component: str, indicator: Indicator, life: Life | NotEnough, ahead: float | None, risk: float
 ) -> Alarm | None:
     """The alarm that is due for a component, if any.
 
@@ -76,7 +78,8 @@ def alarm_of(
         component: its name.
         indicator: what tells its wear.
         life: what is known of its remaining life.
-        ahead: time within which a failure has to be foreseen, in the indicator's clock.
+        ahead: time within which a failure has to be foreseen, in the indicator's clock; None:
+            `LEAD` of the whole life.
         risk: probability of failure that is not accepted.
     """
     known = indicator.value[np.isfinite(indicator.value)]
@@ -99,6 +102,7 @@ def alarm_of(
         return Alarm(component, "wear_begun", reason, (None, None), action, evidence)
     low, high = life.interval80
     interval = (low, high if np.isfinite(high) else None)
+    ahead = lead(indicator, life) if ahead is None else ahead
     chance = life.probability_before(ahead)
     evidence |= {"probability": chance, "ahead": ahead, "law": life.law, "median": life.median}
     if life.median <= 0.0:
@@ -108,12 +112,20 @@ def alarm_of(
     if chance > risk:
         until = f"{high:.3g}" if np.isfinite(high) else "without end"
         reason = (
-            f"{shown}; it lasts {low:.3g} to {until} {life.unit} (80 %), fails within {ahead:g} "
+            f"{shown}; it lasts {low:.3g} to {until} {life.unit} (80 %), fails within {ahead:.4g} "
             f"{life.unit} with probability {chance:.2f}"
         )
         action = f"plan maintenance of {component} within {life.not_before:.3g} {life.unit}"
         return Alarm(component, "failure_due", reason, interval, action, evidence)
     return None
+
+
+def lead(indicator: Indicator, life: Life) -> float:
+    """`LEAD` of the whole life: of its age, and of what is left where that is known."""
+    own = indicator.since_replaced()
+    start = own.origin if own.origin is not None else float(own.at[0])
+    left = life.median if np.isfinite(life.median) else 0.0
+    return LEAD * (float(own.at[-1]) - start + left)
 
 
 def within_budget(

@@ -1,0 +1,151 @@
+"""The life that one series tells, without a twin: a cell, a bearing, a tool.
+
+What would be believed at a glance and is wrong all the same is asked back, with its row: a limit on
+the other side of the values, or a thousand times off.
+
+>>> import tempfile
+>>> file = Path(tempfile.mkdtemp()) / "cell.csv"
+>>> rows = [f"{k},{1.9 - 0.005 * k + 0.001 * (-1) ** k}" for k in range(60)]
+>>> _ = file.write_text("cycle,capacity\\n" + "\\n".join(rows))
+>>> lives = life_of_series(Series(file, 1.4, "below"))
+>>> lives.clock, 20.0 < lives.components["capacity"].urgency < 60.0
+('cycle', True)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from evertwin.config.prognosis import IndicatorSpec, PrognosisSpec
+from evertwin.errors import DataError, UsageError
+from evertwin.prognosis.formula import Formula
+from evertwin.prognosis.history_file import TIMES, of_table
+from evertwin.prognosis.laws import Fleet, Indicator, Limit, learn, predict_life
+from evertwin.prognosis.laws.alarms import alarm_of
+from evertwin.prognosis.laws.indicator import Direction
+from evertwin.prognosis.lives import ComponentLife, Lives
+from evertwin.sources.small_table import Table, read_table
+
+CLOCKS = ("run", "cycle", "s", "h", "d")
+FAR = 300.0
+"""Ratio of limit and values at which one of them is taken for a slip."""
+FEW = 5
+"""First values that tell on which side of the limit a life begins."""
+
+
+@dataclass(frozen=True)
+class Series:
+    """A file of values, and where life ends.
+
+    >>> Series(Path("cell.csv"), 1.4, "below").column
+    ''
+    """
+
+    file: Path
+    limit: float
+    direction: Direction = "above"
+    column: str = ""
+    """Of the values; empty: the only one there is."""
+    clock: str = ""
+    """What life is counted in; empty: as the columns say."""
+    fleet: tuple[Path, ...] = ()
+    """Like machines until their end, in the same columns."""
+
+
+def life_of_series(asked: Series) -> Lives:
+    """What the series says of the life.
+
+    Raises:
+        DataError: a row or the limit contradicts the rest.
+        UsageError: the column or the clock cannot be told.
+    """
+    table = read_table(asked.file)
+    column, clock = asked.column or _column(table), asked.clock or _clock(table)
+    rule = IndicatorSpec(name=column, limit=asked.limit, direction=asked.direction)
+    limit = Limit(asked.limit, asked.direction)
+    own = _indicator(rule, table, clock, limit)
+    _check(own, table)
+    fleet = _fleet(rule, asked.fleet, clock, limit)
+    life = predict_life(own, fleet=fleet)
+    one = ComponentLife(column, rule, own, life, life, Formula.parse("1"))
+    spec = PrognosisSpec()
+    due = alarm_of(column, own, life, spec.ahead, spec.risk)
+    now = float(own.at[-1]) if len(own.at) else 0.0
+    return Lives(
+        asked.file.name, clock, {column: one}, None, () if due is None else (due,),
+        dates=(), indicators=(one,), now=now,
+    )  # fmt: skip
+
+
+def _indicator(rule: IndicatorSpec, table: Table, clock: str, limit: Limit) -> Indicator:
+    known = of_table(rule, table, clock)
+    return Indicator.of(rule.name, known.unit or "1", limit, known.at, known.value).with_(
+        sigma=known.sigma, clock=clock, maintenance=known.maintenance, notes=known.notes
+    )
+
+
+def _fleet(rule: IndicatorSpec, files: Sequence[Path], clock: str, limit: Limit) -> Fleet | None:
+    if not files:
+        return None
+    return learn([_indicator(rule, read_table(file), clock, limit) for file in files])
+
+
+def _column(table: Table) -> str:
+    """The only column of values."""
+    clocks = {*CLOCKS, *TIMES}
+    there = [n for n in table.names if n.lower() not in clocks and not n.endswith("sigma")]
+    there = [n for n in there if n not in table.dates]
+    if len(there) != 1:
+        raise UsageError(
+            f"{table.name}: expected one column of values, got {', '.join(there) or 'none'}: name "
+            "it with --column"
+        )
+    return there[0]
+
+
+def _clock(table: Table) -> str:
+    """What life is counted in, by the columns that there are."""
+    names = {n.lower() for n in table.names}
+    if found := [clock for clock in CLOCKS if clock in names]:
+        return found[0]
+    if table.dates:
+        span = float(np.ptp(table.column(min(table.dates))))
+        return "d" if span > 20.0 * 86_400.0 else "h"
+    return "s" if names & set(TIMES) else "run"
+
+
+def _check(own: Indicator, table: Table) -> None:
+    """Asks back where limit and values contradict each other.
+
+    Raises:
+        DataError: with the row.
+    """
+    good = np.flatnonzero(np.isfinite(own.value))
+    if not len(good):
+        return
+    size = float(np.median(np.abs(own.value[good])))
+    limit, name = own.limit.value, own.name
+    if limit and size and not 1.0 / FAR < abs(limit) / size < FAR:
+        raise DataError(
+            f"{table.name}:{table.lines[0]}: {name}: values are about {size:.4g}, the limit is "
+            f"{limit:g}: {abs(limit) / size:.3g} times as much: is one of them in another unit?"
+        )
+    off = np.flatnonzero(np.abs(own.value[good]) > FAR * max(size, 1e-300))
+    if len(off):
+        k = int(np.flatnonzero(table.column(name) == own.value[good[off[0]]])[0])
+        raise DataError(
+            f"{table.name}:{table.lines[k]}: {name}: expected values of about {size:.4g}, got "
+            f"{own.value[good[off[0]]]:.4g}: is it in another unit? Correct or delete the row"
+        )
+    first = own.distance()[good[:FEW]]
+    if np.all(first <= 0.0):
+        other = "--below" if own.limit.direction == "above" else "without --below"
+        raise DataError(
+            f"{table.name}:{table.lines[0]}: {name}: expected a life that begins on the sound side "
+            f"of the limit, got {own.value[good[0]]:.4g} with a limit {limit:g} "
+            f"({own.limit.direction}): is it meant {other}?"
+        )
