@@ -1,151 +1,242 @@
-"""What `kill -9` costs a running service: `python -m proofs.service_kills [KILLS] [SEED] [mqtt]`.
+"""What `kill -9` costs a running service: `python -m proofs.service_kills [KILLS] [SEED] [SPEED]`.
 
-A service follows the embedded robot and is killed at random times, while it starts and while it
-runs, again and again. The robot is a replayed recording; with ``mqtt`` it goes on sending with QoS
-1 through a broker (mosquitto) whether the service is there or not. In the end the service's store
-has each sample once, its rows are those of a twin that nobody killed, bit for bit, its events too,
-and its log is sound.
+The embedded arm (Modbus) and the embedded robot (MQTT, QoS 1, through mosquitto) go on sending in
+time-lapse while the service that follows them is killed again and again: before and after named
+points of its code, and at random times while it starts and runs. Most lives are forked from a
+process that has imported what it needs, every tenth begins anew as `python -m evertwin`. In the end
+
+    MQTT       each sample that the robot sent is in the store, once
+    Modbus     no sample is there twice; what was said while nobody listened is stated
+    records    none is in the log twice, and the chain is sound
+    champions  every promotion follows the version that was live
+    replay     a fresh process folds what is stored, with the logged answers: the log as it is, and
+               the state as it is, bit for bit
 """
 
 from __future__ import annotations
 
-import json
+import contextlib
+import importlib
+import itertools
+import os
+import re
+import signal
 import sys
 import tempfile
-import threading
 import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import ExitStack, closing
 from pathlib import Path
+from typing import NamedTuple, NoReturn
 
 import numpy as np
-import paho.mqtt.client as paho
-from paho.mqtt.enums import CallbackAPIVersion
 
-from evertwin import Twin
-from evertwin.config import read
-from evertwin.fold import plain
-from evertwin.sources.recorded import Recorded
+from evertwin.app.cli import main as command_line
+from evertwin.app.demo_live import free_ports, site_of
+from evertwin.app.machines import Common, LiveMachine, arm_options, robot_options
+from evertwin.fold import Event
+from evertwin.service.service import Service
 from evertwin.store import SqliteStore
-from planted.serving import Served, site
-from planted.worlds import record_robot
+from planted.serving import Served
 from proofs._verdict import ended
 from proofs.broker import SAVED, Broker
+from proofs.kills import Kill as Point
+from proofs.kills import _around, _counting
+from proofs.replay_live import bare, end_of, fold
 
-RATE = 50
-"""Rows a second."""
-LONGEST = 1.0
-"""Seconds that a service runs before it is killed, after its start."""
+POINTS = (
+    ("evertwin.sources.live.mqtt", "Mqtt.decode"),
+    ("evertwin.sources.live.mqtt", "Mqtt.committed"),
+    ("evertwin.service.at_work", "AtWork.keep"),
+    ("evertwin.service.at_work", "AtWork.fold"),
+    ("evertwin.loop.samples", "Samples.keep"),
+    ("evertwin.loop.live", "Live._go_on"),
+    ("evertwin.loop.live", "Live.settle"),
+    ("evertwin.loop.run_log", "RunLog.say"),
+    ("evertwin.loop.run_log", "RunLog.again"),
+    ("evertwin.loop.ledger", "Ledger.commit"),
+    ("evertwin.loop.driver", "Driver.beat"),
+    ("evertwin.loop.slow_work", "SlowWork.send"),
+    ("evertwin.loop.decide", "Decide._promote"),
+    ("evertwin.store.writer", "Writer.flush"),
+    ("evertwin.store.sqlite", "_Tables.write"),
+    ("evertwin.store.checkpoints", "Checkpoints.write"),
+    ("evertwin.store.checkpoints", "Checkpoints.restore"),
+)
+LONGEST = 4.0
+"""Seconds that a service runs at most before it is killed."""
+ANEW = 10
+"""Every so manieth life begins with a new process."""
 
 
-def killed(file: Path, kills: int, rng: np.random.Generator) -> tuple[list[float], int]:
-    """Seconds from a start until it was ready, where it lived so long; kills while it started."""
-    ready, early = [], 0
-    for _ in range(kills):
-        began = time.perf_counter()
-        served = Served(file)
-        if rng.uniform() < 0.3:  # while the twin opens, goes on, folds again
-            time.sleep(rng.uniform(0.0, 0.5))
-            early += 1
+class Life(NamedTuple):
+    """One life of the service."""
+
+    how: str
+    died: float
+    ready: float
+    """Seconds until every twin ran; NaN: it died before."""
+
+
+def _child(site: Path, kill: Point) -> NoReturn:
+    passed = _counting(Counter(), kill)
+    for module, name in POINTS:
+        owner, method = name.split(".")
+        kind = getattr(importlib.import_module(module), owner)
+        setattr(kind, method, _around(kind.__dict__[method], name, passed))
+    start = Service.start
+
+    async def started(self: Service) -> None:
+        await start(self)
+        (site.parent / "ready").write_text(str(time.time()))
+
+    Service.start = started  # type: ignore[method-assign]
+    log = os.open(site.parent / "log.jsonl", os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
+    for stream in (1, 2):
+        os.dup2(log, stream)
+    try:
+        command_line(["serve", str(site), "--log", "json"])
+    finally:
+        os._exit(1)
+
+
+def forked(site: Path, kill: Point, seconds: float) -> Life:
+    """A life that ends at a point, or after so many seconds."""
+    ready = site.parent / "ready"
+    ready.unlink(missing_ok=True)
+    sys.stdout.flush()
+    began = time.time()
+    pid = os.fork()
+    if pid == 0:
+        _child(site, kill)
+    how, end = kill.how, time.monotonic() + seconds
+    while os.waitpid(pid, os.WNOHANG)[0] == 0:
+        if time.monotonic() > end:
+            how = "time"
+            os.kill(pid, signal.SIGKILL)
+            os.waitpid(pid, 0)
+            break
+        time.sleep(0.005)
+    with contextlib.suppress(FileNotFoundError, ValueError):
+        return Life(how, time.time(), float(ready.read_text()) - began)
+    return Life(how, time.time(), np.nan)
+
+
+def anew(site: Path, seconds: float) -> Life:
+    """A life in a process of its own, that ends so many seconds after it was ready."""
+    began = time.time()
+    served = Served(site)
+    token = (site.parent / "demo-store" / "token").read_text().strip()
+    while served.ask("/-/ready", token=token)[0] != 200:
+        time.sleep(0.02)
+    ready = time.time() - began
+    time.sleep(seconds)
+    served.kill()
+    return Life("anew", time.time(), ready)
+
+
+def lives(site: Path, kills: int, rng: np.random.Generator) -> Iterator[Life]:
+    """One after the other: each point in turn, before and after it."""
+    named = [f"{when} {name}" for _, name in POINTS for when in ("before", "after")]
+    for number, how in zip(range(kills), itertools.cycle(named)):
+        if number % ANEW == ANEW - 1:
+            yield anew(site, rng.uniform(0.0, LONGEST))
+        elif number % 3 == 2:
+            yield forked(site, Point("time", np.inf), rng.uniform(0.0, LONGEST))
         else:
-            served.until(lambda _: True)
-            ready.append(time.perf_counter() - began)
-            time.sleep(rng.uniform(0.0, LONGEST))
-        served.kill()
-    return ready, early
+            yield forked(site, Point(how, int(rng.geometric(0.2))), LONGEST)
 
 
-MQTT = """protocol = "mqtt"
-port = {port}
-topic = "robot/state"
-sequence = "seq"
-publisher = "session"
-"""
+def stamps(store: SqliteStore, source: str) -> np.ndarray:
+    """Of all samples of a source, in seconds."""
+    found = [chunk.t for chunk in store.samples(source, -(2**62), 2**62)]
+    return np.concatenate(found) / 1e9 if found else np.zeros(0)
 
 
-class Sender:
-    """The robot, sending each row of its recording once."""
-
-    def __init__(self, port: int, file: Path) -> None:
-        self.rows = [line.split(",") for line in file.read_text().splitlines()[1:]]
-        self._client = paho.Client(CallbackAPIVersion.VERSION2, client_id="robot")
-        self._client.max_inflight_messages_set(1)
-        self._client.connect("127.0.0.1", port)
-        self._client.loop_start()
-        self._thread = threading.Thread(target=self._send)
-        self._thread.start()
-
-    def _send(self) -> None:
-        for seq, (t, v, x) in enumerate(self.rows):
-            told = {"t": float(t), "v_cmd": float(v), "x": float(x), "seq": seq, "session": "one"}
-            self._client.publish("robot/state", json.dumps(told), qos=1).wait_for_publish(10.0)
-            time.sleep(1.0 / RATE)
-
-    def end(self) -> None:
-        """Returns when all are sent."""
-        self._thread.join()
-        self._client.disconnect()
-        self._client.loop_stop()
+def champions(store: SqliteStore) -> int:
+    """Promotions that do not follow the version that was live."""
+    live, wrong = 0, 0
+    for event in store.read("event"):
+        if isinstance(event, Event) and event.kind in ("promoted", "rolled_back"):
+            replaced = re.search(r"replaces (\d+)", event.reason)
+            wrong += replaced is not None and int(replaced[1]) != live
+            live = int(event.evidence["version"])
+    return wrong
 
 
-def _sending(file: Path) -> tuple[Broker, Sender]:
-    """Broker and robot; the service is there once, so that the broker keeps what comes for it."""
-    broker = Broker(*SAVED)
-    text = file.read_text()
-    file.write_text(text[: text.index("protocol")] + MQTT.format(port=broker.port))
-    with Served(file) as served:
-        served.until(lambda _: True)
-        time.sleep(2.0)  # it has subscribed
-        sender = Sender(broker.port, file.parent / "run.csv")
-        served.until(lambda status: status["twins"][0]["sources"]["log"]["received"] > 0)
-    return broker, sender
+def twice(store: SqliteStore) -> int:
+    """Entries of the log that stand there more than once."""
+    return sum(count - 1 for count in Counter(e[1:5] for e in store.entries()).values())
 
 
-def main(kills: int = 100, seed: int = 1, way: str = "replay") -> int:
+def found(name: str, folder: Path, store: Path) -> tuple[dict[str, bool], str]:
+    """What a store says in the end."""
+    with closing(SqliteStore(store, read_only=True)) as kept:
+        sources = ("command", "pose") if name == "robot" else ("controller",)
+        came = {one: np.sort(stamps(kept, one)) for one in sources}
+        step = 1.0 if name == "robot" else 0.1
+        repeated = {one: len(t) - len(np.unique(t)) for one, t in came.items()}
+        span = {one: round((t[-1] - t[0]) / step) + 1 for one, t in came.items()}
+        missing = {one: span[one] - len(np.unique(t)) for one, t in came.items()}
+        entries, doubled, wrong = kept.verify(), twice(kept), champions(kept)
+    copy = bare(store, folder / f"{name}-again.db")
+    fold(folder / "twins" / f"{name}_live.toml", copy)
+    demands = {
+        f"{name}: no sample twice": not any(repeated.values()),
+        f"{name}: no record twice": doubled == 0, f"{name}: one champion": wrong == 0,
+        f"{name}: replay": end_of(copy) == end_of(store),
+    }  # fmt: skip
+    if name == "robot":
+        demands["robot: no sample lost"] = not any(missing.values())
+    told = f"{name}: sent {span}, missing {missing}, twice {repeated}; {entries} entries, "
+    return demands, told + f"{doubled} twice, {wrong} champions beside another"
+
+
+def main(kills: int = 100, seed: int = 1, speed: float = 10.0) -> int:
     """Exit code 0 where nothing is lost, repeated or changed."""
     rng = np.random.default_rng(seed)
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        each = 0.5 * LONGEST if way == "replay" else 1.0  # the broker keeps what comes meanwhile
-        seconds = str(int(each * kills * RATE) + 100)
-        record_robot(folder / "run.csv", "--light", "--world", "w3", "--seconds", seconds)
-        file = site(folder, "robot", speed=float(RATE))
-        count = len((folder / "run.csv").read_text().splitlines()) - 1
-        broker, sender = (None, None) if way == "replay" else _sending(file)
-        ready, early = killed(file, kills, rng)
-        file.write_text(file.read_text().replace(f"speed = {float(RATE)}", "speed = inf"))
-        if broker is not None and sender is not None:
-            sender.end()
-        with Served(file) as served:
-            served.until(lambda status: status["twins"][0]["rows"] >= count, 600.0)
-            found = served.ask("/api/v1/twins/robot/rows?last=4000&points=4000")[1]
-        with Twin(read(folder / "robot1d.toml")) as twin:
-            chunks = list(Recorded.of(twin.spec.source[0], (folder / "run.csv",)).read())
-            for chunk in chunks:
-                twin.push(chunk)
-            view, said = twin.view(4000), [(e.row, e.kind, e.reason) for e in twin.events]
-        stamps = np.concatenate([chunk.t for chunk in chunks])
-        store = SqliteStore(folder / "store" / "robot.db", read_only=True)
-        kept = np.concatenate([chunk.t for _, chunk in store.read_chunks()])
-        told = [store.record(entry) for entry in store.entries(kinds=("event",))]
-        events = [(e.row, e.kind, e.reason) for e in told]  # type: ignore[union-attr]
-        entries = store.verify()
-        store.close()
-    lost, twice = len(set(stamps) - set(kept)), len(kept) - len(set(kept))
-    shown = {"measured": view.measured, "predicted": view.predicted, "sigma": view.band}
-    other = [key for key, column in shown.items()
-             if tuple(found["outputs"]["x"][key]) != plain(column[:, 0].tolist())]  # fmt: skip
-    if broker is not None:
-        broker.stop(kill=True)
-    print(
-        f"{way}: {kills} kills ({early} while it started), {len(stamps)} samples, {entries} entries"
-    )
-    print(f"samples lost {lost}, twice {twice}; columns that differ: {', '.join(other) or 'none'}")
-    print(f"events {len(events)}, as those of a twin that nobody killed: {events == said}")
-    if ready:
-        print(f"ready after p50 {np.median(ready):.2f} s, p99 {np.quantile(ready, 0.99):.2f} s")
-    return ended({"each sample once": lost + twice == 0, "the same rows": not other,
-                  "the same events": events == said})  # fmt: skip
+    with tempfile.TemporaryDirectory() as name, ExitStack() as running:
+        folder, broker = Path(name), Broker(*SAVED)
+        running.callback(broker.stop, kill=True)
+        ports = free_ports(("modbus", "mqtt", "http")) | {"mqtt": broker.port}
+        both = Common(seed, speed)
+        worn = both._replace(order=["100:friction.2=1.3", "300:friction.5=1.4"])
+        arm = arm_options(worn, f"127.0.0.1:{ports['modbus']}", "")
+        robot = robot_options(both, f"127.0.0.1:{broker.port}", topics="command,pose")
+        site = site_of(folder, ports)
+        site.write_text(re.sub(r"(?m)^store = ", "warm = false\nstore = ", site.read_text()))
+        with Served(site):  # once whole: the broker knows from here on for whom it keeps what comes
+            time.sleep(10.0)
+        machines = [LiveMachine("arm", arm), LiveMachine("robot", robot)]
+        for one in machines:
+            running.enter_context(one).reached()
+        lived = list(lives(site, kills, rng))
+        machines[1].__exit__()
+        with Served(site) as served:  # what the broker keeps comes
+            token = (site.parent / "demo-store" / "token").read_text().strip()
+            count, before = -1, -2
+            while count != before:
+                time.sleep(5.0)
+                told = served.ask("/api/v1/status", token=token)[1]["twins"][1]["sources"]
+                before, count = count, sum(one["received"] for one in told.values())
+        demands: dict[str, bool] = {}
+        for twin in ("arm", "robot"):
+            reached, text = found(twin, folder, site.parent / "demo-store" / f"{twin}_live.db")
+            demands |= reached
+            print(text)
+    ready = np.array([one.ready for one in lived if one.how != "anew" and np.isfinite(one.ready)])
+    new = np.array([one.ready for one in lived if one.how == "anew"])
+    counts = Counter(one.how for one in lived)
+    print(f"{len(lived)} kills: {counts.pop('time', 0)} at random times, {counts.pop('anew', 0)} of "
+          f"new processes, {sum(counts.values())} at {len(counts)} points")  # fmt: skip
+    for text, took in (("forked", ready), ("new processes", new)):
+        if len(took):
+            print(f"ready again, {text}: p50 {np.median(took):.2f} s, "
+                  f"p99 {np.quantile(took, 0.99):.2f} s")  # fmt: skip
+    return ended(demands)
 
 
 if __name__ == "__main__":
-    given = sys.argv[1:]
-    sys.exit(main(*map(int, given[:2]), *given[2:]))
+    words = sys.argv[1:]
+    sys.exit(main(*map(int, words[:2]), *map(float, words[2:])))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
 
@@ -11,12 +12,16 @@ from evertwin.app.console import show
 from evertwin.app.opening import store_path
 from evertwin.config import read
 from evertwin.errors import StoreDamaged, UsageError
-from evertwin.fold import Event
+from evertwin.fold import Chunk, Event
 from evertwin.signals import Channel, Layout
 from evertwin.signals.series import Series
 from evertwin.signals.units import si_unit
 from evertwin.sources import write
+from evertwin.sources.spec import SourceSpec
 from evertwin.store import Head, SqliteStore, restore
+
+TASK = "task"
+"""Column of an export with the number of each sample's task."""
 
 
 def show_events(twin: Path, kind: str | None, as_json: bool) -> None:
@@ -123,11 +128,7 @@ def export_samples(
         for one in spec.source:
             chunks = list(store.samples(one.name, low, high)) if source in ("", one.name) else []
             if chunks:
-                units = {name: si_unit(channel.unit) for name, channel in one.channels.items()}
-                layout = Layout(tuple(Channel(name, unit) for name, unit in units.items()))
-                t, v = np.concatenate([c.t for c in chunks]), np.concatenate([c.v for c in chunks])
-                order = np.argsort(t, kind="stable")
-                found[one.name] = Series(layout, t[order], np.ascontiguousarray(v[order]))
+                found[one.name] = _series(one, chunks)
     if not found:
         names = ", ".join(one.name for one in spec.source)
         raise UsageError(f"{path}: no samples in that time; the sources are {names}")
@@ -136,6 +137,16 @@ def export_samples(
     content = {"schema": "evertwin.samples/1", "file": str(file), "samples": counts}
     said = ", ".join(f"{count} of {name}" for name, count in counts.items())
     show(content, f"{file}: samples: {said}", as_json)
+
+
+def _series(source: SourceSpec, chunks: Sequence[Chunk]) -> Series:
+    """Samples of a source in SI, by stamp; the number of their task beside them."""
+    channels = [Channel(name, si_unit(one.unit)) for name, one in source.channels.items()]
+    layout = Layout((*channels, Channel(TASK, "1")))  # so that it can be run as it was lived
+    t, v = np.concatenate([c.t for c in chunks]), np.concatenate([c.v for c in chunks])
+    task = np.concatenate([np.full(len(c.t), float(c.task)) for c in chunks])
+    order = np.argsort(t, kind="stable")
+    return Series(layout, t[order], np.column_stack([v, task])[order])
 
 
 def _path(twin: Path) -> Path:
