@@ -228,8 +228,9 @@ def main(kills: int = 100, seed: int = 1, speed: float = 10.0) -> int:
     ready = np.array([one.ready for one in lived if one.how != "anew" and np.isfinite(one.ready)])
     new = np.array([one.ready for one in lived if one.how == "anew"])
     counts = Counter(one.how for one in lived)
-    print(f"{len(lived)} kills: {counts.pop('time', 0)} at random times, {counts.pop('anew', 0)} of "
-          f"new processes, {sum(counts.values())} at {len(counts)} points")  # fmt: skip
+    random, new_ones = counts.pop("time", 0), counts.pop("anew", 0)
+    print(f"{len(lived)} kills: {random} at random times, {new_ones} of new processes, "
+          f"{sum(counts.values())} at {len(counts)} points")  # fmt: skip
     for text, took in (("forked", ready), ("new processes", new)):
         if len(took):
             print(f"ready again, {text}: p50 {np.median(took):.2f} s, "

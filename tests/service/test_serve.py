@@ -161,7 +161,7 @@ def test_what_is_kept_can_be_taken_out_and_put_back(
         out = hall / f"out.{suffix}"
         assert call("store", "export", toml, out, "--store", store, "--first", 10) == 0
     again = (hall / "out.csv").read_text().splitlines()
-    assert again[0] == "t [s],v [m/s],x [m]"
+    assert again[0] == "t [s],v [m/s],x [m],task [1]"
     assert len(again) - 1 == sum((chunk.t >= 10**10).sum() for chunk in chunks)
     assert (hall / "out.mcap").read_bytes()[:5] == b"\x89MCAP"
     assert call("store", "export", toml, out, "--store", store, "--source", "no") == 2

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, TypeAlias
 
@@ -16,7 +15,7 @@ from evertwin.loop.headline import headline
 from evertwin.loop.open_trial import open_trial
 from evertwin.loop.result import OutputFigures, RunResult
 from evertwin.loop.setup import Setup
-from evertwin.loop.trace import Trace
+from evertwin.loop.trace import Tail, Trace
 from evertwin.loop.twin_state import TwinState
 from evertwin.models import Parameters
 from evertwin.signals import wrap
@@ -49,7 +48,7 @@ class Observer:
         self._trace = Trace()
         self._pieces: list[tuple[int, Block, Followed]] = []
         self._waiting = 0
-        self._newest: deque[dict[str, np.ndarray]] = deque()
+        self._newest = Tail(NEWEST)
         self.events: list[Event] = []
         self.knowledge: dict[tuple[str, float], dict[str, Any]] = {}
         self.rounds: list[dict[str, Any]] = []
@@ -84,37 +83,32 @@ class Observer:
 
     def newest(self, rows: int) -> dict[str, np.ndarray]:
         """The newest rows; those long past as the trace has them."""
-        self._collect()
-        parts: list[dict[str, np.ndarray]] = []
-        for part in reversed(self._newest):  # the trace is long: it is taken where it is needed
-            if rows <= sum(len(one["row"]) for one in parts):
-                break
-            parts.insert(0, part)
-        if len(parts) == len(self._newest):
-            parts.insert(0, self._before())
-        kept = {name: np.concatenate([p[name] for p in parts]) for name in parts[-1]}
+        before, kept = self._parts()
+        if not kept or not before:
+            kept = kept or before
+        elif len(kept["row"]) < rows:
+            kept = {name: np.concatenate([before[name], kept[name]]) for name in kept}
         return {
             name: column[len(column) - min(rows, len(column)) :] for name, column in kept.items()
         }
 
     def between(self, first: int, last: int) -> dict[str, np.ndarray]:
         """Rows stamped in [first, last] [ns]; those long past as the trace has them."""
-        self._collect()
         parts = [
             {name: column[chosen] for name, column in part.items()}
-            for part in (self._before(), *self._newest)
+            for part in self._parts()
             if "t" in part and (chosen := (part["t"] >= first) & (part["t"] <= last)).any()
         ]
         names = parts[-1] if parts else {}
         return {name: np.concatenate([part[name] for part in parts]) for name in names}
 
-    def _before(self) -> dict[str, np.ndarray]:
-        """The trace up to the newest rows."""
-        kept = self._trace.columns()
-        if not self._newest or not kept:
-            return kept
-        before = int(np.searchsorted(kept["row"], self._newest[0]["row"][0]))
-        return {name: column[:before] for name, column in kept.items()}
+    def _parts(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+        """The trace up to the newest rows, and these."""
+        trace, newest = self.trace.columns(), self._newest.columns()
+        if trace and newest:
+            before = int(np.searchsorted(trace["row"], newest["row"][0]))
+            trace = {name: column[:before] for name, column in trace.items()}
+        return trace, newest
 
     def _collect(self) -> None:
         """Small pieces are put into the trace together."""
@@ -130,9 +124,7 @@ class Observer:
         for name, column in zip(COLUMNS, parts, strict=True):
             columns[name] = column[0] if len(column) == 1 else np.concatenate(column)
         columns["mark"] = columns["mark"][:, -len(self._angles) :]
-        self._newest.append(columns)
-        while sum(len(part["row"]) for part in self._newest) - len(self._newest[0]["row"]) > NEWEST:
-            self._newest.popleft()
+        self._newest.add(columns)
         at = self._trace.places(row)
         kept = {name: column[at] for name, column in columns.items()}
         kept["residual"] = wrap(kept["measured"] - kept["predicted"], self._angles)

@@ -19,6 +19,43 @@ from dataclasses import dataclass, field
 import numpy as np
 
 
+class Tail:
+    """The newest rows, one by one: ``most`` of them at least. Adding some costs what they cost,
+    however many came before.
+
+    >>> tail = Tail(most=2)
+    >>> for k in range(7):
+    ...     tail.add({"row": np.array([k])})
+    >>> tail.columns()["row"].tolist()
+    [4, 5, 6]
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._room: dict[str, np.ndarray] = {}
+        self._kept = 0
+
+    def add(self, columns: Mapping[str, np.ndarray]) -> None:
+        """More rows."""
+        most, came = self._most, len(columns["row"])
+        if not self._room:
+            self._room = {
+                name: np.empty((2 * most, *column.shape[1:]), column.dtype)
+                for name, column in columns.items()
+            }
+        stay = self._kept if self._kept + came <= 2 * most else max(most - came, 0)
+        came = min(came, 2 * most)
+        for name, column in columns.items():
+            room = self._room[name]
+            room[:stay] = room[self._kept - stay : self._kept]
+            room[stay : stay + came] = column[len(column) - came :]
+        self._kept = stay + came
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """They, as views that hold until more rows are added."""
+        return {name: column[: self._kept] for name, column in self._room.items()}
+
+
 @dataclass
 class Trace:
     """Named columns that share their rows.

@@ -98,16 +98,14 @@ class AtWork:
         return kept
 
     def fold(self, kept: Sequence[Numbered]) -> Said:
-        """What was kept, through the twin; what it says is durable when it returns.
+        """What was kept, through the twin; events are durable when it returns.
 
         Raises:
             EvertwinError: the model, or the store, fails.
         """
         for one in kept:
             self.going.fold(one)
-        view = self.going.view(MOST)
-        self.twin.store.flush()
-        rows, skipped = self._fresh(view)
+        rows, skipped = self._fresh(self.going.view(MOST))
         return Said(rows, skipped, self._news(), self.row)
 
     def _fresh(self, view: View) -> tuple[Mapping[str, Any] | None, int]:
@@ -147,7 +145,7 @@ class AtWork:
         return make_block(t=view.t[last], u=view.inputs[last], y=view.measured[last])
 
     def _news(self) -> tuple[tuple[int, Mapping[str, Any]], ...]:
-        """Events since the last call; where the log went on, `about` follows."""
+        """Events since the last call, durable; where the log went on, `about` follows."""
         store, found = self.twin.store, []
         if store.head.length == self._read and self.about:
             return ()
