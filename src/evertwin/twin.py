@@ -30,6 +30,7 @@ from evertwin.models.form import Version
 from evertwin.store import Store, opened
 
 if TYPE_CHECKING:
+    from evertwin.engine import Engine
     from evertwin.loop import Comparison, Data, FitResult, Kpi, Progress, RunResult, Watch
     from evertwin.prognosis import Lives, Plan, Prospect, Verdict
     from evertwin.tuning import Problem
@@ -51,10 +52,11 @@ class Twin:
 
     def __init__(
         self, spec: TwinSpec, model: Model | None = None, store: Store | None = None,
-        *, reading: bool = False,
+        *, reading: bool = False, engine: Engine | None = None,
     ) -> None:  # fmt: skip
+        """``engine``: where slow work runs, in place of one as ``[engine]`` says."""
         self.spec = spec
-        self._engines = loop.Engines(spec, model is not None)
+        self._engines = loop.Engines(spec, model is not None, engine)
         self.model = loop.model_of(spec, model)
         loop.check_units(spec, self.model)
         self.setup = loop.Setup(spec, self.model)

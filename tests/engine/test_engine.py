@@ -54,6 +54,16 @@ def engine(request: pytest.FixtureRequest, pool: Pool) -> Engine:
     return pool if request.param == "pool" else InProcess()
 
 
+def test_pools_that_share_processes_know_their_own_requests(pool: Pool) -> None:
+    one, other = pool.share(), pool.share()
+    for mine in (one, other):
+        submit(mine, 1)
+    assert [[found.id for found in mine.answers(until=1)] for mine in (one, other)] == [[1], [1]]
+    submit(other, 2)
+    other.close()  # its own work ends, not the processes
+    assert other.answers() == () and answer(one, 2) == answer(pool, 2)
+
+
 def test_answers_come_once_with_id_and_version(engine: Engine) -> None:
     for number in (3, 1, 2):
         submit(engine, number)

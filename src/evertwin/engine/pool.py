@@ -34,14 +34,34 @@ class _Task(NamedTuple):
 
 @dataclass
 class _Crew:
-    """What the threads work with. It does not know the pool, so that the pool can be let go."""
+    """What the threads work with. It does not know the pools, so that these can be let go."""
 
     start: Callable[[], Process]
+    most: int
+    """Processes."""
     tasks: SimpleQueue[_Task | None] = field(default_factory=SimpleQueue)
     threads: list[threading.Thread] = field(default_factory=list)
     working: dict[Future[Any], Process] = field(default_factory=dict)
+    unfinished: set[Future[Any]] = field(default_factory=set)
     lock: threading.Lock = field(default_factory=threading.Lock)
     closed: bool = False
+
+    def put(self, job: Callable[[], Any]) -> Future[Any]:
+        """Queues a job, for a process more where all are busy.
+
+        Raises:
+            UsageError: the processes have been ended.
+        """
+        task = _Task(packed(job), Future())
+        with self.lock:
+            if self.closed:
+                raise UsageError("workers: the pool is closed")
+            self.unfinished = {one for one in self.unfinished if not one.done()} | {task.result}
+            self.tasks.put(task)
+            if len(self.threads) < min(len(self.unfinished), self.most):
+                self.threads.append(threading.Thread(target=self.serve, daemon=True))
+                self.threads[-1].start()
+        return task.result
 
     def serve(self) -> None:
         """One thread: a process, one job after the other."""
@@ -101,9 +121,11 @@ class Pool:
     """
 
     def __init__(
-        self, workers: int, rule: EngineSpec | None = None, warm: Callable[[], object] | None = None
-    ) -> None:
+        self, workers: int, rule: EngineSpec | None = None,
+        warm: Callable[[], object] | None = None, *, beside: Pool | None = None,
+    ) -> None:  # fmt: skip
         """At most ``workers`` processes; each calls ``warm`` when it starts, free of limits.
+        ``beside``: none of its own, but those of another pool (`share`).
 
         Raises:
             UsageError: less than one worker.
@@ -111,17 +133,25 @@ class Pool:
         if workers < 1:
             raise UsageError(f"workers: expected at least 1, got {workers}")
         self.workers = workers
-        first = None if warm is None else packed(warm)
-        self._crew = _Crew(partial(Process, rule or EngineSpec(), first))
+        self._crew: _Crew
         self._open: dict[int, tuple[Request, Future[Any]]] = {}
-        self._unfinished: set[Future[Any]] = set()
+        self._end: weakref.finalize[[], Pool] | None = None
+        if beside is not None:
+            self._crew = beside._crew
+            return
+        first = None if warm is None else packed(warm)
+        self._crew = _Crew(partial(Process, rule or EngineSpec(), first), workers)
         self._end = weakref.finalize(self, self._crew.close)
-        self._put(dict)  # the first process starts now
+        self._crew.put(dict)  # the first process starts now
+
+    def share(self) -> Pool:
+        """Another pool of the same processes, with requests of its own. Its end is not theirs."""
+        return Pool(self.workers, beside=self)
 
     def submit(self, request: Request, job: Job) -> None:
         """Starts the job in a process."""
         check_new(request, self._open)
-        self._open[request.id] = (request, self._put(job))
+        self._open[request.id] = (request, self._crew.put(job))
 
     def answers(self, until: int | None = None) -> tuple[Answer, ...]:
         """Answers of the jobs that are done."""
@@ -142,7 +172,7 @@ class Pool:
         Raises:
             WorkLost: a process died, or a job took more than it may.
         """
-        results = [self._put(partial(function, item)) for item in items]
+        results = [self._crew.put(partial(function, item)) for item in items]
         try:
             return [result.result() for result in results]
         finally:
@@ -150,22 +180,11 @@ class Pool:
                 self._crew.stop(result)
 
     def close(self) -> None:
-        """Drops open work and ends the processes."""
-        self._open.clear()
-        self._end()
-
-    def _put(self, job: Callable[[], Any]) -> Future[Any]:
-        """Queues a job, for a process more where all are busy."""
-        if not self._end.alive:
-            raise UsageError("workers: the pool is closed")
-        task = _Task(packed(job), Future())
-        self._unfinished = {one for one in self._unfinished if not one.done()} | {task.result}
-        self._crew.tasks.put(task)
-        threads = self._crew.threads
-        if len(threads) < min(len(self._unfinished), self.workers):
-            threads.append(threading.Thread(target=self._crew.serve, daemon=True))
-            threads[-1].start()
-        return task.result
+        """Drops open work and ends its own processes."""
+        for number in tuple(self._open):
+            self.drop(number)
+        if self._end is not None:
+            self._end()
 
     def __enter__(self) -> Pool:
         return self

@@ -21,11 +21,12 @@ from evertwin.errors import UsageError
 class Engines:
     """The engines of one twin, one per number of workers; all stay warm until they are closed."""
 
-    def __init__(self, spec: TwinSpec, given: bool = False) -> None:
-        """``given``: was the model an object, and not named by the twin file?"""
+    def __init__(self, spec: TwinSpec, given: bool = False, own: Engine | None = None) -> None:
+        """``given``: was the model an object, and not named by the twin file? ``own``: the engine
+        for as many workers as the twin file says."""
         self.spec = spec
         self.given = given
-        self._engines: dict[int, Engine] = {}
+        self._engines: dict[int, Engine] = {} if own is None else {spec.engine.workers: own}
 
     def of(self, workers: int | None) -> Engine:
         """In this process (0), in as many of its own, or as the twin file says (None).

@@ -27,7 +27,7 @@ class Tail:
     >>> for k in range(7):
     ...     tail.add({"row": np.array([k])})
     >>> tail.columns()["row"].tolist()
-    [4, 5, 6]
+    [3, 4, 5, 6]
     """
 
     def __init__(self, most: int) -> None:

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from evertwin.engine import EngineSpec, Pool
 from evertwin.fold import Chunk, Event, make_block, plain
 from evertwin.loop import Numbered, View
 from evertwin.models import Model
@@ -27,7 +28,7 @@ from evertwin.types import Outputs
 MOST = 256
 """Rows that are told at once."""
 WORKERS = 1
-"""Processes for slow work, where neither site file nor twin file says."""
+"""Processes of a twin's own for slow work, where nothing else is said."""
 
 
 class Said(NamedTuple):
@@ -54,17 +55,19 @@ class AtWork:
     'AtWork'
     """
 
-    def __init__(self, plan: Plan, store: Path) -> None:
-        """Opens the twin with its store in a folder; what a process before left goes on."""
+    def __init__(self, plan: Plan, store: Path, pool: Pool | None = None) -> None:
+        """Opens the twin with its store in a folder; what a process before left goes on. ``pool``:
+        processes for slow work, where neither the site file nor the twin file asks for others."""
         assert plan.spec is not None
-        workers = plan.entry.workers
+        workers, rule = plan.entry.workers, plan.spec.engine
+        shared = pool if workers is None and rule == EngineSpec() else None
         if workers is None:
-            workers = plan.spec.engine.workers or WORKERS
+            workers = rule.workers or WORKERS
         self.spec = dataclasses.replace(
             plan.spec, store=StoreSpec(str(store / f"{plan.name}.db")),
-            engine=dataclasses.replace(plan.spec.engine, workers=workers),
+            engine=dataclasses.replace(rule, workers=workers),
         )  # fmt: skip
-        self.twin = Twin(self.spec)
+        self.twin = Twin(self.spec, engine=None if shared is None else shared.share())
         self._estimates: dict[str, Estimate] = {}
         self._read = 0
         self._row = -1

@@ -19,6 +19,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal, TypeAlias, TypeVar
 
+from evertwin.engine import Pool
 from evertwin.errors import EvertwinError, UsageError
 from evertwin.fold import Chunk, Event
 from evertwin.loop import Numbered
@@ -51,9 +52,11 @@ class Runner:
     """
 
     def __init__(
-        self, plan: Plan, store: Path, listeners: set[asyncio.Event], *, warms: bool
-    ) -> None:
+        self, plan: Plan, store: Path, listeners: set[asyncio.Event], *, warms: bool,
+        pool: Pool | None = None,
+    ) -> None:  # fmt: skip
         self.plan = plan
+        self._pool = pool
         self.name = plan.name
         self.state: State = "starting"
         self.reason = ""
@@ -117,7 +120,7 @@ class Runner:
     def _opened(self) -> AtWork:
         if self._warms:
             warm(self.plan)
-        return AtWork(self.plan, self.store)
+        return AtWork(self.plan, self.store, self._pool)
 
     def _publish(self) -> None:
         assert self.work is not None

@@ -9,12 +9,16 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import os
 import time
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from evertwin.engine import Pool
 from evertwin.errors import ConfigError, UsageError, nearest
+from evertwin.loop import work_of
 from evertwin.service.lag import Lag
 from evertwin.service.logs import Newest
 from evertwin.service.notify import beat_of, notify
@@ -53,6 +57,8 @@ class Service:
         self.error = ""
         """Why the newest reload changed nothing."""
         self.log = Newest()
+        self._pool: Pool | None = None
+        """Processes for the slow work of all twins that do not ask for their own."""
         self._turn = asyncio.Lock()
         self._tasks: list[asyncio.Task[None]] = []
 
@@ -76,10 +82,14 @@ class Service:
             or runner.store != site.store
         ]  # fmt: skip
         await asyncio.gather(*(runner.stop() for runner in gone))
+        shares = [plan.spec for plan in site.twins if plan.spec and plan.entry.workers is None]
+        if self._pool is None and shares:
+            count = site.spec.workers or os.cpu_count() or 1
+            self._pool = Pool(count, warm=partial(work_of, shares[0], None))
         for runner in gone:
             del self.runners[runner.name]
         fresh = [
-            Runner(plan, site.store, self.listeners, warms=site.spec.warm)
+            Runner(plan, site.store, self.listeners, warms=site.spec.warm, pool=self._pool)
             for name, plan in wanted.items() if name not in self.runners
         ]  # fmt: skip
         self.runners |= {runner.name: runner for runner in fresh}
@@ -117,6 +127,8 @@ class Service:
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*(runner.stop() for runner in self.runners.values()))
+        if self._pool is not None:
+            await asyncio.to_thread(self._pool.close)
         LOG.info("stopped")
         logging.getLogger("evertwin").removeHandler(self.log)
 

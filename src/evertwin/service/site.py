@@ -148,7 +148,8 @@ class TwinEntry(Section):
     """What happens when so many wait: the sources wait, or the oldest piece is dropped and its
     samples are counted as lost."""
     workers: Annotated[int, Ge(0), Le(64)] | None = None
-    """Processes for slow work, in place of ``[engine] workers``; 0: samples wait for it."""
+    """Processes of its own for slow work, in place of ``[engine] workers``; 0: samples wait for it.
+    Absent, as in the twin file: those that all twins share."""
     stale: Duration | None = None
     """Silence after which what is shown is stale; absent: three times the usual time between
     samples, at least a second."""
@@ -175,6 +176,8 @@ class SiteSpec(Section):
     """Folder with one store a twin, and the token; relative to the site file."""
     warm: bool = True
     """Compile what each twin needs before the service says that it is ready."""
+    workers: Annotated[int, Ge(1), Le(64)] | None = None
+    """Processes that twins share for slow work, from the next start on; absent: one a core."""
     http: HttpSpec = HttpSpec()
     """Where the service is reached."""
     twin: tuple[TwinEntry, ...] = ()
