@@ -88,6 +88,8 @@ class Runner:
         self._came: asyncio.Queue[tuple[LiveSource, Chunk, float]] = asyncio.Queue(plan.entry.queue)
         self._kept: asyncio.Queue[tuple[Numbered, float]] = asyncio.Queue(plan.entry.queue)
         """Stored, not folded yet."""
+        self._open = 0
+        """Pieces of samples that came and are not folded yet."""
         self._reading: list[asyncio.Task[None]] = []
         self._working: list[asyncio.Task[None]] = []
 
@@ -192,6 +194,8 @@ class Runner:
                 if self._came.full() and self.plan.entry.full == "drop":
                     self.dropped += len(self._came.get_nowait()[1].t)
                     self._came.task_done()
+                    self._open -= 1
+                self._open += 1
                 await self._came.put((source, chunk, time.perf_counter()))
                 self.condition.came(len(chunk.t))
 
@@ -220,6 +224,7 @@ class Runner:
                 now = time.perf_counter()
                 self.folded.extend(now - came for _, came in taken)
                 self._take(said)
+                self._open -= len(taken)
 
     async def _inside(self, work: Callable[[], T]) -> T:
         """Something in the twin's thread."""
@@ -331,7 +336,7 @@ class Runner:
     def status(self) -> dict[str, Any]:
         """How it is, in plain values."""
         ended = self.sources and all(one.health.state == "ended" for one in self.sources)
-        state = "ended" if self.state == "running" and ended and not self.waiting else self.state
+        state = "ended" if self.state == "running" and ended and not self._open else self.state
         busy = 0.0 if self.busy_since is None else time.monotonic() - self.busy_since
         how = self.condition.told(failed=state == "quarantined", ended=state == "ended")
         about = {} if self.work is None else self.work.about
