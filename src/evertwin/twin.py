@@ -54,7 +54,6 @@ class Twin:
         self, spec: TwinSpec, model: Model | None = None, store: Store | None = None,
         *, reading: bool = False, engine: Engine | None = None,
     ) -> None:  # fmt: skip
-        """``engine``: where slow work runs, in place of one as ``[engine]`` says."""
         self.spec = spec
         self._engines = loop.Engines(spec, model is not None, engine)
         self.model = loop.model_of(spec, model)
