@@ -12,7 +12,8 @@ from evertwin.errors import UsageError
 from evertwin.fold import Block, make_block
 from evertwin.loop.physical import physically
 from evertwin.loop.setup import Setup
-from evertwin.loop.work import Task, Work
+from evertwin.loop.task import Task
+from evertwin.loop.work import Work
 from evertwin.machines.arm import Arm
 from evertwin.machines.drive import Drive, DriveForce
 from evertwin.machines.friction.resisting import not_physical

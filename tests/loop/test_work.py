@@ -8,7 +8,8 @@ from evertwin import Twin, TwinSpec
 from evertwin.config.spec import AnomalySpec, CorrectionSpec, ModelSpec, PredictionSpec
 from evertwin.fold import make_block
 from evertwin.loop.setup import Setup
-from evertwin.loop.work import Task, Work
+from evertwin.loop.task import Task
+from evertwin.loop.work import Work
 
 SPEC = TwinSpec(
     "cart", ModelSpec("robot1d"), prediction=PredictionSpec(horizon=5.0),

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from evertwin.anomaly.external import ExternalState, Seen, Told
+from evertwin.anomaly.external import Contact, ExternalState, Seen, Told
 from evertwin.fold import Block, Mark
 from evertwin.loop.ring import Rows
 from evertwin.loop.setup import Setup
@@ -95,3 +95,14 @@ def remembered(rows: Rows, told: Told, on: int) -> None:
         old = rows.mark[places, nu:]
         counts = _measured(old) if mark == Mark.EXTERNAL else old == Mark.EXTERNAL
         rows.mark[places, nu:] = np.where(counts, np.uint8(mark), old)
+
+
+def in_words(setup: Setup, contact: Contact) -> str:
+    """What acts from outside, on what, by how much and from when."""
+    units = dict(zip(setup.model.outputs.names, setup.model.outputs.units, strict=True))
+    sizes = ", ".join(
+        f"{name} by {level:.3g} {units[name]}"
+        for name, level in zip(contact.outputs, contact.levels, strict=True)
+    )
+    until = "" if contact.last < 0 else f" to {contact.last}"
+    return f"something outside moves {sizes} from row {contact.first}{until}"

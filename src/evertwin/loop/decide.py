@@ -15,36 +15,16 @@ from typing import Any
 import numpy as np
 
 from evertwin.fold import Answer, Event, Request, copy
-from evertwin.loop.contacts import remembered
+from evertwin.loop.contacts import in_words, remembered
 from evertwin.loop.crossing import outside
+from evertwin.loop.decision import Decision
 from evertwin.loop.deviation import deviation, new_sums
 from evertwin.loop.follow import EMPTY, NONE, Follow
+from evertwin.loop.looking import adopted, in_vain, looks, returned
 from evertwin.loop.scores import new_scores
+from evertwin.loop.states import tried
 from evertwin.loop.twin_state import PROBATION, TRIAL, WATCH, TwinState
 from evertwin.models.form import Form
-
-
-@dataclass
-class Decision:
-    """A state on its way through a beat, with what is said on the way.
-
-    >>> Decision.__name__
-    'Decision'
-    """
-
-    state: TwinState
-    events: list[Event]
-    requests: list[Request]
-
-    def say(self, kind: str, signal: str, reason: str, evidence: Mapping[str, Any]) -> None:
-        """Adds an event."""
-        self.events.append(
-            Event(self.state.row, self.state.time, kind, signal, reason, dict(evidence))
-        )
-
-    def remember(self, **changes: Any) -> None:
-        """Changes what is remembered between beats."""
-        self.state = self.state._replace(agenda=self.state.agenda._replace(**changes))
 
 
 @dataclass(frozen=True)
@@ -69,7 +49,9 @@ class Decide:
             self._judge_trial(decision)
         elif decision.state.agenda.phase == PROBATION:
             self._judge_probation(decision)
-        if not veto:
+        if veto:
+            self._look(decision, looks(self.follow.setup, decision.state, lasts=True))
+        else:
             self._cross(decision)
             self._watch(decision, task_end)
         return decision.state, decision.events, decision.requests
@@ -79,6 +61,7 @@ class Decide:
         agenda, detect = state.agenda, self.follow.setup.detect
         idle = agenda.phase == WATCH and not (agenda.open or agenda.retrain or agenda.again)
         calm = not self.follow.setup.external.on(state.external)
+        idle = idle and not self.follow.setup.spec.tuning.states
         return idle and calm and detect.quiet(state.detect) and self.follow.here(state)
 
     def watches(self, state: TwinState) -> bool:
@@ -116,7 +99,8 @@ class Decide:
         remembered(state.ring, told, since)
         contact = told.contact
         first = since if contact is None or contact.last < 0 else contact.first
-        if state.agenda.open and 0 <= first < state.agenda.stop:
+        own = state.agenda.kind != "state"
+        if state.agenda.open and own and 0 <= first < state.agenda.stop:
             decision.remember(open=0)  # it was asked about rows that are not the machine's own
         if contact is not None:
             watch, seen = new_sums(len(state.scores.watch.samples)), np.zeros(1, dtype=np.int64)
@@ -124,13 +108,7 @@ class Decide:
             scores = state.scores._replace(watch=watch, seen=seen)
             decision.state = decision.state._replace(scores=scores, detect=detect)
         if contact is not None and told.new:
-            units = dict(zip(setup.model.outputs.names, setup.model.outputs.units, strict=True))
-            sizes = ", ".join(
-                f"{name} by {level:.3g} {units[name]}"
-                for name, level in zip(contact.outputs, contact.levels, strict=True)
-            )
-            until = "" if contact.last < 0 else f" to {contact.last}"
-            said = f"something outside moves {sizes} from row {contact.first}{until}"
+            said = in_words(setup, contact)
             decision.say("external", contact.outputs[0], said, contact._asdict())
         if told.blind:
             said = "the model has no friction for what stands: what pushes it then cannot be told"
@@ -141,6 +119,7 @@ class Decide:
 
     def _watch(self, decision: Decision, task_end: bool) -> None:
         state, setup = decision.state, self.follow.setup
+        about = looks(setup, state)
         reason, signal, evidence = self._deviates(state, task_end)
         if reason is not None:
             watch, seen = new_sums(len(state.scores.watch.samples)), np.zeros(1, dtype=np.int64)
@@ -155,7 +134,12 @@ class Decide:
             # after as long as a deviation is judged on, what rows tell has to do
             last = 0 < again <= state.row - min(setup.window("fit"), setup.enough)
             again = 0 if last or reason == "" else again
-            decision.remember(again=again, held=agenda.held or reason == "")
+            held = reason == ""
+            decision.remember(
+                again=again, held=agenda.held or held, commissioned=agenda.commissioned or held
+            )
+        if reason is not None:
+            decision.remember(look=0, pace=0)
         due = state.elapsed - agenda.fitted >= setup.schedule or again > 0 or last
         if reason or alarm or due:
             self._supersede(decision)
@@ -171,8 +155,17 @@ class Decide:
             again = 0 if trial else again or (state.row if reason and not last else 0)
             decision.remember(fitted=state.elapsed, again=again)
             self._ask(decision, "fit", {"reason": reason or "scheduled"})
+        elif about:
+            self._look(decision, about)
         elif self._learns_on(decision.state):
             self._ask(decision, "correct", {"reason": "levels are missing"}, state.live.version)
+
+    def _look(self, decision: Decision, about: str) -> None:
+        """Asks about states, which may be what seems to act from outside."""
+        if about:
+            again = decision.state.agenda.refine
+            decision.remember(refine=0 if about == "refine" else again)
+            self._ask(decision, about, {})
 
     def _learns_on(self, state: TwinState) -> bool:
         """Is it time to see whether the live correction lacks levels that have come since?"""
@@ -255,7 +248,7 @@ class Decide:
         decision.requests.append(request)
         decision.remember(
             open=number, due=due, start=window[0], stop=window[1], asked=number,
-            correcting=kind == "correct",
+            kind=kind,
             rival=state.other.version if state.agenda.phase == TRIAL else rival,
         )  # fmt: skip
 
@@ -266,14 +259,15 @@ class Decide:
         if answer.id != agenda.open or answer.version != decision.state.live.version:
             return
         content: Any = answer.content
-        waits = agenda.again > 0 and "waits" in content
+        waits = agenda.again > 0 and ("waits" in content or agenda.kind in ("state", "refine"))
         decision.remember(open=0, again=agenda.again if waits else 0)
         for event in content.get("events", ()):
             decision.say(event["kind"], event["signal"], event["reason"], event["evidence"])
         if content.get("tuned"):
             decision.remember(tunings=agenda.tunings + 1)
         candidate = content.get("candidate")
-        decision.remember(since=max(agenda.since, int(content.get("since", 0))))
+        if candidate is None or "brief" not in candidate:
+            decision.remember(since=max(agenda.since, int(content.get("since", 0))))
         lacking = content.get("lacking")
         if lacking is not None:  # as many as before, and nothing better: no more come
             ends = candidate is None and lacking == agenda.lacking
@@ -282,7 +276,9 @@ class Decide:
             self._challenge(decision, candidate)
         elif content.get("next") == "correct":
             self._ask(decision, "correct", {})
-        else:
+        elif agenda.kind == "state":
+            decision.remember(**in_vain(self.follow.setup, decision.state))
+        elif agenda.kind != "refine":
             setup = self.follow.setup
             pause = setup.latency if waits else setup.holdoff
             decision.remember(hold=decision.state.row + pause)
@@ -304,14 +300,19 @@ class Decide:
             other=follow.beside(state.live, version.number), scores=scores,
             trial=follow.setup.trial.init(), watched=watched,
         )  # fmt: skip
-        decision.remember(phase=TRIAL, versions=version.number + 1)
+        decision.remember(
+            phase=TRIAL, versions=version.number + 1, brief=float(candidate.get("brief", -1.0)),
+            begins=int(candidate.get("begins", 0)),
+        )  # fmt: skip
 
     # ------------------------------------------------------------------ trial and probation
 
     def _judge_trial(self, decision: Decision) -> None:
         state = decision.state
         verdict, evidence = self.follow.setup.trial.verdict(state.trial)
-        number = state.other.version
+        number, brief = state.other.version, state.agenda.brief
+        if brief >= 0.0:
+            verdict = tried(self.follow.setup, evidence, brief)
         if verdict == "promote" and not state.agenda.pinned:
             self._promote(decision, evidence)
         elif verdict == "reject":
@@ -322,10 +323,15 @@ class Decide:
     def _promote(self, decision: Decision, evidence: Mapping[str, Any]) -> None:
         state = decision.state
         old, new = state.live, state.other
-        reason = f"version {new.version} replaces {old.version}: {evidence['sentence']}"
+        shown = evidence["sentence"]
+        if state.agenda.brief >= 0.0:
+            shown = shown.partition(", e-value")[0]
+        reason = f"version {new.version} replaces {old.version}: {shown}"
         decision.say("promoted", "", reason, self._switched(evidence, new.version))
         first = old if state.first.version < 0 else state.first
-        decision.state = self._live(state, new.version, old, first)
+        if state.agenda.brief >= 0.0:
+            adopted(decision, self.follow.setup, self.follow.versions[new.version])
+        decision.state = self._live(decision.state, new.version, old, first)
         decision.remember(phase=PROBATION)
 
     def _judge_probation(self, decision: Decision) -> None:
@@ -338,7 +344,9 @@ class Decide:
             old = state.other.version
             reason = f"version {state.live.version} does worse than {old}: {evidence['sentence']}"
             decision.say("rolled_back", "", reason, self._switched(evidence, old))
-            decision.state = self._live(state, old, EMPTY, state.first)
+            versions = self.follow.versions
+            returned(decision, self.follow.setup, versions[state.live.version], versions[old])
+            decision.state = self._live(decision.state, old, EMPTY, state.first)
             decision.remember(phase=WATCH, hold=state.row + self.follow.setup.holdoff)
 
     def _live(self, state: TwinState, number: int, other: Any, first: Any) -> TwinState:

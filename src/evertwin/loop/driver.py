@@ -129,7 +129,9 @@ class Driver:
             newest=setup.at_horizon.init(), waiting=setup.residual_filter.init(),
             detect=setup.detect.init(), external=setup.external.init(), trial=setup.trial.init(),
             scores=new_scores(ny, np.zeros(2, dtype=np.int64), 0, sizes),
-            agenda=Agenda(pinned=self.pinned, versions=self.versions.known),
+            agenda=Agenda(
+                pinned=self.pinned, versions=self.versions.known, commissioned=self.champion > 0
+            ),
             watched=np.zeros((0, 2)), ring=setup.ring.init(),
         )  # fmt: skip
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 DECISIONS = (
     "promoted", "rolled_back", "superseded", "corrected", "changed", "external", "not_judged",
-    "training_restarted", "model_failed", "pinned", "configured", "drift",
+    "state", "training_restarted", "model_failed", "pinned", "configured", "drift",
 )  # fmt: skip
 """Kinds of event that a person reads first."""
 MOST = 12

@@ -259,10 +259,22 @@ class Setup:
     def causes(self) -> dict[str, tuple[str, ...]]:
         """Cause → its parameters."""
         names = self.model.parameters.names
-        return {
+        found = {
             cause: matching(names, patterns, "parameter")
             for cause, patterns in self.spec.tuning.causes.items()
         }
+        for name, state in self.spec.tuning.states.items():
+            if state.number not in found[name]:
+                raise UsageError(
+                    f"[tuning] states.{name}: number {state.number!r} is none of the parameters of "
+                    f"causes.{name}: {', '.join(found[name])}"
+                )
+        return found
+
+    @cached_property
+    def once(self) -> frozenset[str]:
+        """Names of the parameters that stay once the twin has held its requirement."""
+        return frozenset(matching(self.model.parameters.names, self.spec.tuning.once, "parameter"))
 
     @cached_property
     def trial(self) -> Trial:

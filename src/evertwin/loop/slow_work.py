@@ -14,8 +14,9 @@ from functools import partial
 
 from evertwin.engine import Engine
 from evertwin.fold import Answer, Request
+from evertwin.loop.task import Task
 from evertwin.loop.twin_state import TwinState
-from evertwin.loop.work import Task, Work, rejected
+from evertwin.loop.work import Work, rejected
 
 
 @dataclass
@@ -46,8 +47,10 @@ class SlowWork:
         rows = self.work.setup.ring.between(state.ring, *window)
         request = Request(agenda.open, agenda.kind, version.number, state.row, agenda.due, window)
         rival = self.work.versions[agenda.rival] if agenda.rival else None
-        held, waits = agenda.held, agenda.again > 0
-        task = Task(agenda.kind, version, rows, agenda.tunings, held, waits, rival)
+        task = Task(
+            agenda.kind, version, rows, agenda.tunings, agenda.held, agenda.again > 0, rival,
+            agenda.commissioned,
+        )  # fmt: skip
         self.engine.submit(request, partial(self.work.content, task))
 
     def take(self, state: TwinState, *, wait: bool) -> Answer | None:

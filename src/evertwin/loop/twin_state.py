@@ -6,7 +6,7 @@ number; a shadow is a second state of the same stage.
 
 from __future__ import annotations
 
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -94,8 +94,20 @@ class Agenda(NamedTuple):
     """Has the live version been found within the requirement?"""
     told: bool = False
     """Was a deviation told of that goes on? One while nothing can be sought is told of once."""
-    correcting: bool = False
-    """Does the open request seek a correction, not a fit?"""
+    kind: str = "fit"
+    """What the open request asks for."""
+    commissioned: bool = False
+    """Has any version been found within the requirement?"""
+    brief: float = -1.0
+    """Gain that a challenger which is a state has to show in its short test; −1: it is none."""
+    begins: int = 0
+    """First row of that state."""
+    refine: int = 0
+    """Row before which the state that is live is told anew, from twice its rows; 0: none is."""
+    look: int = 0
+    """Row before which no state is looked for again."""
+    pace: int = 0
+    """Rows from the newest look in vain to the next."""
     rival: int = 0
     """Version that its candidate has to surpass; 0: none."""
     lacking: int = 0
@@ -103,11 +115,6 @@ class Agenda(NamedTuple):
     pinned: bool = False
     versions: int = 1
     """Versions so far."""
-
-    @property
-    def kind(self) -> Literal["fit", "correct"]:
-        """Of the open request."""
-        return "correct" if self.correcting else "fit"
 
 
 class TwinState(NamedTuple):

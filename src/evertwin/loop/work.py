@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from evertwin.anomaly.verdict import Verdict, branch, explained
 from evertwin.config.spec import TwinSpec
 from evertwin.correction.improve import Proposal, TooFew
 from evertwin.errors import DataError, ModelError, UsageError
-from evertwin.fold import Block, plain
+from evertwin.fold import plain
 from evertwin.loop.change import changed, split
 from evertwin.loop.correcting import learn
 from evertwin.loop.evaluation import at_ends, predict
@@ -27,6 +27,8 @@ from evertwin.loop.posterior import posterior
 from evertwin.loop.recursive_fit import Recursion
 from evertwin.loop.settled import settled
 from evertwin.loop.setup import Setup
+from evertwin.loop.states import States, amount
+from evertwin.loop.task import Task, Windows
 from evertwin.loop.versions import Versions
 from evertwin.loop.workers import setup_of
 from evertwin.machines.friction.resisting import not_physical
@@ -37,7 +39,6 @@ from evertwin.trial import admit
 from evertwin.tuning import Fit, Iteration, Problem, Schedule, Settings, solve
 from evertwin.types import Json, ParameterVector
 
-Windows = tuple[Block, ...]
 LEAST = 0.05
 """Smallest size of an output's loss, by that of the version before; few rows leave too little."""
 LITTLE = 0.1
@@ -45,6 +46,8 @@ LITTLE = 0.1
 MUCH = 0.3
 """Explained share below which a suspicion waits for more rows, and by which a candidate has to
 surpass one that is on trial."""
+WORTH = 0.5
+"""Part of the deviation that a state which came or went takes away on unseen rows at least."""
 ENOUGH = 10
 """Rows a parameter behind a change that a fit needs."""
 
@@ -62,29 +65,6 @@ def work_of(spec: TwinSpec, rate: float | None) -> Work:
     """The work of a twin file on rows of this rate, as `Work` travels to another process."""
     setup = setup_of(spec).at(rate)
     return Work(setup, Versions(setup.model))
-
-
-class Task(NamedTuple):
-    """What a request asks for, with all that the answer follows from.
-
-    >>> Task._fields
-    ('kind', 'version', 'windows', 'tunings', 'held', 'waits', 'rival')
-    """
-
-    kind: str
-    """``fit`` or ``correct``."""
-    version: Version
-    """What it starts from."""
-    windows: Windows
-    tunings: int
-    """Tunings so far: the schedule's position."""
-    held: bool = False
-    """Has the version been found within the requirement? Then it may be the machine that changed.
-    One that never held may be wrong in another way at each speed, which looks alike."""
-    waits: bool = False
-    """Is it asked again when more rows are there, should these say too little?"""
-    rival: Version | None = None
-    """A candidate has to surpass it: what is on trial meanwhile, or what is live."""
 
 
 @dataclass(frozen=True)
@@ -106,10 +86,13 @@ class Work:
     def content(self, task: Task) -> dict[str, Json]:
         """What the answer says, in plain values; what cannot be done is an event in it."""
         try:
-            fits = task.kind == "fit"
-            content = self.fit(task) if fits else self.correct(task.version, task.windows)
+            if task.kind == "correct":
+                content = self.correct(task.version, task.windows)
+            else:
+                task, content = self._stated(task)
+                content = content or (self.fit(task) if task.kind == "fit" else {})
             self._refuse(task, content)
-            if task.rival is not None:
+            if task.rival is not None and not (content.get("candidate") or {}).get("brief"):
                 content = self._surpassing(task, task.rival, content)
         except TooFew as error:
             # not a verdict on anything: more rows come
@@ -201,10 +184,31 @@ class Work:
             "rounds": done.rounds, "names": done.fit.names, "simulations": done.simulations,
         }  # fmt: skip
 
+    def _stated(self, task: Task) -> tuple[Task, dict[str, Any]]:
+        """A candidate that has a state more, or less, or told better, and the task on the rows that
+        say so; nothing: there is none."""
+        setup, version = self.setup, task.version
+        states = States(setup, version, lambda names, rows: self.problem(version, rows, names))
+        live = [name for name in setup.spec.tuning.states if amount(setup, name, version)]
+        if task.kind == "refine":
+            found = states.known(live[0], task.windows) if live else None
+        else:
+            found = states.find(task.windows)
+        if found is None:
+            return task, {}
+        scale = self.scale(found.problem, found.fit.values)
+        reason, windows = f"{found.name}: {found.said}", found.problem.windows
+        candidate = self._candidate(version.form, found.values, scale, reason, windows)
+        candidate |= {"brief": 0.0 if task.kind == "refine" else WORTH, "begins": found.row}
+        content = {"events": [], "fit": found.fit.to_dict(timing=False), "candidate": candidate}
+        return task._replace(windows=windows), content
+
     def fit(self, task: Task) -> dict[str, Any]:
         """Tunes, and judges what the residual of the tuned model still says."""
-        _, version, windows, tunings, held, waits, _ = task
+        _, version, windows, tunings, held, waits, _, commissioned = task
         names = self.due(version, tunings)
+        if commissioned:
+            names = tuple(n for n in names if n not in self.setup.once)
         if not names:
             return {"events": [], "next": self._next()}
         windows, events = self._now(version, windows, names) if held else (windows, [])

@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le
 
+from evertwin.errors import UsageError
 from evertwin.fold.span import Span
 from evertwin.settings.kinds import Duration, Positive, Size
 from evertwin.settings.notes import Rows
@@ -44,6 +45,22 @@ class CutSpec(Section):
 
 
 @dataclass(frozen=True)
+class StateSpec(Section):
+    """``[tuning.states.NAME]``: a cause that comes and goes within seconds, such as a load.
+
+    >>> StateSpec(number="payload.m", says="carries").over
+    'over'
+    """
+
+    number: str
+    """Parameter, among those of the cause, that says how much it is."""
+    says: str = "is there with"
+    """What is said before the number: "carries" for "carries 3 kg"."""
+    over: str = "over"
+    """What is said when it has gone."""
+
+
+@dataclass(frozen=True)
 class TuningSpec(Section):
     """``[tuning]``: which parameters, how, when.
 
@@ -71,6 +88,10 @@ class TuningSpec(Section):
     """Windows that ``fit`` cuts its recordings into; absent: whole tasks."""
     causes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """Cause to its parameters; competing refits name the cause of a deviation."""
+    states: Mapping[str, StateSpec] = field(default_factory=dict)
+    """Causes that come and go: told by their number, tuned alone, and adopted after seconds."""
+    once: tuple[str, ...] = ()
+    """Parameters that stay once the twin has held its requirement; ``*`` matches any text."""
     relaxation: Annotated[float, Gt(0.0), Le(1.0)] = 0.4
     """Step of the iteration mode."""
     follow: tuple[str, ...] = ()
@@ -83,3 +104,13 @@ class TuningSpec(Section):
     """``recursive``: standard deviation of the prior, relative to the fitted value."""
     caution: Positive = 3.0
     """``recursive``: noise that is assumed, in units of the fit's residual."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in self.states:
+            if name not in self.causes:
+                there = ", ".join(self.causes) or "none"
+                raise UsageError(
+                    f"states.{name}: expected the name of a cause, whose parameters are tuned for "
+                    f"it; causes has {there}"
+                )

@@ -1,0 +1,35 @@
+"""What slow work is asked for."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from evertwin.fold import Block
+from evertwin.models.form import Version
+
+Windows = tuple[Block, ...]
+
+
+class Task(NamedTuple):
+    """What a request asks for, with all that the answer follows from.
+
+    >>> Task._fields
+    ('kind', 'version', 'windows', 'tunings', 'held', 'waits', 'rival', 'commissioned')
+    """
+
+    kind: str
+    """``fit``, ``correct``; ``state``: a state alone; ``refine``: that of the version."""
+    version: Version
+    """What it starts from."""
+    windows: Windows
+    tunings: int
+    """Tunings so far: the schedule's position."""
+    held: bool = False
+    """Has the version been found within the requirement? Then it may be the machine that changed.
+    One that never held may be wrong in another way at each speed, which looks alike."""
+    waits: bool = False
+    """Is it asked again when more rows are there, should these say too little?"""
+    rival: Version | None = None
+    """A candidate has to surpass it: what is on trial meanwhile, or what is live."""
+    commissioned: bool = False
+    """Do numbers that are tuned once stay?"""
