@@ -62,6 +62,16 @@ class Shown:
         self.page.wait_for_function(f"{SHOWN} === 'yes'")
         return self.page
 
+    def awake(self) -> None:
+        """The recording lasts for two minutes: it begins anew where others have taken so long."""
+        if self.served.twin("robot")["rows"] < 1500:
+            return
+        self.served.end()
+        for kept in (self.file.parent / "store").glob("robot.db*"):
+            kept.unlink()
+        self.served = Served(self.file)
+        self.served.until(lambda status: status["twins"][0]["rows"] > 30)
+
     def close(self) -> None:
         self.context.close()
         self.process.terminate()
@@ -137,6 +147,7 @@ def test_the_keyboard_reaches_everything(shown: Shown) -> None:
 
 
 def test_an_order_changes_the_next_rows_and_hostile_words_are_text(shown: Shown) -> None:
+    shown.awake()
     page, served = shown.go("twin/robot/improvement"), shown.served
     served.until(lambda status: status["twins"][0]["versions"] > 1)
     page.reload()
@@ -166,8 +177,10 @@ def test_an_order_changes_the_next_rows_and_hostile_words_are_text(shown: Shown)
 
 
 def test_it_goes_on_by_itself_where_the_service_was_killed(shown: Shown) -> None:
+    shown.awake()
     page = shown.go("twin/robot/live")
-    page.wait_for_function("() => window.evertwin.feed.rows.row.length > 20")
+    page.reload()
+    page.wait_for_function("() => window.evertwin?.feed?.rows.row.length > 20")
     page.evaluate("window.here = 1")
     shown.served.kill()
     page.wait_for_function("() => document.getElementById('banner').textContent.includes('old')")

@@ -124,10 +124,8 @@ addEventListener("hashchange", () => {
   scrollTo(0, 0);
 });
 addEventListener("resize", () => here?.redraw?.());
-ask("/page").then((page) => {
-  context.page = page;
-  header(place());
-}, () => {});
-follow();
-poll();
+ask("/page").then((page) => (context.page = page), () => {}).then(() => {
+  follow();
+  poll();
+});
 window.evertwin = context;

@@ -138,6 +138,7 @@ export class Feed extends EventTarget {
       if (this.cursor === null) asks.push(ask(of(this.twin, "/events?last=500")));
       const [rows, events] = await Promise.all(asks);
       if (socket !== this.socket) return;
+      if (rows.row.length && rows.row[rows.row.length - 1] < this.rows.newest) return this.#anew();
       if (events) this.#heardEvents(events);
       if (rows.row.length) this.rows.take(rows);
     } catch {
@@ -148,6 +149,14 @@ export class Feed extends EventTarget {
     this.waiting = null;
     for (const rows of waiting) if (!this.rows.add(rows)) return this.#fill();
     this.#tell("rows");
+  }
+
+  /** The twin has another store: what is here is of another history. */
+  #anew() {
+    this.rows.clear();
+    this.events = [];
+    this.cursor = null;
+    this.socket.close();
   }
 
   #hear(message) {

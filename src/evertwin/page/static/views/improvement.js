@@ -10,6 +10,8 @@ const SPAN = 120;
 
 export function open({ twin, context }) {
   const parts = { head: h("div"), picture: h("section", { class: "card" }), trial: h("section", { class: "card" }), found: h("section", { class: "card" }), versions: h("section", { class: "card" }) };
+  const lived = h("div");
+  const form = orders(twin, context);
   let drawn = "";
   let asked = 0;
   let charts = [];
@@ -30,7 +32,9 @@ export function open({ twin, context }) {
     put(parts.head, verdict(about, events), about.headline && h("p", { class: "card lead", id: "headline" }, about.headline));
     put(parts.trial, trial(about));
     put(parts.found, parameters(about), translation(about, events));
-    if (!parts.versions.contains(document.activeElement)) put(parts.versions, versions(about, events, twin, context));
+    put(lived, versions(events));
+    form.show(about);
+    if (!parts.versions.childElementCount) put(parts.versions, lived, what(about, twin), form.element);
     if (!charts.length) await picture(about);
     return undefined;
   }
@@ -125,24 +129,38 @@ function trial(about) {
     h("p", { class: "quiet" }, one.more === null ? `How long that takes cannot be told: ${one.untold}` : `At this pace ${one.more} more segments, ${number(one.seconds)} s of the machine's time`)];
 }
 
-function versions(about, events, twin, context) {
+/** Who orders what and why; made once, so that nothing that was typed is lost. */
+function orders(twin, context) {
   const reason = h("input", { id: "reason", required: true, maxlength: 500 });
   const person = h("input", { id: "person", maxlength: 100, value: context.person, onchange: (e) => (context.person = e.target.value) });
-  const chosen = h("select", { id: "version" }, [...(about.versions ?? [])].reverse().map((one) => h("option", { value: String(one.number) }, `version ${one.number}: ${one.reason.slice(0, 60)}`)));
+  const chosen = h("select", { id: "version" });
+  const may = context.page.may_order;
   const order = (name) => async () => {
     if (!reason.value.trim() || !person.value.trim()) throw new Error("say who and why first");
     const version = name === "rollback" || name === "unpin" ? null : Number(chosen.value);
     const event = await ask(of(twin, "/orders"), { order: name, version, reason: reason.value, person: person.value });
     return `${event.kind}: ${event.reason}`;
   };
-  const lived = events.filter((e) => ["promoted", "rolled_back", "configured", "pinned"].includes(e.kind)).slice(-12).reverse();
-  const may = context.page.may_order;
   const button = (label, name, more) => action(label, order(name), { disabled: !may, id: `order-${name}`, ...more });
-  return [h("h2", {}, "Versions"),
-    h("ul", { class: "events" }, lived.map((e) => h("li", {}, h("time", {}, e.time ? clock(e.time, true) : `row ${e.row}`), e.reason, e.evidence?.person && ` (${e.evidence.person})`))),
-    what(about, twin), h("h3", {}, "Order"), !may && h("p", { class: "quiet" }, "To look only: open the link that 'evertwin page' printed to order."),
+  const [pin, unpin] = [button("Pin", "pin"), button("Unpin", "unpin")];
+  const element = h("div", {}, h("h3", {}, "Order"), !may && h("p", { class: "quiet" }, "To look only: open the link that 'evertwin page' printed to order."),
     h("div", { class: "row" }, field("Version", chosen), field("Who", person), field("Why", reason)),
-    h("div", { class: "row" }, button("Promote", "promote", { class: "main" }), button("Roll back", "rollback"), about.pinned ? button("Unpin", "unpin") : button("Pin", "pin"))];
+    h("div", { class: "row" }, button("Promote", "promote", { class: "main" }), button("Roll back", "rollback"), pin, unpin));
+  const show = (about) => {
+    pin.hidden = Boolean(about.pinned);
+    unpin.hidden = !about.pinned;
+    for (const one of (about.versions ?? []).slice(chosen.options.length)) {
+      chosen.prepend(h("option", { value: String(one.number), selected: true }, `version ${one.number}: ${one.reason.slice(0, 60)}`));
+    }
+  };
+  return { element, show };
+}
+
+/** Which versions went live, how, and by whom. */
+function versions(events) {
+  const lived = events.filter((e) => ["promoted", "rolled_back", "configured", "pinned"].includes(e.kind)).slice(-12).reverse();
+  return [h("h2", {}, "Versions"),
+    h("ul", { class: "events" }, lived.map((e) => h("li", {}, h("time", {}, e.time ? clock(e.time, true) : `row ${e.row}`), e.reason, e.evidence?.person && ` (${e.evidence.person})`)))];
 }
 
 /** What ran at a time of the machine's clock. */
