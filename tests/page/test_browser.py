@@ -21,7 +21,7 @@ pytestmark = pytest.mark.system
 HOSTILE = '"><img src=x onerror="window.hit=1"><script>window.hit=1</script>'
 VIEWS = ("live", "improvement", "events", "signals", "life", "faults")
 SHOWN = "document.documentElement.dataset.up"
-ROWS = "() => Array.from(window.evertwin.feed.rows.row)"
+ROWS = "(({row, outputs}) => [[...row], [...outputs.x.measured]])(window.evertwin.feed.rows)"
 
 
 def free_port() -> int:
@@ -71,6 +71,7 @@ class Shown:
             kept.unlink()
         self.served = Served(self.file)
         self.served.until(lambda status: status["twins"][0]["rows"] > 30)
+        self.errors.clear()
 
     def close(self) -> None:
         self.context.close()
@@ -159,7 +160,7 @@ def test_an_order_changes_the_next_rows_and_hostile_words_are_text(shown: Shown)
     page.fill("#reason", HOSTILE)
     page.click("#order-promote")
     page.wait_for_function(
-        f"() => window.evertwin.feed.rows.version.at(-1) === {other}", timeout=15_000
+        f"() => window.evertwin.feed.rows.version.at(-1) === {other}", timeout=30_000
     )
     events = served.ask("/api/v1/twins/robot/events?last=50")[1]["events"]
     (ordered,) = [e for e in events if e["evidence"].get("person") == HOSTILE]
@@ -188,14 +189,13 @@ def test_it_goes_on_by_itself_where_the_service_was_killed(shown: Shown) -> None
     last = page.evaluate("window.evertwin.feed.rows.newest")
     shown.served = Served(shown.file)
     shown.served.until(lambda status: status["twins"][0]["rows"] > last)
-    page.wait_for_function(f"() => window.evertwin.feed.rows.newest > {last + 3}", timeout=5000)
+    page.wait_for_function(f"() => window.evertwin.feed.rows.newest > {last + 3}", timeout=20_000)
     assert page.evaluate("window.here") == 1 and page.url.endswith("#/twin/robot/live")
     page.wait_for_function("() => !document.getElementById('banner').classList.contains('on')")
-    rows = page.evaluate(ROWS)
+    rows, seen = page.evaluate(ROWS)
     assert rows == list(range(rows[0], rows[-1] + 1))
     kept = shown.served.ask("/api/v1/twins/robot/rows?last=10000&points=10000")[1]
     number = kept["row"].index(rows[0])
-    seen = page.evaluate("() => Array.from(window.evertwin.feed.rows.outputs.x.measured)")
     assert seen == kept["outputs"]["x"]["measured"][number : number + len(seen)]
     numbers = page.evaluate("() => window.evertwin.feed.events.map((e) => e.number)")
     told = shown.served.ask("/api/v1/twins/robot/events?last=500")[1]["events"]
