@@ -170,6 +170,7 @@ def bearings() -> dict[str, bool]:
     """Every channel of both rigs, asked every 4 h."""
     false, late = 0, 0
     for name, failed in RIGS.items():
+        soon: dict[str, bool] = {}
         hours, values = channels(name)
         for key, value in values.items():
             running = int(np.flatnonzero(value > 0.02)[-1]) + 1  # the rig stopped before its rows
@@ -182,7 +183,10 @@ def bearings() -> dict[str, bool]:
                   f"{f'{before:.0f} h' if before else 'never'}; lives held {sum(lives)} of "
                   f"{len(lives)}; rig ran {stop:.0f} h")  # fmt: skip
             false += key not in failed and any(x > HEALTHY for x in warned)
-            late += key in failed and not any(x >= 40.0 for x in warned)
+            soon[key.split("-")[0]] = soon.get(key.split("-")[0], key not in failed) or any(
+                x >= 40.0 for x in warned
+            )
+        late += sum(not warned_in_time for warned_in_time in soon.values())
     return {"no healthy bearing warned": false == 0, "failing ones warned 40 h before": late == 0}
 
 

@@ -14,6 +14,9 @@
 >>> bool(np.argmax(fleet.density(age)) == 1)
 True
 
+* **Level.** How long each machine still lasted where its level was as it is here now, at the age
+  nearest to this one's. It needs no law and counts half: where the laws fit nothing, it stands.
+
 Sources: Vovk, Gammerman, Shafer, "Algorithmic Learning in a Random World" (2005); Guan, "Localized
 conformal prediction" (2023).
 """
@@ -22,6 +25,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -31,10 +35,38 @@ from evertwin.types import Float64
 
 EVEN = 30.0
 """Predictions that the even share is worth."""
+LEAST = 3
+"""Machines that ended from which their levels tell something."""
+CLOSE = 0.2
+"""Standard deviation of the logarithm of a life that is added to that of such machines."""
+ALIKE = 0.03
+"""Share of the way to the limit by which levels differ that are alike."""
 NEAR = 0.2
 """Distance in the share of life that has passed at which a prediction counts less."""
 SPREADS: Float64[np.ndarray, " k"] = np.geomspace(0.03, 1.5, 24)
 """Standard deviations of the logarithm of the life."""
+
+
+class Way(NamedTuple):
+    """How the level of a machine rose until its end.
+
+    >>> Way(np.array([0.0, 5.0]), np.array([0.0, 1.0]), 5.0).left(1.0, 4.0, 0.1)
+    0.0
+    """
+
+    age: Float64[np.ndarray, " n"]
+    level: Float64[np.ndarray, " n"]
+    """Towards the limit; never falls."""
+    end: float
+
+    def left(self, level: float, age: float, about: float) -> float:
+        """How long it still lasted at a level: at the row nearest in age of those about there."""
+        near = np.flatnonzero(np.abs(self.level - level) <= about)
+        if len(near):
+            k = int(near[np.argmin(np.abs(self.age[near] - age))])
+        else:
+            k = min(int(np.searchsorted(self.level, level)), len(self.age) - 1)
+        return max(self.end - float(self.age[k]), 0.0)
 
 
 @dataclass(frozen=True)
@@ -57,6 +89,8 @@ class Fleet:
     """Share of the predicted life that had passed, per prediction."""
     trust: Float64[np.ndarray, " n"] = field(default_factory=lambda: np.zeros(0))
     """Weight of each rank, 0 to 1."""
+    ways: tuple[Way, ...] = ()
+    """Of each machine that ended."""
 
     @classmethod
     def of_lives(
@@ -104,6 +138,26 @@ class Fleet:
     def knows_lives(self) -> bool:
         """Whether it says anything about the life."""
         return len(self.centre) > 0
+
+    def levelled(
+        self, cdf: Float64[np.ndarray, " m"], left: Float64[np.ndarray, " m"],
+        now: tuple[float, float, float],
+    ) -> Float64[np.ndarray, " m"]:  # fmt: skip
+        """A distribution function, half of it from the machines that were at this level.
+
+        Args:
+            cdf: what was predicted.
+            left: remaining lives at which.
+            now: level, age, and what two levels may differ by to be alike.
+        """
+        if len(self.ways) < LEAST:
+            return cdf
+        found = np.log([max(way.left(*now), 1e-3 * way.end) for way in self.ways])
+        spread = float(np.hypot(np.std(found), CLOSE))
+        with np.errstate(divide="ignore"):
+            z = (np.log(left) - np.median(found)) / spread
+        out: Float64[np.ndarray, " m"] = 0.5 * (cdf + scipy.special.ndtr(z))
+        return out
 
     def calibrated(
         self, cdf: Float64[np.ndarray, " m"], passed: float

@@ -53,8 +53,8 @@ def find_onset(indicator: Indicator) -> Onset | None:
     starts = stops(at, life)
     short = int(np.clip(len(y) // 4, 3, SHORT))
     long = int(np.clip(len(y) // 3, 3, LONG))
-    level = _medians(y, short)
-    base = np.minimum.accumulate(_medians(y, long))
+    level = medians(y, short)
+    base = np.minimum.accumulate(medians(y, long))
     base = np.minimum(base, np.median(y[:long]))
     way = problem.limit - base
     grown = np.where(way > 0.0, level - base, 0.0)
@@ -107,7 +107,7 @@ def _known(life: Indicator) -> np.ndarray:
     return good
 
 
-def _medians(y: Vector, width: int) -> Vector:
+def medians(y: Vector, width: int) -> Vector:
     """Median of the newest ``width`` values at each row; of as many as there are before."""
     first = [float(np.median(y[: k + 1])) for k in range(min(width - 1, len(y)))]
     windows = np.lib.stride_tricks.sliding_window_view(y, width)

@@ -37,12 +37,12 @@ import numpy as np
 
 from evertwin.errors import UsageError
 from evertwin.prognosis.laws.alone import along, widened
-from evertwin.prognosis.laws.fleet import Fleet
+from evertwin.prognosis.laws.fleet import ALIKE, Fleet, Way
 from evertwin.prognosis.laws.hypotheses import LAWS, every_look, families, look, sharpened
 from evertwin.prognosis.laws.indicator import Indicator
 from evertwin.prognosis.laws.life import Life, NotEnough, Onset, Workload, quantiles
 from evertwin.prognosis.laws.mixture import COARSE, density_of, fine_nodes, mixture
-from evertwin.prognosis.laws.onset import SHARE, find_onset
+from evertwin.prognosis.laws.onset import SHARE, SHORT, find_onset, medians
 from evertwin.prognosis.laws.scaled import Problem, noise_of, scaled
 
 FAR = 20.0
@@ -109,7 +109,27 @@ def by_laws(
         return not_begun(indicator, problem)
     nodes = np.union1d(found.nodes, COARSE)
     cdf = prior.calibrated(np.interp(nodes, found.nodes, found.cdf), 1.0 / (1.0 + half))
+    cdf = prior.levelled(cdf, nodes * problem.age, level_now(indicator, problem))
     return Life(indicator.clock, quantiles(nodes, cdf) * problem.age, problem.now, found.laws)
+
+
+def level_now(indicator: Indicator, problem: Problem) -> tuple[float, float, float]:
+    """(level of the newest values, age, what is alike) in the indicator's own units."""
+    way = way_of(indicator)
+    first = float(way.level[0])
+    limit = indicator.limit.sign * indicator.limit.value
+    return float(way.level[-1]), problem.age, ALIKE * abs(limit - first)
+
+
+def way_of(indicator: Indicator, end: float = np.nan) -> Way:
+    """How the level rose: medians of the newest values, as the highest one so far."""
+    life = indicator.since_replaced()
+    good = np.flatnonzero(np.isfinite(life.value))
+    clock = life.at if life.usage is None else life.usage
+    origin = float(clock[0] if life.origin is None or life.usage is not None else life.origin)
+    y = life.limit.sign * life.value[good]
+    level = np.maximum.accumulate(medians(y, int(np.clip(len(y) // 4, 1, SHORT))))
+    return Way(clock[good] - origin, level, end)
 
 
 def beyond_for_good(indicator: Indicator) -> bool:
@@ -245,7 +265,10 @@ def learn(histories: Sequence[Indicator], laws: Sequence[str] = LAWS) -> Fleet:
                 said.append(rank(life, float(part.at[-1] - _start(history)), end))
     table = np.array(said).reshape(-1, 3)
     whole = Fleet.of_lives(known, running)
-    return replace(whole, laws=shares, ranks=table[:, 0], passed=table[:, 1], trust=table[:, 2])
+    ways = tuple(way_of(history, end.age) for history, end in ended)
+    return replace(
+        whole, laws=shares, ranks=table[:, 0], passed=table[:, 1], trust=table[:, 2], ways=ways
+    )
 
 
 def rank(life: Life, now: float, end: End) -> tuple[float, float, float]:
