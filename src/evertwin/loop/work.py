@@ -188,6 +188,8 @@ class Work:
         """A candidate that has a state more, or less, or told better, and the task on the rows that
         say so; nothing: there is none."""
         setup, version = self.setup, task.version
+        if not setup.spec.tuning.states or not task.windows:
+            return task, {}
         states = States(setup, version, lambda names, rows: self.problem(version, rows, names))
         live = [name for name in setup.spec.tuning.states if amount(setup, name, version)]
         if task.kind == "refine":
