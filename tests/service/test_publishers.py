@@ -86,13 +86,13 @@ class Listening:
 async def read(port: int) -> dict[str, Any]:
     async with Client(f"opc.tcp://127.0.0.1:{port}/evertwin") as client:
         space = await client.get_namespace_index("urn:evertwin:twin")
-        told = {}
-        for name in ("x.measured", "x.predicted", "x.residual", "x.mark", "condition"):
-            node = client.get_node(ua.NodeId(f"robot.{name}", space))
-            told[name] = await node.read_value()
+        names = ("x.measured", "x.predicted", "x.residual", "x.mark", "condition")
+        nodes = [client.get_node(ua.NodeId(f"robot.{name}", space)) for name in names]
+        told = await client.read_values(nodes)  # one request, so of one row
+        for node, value in zip(nodes, told, strict=True):
             with pytest.raises(ua.UaStatusCodeError):
-                await node.write_value(told[name])
-        return told
+                await node.write_value(value)
+        return dict(zip(names, told, strict=True))
 
 
 def test_a_twin_tells_and_answers(tmp_path: Path, broker: int) -> None:
