@@ -115,9 +115,12 @@ class Function(_Written):
     def compiled(self) -> Any:
         """Numba's dispatcher."""
         import numba
+        from numba.core.compiler_lock import global_compiler_lock
 
         source = _naming(self.py_func, _machine_code)
-        return self._cached(numba.njit(**self.options)(source), source)
+        # Numba takes this lock and others in either order: two threads could wait for ever.
+        with global_compiler_lock:
+            return self._cached(numba.njit(**self.options)(source), source)
 
     def __call__(self, *arguments: Any) -> Any:
         if self._ready is None:
@@ -193,13 +196,15 @@ class CFunction(_Written):
     @cached_property
     def _compiled(self) -> Any:
         from numba.core.ccallback import CFunc
+        from numba.core.compiler_lock import global_compiler_lock
         from numba.core.errors import NumbaError
         from numba.core.sigutils import normalize_signature
 
         source, kinds = _naming(self.py_func, _machine_code), normalize_signature(self.signature)
-        made = self._cached(CFunc(source, kinds, {}, self.options), source)
         try:
-            made.compile()
+            with global_compiler_lock:
+                made = self._cached(CFunc(source, kinds, {}, self.options), source)
+                made.compile()
         except NumbaError as error:
             raise UsageError(
                 f"{self._what} cannot be compiled: expected arithmetic on numbers, with math "
