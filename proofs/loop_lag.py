@@ -41,7 +41,7 @@ def main(seconds: int = 60, twins: int = 2, rate: int = 10) -> int:
             for one in names:
                 told = served.ask(f"/api/v1/twins/{one}/events?limit=10000")[1]["events"]
                 events.update(event["kind"] for event in told)
-        with Twin(folder / "robot1d.toml") as twin:
+        with Twin.open(folder / "robot1d.toml") as twin:
             spec, brings = twin.spec, Feed(twin.spec, twin.model).live()
             delay = Alignment.of(spec, twin.model, brings).delay
             beat = twin.setup.at(float(rate)).beat.every
