@@ -7,7 +7,7 @@ term's own name. It is looked up when a law names it.
 'Fl'
 >>> term("wind")
 Traceback (most recent call last):
-evertwin.errors.UsageError: friction: no term 'wind'; there are direction, asymmetry, stribeck...
+evertwin.errors.UsageError: friction: no term 'wind'; there are direction, stribeck, root, load...
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from importlib.metadata import entry_points
 
 from evertwin.errors import UsageError
 from evertwin.machines.friction.contract import FrictionTerm
-from evertwin.machines.friction.terms.asymmetry import ASYMMETRY
 from evertwin.machines.friction.terms.balance import BALANCE
 from evertwin.machines.friction.terms.coulomb import COULOMB
 from evertwin.machines.friction.terms.direction import DIRECTION
@@ -34,8 +33,8 @@ from evertwin.machines.friction.terms.viscous import VISCOUS
 
 GROUP = "evertwin.friction"
 _BUILT_IN = (
-    VISCOUS, DIRECTION, COULOMB, ASYMMETRY, OFFSET, STRIBECK, ROOT, LOAD, TWO_SIDED, TEMPERATURE,
-    POSITION, SPRING, BALANCE,
+    VISCOUS, DIRECTION, COULOMB, OFFSET, STRIBECK, ROOT, LOAD, TWO_SIDED, TEMPERATURE, POSITION,
+    SPRING, BALANCE,
 )  # fmt: skip
 """In the order of a law's parameters, and of the ladder."""
 ALWAYS = (VISCOUS, COULOMB, OFFSET)

@@ -1,7 +1,7 @@
 """Viscous friction by direction, ``Fv_back·min(v, 0)``.
 
 Viscous friction is ``Fv`` forwards and ``Fv + Fv_back`` backwards, so that a law without this term
-is the same law with a zero. Coulomb friction by direction is ``asymmetry``.
+is the same law with a zero. Coulomb friction by direction is ``two_sided``.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """More Coulomb friction backwards, ``Fc_minus·min(s(v), 0)``.
 
-Offered because recorded motion often seems to ask for it. While a drive moves it cannot be told
-from an offset (see `evertwin.machines.friction.terms.direction`), so that no ladder has it; the
-one-axis drive takes it as an option, and the rank over moving samples says what it is worth.
+While a drive moves, Coulomb friction by direction *is* ``Fc`` with ``offset`` (their sum forwards,
+their difference backwards): only rows at rest, where the offset alone acts, tell them apart.
+Without such rows the term does not pay, and the rank over moving samples says what it is worth.
 """
 
 from __future__ import annotations
@@ -23,6 +23,6 @@ def slope(width: float, load: float, T: float, k: Numbers) -> float:
 TWO_SIDED = FrictionTerm(
     "two_sided",
     (Coefficient("Fc_minus", "Nm", "N", feature, slope),),
-    always=True,
+    confused_with=("coulomb", "offset"),
     cause="rubs more or less backwards than forwards",
 )
