@@ -52,6 +52,14 @@ def test_a_version_that_is_no_better_is_not_called_better() -> None:
     assert "no better than the first" in text and "closer" not in text
 
 
+def test_few_rows_since_a_version_went_live_tell_nothing_of_it() -> None:
+    few = {name: replace(f, rows=4) for name, f in figures(0.029, 0.004).items()}
+    with Twin(ROBOT) as twin:
+        champion = replace(twin.champion, number=1, reason="tuned gain")
+        text = headline(twin.setup, few, champion, [], None)
+    assert "4 rows since then are too few" in text and "closer" not in text
+
+
 def test_within_the_requirement_nothing_was_changed() -> None:
     assert said(ROBOT, 0.004, 0.004).startswith(
         "The twin fits its machine, and nothing was changed"

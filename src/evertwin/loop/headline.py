@@ -22,6 +22,8 @@ CLEAR = 0.03
 """Share by which a deviation has to fall, or rise, to be called better, or worse."""
 FEW = 3
 """Outputs that are named one by one."""
+SHORT = 30
+"""Rows since a version went live below which they do not tell how good it is."""
 MANY = 6
 """Numbers, or parts of a form, that are told one by one."""
 
@@ -60,6 +62,12 @@ def _outcome(
     better = {n: f for n, f in changed.items() if f.rms_after < (1.0 - CLEAR) * f.rms_before}
     worse = {n: f for n, f in changed.items() if f.rms_after > (1.0 + CLEAR) * f.rms_before}
     why = _shorter(champion.reason)
+    rows = max(f.rows for f in known.values())
+    if champion.number and changed and rows < SHORT:
+        return (
+            f"Version {champion.number} is live ({why}); {rows} row{'s' * (rows != 1)} since then "
+            "are too few to tell how much better it is."
+        )
     if champion.number and better:
         less = f" ({_pairs(setup, worse)}: worse)" if worse else ""
         return (

@@ -27,6 +27,8 @@ from evertwin.types import Outputs
 
 MOST = 256
 """Rows that are told at once."""
+LOOK = 50
+"""Rows after which what came of it is told anew."""
 WORKERS = 1
 """Processes of a twin's own for slow work, where nothing else is said."""
 
@@ -71,8 +73,11 @@ class AtWork:
         self._estimates: dict[str, Estimate] = {}
         self._read = 0
         self._row = -1
+        self._looked = 0
+        """Row at which what came of it was last told."""
         self.about: Mapping[str, Any] = {}
-        """Versions, parameters, what is live: as the newest entry of the log left it."""
+        """Versions, parameters, what is live: as the newest entry of the log left it; what came
+        of it as it was at most `LOOK` rows ago."""
         self.going = self.twin.going()
         view = self.going.view(1)
         self._row = int(view.row[-1]) if len(view.row) else -1
@@ -109,7 +114,10 @@ class AtWork:
         for one in kept:
             self.going.fold(one)
         rows, skipped = self._fresh(self.going.view(MOST))
-        return Said(rows, skipped, self._news(), self.row)
+        news = self._news()
+        if self.row >= self._looked + LOOK:
+            self.looked_at()
+        return Said(rows, skipped, news, self.row)
 
     def _fresh(self, view: View) -> tuple[Mapping[str, Any] | None, int]:
         new = view.row > self._row
@@ -135,6 +143,7 @@ class AtWork:
         return self.about
 
     def _outcome(self) -> Mapping[str, Any]:
+        self._looked = self.row
         said, found = self.going.outcome
         return {
             "trial": plain(self.going.trial), "headline": said,
