@@ -16,7 +16,14 @@ from evertwin.errors import StoreError, UsageError
 from evertwin.fold import Answer, Event, make_block, take
 from evertwin.fold.state import equal
 from evertwin.loop.detectors import Detect
-from evertwin.loop.deviation import Sums, deviation, new_sums
+from evertwin.loop.deviation import (
+    Sums,
+    Usual,
+    deviation,
+    judged_deviation,
+    new_sums,
+    new_usual,
+)
 from evertwin.loop.ledger import Ledger
 from evertwin.loop.released import Released
 from evertwin.loop.residual_filter import ResidualFilter
@@ -63,7 +70,7 @@ def part(rows: Released, where: slice) -> Released:
 @given(CUTS)
 def test_books_are_plain_sums_wherever_rows_are_cut(cuts: list[int]) -> None:
     rows = released()
-    books, pairs = new_scores(2, np.zeros(2, np.int64), 0, np.array([1.0, 2.0])), []
+    books, pairs = new_scores(new_usual(2), np.zeros(2, np.int64), 0, np.array([1.0, 2.0])), []
     for where in pieces(cuts):
         books, found, _ = accumulate(books, part(rows, where))
         pairs.append(found)
@@ -88,7 +95,7 @@ def test_books_do_not_depend_on_cuts_by_a_bit() -> None:
     rows = released(1)
 
     def end(cuts: list[int]) -> object:
-        books = new_scores(2, np.zeros(2, np.int64), 0, np.ones(2))
+        books = new_scores(new_usual(2), np.zeros(2, np.int64), 0, np.ones(2))
         for where in pieces(cuts):
             books, _, _ = accumulate(books, part(rows, where))
         return books
@@ -101,6 +108,19 @@ def test_sums_without_rows_have_no_deviation() -> None:
     sums = Sums(np.array([25.0]), np.array([50.0]), np.array([2]))
     assert deviation(sums, relative=False)[0] == pytest.approx(np.sqrt(12.5))
     assert deviation(sums, relative=True)[0] == pytest.approx(np.sqrt(0.5))
+
+
+def test_a_few_rows_near_zero_are_not_far_off() -> None:
+    """Of the 100 samples that a window has, with an rms of 10, only 20 came, with an rms of 1."""
+    usual = Usual(np.array([1e5]), np.array([1000]), np.array([1000]))
+    few = Sums(np.array([20 * 0.3**2]), np.array([20.0]), np.array([20]))
+    assert deviation(few, relative=True)[0] == pytest.approx(0.3)
+    base = np.sqrt(0.2 * 1.0 + 0.8 * 100.0)
+    assert judged_deviation(few, True, usual, 100)[0] == pytest.approx(0.3 / base)
+    full = Sums(np.array([9.0]), np.array([100.0]), np.array([100]))
+    assert judged_deviation(full, True, usual, 100) == pytest.approx(deviation(full, relative=True))
+    at_start = judged_deviation(few, True, new_usual(1), 100)
+    assert at_start == pytest.approx(deviation(few, relative=True))
 
 
 # ------------------------------------------------------------------ newest rows

@@ -18,7 +18,7 @@ from evertwin.fold import Answer, Event, Request, copy
 from evertwin.loop.contacts import in_words, remembered
 from evertwin.loop.crossing import outside
 from evertwin.loop.decision import Decision
-from evertwin.loop.deviation import deviation, new_sums
+from evertwin.loop.deviation import judged_deviation, new_sums
 from evertwin.loop.follow import EMPTY, NONE, Follow
 from evertwin.loop.looking import adopted, in_vain, looks, returned
 from evertwin.loop.scores import new_scores
@@ -216,7 +216,7 @@ class Decide:
         enough = samples >= setup.least if task_end else setup.watch(NONE).enough(state.scores)
         if not np.isfinite(setup.requirement) or not enough:
             return None, "", {}
-        values = deviation(watch, relative=setup.relative)
+        values = judged_deviation(watch, setup.relative, state.scores.usual, setup.enough)
         values = np.where(setup.watched, values, np.nan)
         if not np.nanmax(values) > setup.requirement:
             return "", "", {}
@@ -362,7 +362,7 @@ class Decide:
         if other is not EMPTY:
             other = other._replace(track=())
         updates = np.array([self._updates(lane), self._updates(first)], dtype=np.int64)
-        scores = new_scores(len(follow.setup.model.outputs), updates, state.row, state.scores.scale)
+        scores = new_scores(state.scores.usual, updates, state.row, state.scores.scale)
         return state._replace(
             live=lane, first=first, other=other, scores=scores,
             agenda=state.agenda._replace(held=False, told=False, open=0),

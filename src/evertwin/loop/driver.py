@@ -17,6 +17,7 @@ from evertwin.engine import Engine, InProcess
 from evertwin.fold import Answer, Block, Event, Record, copy, take
 from evertwin.loop.crossing import crossed
 from evertwin.loop.decide import Decide
+from evertwin.loop.deviation import new_usual
 from evertwin.loop.follow import EMPTY, Follow, Followed
 from evertwin.loop.ring import NO_ROWS
 from evertwin.loop.scores import new_scores
@@ -128,7 +129,7 @@ class Driver:
             live=self.follow.lane(self.champion, tracked=True), first=EMPTY, other=EMPTY,
             newest=setup.at_horizon.init(), waiting=setup.residual_filter.init(),
             detect=setup.detect.init(), external=setup.external.init(), trial=setup.trial.init(),
-            scores=new_scores(ny, np.zeros(2, dtype=np.int64), 0, sizes),
+            scores=new_scores(new_usual(ny), np.zeros(2, dtype=np.int64), 0, sizes),
             agenda=Agenda(
                 pinned=self.pinned, versions=self.versions.known, commissioned=self.champion > 0
             ),

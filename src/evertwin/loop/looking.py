@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from evertwin.loop.decision import Decision
-from evertwin.loop.deviation import deviation
+from evertwin.loop.deviation import judged_deviation
 from evertwin.loop.setup import FEW, Setup
 from evertwin.loop.states import amount
 from evertwin.loop.twin_state import TRIAL, TwinState
@@ -36,8 +36,8 @@ def looks(setup: Setup, state: TwinState, *, lasts: bool = False) -> str:
     if state.row < agenda.look or samples < FEW:
         return ""
     limit = setup.requirement * math.sqrt(max(setup.enough / samples, 1.0))
-    values = deviation(watch, relative=setup.relative)[setup.watched]
-    if np.nanmax(values, initial=0.0) > limit:
+    values = judged_deviation(watch, setup.relative, state.scores.usual, setup.enough)
+    if np.nanmax(values[setup.watched], initial=0.0) > limit:
         return "state"
     again = 0 < agenda.refine <= state.row and agenda.phase != TRIAL
     return "refine" if again else ""

@@ -11,18 +11,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evertwin.compiled.functions import njit
-from evertwin.loop.deviation import new_sums
+from evertwin.loop.deviation import Usual, mean_square, new_sums
 from evertwin.loop.released import Released
 from evertwin.loop.twin_state import Scores
 from evertwin.types import Bool, Int64
 
 
-def new_scores(outputs: int, updates: np.ndarray, row: int, scale: np.ndarray) -> Scores:
+def new_scores(usual: Usual, updates: np.ndarray, row: int, scale: np.ndarray) -> Scores:
     """Empty scores, as at the start and at each change of champion."""
+    outputs = len(usual.samples)
     watch, live, first, live_moving, first_moving = (new_sums(outputs) for _ in range(5))
     return Scores(
         watch, live, first, live_moving, first_moving, updates, row, np.zeros(1, np.int64),
-        np.zeros(3), scale,
+        np.zeros(3), scale, usual,
     )  # fmt: skip
 
 
@@ -53,7 +54,7 @@ class Watch(NamedTuple):
 
 
 @njit(cache=True)
-def judged(sums: Any, seen: Any, watch: Watch) -> bool:
+def judged(sums: Any, seen: Any, usual: Any, watch: Watch) -> bool:
     """May the twin go on? Then sums that were enough to say so begin anew."""
     residual, measured, samples = sums
     if seen[0] < watch.rows or samples.max() < min(watch.least, watch.rows):
@@ -61,8 +62,10 @@ def judged(sums: Any, seen: Any, watch: Watch) -> bool:
     if not np.isfinite(watch.limit):
         return True
     for k in range(samples.shape[0]):
-        base = measured[k] if watch.relative else float(samples[k])
-        if watch.outputs[k] and samples[k] > 0 and np.sqrt(residual[k] / base) > watch.limit:
+        if not watch.outputs[k] or samples[k] == 0:
+            continue
+        base = mean_square(k, sums, usual, watch.rows) if watch.relative else 1.0
+        if residual[k] > watch.limit**2 * base * samples[k]:
             return False
     residual[:], measured[:], samples[:], seen[:] = 0.0, 0.0, 0, 0
     return True
@@ -70,18 +73,23 @@ def judged(sums: Any, seen: Any, watch: Watch) -> bool:
 
 @njit(cache=True)
 def _accumulate(
-    number: Any, rows: Any, sums: Any, seen: Any, pair: Any, scale: Any, pairs: Any, watch: Watch
+    number: Any, rows: Any, sums: Any, seen: Any, usual: Any, losses: Any, watch: Watch
 ) -> tuple[int, int]:
     measured, live, first, other, moving, end = rows
+    pair, scale, pairs = losses
     count, beat = 0, 0
     for i in range(live.shape[0]):
         while beat < watch.beats.shape[0] and watch.beats[beat] <= number[i]:
-            if not judged(sums[0], seen, watch):
+            if not judged(sums[0], seen, usual, watch):
                 return count, beat
             beat += 1
         seen[0] += 1
+        usual[2][0] += 1
         for k in range(live.shape[1]):
             y, a, b, c = measured[i, k], live[i, k], first[i, k], other[i, k]
+            if a == a and moving[i, k]:
+                usual[0][k] += y * y
+                usual[1][k] += 1
             for s in range(5):
                 r = b if s == 2 or s == 4 else a
                 if r != r or ((s == 0 or s >= 3) and not moving[i, k]):
@@ -100,7 +108,7 @@ def _accumulate(
         if end[i]:
             pair[:] = 0.0
     while beat < watch.beats.shape[0]:
-        if not judged(sums[0], seen, watch):
+        if not judged(sums[0], seen, usual, watch):
             return count, beat
         beat += 1
     return count, -1
@@ -122,7 +130,7 @@ def accumulate(
     pairs = np.empty((len(rows.end), 2))
     sums = (scores.watch, scores.live, scores.first, scores.live_moving, scores.first_moving)
     count, stop = _accumulate(
-        rows.row, rows[3:], tuple(tuple(s) for s in sums), scores.seen, scores.pair,
-        scores.scale, pairs, watch,
+        rows.row, rows[3:], tuple(tuple(s) for s in sums), scores.seen,
+        tuple(scores.usual), (scores.pair, scores.scale, pairs), watch,
     )  # fmt: skip
     return scores, pairs[:count], stop

@@ -12,7 +12,7 @@ import numpy as np
 
 from evertwin.anomaly import ExternalState
 from evertwin.loop.at_horizon import Newest
-from evertwin.loop.deviation import Sums
+from evertwin.loop.deviation import Sums, Usual
 from evertwin.loop.released import Waiting
 from evertwin.loop.ring import Rows
 
@@ -58,6 +58,7 @@ class Scores(NamedTuple):
     """Running segment: Σ loss of champion and of the other, rows; (3,). NaN: it does not count."""
     scale: np.ndarray
     """Residual size that counts as 1 in a loss, (ny,)."""
+    usual: Usual
 
 
 class Agenda(NamedTuple):
