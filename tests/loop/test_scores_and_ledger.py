@@ -110,17 +110,18 @@ def test_sums_without_rows_have_no_deviation() -> None:
     assert deviation(sums, relative=True)[0] == pytest.approx(np.sqrt(0.5))
 
 
-def test_a_few_rows_near_zero_are_not_far_off() -> None:
-    """Of the 100 samples that a window has, with an rms of 10, only 20 came, with an rms of 1."""
-    usual = Usual(np.array([1e5]), np.array([1000]), np.array([1000]))
-    few = Sums(np.array([20 * 0.3**2]), np.array([20.0]), np.array([20]))
-    assert deviation(few, relative=True)[0] == pytest.approx(0.3)
-    base = np.sqrt(0.2 * 1.0 + 0.8 * 100.0)
-    assert judged_deviation(few, True, usual, 100)[0] == pytest.approx(0.3 / base)
-    full = Sums(np.array([9.0]), np.array([100.0]), np.array([100]))
-    assert judged_deviation(full, True, usual, 100) == pytest.approx(deviation(full, relative=True))
-    at_start = judged_deviation(few, True, new_usual(1), 100)
-    assert at_start == pytest.approx(deviation(few, relative=True))
+def test_rows_near_zero_are_not_far_off() -> None:
+    usual = Usual(np.array([1e5]), np.array([1000]))  # an rms of 10
+    quiet = Sums(np.array([20 * 0.3**2]), np.array([20.0]), np.array([20]))
+    assert deviation(quiet, relative=True)[0] == pytest.approx(0.3)
+    assert judged_deviation(quiet, True, usual)[0] == pytest.approx(0.03)
+    assert judged_deviation(quiet, False, usual)[0] == pytest.approx(0.3)
+    busy = Sums(np.array([9.0]), np.array([40000.0]), np.array([100]))
+    for own in (busy, quiet):
+        alone = judged_deviation(own, True, new_usual(1))
+        assert alone == pytest.approx(deviation(own, relative=True))
+    assert judged_deviation(busy, True, usual) == pytest.approx(deviation(busy, relative=True))
+    assert np.isnan(judged_deviation(new_sums(1), True, usual)).all()
 
 
 # ------------------------------------------------------------------ newest rows

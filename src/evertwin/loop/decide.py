@@ -216,7 +216,7 @@ class Decide:
         enough = samples >= setup.least if task_end else setup.watch(NONE).enough(state.scores)
         if not np.isfinite(setup.requirement) or not enough:
             return None, "", {}
-        values = judged_deviation(watch, setup.relative, state.scores.usual, setup.enough)
+        values = judged_deviation(watch, setup.relative, state.scores.usual)
         values = np.where(setup.watched, values, np.nan)
         if not np.nanmax(values) > setup.requirement:
             return "", "", {}

@@ -38,48 +38,41 @@ def new_sums(outputs: int) -> Sums:
 class Usual(NamedTuple):
     """How large the measurements of moving rows have been since the start, whatever was live.
 
-    >>> new_usual(2).rows.tolist()
-    [0]
+    >>> new_usual(2).samples.tolist()
+    [0, 0]
     """
 
     measured: Vector
     """Σ measurement², per output."""
     samples: np.ndarray
     """Rows with a residual, int64."""
-    rows: np.ndarray
-    """All rows, int64 (1,)."""
 
 
 def new_usual(outputs: int) -> Usual:
     """Nothing was measured yet."""
-    return Usual(np.zeros(outputs), np.zeros(outputs, dtype=np.int64), np.zeros(1, dtype=np.int64))
+    return Usual(np.zeros(outputs), np.zeros(outputs, dtype=np.int64))
 
 
 @njit(cache=True)
-def mean_square(k: int, sums: Any, usual: Any, window: int) -> float:
+def mean_square(k: int, sums: Any, usual: Any) -> float:
     """Mean square of an output's measurements, which its residual is relative to.
 
-    Samples that this output usually has in ``window`` rows and now lacks, because they were lost
-    or a task ended, count with the size that they usually have: a few rows near zero make no
-    deviation large.
+    Never less than usual: where a window is short, lacks samples or hardly moves, a few rows near
+    zero make no deviation large.
     """
-    measured, samples, rows = usual
-    if rows[0] == 0 or samples[k] == 0:
-        return float(sums[1][k] / sums[2][k])
-    lacks = max(window * samples[k] / rows[0] - sums[2][k], 0.0)
-    return float((sums[1][k] + lacks * measured[k] / samples[k]) / (sums[2][k] + lacks))
+    size = sums[1][k] / sums[2][k]
+    return float(max(size, usual[0][k] / usual[1][k]) if usual[1][k] > 0 else size)
 
 
-def judged_deviation(sums: Sums, relative: bool, usual: Usual, window: int) -> Vector:
-    """Rms of the residual per output, relative to what a window of so many rows measures."""
-    if not relative:
-        return deviation(sums, relative=False)
-    known = np.flatnonzero(sums.samples > 0)
-    values = np.full(len(sums.samples), np.nan)
-    for k in known.tolist():
-        base = mean_square(k, sums, usual, window)
-        values[k] = np.sqrt(sums.residual[k] / sums.samples[k] / base) if base > 0.0 else np.inf
-    return values
+def judged_deviation(sums: Sums, relative: bool, usual: Usual) -> Vector:
+    """Rms of the residual per output, relative to what is usually measured or not."""
+    base = np.ones(len(sums.samples))
+    if relative:
+        for k in np.flatnonzero(sums.samples).tolist():
+            base[k] = mean_square(k, sums, usual)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ratio: Vector = np.sqrt(sums.residual / sums.samples / base)
+    return ratio
 
 
 def deviation(sums: Sums, relative: bool) -> Vector:

@@ -36,7 +36,7 @@ def looks(setup: Setup, state: TwinState, *, lasts: bool = False) -> str:
     if state.row < agenda.look or samples < FEW:
         return ""
     limit = setup.requirement * math.sqrt(max(setup.enough / samples, 1.0))
-    values = judged_deviation(watch, setup.relative, state.scores.usual, setup.enough)
+    values = judged_deviation(watch, setup.relative, state.scores.usual)
     if np.nanmax(values[setup.watched], initial=0.0) > limit:
         return "state"
     again = 0 < agenda.refine <= state.row and agenda.phase != TRIAL

@@ -64,8 +64,8 @@ def judged(sums: Any, seen: Any, usual: Any, watch: Watch) -> bool:
     for k in range(samples.shape[0]):
         if not watch.outputs[k] or samples[k] == 0:
             continue
-        base = mean_square(k, sums, usual, watch.rows) if watch.relative else 1.0
-        if residual[k] > watch.limit**2 * base * samples[k]:
+        base = mean_square(k, sums, usual) if watch.relative else 1.0
+        if residual[k] > watch.limit * watch.limit * base * samples[k]:
             return False
     residual[:], measured[:], samples[:], seen[:] = 0.0, 0.0, 0, 0
     return True
@@ -84,7 +84,6 @@ def _accumulate(
                 return count, beat
             beat += 1
         seen[0] += 1
-        usual[2][0] += 1
         for k in range(live.shape[1]):
             y, a, b, c = measured[i, k], live[i, k], first[i, k], other[i, k]
             if a == a and moving[i, k]:

@@ -10,7 +10,8 @@ refused, because it can be read in two ways.
 
 A table may open with up to five lines of words. The first names the columns. Of the lines below it,
 one of units is told by its cells, most of which are units; with two lines in all it is the second.
-What is left names the columns a second time (``Time`` and ``t``), and either name will do.
+What is left names the columns a second time (``Time`` and ``t``), and either name will do. Lines above
+that fill less than half of the columns are titles and are left out.
 
 Texts are UTF-8, or else Windows-1252, which is what spreadsheets of the west write.
 
@@ -33,6 +34,8 @@ from evertwin.sources.names import unit_problem
 
 MOST = 5
 """Heading lines of a table."""
+TITLES = 40
+"""Lines above them that name no columns."""
 _WORD = re.compile(r"[^\W\d_]")
 
 
@@ -282,6 +285,8 @@ def detect(lines: Sequence[bytes], stated: Stated = FOUND) -> Dialect:
     delimiter, comma = stated.signs(_delimiter([ln for _, ln in data]))
     table = [[c.strip() for c in cells_of(ln, delimiter)] for _, ln in data]
     kinds = ["".join(kind_of_cell(c, comma) for c in row) for row in table]
+    titles = _titles(kinds)
+    data, table, kinds = data[titles:], table[titles:], kinds[titles:]
     headed = _heading_lines(kinds)
     if stated.header is not None:
         headed = max(headed, 1) if stated.header else 0
@@ -324,6 +329,16 @@ def _has_decimal_comma(cells: Sequence[bytes]) -> bool:
     with_comma = sum(_COMMA_NUMBER.match(c.strip()) is not None for c in cells)
     with_point = sum(b"." in c and _NUMBER.match(c.strip()) is not None for c in cells)
     return with_comma > 0 and with_point == 0
+
+
+def _titles(kinds: Sequence[str]) -> int:
+    """How many lines stand above the headings: they fill less than half of the columns, and a line
+    of words that fills more comes next (``Plant 3;;;``, ``Serial number;4711``)."""
+    fields = Counter(len(kind) for kind in kinds).most_common(1)[0][0]
+    for count, kind in enumerate(kinds[: TITLES + 1]):
+        if 2 * (len(kind) - kind.count("?")) >= fields:
+            return count if set(kind) <= set("t?") else 0
+    return 0
 
 
 def _heading_lines(kinds: Sequence[str]) -> int:
