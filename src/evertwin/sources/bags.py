@@ -1,12 +1,14 @@
 """Bags (MCAP, ROS 1, ROS 2) as one table per topic.
 
-Opening reads the bag once to learn its topics; each topic's first message names its columns. Two
-more columns hold time: ``stamp`` (the message's header, where it has one) and ``logged``.
+Opening reads the bag once to learn its topics; each topic's first message names its columns, those
+of transforms its first `FRAMES`: each places some of the frames. Two more columns hold time:
+``stamp`` (the message's header, where it has one) and ``logged``.
 """
 
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +25,8 @@ from evertwin.sources.table import Column, Problem, Recording, Rows
 
 PIECE = 4096
 """Messages read at once."""
+FRAMES = 1000
+"""Messages of transforms that are looked into for frames."""
 _KINDS = {"mcap": "mcap", "ros1": "ros1", "db3": "ros2"}
 
 
@@ -37,11 +41,15 @@ def open_bag(path: Path, kind: str) -> Recording:
     decoder = Decoder()
     columns: dict[str, tuple[Column, ...]] = {}
     notes: dict[str, str] = {}
+    looked: Counter[str] = Counter()
     for file, file_kind in files:
         for message in messages(file, file_kind):
             if isinstance(message, Cut):
                 notes[f"{file.name}:"] = f"broke off: {message.reason}"
-            elif message.connection.topic not in columns:
+                continue
+            topic = message.connection.topic
+            looked[topic] += 1
+            if looked[topic] <= (FRAMES if _framed(message) else 1):
                 _learn(message, decoder, columns, notes)
     tables = tuple(TopicTable(files, path, topic, c) for topic, c in columns.items() if c)
     left_out = tuple(f"{topic} {reason}" for topic, reason in notes.items())
@@ -65,6 +73,11 @@ def _natural(path: Path) -> list[tuple[int, str]]:
     return [(int(p), "") if p.isdigit() else (-1, p) for p in re.split(r"(\d+)", path.name)]
 
 
+def _framed(message: Message) -> bool:
+    """Does each message of this topic place some of several frames?"""
+    return message.connection.type.rpartition("/")[2].lower() == "tfmessage"
+
+
 def _learn(
     message: Message,
     decoder: Decoder,
@@ -72,7 +85,7 @@ def _learn(
     notes: dict[str, str],
 ) -> None:
     topic = message.connection.topic
-    columns[topic] = ()
+    known = columns.setdefault(topic, ())
     try:
         content = decoder.read(message)
     except DataError as error:
@@ -84,7 +97,8 @@ def _learn(
         return
     clocks = ["stamp"] if content.stamp is not None else []
     times = tuple(Column(f"{topic}.{clock}", "time", "ns") for clock in [*clocks, "logged"])
-    columns[topic] = (*times, *(Column(name, "number") for name in names))
+    found = (*times, *(Column(name, "number") for name in names))
+    columns[topic] = (*known, *(column for column in found if column not in known))
 
 
 @dataclass(frozen=True)
@@ -138,6 +152,8 @@ class _Batch:
             self.problems.append(Problem("damaged", order + 1, str(error)))
             return
         absent = [name for name in self.wanted if name not in content.cells]
+        if absent and _framed(message):
+            return  # it places others
         if absent:
             self.problems.append(
                 Problem("truncated", order + 1, f"no {absent[0]!r} in the message")

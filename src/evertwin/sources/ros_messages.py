@@ -1,8 +1,9 @@
 """Messages as flat rows of numbers: ``pose.pose.position.x``, ``twist.twist.angular.z``, ….
 
 Every numeric leaf of a message becomes a column. A quaternion also gives its ``yaw`` about the
-vertical axis. The entries of a joint state are named by their joints. Covariances and long arrays
-(scans, images) are no columns. A message with a header is stamped by it, else by its logging time.
+vertical axis. The entries of a joint state are named by their joints, those of ``/tf`` by the frame
+that each places. Covariances and long arrays (scans, images) are no columns. A message with a
+header is stamped by it (``/tf`` by its first transform), else by its logging time.
 """
 
 from __future__ import annotations
@@ -54,10 +55,18 @@ class Decoder:
         Raises:
             DataError: an encoding or a type that is not known, or damaged bytes.
         """
+        content = self.content(message)
+        return Content(dict(flat(content)), stamp_of(content))
+
+    def content(self, message: Message) -> Any:
+        """A message decoded and nothing more.
+
+        Raises:
+            DataError: as `read`.
+        """
         try:
             with foreign(message.connection.topic):
-                content = self._decoded(message)
-                return Content(dict(flat(content)), stamp_of(content))
+                return self._decoded(message)
         except Damaged as error:
             kind = message.connection.type or message.connection.encoding
             raise DataError(f"damaged message of type {kind!r} ({error.reason})") from None
@@ -165,7 +174,7 @@ def flat(message: Any, prefix: str = "", depth: int = 0) -> Iterator[tuple[str, 
 
 
 def _array(path: str, value: Any, names: list[str], depth: int) -> Iterator[tuple[str, float]]:
-    labels = names if len(names) == len(value) else [str(i + 1) for i in range(len(value))]
+    labels = names if len(names) == len(value) else _frames(value)
     numbers = _numbers(value)
     if numbers:
         yield from ((f"{path}.{n}", v) for n, v in zip(labels, numbers, strict=True))
@@ -175,9 +184,32 @@ def _array(path: str, value: Any, names: list[str], depth: int) -> Iterator[tupl
             yield from flat(item, f"{path}.{label}.", depth + 1)
 
 
+def _frames(value: Any) -> list[str]:
+    """Names of an array's entries: the frames that transforms place, else their numbers."""
+    framed = [dict(_members(one) or []).get("child_frame_id") for one in value]
+    found = [one.lstrip("/") for one in framed if isinstance(one, str) and one]
+    whole = len(found) == len(value) == len(set(found))
+    return found if whole else [str(i + 1) for i in range(len(value))]
+
+
+def array_of(message: Any, path: str) -> list[float] | None:
+    """The numbers of an array, however long; None where the message has no such array.
+
+    >>> array_of({"scan": {"ranges": [1, 2.5]}}, "scan.ranges"), array_of({"scan": 1}, "scan")
+    ([1.0, 2.5], None)
+    """
+    for key in path.split("."):
+        message = dict(_members(message) or []).get(key)
+    return _numbers(message) if isinstance(message, _ARRAYS) else None
+
+
 def stamp_of(message: Any) -> int | None:
     """The stamp of the message's own header [ns], None without one or with a zero one."""
-    header = dict(_members(message) or []).get("header")
+    members = dict(_members(message) or [])
+    transforms = members.get("transforms")
+    if isinstance(transforms, _ARRAYS) and len(transforms):
+        members = dict(_members(transforms[0]) or [])
+    header = members.get("header")
     stamp = dict(_members(header) or []).get("stamp") if header is not None else None
     parts = dict(_members(stamp) or []) if stamp is not None else {}
     seconds = parts.get("sec", parts.get("secs"))

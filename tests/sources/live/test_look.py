@@ -13,8 +13,10 @@ import pytest
 from evertwin.sources.live.contract import Around
 from evertwin.sources.live.look import look
 from evertwin.sources.live.registry import read_settings
+from tests.sources.live.ros_peers import master
 from tests.sources.live.test_modbus import server
 from tests.sources.live.test_mqtt import mosquitto, said
+from tests.sources.live.test_ros import QUARTER
 
 
 def floats(asked: bytes) -> bytes:
@@ -55,3 +57,15 @@ def test_topics_of_a_broker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
         publishing.join()
     assert "20 messages at most" in lines[0] and lines[1].startswith("robot/state  1.0 a second")
     assert "pose.x=1" in lines[1] and "q.0=1" in lines[1]
+
+
+@pytest.mark.system
+def test_topics_of_a_ros_master(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("evertwin.sources.live.look.LISTEN", 1.0)
+    with master(tmp_path) as ros, ros.node(*ros.says("/odom", "nav_msgs/Odometry", QUARTER)):
+        table = {"source": "odom", "protocol": "ros", "master": ros.uri}
+        lines: list[str] = []
+        while not lines or "/odom" not in lines[0]:
+            lines = asyncio.run(look(read_settings(table), Around(tmp_path)))
+    assert lines[0].startswith("/odom  nav_msgs/Odometry  ") and "time /odom.stamp" in lines[0]
+    assert "/odom.pose.pose.orientation.yaw=1.5708" in lines[0]

@@ -24,13 +24,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+from evertwin.backoff import Backoff
 from evertwin.errors import DataError, UsageError
 from evertwin.settings.kinds import Duration
 from evertwin.settings.notes import Late, expand
 from evertwin.sources.dialect import COMMENTS, Dialect, Stated, cells_of, detect
 from evertwin.sources.live.contract import Around, LiveSettings
 from evertwin.sources.live.decode import Columns, Raw
-from evertwin.sources.live.line import Backoff, Line, LineDown
+from evertwin.sources.live.line import Line, LineDown
 from evertwin.sources.spec import SourceSpec
 from evertwin.sources.text import LONGEST, columns_of, number_of
 

@@ -1,22 +1,21 @@
 """A live source over a line that breaks: connects, reads, and connects again.
 
-A protocol says only what it is to be connected (`Line.session`). Waiting between attempts grows to
-`LONGEST` with full jitter, so that a hundred twins do not come back at the same moment; it is short
-again once a sample came. The line is read by a task of its own behind a bounded queue: a slow
-reader makes the machine's samples wait where the protocol can (a broker's queue, a file), and is
-counted as a loss where it cannot (`Polled` protocols).
+A protocol says only what it is to be connected (`Line.session`). Waiting between attempts grows
+(`Backoff`); it is short again once a sample came. The line is read by a task of its own behind a
+bounded queue: a slow reader makes the machine's samples wait where the protocol can (a broker's
+queue, a file), and is counted as a loss where it cannot (`Polled` protocols).
 """
 
 from __future__ import annotations
 
 import asyncio
 import os
-import random
 import time
 from abc import ABC, abstractmethod
 from collections.abc import AsyncIterator
 from contextlib import suppress
 
+from evertwin.backoff import Backoff
 from evertwin.errors import DataError
 from evertwin.fold import Chunk
 from evertwin.sources.live.arrays import decoder_of
@@ -25,9 +24,6 @@ from evertwin.sources.live.decode import Columns
 from evertwin.sources.live.telling import Telling
 from evertwin.sources.spec import ArraySpec, SourceSpec
 
-SHORTEST = 0.2
-LONGEST = 30.0
-"""Seconds between two attempts, at first and at most."""
 WAITING = 256
 """Chunks that wait for the reader."""
 
@@ -38,29 +34,6 @@ class LineDown(Exception):
     >>> str(LineDown("no answer within 1 s"))
     'no answer within 1 s'
     """
-
-
-class Backoff:
-    """Waits between attempts: any time up to a bound that doubles.
-
-    >>> wait = Backoff(0.1, 0.4)
-    >>> [wait.next() <= bound for bound in (0.1, 0.2, 0.4, 0.4)]
-    [True, True, True, True]
-    """
-
-    def __init__(self, shortest: float = SHORTEST, longest: float = LONGEST) -> None:
-        self.shortest = shortest
-        self.longest = longest
-        self._bound = shortest
-
-    def next(self) -> float:
-        """Seconds to wait now."""
-        bound, self._bound = self._bound, min(2 * self._bound, self.longest)
-        return random.uniform(0.1 * bound, bound)
-
-    def reset(self) -> None:
-        """The line was up."""
-        self._bound = self.shortest
 
 
 class Line(ABC):

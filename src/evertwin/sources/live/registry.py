@@ -1,7 +1,7 @@
 """Protocols by name: own ones, and what other packages add under ``evertwin.sources``.
 
 >>> sorted(OWN), settings_of("replay").__name__
-(['file', 'modbus', 'mqtt', 'opcua', 'replay'], 'ReplaySettings')
+(['file', 'modbus', 'mqtt', 'opcua', 'replay', 'ros'], 'ReplaySettings')
 """
 
 from __future__ import annotations
@@ -34,6 +34,9 @@ OWN = {
     ),
     "replay": (
         "evertwin.sources.live.replay:ReplaySettings", "evertwin.sources.live.replay:Replay",
+    ),
+    "ros": (
+        "evertwin.sources.live.ros_spec:RosSettings", "evertwin.sources.live.ros:Ros",
     ),
 }  # fmt: skip
 """Protocol → where its settings and its source are; the libraries load with the source."""
@@ -91,8 +94,8 @@ def open_live(
     make = _load(OWN[protocol][1]) if protocol in OWN else _plugin(protocol)
     if isinstance(spec, ArraySpec) and not getattr(make, "arrays", False):
         raise UsageError(
-            f"array {spec.name!r}: {protocol} gives no arrays; mqtt does, or a source of your own "
-            "that says so (arrays = True)"
+            f"array {spec.name!r}: {protocol} gives no arrays; mqtt and ros do, or a source "
+            "of your own that says so (arrays = True)"
         )
     source: LiveSource = make(settings, spec, Around() if around is None else around)
     return source

@@ -1,0 +1,69 @@
+"""A real ROS 1 master and Debian's own nodes, each in a process of its own."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from tests.sources.live.peers import free_port, listening, need
+
+STATES = Path("/usr/lib/robot_state_publisher/robot_state_publisher")
+
+
+class Master:
+    """A rosmaster that can be killed and started again at the same port."""
+
+    def __init__(self, folder: Path) -> None:
+        self.port = free_port()
+        self.uri = f"http://127.0.0.1:{self.port}"
+        self.environment = {**os.environ, "ROS_MASTER_URI": self.uri, "ROS_IP": "127.0.0.1",
+                            "ROS_LOG_DIR": str(folder), "HOME": str(folder)}  # fmt: skip
+        self.start()
+
+    def start(self) -> None:
+        self.process = subprocess.Popen(
+            ["rosmaster", "--core", "-p", str(self.port)], env=self.environment,
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )  # fmt: skip
+        listening(self.port)
+
+    def kill(self) -> None:
+        self.process.kill()
+        self.process.wait()
+
+    @contextmanager
+    def node(self, *command: str) -> Iterator[subprocess.Popen[bytes]]:
+        """A program of ROS at this master; ends in order with the block."""
+        peer = subprocess.Popen(command, env=self.environment, start_new_session=True,
+                                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)  # fmt: skip
+        try:
+            yield peer
+        finally:
+            os.killpg(peer.pid, signal.SIGINT)
+            try:
+                peer.wait(5)
+            except subprocess.TimeoutExpired:
+                os.killpg(peer.pid, signal.SIGKILL)
+                peer.wait()
+
+    def says(self, topic: str, kind: str, content: str) -> Sequence[str]:
+        """The command that publishes fifty times a second, stamped (``header: auto``)."""
+        return ("rostopic", "pub", "-s", "-r", "50", topic, kind, content)
+
+
+@contextmanager
+def master(folder: Path) -> Iterator[Master]:
+    need("rosmaster", "rostopic", "rosbag")
+    if not STATES.exists():
+        pytest.skip("peer absent: robot_state_publisher is not installed")
+    found = Master(folder)
+    try:
+        yield found
+    finally:
+        found.kill()
