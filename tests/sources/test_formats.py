@@ -166,6 +166,32 @@ def test_text_dialects(
     assert (chunk.v == table[:, 1:]).all()
 
 
+@pytest.mark.parametrize(
+    "above",
+    [
+        "Anlage 3;;;\n\nExport vom 03.05.2024 14:00;;;\n",
+        "Recorder V2\nSerial number;4711\nOperator;\n",
+        "Title of a run;;;\n" * 40,
+    ],
+)
+def test_lines_above_the_headings_are_titles(tmp_path: Path, above: str) -> None:
+    rows = "".join(f"{i / 10:.1f};{i};{-i};0,5\n".replace(".", ",") for i in range(60))
+    path = tmp_path / "export.csv"
+    path.write_text(f"{above}Time;Speed;Torque;Load\ns;rad/s;Nm;kg\n{rows}")
+    assert open_recording(path).tables[0].columns[1].unit == "rad/s"
+    cells = (Cell("w", "Speed", "rad/s"), Cell("m", "Load", "kg"))
+    v = np.concatenate([c.v for c in Recorded("run", (path,), cells).read()])
+    assert v.tolist() == [[float(i), 0.5] for i in range(60)]
+
+
+def test_a_first_row_with_holes_is_no_title(tmp_path: Path) -> None:
+    path = tmp_path / "holes.csv"
+    path.write_text(";;;7\n" + "".join(f"{i};{i};{-i};8\n" for i in range(1, 60)))
+    source = Recorded("run", (path,), (Cell("m", 3, "kg"),), clock=Clock(rate=10.0))
+    v = np.concatenate([c.v for c in source.read()])[:, 0]
+    assert v.tolist() == [7.0] + [8.0] * 59
+
+
 def test_blocks_of_any_size_give_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "run.csv"
     rows = [f"{i / 10},{i},{-i}" for i in range(300)]

@@ -10,8 +10,8 @@ refused, because it can be read in two ways.
 
 A table may open with up to five lines of words. The first names the columns. Of the lines below it,
 one of units is told by its cells, most of which are units; with two lines in all it is the second.
-What is left names the columns a second time (``Time`` and ``t``), and either name will do. Lines above
-that fill less than half of the columns are titles and are left out.
+What is left names the columns a second time (``Time`` and ``t``), and either name will do. Lines
+above that are no headings (a plant, a serial number, a date) are left out.
 
 Texts are UTF-8, or else Windows-1252, which is what spreadsheets of the west write.
 
@@ -332,12 +332,15 @@ def _has_decimal_comma(cells: Sequence[bytes]) -> bool:
 
 
 def _titles(kinds: Sequence[str]) -> int:
-    """How many lines stand above the headings: they fill less than half of the columns, and a line
-    of words that fills more comes next (``Plant 3;;;``, ``Serial number;4711``)."""
+    """How many lines stand above the headings: they fill no more than half of the columns or tell a
+    number, and a line of words that fills more comes next (``Plant 3;;;``, ``Serial number;4711``).
+    """
     fields = Counter(len(kind) for kind in kinds).most_common(1)[0][0]
     for count, kind in enumerate(kinds[: TITLES + 1]):
-        if 2 * (len(kind) - kind.count("?")) >= fields:
-            return count if set(kind) <= set("t?") else 0
+        if 2 * (len(kind) - kind.count("?")) > fields and set(kind) <= set("t?"):
+            return count
+        if "n" in kind and len(kind) >= fields:
+            return 0
     return 0
 
 

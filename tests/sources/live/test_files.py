@@ -166,4 +166,4 @@ def test_the_how_to_says_what_is_read() -> None:
     blocks = re.findall(r"```toml\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
     tables = [tomllib.loads(block)["twin"]["source"][0] for block in blocks]
     read = [read_settings(table).protocol for table in tables]
-    assert read == ["modbus", "mqtt", "opcua", "file"]
+    assert read == ["modbus", "mqtt", "opcua", "ros", "file"]
