@@ -142,6 +142,34 @@ class TableInfo:
 
 
 @dataclass(frozen=True)
+class ScanInfo:
+    """The scans of one lidar.
+
+    >>> ScanInfo("FLASER", 440, 180, 0.5, 3.12, 0.0175, 0.6, 29.4, 0.02).beams
+    180
+    """
+
+    name: str
+    count: int
+    beams: int
+    rate: float | None
+    """Scans per second, from the median step; None where no stamp tells it."""
+    field_of_view: float
+    """From the first beam to the last [rad]."""
+    step: float
+    """From beam to beam [rad]."""
+    nearest: float
+    """Shortest range measured [m]."""
+    farthest: float
+    """Longest range measured [m]."""
+    empty: float
+    """Share of the beams that nothing came back from."""
+    odometry: bool = False
+    """Whether odometry that can be relied on stands beside them."""
+    findings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Info:
     """A recording, described.
 
@@ -155,6 +183,7 @@ class Info:
     tables: tuple[TableInfo, ...]
     notes: tuple[str, ...] = ()
     findings: tuple[str, ...] = ()
+    scans: tuple[ScanInfo, ...] = ()
 
     def to_dict(self) -> dict[str, Json]:
         """Plain values for JSON; NaN is None, the rate stands beside the period."""

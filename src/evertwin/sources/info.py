@@ -12,10 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from evertwin.errors import DataError
-from evertwin.sources.description import ColumnInfo, Info, TableInfo, TimeInfo
+from evertwin.sources.description import ColumnInfo, Info, ScanInfo, TableInfo, TimeInfo
 from evertwin.sources.guard import Guarded, Watch, typical
 from evertwin.sources.info_text import column_findings, table_findings
 from evertwin.sources.recording import open_recording
+from evertwin.sources.scans import Scans
 from evertwin.sources.stamps import NO_STAMP, StampError, to_ns
 from evertwin.sources.statistics import ClockStatistics, ColumnStatistics
 from evertwin.sources.table import Column, Rows, Table
@@ -48,7 +49,20 @@ def inspect(path: Path | str) -> Info:
         findings += table_findings(info)
         for column in info.columns:
             findings += column_findings(column, info)
-    return Info(path.name, recording.kind, size, tables, recording.notes, tuple(findings))
+    scans = tuple(_scans(one) for one in recording.scans)
+    findings += [f"{one.name}: {line}" for one in scans for line in one.findings]
+    return Info(path.name, recording.kind, size, tables, recording.notes, tuple(findings), scans)
+
+
+def _scans(scans: Scans) -> ScanInfo:
+    n, beams = scans.ranges.shape
+    measured = scans.ranges[np.isfinite(scans.ranges)]
+    return ScanInfo(
+        scans.name, n, beams, scans.rate if scans.timed and n > 1 else None,
+        abs(scans.lidar.step) * (beams - 1), scans.lidar.step,
+        float(np.min(measured, initial=np.inf)), float(np.max(measured, initial=-np.inf)),
+        1 - len(measured) / max(n * beams, 1), scans.odometry is not None, scans.findings,
+    )  # fmt: skip
 
 
 def _table(table: Table) -> TableInfo:

@@ -9,7 +9,7 @@ import datetime
 import math
 from collections.abc import Iterator
 
-from evertwin.sources.description import ClockInfo, ColumnInfo, Info, TableInfo, TimeInfo
+from evertwin.sources.description import ClockInfo, ColumnInfo, Info, ScanInfo, TableInfo, TimeInfo
 from evertwin.sources.names import unit_problem
 
 _YEAR_2000 = 946_684_800 * 10**9
@@ -24,9 +24,23 @@ def render(info: Info) -> str:
     lines = [f"{info.file}: {info.kind}, {info.bytes} bytes"]
     for table in info.tables:
         lines += _table(table)
+    lines += [line for one in info.scans for line in ("", _scans(one))]
     if info.findings:
         lines += ["", "findings"] + [f"  - {line}" for line in info.findings]
     return "\n".join(lines)
+
+
+def _scans(scans: ScanInfo) -> str:
+    rate = "no rate" if scans.rate is None else f"{scans.rate:.3g} Hz"
+    degrees = (
+        f"{math.degrees(scans.field_of_view):.4g}° in steps of {math.degrees(scans.step):.3g}°"
+    )
+    beside = "odometry beside them" if scans.odometry else "no odometry"
+    return (
+        f"{scans.name}: {scans.count} scans of {scans.beams} beams over {degrees}, {rate}, "
+        f"{scans.nearest:.3g} to {scans.farthest:.4g} m, {100 * scans.empty:.2g} % without "
+        f"return, {beside}"
+    )
 
 
 def _table(table: TableInfo) -> list[str]:

@@ -47,6 +47,7 @@ FORMATS = {
     "mcap": ("mcap",),
     "bag": ("ros1", "ros2"),
     "numpy": ("npy", "npz"),
+    "carmen": ("carmen",),
 }
 """Name in a twin file to the kinds of file that it means."""
 

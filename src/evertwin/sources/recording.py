@@ -17,6 +17,7 @@ from pathlib import Path
 from evertwin.errors import DataError
 from evertwin.sources.arrays import open_npy, open_npz
 from evertwin.sources.bags import open_bag
+from evertwin.sources.carmen import open_carmen
 from evertwin.sources.dialect import FOUND, Stated
 from evertwin.sources.foreign import foreign
 from evertwin.sources.mat import open_mat, open_mat73
@@ -26,7 +27,8 @@ from evertwin.sources.table import WIDEST, Recording, Table
 from evertwin.sources.text import TextTable
 
 _OPEN = {
-    "mat": open_mat, "mat73": open_mat73, "parquet": open_parquet, "npy": open_npy, "npz": open_npz,
+    "carmen": open_carmen, "mat": open_mat, "mat73": open_mat73, "parquet": open_parquet,
+    "npy": open_npy, "npz": open_npz,
 }  # fmt: skip
 _OWN = frozenset(
     (

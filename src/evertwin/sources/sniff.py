@@ -45,12 +45,16 @@ _REFUSED = {
 }
 _PICKLES = tuple(b"\x80" + bytes([protocol]) for protocol in range(1, 6))
 _PICKLE_NAMES = (".pkl", ".pickle", ".joblib", ".pt", ".pth")
+_CARMEN = re.compile(
+    rb"(?:#[^\n]*\n|\s)*"
+    rb"(?:(?:PARAM|SYNC|ODOM|FLASER|RLASER|TRUEPOS|(?:ROBOT|RAW)LASER\d|VERTEX2|EDGE2|NEFF) )"
+)
 _JSON = re.compile(rb"\s*(?:\{\s*[\"}]|\[\s*[\[{\"])")
 HEAD = 4096
 
 
 def sniff(path: Path) -> str:
-    """The kind of ``path``: text, mat, mat73, parquet, npy, npz, mcap, ros1, db3, or directory.
+    """The kind of ``path``: text, carmen, mat, mat73, parquet, npy, npz, mcap, ros1, db3, …
 
     Raises:
         DataError: no such file, an empty one, or one that is never read (the reason is given).
@@ -98,7 +102,7 @@ def kind_of(head: bytes, name: str) -> str:
             "unknown binary file; known are CSV and other text, MAT 5 and 7.3, Parquet, npy, npz, "
             "MCAP, ROS 1 and ROS 2 bags"
         )
-    return "text"
+    return "carmen" if _CARMEN.match(head) else "text"
 
 
 def _inside_gzip(path: Path) -> str:
@@ -108,6 +112,6 @@ def _inside_gzip(path: Path) -> str:
     except (OSError, EOFError, zlib.error) as error:
         raise DataError(f"damaged gzip ({error}): copy the file again") from None
     kind = kind_of(head, path.name.removesuffix(".gz"))
-    if kind != "text" or head[257:262] == b"ustar":
+    if kind not in ("text", "carmen") or head[257:262] == b"ustar":
         raise DataError(f"gzip is read for text only, inside is {kind}: unpack it first")
     return kind

@@ -90,7 +90,9 @@ class SourceSpec(Section):
     them."""
     match: str = "*"
     """Which files given with ``--data`` belong to this source (file name pattern)."""
-    format: Literal["auto", "csv", "text", "mat", "parquet", "mcap", "bag", "numpy"] = "auto"
+    format: Literal["auto", "csv", "text", "mat", "parquet", "mcap", "bag", "numpy", "carmen"] = (
+        "auto"
+    )
     """Kind of the files, others are refused; ``auto``: any, told from the content."""
     header: bool | None = None
     """Does a table open with headings? Absent: found from its first lines."""

@@ -19,6 +19,7 @@ import numpy as np
 
 from evertwin.errors import DataError
 from evertwin.sources.names import closest
+from evertwin.sources.scans import Scans
 from evertwin.types import Float64, Int64
 
 WIDEST = 4096
@@ -130,10 +131,12 @@ class Recording:
 
     path: Path
     kind: str
-    """csv, mat, parquet, npy, npz, mcap, ros1 or ros2."""
+    """csv, mat, parquet, npy, npz, mcap, ros1, ros2 or carmen."""
     tables: tuple[Table, ...]
     notes: tuple[str, ...] = ()
     """What is in the file and was left out, with the reason."""
+    scans: tuple[Scans, ...] = ()
+    """Scans of its lidars."""
 
     def find(self, column: str) -> tuple[Table, Column]:
         """The table that holds ``column``, and the column.

@@ -1,0 +1,266 @@
+"""CARMEN logs: one message a line, told by its first word. Scans, odometry, and poses of others.
+
+    FLASER n r1 … rn  x y theta  odom_x odom_y odom_theta  stamp host logged
+    ROBOTLASER1 type start fov step longest accuracy mode n r1 … rn m …  x y theta  odom_x …
+    ODOM x y theta speed turn acceleration  stamp host logged
+
+Ranges and poses are in metres and radians. ``FLASER`` says nothing of its angles: CARMEN's own
+convention holds (180 and 181 beams are a degree apart, 360 and 361 half a degree, others share half
+a turn, the middle looks ahead), and the largest value that keeps returning means that nothing came
+back. Logs that went through a mapping program carry its poses in place of the wheels': so odometry
+is taken from ``ODOM`` lines alone, and not from those whose stamps fall out of line.
+"""
+
+from __future__ import annotations
+
+import gzip
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from evertwin.errors import DataError
+from evertwin.sources.arrays import LARGEST, ArrayTable
+from evertwin.sources.foreign import foreign
+from evertwin.sources.scans import Lidar, Poses, Scans, at_stamps, increasing, mended
+from evertwin.sources.stamps import NO_STAMP, texts, to_ns
+from evertwin.sources.table import WIDEST, Column, Recording
+from evertwin.types import Stamps
+
+SCANS = ("FLASER", "RLASER", "ROBOTLASER1", "ROBOTLASER2", "RAWLASER1", "RAWLASER2")
+NO_RETURN = 81.8
+"""From here on a SICK LMS, which most of these logs were made with, states error codes [m]."""
+OFTEN = 1e-3
+"""Share of all ranges that the largest one must have to be no measurement."""
+
+
+class _Scan(NamedTuple):
+    line: int
+    ranges: list[float]
+    poses: list[float]
+    """The lidar's x, y, theta, then the wheels'; may be empty."""
+    angles: tuple[float, float, float]
+    """Start, step [rad], longest range [m]."""
+    stamp: bytes
+
+
+class _Odometry(NamedTuple):
+    """The wheels' poses that can be relied on."""
+
+    line: np.ndarray
+    t: Stamps
+    poses: Poses
+
+
+@dataclass
+class _Lines:
+    """The messages of a log, by their word."""
+
+    scans: dict[str, list[_Scan]] = field(default_factory=dict)
+    odometry: list[tuple[int, list[float], bytes]] = field(default_factory=list)
+    damaged: dict[str, list[tuple[int, str]]] = field(default_factory=dict)
+
+    def take(self, number: int, line: bytes) -> None:
+        word, *cells = line.split() or [b""]
+        name = word.decode("ascii", "replace")
+        if name not in SCANS and name != "ODOM":
+            return
+        try:
+            if name == "ODOM":
+                numbers = _finite(cells[:6])
+                self.odometry.append((number, numbers, _stamp(cells[6:])))
+            else:
+                read = _plain if name.endswith("LASER") else _described
+                self.scans.setdefault(name, []).append(read(number, cells))
+        except (ValueError, IndexError) as error:
+            self.damaged.setdefault(name, []).append((number, str(error)))
+
+
+def _finite(cells: list[bytes]) -> list[float]:
+    numbers = [float(cell) for cell in cells]
+    if not all(map(math.isfinite, numbers)):
+        raise ValueError("a pose that is no number")
+    return numbers
+
+
+def _stamp(cells: list[bytes]) -> bytes:
+    """``stamp host logged``: the sender's stamp."""
+    if len(cells) < 3:
+        raise ValueError(f"{len(cells)} fields where stamp, host and logging time belong")
+    return cells[0]
+
+
+def _cut(cells: list[bytes], at: int) -> tuple[list[float], list[bytes]]:
+    """So many numbers as the cell says, and what follows them."""
+    count = int(cells[at])
+    rest = cells[at + 1 :]
+    if not 0 <= count <= min(len(rest), WIDEST):
+        raise ValueError(f"{count} values are stated, {len(rest)} fields follow")
+    return [float(cell) for cell in rest[:count]], rest[count:]
+
+
+def _plain(number: int, cells: list[bytes]) -> _Scan:
+    ranges, rest = _cut(cells, 0)
+    n = len(ranges)
+    steps = {180: math.radians(1), 181: math.radians(1), 360: math.radians(0.5),
+             361: math.radians(0.5)}  # fmt: skip
+    step = steps.get(n, math.pi / max(n - 1, 1))
+    angles = (-step * (n - 1) / 2, step, math.inf)
+    return _Scan(number, ranges, _finite(rest[:6]), angles, _stamp(rest[6:]))
+
+
+def _described(number: int, cells: list[bytes]) -> _Scan:
+    start, _, step, longest = _finite(cells[1:5])
+    ranges, rest = _cut(cells, 7)
+    _, rest = _cut(rest, 0)  # remissions
+    posed = len(rest) >= 14  # RAWLASER has none
+    poses, rest = (_finite(rest[:6]), rest[11:]) if posed else ([], rest)
+    return _Scan(number, ranges, poses, (start, step, longest), _stamp(rest))
+
+
+def open_carmen(path: Path) -> Recording:
+    """The scans of a log and its odometry, as arrays and as tables.
+
+    Raises:
+        DataError: too large, damaged from its first line on, or without scans and odometry.
+    """
+    lines = _Lines()
+    for number, line in _numbered(path):
+        lines.take(number, line)
+    notes = [f"{name}: {len(bad)} lines left out, the first in line {bad[0][0]}: {bad[0][1]}"
+             for name, bad in lines.damaged.items()]  # fmt: skip
+    odometry, said = _odometry(lines)
+    notes += said
+    scans = tuple(_scans(name, found, odometry, notes) for name, found in lines.scans.items())
+    tables = [_poses(path, one, lines.scans[one.name]) for one in scans]
+    if lines.odometry:
+        names = ["x", "y", "theta", "speed", "turn", "acceleration"]
+        values = np.array([row for _, row, _ in lines.odometry])
+        stamps = texts([cell for *_, cell in lines.odometry])
+        tables.append(_table(path, "ODOM", stamps, dict(zip(names, values.T, strict=True))))
+    if not tables:
+        raise DataError(f"{path.name}: expected a CARMEN log with scans or odometry, found neither")
+    return Recording(path, "carmen", tuple(tables), tuple(notes), scans)
+
+
+def _numbered(path: Path) -> Iterator[tuple[int, bytes]]:
+    size = 0
+    with path.open("rb") as file:
+        opener = gzip.open if file.read(2) == b"\x1f\x8b" else open
+    with foreign(path.name), opener(path, "rb") as file:
+        for number, line in enumerate(file, 1):
+            size += len(line)
+            if size > LARGEST:
+                raise DataError(f"{path.name}: more than {LARGEST} bytes: cut the log into parts")
+            yield number, line
+
+
+def _odometry(lines: _Lines) -> tuple[_Odometry | None, list[str]]:
+    """The odometry in time, and what was wrong with it."""
+    if not lines.odometry:
+        return None, ["ODOM: no such lines: this log has no odometry of its own"]
+    number = np.array([n for n, *_ in lines.odometry])
+    poses = np.array([row[:3] for _, row, _ in lines.odometry])
+    t = to_ns(texts([cell for *_, cell in lines.odometry]), "s")
+    keep = (t != NO_STAMP) & (t != 0)  # 0: nobody set it
+    keep[keep] = increasing(t[keep])
+    if 2 * keep.sum() < len(t):
+        if len(np.unique(t)) > 1:
+            return None, [f"ODOM: only {keep.sum()} of {len(t)} stamps increase: not used"]
+        return _Odometry(number, np.full(len(t), NO_STAMP), poses), [
+            "ODOM: every stamp is the same: placed by the order of the lines"
+        ]
+    odd = np.flatnonzero(~keep)
+    notes = []
+    if len(odd):
+        at = int(odd[0])
+        notes = [
+            f"ODOM: {len(odd)} of {len(t)} lines are not used, as their stamps repeat or go back, "
+            f"the first {t[at] * 1e-9:.6g} s in line {number[at]}"
+        ]
+    return _Odometry(number[keep], t[keep], poses[keep]), notes
+
+
+def _scans(name: str, found: list[_Scan], odometry: _Odometry | None, notes: list[str]) -> Scans:
+    """The scans of one lidar; those with another number of beams are left out."""
+    counts = np.array([len(scan.ranges) for scan in found])
+    usual = int(np.bincount(counts).argmax())
+    others = int((counts != usual).sum())
+    if others:
+        notes.append(f"{name}: {others} of {len(found)} scans have not {usual} beams: left out")
+    found[:] = [scan for scan in found if len(scan.ranges) == usual]
+    start, step, longest = found[0].angles
+    ranges = np.array([scan.ranges for scan in found]).reshape(len(found), usual)
+    longest = min(longest, NO_RETURN, _ceiling(ranges))
+    ranges[~((ranges > 0) & (ranges < longest))] = np.nan
+    raw = to_ns(texts([scan.stamp for scan in found]), "s")
+    t, kept = mended(raw)
+    findings = list(_clock(raw, kept))
+    wheels = None if odometry is None else _beside(found, t, bool(kept.any()), odometry)
+    stated = None
+    if all(scan.poses for scan in found):
+        both = np.array([scan.poses for scan in found])
+        stated = both[:, :3]
+        if np.abs(both[:, :3] - both[:, 3:]).max() < 1e-3:
+            findings.append(
+                "the poses of lidar and odometry are the same in every line: what is called "
+                "odometry may be the result of a mapping program, and is not used"
+            )
+    lidar = Lidar(start, step, longest)
+    return Scans(name, t, ranges, lidar, wheels, stated, bool(kept.any()), tuple(findings))
+
+
+def _ceiling(ranges: np.ndarray) -> float:
+    """The largest range, where many share it, and it stands apart or outnumbers those below."""
+    values, counts = np.unique(ranges[np.isfinite(ranges)], return_counts=True)
+    if len(values) < 2 or counts[-1] < OFTEN * ranges.size:
+        return math.inf
+    apart = values[-1] > 1.1 * values[-2] or counts[-1] > 10 * counts[-11:-1].mean()
+    return float(values[-1]) if apart else math.inf
+
+
+def _clock(raw: Stamps, kept: np.ndarray) -> Iterator[str]:
+    odd = np.flatnonzero(~kept)
+    if len(odd) == len(raw):
+        same = "every stamp is the same" if len(np.unique(raw)) == 1 else "most stamps go back"
+        yield f"{same}: scans are counted, and no rate or speed can be told"
+    elif len(odd):
+        back = int((np.diff(raw) < 0).sum())
+        yield (
+            f"{len(odd)} of {len(raw)} stamps repeat or go back ({back} go back, by up to "
+            f"{-1e-9 * np.diff(raw).min():.3g} s): placed between their neighbours in the order "
+            "of the lines"
+        )
+
+
+def _beside(found: list[_Scan], t: Stamps, timed: bool, odometry: _Odometry) -> Poses:
+    """The odometry at each scan: by stamps, else by the order of lines."""
+    lines, known, poses = odometry
+    if timed and known[0] != NO_STAMP:
+        return at_stamps(t, known, poses)
+    last = np.searchsorted(lines, [scan.line for scan in found]) - 1
+    out = poses[np.maximum(last, 0)].copy()
+    out[last < 0] = np.nan
+    return out
+
+
+def _poses(path: Path, scans: Scans, found: list[_Scan]) -> ArrayTable:
+    """What stands beside the ranges of each scan, as a table."""
+    names = ["laser.x", "laser.y", "laser.theta", "odom.x", "odom.y", "odom.theta"]
+    poses = np.array([scan.poses for scan in found] if scans.stated is not None else [])
+    stamps = texts([scan.stamp for scan in found])
+    return _table(path, scans.name, stamps, dict(zip(names, poses.T, strict=False)))
+
+
+def _table(path: Path, name: str, stamps: np.ndarray, values: dict[str, np.ndarray]) -> ArrayTable:
+    numbers = (Column(f"{name}.{column}", "number", _UNITS.get(column, "")) for column in values)
+    columns = (Column(f"{name}.stamp", "time", "s"), *numbers)
+    return ArrayTable(path, columns, (stamps, *values.values()), name)
+
+
+_UNITS = {"x": "m", "y": "m", "theta": "rad", "speed": "m/s", "turn": "rad/s",
+          "acceleration": "m/s**2", "laser.x": "m", "laser.y": "m", "laser.theta": "rad",
+          "odom.x": "m", "odom.y": "m", "odom.theta": "rad"}  # fmt: skip

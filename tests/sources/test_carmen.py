@@ -1,0 +1,147 @@
+"""CARMEN logs: scans, odometry and what is wrong with their stamps and poses."""
+
+from __future__ import annotations
+
+import gzip
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evertwin.errors import DataError
+from evertwin.sources import inspect, open_recording, render
+from evertwin.sources.scans import Scans
+
+BEAMS, COUNT = 181, 40
+Stamp = Callable[[int], float]
+
+
+def ranges(i: int) -> np.ndarray:
+    return np.round(2 + np.sin(np.arange(BEAMS) * 0.1 + i), 2)
+
+
+def flaser(i: int, stamp: float, pose: float, values: np.ndarray | None = None) -> str:
+    values = ranges(i) if values is None else values
+    cells = " ".join(f"{v:.2f}" for v in values)
+    beside = f"{pose} 0 0.1 {pose} 0 0.1"
+    return f"FLASER {len(values)} {cells} {beside} {stamp:.6f} host {stamp:.6f}"
+
+
+def odom(i: float, stamp: float) -> str:
+    return f"ODOM {0.1 * i:.4f} {0.02 * i:.4f} {3.1 + 0.01 * i:.5f} 0.1 0 0 {stamp:.6f} host 0"
+
+
+def log(path: Path, stamp: Stamp, wheels: Stamp) -> Path:
+    lines = ["# a log", "PARAM robot_frontlaser_offset 0.0 host 0"]
+    for i in range(COUNT):
+        lines += [odom(i, wheels(i)), flaser(i, stamp(i), 0.2 * i), odom(i + 0.5, wheels(i + 0.5))]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def only(path: Path) -> Scans:
+    (scans,) = open_recording(path).scans
+    return scans
+
+
+def test_scans_and_the_odometry_at_each(tmp_path: Path) -> None:
+    scans = only(log(tmp_path / "run.log", lambda i: 5 + i, lambda i: 4.9 + i))
+    assert np.array_equal(scans.ranges[3], ranges(3)) and scans.rate == pytest.approx(1.0)
+    assert scans.lidar.angles(BEAMS)[[0, -1]] == pytest.approx([-math.pi / 2, math.pi / 2])
+    assert scans.odometry is not None and scans.stated is not None
+    # stamped 0.1 s after its line: a tenth of a step further, across the half turn
+    assert scans.odometry[10] == pytest.approx([1.01, 0.202, 3.1 + 0.101], abs=1e-9)
+    assert scans.stated[10].tolist() == [2.0, 0.0, 0.1]
+    assert any("not used" in line for line in scans.findings)
+
+
+def test_poses_of_a_mapping_program_are_no_odometry(tmp_path: Path) -> None:
+    """Its echo of each pose as an ODOM line without a stamp, as GMapping writes it."""
+    path = log(tmp_path / "run.log", lambda i: 5 + i, lambda i: 5 + i)
+    clean = only(path)
+    lines: list[str] = []
+    for line in path.read_text().splitlines():
+        if line.startswith("FLASER"):
+            lines.append(f"ODOM {line.split()[-6]} 0 0.1 0 0 0 0 host 0")
+        lines.append(line)
+    path.write_text("\n".join(lines))
+    spoilt = only(path)
+    assert spoilt.odometry is not None and clean.odometry is not None
+    assert np.array_equal(spoilt.odometry, clean.odometry, equal_nan=True)
+    assert f"{COUNT} of {3 * COUNT} lines are not used" in " ".join(inspect(path).findings)
+
+
+@pytest.mark.parametrize("stamp", [0.0, 976053557.5])
+def test_constant_stamps_are_named_and_scans_counted(tmp_path: Path, stamp: float) -> None:
+    path = log(tmp_path / "run.log", lambda _: stamp, lambda _: stamp)
+    scans = only(path)
+    assert not scans.timed and np.all(np.diff(scans.t) == 10**9)
+    assert "every stamp is the same" in " ".join(scans.findings)
+    assert scans.odometry is not None and np.array_equal(scans.odometry[7, :2], [0.7, 0.14])
+    assert inspect(path).scans[0].rate is None and "no rate" in render(inspect(path))
+
+
+def test_stamps_that_go_back_are_placed_between(tmp_path: Path) -> None:
+    scans = only(log(tmp_path / "run.log", lambda i: i - 2.5 * (i % 10 == 7), lambda i: 1.0 * i))
+    assert np.all(np.diff(scans.t) > 0)
+    assert np.abs(scans.t - np.arange(COUNT) * 10**9).max() == 0
+    assert "4 go back, by up to 1.5 s" in " ".join(scans.findings)
+
+
+def test_what_did_not_return_is_no_range(tmp_path: Path) -> None:
+    values = np.full(BEAMS, 3.0)
+    values[:6] = [81.91, 81.83, 0.0, -1.0, math.nan, math.inf]
+    values[100:] = 81.91
+    path = tmp_path / "run.log"
+    path.write_text("\n".join(flaser(i, i, 0.0, values) for i in range(5)))
+    scans = only(path)
+    assert np.flatnonzero(np.isfinite(scans.ranges[0])).tolist() == list(range(6, 100))
+    assert scans.lidar.longest == 81.8
+
+
+def test_the_largest_range_is_none_where_it_keeps_returning(tmp_path: Path) -> None:
+    """Without a stated range: 50 stands for nothing here, 3.0 is a range like others."""
+    values = [np.where(np.arange(BEAMS) < 4, 50.0, ranges(i)) for i in range(COUNT)]
+    path = tmp_path / "run.log"
+    path.write_text("\n".join(flaser(i, i, 0.0, v) for i, v in enumerate(values)))
+    scans = only(path)
+    assert scans.lidar.longest == 50.0 and np.nanmax(scans.ranges) == 3.0
+
+
+def test_a_described_laser_says_its_angles(tmp_path: Path) -> None:
+    path = tmp_path / "run.log.gz"
+    line = "ROBOTLASER1 0 -1.0 2.0 0.5 30.0 0.1 0 4 1.0 2.0 30.0 4.0 2 7 8 "
+    path.write_bytes(gzip.compress((line + "1 2 3 1 2 4 0 0 0 0 0 5.5 host 0\n").encode()))
+    scans = only(path)
+    assert (scans.lidar.start, scans.lidar.step, scans.lidar.longest) == (-1.0, 0.5, 30.0)
+    assert np.isnan(scans.ranges[0, 2]) and scans.stated is not None and scans.t[0] == 5500000000
+
+
+def test_damaged_lines_are_left_out_and_named(tmp_path: Path) -> None:
+    path = log(tmp_path / "run.log", lambda i: 5 + i, lambda i: 5 + i)
+    lines = path.read_text().splitlines()
+    lines[3] = lines[3][:200]
+    lines[12] = lines[12].replace("FLASER 181", "FLASER nine")
+    lines[15] = flaser(1, 9.5, 0.0, np.ones(90))
+    path.write_text("\n".join(lines))
+    assert len(only(path).t) == COUNT - 3
+    text = " ".join(inspect(path).findings)
+    assert "FLASER: 2 lines left out, the first in line 4" in text
+    assert "1 of 38 scans have not 181 beams" in text
+
+
+def test_a_log_without_scans_and_odometry_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "run.log"
+    path.write_text("PARAM a b host 0\nSYNC x host 0\n")
+    with pytest.raises(DataError, match="scans or odometry"):
+        open_recording(path)
+
+
+@pytest.mark.data
+def test_real_logs(data_dir: Path) -> None:
+    intel = inspect(data_dir / "laser_intel" / "intel-lab.log").scans[0]
+    assert (intel.count, intel.beams, intel.odometry) == (2672, 180, False)
+    aces = inspect(data_dir / "laser_aces" / "aces-corrected.log.gz").scans[0]
+    assert (aces.count, aces.beams, aces.odometry) == (440, 180, True)
