@@ -274,22 +274,22 @@ class Twin:
 
     @_RUNAWAY
     def life(
-        self, history: str | Path | None = None, data: Data = None, *, drawn: bool = False
-    ) -> Lives:
+        self, history: str | Path | None = None, data: Data = None, *, drawn: bool = False,
+        from_today: bool = False,
+    ) -> Lives:  # fmt: skip
         """The remaining life of each component; alarms that are due go into the log.
 
         Args:
             history: CSV in place of the store's parameter history; then nothing is logged.
             data: recordings, where a limit or the work ahead is simulated.
             drawn: also the course of each indicator, for pictures.
+            from_today: counted from today, if all still works; else from the newest row.
         """
-        prospect = self.prospect(history, data)
-        lives = prospect.lives(drawn=drawn)
-        if history is not None:
-            return lives
-        lives, events = prognosis.alarmed(self.store, lives, prospect.rule)
-        if not self._ledger.reading:
-            self._ledger.say(*events)
+        lives = replace(self.prospect(history, data), from_today=from_today).lives(drawn=drawn)
+        if history is None:
+            lives, events = prognosis.alarmed(self.store, lives, self.setup.spec.prognosis)
+            if not self._ledger.reading:
+                self._ledger.say(*events)
         return lives
 
     @_RUNAWAY

@@ -65,6 +65,12 @@ def life(
             help="Of a series alone: like machines until their end, as in 'others/*.csv'."
         ),
     ] = None,
+    today: Annotated[
+        bool,
+        typer.Option(
+            "--today", help="Where rows have dates: counted from today, if all still works."
+        ),
+    ] = False,
     as_json: AsJson = False,
     check: Check = False,
 ) -> None:
@@ -76,7 +82,7 @@ def life(
     if twin.suffix.lower() != ".toml":
         from evertwin.app.lone_life import show_series
 
-        show_series(twin, (limit, below, column, fleet or []), as_json, check)
+        show_series(twin, (limit, below, column, fleet or [], today), as_json, check)
         return
     if limit is not None or below or column or fleet:
         raise UsageError(
@@ -85,7 +91,7 @@ def life(
         )
     from evertwin.app.prognosis import show_life
 
-    show_life(twin, (history, data), report, as_json, check)
+    show_life(twin, (history, data), (report, today), as_json, check)
 
 
 @_LOOKING.command()
@@ -135,10 +141,11 @@ def decide(
         ),
     ] = None,
     when: Annotated[
-        float | None,
+        str | None,
         typer.Option(
             help="In units of [prognosis] clock. Confirm, postpone: from now, the newest value, as "
-            "'after' in the plan. Replaced, adjusted: the moment itself, as in run 14; absent: now."
+            "'after' in the plan. Replaced, adjusted: the moment itself, as in run 14; absent: "
+            "now. Where rows have dates also a date, as in 2027-03-01."
         ),
     ] = None,
     reason: Annotated[str, typer.Option(help="Why; kept in the log.")] = "",

@@ -21,7 +21,8 @@ def plan_document(found: Plan) -> dict[str, Json]:
         "schema": "evertwin.plan/1", "name": found.name, "unit": found.unit,
         "items": [
             {
-                "component": one.component, "after": one.after, "window": one.window,
+                "component": one.component, "after": one.after,
+                "date": found.date(one.after) or None, "window": one.window,
                 "probability_before": one.probability, "cost_rate": one.rate,
                 "cost_rate_run_to_failure": one.rate_to_failure, "median_life": one.median,
                 "decision": one.decision.verdict, "reason": one.decision.reason, "note": one.note,
@@ -38,20 +39,22 @@ def plan_text(found: Plan) -> str:
     """One line per component, then the stops that several share."""
     lines = []
     for one in found.items:
-        lines.append(_line(one))
+        lines.append(_line(one, found.date(one.after)))
         lines += [f"  ! {one.note}"] if one.note else []
     for stop in found.stops:
         if len(stop.components) > 1:
             saved = f", saves {stop.saving:.4g}" if stop.saving > 0.0 else ""
             names = ", ".join(stop.components)
-            lines.append(f"one stop after {stop.after:.4g} {found.unit}: {names}{saved}")
+            on = f", {date}" if (date := found.date(stop.after)) else ""
+            lines.append(f"one stop after {stop.after:.4g} {found.unit}{on}: {names}{saved}")
     lines += [f"{name}: no date: {why}" for name, why in found.without.items()]
     lines += [f"note: {note}" for note in found.notes]
     return "\n".join(lines)
 
 
-def _line(one: PlanItem) -> str:
+def _line(one: PlanItem, date: str) -> str:
     when = f"after {one.after:.4g} {one.unit}" if np.isfinite(one.after) else "run to failure"
+    when = f"on {date}, {when}" if date else when
     window = "" if one.window is None else f" (window {one.window})"
     cost = "not in use yet, so no cost per time"
     if np.isfinite(one.rate):
@@ -64,11 +67,12 @@ def _line(one: PlanItem) -> str:
 
 def label_document(one: Label) -> dict[str, Json]:
     """One entry of ``evertwin.decisions/1``."""
-    evidence = one.event.evidence
+    evidence: Any = one.event.evidence
     content: Any = {
         "component": one.event.signal, "verdict": one.verdict, "state": one.state,
         "reason": one.event.reason, "said_at": evidence.get("now"), "at": evidence.get("at"),
         "clock": evidence.get("clock"), "time": one.event.time or None,
+        "dates": evidence.get("dates"),
     }  # fmt: skip
     return plain(content)  # type: ignore[return-value]
 
@@ -76,9 +80,15 @@ def label_document(one: Label) -> dict[str, Json]:
 def label_text(one: Label) -> str:
     """The same as a line: when it was said, of what, until or for when, and whether it counts."""
     evidence: Any = one.event.evidence
-    clock = evidence.get("clock") or ""
-    said = "at ?" if evidence.get("now") is None else f"at {clock} {evidence['now']:.6g}"
-    at = evidence.get("at")
-    when = f" {BEFORE.get(one.verdict, '')}{clock} {at:.6g}" if isinstance(at, int | float) else ""
+    clock, dates = evidence.get("clock") or "", evidence.get("dates") or {}
+
+    def moment(name: str) -> str:
+        """A date to the minute where there is one."""
+        date = str(dates.get(name, ""))
+        return f"{date[:10]} {date[11:16]}" if date else f"{clock} {evidence[name]:.6g}"
+
+    said = "at ?" if evidence.get("now") is None else f"at {moment('now')}"
+    known = isinstance(evidence.get("at"), int | float)
+    when = f" {BEFORE.get(one.verdict, '')}{moment('at')}" if known else ""
     state = "" if one.state == "holds" else f"  [{one.state}]"
     return f"{said}: {one.event.signal}: {one.verdict}{when}: {one.event.reason}{state}"

@@ -17,6 +17,7 @@ from evertwin.fold import plain
 from evertwin.loop.feed import Data
 from evertwin.prognosis.laws.planning import HEADINGS
 from evertwin.prognosis.parameter_history import DONE
+from evertwin.prognosis.upkeep import when_said
 from evertwin.report.prognosis_report import write_prognosis
 from evertwin.settings.quantity import number
 from evertwin.twin import Twin
@@ -47,11 +48,13 @@ def show_forecast(
         show(found.to_dict(), str(found), as_json)
 
 
-def show_life(twin: Path, known: Known, report: Path | None, as_json: bool, check: bool) -> None:
+def show_life(
+    twin: Path, known: Known, told: tuple[Path | None, bool], as_json: bool, check: bool
+) -> None:
     """``evertwin life``."""
-    history, data = known
+    (history, data), (report, today) = known, told
     with to_work(twin) as opened:
-        found = opened.life(history, _files(data), drawn=report is not None)
+        found = opened.life(history, _files(data), drawn=report is not None, from_today=today)
         if report is not None:
             write_prognosis(found, None, report)
         show(found.to_dict(), str(found), as_json)
@@ -113,7 +116,7 @@ def show_decisions(twin: Path, as_json: bool) -> None:
 
 
 def keep_decision(
-    twin: Path, said: tuple[str, str], about: tuple[str, float | None], history: Path | None,
+    twin: Path, said: tuple[str, str], about: tuple[str, str | None], history: Path | None,
     as_json: bool,
 ) -> None:  # fmt: skip
     """``evertwin decide``.
@@ -121,12 +124,15 @@ def keep_decision(
     Raises:
         UsageError: another verdict, a time that cannot be, or a store in memory.
     """
-    (component, word), (reason, when) = said, about
+    (component, word), (reason, at) = said, about
     verdict: Any = VERDICTS.get(word)
     if verdict is None:
         raise UsageError(f"decide: expected one of {', '.join(VERDICTS)}, got {word!r}")
     with to_work(twin, telling=True) as opened:
         store_path(twin, opened.spec)
+        when = None
+        if at is not None:
+            when = when_said(opened.prospect(history), at, itself=verdict in DONE)
         if verdict in DONE:
             event = opened.maintained(component, reason, verdict, when, history)
         else:

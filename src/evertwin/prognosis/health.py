@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from evertwin.config.prognosis import IndicatorSpec
-from evertwin.errors import ConfigError, DataError, nearest
+from evertwin.errors import ConfigError, DataError, UsageError, nearest
 from evertwin.models import Model, Parameters
 from evertwin.prognosis.formula import Formula
 from evertwin.prognosis.history_file import of_table
@@ -97,7 +97,8 @@ def series_of(
     adds = {name: found.beside(name, at) for name in rule.covariates}
     multiplies = {name: found.beside(name, at) for name in rule.factors}
     multiplies |= warm_of(rule, found.since_start(at))
-    return in_unit(rule, Observed(at, value, sigma, adds, multiplies, None, marks))
+    told = Observed(at, value, sigma, adds, multiplies, None, marks, calendar=found.calendar)
+    return in_unit(rule, told)
 
 
 def _through(
@@ -133,6 +134,7 @@ def indicator_of(
     found = Indicator.of(rule.name, unit, limit, known.at, known.value).with_(
         sigma=known.sigma, clock=clock, covariates=dict(known.covariates), usage=known.usage,
         maintenance=known.maintenance, reference=dict(rule.reference), notes=known.notes,
+        calendar=known.calendar,
     )  # fmt: skip
     warm = {"warm_up": 0.0} if "warm_up" in known.factors else {}
     return divided(found, known.factors, warm | dict(rule.reference))
@@ -153,12 +155,24 @@ def seen(indicator: Indicator, now: float) -> Indicator:
     return indicator.seen_at(now).with_(notes=(*indicator.notes, old))
 
 
+def today_of(found: Sequence[Indicator]) -> float:
+    """Today on the clock of dated series.
+
+    Raises:
+        UsageError: none of them has dates.
+    """
+    calendar = next((one.calendar for one in found if one.calendar is not None), None)
+    if calendar is None:
+        raise UsageError("--today: expected rows with dates, got a clock without: leave it out")
+    return calendar.today()
+
+
 def unless_overdue(indicator: Indicator, life: Life | NotEnough) -> Life | NotEnough:
     """The life; a newer value is needed where only the laws say that the limit was passed since."""
     last = newest(indicator)
     if isinstance(life, NotEnough) or life.passed is None or last is None or life.passed <= last:
         return life
-    needs = f"a newer value than that of {last:.4g} {indicator.clock}"
+    needs = f"a newer value than that of {indicator.moment(last)}"
     return NotEnough(needs, "by its laws the limit has been passed since", laws=life.laws)
 
 

@@ -34,8 +34,8 @@ from evertwin.config.prognosis import IndicatorSpec
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import Event
 from evertwin.prognosis.laws import Maintenance
+from evertwin.prognosis.laws.calendar import FIRST, LAST, UNITS, Calendar
 from evertwin.prognosis.observed_series import Observed, component_of, marks_of, warm_of
-from evertwin.prognosis.parameter_history import UNITS
 from evertwin.signals.channels import position
 from evertwin.signals.units import compatible, conversion, from_si
 from evertwin.sources.small_table import ABSENT, Table
@@ -148,6 +148,8 @@ class Counted(NamedTuple):
     by: str
     """The column; empty: rows were counted."""
     notes: tuple[str, ...] = ()
+    calendar: Calendar | None = None
+    """Where times are counted from 1970."""
 
 
 def of_table(
@@ -181,7 +183,7 @@ def of_table(
         counted.at[keep], value[keep], sigma[keep],
         {c: table.column(c)[keep] for c in rule.covariates},
         {c: table.column(c)[keep] for c in rule.factors} | warm,
-        usage, tuple(sorted(marks, key=lambda m: m.at)), (*notes, *twice), unit,
+        usage, tuple(sorted(marks, key=lambda m: m.at)), (*notes, *twice), unit, counted.calendar,
     )  # fmt: skip
 
 
@@ -217,14 +219,39 @@ def _counted(table: Table, clock: str) -> Counted:
     if clock not in UNITS:
         by = _found((clock, "run", "cycle"), there)
         return _by_row(table, clock) if by is None else Counted(_whole(table, by), by)
-    by = _found((clock, *TIMES), there)
+    by = counted_by(table, clock)
     if by is None:
         raise DataError(
             f"{table.name}: expected a column {clock!r}, or one of {', '.join(TIMES)}, to count "
             f"life by; got {', '.join(there)}: add one, or count runs with [prognosis] clock"
         )
-    at = _whole(table, by)
-    return Counted(at if by == clock else at / UNITS[clock], by)
+    plain = by == clock and by not in table.dates
+    at, notes = (_whole(table, by), ()) if plain else in_seconds(table, by)
+    stamps = clock == "s" or not plain
+    dated = by in table.dates or (stamps and bool(np.all((at > FIRST) & (at < LAST))))
+    calendar = Calendar(clock, by not in table.dates or by in table.zoned) if dated else None
+    return Counted(at if plain else at / UNITS[clock], by, notes, calendar)
+
+
+def counted_by(table: Table, clock: str = "s") -> str | None:
+    """The column that tells the time: by its name, or as the only one of dates."""
+    by = _found((clock, *TIMES), (*table.names, *table.text))
+    return next(iter(table.dates)) if by is None and len(table.dates) == 1 else by
+
+
+def in_seconds(table: Table, by: str) -> tuple[Vector, tuple[str, ...]]:
+    """A column of times [s]; stamps since 1970 are read in the finer units of computers too.
+
+    Raises:
+        DataError: a row has no time.
+    """
+    at, where = _whole(table, by), f"{table.name}: {by}"
+    if by in table.units or by in table.dates:
+        return at, ()
+    for unit, size in (("milliseconds", 1e3), ("microseconds", 1e6), ("nanoseconds", 1e9)):
+        if len(at) and np.all((at > FIRST * size) & (at < LAST * size)):
+            return at / size, (f"{where} was read as {unit} since 1970",)
+    return at, ()
 
 
 def _found(words: tuple[str, ...], there: tuple[str, ...]) -> str | None:
@@ -236,7 +263,7 @@ def _found(words: tuple[str, ...], there: tuple[str, ...]) -> str | None:
 
 def _by_row(table: Table, clock: str) -> Counted:
     """One row after the other, or date after date."""
-    dates = _found(TIMES, tuple(table.dates))
+    dates = next(iter(table.dates)) if len(table.dates) == 1 else _found(TIMES, tuple(table.dates))
     said = f"{table.name}: no column {clock!r}: its {table.rows} rows were counted"
     if dates is None:
         return Counted(np.arange(1.0, table.rows + 1.0), "", (said,))

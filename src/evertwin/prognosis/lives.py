@@ -17,6 +17,7 @@ from evertwin.prognosis.course import Course
 from evertwin.prognosis.formula import Formula
 from evertwin.prognosis.laws import Indicator, Life, NotEnough, Workload
 from evertwin.prognosis.laws.alarms import Alarm
+from evertwin.prognosis.laws.calendar import UNITS, Calendar
 from evertwin.types import Json
 
 
@@ -104,11 +105,22 @@ def said(life: Life | NotEnough) -> str:
         return "; ".join(
             part for part in (f"not enough data: needs {life.needs}", life.reason) if part
         )
+    told = life.calendar
     if life.passed is not None:
-        return f"life is over: the limit was passed at {life.passed:.4g} {life.unit}"
+        when = f"{life.passed:.4g} {life.unit}" if told is None else told.said(life.passed)
+        return f"life is over: the limit was passed at {when}"
     low, high = life.interval80
     ends = f"{high:.4g}" if high < float("inf") else "without end"
     law = f", law {life.law}" if life.law else ""
+    if told is not None:
+        first, half, last, surely = (
+            told.said(life.now + x, zone=x == life.median)
+            for x in (low, life.median, high, life.not_before)
+        )
+        return (
+            f"ends on {half} (80 %: {first} … {last}), not before {surely} (95 %){law}; in "
+            f"{life.median:.4g} {life.unit}"
+        )
     return (
         f"{life.median:.4g} {life.unit} (80 %: {low:.4g} … {ends}), not before "
         f"{life.not_before:.4g} (95 %){law}"
@@ -146,6 +158,21 @@ class Lives:
     """Labels of the store that do not count, and why."""
 
     @property
+    def calendar(self) -> Calendar | None:
+        """Where the clock counts from 1970."""
+        return next((c for one in self.indicators if (c := one.indicator.calendar)), None)
+
+    @property
+    def since(self) -> str:
+        """How long ago, by this computer, the moment was that dated lives are counted from."""
+        told = self.calendar
+        if told is None or not self.now:
+            return ""
+        ago = (told.today() - self.now) * UNITS[self.clock] / UNITS["d"]
+        how = f", {abs(ago):.3g} days {'ago' if ago > 0.0 else 'ahead of today'}"
+        return f"lives are counted from {told.said(self.now)}{how if abs(ago) > 0.1 else ''}"
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """What may surprise in how the history was read."""
         told = (note for one in self.indicators for note in one.indicator.notes)
@@ -157,11 +184,13 @@ class Lives:
         for name, one in self.components.items():
             entry = entry_of(one.indicator, one.life, self.dates)
             parts[name] = entry | {
-                "rate": one.rate, "age": one.age, "wear": one.wears.text, "phases": one.phases
+                "rate": one.rate, "age": one.age, "wear": one.wears.text, "phases": one.phases,
+                "sentence": one.sentence,
             }  # fmt: skip
         content: dict[str, Any] = {
             "schema": SCHEMA, "components": parts,
             "name": self.name, "clock": self.clock, "now": self.now,
+            "now_date": None if self.calendar is None else self.calendar.iso(self.now),
             "machine": None if self.machine is None else self.machine.document(),
             "alarms": self.alarms, "alarms_held_back": self.held,
             "alarms_today": self.alarms_today, "notes": self.notes,
@@ -187,6 +216,7 @@ class Lives:
         if self.held:
             lines.append(f"held back, over the budget of the day: {len(self.held)}")
         lines += [f"  {a.component}: {a.kind.replace('_', ' ')}: {a.reason}" for a in self.held]
+        lines += [self.since] if self.since else []
         lines += [f"note: {note}" for note in self.notes]
         return "\n".join(lines) or "no [[indicator]] in the twin file"
 

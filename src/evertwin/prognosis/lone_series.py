@@ -23,9 +23,11 @@ import numpy as np
 from evertwin.config.prognosis import IndicatorSpec, PrognosisSpec
 from evertwin.errors import DataError, UsageError
 from evertwin.prognosis.formula import Formula
-from evertwin.prognosis.history_file import TIMES, of_table
+from evertwin.prognosis.health import seen, today_of, unless_overdue
+from evertwin.prognosis.history_file import TIMES, counted_by, in_seconds, of_table
 from evertwin.prognosis.laws import Fleet, Indicator, Limit, learn, predict_life
 from evertwin.prognosis.laws.alarms import alarm_of
+from evertwin.prognosis.laws.calendar import FIRST
 from evertwin.prognosis.laws.indicator import Direction
 from evertwin.prognosis.lives import ComponentLife, Lives
 from evertwin.sources.small_table import Table, read_table
@@ -54,6 +56,8 @@ class Series:
     """What life is counted in; empty: as the columns say."""
     fleet: tuple[Path, ...] = ()
     """Like machines until their end, in the same columns."""
+    from_today: bool = False
+    """Counted from today, on condition that it still works; else from the newest row."""
 
 
 def life_of_series(asked: Series) -> Lives:
@@ -70,7 +74,9 @@ def life_of_series(asked: Series) -> Lives:
     own = _indicator(rule, table, clock, limit)
     _check(own, table)
     fleet = _fleet(rule, asked.fleet, clock, limit)
-    life = predict_life(own, fleet=fleet)
+    if asked.from_today:
+        own = seen(own, today_of((own,)))
+    life = unless_overdue(own, predict_life(own, fleet=fleet))
     one = ComponentLife(column, rule, own, life, life, Formula.parse("1"))
     spec = PrognosisSpec()
     due = alarm_of(column, own, life, spec.ahead, spec.risk)
@@ -84,8 +90,9 @@ def life_of_series(asked: Series) -> Lives:
 def _indicator(rule: IndicatorSpec, table: Table, clock: str, limit: Limit) -> Indicator:
     known = of_table(rule, table, clock)
     return Indicator.of(rule.name, known.unit or "1", limit, known.at, known.value).with_(
-        sigma=known.sigma, clock=clock, maintenance=known.maintenance, notes=known.notes
-    )
+        sigma=known.sigma, clock=clock, maintenance=known.maintenance, notes=known.notes,
+        calendar=known.calendar,
+    )  # fmt: skip
 
 
 def _fleet(rule: IndicatorSpec, files: Sequence[Path], clock: str, limit: Limit) -> Fleet | None:
@@ -112,10 +119,14 @@ def _clock(table: Table) -> str:
     names = {n.lower() for n in table.names}
     if found := [clock for clock in CLOCKS if clock in names]:
         return found[0]
-    if table.dates:
-        span = float(np.ptp(table.column(min(table.dates))))
-        return "d" if span > 20.0 * 86_400.0 else "h"
-    return "s" if names & set(TIMES) else "run"
+    by = counted_by(table)
+    if by is None:
+        return "run"
+    at, _ = in_seconds(table, by)
+    span = float(np.ptp(at))
+    if by not in table.dates and not np.all(at > FIRST):
+        return "s"
+    return "d" if span > 20.0 * 86_400.0 else "h"
 
 
 def _check(own: Indicator, table: Table) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from evertwin.config.prognosis import IndicatorSpec
 from evertwin.fold import Event
 from evertwin.prognosis.laws import Maintenance
+from evertwin.prognosis.laws.calendar import Calendar
 from evertwin.signals.units import conversion, from_si
 from evertwin.types import Vector
 
@@ -32,6 +33,8 @@ class Observed(NamedTuple):
     """What may surprise in how it was read."""
     unit: str = ""
     """Of the values, as far as their file says it."""
+    calendar: Calendar | None = None
+    """Where times are counted from 1970."""
 
 
 def component_of(rule: IndicatorSpec) -> str:

@@ -22,6 +22,7 @@ import numpy as np
 
 from evertwin.errors import ConfigError
 from evertwin.fold import Answer, Event
+from evertwin.prognosis.laws.calendar import FIRST, LAST, UNITS, Calendar
 from evertwin.store import Estimate, Store
 from evertwin.types import Vector
 
@@ -124,7 +125,6 @@ def _problem(event: Event) -> str:
     return ""
 
 
-UNITS = {"s": 1.0, "h": 3600.0, "d": 86400.0}
 BETWEEN = 0.5
 """A mark set after run n stands at n + ½."""
 
@@ -163,6 +163,8 @@ class History:
     """All that was ever said or done."""
     stamp: int = 0
     """Of the newest fit [ns]."""
+    calendar: Calendar | None = None
+    """Where the clock counts from 1970."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -243,7 +245,10 @@ def history(store: Store, clock: str) -> History:
     )
     said = labels([e for e in store.read("event") if isinstance(e, Event)], clock)
     stamp = fits[-1].time if fits else 0
-    return History(moments, clock, standing(said), said, stamp)
+    calendar = None
+    if clock in UNITS and FIRST < stamp * 1e-9 < LAST and _stamps_rise([g[0] for g in groups]):
+        calendar = Calendar(clock, zoned=True)
+    return History(moments, clock, standing(said), said, stamp, calendar)
 
 
 def dated(store: Store) -> bool:

@@ -17,7 +17,14 @@ from evertwin.config.prognosis import IndicatorSpec, PrognosisSpec
 from evertwin.errors import ConfigError
 from evertwin.loop.feed import Data
 from evertwin.prognosis.course import Course, course
-from evertwin.prognosis.health import check_names, indicator_of, seen, series_of, unless_overdue
+from evertwin.prognosis.health import (
+    check_names,
+    indicator_of,
+    seen,
+    series_of,
+    today_of,
+    unless_overdue,
+)
 from evertwin.prognosis.history_file import of_table
 from evertwin.prognosis.laws import (
     Fleet,
@@ -30,6 +37,7 @@ from evertwin.prognosis.laws import (
     predict_life,
 )
 from evertwin.prognosis.laws.alarms import alarm_of
+from evertwin.prognosis.laws.calendar import Calendar
 from evertwin.prognosis.laws.hypotheses import LAWS
 from evertwin.prognosis.limits import accuracy_limit, breakdown_limits, limit_of
 from evertwin.prognosis.lives import ComponentLife, Lives, said
@@ -61,6 +69,8 @@ class Prospect:
     """Recordings, for what needs the newest task."""
     table: Table | None = None
     """A history file in place of the store's."""
+    from_today: bool = False
+    """Lives are counted from today, on condition that all still works; else from the newest row."""
 
     @property
     def rule(self) -> PrognosisSpec:
@@ -151,7 +161,14 @@ class Prospect:
         found = [self.indicator(rule) for rule in self.basis.setup.spec.indicator]
         newest = [float(one.at[-1]) for one in found if len(one.at)]
         now = max([*newest, 0.0 if self.table is not None else self.history.now])
+        if self.from_today:
+            now = max(now, today_of(found))
         return tuple(seen(one, now) for one in found)
+
+    @property
+    def calendar(self) -> Calendar | None:
+        """Where the clock counts from 1970."""
+        return next((one.calendar for one in self.series if one.calendar is not None), None)
 
     def life(self, rule: IndicatorSpec, *, drawn: bool = False) -> ComponentLife:
         """The life that one indicator tells; ``drawn``: with its course."""

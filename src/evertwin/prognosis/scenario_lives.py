@@ -12,8 +12,8 @@ from evertwin.ahead.whatif import WhatIf, beside, today
 from evertwin.errors import UsageError
 from evertwin.models.spec import ChangeSpec
 from evertwin.prognosis.laws import Life, Workload
+from evertwin.prognosis.laws.calendar import UNITS
 from evertwin.prognosis.lives import ComponentLife
-from evertwin.prognosis.parameter_history import UNITS
 from evertwin.prognosis.prospect import Prospect
 from evertwin.prognosis.workplan import Plan, past_cycles, plan_of, workload
 from evertwin.signals.units import to_si

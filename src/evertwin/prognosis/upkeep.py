@@ -60,7 +60,10 @@ def _plan(prospect: Prospect, lives: Lives, said: Mapping[str, Decision]) -> Pla
         )
     windows = None if rule.windows is None else Windows(rule.window, rule.windows)
     items, stops = planned(known, windows, rule.visit)
-    return Plan(lives.name, lives.clock, items, without, stops, prospect.history.notes)
+    return Plan(
+        lives.name, lives.clock, items, without, stops, prospect.history.notes,
+        now=lives.now, calendar=lives.calendar,
+    )  # fmt: skip
 
 
 def _decisions(prospect: Prospect, lives: Lives) -> dict[str, Decision]:
@@ -123,6 +126,34 @@ def label(
     })  # fmt: skip
 
 
+def when_said(prospect: Prospect, text: str, *, itself: bool) -> float:
+    """A time that somebody says: a number, or a date where the clock has dates.
+
+    Args:
+        prospect: the twin's.
+        text: what is said.
+        itself: the moment is meant; else the time from now.
+
+    Raises:
+        UsageError: it is neither.
+    """
+    try:
+        return float(text)
+    except ValueError:
+        pass
+    calendar = prospect.calendar
+    try:
+        at = math.nan if calendar is None else calendar.at(text)
+    except ValueError:
+        at = math.nan
+    if math.isnan(at):
+        or_date = "" if calendar is None else " or a date as in 2027-03-01"
+        raise UsageError(
+            f"--when: expected a number on the clock {prospect.rule.clock!r}{or_date}, got {text!r}"
+        )
+    return at if itself else at - prospect.now
+
+
 def _check_postponed(component: str, planned_after: float, after: float | None, unit: str) -> None:
     if after is None:
         raise UsageError("postponed: expected until when, as a time from now on the plan's clock")
@@ -177,10 +208,14 @@ def maintenance(
         # a later mark would hide the values that come before it
         latest = now + (1.0 if prospect.history.counts else max(now - first, between))
         if not first <= at <= latest:
+            told, unit = prospect.calendar, f" {prospect.rule.clock}"
+            begin, end, got = (
+                f"{x:g}" if told is None else told.said(x) for x in (first, latest, at)
+            )
             raise UsageError(
-                f"maintenance: expected when it was done, on the clock of the prognosis: "
-                f"{first:g} (first value) to {latest:g} {prospect.rule.clock}, got {at:g}; without "
-                "a time it is now"
+                f"maintenance: expected when it was done, on the clock of the prognosis: {begin} "
+                f"(first value) to {end}{unit if told is None else ''}, got {got}; without a time "
+                "it is now"
             )
     when = now + between if at is None else at
     more = {"at": when, "kind": kind, "now": now}
@@ -204,5 +239,9 @@ def _event(
     prospect: Prospect, kind: str, component: str, reason: str, evidence: Mapping[str, Any]
 ) -> Event:
     """A label, at the stamp of the newest row that is known."""
-    clock = {"clock": prospect.rule.clock}
+    clock: dict[str, Any] = {"clock": prospect.rule.clock}
+    told = prospect.calendar if "at" in evidence else None
+    if told is not None:
+        moments = ((name, evidence.get(name)) for name in ("at", "now"))
+        clock["dates"] = {name: told.iso(x) for name, x in moments if x is not None}
     return Event(0, prospect.history.stamp, kind, component, reason, clock | dict(evidence))

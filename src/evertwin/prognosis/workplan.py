@@ -30,7 +30,7 @@ from evertwin.errors import ConfigError, DataError, UsageError
 from evertwin.models import Model
 from evertwin.prognosis.formula import Formula
 from evertwin.prognosis.laws import Indicator, Workload
-from evertwin.prognosis.parameter_history import UNITS
+from evertwin.prognosis.laws.calendar import UNITS
 from evertwin.signals import Channel, Layout, wrap
 from evertwin.signals.channels import position
 from evertwin.signals.units import compatible

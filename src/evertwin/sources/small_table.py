@@ -59,6 +59,8 @@ class Table:
     """SI unit of each column whose heading gives one."""
     dates: frozenset[str] = frozenset()
     """Columns that were dates."""
+    zoned: frozenset[str] = frozenset()
+    """Of these, columns whose dates name a zone."""
     lines: tuple[int, ...] = ()
     """Line of each row in the file."""
 
@@ -160,6 +162,7 @@ def parse(lines: Iterable[str], name: str) -> Table:
     numbers: dict[str, Vector] = {}
     text: dict[str, tuple[str, ...]] = {}
     dates: set[str] = set()
+    zoned: set[str] = set()
     for k, (head, unit) in enumerate(heads):
         cells = [row[k].strip() for _, row in rows[1:]]
         if comma:
@@ -174,13 +177,14 @@ def parse(lines: Iterable[str], name: str) -> Table:
         if values is None:
             values = _dates(cells)
             dates |= set() if values is None else {head}
+            zoned |= {head} if values is not None and _zoned(cells) else set()
         if values is None:
             text[head] = tuple(cells)
         else:
             numbers[head] = _si(values, unit, f"{name}:{rows[0][0]}: {head}")
     units = {head: si_unit(unit) for head, unit in heads if unit and head in numbers}
     places = tuple(number for number, _ in rows[1:])
-    return Table(name, numbers, text, units, frozenset(dates), places)
+    return Table(name, numbers, text, units, frozenset(dates), frozenset(zoned), places)
 
 
 def _rows(lines: list[str]) -> tuple[list[tuple[int, list[str]]], bool]:
@@ -233,6 +237,11 @@ def _moment(cell: str) -> datetime:
         return datetime.fromisoformat(cell)
     year, month, day, hour, minute, second = (int(part) for part in found.groups(default="0"))
     return datetime(year, month, day, hour, minute, second)
+
+
+def _zoned(cells: list[str]) -> bool:
+    """Do the dates name a zone?"""
+    return any(_moment(c).tzinfo is not None for c in cells if c.lower() not in ABSENT)
 
 
 def _dates(cells: list[str]) -> Vector | None:

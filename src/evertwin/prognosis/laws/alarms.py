@@ -94,8 +94,8 @@ def alarm_of(
         if life.onset is None:
             return None
         reason = (
-            f"wear began at {life.onset.begin:.4g} {indicator.clock}, told at "
-            f"{life.onset.told:.4g}; {shown}"
+            f"wear began at {indicator.moment(life.onset.begin)}, told at "
+            f"{indicator.moment(life.onset.told)}; {shown}"
         )
         evidence |= {"onset": life.onset.begin, "told": life.onset.told}
         action = f"look at {component}; measure more often: {life.needs}"
@@ -116,6 +116,8 @@ def alarm_of(
             f"{life.unit} with probability {chance:.2f}"
         )
         action = f"plan maintenance of {component} within {life.not_before:.3g} {life.unit}"
+        if life.calendar is not None:
+            action += f", by {life.calendar.said(life.now + life.not_before)}"
         return Alarm(component, "failure_due", reason, interval, action, evidence)
     return None
 

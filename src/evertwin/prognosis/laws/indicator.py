@@ -36,6 +36,7 @@ from typing import Literal
 import numpy as np
 
 from evertwin.errors import DataError, UsageError
+from evertwin.prognosis.laws.calendar import Calendar
 from evertwin.types import Float64
 
 Direction = Literal["above", "below"]
@@ -113,6 +114,8 @@ class Indicator:
     """Where on ``at`` the component was new; None: at the first value."""
     notes: tuple[str, ...] = ()
     """What may surprise in how the series was read."""
+    calendar: Calendar | None = None
+    """Where ``at`` counts from 1970: moments are told as dates."""
 
     @classmethod
     def of(
@@ -127,6 +130,10 @@ class Indicator:
     def shown(self, value: float) -> str:
         """A value with its unit, as it is told; a plain number stands alone."""
         return f"{value:.4g}" if self.unit == "1" else f"{value:.4g} {self.unit}"
+
+    def moment(self, at: float) -> str:
+        """A moment on the clock in words: a date where there are dates."""
+        return f"{at:.4g} {self.clock}" if self.calendar is None else self.calendar.said(at)
 
     def with_(self, **changes: object) -> Indicator:
         """A copy with other fields.

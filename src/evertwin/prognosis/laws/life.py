@@ -27,6 +27,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from evertwin.errors import UsageError
+from evertwin.prognosis.laws.calendar import Calendar
 from evertwin.prognosis.laws.indicator import Indicator
 from evertwin.types import Float64
 
@@ -169,6 +170,8 @@ class Life:
     onset: Onset | None = None
     passed: float | None = None
     """When the limit was passed, on the indicator's clock; None: not yet."""
+    calendar: Calendar | None = None
+    """Where that clock counts from 1970."""
 
     @classmethod
     def of(
@@ -250,6 +253,19 @@ class Life:
         """``n`` remaining lives drawn from the distribution."""
         return interpolated(rng.random(n), LEVELS, self.remaining)
 
+    def dates(self) -> dict[str, object] | None:
+        """The same as dates; None where the clock tells none."""
+        told = self.calendar
+        if told is None:
+            return None
+        ends = {"interval80": self.interval80, "interval95": self.interval95}
+        return {
+            "now": told.iso(self.now), "median": told.iso(self.now + self.median),
+            **{name: [told.iso(self.now + x) for x in pair] for name, pair in ends.items()},
+            "not_before": told.iso(self.now + self.not_before),
+            "passed_at": None if self.passed is None else told.iso(self.passed),
+        }  # fmt: skip
+
     def document(self) -> dict[str, object]:
         """The part ``life`` of ``evertwin.life/1``; infinity is null."""
         return {
@@ -259,6 +275,7 @@ class Life:
             "not_before": _finite(self.not_before),
             "unit": self.unit,
             "passed_at": self.passed,
+            "dates": self.dates(),
         }
 
 
@@ -280,7 +297,8 @@ def first_of(lives: Sequence[Life]) -> Life:
     for life in lives:
         survival *= 1.0 - np.array([life.probability_before(x) for x in nodes])
     remaining = quantiles(nodes, 1.0 - survival)
-    return Life(lives[0].unit, remaining, max(life.now for life in lives))
+    now, calendar = max(life.now for life in lives), lives[0].calendar
+    return Life(lives[0].unit, remaining, now, calendar=calendar)
 
 
 def quantiles(

@@ -28,6 +28,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from evertwin.errors import UsageError
+from evertwin.prognosis.laws.calendar import Calendar
 from evertwin.prognosis.laws.grouping import Group, Member, together
 from evertwin.prognosis.laws.life import Life
 from evertwin.prognosis.laws.renewal import Cost, Renewal, Windows
@@ -35,6 +36,7 @@ from evertwin.prognosis.laws.renewal import Cost, Renewal, Windows
 HEADINGS = (
     "component", "after", "unit", "window", "probability_before", "cost_rate",
     "cost_rate_run_to_failure", "median_life", "decision", "reason", "stop", "stop_saving", "note",
+    "date",
 )  # fmt: skip
 LATE = 0.5
 """A date is too late if a failure before it is likelier than this."""
@@ -132,6 +134,16 @@ class Plan:
     """In the order of their dates."""
     notes: tuple[str, ...] = ()
     """What may surprise."""
+    now: float = 0.0
+    """The moment that dates are counted from, on the clock."""
+    calendar: Calendar | None = None
+    """Where the clock counts from 1970."""
+
+    def date(self, after: float) -> str:
+        """A date of the plan as a date; empty where the clock tells none, or there is none."""
+        if self.calendar is None or not np.isfinite(after):
+            return ""
+        return self.calendar.said(self.now + after)
 
     @property
     def saving(self) -> float:
@@ -153,6 +165,7 @@ class Plan:
                 _cell(one.rate), _cell(one.rate_to_failure), _cell(one.median),
                 one.decision.verdict, _safe(one.decision.reason),
                 "" if number is None else number + 1, saving, _safe(one.note),
+                self.date(one.after),
             ])  # fmt: skip
         return out.getvalue()
 

@@ -68,9 +68,12 @@ def predict_life(
     onset = find_onset(indicator)
     found = replace(from_problem(indicator, problem, laws, fleet, onset), onset=onset)
     if isinstance(found, NotEnough) and found.onset is not None:
-        begun = f"; wear has begun at {found.onset.begin:g} {indicator.clock}"
+        begun = f"; wear has begun at {indicator.moment(found.onset.begin)}"
         return replace(found, reason=found.reason + begun)
-    if isinstance(found, NotEnough) or indicator.usage is None:
+    if isinstance(found, NotEnough):
+        return found
+    found = replace(found, calendar=indicator.calendar)
+    if indicator.usage is None:
         return found
     return found.through(Workload.as_before(indicator), indicator.clock)
 

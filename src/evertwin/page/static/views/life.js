@@ -15,7 +15,7 @@ export function open({ twin }) {
     asked = Date.now();
     try {
       const told = await ask(of(twin, "/life"));
-      const rows = Object.entries(told.components).map(([name, one]) => [name, one.indicator ?? "–", said(one.value, one.unit), said(one.limit, one.unit), one.sentence ?? one.wear ?? "–"]);
+      const rows = Object.entries(told.components).map(([name, one]) => [name, one.indicator ?? "–", said(one.value, one.unit), said(one.limit, one.unit), one.sentence]);
       put(body, table(`By ${told.clock}`, ["component", "what tells wear", "now", "limit", "how long"], rows),
         h("h2", {}, "Alarms"), told.alarms?.length ? h("ul", {}, told.alarms.map((one) => h("li", {}, typeof one === "string" ? one : (one.reason ?? JSON.stringify(one))))) : h("p", {}, "None."),
         (told.notes ?? []).map((one) => h("p", { class: "quiet" }, one)));
