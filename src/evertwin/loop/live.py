@@ -89,6 +89,9 @@ class View(NamedTuple):
     """Number of the task, int64 (n,)."""
     first: Outputs
     """What the first version predicts, beside the live one."""
+    update: np.ndarray
+    """What became of the measurement, per group of outputs, uint8 (n, ng): 0 not adopted, 1
+    position update, 2 blended in, 3 overruled the simulation, 4 first sample."""
 
 
 @dataclass
@@ -314,11 +317,15 @@ class Live:
             nu, ny = len(self.setup.model.inputs), len(self.setup.model.outputs)
             none, stamps = np.zeros((0, ny)), np.zeros(0, dtype=np.int64)
             marks, inputs = none.astype(np.uint8), np.zeros((0, nu))
-            return View(stamps, stamps, none, none, none, marks, stamps, inputs, stamps, none)
+            update = np.zeros((0, len(self.setup.model.outputs.groups)), dtype=np.uint8)
+            return View(
+                stamps, stamps, none, none, none, marks, stamps, inputs, stamps, none, update
+            )
         kept = {name: column.copy() for name, column in columns.items()}
         return View(
             kept["row"], kept["t"], kept["measured"], kept["predicted"], kept["sigma"],
             kept["mark"], kept["version"], kept["input"], kept["task"], kept["first"],
+            kept["update"],
         )  # fmt: skip
 
     @property

@@ -8,8 +8,8 @@ A publisher only tells: it has no way to a machine, and nothing that comes back 
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, Protocol, Self, TypeAlias
 
@@ -18,6 +18,21 @@ from evertwin.settings.section import Section
 Kind: TypeAlias = Literal["whatif", "forecast", "life"]
 Ask: TypeAlias = "Callable[[Kind, Mapping[str, Any]], Awaitable[Mapping[str, Any]]]"
 """A question: a scenario's table, ``{"horizon": seconds}``, or nothing more; and its answer."""
+
+
+@dataclass(frozen=True)
+class About:
+    """The twin that a publisher speaks for.
+
+    >>> About("robot", (("x", "m"),)).scene["kind"]
+    'none'
+    """
+
+    name: str
+    outputs: Sequence[tuple[str, str]]
+    """Names and units of what it predicts."""
+    scene: Mapping[str, Any] = field(default_factory=lambda: {"kind": "none"})
+    """What its machine looks like: an arm's joints, a base's pose."""
 
 
 class News(NamedTuple):
@@ -38,7 +53,7 @@ class PublisherSettings(Section):
     """
 
     protocol: str
-    """How it speaks: mqtt or opcua."""
+    """How it speaks: mqtt, opcua or ros."""
 
     def at(self, folder: Path) -> Self:
         """The same with paths relative to ``folder``."""

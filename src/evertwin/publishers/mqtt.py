@@ -11,11 +11,11 @@ import asyncio
 import json
 import logging
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from evertwin.errors import DataError, EvertwinError, MissingExtra
-from evertwin.publishers.contract import Ask, Kind, News
+from evertwin.publishers.contract import About, Ask, Kind, News
 from evertwin.publishers.mqtt_spec import MqttOutSettings
 
 try:
@@ -42,18 +42,16 @@ class MqttOut:
     'MqttOut'
     """
 
-    def __init__(
-        self, settings: MqttOutSettings, twin: str, outputs: Sequence[tuple[str, str]], ask: Ask
-    ) -> None:
+    def __init__(self, settings: MqttOutSettings, about: About, ask: Ask) -> None:
         self.settings = settings
-        self._base = f"{settings.topic}/{twin}"
+        self._base = f"{settings.topic}/{about.name}"
         self._ask = ask
         self._counts: Counter[str] = Counter()
         self._state, self._reason = "connecting", ""
         self._loop: asyncio.AbstractEventLoop | None = None
         self._open: set[asyncio.Task[None]] = set()
         client = paho.Client(
-            CallbackAPIVersion.VERSION2, client_id=f"evertwin-{twin}-out", clean_session=True
+            CallbackAPIVersion.VERSION2, client_id=f"evertwin-{about.name}-out", clean_session=True
         )
         client.max_queued_messages_set(WAITING)
         client.will_set(f"{self._base}/online", "0", qos=1, retain=True)

@@ -12,12 +12,12 @@ import logging
 import math
 import threading
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
 
 from evertwin.errors import MissingExtra
-from evertwin.publishers.contract import Ask, News
+from evertwin.publishers.contract import About, Ask, News
 from evertwin.publishers.opcua_spec import OpcuaOutSettings
 
 try:
@@ -42,18 +42,16 @@ class OpcuaOut:
     'OpcuaOut'
     """
 
-    def __init__(
-        self, settings: OpcuaOutSettings, twin: str, outputs: Sequence[tuple[str, str]], ask: Ask
-    ) -> None:
+    def __init__(self, settings: OpcuaOutSettings, about: About, ask: Ask) -> None:
         self.settings = settings
-        self._twin, self._outputs = twin, [name for name, _ in outputs]
+        self._twin, self._outputs = about.name, [name for name, _ in about.outputs]
         self._counts: Counter[str] = Counter()
         self._state, self._reason = "connecting", ""
         self._news: asyncio.Queue[News] | None = None
         self._loop = asyncio.new_event_loop()
         self._ended = asyncio.Event()
         self._nodes: dict[tuple[str, str], Any] = {}
-        self._thread = threading.Thread(target=self._run, name=f"opcua {twin}", daemon=True)
+        self._thread = threading.Thread(target=self._run, name=f"opcua {about.name}", daemon=True)
 
     @property
     def health(self) -> Mapping[str, Any]:

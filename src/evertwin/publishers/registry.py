@@ -1,17 +1,16 @@
 """Publishers by protocol; their libraries load when they are opened.
 
 >>> sorted(OWN), settings_of("mqtt").__name__
-(['mqtt', 'opcua'], 'MqttOutSettings')
+(['mqtt', 'opcua', 'ros'], 'MqttOutSettings')
 """
 
 from __future__ import annotations
 
 import importlib
-from collections.abc import Sequence
 from typing import Any
 
 from evertwin.errors import UsageError, nearest
-from evertwin.publishers.contract import Ask, Publisher, PublisherSettings
+from evertwin.publishers.contract import About, Ask, Publisher, PublisherSettings
 
 OWN = {
     "mqtt": ("evertwin.publishers.mqtt_spec:MqttOutSettings", "evertwin.publishers.mqtt:MqttOut"),
@@ -19,6 +18,7 @@ OWN = {
         "evertwin.publishers.opcua_spec:OpcuaOutSettings",
         "evertwin.publishers.opcua:OpcuaOut",
     ),
+    "ros": ("evertwin.publishers.ros_spec:RosOutSettings", "evertwin.publishers.ros:RosOut"),
 }
 """Protocol → where its settings and its publisher are."""
 
@@ -35,18 +35,15 @@ def settings_of(protocol: str) -> type[PublisherSettings]:
     return found
 
 
-def open_publisher(
-    settings: PublisherSettings, twin: str, outputs: Sequence[tuple[str, str]], ask: Ask
-) -> Publisher:
+def open_publisher(settings: PublisherSettings, about: About, ask: Ask) -> Publisher:
     """The publisher of a protocol; nothing is connected yet.
 
     Args:
         settings: of the ``[[twin.publisher]]``.
-        twin: name of the twin.
-        outputs: names and units of what the twin predicts.
+        about: the twin that it speaks for.
         ask: answers questions.
     """
-    publisher: Publisher = _load(OWN[settings.protocol][1])(settings, twin, outputs, ask)
+    publisher: Publisher = _load(OWN[settings.protocol][1])(settings, about, ask)
     return publisher
 
 

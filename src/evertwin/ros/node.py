@@ -118,6 +118,8 @@ class Node:
         """Messages sent; dropped because the node was slow; refused by it."""
         self.refused = ""
         """The newest thing that the child would not do."""
+        self.known = ""
+        """Name by which the master knows it, once it is ready."""
         self.ended: asyncio.Future[str] = asyncio.get_running_loop().create_future()
         """Why there is no node any more."""
         self._ready: asyncio.Future[str] = asyncio.get_running_loop().create_future()
@@ -263,7 +265,8 @@ class Node:
             self.counts["refused"] += 1
             self.refused = f"{told['refused']}: {told['why']}"
         elif "ready" in told:
-            self._ready.set_result(told["ready"])
+            self.known = told["ready"]
+            self._ready.set_result(self.known)
         elif "ended" in told:
             self._end(told["ended"])
 

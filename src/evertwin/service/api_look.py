@@ -17,7 +17,6 @@ from pydantic import BaseModel, ConfigDict, Field
 from evertwin.errors import UsageError
 from evertwin.service.history import WIDEST, Span, Stored, looked_back
 from evertwin.service.runner import Runner
-from evertwin.service.scene import scene_of
 from evertwin.service.service import Service
 from evertwin.sources.live import registry as sources
 from evertwin.sources.live.contract import Around
@@ -79,9 +78,7 @@ def looks(app: FastAPI, service: Service) -> None:
     async def scene(name: str) -> Mapping[str, Any]:
         """What its machine looks like: the joints of an arm, or the pose of a base."""
         runner = found_at(service, name)
-        found: Mapping[str, Any] = await in_time(
-            runner.ask(lambda work: scene_of(work.twin.model, work.spec.arbiter.tolerance))
-        )
+        found: Mapping[str, Any] = await in_time(runner.ask(lambda work: work.scene))
         return found
 
     @app.get("/api/v1/log")

@@ -19,6 +19,7 @@ from evertwin.fold import Chunk, Event, make_block, plain
 from evertwin.loop import Numbered, View
 from evertwin.models import Model
 from evertwin.service.plan import Plan
+from evertwin.service.scene import scene_of
 from evertwin.signals import wrap
 from evertwin.store import Estimate, Kept
 from evertwin.store.spec import StoreSpec
@@ -88,6 +89,11 @@ class AtWork:
     def row(self) -> int:
         """Rows so far."""
         return self._row + 1
+
+    @property
+    def scene(self) -> Mapping[str, Any]:
+        """What its machine looks like."""
+        return scene_of(self.twin.model, self.spec.arbiter.tolerance)
 
     def newest(self) -> dict[str, tuple[int, int]]:
         """Task and newest stamp of each source that the store has samples of."""
@@ -236,9 +242,10 @@ def shown(view: View, model: Model, which: np.ndarray) -> Mapping[str, Any]:
     columns = {"measured": view.measured, "predicted": view.predicted,
                "residual": off(view.measured, view.predicted, model), "sigma": view.band,
                "before": view.first}  # fmt: skip
+    groups = model.outputs.group_of
     told["outputs"] = {
         name: {key: plain(column[which, k]) for key, column in columns.items()}
-        | {"mark": view.mark[which, k].tolist()}
+        | {"mark": view.mark[which, k].tolist(), "update": view.update[which, groups[k]].tolist()}
         for k, name in enumerate(model.outputs.names)
     }
     told["inputs"] = {

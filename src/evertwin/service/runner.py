@@ -23,7 +23,7 @@ from evertwin.engine import Pool
 from evertwin.errors import EvertwinError, UsageError
 from evertwin.fold import Chunk, Event
 from evertwin.loop import Numbered
-from evertwin.publishers.contract import Kind, News, Publisher
+from evertwin.publishers.contract import About, Kind, News, Publisher
 from evertwin.publishers.registry import open_publisher
 from evertwin.service.at_work import AtWork, Said, told, warm
 from evertwin.service.condition import Condition
@@ -127,8 +127,9 @@ class Runner:
     def _publish(self) -> None:
         assert self.work is not None
         outputs = [(c.name, c.unit) for c in self.work.twin.model.outputs]
+        about = About(self.name, outputs, self.work.scene)
         for settings in self.plan.publishers:
-            publisher = open_publisher(settings, self.name, outputs, self.answer)
+            publisher = open_publisher(settings, about, self.answer)
             publisher.open()
             self.publishers.append(publisher)
 

@@ -24,12 +24,18 @@ POSE = ("x", "y", "heading")
 def scene_of(model: Model, tolerance: float) -> Mapping[str, Any]:
     """In plain values; ``tolerance``: deviation [m] from which a base adopts what is measured."""
     if isinstance(model, Arm):
-        return {"kind": "arm", "joints": _joints(model), "tool": model.chain.tool.ravel().tolist()}
+        tool = model.chain.tool.ravel().tolist()
+        return {"kind": "arm", "joints": _joints(model), "tool": tool, "motors": _motors(model)}
     names = model.outputs.names
     if "x" in names:
         kind = "base" if "y" in names else "line"
         return {"kind": kind, "pose": [n for n in POSE if n in names], "tolerance": tolerance}
     return {"kind": "none"}
+
+
+def _motors(arm: Arm) -> bool:
+    """Are the angles those of motors, which a coupling makes the joints' of?"""
+    return arm.coupling is not None and arm.coupling.motors
 
 
 def _joints(arm: Arm) -> list[Mapping[str, Any]]:
@@ -39,6 +45,7 @@ def _joints(arm: Arm) -> list[Mapping[str, Any]]:
         part = arm.chain.geometry[at : at + JOINT].tolist()
         found.append(
             {"name": name, "rotation": part[:9], "position": part[9:12], "slides": bool(part[12]),
-             "input": arm.inputs.names[k], "output": arm.outputs.names[k]}
+             "input": arm.inputs.names[k], "speed": arm.inputs.names[k + len(arm.chain.joints)],
+             "output": arm.outputs.names[k]}
         )  # fmt: skip
     return found
