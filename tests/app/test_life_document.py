@@ -18,11 +18,13 @@ OPEN = {"type": ["number", "null"], "minimum": 0.0}
 INTERVAL = {"type": "array", "prefixItems": [OPEN, OPEN], "minItems": 2, "maxItems": 2}
 LIFE = {
     "type": "object",
-    "required": ["median", "interval80", "interval95", "not_before", "unit", "passed_at", "dates"],
+    "required": ["median", "interval80", "interval95", "not_before", "unit", "passed_at", "failed",
+                 "dates"],
     "properties": {
         "median": OPEN, "interval80": INTERVAL, "interval95": INTERVAL, "not_before": OPEN,
         "unit": {"enum": ["run", "cycle", "s", "h", "d"]},
         "passed_at": {"type": ["number", "null"]},
+        "failed": {"type": "boolean"},
         "dates": {"type": ["object", "null"]},
     },
     "additionalProperties": False,

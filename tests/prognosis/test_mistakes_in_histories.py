@@ -73,7 +73,8 @@ def told(text: str, clock: str = "run", rule: IndicatorSpec = WEAR) -> Observed:
         ("run,wear,maintenance\n1,2,\n2,3,gearbx1: replaced", "h.csv:3: maintenance: no component "
          "'gearbx1', did you mean 'gearbox1'?"),
         ("run,wear,maintenance\n1,2,oiled", "h.csv:2: maintenance: expected 'replaced' (a new life "
-         "begins) or 'adjusted' (the level shifts, wear goes on), got 'oiled'?"),
+         "begins), 'adjusted' (the level shifts, wear goes on) or 'failed' (life ended here), got "
+         "'oiled'?"),
         ("run,wear,maintenance\n1,2,replacd", "got 'replacd', did you mean 'replaced'?"),
         ("run,wear,maintenance\n1,2,not replaced", "got 'not replaced'?"),
         ("run,wear,maintenance\n1,2,1", "h.csv:2: maintenance: expected what was done, as in "),
@@ -94,7 +95,7 @@ def test_a_bad_history_is_refused_with_its_line(text: str, said: str) -> None:
         ("date,wear\n2027-03-01T00:00+01:00,2\n2027-03-02,3", "h.csv:3: date: expected a zone with "
          "each date or with none, got '2027-03-02'"),
         ("date,wear\n46082,2", "h.csv:2: date: expected dates as in 2027-03-01, got 46082: write"),
-        ("run,wear\n1,2", "h.csv: expected a column 'd', or one of t, time, date"),
+        ("run,wear\n1,2", "h.csv: expected a column 'd', or one of t, time, time_s, date"),
     ],
 )  # fmt: skip
 def test_dates_that_may_be_read_in_two_ways_are_refused(text: str, said: str) -> None:

@@ -62,8 +62,12 @@ def life(
     fleet: Annotated[
         list[str] | None,
         typer.Option(
-            help="Of a series alone: like machines until their end, as in 'others/*.csv'."
+            help="Of a series alone: like machines, histories or stores, as in 'others/*.csv'."
         ),
+    ] = None,
+    failed: Annotated[
+        list[str] | None,
+        typer.Option(help="As --fleet; those that failed with their last row, limit or not."),
     ] = None,
     today: Annotated[
         bool,
@@ -82,12 +86,12 @@ def life(
     if twin.suffix.lower() != ".toml":
         from evertwin.app.lone_life import show_series
 
-        show_series(twin, (limit, below, column, fleet or [], today), as_json, check)
+        show_series(twin, (limit, below, column, today), (fleet, failed), as_json, check)
         return
-    if limit is not None or below or column or fleet:
+    if limit is not None or below or column or fleet or failed:
         raise UsageError(
-            f"{twin}: --limit, --below, --column and --fleet are of a series alone; a twin file "
-            "says them in [[indicator]] and [prognosis]"
+            f"{twin}: --limit, --below, --column, --fleet and --failed are of a series alone; a "
+            "twin file says them in [[indicator]] and [prognosis]"
         )
     from evertwin.app.prognosis import show_life
 
@@ -136,7 +140,8 @@ def decide(
     said: Annotated[
         tuple[str, str] | None,
         typer.Argument(
-            help="Component; then confirm, postpone, reject, replaced, adjusted or withdraw.",
+            help="Component; then confirm, postpone, reject, replaced, adjusted, failed or "
+            "withdraw.",
             metavar="COMPONENT VERDICT",
         ),
     ] = None,

@@ -27,7 +27,7 @@ Known: TypeAlias = "tuple[Path | None, Files]"
 """History file and recordings."""
 VERDICTS = {
     "confirm": "confirmed", "postpone": "postponed", "reject": "declined", "replaced": "replaced",
-    "adjusted": "adjusted", "withdraw": "withdrawn",
+    "adjusted": "adjusted", "failed": "failed", "withdraw": "withdrawn",
 }  # fmt: skip
 """What is said on the command line → what is kept."""
 OWN = ",".join(HEADINGS[:4])

@@ -175,7 +175,10 @@ class PrognosisSpec(Section):
     breakdown: str | None = None
     """Breakdown file of the machine, for limits; relative to the twin file."""
     fleet: tuple[str, ...] = ()
-    """Histories of like machines until they failed (CSV), for the prior."""
+    """Like machines: their histories (CSV), or the stores of their twins, as in
+    ``"others/*.csv"``. Those that passed the limit, or are said to have failed, ended."""
+    failed: tuple[str, ...] = ()
+    """Of these or others, those that failed with their last row, wherever the limit lies."""
     components: Mapping[str, CostSpec] = field(default_factory=dict)
     """Cost of failure and of maintenance by component."""
     windows: Positive | None = None

@@ -115,7 +115,7 @@ def _through(
 
 
 def indicator_of(
-    rule: IndicatorSpec, known: Observed, limit: Limit, clock: str, parameters: Parameters
+    rule: IndicatorSpec, known: Observed, limit: Limit, clock: str, parameters: Parameters | None
 ) -> Indicator:
     """The indicator: a series with its limit.
 
@@ -123,8 +123,8 @@ def indicator_of(
         DataError: the values are in a unit of another kind.
     """
     unit = rule.unit
-    if not unit and rule.parameter is not None and rule.parameter in parameters.names:
-        unit = parameters[rule.parameter].unit
+    if not unit and parameters is not None and rule.parameter in parameters.names:
+        unit = parameters[str(rule.parameter)].unit
     if unit and known.unit and not compatible(unit, known.unit):
         raise DataError(
             f"indicator {rule.name}: expected values in a unit like {unit}, got a column in one "

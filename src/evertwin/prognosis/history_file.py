@@ -33,6 +33,7 @@ import numpy as np
 from evertwin.config.prognosis import IndicatorSpec
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import Event
+from evertwin.prognosis.contradictions import check_times, check_values
 from evertwin.prognosis.laws import Maintenance
 from evertwin.prognosis.laws.calendar import FIRST, LAST, UNITS, Calendar
 from evertwin.prognosis.observed_series import Observed, component_of, marks_of, warm_of
@@ -41,8 +42,10 @@ from evertwin.signals.units import compatible, conversion, from_si
 from evertwin.sources.small_table import ABSENT, Table
 from evertwin.types import Vector
 
-Kind = Literal["replaced", "adjusted"]
-WORDS: dict[str, Kind] = {"replaced": "replaced", "new": "replaced", "adjusted": "adjusted"}
+Kind = Literal["replaced", "adjusted", "failed"]
+WORDS: dict[str, Kind] = {
+    "replaced": "replaced", "new": "replaced", "adjusted": "adjusted", "failed": "failed"
+}  # fmt: skip
 NEGATIONS = {"not", "no", "never"}
 _WORD = re.compile(r"[^\W\d_]+")
 
@@ -123,15 +126,16 @@ def _kind(text: str, where: str) -> Kind:
     kinds = {WORDS[word] for word in words if word in WORDS}
     if len(kinds) == 1 and not NEGATIONS & set(words):
         return kinds.pop()
-    near = [m for word in words for m in difflib.get_close_matches(word, WORDS, n=1, cutoff=0.7)]
+    near = [m for word in words for m in difflib.get_close_matches(word, WORDS, n=1, cutoff=0.75)]
     meant = f", did you mean {near[0]!r}" if near and not kinds else ""
     raise DataError(
-        f"{where}: expected 'replaced' (a new life begins) or 'adjusted' (the level shifts, wear "
-        f"goes on), got {text!r}{meant}? What does neither belongs into another column"
+        f"{where}: expected 'replaced' (a new life begins), 'adjusted' (the level shifts, wear "
+        f"goes on) or 'failed' (life ended here), got {text!r}{meant}? What "
+        "does neither belongs into another column"
     )
 
 
-TIMES = ("t", "time", "date", "datetime", "timestamp")
+TIMES = ("t", "time", "time_s", "date", "datetime", "timestamp")
 """Columns of time, in order."""
 DATES = ("date", "datetime")
 """Columns of which a plain number tells nothing."""
@@ -175,6 +179,10 @@ def of_table(
     marks, told = maintenance_of(table, whose, counted.at, {whose, *components})
     order = np.argsort(counted.at, kind="stable")
     notes = (*counted.notes, *told, *_unsorted(table, counted))
+    if counted.by:
+        check_times(table, counted.by, counted.at, counted.calendar)
+    new = [m.at for m in marks if m.kind == "replaced"]
+    check_values(table, name, value, np.searchsorted(np.sort(new), counted.at, side="right"))
     keep, twice = _once(table, name, counted, order, value)
     usage = None if rule.usage is None else _usage(table, rule.usage, keep)
     warm = {} if rule.warm_up is None else warm_of(rule, table.column("since_start")[keep])

@@ -15,7 +15,7 @@ from evertwin.config.prognosis import IndicatorSpec
 from evertwin.fold import plain
 from evertwin.prognosis.course import Course
 from evertwin.prognosis.formula import Formula
-from evertwin.prognosis.laws import Indicator, Life, NotEnough, Workload
+from evertwin.prognosis.laws import Fleet, Indicator, Life, NotEnough, Workload
 from evertwin.prognosis.laws.alarms import Alarm
 from evertwin.prognosis.laws.calendar import UNITS, Calendar
 from evertwin.types import Json
@@ -43,6 +43,8 @@ class ComponentLife:
     course: Course | None = None
     by_law: Mapping[str, Course] = field(default_factory=dict)
     """What the laws of some weight say alone; for pictures."""
+    fleet: Fleet | None = None
+    """What like machines told."""
 
     @property
     def age(self) -> float:
@@ -108,7 +110,7 @@ def said(life: Life | NotEnough) -> str:
     told = life.calendar
     if life.passed is not None:
         when = f"{life.passed:.4g} {life.unit}" if told is None else told.said(life.passed)
-        return f"life is over: the limit was passed at {when}"
+        return f"life is over: {'it failed' if life.failed else 'the limit was passed'} at {when}"
     low, high = life.interval80
     ends = f"{high:.4g}" if high < float("inf") else "without end"
     law = f", law {life.law}" if life.law else ""
@@ -176,7 +178,8 @@ class Lives:
     def notes(self) -> tuple[str, ...]:
         """What may surprise in how the history was read."""
         told = (note for one in self.indicators for note in one.indicator.notes)
-        return tuple(dict.fromkeys((*told, *self.left_out)))
+        likes = (note for one in self.indicators if one.fleet for note in one.fleet.told)
+        return tuple(dict.fromkeys((*told, *likes, *self.left_out)))
 
     def to_dict(self) -> dict[str, Json]:
         """Plain content, ``schema: "evertwin.life/1"``."""
@@ -186,6 +189,7 @@ class Lives:
             parts[name] = entry | {
                 "rate": one.rate, "age": one.age, "wear": one.wears.text, "phases": one.phases,
                 "sentence": one.sentence,
+                "fleet": [x._asdict() for x in one.fleet.members] if one.fleet else [],
             }  # fmt: skip
         content: dict[str, Any] = {
             "schema": SCHEMA, "components": parts,

@@ -14,29 +14,26 @@ the other side of the values, or a thousand times off.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from evertwin.config.prognosis import IndicatorSpec, PrognosisSpec
-from evertwin.errors import DataError, UsageError
+from evertwin.errors import UsageError
+from evertwin.prognosis.contradictions import check_limit
 from evertwin.prognosis.formula import Formula
-from evertwin.prognosis.health import seen, today_of, unless_overdue
+from evertwin.prognosis.health import indicator_of, seen, today_of, unless_overdue
 from evertwin.prognosis.history_file import TIMES, counted_by, in_seconds, of_table
-from evertwin.prognosis.laws import Fleet, Indicator, Limit, learn, predict_life
+from evertwin.prognosis.laws import Limit, predict_life
 from evertwin.prognosis.laws.alarms import alarm_of
 from evertwin.prognosis.laws.calendar import FIRST
 from evertwin.prognosis.laws.indicator import Direction
+from evertwin.prognosis.like_machines import Likes, fleet_of
 from evertwin.prognosis.lives import ComponentLife, Lives
 from evertwin.sources.small_table import Table, read_table
 
 CLOCKS = ("run", "cycle", "s", "h", "d")
-FAR = 300.0
-"""Ratio of limit and values at which one of them is taken for a slip."""
-FEW = 5
-"""First values that tell on which side of the limit a life begins."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +53,8 @@ class Series:
     """What life is counted in; empty: as the columns say."""
     fleet: tuple[Path, ...] = ()
     """Like machines until their end, in the same columns."""
+    failed: tuple[Path, ...] = ()
+    """Of these or others, those that failed with their last row."""
     from_today: bool = False
     """Counted from today, on condition that it still works; else from the newest row."""
 
@@ -69,15 +68,15 @@ def life_of_series(asked: Series) -> Lives:
     """
     table = read_table(asked.file)
     column, clock = asked.column or _column(table), asked.clock or _clock(table)
-    rule = IndicatorSpec(name=column, limit=asked.limit, direction=asked.direction)
+    rule = IndicatorSpec(column, parameter=column, limit=asked.limit, direction=asked.direction)
     limit = Limit(asked.limit, asked.direction)
-    own = _indicator(rule, table, clock, limit)
-    _check(own, table)
-    fleet = _fleet(rule, asked.fleet, clock, limit)
+    own = indicator_of(rule, of_table(rule, table, clock), limit, clock, None)
+    check_limit(own, f"{table.name}:{table.lines[0]}")
+    fleet = fleet_of(Likes(rule, limit, clock, asked.fleet, asked.failed))
     if asked.from_today:
         own = seen(own, today_of((own,)))
     life = unless_overdue(own, predict_life(own, fleet=fleet))
-    one = ComponentLife(column, rule, own, life, life, Formula.parse("1"))
+    one = ComponentLife(column, rule, own, life, life, Formula.parse("1"), fleet=fleet)
     spec = PrognosisSpec()
     due = alarm_of(column, own, life, spec.ahead, spec.risk)
     now = float(own.at[-1]) if len(own.at) else 0.0
@@ -85,20 +84,6 @@ def life_of_series(asked: Series) -> Lives:
         asked.file.name, clock, {column: one}, None, () if due is None else (due,),
         dates=(), indicators=(one,), now=now,
     )  # fmt: skip
-
-
-def _indicator(rule: IndicatorSpec, table: Table, clock: str, limit: Limit) -> Indicator:
-    known = of_table(rule, table, clock)
-    return Indicator.of(rule.name, known.unit or "1", limit, known.at, known.value).with_(
-        sigma=known.sigma, clock=clock, maintenance=known.maintenance, notes=known.notes,
-        calendar=known.calendar,
-    )  # fmt: skip
-
-
-def _fleet(rule: IndicatorSpec, files: Sequence[Path], clock: str, limit: Limit) -> Fleet | None:
-    if not files:
-        return None
-    return learn([_indicator(rule, read_table(file), clock, limit) for file in files])
 
 
 def _column(table: Table) -> str:
@@ -127,36 +112,3 @@ def _clock(table: Table) -> str:
     if by not in table.dates and not np.all(at > FIRST):
         return "s"
     return "d" if span > 20.0 * 86_400.0 else "h"
-
-
-def _check(own: Indicator, table: Table) -> None:
-    """Asks back where limit and values contradict each other.
-
-    Raises:
-        DataError: with the row.
-    """
-    good = np.flatnonzero(np.isfinite(own.value))
-    if not len(good):
-        return
-    size = float(np.median(np.abs(own.value[good])))
-    limit, name = own.limit.value, own.name
-    if limit and size and not 1.0 / FAR < abs(limit) / size < FAR:
-        raise DataError(
-            f"{table.name}:{table.lines[0]}: {name}: values are about {size:.4g}, the limit is "
-            f"{limit:g}: {abs(limit) / size:.3g} times as much: is one of them in another unit?"
-        )
-    off = np.flatnonzero(np.abs(own.value[good]) > FAR * max(size, 1e-300))
-    if len(off):
-        k = int(np.flatnonzero(table.column(name) == own.value[good[off[0]]])[0])
-        raise DataError(
-            f"{table.name}:{table.lines[k]}: {name}: expected values of about {size:.4g}, got "
-            f"{own.value[good[off[0]]]:.4g}: is it in another unit? Correct or delete the row"
-        )
-    first = own.distance()[good[:FEW]]
-    if np.all(first <= 0.0):
-        other = "--below" if own.limit.direction == "above" else "without --below"
-        raise DataError(
-            f"{table.name}:{table.lines[0]}: {name}: expected a life that begins on the sound side "
-            f"of the limit, got {own.value[good[0]]:.4g} with a limit {limit:g} "
-            f"({own.limit.direction}): is it meant {other}?"
-        )

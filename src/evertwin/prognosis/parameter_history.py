@@ -27,7 +27,7 @@ from evertwin.store import Estimate, Store
 from evertwin.types import Vector
 
 DECISIONS = ("confirmed", "postponed", "declined")
-DONE = ("replaced", "adjusted")
+DONE = ("replaced", "adjusted", "failed")
 MAINTAINED, WITHDRAWN = "maintained", "withdrawn"
 
 State = Literal["holds", "superseded", "withdrawn", "other clock", "unreadable"]

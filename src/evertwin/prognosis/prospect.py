@@ -16,6 +16,7 @@ from evertwin.ahead.whatif import Today, today
 from evertwin.config.prognosis import IndicatorSpec, PrognosisSpec
 from evertwin.errors import ConfigError
 from evertwin.loop.feed import Data
+from evertwin.prognosis.contradictions import check_limit
 from evertwin.prognosis.course import Course, course
 from evertwin.prognosis.health import (
     check_names,
@@ -25,7 +26,6 @@ from evertwin.prognosis.health import (
     today_of,
     unless_overdue,
 )
-from evertwin.prognosis.history_file import of_table
 from evertwin.prognosis.laws import (
     Fleet,
     Indicator,
@@ -33,23 +33,20 @@ from evertwin.prognosis.laws import (
     Limit,
     NotEnough,
     first_of,
-    learn,
     predict_life,
 )
 from evertwin.prognosis.laws.alarms import alarm_of
 from evertwin.prognosis.laws.calendar import Calendar
 from evertwin.prognosis.laws.hypotheses import LAWS
+from evertwin.prognosis.like_machines import Likes, files_of, fleet_of
 from evertwin.prognosis.limits import accuracy_limit, breakdown_limits, limit_of
 from evertwin.prognosis.lives import ComponentLife, Lives, said
 from evertwin.prognosis.observed_series import Observed, component_of
 from evertwin.prognosis.parameter_history import History, history
 from evertwin.prognosis.workplan import Plan, past_cycles, plan_of, wears, workload
 from evertwin.signals.units import to_si
-from evertwin.sources.small_table import Table, read_table
+from evertwin.sources.small_table import Table
 
-FLEETS = 8
-"""Fleets that a process remembers."""
-_LEARNED: dict[str, Fleet] = {}
 UNKEPT = (
     "the twin file names no store, so that no run is remembered: set [store] path, run the twin, "
     "and ask again; or give --history"
@@ -121,6 +118,8 @@ class Prospect:
         limit = limit_of(rule, self.broken_down, self._felt(rule, known))
         parameters = self.basis.model.parameters
         found = indicator_of(rule, known, limit, self.rule.clock, parameters)
+        if self.table is not None or rule.file:
+            check_limit(found, f"{self.table.name if self.table else rule.file}", alone=False)
         kept = self.table is not None or rule.file or self.history.moments
         if kept or self.basis.setup.spec.store.path is not None:
             return found
@@ -140,20 +139,15 @@ class Prospect:
         return accuracy_limit(case.model, case.p, case.future, rule, new)
 
     def fleet(self, rule: IndicatorSpec, limit: Limit) -> Fleet | None:
-        """What like machines tell of an indicator, learned once from their files; else None."""
-        files = [self.folder / name for name in self.rule.fleet]
-        if not files:
-            return None
-        written = [(str(file), file.stat().st_mtime_ns) for file in files if file.exists()]
-        key = repr((rule, limit, self.rule.clock, written))
-        if key not in _LEARNED:
-            tables = [of_table(rule, read_table(f), self.rule.clock, (), self.parts) for f in files]
-            parameters = self.basis.model.parameters
-            lived = [indicator_of(rule, t, limit, self.rule.clock, parameters) for t in tables]
-            while len(_LEARNED) >= FLEETS:
-                _LEARNED.pop(next(iter(_LEARNED)))
-            _LEARNED[key] = learn(lived, rule.laws or LAWS)
-        return _LEARNED[key]
+        """What like machines tell of an indicator; None without any."""
+        own = self.basis.setup.spec.store.path
+        mine = () if own is None else (self.folder / own,)
+        files, failed = (
+            files_of(names, self.folder, mine) for names in (self.rule.fleet, self.rule.failed)
+        )
+        return fleet_of(Likes(
+            rule, limit, self.rule.clock, files, failed, self.parts, self.basis.model.parameters
+        ))  # fmt: skip
 
     @cached_property
     def series(self) -> tuple[Indicator, ...]:
@@ -186,7 +180,7 @@ class Prospect:
             way = None if way is None else way.through(work)
             alone = {law: one.through(work) for law, one in alone.items()}
         return ComponentLife(
-            component_of(rule), rule, indicator, life, before, formula, work, way, alone
+            component_of(rule), rule, indicator, life, before, formula, work, way, alone, fleet
         )
 
     def _alone(self, indicator: Indicator, life: Life) -> dict[str, Course]:

@@ -190,7 +190,7 @@ def maintenance(
         prospect: the twin's.
         component: what was maintained.
         reason: what was done.
-        kind: ``replaced`` or ``adjusted``.
+        kind: ``replaced``, ``adjusted`` or ``failed``.
         at: when, on the clock of the prognosis; None: now, after the newest value.
 
     Raises:
@@ -201,7 +201,7 @@ def maintenance(
         known = ", ".join(sorted(set(prospect.parts)))
         raise UsageError(f"maintenance: no component {component!r}: there are {known}")
     if kind not in DONE:
-        raise UsageError(f"maintenance: expected 'replaced' or 'adjusted', got {kind!r}")
+        raise UsageError(f"maintenance: expected one of {', '.join(DONE)}, got {kind!r}")
     first, now = _span(prospect, component)
     between = prospect.history.between
     if at is not None:

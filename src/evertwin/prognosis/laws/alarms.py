@@ -106,7 +106,7 @@ def alarm_of(
     chance = life.probability_before(ahead)
     evidence |= {"probability": chance, "ahead": ahead, "law": life.law, "median": life.median}
     if life.median <= 0.0:
-        reason = f"{shown}: the limit is passed"
+        reason = f"{shown}: {'it has failed' if life.failed else 'the limit is passed'}"
         return Alarm(component, "limit_passed", reason, interval,
                      f"maintain {component} now", evidence)  # fmt: skip
     if chance > risk:

@@ -25,7 +25,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import scipy
@@ -69,6 +69,34 @@ class Way(NamedTuple):
         return max(self.end - float(self.age[k]), 0.0)
 
 
+class Member(NamedTuple):
+    """One life of a like machine.
+
+    >>> Member("pump2.csv", "run", 40.0, "running").said
+    'pump2.csv still running at 40 run'
+    """
+
+    name: str
+    clock: str
+    age: float
+    how: Literal["limit", "failed", "replaced", "running"]
+    """It passed its limit; failed before; was replaced in time; or still runs."""
+
+    @property
+    def ended(self) -> bool:
+        """Whether its life is known whole."""
+        return self.how in ("limit", "failed")
+
+    @property
+    def said(self) -> str:
+        """In words."""
+        how = {
+            "limit": "passed the limit", "failed": "failed", "replaced": "replaced in time",
+            "running": "still running",
+        }[self.how]  # fmt: skip
+        return f"{self.name} {how} at {self.age:.4g} {self.clock}"
+
+
 @dataclass(frozen=True)
 class Fleet:
     """Prior knowledge from like machines. Build with `Fleet.of_lives` or `learn`.
@@ -91,6 +119,25 @@ class Fleet:
     """Weight of each rank, 0 to 1."""
     ways: tuple[Way, ...] = ()
     """Of each machine that ended."""
+    members: tuple[Member, ...] = ()
+    """Every life that it was learned from."""
+
+    @property
+    def told(self) -> tuple[str, ...]:
+        """Who is in it, and what it says of ends before the limit."""
+        ended = [one for one in self.members if one.ended]
+        others = [one.said for one in self.members if not one.ended]
+        if not ended:
+            return ()
+        ages = [one.age for one in ended]
+        span = f"{min(ages):.4g} to {max(ages):.4g} {ended[0].clock}"
+        rest = f"; {', '.join(others)}" if others else ""
+        early = [one.name for one in ended if one.how == "failed"]
+        sudden = (
+            f"{len(early)} of {len(ended)} like machines failed before the limit "
+            f"({', '.join(early)}): an end without warning is possible",
+        )
+        return (f"fleet: {len(ended)} ended, at {span}{rest}", *(sudden if early else ()))
 
     @classmethod
     def of_lives(

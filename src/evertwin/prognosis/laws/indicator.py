@@ -29,6 +29,7 @@ kept as a covariate. An influence that only adds is a covariate alone.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -78,8 +79,9 @@ class Maintenance:
 
     at: float
     """When, on the indicator's own clock."""
-    kind: Literal["replaced", "adjusted"] = "replaced"
-    """``replaced``: a new life begins. ``adjusted``: the level may jump, wear goes on."""
+    kind: Literal["replaced", "adjusted", "failed"] = "replaced"
+    """``replaced``: a new life begins. ``adjusted``: the level may jump, wear goes on. ``failed``:
+    life ended here, wherever the limit lies."""
     note: str = ""
 
 
@@ -200,6 +202,27 @@ class Indicator:
         begin = max(marks)
         later = [m for m in self.maintenance if m.at > begin]
         return replace(self._take(self.at >= begin, later), origin=begin)
+
+    def lives(self) -> tuple[Indicator, ...]:
+        """Every life in the series as a history of its own, the newest last.
+
+        >>> twice = Indicator.of("f", "Nm", Limit(3.0), [0, 1, 2], [1.0, 2.9, 1.1])
+        >>> [len(one.at) for one in twice.with_(maintenance=(Maintenance(2.0),)).lives()]
+        [2, 1]
+        """
+        ends = sorted({m.at for m in self.maintenance if m.kind == "replaced"})
+        found = []
+        for begin, end in itertools.pairwise([-np.inf, *ends, np.inf]):
+            own = [m for m in self.maintenance if begin < m.at <= end and m.kind != "replaced"]
+            part = self._take((self.at >= begin) & (self.at < end), own)
+            found.append(part if begin == -np.inf else replace(part, origin=begin))
+        return tuple(one for one in found if np.isfinite(one.value).any())
+
+    @property
+    def failed(self) -> float | None:
+        """When the current life ended by what was said, not by its limit; None: it did not."""
+        marks = [m.at for m in self.since_replaced().maintenance if m.kind == "failed"]
+        return min(marks, default=None)
 
     def rows(self, keep: np.ndarray) -> Indicator:
         """Some of the values, by index or mask; all maintenance."""

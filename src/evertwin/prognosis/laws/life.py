@@ -170,6 +170,8 @@ class Life:
     onset: Onset | None = None
     passed: float | None = None
     """When the limit was passed, on the indicator's clock; None: not yet."""
+    failed: bool = False
+    """Whether it ended by what was said then, not by its limit."""
     calendar: Calendar | None = None
     """Where that clock counts from 1970."""
 
@@ -275,6 +277,7 @@ class Life:
             "not_before": _finite(self.not_before),
             "unit": self.unit,
             "passed_at": self.passed,
+            "failed": self.failed,
             "dates": self.dates(),
         }
 

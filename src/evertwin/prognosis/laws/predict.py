@@ -37,7 +37,7 @@ import numpy as np
 
 from evertwin.errors import UsageError
 from evertwin.prognosis.laws.alone import along, widened
-from evertwin.prognosis.laws.fleet import ALIKE, Fleet, Way
+from evertwin.prognosis.laws.fleet import ALIKE, Fleet, Member, Way
 from evertwin.prognosis.laws.hypotheses import LAWS, every_look, families, look, sharpened
 from evertwin.prognosis.laws.indicator import Indicator
 from evertwin.prognosis.laws.life import Life, NotEnough, Onset, Workload, quantiles
@@ -62,6 +62,10 @@ def predict_life(
         laws: laws that may hold, some of `LAWS`.
         fleet: what like machines tell.
     """
+    if (failed := indicator.failed) is not None:
+        now, none = float(indicator.at[-1]), quantiles(np.zeros(1), np.ones(1))
+        return Life(indicator.clock, none, now, passed=failed, failed=True,
+                    calendar=indicator.calendar)  # fmt: skip
     problem = scaled(indicator)
     if isinstance(problem, str):
         return NotEnough(problem)
@@ -192,10 +196,12 @@ class End(NamedTuple):
     age: float
     unsure: float
     """Standard deviation of the age: noise blurs the passage."""
+    failed: bool = False
+    """It failed before its limit, as was said."""
 
 
 def lived(indicator: Indicator) -> End | None:
-    """Age at which the level, freed of noise, passed the limit; None if it did not.
+    """Age at which it failed, or the level, freed of noise, passed the limit; None: neither.
 
     A single value beyond the limit ends no life: the two that follow it must lie there as well.
     The level is that of a Wiener process with noise, filtered over the values before.
@@ -205,11 +211,15 @@ def lived(indicator: Indicator) -> End | None:
     beyond = life.distance()[good] <= 0.0
     follows = np.append(beyond, beyond[-1:].repeat(2))
     kept = follows[:-2] & follows[1:-1] & follows[2:]
-    if not kept.any():
-        return None
     clock = life.at if life.usage is None else life.usage
     origin = float(clock[0] if life.origin is None or life.usage is not None else life.origin)
     first = int(np.argmax(kept))
+    failed = life.failed
+    if failed is not None and not (kept.any() and life.at[good[first]] <= failed):
+        step = float(np.median(np.diff(clock))) if len(clock) > 1 else 0.0
+        return End(float(np.interp(failed, life.at, clock)) - origin, step, failed=True)
+    if not kept.any():
+        return None
     near = range(max(first - AROUND, 1), min(first + AROUND + 1, len(good)))
     level = np.array([_level(life, good[max(0, k - MEMORY) : k + 1]) for k in near])
     at = clock[good[near.start : near.stop]]
@@ -242,19 +252,23 @@ def _level(life: Indicator, rows: np.ndarray) -> tuple[float, float]:
 def learn(histories: Sequence[Indicator], laws: Sequence[str] = LAWS) -> Fleet:
     """The prior that a fleet of like machines gives.
 
-    Raises `UsageError` unless at least two histories passed their limit.
+    Raises `UsageError` unless at least two lives ended.
 
     Args:
-        histories: one indicator per machine; those that did not pass count as still running.
+        histories: one indicator per machine, by name, with all its lives; those that neither failed
+            nor passed their limit count with their age.
         laws: laws that may hold.
     """
-    ends = [lived(history) for history in histories]
-    ended = [(h, end) for h, end in zip(histories, ends) if end is not None and end.age > 0.0]
+    every = [history.lives() for history in histories]
+    lives = [one for own in every for one in own]
+    newest = [one is own[-1] for own in every for one in own]
+    ends = [lived(one) for one in lives]
+    members = tuple(map(member, lives, ends, newest))
+    ended = [(h, end) for h, end in zip(lives, ends) if end is not None and end.age > 0.0]
     if len(ended) < 2:
-        raise UsageError(
-            f"fleet: expected at least two histories that passed their limit, got {len(ended)}"
-        )
-    running = [float(h.at[-1] - h.at[0]) for h, end in zip(histories, ends) if end is None]
+        got = "; ".join(one.said for one in members) or "none"
+        raise UsageError(f"fleet: expected at least two lives that ended, got {got}")
+    running = [one.age for one in members if not one.ended]
     known = np.array([end.age for _, end in ended])
     shares = law_shares(ended, laws)
     said: list[tuple[float, float, float]] = []
@@ -262,7 +276,7 @@ def learn(histories: Sequence[Indicator], laws: Sequence[str] = LAWS) -> Fleet:
         others = np.delete(known, k)
         prior = replace(Fleet.of_lives(others, running), laws=shares) if len(others) > 1 else None
         for moment in MOMENTS:
-            part = history.until(_start(history) + moment * end.age)
+            part = before(history, moment * end.age)
             life = predict_life(part, laws, prior)
             if isinstance(life, Life) and len(part.at):
                 said.append(rank(life, float(part.at[-1] - _start(history)), end))
@@ -270,8 +284,23 @@ def learn(histories: Sequence[Indicator], laws: Sequence[str] = LAWS) -> Fleet:
     whole = Fleet.of_lives(known, running)
     ways = tuple(way_of(history, end.age) for history, end in ended)
     return replace(
-        whole, laws=shares, ranks=table[:, 0], passed=table[:, 1], trust=table[:, 2], ways=ways
-    )
+        whole, laws=shares, ranks=table[:, 0], passed=table[:, 1], trust=table[:, 2], ways=ways,
+        members=members,
+    )  # fmt: skip
+
+
+def member(life: Indicator, end: End | None, newest: bool) -> Member:
+    """A life with its label; ``newest``: no other began after it on the same machine."""
+    if end is not None:
+        return Member(life.name, life.clock, end.age, "failed" if end.failed else "limit")
+    age = float(life.at[-1]) - _start(life)
+    return Member(life.name, life.clock, age, "running" if newest else "replaced")
+
+
+def before(history: Indicator, age: float) -> Indicator:
+    """What was known at an age; that it failed is not known before it does."""
+    part = history.until(_start(history) + age)
+    return part.with_(maintenance=tuple(m for m in part.maintenance if m.kind != "failed"))
 
 
 def rank(life: Life, now: float, end: End) -> tuple[float, float, float]:
@@ -290,7 +319,7 @@ def law_shares(ended: Sequence[tuple[Indicator, End]], laws: Sequence[str]) -> d
     """Share of each law at 9/10 of each life."""
     total = dict.fromkeys(laws, 0.5)
     for history, end in ended:
-        life = predict_life(history.until(_start(history) + 0.9 * end.age), laws)
+        life = predict_life(before(history, 0.9 * end.age), laws)
         for law, share in life.laws.items():
             total[law] += share
     whole = sum(total.values())

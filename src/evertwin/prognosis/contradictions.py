@@ -1,0 +1,149 @@
+"""What a history says and cannot mean: asked back with its row, not believed.
+
+A time far from all others, a value a thousand times off, a limit in another unit or on the other
+side of the values. Each is told by how far it lies from what the rest of the same history says.
+
+>>> from evertwin.prognosis.laws import Limit
+>>> cell = Indicator.of("capacity", "Ah", Limit(1.4), np.arange(9.0), 1.9 - 0.02 * np.arange(9))
+>>> check_limit(cell, "cell.csv:2")  # doctest: +ELLIPSIS
+Traceback (most recent call last):
+...
+evertwin.errors.DataError: cell.csv:2: capacity: expected a life that begins on the sound side ...
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from evertwin.errors import DataError
+from evertwin.prognosis.laws import Indicator
+from evertwin.prognosis.laws.calendar import UNITS, Calendar
+from evertwin.sources.small_table import Table
+from evertwin.types import Vector
+
+FAR = 300.0
+"""Ratio at which one of two numbers is taken for a slip."""
+FEW = 5
+"""First values that tell on which side of the limit a life begins."""
+APART, YEARS = 10.0, 5.0
+"""A date lies far off beyond so many times the span of the others, and so many years."""
+LONE = 1000.0
+"""A count lies far off beyond so many times the span of the others."""
+SMALL = 0.05
+"""Share of the rows that may lie far off together."""
+_YEAR = 365.25 * UNITS["d"]
+
+
+def check_times(table: Table, by: str, at: Vector, calendar: Calendar | None) -> None:
+    """Asks back where some rows lie far from the others in time, or ahead of today.
+
+    Args:
+        table: the history.
+        by: its column of times.
+        at: on the clock.
+        calendar: where that clock counts from 1970.
+
+    Raises:
+        DataError: with the row.
+    """
+    row = _odd(at, calendar) if len(at) > FEW else None
+    if row is None:
+        return
+    rest = np.delete(at, row)
+    first, last, got = (
+        f"{x:g}" if calendar is None else calendar.said(x)
+        for x in (float(rest.min()), float(rest.max()), float(at[row]))
+    )
+    raise DataError(
+        f"{table.name}:{table.lines[row]}: {by}: expected a time like those of the other rows "
+        f"({first} to {last}), got {got}: correct it, or delete the row"
+    )
+
+
+def _odd(at: Vector, calendar: Calendar | None) -> int | None:
+    """The first row, in the file, whose time is no neighbour's; None where there is none."""
+    few = max(SMALL * len(at), 1.0)
+    order = np.argsort(at, kind="stable")
+    gaps = np.diff(at[order])
+    k = int(np.argmax(gaps)) + 1
+    apart, rest = (order[k:], order[:k]) if 2 * k >= len(at) else (order[:k], order[k:])
+    span = float(np.ptp(at[rest]))
+    far = LONE * span
+    if calendar is not None:
+        unit = UNITS[calendar.clock]
+        far = max(APART * span, YEARS * _YEAR / unit)
+        ahead = np.flatnonzero(at > calendar.today() + UNITS["d"] / unit)
+        if 0 < len(ahead) <= few:
+            return int(ahead[0])
+    lonely = len(apart) <= few and span > 0.0 and gaps[k - 1] > far
+    return int(apart.min()) if lonely else None
+
+
+def check_values(table: Table, name: str, value: Vector, since: np.ndarray) -> None:
+    """Asks back where some values are in another unit than the others.
+
+    Args:
+        table: the history.
+        name: its column of values.
+        value: the values.
+        since: number of the life that each row belongs to: a new part may begin near zero.
+
+    Raises:
+        DataError: with the row.
+    """
+    size = np.abs(value)
+    known = np.flatnonzero(np.isfinite(value) & (size > 0.0))
+    if len(known) <= FEW:
+        return
+    usual = float(np.median(size[known]))
+    high = size > FAR * usual
+    seen = np.zeros(len(value), dtype=np.bool_)
+    for life in np.unique(since):
+        own = np.flatnonzero(since == life)
+        largest = np.fmax.accumulate(np.where(np.isfinite(size[own]), size[own], 0.0))
+        seen[own] = largest >= usual / 3.0
+    low = seen & (size > 0.0) & (size < usual / FAR)
+    jumps = np.flatnonzero(high | (low & (np.ptp(value[known]) < FAR * usual)))
+    if not len(jumps) or len(jumps) > 0.5 * len(known):
+        return
+    k = int(jumps[0])
+    raise DataError(
+        f"{table.name}:{table.lines[k]}: {name}: expected values of about {usual:.4g}, got "
+        f"{value[k]:.4g}: is it in another unit, or was the part replaced? Correct the row, or say "
+        "so in a column maintenance"
+    )
+
+
+def check_limit(own: Indicator, where: str, *, alone: bool = True) -> None:
+    """Asks back where limit and values contradict each other.
+
+    Args:
+        own: the series.
+        where: its file and first row.
+        alone: nothing but the series tells where it stands; else it may have passed long ago.
+
+    Raises:
+        DataError: with the place.
+    """
+    life = own.since_replaced()
+    good = np.flatnonzero(np.isfinite(life.value))
+    if not len(good):
+        return
+    value, limit, name = life.value[good], own.limit.value, own.name
+    size = float(np.median(np.abs(value)))
+    from_zero = np.ptp(value) > 0.5 * size
+    if limit and size and not from_zero and not 1.0 / FAR < abs(limit) / size < FAR:
+        raise DataError(
+            f"{where}: {name}: values are about {size:.4g}, the limit is {limit:g}: "
+            f"{abs(limit) / size:.3g} times as much: is one of them in another unit?"
+        )
+    apart = life.distance()[good]
+    few = min(FEW, len(good))
+    nearer = float(np.median(apart[-few:])) > float(np.median(apart[:few]))
+    if np.all(apart[:few] <= 0.0) and (nearer or (alone and np.all(apart <= 0.0))):
+        other = "below (--below" if own.limit.direction == "above" else "above (without --below"
+        raise DataError(
+            f"{where}: {name}: expected a life that begins on the sound side of the limit, got "
+            f"{value[0]:.4g} with a limit {limit:g} ({own.limit.direction}): is the harmful side "
+            f"{other}, or direction in the twin file)?"
+        )

@@ -1,0 +1,104 @@
+"""Like machines: what their histories and the stores of their twins tell of a life.
+
+A history is a CSV, a store the file of another twin (``arm2.db``), read as it is while that twin
+may be at work. Each life in them is labelled: it passed the limit, failed before, was replaced in
+time, or still runs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from glob import glob
+from pathlib import Path
+
+from evertwin.config.prognosis import IndicatorSpec
+from evertwin.errors import UsageError
+from evertwin.models import Parameters
+from evertwin.prognosis.health import indicator_of, series_of
+from evertwin.prognosis.laws import Fleet, Indicator, Limit, Maintenance, learn
+from evertwin.prognosis.laws.hypotheses import LAWS
+from evertwin.prognosis.parameter_history import History, history
+from evertwin.sources.small_table import read_table
+from evertwin.store import SqliteStore
+
+FLEETS = 8
+"""Fleets that a process remembers."""
+_LEARNED: dict[str, Fleet] = {}
+_STORE = b"SQLite format 3\0"
+
+
+@dataclass(frozen=True)
+class Likes:
+    """Which machines are alike, and how their wear is told.
+
+    >>> Likes(IndicatorSpec("wear", limit=2.0), Limit(2.0), "run").files
+    ()
+    """
+
+    rule: IndicatorSpec
+    limit: Limit
+    clock: str
+    files: tuple[Path, ...] = ()
+    """Histories and stores."""
+    failed: tuple[Path, ...] = ()
+    """Of machines that failed with the last row, wherever the limit lies."""
+    parts: tuple[str, ...] = ()
+    """Components of the twin."""
+    parameters: Parameters | None = None
+
+
+def files_of(patterns: Sequence[str], folder: Path, own: Sequence[Path] = ()) -> tuple[Path, ...]:
+    """The files that patterns name, as in ``others/*.csv``, each once, without the ones asked for.
+
+    Raises:
+        UsageError: a pattern that names none.
+    """
+    found: dict[Path, None] = {}
+    kept = {one.resolve() for one in own}
+    for pattern in patterns:
+        there = [Path(name) for name in sorted(glob(str(folder / pattern)))]
+        if not there:
+            raise UsageError(
+                f"fleet: {pattern}: expected histories (CSV) or stores, no file is called so"
+            )
+        found |= dict.fromkeys(one for one in there if one.resolve() not in kept)
+    return tuple(found)
+
+
+def fleet_of(asked: Likes) -> Fleet | None:
+    """What like machines tell, learned once from their files; None without any.
+
+    Raises:
+        UsageError: fewer than two of their lives ended.
+        DataError: one of them cannot be read; with its row.
+    """
+    files = (*asked.files, *(one for one in asked.failed if one not in asked.files))
+    if not files:
+        return None
+    written = [(str(file), file.stat().st_mtime_ns) for file in files]
+    key = repr((asked.rule, asked.limit, asked.clock, asked.failed, written))
+    if key not in _LEARNED:
+        lived = [_named(asked, file) for file in files]
+        while len(_LEARNED) >= FLEETS:
+            _LEARNED.pop(next(iter(_LEARNED)))
+        _LEARNED[key] = learn(lived, asked.rule.laws or LAWS)
+    return _LEARNED[key]
+
+
+def _named(asked: Likes, file: Path) -> Indicator:
+    """A machine's indicator, by the name of its file."""
+    with file.open("rb") as begin:
+        stored = begin.read(len(_STORE)) == _STORE
+    if stored:
+        with closing(SqliteStore(file, read_only=True)) as store:
+            kept, table = history(store, asked.clock), None
+    else:
+        kept, table = History((), asked.clock, ()), read_table(file)
+    known = series_of(asked.rule, kept, table, file.parent, asked.parts)
+    found = indicator_of(asked.rule, known, asked.limit, asked.clock, asked.parameters)
+    marks = found.maintenance
+    if file in asked.failed and len(found.at) and found.failed is None:
+        marks = (*marks, Maintenance(float(found.at[-1]), "failed", "by its file"))
+    return found.with_(name=file.name, maintenance=marks)

@@ -1,0 +1,104 @@
+"""A fleet: histories and stores of like machines, each life labelled, sudden ends said."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evertwin import Twin, TwinSpec
+from evertwin.config import spec
+from evertwin.errors import UsageError
+from evertwin.prognosis.laws import Life
+from evertwin.prognosis.like_machines import files_of
+from evertwin.prognosis.lone_series import Series, life_of_series
+from evertwin.store import Batch, Checkpoint, Estimate, SqliteStore
+
+
+def grown(file: Path, life: float, until: int, seed: int, last: str = "") -> Path:
+    """Wear that passes 2 after ``life`` runs."""
+    rng = np.random.default_rng(seed)
+    y = 1.0 + np.arange(until) / life + 0.01 * rng.standard_normal(until)
+    rows = [f"{k},{v:.5f},{last if k == until - 1 else ''}" for k, v in enumerate(y)]
+    file.write_text("run,wear,maintenance\n" + "\n".join(rows))
+    return file
+
+
+def stored(file: Path, life: float, until: int, seed: int) -> Path:
+    """The store of a twin that tuned the same wear."""
+    rng = np.random.default_rng(seed)
+    rows = []
+    for k in range(until):
+        value = 1.0 + k / life + 0.01 * rng.standard_normal()
+        fit = Estimate(10 * k, k * 10**9, 0, "wear", value, value - 0.02, value + 0.02,
+                       task=k, elapsed=k * 10**9)  # fmt: skip
+        rows.append(fit)
+    store = SqliteStore(file)
+    store.commit(Batch(records=tuple(rows), checkpoint=Checkpoint(10 * until, (1.5,))))
+    store.close()
+    return file
+
+
+def test_every_member_is_labelled(tmp_path: Path) -> None:
+    own = grown(tmp_path / "own.csv", 110.0, 60, 0)
+    fleet = (
+        grown(tmp_path / "a.csv", 100.0, 105, 1), grown(tmp_path / "b.csv", 110.0, 115, 2),
+        grown(tmp_path / "c.csv", 120.0, 70, 3), grown(tmp_path / "d.csv", 120.0, 90, 4, "failed"),
+        stored(tmp_path / "arm2.db", 105.0, 110, 5),
+    )  # fmt: skip
+    found = life_of_series(Series(own, 2.0, column="wear", fleet=fleet))
+    one = found.to_dict()["components"]["wear"]  # type: ignore[call-overload, index]
+    how = {m["name"]: m["how"] for m in one["fleet"]}  # type: ignore[call-overload, index, union-attr]
+    assert how == {"a.csv": "limit", "b.csv": "limit", "c.csv": "running", "d.csv": "failed",
+                   "arm2.db": "limit"}  # fmt: skip
+    told = str(found)
+    assert "fleet: 4 ended, at 89 to" in told and "c.csv still running at 69 run" in told
+    assert "1 of 4 like machines failed before the limit (d.csv)" in told
+    life = found.components["wear"].life
+    assert isinstance(life, Life) and life.interval80[0] < 50.0 < life.interval80[1]
+    said = life_of_series(Series(own, 2.0, column="wear", fleet=fleet[:3], failed=fleet[2:3]))
+    assert "c.csv" in str(said) and "failed before the limit" in str(said)
+
+
+def test_the_stores_of_several_twins_are_a_fleet(tmp_path: Path) -> None:
+    for k, life in enumerate((90.0, 100.0, 110.0)):
+        stored(tmp_path / f"arm{k}.db", life, int(life) + 5, k)
+    stored(tmp_path / "own.db", 100.0, 60, 7)
+    rule = spec.IndicatorSpec("wear", parameter="wear", limit=2.0)
+    twin = TwinSpec(
+        "arm", spec.ModelSpec("robot1d"), indicator=(rule,), folder=str(tmp_path),
+        store=spec.StoreSpec(path="own.db"), prognosis=spec.PrognosisSpec(fleet=("*.db",)),
+    )  # fmt: skip
+    with Twin(twin) as opened:
+        found = opened.life()
+    assert "fleet: 3 ended, at 89" in str(found) and "own.db" not in str(found)
+    told = found.components["wear"].life
+    assert isinstance(told, Life) and abs(told.median - 40.0) < 8.0
+
+
+def test_lives_before_a_replacement_count_too(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    y = [*(1.0 + np.arange(100) / 95.0), *(1.0 + np.arange(50) / 95.0),
+         *(1.0 + np.arange(30) / 95.0)]  # fmt: skip
+    rows = [f"{k},{v + 0.01 * rng.normal():.4f},{'replaced' if k in (100, 150) else ''}"
+            for k, v in enumerate(y)]  # fmt: skip
+    twice = tmp_path / "twice.csv"
+    twice.write_text("run,wear,maintenance\n" + "\n".join(rows))
+    other = grown(tmp_path / "a.csv", 100.0, 105, 1)
+    own = grown(tmp_path / "own.csv", 110.0, 60, 0)
+    told = str(life_of_series(Series(own, 2.0, column="wear", fleet=(twice, other))))
+    assert "twice.csv replaced in time at 49 run, twice.csv still running at 29 run" in told
+    assert "fleet: 2 ended" in told
+    with pytest.raises(UsageError, match="at least two lives that ended, got "):
+        life_of_series(Series(own, 2.0, column="wear", fleet=(other,)))
+    with pytest.raises(UsageError, match="none/"):
+        files_of(("none/*.csv",), tmp_path)
+
+
+def test_a_life_that_failed_before_its_limit_is_over(tmp_path: Path) -> None:
+    own = grown(tmp_path / "own.csv", 110.0, 60, 0, "failed")
+    found = life_of_series(Series(own, 2.0, column="wear"))
+    assert "life is over: it failed at 59 run" in str(found)
+    assert [a.kind for a in found.alarms] == ["limit_passed"]
+    assert "it has failed" in found.alarms[0].reason
