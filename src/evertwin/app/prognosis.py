@@ -18,7 +18,6 @@ from evertwin.loop.feed import Data
 from evertwin.prognosis.laws.planning import HEADINGS
 from evertwin.prognosis.parameter_history import DONE
 from evertwin.prognosis.upkeep import when_said
-from evertwin.report.prognosis_report import write_prognosis
 from evertwin.settings.quantity import number
 from evertwin.twin import Twin
 
@@ -56,6 +55,8 @@ def show_life(
     with to_work(twin) as opened:
         found = opened.life(history, _files(data), drawn=report is not None, from_today=today)
         if report is not None:
+            from evertwin.report.prognosis_report import write_prognosis  # pictures take 0.4 s
+
             write_prognosis(found, None, report)
         show(found.to_dict(), str(found), as_json)
     if check and (found.alarms or found.held):
@@ -86,6 +87,8 @@ def show_plan(
     with Twin.open(twin, reading=True) as opened:
         found = opened.plan(history, _files(data))
         if report is not None:
+            from evertwin.report.prognosis_report import write_prognosis
+
             lives = opened.life(history, _files(data), drawn=True)
             write_prognosis(lives, found, report)
     if out is not None:

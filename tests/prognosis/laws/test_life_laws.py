@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -65,7 +66,7 @@ def histories(draw: st.DrawFn) -> Indicator:
     limit = Limit(draw(SIZES), draw(st.sampled_from(["above", "below"])))
     at = np.cumsum(steps) if n else np.zeros(0)
     marks = draw(st.lists(st.sampled_from([0.0, 2.0, 5.0]), max_size=2))
-    kinds = draw(st.sampled_from(["replaced", "adjusted"]))
+    kinds: Any = draw(st.sampled_from(["replaced", "adjusted", "failed"]))
     changes: dict[str, object] = {"maintenance": tuple(Maintenance(m, kinds) for m in marks)}
     if draw(st.booleans()):
         changes["covariates"] = {"load": rng.integers(0, 2, n).astype(float)}

@@ -21,13 +21,11 @@ Sources: Zellner, "An Introduction to Bayesian Inference in Econometrics" (1971)
 
 from __future__ import annotations
 
-import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import scipy
 
-from evertwin.compiled.functions import njit
 from evertwin.types import Float64
 
 RIDGE = 1e-4
@@ -66,39 +64,58 @@ class Posterior(NamedTuple):
         )  # fmt: skip
 
 
-@njit(cache=True)
-def grams(
-    y: Any, omega: Any, fixed: Any, clock: Any, q: Any, gram: Any, logs: Any, state: Any, left: Any
-) -> None:
-    """X'X with y as last column, Σ log F, W's filtered part per column and its variance."""
-    n, k = fixed.shape
-    for h in range(clock.shape[0]):
-        gram[h, :, :] = 0.0
-        carried = np.zeros(k + 2)
-        row = np.zeros(k + 2)
-        variance, total, before = 0.0, 0.0, clock[h, 0]
-        for i in range(n):
-            variance += q[h] * max(clock[h, i] - before, 0.0)
-            before = clock[h, i]
-            f = variance + omega[i]
-            scale = 1.0 / np.sqrt(f)
-            gain = variance / f
-            for j in range(k + 2):
-                u = fixed[i, j] if j < k else (clock[h, i] if j == k else y[i])
-                new = u - carried[j]
-                row[j] = new * scale
-                carried[j] += gain * new
-            variance = variance * omega[i] / f
-            total += math.log(f)
-            for j in range(k + 2):
-                for m in range(j + 1):
-                    gram[h, j, m] += row[j] * row[m]
-        for j in range(k + 2):
-            for m in range(j):
-                gram[h, m, j] = gram[h, j, m]
-            state[h, j] = carried[j]
-        logs[h] = total
-        left[h] = variance
+class Sums(NamedTuple):
+    """What least squares need of h hypotheses, each with p columns.
+
+    >>> Sums._fields
+    ('gram', 'logs', 'carried', 'left')
+    """
+
+    gram: Float64[np.ndarray, "h p p"]
+    """X'X, y as last column."""
+    logs: Float64[np.ndarray, " h"]
+    """Σ log F."""
+    carried: Float64[np.ndarray, "h p"]
+    """W's filtered part of each column."""
+    left: Float64[np.ndarray, " h"]
+    """Its variance."""
+
+
+def filtered(
+    y: Float64[np.ndarray, " n"], omega: Float64[np.ndarray, " n"],
+    fixed: Float64[np.ndarray, "n k"], clock: Float64[np.ndarray, "h n"],
+    q: Float64[np.ndarray, " h"],
+) -> Sums:  # fmt: skip
+    """Sums with a process: value after value, all hypotheses at once."""
+    h, (n, k) = len(q), fixed.shape
+    rows = np.empty((n, k + 2, h))
+    rows[:, :k], rows[:, k], rows[:, -1] = fixed[:, :, None], clock.T, y[:, None]
+    added = q * np.maximum(np.diff(clock, axis=1, prepend=clock[:, :1]), 0.0).T
+    whole, carried, variance = np.empty((n, h)), np.zeros((k + 2, h)), np.zeros(h)
+    for new, more, f, noise in zip(rows, added, whole, omega.tolist(), strict=True):
+        variance += more
+        np.add(variance, noise, out=f)
+        gain = variance / f
+        new -= carried
+        carried += gain * new
+        np.multiply(gain, noise, out=variance)
+    rows /= np.sqrt(whole)[:, None, :]
+    rows = rows.transpose(2, 1, 0)
+    gram = np.matmul(rows, rows.transpose(0, 2, 1))
+    return Sums(gram, np.log(whole).sum(axis=0), carried.T, variance)
+
+
+def sums(
+    y: Float64[np.ndarray, " n"], omega: Float64[np.ndarray, " n"],
+    fixed: Float64[np.ndarray, "n k"], clock: Float64[np.ndarray, "h n"],
+) -> Sums:  # fmt: skip
+    """Sums without a process: nothing is carried from value to value."""
+    weight = 1.0 / np.sqrt(omega)
+    rows = np.empty((len(clock), fixed.shape[1] + 2, len(y)))
+    rows[:, :-2], rows[:, -2], rows[:, -1] = (fixed * weight[:, None]).T, clock * weight, y * weight
+    gram = np.matmul(rows, rows.transpose(0, 2, 1))
+    h, p = gram.shape[:2]
+    return Sums(gram, np.full(h, np.log(omega).sum()), np.zeros((h, p)), np.zeros(h))
 
 
 def evaluate(
@@ -116,11 +133,9 @@ def evaluate(
         q: variance of W over G = 1 in units of the noise, per hypothesis.
         base: the fixed columns under which the limit holds.
     """
-    n, k = fixed.shape
-    h = len(q)
-    gram, logs = np.empty((h, k + 2, k + 2)), np.empty(h)
-    state, left = np.empty((h, k + 2)), np.empty(h)
-    grams(y, omega, fixed, clock, q, gram, logs, state, left)
+    (n, k), h = fixed.shape, len(q)
+    found = filtered(y, omega, fixed, clock, q) if q.any() else sums(y, omega, fixed, clock)
+    gram, logs, state, left = found
     inverse, beta, square, evidence = solved(gram, logs, n, k)
     # The level now is base·θ + b·G(now) + W, and W's filtered mean is what the filter carries.
     weight = np.concatenate([np.tile(base, (h, 1)), np.ones((h, 1))], axis=1) - state[:, :-1]
@@ -139,9 +154,7 @@ def without_growth(
 ) -> float:  # fmt: skip
     """log p(y) of a level with noise and nothing else."""
     n, k = fixed.shape
-    gram, logs = np.empty((1, k + 2, k + 2)), np.empty(1)
-    state, left = np.empty((1, k + 2)), np.empty(1)
-    grams(y, omega, fixed, np.zeros((1, n)), np.zeros(1), gram, logs, state, left)
+    gram, logs, _, _ = sums(y, omega, fixed, np.zeros((1, n)))
     keep = np.r_[:k, k + 1]
     return float(solved(gram[:, keep][:, :, keep], logs, n, k)[-1][0])
 
