@@ -87,6 +87,18 @@ def test_start_threshold_and_saturation_are_recovered(variant: str) -> None:
     assert variant in found.describes[0]
 
 
+def test_a_cap_that_no_command_reaches_is_none() -> None:
+    rng = np.random.default_rng(3)
+    command = np.repeat(rng.permutation(np.arange(1, 21)), 5) / 100
+    moved = np.where(command > 0.06, 0.7 * command, 0.0)
+    x = moved.cumsum() + 0.001 * rng.normal(size=100)
+    rows = make_block(t=np.arange(100) * 10**9, u=command[:, None], y=x[:, None])
+    found = improve(Robot1D(), Form(), (rows,), 1.0, Selection(kinds=("law",)))
+    assert found.describes[0].startswith("v: start threshold 0.06 m/s (dead zone), gain 0.")
+    assert "saturation" not in found.describes[0]
+    assert value(found.names, found.p, "law.v.cap") > 1.0
+
+
 def test_a_law_takes_the_place_of_a_table() -> None:
     rng = np.random.default_rng(4)
     command = np.repeat(np.arange(1, 21), 5) / 100

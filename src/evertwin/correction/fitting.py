@@ -33,6 +33,8 @@ NEAR, PAYS = 0.01, 0.05
 """Held-out deviations this near are equal; a less symmetric prior must gain this much."""
 TRIED = 2
 """Of many starts only these many, the best as they stand, are fitted."""
+SAME = 1e-3
+"""A number whose neutral value raises the deviation by no more than this share changes nothing."""
 EVALUATIONS = 20
 """Of one fit."""
 ALL = slice(None)
@@ -114,6 +116,25 @@ def refit(stack: Stack, evidence: Evidence) -> Scored:
         return Scored(stack, evidence.deviations(residual))
     scored = score(stack, _free(stack, few + grids), evidence)
     return scored._replace(free=None) if grids else scored  # a grid is solved under its prior
+
+
+def settled(stack: Stack, parts: Sequence[int], evidence: Evidence) -> Stack:
+    """With every number of these parts that changes nothing at its neutral value."""
+    neutral = stack.model.parameters.values
+    enough = (1.0 + SAME) * _mean(stack, evidence)
+    for k in parts:
+        first = stack.first(k)
+        for place in reversed(range(first, first + len(stack.parts[k].values))):
+            p = stack.p.copy()
+            p[place] = neutral[place]
+            without = stack.with_p(p)
+            if _mean(without, evidence) <= enough:
+                stack = without
+    return stack
+
+
+def _mean(stack: Stack, evidence: Evidence) -> float:
+    return mean_deviation(evidence.deviations(evidence.residual(stack.model, stack.p)))
 
 
 def _free(stack: Stack, parts: Sequence[int]) -> Free:

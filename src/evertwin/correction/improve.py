@@ -10,7 +10,8 @@ One procedure with one set of settings for every machine:
    standard errors of the mean over segments; by one, where it takes the place of another. Refit
    the terms with few numbers together. Repeat from the simplest tier, whose terms may show only
    beside a law; when no candidate of the tier pays, climb.
-4. At the end a term that no longer pays is dropped.
+4. At the end a term that no longer pays is dropped, and a number that changes nothing goes to its
+   neutral value: a cap that no command reaches is none.
 
 What comes out is a proposal. It goes live through a trial on unseen data only.
 
@@ -39,7 +40,7 @@ import numpy as np
 from evertwin.correction.candidates import propose
 from evertwin.correction.describe import describe
 from evertwin.correction.evidence import Evidence, asked_of, gather, mean_deviation
-from evertwin.correction.fitting import Scored, confirm, fit_candidate, refit
+from evertwin.correction.fitting import Scored, confirm, fit_candidate, refit, settled
 from evertwin.correction.stack import Part, Stack
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import Block, plain
@@ -329,8 +330,9 @@ class _Search:
         best, after, gains, tried = self.run(start)
         before = start.mean
         kept = tuple(g for g in gains if any(g.term is part.term for part in best.parts))
-        if not kept:
-            best, after = stack, before
+        new = {id(g.term) for g in kept}
+        few = [k for k, part in enumerate(best.parts) if id(part.term) in new and part.few]
+        best, after = (settled(best, few, self.evidence), after) if kept else (stack, before)
         return Proposal(
             Form(tuple(part.term for part in best.parts), form.variant),
             best.model.parameters.names, best.p, before, after, self.scale(best), kept,

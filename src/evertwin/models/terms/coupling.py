@@ -72,10 +72,13 @@ class Coupling(CorrectionTerm):
         c, o = term.channel, term.source
         if term.variant == "grip":
             gain, cap, grip = values
-            alone = grip > 0.0 and cap <= 1e-6 * grip
-            both = f"1/({cap:.3g} + {grip:.3g}·|{o}|)"
-            limit = f"{1 / grip:.3g}/|{o}|" if alone else both
-            return f"{c}: gain {told('gain', gain, '', intervals)}, limited to {limit} {unit}"
+            limit = f"1/({cap:.3g} + {grip:.3g}·|{o}|)"
+            if cap <= 1e-6 * grip:
+                limit = f"{1 / grip:.3g}/|{o}|" if grip > 0.0 else ""
+            elif grip == 0.0:
+                limit = f"{1 / cap:.3g}"
+            limited = f", limited to {limit} {unit}" if limit else ""
+            return f"{c}: gain {told('gain', gain, '', intervals)}{limited}"
         size = f"|{o}|" if term.variant == "magnitude" else o
         way = "falls" if values[0] >= 0 else "rises"
         between = intervals.get("slip")

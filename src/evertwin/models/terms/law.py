@@ -82,9 +82,11 @@ class Law(CorrectionTerm):
             said.append(f"start threshold {threshold} ({term.variant})")
         gain, offset, cap = values[-3:]
         said.append(f"gain {told('gain', gain, '', intervals)}")
-        if abs(offset) > 5e-3 * cap:
+        capped = cap < UNBOUNDED
+        if abs(offset) > (5e-3 * cap if capped else 0.0):
             said.append(f"offset {told('offset', offset, unit, intervals)}")
-        said.append(f"saturation at {told('cap', cap, unit, intervals)}")
+        if capped:
+            said.append(f"saturation at {told('cap', cap, unit, intervals)}")
         return f"{term.channel}: " + ", ".join(said)
 
 
