@@ -26,8 +26,9 @@ def planted(model: Drive | DriveForce) -> np.ndarray:
 @pytest.mark.parametrize("two_sided", [False, True])
 @pytest.mark.parametrize("law", LAWS)
 def test_the_laws_of_a_model_hold(law: str, two_sided: bool) -> None:
-    check_model(Drive(law, two_sided))
-    check_model(DriveForce(law, two_sided))
+    for rotary in (False, True):
+        check_model(Drive(law, two_sided, rotary))
+        check_model(DriveForce(law, two_sided, rotary=rotary))
 
 
 @pytest.mark.parametrize("law", LAWS)

@@ -24,6 +24,7 @@ ALL = (
     *(Operation(op, op, ("x", "y")) for op in ("sum", "mean", "difference", "product", "norm")),
     Operation("max", "max", ("x", "y", "z")),
     Operation("scale", "scale", ("z",), value=3.0),
+    Operation("whole", "unwrap", ("y",)),
 )
 OUTPUTS = (*(Taken(one.name) for one in ALL), Taken(None))
 DERIVE = Derive(("u", "x", "y", "z"), ALL, (Taken("u", "held"), Taken("z", "step")), OUTPUTS, 100.0)
@@ -61,3 +62,21 @@ def test_every_row_leaves_once() -> None:
 def test_a_column_that_is_not_there_is_named() -> None:
     with pytest.raises(ConfigError, match=r"'nothing' is neither recorded nor derived: .* x, y"):
         Derive(("x", "y"), (Operation("z", "sum", ("nothing",)),), (), ()).init()
+
+
+def test_an_angle_goes_on_where_it_was_cut() -> None:
+    turned = np.cumsum(np.random.default_rng(0).uniform(-2.0, 2.5, 200))
+    cut = np.where(np.arange(200) % 9 == 4, np.nan, (turned + np.pi) % (2 * np.pi) - np.pi)
+    t = np.arange(200) * 10**7
+    given = Rows(
+        np.arange(200), t, np.full(200, 0.01), np.zeros((200, 0)), cut[:, None],
+        np.isnan(cut).astype(np.uint8)[:, None], np.zeros(200, np.int64), t == 0,
+    )  # fmt: skip
+    stage = Derive(("q",), (Operation("whole", "unwrap", ("q",)),), (), (Taken("whole"),))
+    found = stage.step(stage.init(), given)[1].y[:, 0]
+    known = ~np.isnan(cut)
+    known[np.flatnonzero(~known) + 1] = False  # two steps at once may be more than half a turn
+    assert (np.isnan(found) == np.isnan(cut)).all()
+    off = (found - turned)[known] / (2 * np.pi)
+    np.testing.assert_allclose(off, np.round(off), atol=1e-9)
+    np.testing.assert_allclose(off[:3], off[0], atol=1e-9)

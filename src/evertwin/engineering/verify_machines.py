@@ -81,7 +81,7 @@ def _unbiased(drive: Drive | DriveForce, p: ParameterVector) -> ParameterVector:
 
 def _slowing(drive: Drive, p: ParameterVector) -> Check:
     """A drive that nothing pushes only becomes slower, but for its constant force."""
-    free = _unbiased(drive, p)
+    free, unit = _unbiased(drive, p), drive.outputs.units[1]
     worst, rows = 0.0, 2000
     for speed in (0.5, -0.5):
         _, y = drive.simulate(
@@ -89,19 +89,19 @@ def _slowing(drive: Drive, p: ParameterVector) -> Check:
         )
         size = np.abs(np.concatenate([[speed], y[:, 1]]))
         worst = max(worst, float(np.diff(size).max()))
-    return Check("friction takes power out", "law", max(0.0, worst), 1e-12, "m/s", "2 s each way")
+    return Check("friction takes power out", "law", max(0.0, worst), 1e-12, unit, "2 s each way")
 
 
 def _rubbing(drive: DriveForce, p: ParameterVector) -> Check:
     """At constant speed the force pushes along the motion, but for its constant share."""
-    free = _unbiased(drive, p)
+    free, unit = _unbiased(drive, p), drive.inputs.units[0]
     speeds = np.linspace(-1.0, 1.0, 201)
     u = np.stack([speeds, np.zeros(201)], axis=1)
     _, force = drive.simulate(drive.initial(free), u, np.zeros(201), free)
     power = force[:, 0] * speeds
     limit = 1e-9 * max(1.0, float(np.abs(power).max()))
     worst = max(0.0, float(-power.min()))
-    return Check("friction takes power out", "law", worst, limit, "W", "speeds up to 1 m/s")
+    return Check("friction takes power out", "law", worst, limit, "W", f"speeds up to 1 {unit}")
 
 
 def _both_ways(drive: Drive | DriveForce, p: ParameterVector) -> Check:

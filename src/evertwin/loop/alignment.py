@@ -77,7 +77,7 @@ class Alignment:
         operations = _used(operations, [one.column for one in (*inputs, *outputs)])
         angles = {
             recorded_as(spec, c.name) for c in (*model.inputs, *model.outputs) if c.kind == "angle"
-        }
+        } | {name for one in spec.derive if one.op == "unwrap" for name in one.source}
         held, measured = (
             Layout(tuple(Channel(name, "1", _kind(name, angles)) for name in some))
             for some in (columns.inputs, columns.outputs)

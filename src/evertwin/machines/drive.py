@@ -15,6 +15,13 @@ from motion to force: static and linear in the parameters, so that tuning solves
 >>> y[:, 1].round(3).tolist()      # 1.9 N do not break it loose, 2.5 N do
 [0.0, 0.05]
 
+An axis that turns (``rotary``) has an inertia instead of a mass, a torque instead of a force, and
+an angle that may wrap.
+
+>>> spindle = DriveForce(rotary=True)
+>>> spindle.outputs.units[0], spindle.parameters.names[0], spindle.parameters.items[2].unit
+('Nm', 'inertia', 'Nm')
+
 Where the free run starts: position and speed of the first row are adopted from the measurement,
 the speed from a channel that was differentiated.
 
@@ -27,7 +34,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -45,7 +52,7 @@ from evertwin.machines.friction.kernel import (
 from evertwin.machines.friction.resisting import Rubbed
 from evertwin.machines.friction.terms.two_sided import TWO_SIDED
 from evertwin.models import Compiled, Parameter, Parameters
-from evertwin.signals import Layout
+from evertwin.signals import Channel, Layout
 from evertwin.types import (
     Float64,
     Inputs,
@@ -61,8 +68,41 @@ INERTIA, STANDSTILL, PLACE, WARMTH, LAW = range(5)
 """Places in the context: of the mass in ``p``, the standstill [nm/s], of position and temperature
 among the inputs (−1: none), then the law's record."""
 PARTS = 1000
-MORE = {"q": ("position", "m"), "T": ("temperature", "K")}
-"""Inputs of the inverse form that a law may read."""
+
+
+class Quantities(NamedTuple):
+    """What an axis is described with: one that slides, or one that turns.
+
+    >>> TURNS.effort, TURNS.torque
+    ('torque', 'Nm')
+    """
+
+    place: str
+    """Unit of the way; of speed and acceleration with ``/s``, ``/s**2``."""
+    effort: str
+    torque: str
+    inertia: str
+    mass: str
+
+    def motion(self, *names: str) -> Layout:
+        """Channels of position, speed, acceleration."""
+        units = {"position": "", "speed": "/s", "acceleration": "/s**2"}
+        turns = {"position"} if self.place == "rad" else set[str]()
+        return Layout(
+            tuple(
+                Channel(name, f"{self.place}{units[name]}", "angle" if name in turns else "linear")
+                for name in names
+            )
+        )
+
+    @property
+    def efforts(self) -> Layout:
+        """The channel of force or torque."""
+        return Layout.of(**{self.effort: self.torque})
+
+
+SLIDES = Quantities("m", "force", "N", "mass", "kg")
+TURNS = Quantities("rad", "torque", "Nm", "inertia", "kg*m**2")
 
 
 @njit(cache=True)
@@ -143,26 +183,33 @@ def force_observe(context: Any, x: Any, y: Any) -> int:
 
 
 def _build(
-    law: Law | str, two_sided: bool, standstill: float, known: tuple[str, ...], given: int = 0
+    law: Law, axis: Quantities, known: tuple[str, ...], given: int = 0
 ) -> tuple[Law, Parameters, tuple[int, ...]]:
     """The law, the parameters and the context that both forms share; ``known``: besides speed,
     behind the first ``given`` inputs."""
-    form = Law.parse(law) if isinstance(law, str) else law
-    form = replace(form, standstill=standstill).known_to("drive", known)
-    if two_sided:
-        form = form.plus(TWO_SIDED)
-    mass = Parameter("mass", 1.0, "kg", 1e-6, 1e9)
-    parameters = Parameters((mass, *form.parameters(slides=True)))
+    form = law.known_to("drive", known)
+    mass = Parameter(axis.inertia, 1.0, axis.mass, 1e-9 if axis is TURNS else 1e-6, 1e9)
+    parameters = Parameters((mass, *form.parameters(slides=axis is SLIDES)))
     more = [what for what in known if given and what in form.reads]
     places = (given + more.index(what) if what in more else -1 for what in ("q", "T"))
     record = record_of(form, 1).tolist()
     return form, parameters, (0, round(form.standstill * 1e9), *places, *record)
 
 
+def _law(law: Law | str, two_sided: bool, standstill: float = 0.0) -> Law:
+    form = replace(Law.parse(law) if isinstance(law, str) else law, standstill=standstill)
+    return form.plus(TWO_SIDED) if two_sided else form
+
+
 class _Rubs:
     """What both forms say of their friction."""
 
     law: Law
+    rotary: bool
+
+    @property
+    def _axis(self) -> Quantities:
+        return TURNS if self.rotary else SLIDES
 
     @property
     def rubbing(self) -> tuple[str, ...]:
@@ -180,7 +227,8 @@ class _Rubs:
             _friction(context, free, v, T, q, self.law.standstill)
             for v, T, q in zip(*(each.tolist() for each in rows), strict=True)
         ]
-        return (Rubbed("the drive", self.rubbing, ("m/s", "N"), rows[0], np.array(force)),)
+        units = (f"{self._axis.place}/s", self._axis.torque)
+        return (Rubbed("the drive", self.rubbing, units, rows[0], np.array(force)),)
 
     def rungs(self) -> tuple[Rung, ...]:
         """Steps up the ladder of friction laws; each has to pay on unseen data."""
@@ -194,14 +242,19 @@ class _Rubs:
 class Drive(_Rubs, Compiled):
     """From force [N] to position [m] and speed [m/s]: for free runs and what-if.
 
+    ``rotary``: from torque [Nm] to angle [rad] and its speed [rad/s].
+
     >>> Drive().inputs.names, Drive().outputs.names
     (('force',), ('position', 'speed'))
     """
 
-    def __init__(self, law: Law | str = "sign", two_sided: bool = False) -> None:
-        self.law, parameters, context = _build(law, two_sided, 0.0, ("q",))
-        motion = Layout.of(position="m", speed="m/s")
-        super().__init__(Layout.of(force="N"), motion, motion, parameters, step, observe, context)
+    def __init__(
+        self, law: Law | str = "sign", two_sided: bool = False, rotary: bool = False
+    ) -> None:
+        self.rotary = rotary
+        self.law, parameters, context = _build(_law(law, two_sided), self._axis, ("q",))
+        motion = self._axis.motion("position", "speed")
+        super().__init__(self._axis.efforts, motion, motion, parameters, step, observe, context)
 
     def rubbed(self, u: Inputs, y: Outputs, p: ParameterVector) -> tuple[Rubbed, ...]:
         """Friction at the measured speeds."""
@@ -212,8 +265,9 @@ class Drive(_Rubs, Compiled):
 class DriveForce(_Rubs, Compiled):
     """From speed [m/s] and acceleration [m/s²] to force [N], linear in mass and friction.
 
-    A law that reads them makes ``position`` [m] and ``temperature`` [K] inputs too. Below
-    ``standstill`` [m/s] the sign of the speed counts as zero.
+    ``rotary``: from rad/s and rad/s² to torque [Nm]. A law that reads them makes ``position`` [m,
+    rad] and ``temperature`` [K] inputs too. Below
+    ``standstill`` [m/s, rad/s] the sign of the speed counts as zero.
 
     >>> model = DriveForce("sign+direction", two_sided=True)
     >>> model.columns.tolist(), model.rungs()[0].add
@@ -221,20 +275,20 @@ class DriveForce(_Rubs, Compiled):
     """
 
     law: Law = field(default_factory=Law)
+    rotary: bool = False
 
     def __init__(
-        self, law: Law | str = "sign", two_sided: bool = False, standstill: float = 0.0
-    ) -> None:
-        form, parameters, context = _build(law, two_sided, standstill, ("q", "T"), 2)
-        more = {name: unit for what, (name, unit) in MORE.items() if what in form.reads}
+        self, law: Law | str = "sign", two_sided: bool = False, standstill: float = 0.0,
+        rotary: bool = False,
+    ) -> None:  # fmt: skip
+        object.__setattr__(self, "rotary", rotary)
+        axis, given = self._axis, _law(law, two_sided, standstill)
+        form, parameters, context = _build(given, axis, ("q", "T"), 2)
+        inputs = axis.motion("speed", "acceleration")
+        for what, channel in (("q", axis.motion("position")), ("T", Layout.of(temperature="K"))):
+            inputs = inputs + channel if what in form.reads else inputs
         super().__init__(
-            Layout.of(speed="m/s", acceleration="m/s**2", **more),
-            Layout.of(force="N"),
-            Layout(),
-            parameters,
-            force_step,
-            force_observe,
-            context,
+            inputs, axis.efforts, Layout(), parameters, force_step, force_observe, context
         )
         object.__setattr__(self, "law", form)
 

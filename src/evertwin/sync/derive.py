@@ -40,12 +40,12 @@ CODES = {
     "filter": loop.FILTER, "derivative": loop.DERIVATIVE, "slope": loop.SLOPE,
     "middle": loop.MIDDLE, "along": loop.ALONG, "way": loop.WAY, "path": loop.PATH, "sum": loop.SUM,
     "mean": loop.MEAN, "difference": loop.DIFFERENCE, "product": loop.PRODUCT,
-    "scale": loop.SCALE, "norm": loop.NORM, "max": loop.MAX,
+    "scale": loop.SCALE, "norm": loop.NORM, "max": loop.MAX, "unwrap": loop.UNWRAP,
 }  # fmt: skip
 """The operations, by name."""
 SOURCES = {"along": 3, "way": 3, "path": 3, "difference": 2}
 """Channels that an operation needs, where it is not any number; one where it takes one row each."""
-ONE = ("filter", "derivative", "slope", "middle", "scale")
+ONE = ("filter", "derivative", "slope", "middle", "scale", "unwrap")
 HOW = {"held": loop.HELD_INPUT, "line": loop.LINE_INPUT, "step": loop.STEP_INPUT}
 FOREVER = 2**62
 

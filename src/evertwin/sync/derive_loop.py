@@ -28,7 +28,7 @@ from evertwin.types import (
 )
 
 FILTER, DERIVATIVE, SLOPE, MIDDLE, ALONG, WAY, SUM, MEAN, DIFFERENCE = range(9)
-PRODUCT, SCALE, NORM, MAX, PATH = range(9, 14)
+PRODUCT, SCALE, NORM, MAX, PATH, UNWRAP = range(9, 15)
 ROW, TASK, ORIGIN, COUNT, LEFT, BASE, LAST, BEGUN = range(8)
 """Counters: next row's number, task, stamp of its first row, rows of the stretch, rows of it that
 have left, rows before it, stamp of the last row that left, has one of this task left?"""
@@ -88,7 +88,8 @@ class Memory(NamedTuple):
     done: Int64[np.ndarray, " columns"]
     """Rows of the stretch that each column is known at."""
     sums: Float64[np.ndarray, "ops six"]
-    """Of a way: is a pose known?, x, y, heading, way so far, way along the heading."""
+    """Of a way: is a pose known?, x, y, heading, way so far, way along the heading. Of an angle
+    without wraps: is it known?, the newest."""
     newest: Float64[np.ndarray, " channels"]
     """Newest known value of each channel."""
 
@@ -193,6 +194,16 @@ def travelled(ring: Lines, at: int, sources: Int64[np.ndarray, " most"], sums: V
 
 
 @njit(cache=True, error_model="numpy")
+def unwrapped(angle: float, sums: Vector) -> float:
+    """The angle without its wraps: it turns by less than half a turn from row to row."""
+    if angle != angle:
+        return np.nan
+    sums[1] = angle if sums[0] == 0.0 else sums[1] + wrapped(angle - sums[1], True)
+    sums[0] = 1.0
+    return float(sums[1])
+
+
+@njit(cache=True, error_model="numpy")
 def pointwise(ring: Lines, at: int, code: int, sources: Int64[np.ndarray, " most"],
               value: float) -> float:  # fmt: skip
     """What takes the row alone."""
@@ -253,6 +264,8 @@ def compute(program: Program, ring: Lines, memory: Memory, base: int, n: int, cl
                 value = 0.5 * (before + ring.v[at, sources[0]])
             elif code in (ALONG, WAY, PATH):
                 value = travelled(ring, at, sources, memory.sums[k], code)
+            elif code == UNWRAP:
+                value = unwrapped(ring.v[at, sources[0]], memory.sums[k])
             else:
                 value = pointwise(ring, at, code, sources, program.value[k])
             level = OK

@@ -36,11 +36,12 @@ class DeriveSpec(Section):
     """Name of the new channel."""
     op: Literal[
         "derivative", "filter", "sum", "mean", "difference", "product", "scale", "norm", "max",
-        "along", "way", "path", "middle", "slope",
+        "along", "way", "path", "middle", "slope", "unwrap",
     ]  # fmt: skip
     """What is computed. ``filter``: as ``[filter]`` says. ``middle``: the mean over the interval
     into the row (of the row and the one before). ``slope``: the derivative of a cubic through the
-    rows within ``value`` seconds (Savitzky-Golay; one-sided at the ends). From x, y and heading of
+    rows within ``value`` seconds (Savitzky-Golay; one-sided at the ends). ``unwrap``: an angle
+    that goes on where it was cut at half a turn or a whole one. From x, y and heading of
     a base: ``along``, the way along its heading; ``way``, the length of its path, each step with
     the sign of its direction; ``path``, that length with one sign, that of the way so far."""
     source: Annotated[tuple[str, ...], Key("from")]
