@@ -24,7 +24,7 @@ def swings(n: int = 4000, seed: int = 0) -> Seen:
     moving = np.abs(v) > ABOVE
     r = np.where(moving, rng.normal(0.0, 0.1, v.shape), 0.0)
     half = np.where(moving, 0.0, FRICTION)
-    return Seen(0, (t * 1e9).astype(np.int64), r, half, v, moving)
+    return Seen(0, (t * 1e9).astype(np.int64), r, half, v, moving, np.full(r.shape, np.nan))
 
 
 def found(rows: Seen, stage: External = STAGE) -> tuple[Contact | None, np.ndarray]:
@@ -48,6 +48,16 @@ def test_a_contact_is_marked_within_a_fifth_of_a_second(at: int, sign: float) ->
     assert abs(contact.first - at) < STAGE.window
     assert at + 30 <= contact.last < at + 70
     assert at < marked[0] <= at + 20 and marked[-1] <= contact.last
+
+
+@pytest.mark.parametrize(("share", "tells"), [(0.8, True), (0.01, False), (50.0, False)])
+def test_a_model_out_of_scale_tells_no_contact(share: float, tells: bool) -> None:
+    """The same residuals of outputs that are expected at a share of what is measured."""
+    by = np.zeros((4000, 2))
+    by[2400:2430, 0] = 0.6
+    rows = off(swings(), by)
+    size = 5.0 * rows.v if tells else rows.r * share / (1.0 - share)
+    assert (found(rows._replace(expected=size))[0] is not None) == tells
 
 
 def test_calm_says_nothing() -> None:
@@ -80,7 +90,7 @@ def standing(push: np.ndarray, friction: float = FRICTION) -> Seen:
     off, still = np.maximum(np.abs(push) - friction, 0.0)[:, None], np.zeros((n, 1), np.bool_)
     noise = np.random.default_rng(0).normal(0.0, 0.1, (n, 1)) * (off > 0.0)
     half, v = np.full((n, 1), friction), np.zeros((n, 1))
-    return Seen(0, np.arange(n) * 10**7, off + noise, half, v, still)
+    return Seen(0, np.arange(n) * 10**7, off + noise, half, v, still, np.full(v.shape, np.nan))
 
 
 def test_a_push_on_a_standing_axis_is_known_while_it_lasts() -> None:

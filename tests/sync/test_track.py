@@ -256,6 +256,21 @@ def test_a_jump_of_a_static_map_is_no_news_the_second_time() -> None:
     assert (out.rows.mark[40:] == Mark.OK).mean() > 0.995
 
 
+@pytest.mark.parametrize("seed", [0, 2, 7, 16])
+def test_a_force_that_an_untuned_axis_does_not_predict_is_no_factor(seed: int) -> None:
+    """34 kg and friction, smooth as behind a filter, beside a model of 1 kg without any."""
+    rng, t = np.random.default_rng(seed), 5e-3 * np.arange(3000)
+    w = 2 * np.pi * rng.uniform(0.2, 0.9, 2)
+    place = np.array([[0.12], [0.08]]), w[:, None] * t + np.array([[0.0], [1.0]])
+    v = (place[0] * w[:, None] * np.cos(place[1])).sum(axis=0)
+    a = -(place[0] * w[:, None] ** 2 * np.sin(place[1])).sum(axis=0)
+    f = 34 * a + 42 * np.tanh(v / 0.002) + 75 * v + rng.normal(0, 0.02, 3000)
+    model = FunctionModel(lambda x, u, dt, p: ([], [u[0]]), Layout.of(a="m/s**2"), Layout.of(f="N"))
+    block = make_block(t=np.arange(3000) * 5 * 10**6, u=a[:, None], y=f[:, None])
+    _, out = fold(Track(model, Arbiter(Rule(gate=12.0))), [block])
+    assert not [r for r in out.records if "factor" in r.reason]
+
+
 def test_angles_wrap_in_innovations_and_votes() -> None:
     """The heading passes ±π several times; then the robot is turned by 3 rad."""
     block = unicycle_rows(6, n=1200)

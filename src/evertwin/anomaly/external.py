@@ -9,8 +9,9 @@ What sets it apart is when it comes and goes:
   more their distance, since friction at rest is up to twice that of motion.
 
 Size is judged by the running rms of each output's own residual, so a rough model sees less and says
-nothing false; what stays for longer than ``longest`` is no contact, and goes to tuning. Rows are
-marked once more than half of the newest `WINDOW` seconds are off.
+nothing false, and one that is out of scale (what moves is measured more than twice as large as
+predicted, or less than half) nothing at all; what stays for longer than ``longest`` is no contact,
+and goes to tuning. Rows are marked once more than half of the newest `WINDOW` seconds are off.
 
 >>> rng = np.random.default_rng(0)
 >>> r = rng.normal(size=(2000, 1)); r[1500:1530] += 5.0
@@ -62,13 +63,16 @@ class Seen(NamedTuple):
     v: Outputs
     """Speed of each output's own motion; NaN where it has none."""
     moving: Bool[np.ndarray, "n ny"]
+    expected: Outputs
+    """What the model predicts, (n, ny); NaN where its scale is out of the question."""
 
     @classmethod
     def of(cls, r: Outputs, interval: float) -> Seen:
         """Residuals of outputs that always move, at a fixed ``interval`` [s], from row 0 on."""
         t = np.arange(len(r), dtype=np.int64) * round(interval * 1e9)
         moving = np.ones(r.shape, dtype=np.bool_)
-        return cls(0, t, r, np.zeros(r.shape), np.full(r.shape, np.nan), moving)
+        unknown = np.full(r.shape, np.nan)
+        return cls(0, t, r, np.zeros(r.shape), unknown, moving, unknown)
 
 
 class ExternalState(NamedTuple):

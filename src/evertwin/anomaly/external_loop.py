@@ -19,11 +19,14 @@ RUN, WAY, SORT, SINCE, COUNT, SEEN, OPEN, PART, BEGAN, NEED, SIDE, NUMBERS = ran
 the sort (0 slow, else the direction), row since which; Σ of `BEYOND`; moving rows seen. Off: on
 which side now, was it in this excursion, sort where it came into it, must it still be seen calm, on
 which side was it last?"""
-SQUARE, BASE, NEAR, SLOW, NOISE, HOLD, USUAL, LEVEL, ROWS, EDGE, TOLD, FIGURES = range(12)
+(
+    SQUARE, BASE, NEAR, SLOW, NOISE, HOLD, USUAL, LEVEL, ROWS, EDGE, TOLD, ALIKE, EXPECTED, FIGURES,
+) = range(14)  # fmt: skip
 """Places of an output's figures, and how many. Moving: the residual's mean square and mean, its
 mean over a window and that one's mean square. Mean step from row to row; widest friction since it
 was slow; share of motions that began calm. Of the rows that are off in this excursion Σ residual
-and number, and how far the first are from those before; mean level of what was found."""
+and number, and how far the first are from those before; mean level of what was found. Moving: mean
+product of measured and expected, mean square of what was expected."""
 NEXT, STATE, START, STAMP, OURS, LATE, FOUND, FIRST, LAST, SAID, BLIND, NEWS, SHARP = range(13)
 """Places of the machine's numbers: rows so far, `IDLE` …, row and stamp of the excursion's start,
 may it come from outside, did it begin with a motion, is one found, its rows, was it told at a beat,
@@ -31,6 +34,8 @@ rows at which a standing output had no friction to judge by, row after the first
 beat at which there was something for the next (0: none), did an output go off at once?"""
 PLACES = 13
 IDLE, ON, ENDS, LASTS = range(4)
+FAR = 2.0
+"""Measured over expected from which, or from whose inverse, a model is out of scale."""
 LARGE = 9.0
 """Times the mean square that a row counts at most: one contact does not hide the next."""
 SMOOTH = 4.0
@@ -54,6 +59,15 @@ def learned(x: float, number: Any, figure: Any, rule: Any) -> None:
     figure[BASE] += (x - figure[BASE]) / min(number[SEEN], rule[3])
     figure[NEAR] += (x - figure[NEAR]) / min(number[SEEN], rule[4])
     figure[SLOW] += (figure[NEAR] * figure[NEAR] - figure[SLOW]) / min(number[SEEN], rule[2])
+
+
+@njit(cache=True)
+def weigh(x: float, expected: float, number: Any, figure: Any, rule: Any) -> None:
+    """How large a moving output is, and was expected."""
+    memory, square = min(max(number[SEEN], 1), rule[2]), expected * expected
+    if square == square and x == x:
+        figure[ALIKE] += (square + x * expected - figure[ALIKE]) / memory
+        figure[EXPECTED] += (square - figure[EXPECTED]) / memory
 
 
 @njit(cache=True)
@@ -81,6 +95,9 @@ def limit_of(number: Any, figure: Any, times: float, rule: Any) -> float:
     form, hold = np.sqrt(figure[SLOW]), figure[HOLD]
     scale = max(times * np.sqrt(figure[SQUARE]), SMOOTH * form)
     known = number[SEEN] >= rule[1]
+    alike, expected = figure[ALIKE], figure[EXPECTED]
+    if alike > FAR * expected or expected > FAR * alike:
+        return float(np.inf)
     if number[SORT] != 0:
         return float(scale if known else np.inf)
     rests = number[WAY] == 0 and number[RUN] >= rule[3]
@@ -193,8 +210,8 @@ def settled(row: int, stamp: int, longest: int, n: int, state: Any) -> None:
 
 @njit(cache=True)
 def watch(
-    row: int, t: Any, r: Any, half: Any, v: Any, moving: Any, times: float, rule: Any, ring: Any,
-    state: Any, marked: Any,
+    row: int, t: Any, r: Any, half: Any, v: Any, moving: Any, expected: Any, times: float,
+    rule: Any, ring: Any, state: Any, marked: Any,
 ) -> None:  # fmt: skip
     """Rows through; ``marked`` where something outside is at work. ``rule``: longest excursion
     [ns], rows to learn from, of the mean square's memory, of the mean's, of a window."""
@@ -208,6 +225,8 @@ def watch(
             ours = number[OPEN] != 0 and machine[STATE] == ON and machine[OURS] != 0
             if ring[MOVES, place, k] > 0.0 and old == old and not ours:
                 learned(old, number, figure, rule)
+            if moving[i, k]:
+                weigh(x, expected[i, k], number, figure, rule)
             moved(row + i, moving[i, k], v[i, k], half[i, k], number, figure, n)
             limit = limit_of(number, figure, times, rule)
             if not moving[i, k] and machine[BLIND] >= 0:  # below: it was said

@@ -2,7 +2,8 @@
 
 The noise of an output that the model adopts follows from predictions of one row each: successive
 residuals share one measurement with opposite sign, so neighbouring differences of residuals have
-the covariance −4·σ². Of a static map it is what two neighbouring residuals do not share.
+the covariance −4·σ². Of a static map it is what two neighbouring residuals do not share, or two
+neighbouring measurements where the model is further off than they move.
 
 And what do the rows determine? Identifiability, knobs without effect, start values on bounds.
 """
@@ -54,11 +55,12 @@ def _noise(view: View) -> Vector:
     found = [changes(view.model, view.version.p, window, 1e-9) for window in view.some(view.judged)]
     out = []
     for k in range(len(view.model.outputs)):
-        steps = []
-        for change in found:
-            r = (change.measured - change.predicted)[:, k]
-            steps.append(np.diff(r[np.isfinite(r)]))
-        out.append(_level(steps, view.setup.static))
+        off = [(change.measured - change.predicted)[:, k] for change in found]
+        level = _level([np.diff(r[np.isfinite(r)]) for r in off], view.setup.static)
+        if view.setup.static:
+            y = [change.measured[:, k] for change in found]
+            level = min(level, _level([np.diff(one[np.isfinite(one)]) for one in y], True))
+        out.append(level)
     return np.array(out)
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from evertwin.doctor.examination import View, changes
 from evertwin.doctor.finding import Finding
 from evertwin.fold import Block, take
+from evertwin.loop.channels import recorded_as
 from evertwin.models import roll
 from evertwin.models.function import kernel_of
 from evertwin.signals import Layout
@@ -109,6 +110,9 @@ def _told(view: View, best: list[_Hypothesis], before: Vector) -> Finding:
 
 def _ranges(view: View) -> Iterator[Finding]:
     """Values that no machine has in the unit that is declared."""
+    spec = view.setup.spec
+    stated = {name: c.unit for source in spec.source for name, c in source.channels.items()}
+    stated |= {one.name: "computed" for one in spec.derive}
     for layout, columns in (
         (view.model.inputs, [w.u for w in view.windows]),
         (view.model.outputs, [w.y for w in view.windows]),
@@ -123,6 +127,8 @@ def _ranges(view: View) -> Iterator[Finding]:
             hint = ""
             if channel.unit == "K" and high < 150:
                 hint = "degrees Celsius taken for kelvin: unit = 'degC'"
+            elif stated.get(recorded_as(spec, channel.name), "") not in ("", channel.unit):
+                continue  # it was converted from a unit that somebody gave
             elif channel.unit == "rad/s" and size > 60:
                 hint = "degrees taken for radians (pi/180)? unit = 'deg/s'"
             elif channel.unit == "rad" and channel.kind == "angle" and size > 50:

@@ -51,8 +51,9 @@ def _measured(mark: np.ndarray) -> np.ndarray:
 def _seen(setup: Setup, model: Model, p: ParameterVector, rows: Block, y: Outputs) -> Seen:
     mark, u = rows.mark[:, rows.u.shape[1] :], rows.u
     measured = np.where(_measured(mark), rows.y, np.nan)
-    r, half, moving = wrap(measured - y, model.outputs.angles), np.zeros(y.shape), setup.moving(u)
     columns, unsaid = setup.judged_by
+    measured[:, unsaid] = np.nan
+    r, half, moving = wrap(measured - y, model.outputs.angles), np.zeros(y.shape), setup.moving(u)
     v = np.where(unsaid, np.nan, u.take(columns, axis=1))
     stands = np.flatnonzero(~moving.all(axis=1))
     if len(stands):
@@ -62,7 +63,7 @@ def _seen(setup: Setup, model: Model, p: ParameterVector, rows: Block, y: Output
         beyond = np.sign(off) * np.maximum(np.abs(off) - width, 0.0)
         r[stands] = np.where(moving[stands], r[stands], beyond)
         half[stands] = np.where(moving[stands], 0.0, width)
-    return Seen(rows.row, rows.t, r, half, v, moving)
+    return Seen(rows.row, rows.t, r, half, v, moving, y)
 
 
 def _just(

@@ -298,7 +298,9 @@ class Setup:
 
     @cached_property
     def external(self) -> External:
-        """The observer of contacts: of a static map, where the rate of its rows is known."""
+        """The observer of contacts: of a static map, where the rate of its rows is known and the
+        speed of what moves: friction that changed comes and goes with its direction."""
         rate = self.spec.clock.rate or (self.measured_rate if self.times else None)
-        longest = self.spec.anomaly.external if self.static and rate else 0.0
+        told = self.static and rate and not self.judged_by[1].all()
+        longest = self.spec.anomaly.external if told else 0.0
         return External(self.model.outputs.names, rate or 1.0, longest)

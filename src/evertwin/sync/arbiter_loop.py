@@ -12,7 +12,7 @@ import numpy as np
 from evertwin.compiled.functions import njit
 from evertwin.fold import Mark
 from evertwin.sync import places as at
-from evertwin.sync.factor_loop import blamed, persists, scaled
+from evertwin.sync.factor_loop import blamed, persists, scaled, weigh
 from evertwin.sync.horizon_loop import wrapped
 from evertwin.sync.options import COLD, HOT
 from evertwin.sync.places import Cause, Finding
@@ -274,8 +274,9 @@ def judge(
         return OK, FIRST
     growth = grown(rules, numbers, figures, g, now[1])
     for k in range(size):
-        nu = values[room[k], at.NU]
-        learn(statistics, phase, room[k], nu * nu / growth)
+        j = room[k]
+        learn(statistics, phase, j, values[j, at.NU] * values[j, at.NU] / growth)
+        weigh(limits, values, j, y[j], predicted[j])
     learn_noise(values, numbers, room, g, size)
     figures[g, at.OUTSIDE] *= 1.0 - 1.0 / (4.0 * rules[g, at.VOTE])
     return OK, use(settings, memory, sample, g, size, now[1])

@@ -17,7 +17,7 @@ import numpy as np
 from evertwin.compiled.functions import njit
 from evertwin.sync import places as at
 from evertwin.sync.horizon_loop import wrapped
-from evertwin.sync.options import COLD
+from evertwin.sync.options import COLD, HOT
 from evertwin.sync.places import Cause
 
 FACTOR = int(Cause.FACTOR)
@@ -35,6 +35,22 @@ def allowed(rules: Any, values: Any, g: int, j: int, growth: float) -> float:
     """How far a sound value may be off: the gate, and a tenth of what was predicted to move."""
     gate = rules[g, at.GATE] * np.sqrt(values[j, at.BASE] * growth)
     return float(gate + 0.1 * values[j, at.PATH])
+
+
+@njit(**HOT)
+def weigh(limits: Any, values: Any, j: int, y: float, expected: float) -> None:
+    """Learns the scale of the model from a trusted sample of an output that no state adopts."""
+    if not limits[j, at.ADOPTS] > 0:
+        values[j, at.ALIKE] += (y * expected - values[j, at.ALIKE]) / at.SCALE
+        values[j, at.EXPECTED] += (expected * expected - values[j, at.EXPECTED]) / at.SCALE
+
+
+@njit(**COLD)
+def in_scale(limits: Any, values: Any, j: int) -> bool:
+    """Were trusted samples about as large as expected? A state that adopts them answers for it."""
+    alike, expected = values[j, at.ALIKE], values[j, at.EXPECTED]
+    both = expected <= at.FAR * alike and alike <= at.FAR * expected
+    return bool(limits[j, at.ADOPTS] > 0 or both)
 
 
 @njit(**COLD)
@@ -159,12 +175,14 @@ def scaled(
     """The factor that explains the contested samples better than a machine that was moved; else 0.
 
     Asked only where the noise is known from enough trusted samples: a factor shows in nothing else.
+    And only where the model is in scale: of an untuned one it cannot be told which is wrong.
     """
-    rules, pool = settings[1], counts.shape[0] - 1
+    limits, rules, pool = settings[0], settings[1], counts.shape[0] - 1
     if rules[g, at.VOTE] < 3:
         return 0.0
     for k in range(size):
-        if counts[pool, room[k]] < at.KNOWN:
+        j = room[k]
+        if counts[pool, j] < at.KNOWN or not in_scale(limits, memory[0], j):
             return 0.0
     for k in range(at.FACTORS.shape[0]):
         for f in (at.FACTORS[k], 1.0 / at.FACTORS[k]):

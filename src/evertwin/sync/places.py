@@ -32,7 +32,10 @@ prediction is off while a factor holds, as measured/factor says."""
 HELD, GONE, ORIGIN, BEFORE = range(20, 28, 2)
 """Memory per output and kind of run (equal, near): its value; way that was predicted since it
 began; output after the row at which it began, and offset then."""
-VALUES = 28
+ALIKE, EXPECTED = 28, 29
+"""Memory per output that no state adopts, of its newest trusted samples: mean product of measured
+and expected, mean square of what was expected."""
+VALUES = 30
 (
     STARTED, VALID, GOOD_AT, LAST_AT, CAUSE, ONSET, UNTIL, FAULTS, TOLD, CONTEST, BATCH, BATCH_ROW,
     LEFT, SAMPLES, UPDATES, RESETS, CONTESTED, ERRORS, TURNS, HELD_BY, QUIET,
@@ -78,6 +81,10 @@ FEW = 5
 """Innovations after which a provisional one is used."""
 KNOWN = 64
 """Innovations after which the noise is known well enough to tell a factor by it."""
+FAR = 2.0
+"""Measured over expected from which, or from whose inverse, a model is out of scale."""
+SCALE = 256
+"""Trusted samples that a model's scale is told from."""
 PHASE = 30
 """Innovations of a phase before its own variance is used."""
 MEMORY = 10_000

@@ -165,6 +165,15 @@ def may_revive(rules: Any, numbers: Any, g: int) -> bool:
 
 
 @njit(**HOT)
+def predicts_too_much(values: Any, room: Any, size: int) -> bool:
+    """Is an output that no state adopts expected at more than `FAR` times its size?"""
+    for k in range(size):
+        if values[room[k], at.EXPECTED] > at.FAR * values[room[k], at.ALIKE]:
+            return True
+    return False
+
+
+@njit(**HOT)
 def is_frozen(rules: Any, memory: Any, room: Any, g: int, size: int) -> bool:
     """Is the sample one of a run while the model predicts motion beyond the noise?
 
@@ -184,6 +193,8 @@ def is_frozen(rules: Any, memory: Any, room: Any, g: int, size: int) -> bool:
             continue
         if kind == NEAR and numbers[g, at.CAUSE] == FACTOR:
             continue  # a small factor brings values near to each other
+        if kind == NEAR and predicts_too_much(values, room, size):
+            continue
         levels = 2 if kind == EQUAL and numbers[g, at.TURNS] > 0 else 1
         if kind == EQUAL and numbers[g, at.CONTEST] > 0 and numbers[g, at.QUIET] == 0:
             levels = 0
