@@ -33,10 +33,14 @@ def write_starter(
         raise UsageError(f"{out}: exists already: choose another name, or say --force")
     kind, urdf = model
     own = out.with_name(f"{re.sub(r'[^A-Za-z0-9_]', '_', out.stem)}_model.py")
-    options = _options(kind, urdf, own)
-    built = None if kind == "python" else machine(kind, options)
     seen, told = look(files)
-    draft = Draft(out, kind, options, built, seen, mapped(built, seen))
+    drafts = [
+        Draft(out, kind, options, built, seen, mapped(built, seen))
+        for options in _options(kind, urdf, own)
+        for built in (None if kind == "python" else machine(kind, options),)
+    ]
+    draft = min(drafts, key=lambda one: len(one.questions))
+    built = draft.model
     write_whole(out, draft.text())
     if built is None and (force or not own.exists()):
         template = resources("evertwin.starter").joinpath("templates", "model.py.txt")
@@ -66,12 +70,15 @@ def _odd_units(draft: Draft) -> Iterator[str]:
             )
 
 
-def _options(kind: str, urdf: Path | None, own: Path) -> dict[str, Any]:
+def _options(kind: str, urdf: Path | None, own: Path) -> Sequence[dict[str, Any]]:
+    """Options of the model; several to choose from by what the columns answer."""
     if urdf is not None and kind != "arm":
         raise UsageError(f"--urdf is for --model arm, got --model {kind}")
     if kind == "python":
-        return {"file": own.name, "name": "model"}
+        return [{"file": own.name, "name": "model"}]
+    if kind in ("drive", "drive_force"):
+        return [{}, {"rotary": True}]
     if kind != "arm":
-        return {}
+        return [{}]
     # a description's inertias are a start: friction alone would have to explain what they leave
-    return {"urdf": "ur5_like" if urdf is None else str(urdf), "law": "tanh+load", "base": True}
+    return [{"urdf": "ur5_like" if urdf is None else str(urdf), "law": "tanh+load", "base": True}]

@@ -15,9 +15,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from jinja2 import Environment, PackageLoader
 
 from evertwin.models import Model
+from evertwin.signals import conversion
 from evertwin.starter.named import short
 from evertwin.starter.proposal import ASK, Match, Proposal, position, together
 from evertwin.starter.seen import Seen
@@ -99,6 +101,32 @@ class Draft:
         if not self.static and len(self.sources) < 2:
             return None
         return min(float(f"{1.0 / self.period:.3g}"), FASTEST)
+
+    @property
+    def moving(self) -> dict[str, str]:
+        """Effort of a static map → the speed of what it moves."""
+        if not self.static or self.model is None:
+            return {}
+        if self.kind == "arm":
+            return {f"tau{j}": f"qd{j}" for j in range(1, len(self.model.outputs) + 1)}
+        return dict.fromkeys(self.model.outputs.names, "speed") if "drive" in self.kind else {}
+
+    @property
+    def above(self) -> float:
+        """Speed [SI] from which on something moves: of an axis, a fiftieth of its usual fastest."""
+        if self.kind == "arm":
+            return 0.05
+        found = {match.channel: match for match in self.proposal.matches}
+        match = found.get("speed") or found.get("position")
+        if match is None or match.column == ASK:
+            return 0.0
+        seen = self.seen[match.source]
+        values = conversion(match.unit)[0] * seen.values(match.column)
+        if match.channel == "position" and seen.t is not None:
+            with np.errstate(all="ignore"):
+                values = np.diff(values) / np.diff(seen.t)
+        values = np.abs(values[np.isfinite(values)])
+        return float(f"{0.02 * np.quantile(values, 0.95):.1g}") if len(values) else 0.0
 
     @property
     def horizon(self) -> float:

@@ -14,21 +14,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from evertwin.errors import DataError
 from evertwin.machines.arm import Arm
 from evertwin.models import Model
-from evertwin.signals import Channel
+from evertwin.signals import Channel, conversion
 from evertwin.sources.description import ColumnInfo
 from evertwin.sources.names import unit_problem
 from evertwin.starter.arm import of_arm
 from evertwin.starter.base import of_pose, of_wheels
-from evertwin.starter.named import matched
-from evertwin.starter.proposal import Derivation, Match, Proposal
+from evertwin.starter.named import matched, sole
+from evertwin.starter.proposal import ASK, Derivation, Match, Proposal
+from evertwin.starter.relations import wraps
 from evertwin.starter.seen import Seen
-from evertwin.starter.words import quantity, words
+from evertwin.starter.words import quantity, same_kind, words
 
 
 def mapped(model: Model | None, seen: Sequence[Seen]) -> Proposal:
@@ -45,6 +47,7 @@ def mapped(model: Model | None, seen: Sequence[Seen]) -> Proposal:
         matches, derived = list(found.matches), list(found.derivations)
     else:
         matches, derived = _other(channels, model.inputs.names if len(model.states) else (), seen)
+    derived = _unwrapped(matches, derived, seen)
     return _rest(matches, derived, _lacking(channels, matches, derived), seen)
 
 
@@ -58,7 +61,13 @@ def _other(
     feeds, computed = of_pose(_lacking(channels, matches, derived), seen, told)
     matches, derived = [*matches, *feeds], [*derived, *computed]
     matches += _room(matches, _lacking(channels, matches, derived), seen)
-    return matches, [*derived, *_derivatives(channels, _lacking(channels, matches, derived))]
+    lacking = _lacking(channels, matches, derived)
+    taken = {(match.source, match.column) for match in matches}
+    matches += sole([c for c in channels if c.name in lacking], seen, told, taken)
+    missing = _lacking(channels, matches, derived)
+    place = _place(channels, missing)
+    found = matched(place, seen)
+    return [*matches, *found], [*derived, *_derivatives((*channels, *place[: len(found)]), missing)]
 
 
 def _lacking(
@@ -77,6 +86,14 @@ def _rest(
     return Proposal(tuple(matches), tuple(derived), tuple(missing), tuple(unused))
 
 
+def _place(channels: Sequence[Channel], missing: Sequence[str]) -> tuple[Channel, ...]:
+    """The position of an axis, of which its speed is the derivative where that is not recorded."""
+    units = {channel.name: channel.unit for channel in channels}
+    if "speed" not in missing or "position" in units:
+        return ()
+    return (Channel("position", units["speed"].removesuffix("/s")),)
+
+
 def _derivatives(channels: Sequence[Channel], missing: Sequence[str]) -> tuple[Derivation, ...]:
     """Speed and acceleration of an axis, where they are not recorded."""
     units = {channel.name: channel.unit for channel in channels}
@@ -85,6 +102,26 @@ def _derivatives(channels: Sequence[Channel], missing: Sequence[str]) -> tuple[D
         for of, name in (("position", "speed"), ("speed", "acceleration"))
         if name in missing and of in units and (of not in missing or of == "speed")
     )
+
+
+def _unwrapped(
+    matches: Sequence[Match], derived: Sequence[Derivation], seen: Sequence[Seen]
+) -> list[Derivation]:
+    """Derivatives of angles that wrap are of what does not."""
+    cut = {
+        match.channel
+        for match in matches
+        if match.scale == 1.0 and match.column != ASK and same_kind(match.unit, "rad")
+        and wraps(conversion(match.unit)[0] * seen[match.source].values(match.column))
+    }  # fmt: skip
+    out: list[Derivation] = []
+    for one in derived:
+        if one.op == "derivative" and one.of[0] in cut:
+            whole = f"{one.of[0]}_unwrapped"
+            out.append(Derivation(whole, "unwrap", one.of, "rad"))
+            one = replace(one, of=(whole,))
+        out.append(one)
+    return out
 
 
 def _room(

@@ -23,6 +23,7 @@ from evertwin.starter.words import WHEEL, role, same_kind, words
 
 _SYNONYMS = (
     {"v", "speed", "velocity", "vel", "linear", "forward"},
+    {"speed", "rpm"},
     {"w", "omega", "turn", "yawrate", "angular", "rotational", "rotation", "wz"},
     {"heading", "yaw", "theta", "orientation", "psi", "phi", "angle"},
     {"position", "pos", "q", "qm", "angle", "joint"},
@@ -35,6 +36,11 @@ _SYNONYMS = (
 )
 _DRIVING = {"vir", "voltage", "volt", "u", "current", "cur", "i", "torque"}
 """What drives a force, times a constant."""
+_EFFORTS, _DRIVES = {"N": "", "Nm": "torque"}, ("A", "V", "Nm")
+_ENDS = (
+    ("deg", "deg"), ("rad", "rad"), ("mm", "mm"), ("cm", "cm"), ("mps", "m/s"), ("rpm", "rpm"),
+)  # fmt: skip
+"""Last word of a name → unit."""
 _QUATERNION = {"orientation", "quaternion"}
 _LEAST = 0.45
 _RANGES = (
@@ -86,6 +92,46 @@ def matched(
     return tuple(out)
 
 
+def sole(
+    channels: Iterable[Channel], seen: Sequence[Seen], told: Collection[str],
+    taken: Collection[tuple[int, str]],
+) -> tuple[Match, ...]:  # fmt: skip
+    """For channels that no name fits: the only column whose stated unit does.
+
+    Args:
+        taken: source and name of columns that feed something already.
+    """
+    out: list[Match] = []
+    for channel in channels:
+        mine = words(channel.name)
+        fits = [
+            (s, column)
+            for s, one in enumerate(seen) for column in one.columns
+            if (s, column.name) not in {*taken, *((m.source, m.column) for m in out)}
+            and column.low != column.high and _measures(_stated(column), channel)
+            and _may_be(role(words(column.name)), channel.name in told, mine, words(column.name))
+        ]  # fmt: skip
+        if len(fits) == 1:
+            ((s, column),) = fits
+            unit, scale, reason = unit_of(channel.unit, column)
+            reason = f"the only one in {unit}" if scale == 1.0 else reason
+            out.append(Match(channel.name, s, column.name, unit, reason, scale))
+    return tuple(out)
+
+
+def _stated(column: ColumnInfo) -> str:
+    """The unit that the file or, for what can be nothing else, the name states; or none."""
+    if column.unit and not unit_problem(column.unit):
+        return column.unit
+    return "rpm" if words(column.name)[-1:] == ["rpm"] else ""
+
+
+def _measures(unit: str, channel: Channel) -> bool:
+    """Does a unit fit the channel, or what drives its force?"""
+    kinds = (channel.unit, *(_DRIVES if channel.unit in _EFFORTS else ()))
+    return any(same_kind(unit, kind) for kind in kinds)
+
+
 def unit_of(wanted: str, column: ColumnInfo) -> tuple[str, Answer, str]:
     """Unit of a column that feeds a channel in ``wanted``, its scale, and why."""
     if column.unit and unit_problem(column.unit):
@@ -95,11 +141,12 @@ def unit_of(wanted: str, column: ColumnInfo) -> tuple[str, Answer, str]:
     if column.unit:
         return column.unit, 1.0, "stated by the file"
     said = words(column.name)
-    for word, unit in (("deg", "deg"), ("rad", "rad"), ("mm", "mm"), ("cm", "cm"), ("mps", "m/s")):
+    for word, unit in _ENDS:
         if said[-1:] == [word] and same_kind(unit, wanted):
             return unit, 1.0, f"the name ends in {word}"
-    if wanted == "N" and not _DRIVING.isdisjoint(said):
-        return wanted, ASK, "drives the force: how many N is one?"
+    if wanted in _EFFORTS and not (_DRIVING - {_EFFORTS[wanted]}).isdisjoint(said):
+        what = "force" if wanted == "N" else "torque"
+        return wanted, ASK, f"drives the {what}: how many {wanted} is one?"
     largest = max(abs(column.low), abs(column.high))
     for inside, outside, above, below in _RANGES:
         if wanted == inside and above < largest < below:
@@ -111,7 +158,8 @@ def unit_of(wanted: str, column: ColumnInfo) -> tuple[str, Answer, str]:
 def _score(channel: Channel, seen: Seen, column: ColumnInfo, told: Collection[str]) -> float:
     names = (column.name.removeprefix(seen.table.name), *column.also)
     commanded = channel.name in told
-    alike = max(_alike(channel, words(name), column, commanded) for name in names)
+    said = ([w for w in words(name) if w not in seen.shared] for name in names)
+    alike = max(_alike(channel, theirs, column, commanded) for theirs in said)
     about = role(words(seen.about))
     fits = about == ("command" if commanded else "measured")
     return alike + (0.15 if fits else -0.2 if about else 0.0) if alike else 0.0
@@ -125,7 +173,8 @@ def _alike(channel: Channel, theirs: list[str], column: ColumnInfo, told: bool) 
     what = role(theirs)
     if mine != theirs and not _may_be(what, told, mine, theirs):
         return 0.0
-    if column.unit and not unit_problem(column.unit) and not same_kind(column.unit, channel.unit):
+    unit = _stated(column)
+    if unit and not _measures(unit, channel):
         return 0.0
     if mine == theirs:
         return 1.0
@@ -135,7 +184,7 @@ def _alike(channel: Channel, theirs: list[str], column: ColumnInfo, told: bool) 
     hits = sum(any(_synonyms(a, b) for b in letters[1]) for a in letters[0])
     alike = difflib.SequenceMatcher(None, " ".join(mine), " ".join(theirs)).ratio()
     share = hits / max(len(letters[0]), 1)
-    stated = 0.1 if column.unit and not unit_problem(column.unit) else 0.0
+    stated = 0.1 if unit else 0.0
     says = 0.15 if what == ("command" if told else "measured") and hits else 0.0
     return min(0.84, 0.6 * share + 0.3 * alike + stated + says)
 

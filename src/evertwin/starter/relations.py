@@ -53,6 +53,20 @@ def derivative(t: Vector | None, of: Vector, by: Vector) -> Relation:
     return best
 
 
+def wraps(angle: Vector) -> bool:
+    """Is an angle [rad] cut at half a turn, or a whole one? It jumps by one now and then.
+
+    >>> wraps(np.arange(100.0) % (2 * np.pi)), wraps(np.sin(np.arange(100.0)))
+    (True, False)
+    """
+    known = angle[np.isfinite(angle)]
+    steps = np.abs(np.diff(known))
+    if len(steps) < SPAN or float(np.ptp(known)) > 2.02 * math.pi:
+        return False
+    cut = np.abs(steps - 2 * math.pi) < 0.5 * math.pi
+    return bool(cut.any() and cut.mean() < 0.5 and np.median(steps[~cut]) < 0.5 * math.pi)
+
+
 def _over(t: Vector | None, of: Vector, by: Vector, span: int) -> Relation:
     if len(of) < 4 * span:
         return Relation(0.0, math.nan)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -45,6 +46,17 @@ class Seen:
     def columns(self) -> tuple[ColumnInfo, ...]:
         """Columns of numbers beside the clocks."""
         return _numbers(self.table)
+
+    def values(self, column: str) -> Vector:
+        """The first rows of a column."""
+        return self.rows[:, [c.name for c in self.columns].index(column)]
+
+    @cached_property
+    def shared(self) -> frozenset[str]:
+        """Numbers that every heading has: they tell no column from another."""
+        said = [set(words(column.name)) for column in self.columns]
+        several = set.intersection(*said) if len(said) > 1 else set[str]()
+        return frozenset(word for word in several if word.isdigit())
 
     @property
     def about(self) -> str:

@@ -16,6 +16,7 @@ from itertools import pairwise
 
 from evertwin.errors import UsageError
 from evertwin.signals import compatible
+from evertwin.starter.abroad import english
 
 QUANTITIES = {
     "acceleration": {"qdd", "ddq", "acc", "accel", "acceleration", "accelerations", "qddot"},
@@ -58,8 +59,8 @@ _AXIS = re.compile(r"(v)([xyz])")
 
 
 def words(name: str) -> list[str]:
-    """The words and numbers of a heading, in lower case."""
-    spaced = re.sub(r"([a-z])([A-Z])", r"\1 \2", name)
+    """The words and numbers of a heading, in lower case and English."""
+    spaced = english(re.sub(r"([a-z])([A-Z])", r"\1 \2", name))
     out: list[str] = []
     for word in re.findall(r"[a-z]+|\d+", spaced.lower()):
         found = _AXIS.fullmatch(word) or _JOINED.fullmatch(word)  # vx: v along x

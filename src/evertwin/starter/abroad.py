@@ -1,0 +1,54 @@
+"""Headings in German, French, Spanish and Italian: the field's words in English.
+
+>>> english("Soll-Geschwindigkeit"), english("Motorstrom"), english("température")
+('setpoint-speed', 'current', 'temperature')
+>>> english("Istdrehzahl Achse 3"), english("q_2")
+('actual speed joint 3', 'q_2')
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+
+ABROAD = {
+    "speed": "geschwindigkeit drehzahl vitesse velocidad velocita",
+    "position": "lage weg stellung posicion posizione",
+    "angle": "winkel angulo angolo",
+    "acceleration": "beschleunigung aceleracion accelerazione",
+    "torque": "drehmoment couple coppia",
+    "force": "kraft fuerza forza",
+    "current": "strom courant corriente corrente",
+    "voltage": "spannung voltaje tensione",
+    "temperature": "temperatur temperatura",
+    "heading": "kurs rumbo",
+    "setpoint": "soll sollwert consigne consigna",
+    "actual": "ist istwert mesure medido misurato",
+    "joint": "achse gelenk articulacion giunto",
+    "left": "links gauche izquierda sinistra",
+    "right": "rechts droite derecha destra",
+}
+"""The word of the field → words for it, without accents."""
+_ENGLISH = {word: name for name, several in ABROAD.items() for word in several.split()}
+_COMPOUND = re.compile(
+    "(soll|ist)?[a-z]*?(geschwindigkeit|drehzahl|position|stellung|winkel|beschleunigung"
+    "|drehmoment|moment|kraft|strom|spannung|temperatur)"
+)
+"""German writes words together: what a thing is stands last, whether it is told stands first."""
+
+
+def english(name: str) -> str:
+    """A heading with the words that are known said in English; others stay."""
+    plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode()
+    return re.sub(r"[A-Za-z]+", lambda found: _said(found[0]), plain)
+
+
+def _said(word: str) -> str:
+    known = word.lower()
+    if known in _ENGLISH:
+        return _ENGLISH[known]
+    compound = _COMPOUND.fullmatch(known)
+    if compound is None:
+        return word
+    said = _ENGLISH.get(compound[2], compound[2])
+    return f"{_ENGLISH[compound[1]]} {said}" if compound[1] else said

@@ -1,0 +1,107 @@
+"""Single axes as controllers log them: in other languages, units, turns; what is written runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evertwin import Twin
+from evertwin.app.starting import write_starter
+from evertwin.config import read
+from evertwin.starter.words import quantity, role, words
+
+H = 0.01
+T = H * np.arange(3000)
+PLACE = 0.3 * np.sin(T) + 0.1 * np.sin(2.3 * T)
+SPEED = 0.3 * np.cos(T) + 0.23 * np.cos(2.3 * T)
+FORCE = (
+    20 * np.gradient(SPEED, H) + 8 * np.sign(SPEED) + np.random.default_rng(0).normal(0, 0.1, 3000)
+)
+Written = Callable[[Mapping[str, np.ndarray]], Path]
+
+
+@pytest.fixture
+def written(tmp_path: Path) -> Written:
+    def write(columns: Mapping[str, np.ndarray]) -> Path:
+        path = tmp_path / "run.csv"
+        rows = np.stack([T, *columns.values()], axis=1)
+        lines = [";".join(["Zeit [s]", *columns])]
+        lines += [";".join(f"{x:.6f}".replace(".", ",") for x in row) for row in rows]
+        path.write_bytes("\r\n".join(lines).encode("cp1252"))
+        return path
+
+    return write
+
+
+def proposed(path: Path, kind: str, capsys: pytest.CaptureFixture[str]) -> tuple[Path, str]:
+    out = path.with_name("axis.toml")
+    write_starter([path], out, (kind, None), force=True, as_json=False)
+    return out, capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("said", "means"),
+    [
+        ("Ist-Geschwindigkeit Achse 2", ("velocity", "measured")),
+        ("Sollposition", ("position", "command")),
+        ("Couple moteur mesuré", ("torque", "measured")),
+        ("Velocidad de consigna", ("velocity", "command")),
+        ("thermocouple", ("", "")),
+        ("target_qd_3", ("velocity", "command")),
+    ],
+)
+def test_headings_of_other_languages(said: str, means: tuple[str, str]) -> None:
+    assert (quantity(words(said)), role(words(said))) == means
+
+
+def test_an_axis_logged_in_german(written: Written, capsys: pytest.CaptureFixture[str]) -> None:
+    table = {
+        "Soll-Position [mm]": 1e3 * PLACE, "Ist-Position [mm]": 1e3 * PLACE,
+        "Ist-Geschwindigkeit [mm/s]": 1e3 * SPEED, "Motorstrom [A]": FORCE / 50,
+    }  # fmt: skip
+    out, said = proposed(written(table), "drive_force", capsys)
+    assert "force: scale" in said and "not used: Soll-Position, Ist-Position" in said
+    out.write_text(out.read_text().replace('scale = "?"', "scale = 50"))
+    spec = read(out)
+    assert spec.moving is not None and spec.moving.channels == {"force": "speed"}
+    assert spec.moving.above == pytest.approx(0.02 * np.quantile(abs(SPEED), 0.95), rel=0.5)
+    result = Twin.open(out).run()
+    kinds = {event.kind for event in result.events}
+    assert "tuned" in kinds and not kinds & {"external", "measurement_error"}
+
+
+def test_one_axis_of_a_numbered_controller(
+    written: Written, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = {"axis1_pos": PLACE, "axis1_vel": SPEED, "axis1_force": FORCE}
+    _, said = proposed(written(table), "drive", capsys)
+    assert "3 channels found" in said
+
+
+def test_the_only_column_in_a_fitting_unit(
+    written: Written, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = {"X7 [mm/s]": 1e3 * SPEED, "Kn [N]": FORCE, "aux [N/m]": PLACE}
+    _, said = proposed(written(table), "drive_force", capsys)
+    assert "the only one in mm/s" in said and "the only one in N" in said
+
+
+def test_an_axis_that_turns_and_wraps(written: Written, capsys: pytest.CaptureFixture[str]) -> None:
+    turned = np.degrees(np.cumsum(40 * SPEED) * H)
+    torque = 0.02 * 40 * np.gradient(SPEED, H) + 0.4 * np.sign(SPEED)
+    path = written({"spindle_torque": torque, "spindle_angle": turned % 360})
+    out, said = proposed(path, "drive_force", capsys)
+    assert "position_unwrapped unwrap of position" in said and "no column found" not in said
+    twin = Twin.open(out)
+    assert twin.model.outputs.units == ("Nm",)
+    found = twin.fit([path]).parameters
+    assert found["inertia"].value == pytest.approx(0.02, rel=0.02)
+    assert found["Fc"].value == pytest.approx(0.4, rel=0.02)
+
+
+def test_a_speed_in_turns_a_minute(written: Written, capsys: pytest.CaptureFixture[str]) -> None:
+    _, said = proposed(written({"n_rpm": 400 * SPEED, "M": FORCE}), "drive_force", capsys)
+    assert "rpm      the name ends in rpm" in said
