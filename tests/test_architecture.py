@@ -94,9 +94,9 @@ def test_what_is_called_is_told_from_what_is_not(tmp_path: Path) -> None:
     assert uncalled(package) == ["house.roof.tile", "house.roof.nail"]
 
 
-def test_a_world_knows_signals_and_sources_at_most() -> None:
+def test_a_world_knows_signals_sources_and_lines_at_most() -> None:
     known = {target for room, target in direct_imports() if room == "worlds"}
-    assert known <= {"worlds", "signals", "sources", "fold", "errors", "types"}
+    assert known <= {"worlds", "signals", "sources", "fold", "errors", "types", "ros", "backoff"}
 
 
 def test_a_twin_cannot_see_a_world() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from pathlib import Path
 
@@ -201,6 +202,22 @@ def test_given_files_go_to_the_source_they_match(tmp_path: Path) -> None:
     assert [[path.name for path in found[i]] for i in (0, 1)] == [["a2.csv"], ["p.csv"]]
     with pytest.raises(DataError, match=r"none\.csv: no such file"):
         files_of(twin, [tmp_path / "none.csv"])
+
+
+def test_a_bag_belongs_to_every_source_of_its_topics(tmp_path: Path) -> None:
+    source = "[[source]]\nname = '{}'\nchannels = {{ {} = {{ column = '{}', unit = 'm' }} }}\n"
+    twin = reads(
+        'schema = 1\nname = "base"\n[model]\nkind = "robot1d"\n'
+        + source.format("command", "v", "/cmd_vel.linear.x")
+        + source.format("camera", "y", "y").replace("channels", "match = '*.csv'\nchannels")
+        + source.format("pose", "x", "/odom.pose.pose.position.x")
+    )
+    for name in ("run.bag", "run.csv"):
+        (tmp_path / name).touch()
+    found = files_of(twin, [tmp_path / "run.bag"])
+    assert [len(found[i]) for i in range(3)] == [1, 0, 1]
+    table = dataclasses.replace(twin, source=twin.source[1:])
+    assert [len(paths) for paths in files_of(table, [tmp_path / "run.csv"]).values()] == [1, 0]
 
 
 UNITS = ("m", "cm", "deg/s", "Nm", "degC", "ms", "%")

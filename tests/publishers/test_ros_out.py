@@ -18,6 +18,8 @@ import pytest
 from evertwin.publishers.contract import About, News
 from evertwin.publishers.ros import RosOut
 from evertwin.publishers.ros_spec import RosOutSettings
+from evertwin.ros.spec import Place
+from evertwin.ros.topics import simulate
 from evertwin.sources.bag_files import messages
 from evertwin.sources.ros_messages import Decoder, flat
 from tests.sources.live.ros_peers import Master, master
@@ -169,6 +171,10 @@ def test_a_dead_child_and_a_master_that_comes_later(tmp_path: Path) -> None:
             os.kill(children()[0], signal.SIGKILL)
             await wait(lambda: out.health["state"] == "down")
             assert "-9" in out.health["reason"]
+            await wait(lambda: out.health["state"] == "up")
+            await simulate(Place(ros.uri))  # a node that goes on would stamp by the old clock
+            await wait(lambda: out.health["state"] == "down")
+            assert "/use_sim_time was changed" in out.health["reason"]
             await wait(lambda: out.health["state"] == "up")
             await out.close()
 

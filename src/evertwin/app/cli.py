@@ -20,6 +20,7 @@ from evertwin.app.cli_export import register as register_export
 from evertwin.app.cli_machine import register as register_machine
 from evertwin.app.cli_machine import register_demo
 from evertwin.app.cli_prognosis import register as register_prognosis
+from evertwin.app.cli_ros import register as register_ros
 from evertwin.app.cli_serve import register as register_serve
 from evertwin.app.cli_store import register as register_store
 from evertwin.errors import EvertwinError
@@ -313,6 +314,7 @@ register_export(app, model_app)
 register_store(app)
 register_machine(app)
 register_serve(app)
+register_ros(app)
 
 
 def main(arguments: list[str] | None = None) -> None:

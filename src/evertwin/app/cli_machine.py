@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 machine_app = typer.Typer(
-    help="Embedded machines that run and speak: arm (Modbus, OPC UA), robot (MQTT); tell them.",
+    help="Embedded machines that run: arm (Modbus, OPC UA), robot (MQTT or ROS 1); tell them.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -77,15 +77,24 @@ def robot(
     topics: Annotated[
         str, typer.Option(help="Of command,pose,odom,imu,scan; none named: all.")
     ] = "",
+    ros: Annotated[
+        bool, typer.Option("--ros", help="Speak at a ROS 1 master, in place of MQTT.")
+    ] = False,
+    master: Annotated[
+        str, typer.Option(envvar="ROS_MASTER_URI", help="Address of that master.")
+    ] = "http://127.0.0.1:11311",
+    python: Annotated[str, typer.Option(help="The Python that has rospy.")] = "/usr/bin/python3",
 ) -> None:
-    """A transport robot in a hall: command, pose, odometry, gyro and lidar by MQTT.
+    """A transport robot in a hall: command, pose, odometry, gyro and lidar by MQTT or ROS 1.
 
     Example: evertwin machine robot --speed 10
     """
     from evertwin.app.machines import Common, robot_options, run_robot
+    from evertwin.ros.spec import Masters
 
     common = Common(seed, speed, start, seconds, order or [], control, record)
-    run_robot(common, robot_options(common, broker, own_broker, world, topics))
+    place = Masters(master, python).place if ros else None
+    run_robot(common, robot_options(common, broker, own_broker, world, topics, place))
 
 
 @machine_app.command("tell")

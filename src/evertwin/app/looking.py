@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import asyncio
 import tomllib
+from collections.abc import Awaitable
 from pathlib import Path
 
 import typer
 
 from evertwin.app.console import show
+from evertwin.ros.spec import Place
 from evertwin.service.plan import Site, read_site
 from evertwin.sources.live.contract import Around
 from evertwin.sources.live.line import LineDown, reason_of
 from evertwin.sources.live.look import look
+from evertwin.sources.live.look_ros import look_ros, wanted
+from evertwin.sources.live.ros_spec import RosSettings
 
 
 def is_site(path: Path) -> bool:
@@ -36,11 +40,31 @@ def look_at(path: Path, as_json: bool) -> None:
 async def _look(site: Site) -> tuple[dict[str, list[str]], bool]:
     out: dict[str, list[str]] = {}
     whole = True
-    for plan in site.twins:
-        for settings in plan.sources:
-            name = f"{plan.name}: {settings.source} ({settings.protocol})"
-            try:
-                out[name] = await look(settings, Around(plan.file.parent))
-            except (LineDown, OSError, TimeoutError) as error:
-                out[name], whole = [f"down: {reason_of(error)}"], False
+    for name, seen in _looks(site).items():
+        try:
+            out[name] = await seen
+        except (LineDown, OSError, TimeoutError) as error:
+            out[name], whole = [f"down: {reason_of(error)}"], False
     return out, whole
+
+
+def _looks(site: Site) -> dict[str, Awaitable[list[str]]]:
+    """One look at each source; one at each ROS master, for all who hear it."""
+    out: dict[str, Awaitable[list[str]]] = {}
+    masters: dict[Place, dict[str, dict[str, str]]] = {}
+    for plan in site.twins:
+        every = () if plan.spec is None else plan.spec.source + plan.spec.array
+        specs = {one.name: one for one in every}
+        for settings in plan.sources:
+            if isinstance(settings, RosSettings):
+                known = masters.setdefault(settings.place, {})
+                if settings.source in specs:
+                    for topic, fields in wanted(settings, specs[settings.source]).items():
+                        named = {key: f"{plan.name}: {to}" for key, to in fields.items()}
+                        known.setdefault(topic, {}).update(named)
+                continue
+            name = f"{plan.name}: {settings.source} ({settings.protocol})"
+            out[name] = look(settings, Around(plan.file.parent))
+    for place, known in masters.items():
+        out[f"{place.master} (ros)"] = look_ros(place, known)
+    return out

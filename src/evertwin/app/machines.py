@@ -15,6 +15,7 @@ import typer
 
 from evertwin.app.worlds import failed
 from evertwin.errors import DataError, UsageError
+from evertwin.ros.spec import Place
 
 LATE = 5.0
 """Seconds that a machine may take to answer an order."""
@@ -64,11 +65,15 @@ class LiveMachine:
 
     def __init__(self, name: str, options: list[str]) -> None:
         self.name = name
-        module = "evertwin.worlds.live" + ".recorder" * ("--record" in options)
-        command = [sys.executable, "-m", module, name, *options]
         self._process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+            self.command(name, options), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         )
+
+    @staticmethod
+    def command(name: str, options: list[str]) -> list[str]:
+        """The words that start it."""
+        module = "evertwin.worlds.live" + ".recorder" * ("--record" in options)
+        return [sys.executable, "-m", module, name, *options]
 
     def __enter__(self) -> LiveMachine:
         return self
@@ -120,11 +125,15 @@ def arm_options(common: Common, modbus: str, opcua: str) -> list[str]:
 
 
 def robot_options(
-    common: Common, broker: str | None, own: str = "", world: str = "w3", topics: str = ""
-) -> list[str]:
-    """Of the robot's process; ``topics``: with commas between, none for all."""
+    common: Common, broker: str | None, own: str = "", world: str = "w3", topics: str = "",
+    ros: Place | None = None,
+) -> list[str]:  # fmt: skip
+    """Of the robot's process; ``topics``: with commas between, none for all; ``ros``: it speaks at
+    a ROS master in place of a broker."""
     said = ["--topics", *topics.split(",")] if topics else []
     where = ["--own-broker", own] if broker is None else ["--broker", broker]
+    if ros is not None:
+        where = ["--ros", ros.master, "--python", ros.python]
     speaks = where if common.record is None else []
     return [*common.options(), "--world", world, *said, *speaks]
 

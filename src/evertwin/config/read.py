@@ -20,6 +20,7 @@ from evertwin.config.spec import SCHEMA, TwinSpec
 from evertwin.errors import ConfigError, DataError, UsageError
 from evertwin.settings.form import Form
 from evertwin.settings.notes import expand
+from evertwin.sources.spec import SourceSpec
 
 _ABOUT = """# The twin file
 
@@ -57,6 +58,7 @@ def reads(text: str, name: str = "") -> TwinSpec:
 
 def files_of(twin: TwinSpec, given: Sequence[str | Path] = ()) -> dict[int, tuple[Path, ...]]:
     """The files of each source: those ``given``, sorted by ``match``, else those in the twin file.
+    A bag belongs to all sources of its topics, another file to the first that it fits.
 
     Raises:
         ConfigError: an environment variable in a path is not set.
@@ -73,8 +75,15 @@ def files_of(twin: TwinSpec, given: Sequence[str | Path] = ()) -> dict[int, tupl
         if not matches:
             patterns = ", ".join(repr(source.match) for source in twin.source)
             raise DataError(f"{path}: belongs to no source of the twin file: they match {patterns}")
-        found[matches[0]].append(path)
+        topics = [i for i in matches if _of_topic(twin.source[i])]
+        for i in topics if matches[0] in topics else matches[:1]:
+            found[i].append(path)
     return {i: tuple(paths) for i, paths in found.items()}
+
+
+def _of_topic(source: SourceSpec) -> bool:
+    """Are its columns those of a bag?"""
+    return any(str(one.column).startswith("/") for one in source.channels.values())
 
 
 def _written(twin: TwinSpec, index: int) -> tuple[Path, ...]:

@@ -204,7 +204,7 @@ class Feed:
             if len({(part.start, part.stop) for part in together}) > 1:
                 named = ", ".join(str(part.path) for part in together)
                 raise UsageError(f"{named}: files of one recording: give each the same @START:STOP")
-            yield {i: (p.path,) for i, p in zip(found, together, strict=True)}, together[0]
+            yield files_of(self.spec, [part.path for part in together]), together[0]
 
     def _recorded(self, spec: SourceSpec, paths: tuple[Path, ...]) -> Recorded:
         self.files.setdefault(spec.name, []).extend(paths)

@@ -150,7 +150,9 @@ class Placing:
         odom, base = self.frames
         if self.other:
             return f"another node places {odom}: it is no longer placed from here"
-        return "" if self.odom is not None else f"nobody says {odom} → {base} on /tf"
+        if self.odom is not None:
+            return ""
+        return f"nobody says {odom} → {base} on /tf" if self._wanted else "no row of the twin yet"
 
     def anchor(self, t: int, at: Pose, *, update: bool) -> None:
         """The machine was there at a time, by an update; or by the simulation, at the start."""

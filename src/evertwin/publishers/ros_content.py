@@ -21,8 +21,8 @@ LEVELS = {"good": OK, "failure": ERROR}
 """By condition; all others are warnings."""
 ARROW, CYLINDER, LINES, SPHERES = 0, 3, 5, 7
 """Kinds of markers."""
-GHOST = {"r": 0.1, "g": 0.5, "b": 1.0, "a": 0.45}
-JUMP = {"r": 0.9, "g": 0.1, "b": 0.5, "a": 1.0}
+GHOST = {"r": 0.3, "g": 0.6, "b": 1.0, "a": 0.5}
+JUMP = {"r": 1.0, "g": 0.3, "b": 0.8, "a": 1.0}
 TALL = 0.5
 """Height of the ghost, as a share of its diameter."""
 
@@ -99,7 +99,7 @@ def updates(head: Content, jumps: Iterable[tuple[Pose, Pose]], size: float) -> C
     where it came."""
     points = [[{"x": p[0], "y": p[1], "z": 0.01} for p in one] for one in jumps]
     still = {"orientation": {"w": 1.0}}
-    wide, thin = 0.2 * size, 0.05 * size
+    wide, thin = 0.3 * size, 0.08 * size
     return {"markers": [
         {"header": head, "ns": "updates", "id": 0, "type": SPHERES, "pose": still, "color": JUMP,
          "scale": {"x": wide, "y": wide, "z": wide}, "points": [to for _, to in points]},

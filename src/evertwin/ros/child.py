@@ -6,20 +6,22 @@ followed by its bytes as they came, undecoded.
 
     in    {"subscribe": TOPIC, "number": N}   {"unsubscribe": N}
           {"advertise": TOPIC, "type": TYPE, "latch": false}
-          {"publish": TOPIC, "content": {...}}        {"parameter": NAME, "value": VALUE}
+          {"publish": TOPIC, "content": {...}}
     out   {"ready": NODE}
           {"publisher": P, "topic": TOPIC, "type": ..., "definition": ..., "name": ...}  once each
           {"message": N, "publisher": P, "at": NS, "size": BYTES} + the bytes
           {"refused": TOPIC, "why": REASON}
           {"ended": REASON}
 
-It ends when stdin ends, when the master was started anew (what it knew of this node is gone), and
-when the master is gone and nothing was heard for a while. While a master is gone nodes still hear
+It ends when stdin ends, when the master was started anew (what it knew of this node is gone), when
+the clock of ROS becomes a simulated one or the wall's again (`/use_sim_time`), and when the master
+is gone and nothing was heard for a while. While a master is gone nodes still hear
 each other.
 """
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import signal
@@ -75,8 +77,9 @@ class _Node:
         self.heard = time.monotonic()
         at = self.rospy.get_rostime().to_nsec()
         publisher = self._publisher(topic, message._connection_header)
-        head = {"message": number, "publisher": publisher, "at": at, "size": len(message._buff)}
-        self.out.say(head, message._buff)
+        data = bytes_of(message)
+        head = {"message": number, "publisher": publisher, "at": at, "size": len(data)}
+        self.out.say(head, data)
 
     def _publisher(self, topic: str, header: dict[str, str]) -> int:
         name = header.get("callerid", "")
@@ -124,8 +127,15 @@ class _Node:
             self.unsubscribe(order["unsubscribe"])
         elif "advertise" in order:
             self.advertise(order["advertise"], order["type"], order["latch"])
-        elif "parameter" in order:
-            self.rospy.set_param(order["parameter"], order["value"])
+
+
+def bytes_of(message: Any) -> bytes:
+    """As it came; rospy itself hears /clock, and hands it to all in its decoded form."""
+    if hasattr(message, "_buff"):
+        return bytes(message._buff)
+    out = io.BytesIO()
+    message.serialize(out)
+    return out.getvalue()
 
 
 def knows(uri: str, name: str) -> bool | None:
@@ -137,8 +147,18 @@ def knows(uri: str, name: str) -> bool | None:
         return None
 
 
-def watch(uri: str, node: _Node) -> None:
-    """Ends the process with a reason once there is one."""
+def simulated(uri: str) -> bool | None:
+    """Is the clock of ROS a simulated one? None where the master does not answer."""
+    try:
+        master: Any = xmlrpc.client.ServerProxy(uri)
+        code, _, value = master.getParam("/evertwin", "/use_sim_time")
+        return bool(code == 1 and value)
+    except (OSError, xmlrpc.client.Error, ValueError, LookupError):
+        return None
+
+
+def watch(uri: str, node: _Node, clock: bool | None) -> None:
+    """Ends the process with a reason once there is one. ``clock``: `simulated` at its start."""
     name = node.rospy.get_name()
     while True:
         time.sleep(LOOK)
@@ -147,6 +167,10 @@ def watch(uri: str, node: _Node) -> None:
             end(node.out, "another node asked this one to end")
         if known is False:
             end(node.out, "the master was started anew")
+        if known and clock is not None and simulated(uri) not in (clock, None):
+            end(
+                node.out, "/use_sim_time was changed: another clock of ROS"
+            )  # rospy never looks again
         if known is None and time.monotonic() > node.heard + QUIET:
             end(node.out, "the master is gone")
 
@@ -172,9 +196,10 @@ def main() -> None:
     if knows(uri, "/") is None:
         end(out, f"no master at {uri}")
     rospy.core.configure_logging = lambda *_: None  # else a log file for each start, kept for good
+    clock = simulated(uri)
     rospy.init_node(name, argv=[name], anonymous=True, disable_signals=True, disable_rosout=True)
     node = _Node(out, rospy)
-    threading.Thread(target=watch, args=(uri, node), daemon=True).start()
+    threading.Thread(target=watch, args=(uri, node, clock), daemon=True).start()
     out.say({"ready": rospy.get_name()})
     for line in sys.stdin:
         node.told(json.loads(line))

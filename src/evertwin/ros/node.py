@@ -205,10 +205,6 @@ class Node:
         """A message of an advertised topic, by its fields; what is not named is zero."""
         self._tell({"publish": topic, "content": content})
 
-    def parameter(self, name: str, value: bool | int | float | str) -> None:
-        """Sets a parameter at the master."""
-        self._tell({"parameter": name, "value": value})
-
     def _tell(self, order: Mapping[str, Any]) -> None:
         line = json.dumps(order, separators=(",", ":")).encode() + b"\n"
         if self._lines.full():

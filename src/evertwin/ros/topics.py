@@ -1,4 +1,4 @@
-"""What is published at a master."""
+"""What is published at a master, and whose clock is followed there."""
 
 from __future__ import annotations
 
@@ -23,6 +23,15 @@ async def topics_of(place: Place) -> dict[str, str]:
     return await asyncio.to_thread(_asked, place.master)
 
 
+async def simulate(place: Place) -> None:
+    """The clock of ROS is a simulated one, of ``/clock``, from now on.
+
+    Raises:
+        NodeDown: the master does not answer.
+    """
+    await asyncio.to_thread(_simulated, place.master)
+
+
 class _Transport(xmlrpc.client.Transport):
     """One that does not wait for ever."""
 
@@ -30,6 +39,14 @@ class _Transport(xmlrpc.client.Transport):
         line = super().make_connection(host)
         line.timeout = LATE
         return line
+
+
+def _simulated(uri: str) -> None:
+    try:
+        with xmlrpc.client.ServerProxy(uri, _Transport()) as master:
+            master.setParam("/evertwin", "/use_sim_time", True)
+    except (OSError, xmlrpc.client.Error, ValueError) as error:
+        raise NodeDown(f"no master at {uri}: {error}") from None
 
 
 def _asked(uri: str) -> dict[str, str]:

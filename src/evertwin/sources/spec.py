@@ -89,7 +89,8 @@ class SourceSpec(Section):
     """Recordings or patterns, each file a task; relative to the twin file. ``--data`` replaces
     them."""
     match: str = "*"
-    """Which files given with ``--data`` belong to this source (file name pattern)."""
+    """Which files given with ``--data`` belong to this source (file name pattern): a
+    bag to every source of its topics, another file to the first that it fits."""
     format: Literal["auto", "csv", "text", "mat", "parquet", "mcap", "bag", "numpy", "carmen"] = (
         "auto"
     )

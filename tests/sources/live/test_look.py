@@ -12,11 +12,13 @@ import pytest
 
 from evertwin.sources.live.contract import Around
 from evertwin.sources.live.look import look
+from evertwin.sources.live.look_ros import look_ros, wanted
 from evertwin.sources.live.registry import read_settings
+from evertwin.sources.live.ros_spec import RosSettings
 from tests.sources.live.ros_peers import master
 from tests.sources.live.test_modbus import server
 from tests.sources.live.test_mqtt import mosquitto, said
-from tests.sources.live.test_ros import QUARTER
+from tests.sources.live.test_ros import ODOM, QUARTER
 
 
 def floats(asked: bytes) -> bytes:
@@ -61,11 +63,17 @@ def test_topics_of_a_broker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
 
 @pytest.mark.system
 def test_topics_of_a_ros_master(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("evertwin.sources.live.look.LISTEN", 1.0)
+    monkeypatch.setattr("evertwin.sources.live.look_ros.LISTEN", 1.0)
     with master(tmp_path) as ros, ros.node(*ros.says("/odom", "nav_msgs/Odometry", QUARTER)):
         table = {"source": "odom", "protocol": "ros", "master": ros.uri}
+        settings = read_settings(table)
+        assert isinstance(settings, RosSettings)
+        known = wanted(settings, ODOM) | {"/cmd_vel": {"linear.x": "v [m/s]"}}
         lines: list[str] = []
         while not lines or "/odom" not in lines[0]:
-            lines = asyncio.run(look(read_settings(table), Around(tmp_path)))
+            lines = asyncio.run(look_ros(settings.place, known))
+        bare = asyncio.run(look(settings, Around(tmp_path)))
     assert lines[0].startswith("/odom  nav_msgs/Odometry  ") and "time /odom.stamp" in lines[0]
-    assert "/odom.pose.pose.orientation.yaw=1.5708" in lines[0]
+    assert "/odom.pose.pose.orientation.yaw=1.5708 → heading [rad]" in lines[0]
+    assert lines[-1] == "nobody says /cmd_vel.linear.x, of which the twin file makes v [m/s]"
+    assert "/odom.pose.pose.orientation.yaw=1.5708" in bare[0] and "→" not in bare[0]

@@ -16,14 +16,10 @@ from collections import Counter
 from contextlib import suppress
 from typing import Any
 
-from evertwin.errors import DataError
-from evertwin.ros.node import Subscription, node_at
-from evertwin.ros.topics import topics_of
-from evertwin.sources.bag_files import Connection as Topic
-from evertwin.sources.bag_files import Message
 from evertwin.sources.foreign import load
 from evertwin.sources.live.contract import Around, LiveSettings
 from evertwin.sources.live.line import LineDown
+from evertwin.sources.live.look_ros import look_ros
 from evertwin.sources.live.modbus import Block, blocks_of, number_of
 from evertwin.sources.live.modbus_spec import Kind, ModbusSettings, Order, Register
 from evertwin.sources.live.modbus_wire import Refused, Wire
@@ -32,7 +28,6 @@ from evertwin.sources.live.mqtt_spec import MqttSettings
 from evertwin.sources.live.opcua import Opcua
 from evertwin.sources.live.opcua_spec import OpcuaSettings
 from evertwin.sources.live.ros_spec import RosSettings
-from evertwin.sources.ros_messages import Decoder, flat, stamp_of
 from evertwin.sources.spec import SourceSpec
 
 WIDE = 40
@@ -41,8 +36,6 @@ NODES = 300
 DEEP = 6
 LISTEN = 3.0
 """Seconds in which topics are heard."""
-HEAVY = ("sensor_msgs/Image", "sensor_msgs/CompressedImage", "sensor_msgs/PointCloud2")
-"""Types that are named and not listened to."""
 _LIKELY: tuple[tuple[Kind, Order], ...] = (
     ("int16", "big"), ("int32", "big"), ("int32", "little"), ("float32", "big"),
     ("float32", "little"), ("float64", "big"),
@@ -62,7 +55,7 @@ async def look(settings: LiveSettings, around: Around) -> list[str]:
     if isinstance(settings, OpcuaSettings):
         return await _tree(settings, around)
     if isinstance(settings, RosSettings):
-        return await _ros(settings)
+        return await look_ros(settings.place, {})
     return [f"protocol {settings.protocol!r}: its files are looked at with 'evertwin inspect'"]
 
 
@@ -185,34 +178,3 @@ async def _branch(node: Any, spaces: list[str], depth: int, out: list[str]) -> N
         out.append(shown)
         if depth < DEEP:
             await _branch(child, spaces, depth + 1, out)
-
-
-async def _ros(settings: RosSettings) -> list[str]:
-    async with node_at(settings.place) as node:
-        said = await topics_of(settings.place)
-        light = [topic for topic, kind in said.items() if kind not in HEAVY]
-        heard = [_heard(node.subscribe(topic)) for topic in light]
-        found = dict(zip(light, await asyncio.gather(*heard)))
-    out = [
-        f"{topic}  {kind}  {found.get(topic, 'not listened to')}" for topic, kind in said.items()
-    ]
-    return out or ["no topic: nobody publishes at this master"]
-
-
-async def _heard(line: Subscription) -> str:
-    count, raw = 0, None
-    with suppress(TimeoutError):
-        async with asyncio.timeout(LISTEN):
-            while True:
-                raw = await line.next()
-                count += 1
-    if raw is None:
-        return "silent"
-    connection = Topic(raw.topic, raw.type, "ros1", raw.definition)
-    try:
-        content = Decoder().content(Message(connection, raw.at, raw.data))
-    except DataError as error:
-        return f"{count / LISTEN:.1f} a second  {error}"
-    clock = "logged" if stamp_of(content) is None else "stamp"
-    cells = [f"{raw.topic}.{name}={value:.6g}" for name, value in flat(content)]
-    return "  ".join([f"{count / LISTEN:.1f} a second", f"time {raw.topic}.{clock}", *cells[:12]])

@@ -9,14 +9,15 @@ import argparse
 import asyncio
 import json
 import sys
-import time
 
 from evertwin.errors import EvertwinError
+from evertwin.ros.spec import Place
 from evertwin.worlds.live.arm_voice import ArmVoice
 from evertwin.worlds.live.contract import Machine
 from evertwin.worlds.live.life import Life
 from evertwin.worlds.live.making import machine_of, parser, samples_of
 from evertwin.worlds.live.robot_voice import RobotVoice
+from evertwin.worlds.live.ros import RosVoice
 from evertwin.worlds.live.voices import Voice, address
 
 
@@ -27,6 +28,7 @@ def _given(arguments: list[str] | None) -> argparse.Namespace:
     options.add_argument("--opcua", help="HOST:PORT")
     options.add_argument("--broker", help="HOST:PORT of a broker that is there")
     options.add_argument("--own-broker", help="HOST:PORT at which a broker is started")
+    options.add_argument("--python", default=Place().python, help="the one that has rospy")
     return options.parse_args(arguments)
 
 
@@ -34,6 +36,8 @@ def _voice(given: argparse.Namespace, machine: Machine) -> Voice:
     if given.machine == "arm":
         modbus, opcua = (one and address(one) for one in (given.modbus, given.opcua))
         return ArmVoice(tuple(machine.units["state"]), modbus, opcua)
+    if given.ros is not None:
+        return RosVoice(Place(given.ros, given.python), given.topics)
     own = given.broker is None
     broker = address(given.own_broker if own else given.broker)
     return RobotVoice(broker, given.topics, own=own)
@@ -43,14 +47,13 @@ def main(arguments: list[str] | None = None) -> None:
     """Runs until it is stopped or its seconds are over."""
     given = _given(arguments)
     machine = machine_of(given)
-    start = round(time.time(), 1) if given.start is None else given.start
 
-    def ready(reached: dict[str, str]) -> None:
+    def ready(reached: dict[str, str], start: float) -> None:
         told = {"machine": machine.name, "speed": given.speed, "start": start, **reached}
         sys.stdout.write(json.dumps(told) + "\n")
         sys.stdout.flush()
 
-    life = Life(machine, _voice(given, machine), start)
+    life = Life(machine, _voice(given, machine), given.start)
     asyncio.run(life.run(samples_of(given, machine), given.control, ready))
 
 

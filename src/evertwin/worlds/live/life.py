@@ -12,6 +12,7 @@ from __future__ import annotations
 import asyncio
 import math
 import signal
+import time
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -73,20 +74,23 @@ class Samples:
 
 
 class Life:
-    """A machine that runs and speaks. ``start``: of its clock (Unix) [s].
+    """A machine that runs and speaks. ``start``: of its clock (Unix) [s]; None: now, once it can
+    speak.
 
     >>> hasattr(Life, "run")
     True
     """
 
-    def __init__(self, machine: Machine, voice: Voice, start: float) -> None:
-        self._machine, self._voice, self._start = machine, voice, start
+    def __init__(self, machine: Machine, voice: Voice, start: float | None) -> None:
+        self._machine, self._voice, self._given = machine, voice, start
+        self._start = 0.0
         self._turning: set[asyncio.Task[None]] = set()
 
     async def run(
-        self, samples: Samples, port: int, ready: Callable[[dict[str, str]], None]
+        self, samples: Samples, port: int, ready: Callable[[dict[str, str], float], None]
     ) -> None:
-        """Runs to the end of the samples or a signal; ``ready`` is told what is reached where."""
+        """Runs to the end of the samples or a signal; ``ready`` is told what is reached where, and
+        the start of the clock."""
         loop, running = asyncio.get_running_loop(), asyncio.current_task()
         assert running is not None
         for one in (signal.SIGTERM, signal.SIGINT):
@@ -95,8 +99,11 @@ class Life:
         try:
             told = await self._voice.open()
             told["control"] = f"127.0.0.1:{await control.open(port)}"
-            self._pace = Pace(self._machine.knobs.of("speed"), 0.0, loop.time())
-            ready(told)
+            now = time.time()
+            self._start = math.floor(10.0 * now) / 10.0 if self._given is None else self._given
+            late = now - self._start if self._given is None else 0.0  # stamps are the wall's
+            self._pace = Pace(self._machine.knobs.of("speed"), 0.0, loop.time() - late)
+            ready(told, self._start)
             await self._speak(samples)
         except asyncio.CancelledError:
             pass  # stopped from outside: it ends in order

@@ -29,13 +29,15 @@ def parser(says: str | None) -> argparse.ArgumentParser:
     parser.add_argument("--urdf", type=Path, help="description of the arm")
     parser.add_argument("--world", choices=sorted(WORLDS), default="w3", help="of the robot")
     parser.add_argument("--topics", nargs="*", help="of the robot; absent: all")
+    parser.add_argument("--ros", help="of the robot, in place of MQTT: address of a ROS 1 master")
     return parser
 
 
 def machine_of(given: argparse.Namespace) -> Machine:
     """The machine that was asked for."""
     arm = given.machine == "arm"
-    lines = cables(("modbus", "opcua") if arm else ("mqtt",))
+    # what is said at a ROS master has no line that could be cut: each hears it by a line of its own
+    lines = {} if given.ros else cables(("modbus", "opcua") if arm else ("mqtt",))
     speed = Knob("seconds of its clock in one of ours", *SPEEDS, neutral=given.speed)
     known = {**lines, "speed": speed}
     if arm:
