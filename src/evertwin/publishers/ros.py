@@ -56,7 +56,7 @@ class RosOut:
     def health(self) -> Mapping[str, Any]:
         """See `Publisher`."""
         reason = self._reason
-        if self._node is not None:
+        if self._state == "up" and self._node is not None:
             reason = self._node.refused or (self._placing.reason if self._placing else "")
         return {"protocol": "ros", "state": self._state, "reason": reason} | dict(self._counts)
 
