@@ -235,13 +235,16 @@ def describe(model: Model, found: np.ndarray, detail: np.ndarray) -> Event:
 
 
 def _input_event(inputs: Layout, found: np.ndarray, detail: np.ndarray) -> Event:
-    row, time, kind, k, _, first, final, number = found.tolist()
+    row, time, kind, k, beyond, first, final, number = found.tolist()
     value, low, high, factor = detail[:4].tolist()
     unit = inputs.units[k]
     evidence = {"onset": first, "end": final, "samples": number, "range": [low, high]}
     if kind == at.Finding.SOUND:
         reason = f"{value:.4g} {unit} is believed again"
         return _event(row, time, "measurement_restored", inputs.names[k], reason, evidence)
+    if beyond:
+        reason = f"{value:.4g} {unit} is outside the physically possible range"
+        return _event(row, time, "measurement_error", inputs.names[k], reason, evidence)
     if factor:
         evidence["factor"] = factor
         reason = (

@@ -209,6 +209,29 @@ def doubt(
         u[i, k], doubts[i, k] = other[k], ERROR
 
 
+@njit(**HOT)
+def refuse_impossible(
+    limits: Any, inputs: Any, counts: Any, notes: Any, u: Any, doubts: Any, i: int, now: Any,
+    keeps: bool,
+) -> None:  # fmt: skip
+    """Inputs beyond what is physically possible did not reach the machine: they stay as they were
+    (``keeps``, once one was believed), or are not known."""
+    for k in range(u.shape[1]):
+        value = u[i, k]
+        if limits[k, 0] <= value <= limits[k, 1] or not np.isfinite(value):
+            continue
+        if counts[k, at.DOUBTED] == 0:
+            counts[k, at.DOUBT_ROW], counts[k, at.SAID] = now[0], 1
+            note_input(inputs, counts, notes, k, FOUND_INPUT, value, now)
+            found, detail, extent = notes
+            n = extent[0] - 1
+            found[n, at.WHY], detail[n, 1], detail[n, 2] = 1, limits[k, 0], limits[k, 1]
+        counts[k, at.DOUBTED] += 1
+        counts[k, at.TO] = now[0]
+        u[i, k] = inputs[k, at.BELIEVED] if keeps and counts[k, at.SEEN] > 0 else np.nan
+        doubts[i, k] = ERROR
+
+
 @njit(**COLD)
 def believe(
     inputs: Any, counts: Any, notes: Any, u: Any, doubts: Any, i: int, now: Any, follows: bool

@@ -27,7 +27,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -175,13 +175,14 @@ class Track:
         return tried
 
     @cached_property
-    def _settings(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, int, np.ndarray]:
+    def _settings(self) -> tuple[Any, ...]:
         outputs, phases = self.model.outputs, self.arbiter.phases
         column = self.model.inputs.index(phases.channel) if phases else -1
         edges = np.array(phases.edges if phases else (), dtype=np.float64)
         return (
             self.arbiter.limits(outputs, self.adopts), self.arbiter.rules(outputs),
             np.array(self.arbiter.sentinels, dtype=np.float64), members(outputs), column, edges,
+            np.array([(one.low, one.high) for one in self.model.inputs]).reshape(-1, 2),
         )  # fmt: skip
 
     def init(self) -> TrackState:

@@ -26,6 +26,7 @@ from evertwin.sync.input_loop import (
     explains,
     is_any_beyond,
     is_factor_held,
+    refuse_impossible,
     usual_instead,
 )
 from evertwin.sync.options import HOT
@@ -113,7 +114,8 @@ def age(rules: Any, memory: Any, notes: Any, g: int, now: Any) -> float:
 def run(
     step: int, observe: int, context: Any, first: int, start: int, t: Any, dt: Any, u: Any, y: Any,
     mark: Any, task: Any, gap: Any, limits: Any, rules: Any, sentinels: Any, members: Any,
-    column: int, edges: Any, x: Any, p: Any, x0: Any, values: Any, numbers: Any, figures: Any,
+    column: int, edges: Any, possible: Any, x: Any, p: Any, x0: Any, values: Any, numbers: Any,
+    figures: Any,
     variance: Any, counts: Any, warm: Any, ring: Any, paths: Any, times: Any, rows: Any,
     expected: Any, ranges: Any, beliefs: Any, clock: Any, beside: Any, account: Any,
     matter: Any, out: Any, residual: Any, marks: Any,
@@ -132,7 +134,7 @@ def run(
     board = borrowed(ring), borrowed(paths), borrowed(times), borrowed(rows), borrowed(expected)
     groups, seen, next_x = borrowed(members), borrowed(marked), borrowed(ahead)
     inputs, borders, doubted = borrowed(used), borrowed(edges), borrowed(doubts)
-    known = borrowed(ranges), borrowed(beliefs)
+    known, ranges_of = (borrowed(ranges), borrowed(beliefs)), borrowed(possible)
     other, beyond, expects = np.empty(nu), np.empty_like(x), np.empty(ny)
     tried, alike = borrowed(expects), borrowed(other)
     notes = borrowed(found), borrowed(detail), borrowed(extent)
@@ -145,7 +147,9 @@ def run(
     for i in range(start, n):
         if extent[0] > space:
             return int(i)
-        now, phase = (first + i, t[i]), phase_of(inputs, i, column, borders)
+        now = (first + i, t[i])
+        refuse_impossible(ranges_of, known[0], known[1], notes, inputs, doubted, i, now, nx > 0)
+        phase = phase_of(inputs, i, column, borders)
         anew = clock[BEGUN] == 0 or gap[i] or task[i] != clock[TASK] or not is_row_known(inputs, i)
         clock[BEGUN], clock[TASK] = 1, task[i]
         failed = anew and nx > 0
