@@ -43,6 +43,7 @@ class Decide:
         """The decisions of one beat, in a fixed order. Consumes ``state``."""
         decision = Decision(state, [], [])
         veto = self._external(decision)
+        decision.state = self.follow.renew(decision.state, back=veto, task_end=task_end)
         if answer is not None:
             self._answered(decision, answer)
         if decision.state.agenda.phase == TRIAL:
@@ -61,7 +62,7 @@ class Decide:
         agenda, detect = state.agenda, self.follow.setup.detect
         idle = agenda.phase == WATCH and not (agenda.open or agenda.retrain or agenda.again)
         calm = not self.follow.setup.external.on(state.external)
-        idle = idle and not self.follow.setup.spec.tuning.states
+        idle = idle and not self.follow.setup.spec.tuning.states and state.stream == ()
         return idle and calm and detect.quiet(state.detect) and self.follow.here(state)
 
     def watches(self, state: TwinState) -> bool:
@@ -301,8 +302,8 @@ class Decide:
             trial=follow.setup.trial.init(), watched=watched,
         )  # fmt: skip
         decision.remember(
-            phase=TRIAL, versions=version.number + 1, brief=float(candidate.get("brief", -1.0)),
-            begins=int(candidate.get("begins", 0)),
+            phase=TRIAL, tried=state.elapsed, versions=version.number + 1,
+            brief=float(candidate.get("brief", -1.0)), begins=int(candidate.get("begins", 0)),
         )  # fmt: skip
 
     # ------------------------------------------------------------------ trial and probation
@@ -352,8 +353,10 @@ class Decide:
     def _live(self, state: TwinState, number: int, other: Any, first: Any) -> TwinState:
         """``number`` goes live from the state it has run to; the scores begin anew."""
         follow = self.follow
+        stage, p = follow.stages(number)[1], follow.versions[number].p
         lane = state.other._replace(
-            horizon=copy(state.other.horizon), track=self._taken_over(number, state)
+            horizon=stage.renew(copy(state.other.horizon), p),
+            track=self._taken_over(number, state),
         )
         if first.version == number:
             first = EMPTY
@@ -364,7 +367,7 @@ class Decide:
         updates = np.array([self._updates(lane), self._updates(first)], dtype=np.int64)
         scores = new_scores(state.scores.usual, updates, state.row, state.scores.scale)
         return state._replace(
-            live=lane, first=first, other=other, scores=scores,
+            live=lane, stream=follow.opens(number), first=first, other=other, scores=scores,
             agenda=state.agenda._replace(held=False, told=False, open=0),
             trial=follow.setup.probation.init(), detect=follow.setup.detect.init(),
             external=follow.setup.external.init(),

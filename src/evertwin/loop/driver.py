@@ -126,7 +126,8 @@ class Driver:
         sizes = np.array([scale.get(name, 1.0) for name in setup.model.outputs.names])
         return TwinState(
             row=0, task=-1, time=0, began=0, elapsed=0,
-            live=self.follow.lane(self.champion, tracked=True), first=EMPTY, other=EMPTY,
+            live=self.follow.lane(self.champion, tracked=True),
+            stream=self.follow.opens(self.champion), first=EMPTY, other=EMPTY,
             newest=setup.at_horizon.init(), waiting=setup.residual_filter.init(),
             detect=setup.detect.init(), external=setup.external.init(), trial=setup.trial.init(),
             scores=new_scores(new_usual(ny), np.zeros(2, dtype=np.int64), 0, sizes),
@@ -142,7 +143,9 @@ class Driver:
             EMPTY if number < 0 else self.follow.lane(number, tracked=tracked)
             for number, tracked in ((live, True), (first, True), (other, False))
         ]
-        return self.init()._replace(live=lanes[0], first=lanes[1], other=lanes[2])
+        return self.init()._replace(
+            live=lanes[0], stream=self.follow.opens(live), first=lanes[1], other=lanes[2]
+        )
 
     def restored(self, store: Store, run: int, feed: object = ()) -> Checkpoint | None:
         """The newest checkpoint of a run, what it has of its ``feed`` too; None if there is none.

@@ -13,6 +13,7 @@ import numpy as np
 
 from evertwin.fold import Block, Event, Record
 from evertwin.loop.contacts import watched
+from evertwin.loop.in_stream import following
 from evertwin.loop.released import Released
 from evertwin.loop.scores import NEVER, accumulate
 from evertwin.loop.setup import Setup
@@ -20,6 +21,7 @@ from evertwin.loop.twin_state import PROBATION, TRIAL, Lane, TwinState
 from evertwin.loop.versions import Versions
 from evertwin.models.form import Form
 from evertwin.sync import Horizon, Track
+from evertwin.tuning import Following
 
 EMPTY = Lane(-1, (), ())
 NONE = np.zeros(0, dtype=np.int64)
@@ -55,6 +57,7 @@ class Follow:
     versions: Versions
     _stages: dict[Form, tuple[Track, Horizon]] = field(default_factory=dict, repr=False)
     _of: dict[int, tuple[Track, Horizon]] = field(default_factory=dict, repr=False)
+    _following: dict[int, Following | None] = field(default_factory=dict, repr=False)
 
     def stages(self, number: int) -> tuple[Track, Horizon]:
         """The stages that run a version."""
@@ -65,6 +68,47 @@ class Follow:
                 self._stages[form] = self.setup.track(model), Horizon(model, self.setup.horizon)
             self._of[number] = self._stages[form]
         return self._of[number]
+
+    def following(self, number: int) -> Following | None:
+        """What lets a version follow the machine in the stream; None: it stays as it is."""
+        if number not in self._following:
+            self._following[number] = following(self.setup, self.versions, number)
+        return self._following[number]
+
+    def opens(self, number: int) -> Any:
+        """The state of a version's stream before anything was learned."""
+        stage = self.following(number)
+        return () if stage is None else stage.init()
+
+    def renew(
+        self, state: TwinState, *, back: bool = False, task_end: bool = False
+    ) -> TwinState:  # fmt: skip
+        """At a beat: what was learned in the stream predicts from here on. Consumes ``state``.
+
+        Args:
+            state: after rows.
+            back: may the newest rows not be the machine's own?
+            task_end: does another recording begin, of the machine as it is by then?
+        """
+        number = state.live.version
+        stage = self.following(number)
+        if stage is None:
+            return state
+        stream = stage.init() if state.agenda.pinned else stage.beat(state.stream, back=back)
+        stream = stage.loosened(stream) if task_end else stream
+        return self.predicting(state._replace(stream=stream))
+
+    def predicting(self, state: TwinState) -> TwinState:
+        """The live version predicts with what its stream says. Consumes ``state``."""
+        number = state.live.version
+        stage = self.following(number)
+        if stage is None:
+            return state
+        p, (track, horizon) = stage.live(state.stream), self.stages(number)
+        live = state.live._replace(
+            track=track.renew(state.live.track, p), horizon=horizon.renew(state.live.horizon, p)
+        )
+        return state._replace(live=live)
 
     def here(self, state: TwinState) -> bool:
         """Are all versions simulated in this process, so that rows may be folded twice?"""
@@ -104,6 +148,8 @@ class Follow:
         external, judged = watched(
             self.setup, state.external, track.model, tracked.p, out.rows.judged(piece), out.rows.y
         )
+        stage = self.following(state.live.version)
+        stream = state.stream if stage is None else stage.step(state.stream, judged)
         known = out.rows.y if self.setup.static else None
         live, a = self._predict(state.live._replace(track=tracked), judged, known)
         first, before = self._track(state.first, piece._replace(u=judged.u))
@@ -126,8 +172,8 @@ class Follow:
         state = state._replace(
             elapsed=state.elapsed + int(piece.t[-1]) - before_piece,
             row=piece.row + len(piece.t), task=int(piece.task[-1]), time=int(piece.t[-1]),
-            began=began, live=live, first=first, other=other, newest=newest, waiting=waiting,
-            external=external,
+            began=began, live=live, stream=stream, first=first, other=other, newest=newest,
+            waiting=waiting, external=external,
         )  # fmt: skip
         state, found, stop = self._judge(state, released, beats)
         after = beats[beats >= self.setup.external.known(external)]

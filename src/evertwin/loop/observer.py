@@ -12,6 +12,7 @@ from evertwin.loop.deviation import deviation
 from evertwin.loop.driver import Driver
 from evertwin.loop.follow import Followed
 from evertwin.loop.headline import headline
+from evertwin.loop.in_stream import as_is
 from evertwin.loop.open_trial import open_trial
 from evertwin.loop.result import OutputFigures, RunResult
 from evertwin.loop.setup import Setup
@@ -154,7 +155,8 @@ class Observer:
         """The outcome."""
         champion = driver.versions[state.live.version]
         model = driver.versions.model(state.live.version)
-        parameters: Parameters = model.parameters.with_values(champion.p)
+        now = as_is(driver.versions, state)
+        parameters: Parameters = model.parameters.with_values(now.p)
         outputs = figures(self.setup, state)
         trial = open_trial(driver.setup, driver.versions, state)
         return RunResult(

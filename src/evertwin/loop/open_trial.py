@@ -25,7 +25,7 @@ class OpenTrial:
     reason: str
     """What it was made of."""
     since: int
-    """Row at which its trial began."""
+    """Row at which its trial began; −1: in a run before."""
     segments: int
     """Unseen segments that both versions have predicted."""
     gain: float
@@ -43,11 +43,12 @@ class OpenTrial:
     def __str__(self) -> str:
         """One line."""
         lacks = ", ".join(f"{c.name} {c.value:.3g} of {c.limit:.3g}" for c in self.missing)
+        since = "a run before" if self.since < 0 else f"row {self.since}"
         pace = f"how long cannot be told: {self.untold}"
         if self.more is not None:
             pace = f"at this pace {self.more} more segments, {self.seconds:.3g} s"
         return (
-            f"version {self.version} ({self.reason}) is on trial since row {self.since}: deviation "
+            f"version {self.version} ({self.reason}) is on trial since {since}: deviation "
             f"{-100 * self.gain:+.1f} % over {self.segments} segments, e-value {self.e_value:.3g}; "
             f"missing: {lacks or 'nothing'}; {pace}"
         )
@@ -61,10 +62,10 @@ def open_trial(setup: Setup, versions: Versions, state: TwinState) -> OpenTrial 
     more, why = gate.to_come(state.trial)
     if state.agenda.pinned:
         more, why = None, "the live version is pinned"
-    rows = (state.row - version.row) / max(found["segments"], 1)
-    pace = rows * state.elapsed * 1e-9 / max(state.row, 1)
+    pace = (state.elapsed - state.agenda.tried) * 1e-9 / max(found["segments"], 1)
     missing = tuple(check for check in gate.checklist(state.trial) if not check.passed)
+    since = -1 if state.agenda.tried < 0 else version.row
     return OpenTrial(
-        version.number, version.reason, version.row, found["segments"], found["gain"],
+        version.number, version.reason, since, found["segments"], found["gain"],
         found["e_value"], missing, more, None if more is None else more * pace, why,
     )  # fmt: skip

@@ -14,7 +14,7 @@ import numpy as np
 from evertwin.errors import ConfigError
 from evertwin.fold import Block
 from evertwin.loop.evaluation import Prediction
-from evertwin.loop.setup import Setup, matching
+from evertwin.loop.setup import NOT_LINEAR, Setup, matching
 from evertwin.models import LinearModel, Parameters
 from evertwin.sync.horizon import residuals
 from evertwin.tuning import Fit, Problem, Recursive
@@ -41,11 +41,9 @@ class Recursion:
         """
         rule, model = setup.spec.tuning, problem.model
         if not problem.linear or not isinstance(model, LinearModel):
-            raise ConfigError(
-                "[tuning] method = 'recursive': expected outputs that are linear in every editable "
-                "parameter: use method = 'auto', or name fewer in editable"
-            )
-        followed = matching(problem.names, rule.follow, "tuned parameter") or problem.names
+            raise ConfigError(NOT_LINEAR)
+        wears = tuple(name for name in problem.names if name not in setup.once) or problem.names
+        followed = matching(problem.names, rule.follow, "tuned parameter") or wears
         prior = _prior(model.parameters.with_values(fit.p), followed, rule.spread)
         raw = replace(problem, filter=None)
         left = raw.residuals(fit.values)
@@ -54,7 +52,7 @@ class Recursion:
         return cls(
             setup,
             Recursive(
-                model, followed, tuple(scale.tolist()), rule.memory, every, prior, _moving(setup)
+                model, followed, tuple(scale.tolist()), rule.memory, every, prior, setup.gates
             ),
         )
 
@@ -92,15 +90,3 @@ def _prior(parameters: Parameters, followed: tuple[str, ...], spread: float) -> 
         else:
             items.append(item)
     return Parameters(tuple(items))
-
-
-def _moving(setup: Setup) -> tuple[tuple[int, int, float], ...]:
-    """Outputs are learned from only where they move, if the twin file says what that is."""
-    rule = setup.spec.moving
-    if rule is None:
-        return ()
-    names = setup.model.outputs.names
-    return tuple(
-        (k, setup.model.inputs.index(rule.channels[name]), rule.above)
-        for k, name in enumerate(names)
-    )

@@ -19,6 +19,7 @@ from evertwin.config import TwinSpec
 from evertwin.engine import Engine, InProcess
 from evertwin.errors import DataError, StoreError, UsageError
 from evertwin.fold import Answer, Block, Event, Record, canonical, copy
+from evertwin.loop.carried import carried
 from evertwin.loop.driver import Driver
 from evertwin.loop.feed import Data, Feed
 from evertwin.loop.fingerprint import Followed as Prints
@@ -84,6 +85,10 @@ class Run:
     """Are answers to slow work taken when they are there, and never waited for?"""
     pushed: bool = False
     """Are its samples pushed? Then the store has them, and who pushes them says when to `save`."""
+    anew: bool = field(default=False, init=False)
+    """Does it go on from nothing, whatever the store has seen?"""
+    _handed: bool = field(default=False, init=False)
+    """Does it begin with what the run before hands on, and is this to be kept still?"""
     log: RunLog = field(init=False)
     driver: Driver = field(init=False)
     _prints: Prints = field(default_factory=Prints, init=False)
@@ -114,7 +119,7 @@ class Run:
         if lasting and not anew and not isinstance(data, Iterator):
             place = find(self.ledger, looked.stream(data), settings)
         self._give_up(place.run)
-        self._lasting = lasting or self.every > 0
+        self.anew, self._lasting = anew, lasting or self.every > 0
         self._due = began + SECONDS
         rate, blocks = measured(later(feed.stream(data), place.offset))
         self.setup = self.setup.at(rate)
@@ -190,20 +195,39 @@ class Run:
             self.setup, ledger.versions, self.tell, self._watch, told["champion"], told["pinned"],
             engine=self.engine, live=self.live,
         )  # fmt: skip
-        found = None
+        found = None if known is None else self._restored(known, feed)
+        if known is not None and found is None and known.evidence.get("handed_on"):
+            # what it began with is lost, so it cannot be repeated
+            self._give_up(None)
+            return self._begun(None, evidence, feed)
+        state: TwinState = self.driver.init() if found is None else found.state.twin
         if known is None:
+            state = self._taken_up(state, evidence)
+            evidence = evidence | ({"handed_on": True} if self._handed else {})
             self.log = RunLog.begin(ledger, evidence, self._prints)
         else:
-            found = self._restored(known, feed)
             self.log = RunLog.again(ledger, known, found, self._prints)
         self.driver.outside = self.log
         if known is not None and found is not None:
             self.observer.restore(self._said(known, found.length), found.shown)
             log.info("run %d goes on from row %d", known.number, found.row)
         self.observer.trace.remembers = self._lasting
-        state: TwinState = self.driver.init() if found is None else found.state.twin
         self._kept = self._from = ledger.at = state.row
         return state, found
+
+    def _taken_up(self, state: TwinState, evidence: dict[str, Any]) -> TwinState:
+        """What the run before hands on; kept with the first rows: its own checkpoints go then."""
+        last = self.ledger.runs[-1] if self.ledger.runs else None
+        if self.pushed or not self._lasting or last is None or last.ended is None:
+            return state
+        same = last.evidence.get("settings") == evidence["settings"]
+        if last.ended["given_up"] or not same or self.anew:
+            return state
+        found = carried(self.driver, self.ledger.store, last.number, state)
+        if found is None:
+            return state
+        self._handed = True
+        return found
 
     def _restored(self, known: Begun, feed: object) -> Checkpoint | None:
         """The newest checkpoint of a run; None: it has to be folded from its first row."""
@@ -228,6 +252,9 @@ class Run:
         """Further rows."""
         if self._lasting and not self.pushed:
             self._prints.begin(block)
+        if self._handed:
+            self.log.say(state.row, (), self._of(copy(Saved(state))))
+            self._handed = False
         self.log.begins(state.row)
         for part in rest([block], state.row):
             state = self.driver.step(state, part)

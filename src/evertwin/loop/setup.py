@@ -12,7 +12,7 @@ import numpy as np
 
 from evertwin.anomaly import External, Regimes, TaskSteps
 from evertwin.config.spec import TwinSpec
-from evertwin.errors import UsageError
+from evertwin.errors import ConfigError, UsageError
 from evertwin.fold import Beat
 from evertwin.fold.span import Span
 from evertwin.loop.alignment import low_pass
@@ -23,7 +23,7 @@ from evertwin.loop.plausibility import arbiter_of
 from evertwin.loop.residual_filter import ResidualFilter
 from evertwin.loop.ring import Ring
 from evertwin.loop.scores import Watch
-from evertwin.models import Model
+from evertwin.models import LinearModel, Model
 from evertwin.sync import Track
 from evertwin.sync.horizon import nanoseconds
 from evertwin.trial import Probation, Trial
@@ -32,6 +32,10 @@ BACK = 10
 """Windows of a table that are kept: a machine is seldom at all levels within one."""
 FEW = 5
 """Fewest samples that a deviation is judged on at a beat."""
+NOT_LINEAR = (
+    "[tuning] method = 'recursive': expected outputs that are linear in every editable parameter: "
+    "use method = 'auto', or name fewer in editable"
+)
 SEGMENT = 1.0
 """Length of a segment of a static map, and of a free run, when no horizon is given [s]."""
 
@@ -142,6 +146,15 @@ class Setup:
         columns = [0 if name is None else self.model.inputs.index(name) for name in said]
         return np.array(columns), np.array([name is None for name in said])
 
+    @property
+    def gates(self) -> tuple[tuple[int, int, float], ...]:
+        """(output, input, threshold): an output moves where the input is larger."""
+        rule = self.spec.moving
+        if rule is None:
+            return ()
+        columns, unsaid = self.judged_by
+        return tuple((k, int(columns[k]), rule.above) for k in np.flatnonzero(~unsaid).tolist())
+
     @cached_property
     def regimes(self) -> tuple[np.ndarray, Regimes] | None:
         """Columns of the inputs that define the phase, and their borders."""
@@ -172,6 +185,23 @@ class Setup:
         rule = self.spec.tuning
         scheduled = math.isfinite(self.requirement) or math.isfinite(rule.every)
         return scheduled or rule.method == "recursive"
+
+    @cached_property
+    def followed(self) -> tuple[str, ...]:
+        """Names of the parameters that follow the machine in the stream.
+
+        Raises:
+            ConfigError: the outputs are not linear in one of them.
+        """
+        rule = self.spec.tuning
+        if rule.method != "recursive":
+            return ()
+        names = matching(self.editable, rule.follow, "editable parameter") or self.editable
+        names = tuple(name for name in names if name not in self.once)
+        found = self.model.columns if isinstance(self.model, LinearModel) else np.zeros(0)
+        if not set(self.model.parameters.indices(names).tolist()) <= set(found.ravel().tolist()):
+            raise ConfigError(NOT_LINEAR)
+        return names
 
     @cached_property
     def requirement(self) -> float:

@@ -14,6 +14,7 @@ from functools import partial
 
 from evertwin.engine import Engine
 from evertwin.fold import Answer, Request
+from evertwin.loop.in_stream import as_is
 from evertwin.loop.task import Task
 from evertwin.loop.twin_state import TwinState
 from evertwin.loop.work import Work, rejected
@@ -43,7 +44,7 @@ class SlowWork:
         if not agenda.open:
             return
         window = (agenda.start, agenda.stop)
-        version = self.work.versions[state.live.version]
+        version = as_is(self.work.versions, state)
         rows = self.work.setup.ring.between(state.ring, *window)
         request = Request(agenda.open, agenda.kind, version.number, state.row, agenda.due, window)
         rival = self.work.versions[agenda.rival] if agenda.rival else None

@@ -113,6 +113,8 @@ class Agenda(NamedTuple):
     """Version that its candidate has to surpass; 0: none."""
     lacking: int = 0
     """Levels that the correction had not seen when last learned; 0 too where no more come."""
+    tried: int = 0
+    """Elapsed time at which the trial began [ns]; below 0: in a run before."""
     pinned: bool = False
     versions: int = 1
     """Versions so far."""
@@ -136,6 +138,8 @@ class TwinState(NamedTuple):
     elapsed: int
     """Time within tasks so far [ns]; stamps may start again with each task."""
     live: Lane
+    stream: Any
+    """What the live version's parameters have learned in the stream; (): they stay."""
     first: Lane
     """The first champion, while another one is live."""
     other: Lane

@@ -106,6 +106,9 @@ class Work:
         found = content.get("candidate")
         if found is None:
             return
+        own = dict(zip(task.version.names, task.version.values, strict=True))
+        followed = {name: own[name] for name in self.setup.followed if name in own}
+        found["values"] = followed | found["values"]
         model, p = self._made(task.version, found)
         wrong = not_physical(model, p, task.windows)
         if wrong:

@@ -95,15 +95,15 @@ class TuningSpec(Section):
     relaxation: Annotated[float, Gt(0.0), Le(1.0)] = 0.4
     """Step of the iteration mode."""
     follow: tuple[str, ...] = ()
-    """``recursive``: tuned parameters that are followed in the stream; empty: all."""
+    """``recursive``: tuned parameters that are followed in the stream; empty: all but ``once``."""
     learn: Duration = 1.0
-    """``recursive``: predict for so long, then learn."""
+    """``recursive``: ``fit`` predicts a test for so long, then learns; a run from beat to beat."""
     memory: Duration = 20.0
-    """``recursive``: time constant of forgetting towards the prior."""
+    """``recursive``: time constant of forgetting towards the prior, in a run that of motion."""
     spread: Positive = 0.1
     """``recursive``: standard deviation of the prior, relative to the fitted value."""
     caution: Positive = 3.0
-    """``recursive``: noise that is assumed, in units of the fit's residual."""
+    """``recursive``: noise that is assumed, in units of the residual."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

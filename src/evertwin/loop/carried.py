@@ -1,0 +1,102 @@
+"""What a run hands on to the next one of its store: short recordings accumulate.
+
+A machine does not begin anew with each recording of it. What was learned in the stream, calm rows
+and the calibration that they gave, how large measurements usually are, and a challenger that is
+still on trial (or the replaced champion of a probation) go on where the run before ended. What
+belongs to rows ends with them: the machine's followed state, open faults, contacts, requests.
+"""
+
+from __future__ import annotations
+
+import logging
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from evertwin.errors import StoreError
+from evertwin.loop.deviation import Usual, new_usual
+from evertwin.loop.driver import Driver
+from evertwin.loop.follow import EMPTY
+from evertwin.loop.twin_state import TRIAL, WATCH, Agenda, Lane, Saved, TwinState
+from evertwin.store import Store
+
+log = logging.getLogger("evertwin")
+
+
+class _Lanes(NamedTuple):
+    """Which versions there were, before the shape of their states is known."""
+
+    row: int
+    live: Lane
+    other: Lane
+
+
+class _Scores(NamedTuple):
+    usual: Usual
+    scale: np.ndarray
+
+
+ARBITER = ("variance", "counts", "warm", "ranges", "beliefs")
+"""What the arbiter knows of noise and ranges."""
+
+
+class _HandedOn(NamedTuple):
+    """The fields of a state that go on."""
+
+    elapsed: int
+    live: Lane
+    stream: Any
+    detect: Any
+    trial: Any
+    scores: _Scores
+    agenda: Agenda
+
+
+def carried(driver: Driver, store: Store, run: int, state: TwinState) -> TwinState | None:
+    """The state before the first row, with what a run that has ended hands on; None: nothing.
+
+    Args:
+        driver: of the new run.
+        store: where the newest checkpoint is that of ``run``.
+        run: number of the run before.
+        state: as it would begin without; consumed.
+    """
+    live, setup = state.live.version, driver.setup
+    try:
+        known = store.restore(Saved(_Lanes(0, EMPTY, EMPTY)), run)
+        if known is None or known.state.twin.live.version != live:
+            return None
+        scores = _Scores(new_usual(len(state.scores.scale)), state.scores.scale)
+        like = _HandedOn(
+            0, driver.follow.lane(live, tracked=True), driver.follow.opens(live),
+            setup.detect.init(), setup.trial.init(), scores, Agenda(),
+        )  # fmt: skip
+        found = store.restore(Saved(like), run)
+    except StoreError as error:
+        log.warning("run %d hands nothing on: %s", run, error)
+        return None
+    if found is None:
+        return None
+    left: _HandedOn = found.state.twin
+    rows, before = known.state.twin.row, left.agenda
+    left.detect.cusum.calm.row[: left.detect.cusum.collected] -= rows
+    detect = left.detect._replace(told=left.detect.told - rows, pending="")
+    agenda = state.agenda._replace(
+        commissioned=before.commissioned, held=before.held, tunings=before.tunings,
+        fitted=before.fitted - left.elapsed,
+    )  # fmt: skip
+    old: Any = left.live.track
+    old.beliefs[:, 1:] = 0  # doubts are of rows
+    track = state.live.track._replace(**{name: getattr(old, name) for name in ARBITER})
+    state = state._replace(
+        live=state.live._replace(track=track), stream=left.stream, detect=detect,
+        scores=state.scores._replace(**left.scores._asdict()), agenda=agenda,
+    )  # fmt: skip
+    number = known.state.twin.other.version
+    if before.phase != WATCH and number >= 0 and before.brief < 0.0 and not agenda.pinned:
+        tried = before.tried - left.elapsed if before.phase == TRIAL else 0
+        state = state._replace(
+            other=driver.follow.beside(state.live, number), trial=left.trial,
+            agenda=agenda._replace(phase=before.phase, tried=tried),
+        )  # fmt: skip
+    return driver.follow.predicting(state)
