@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from evertwin.config.spec import StoreSpec
+from evertwin.config.spec import StoreSpec, TrialSpec
 from evertwin.errors import StoreError
 from evertwin.fold import Block, Event, concatenate, take
 from evertwin.fold.span import Span
@@ -276,3 +277,51 @@ def test_the_proof_of_kills_finds_its_points(module: str, name: str) -> None:
 
 def events(store: SqliteStore, kind: str) -> list[Any]:
     return [e for e in store.read("event") if isinstance(e, Event) and e.kind == kind]
+
+
+def pieces(count: int) -> list[Block]:
+    """The robot's recording as so many of their own."""
+    rows, found = robot().rows, []
+    edges = np.linspace(0, len(rows.t), count + 1).astype(int)
+    for start, stop in pairwise(edges.tolist()):
+        part = take(rows, start, stop)
+        opens = np.arange(stop - start) == 0
+        found.append(part._replace(row=0, gap=part.gap | opens, dt=np.where(opens, 0.0, part.dt)))
+    return found
+
+
+def test_short_recordings_are_learned_from_together() -> None:
+    store = SqliteStore(":memory:")
+    for piece in pieces(10):  # of 25 rows: a table is learned on 120, a trial lasts 30
+        result = twin(store).run([piece])
+    assert result.champion.number > 0
+    kinds = [e.kind for e in store.read("event") if isinstance(e, Event)]
+    assert kinds.index("suspected") < kinds.index("corrected") < kinds.index("promoted")
+    assert not any(twin(SqliteStore(":memory:")).run([p]).events for p in pieces(10)[-2:])
+
+
+def test_an_open_trial_is_told_of_as_one_of_a_run_before() -> None:
+    store = SqliteStore(":memory:")
+    found = [twin(store).run([piece]).trial for piece in pieces(10)]
+    open_ones = [trial for trial in found if trial is not None]
+    assert any(trial.since < 0 and "since a run before" in str(trial) for trial in open_ones)
+    paces = [trial.seconds / trial.more for trial in open_ones if trial.more and trial.seconds]
+    assert all(0.9 < pace < 1.2 for pace in paces), paces  # segments of a second
+
+
+def test_what_a_run_hands_on_is_lost_with_other_settings() -> None:
+    store = SqliteStore(":memory:")
+    for piece in pieces(10):
+        result = twin(store, trial=TrialSpec(segments=20 + len(store.entries()))).run([piece])
+    assert result.champion.number == 0
+
+
+def test_a_run_that_went_on_and_was_cut_off_comes_to_the_same() -> None:
+    whole, cut = SqliteStore(":memory:"), SqliteStore(":memory:")
+    for piece in pieces(5):
+        twin(whole).run([piece])
+    for piece in pieces(5):
+        with pytest.raises(PowerFailure):
+            twin(cut).run(until(piece, 20))
+        twin(cut).run([piece])
+    assert log(whole) == log(cut)

@@ -14,9 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evertwin.errors import StoreError
-from evertwin.loop.deviation import Usual, new_usual
+from evertwin.loop.deviation import Sums, Usual
 from evertwin.loop.driver import Driver
 from evertwin.loop.follow import EMPTY
+from evertwin.loop.ring import Rows
 from evertwin.loop.twin_state import TRIAL, WATCH, Agenda, Lane, Saved, TwinState
 from evertwin.store import Store
 
@@ -32,6 +33,8 @@ class _Lanes(NamedTuple):
 
 
 class _Scores(NamedTuple):
+    watch: Sums
+    seen: np.ndarray
     usual: Usual
     scale: np.ndarray
 
@@ -50,6 +53,8 @@ class _HandedOn(NamedTuple):
     trial: Any
     scores: _Scores
     agenda: Agenda
+    watched: np.ndarray
+    ring: Rows
 
 
 def carried(driver: Driver, store: Store, run: int, state: TwinState) -> TwinState | None:
@@ -66,10 +71,11 @@ def carried(driver: Driver, store: Store, run: int, state: TwinState) -> TwinSta
         known = store.restore(Saved(_Lanes(0, EMPTY, EMPTY)), run)
         if known is None or known.state.twin.live.version != live:
             return None
-        scores = _Scores(new_usual(len(state.scores.scale)), state.scores.scale)
+        like_scores = _Scores(*(getattr(state.scores, name) for name in _Scores._fields))
         like = _HandedOn(
             0, driver.follow.lane(live, tracked=True), driver.follow.opens(live),
-            setup.detect.init(), setup.trial.init(), scores, Agenda(),
+            setup.detect.init(), setup.trial.init(), like_scores, Agenda(), state.watched,
+            setup.ring.init(),
         )  # fmt: skip
         found = store.restore(Saved(like), run)
     except StoreError as error:
@@ -83,7 +89,8 @@ def carried(driver: Driver, store: Store, run: int, state: TwinState) -> TwinSta
     detect = left.detect._replace(told=left.detect.told - rows, pending="")
     agenda = state.agenda._replace(
         commissioned=before.commissioned, held=before.held, tunings=before.tunings,
-        fitted=before.fitted - left.elapsed,
+        fitted=before.fitted - left.elapsed, since=before.since - rows, told=before.told,
+        hold=max(before.hold - rows, 0), look=max(before.look - rows, 0), pace=before.pace,
     )  # fmt: skip
     old: Any = left.live.track
     old.beliefs[:, 1:] = 0  # doubts are of rows
@@ -91,6 +98,7 @@ def carried(driver: Driver, store: Store, run: int, state: TwinState) -> TwinSta
     state = state._replace(
         live=state.live._replace(track=track), stream=left.stream, detect=detect,
         scores=state.scores._replace(**left.scores._asdict()), agenda=agenda,
+        watched=left.watched, ring=setup.ring.handed_on(left.ring),
     )  # fmt: skip
     number = known.state.twin.other.version
     if before.phase != WATCH and number >= 0 and before.brief < 0.0 and not agenda.pinned:

@@ -243,7 +243,7 @@ class Decide:
         state, setup = decision.state, self.follow.setup
         number = state.agenda.asked + 1
         size = setup.window(kind)
-        window = (max(state.agenda.since, state.row - size, 0), state.row)
+        window = (max(state.agenda.since, state.row - size, state.ring.first), state.row)
         due = state.row + setup.latency
         request = Request(number, kind, state.live.version, state.row, due, window, dict(detail))
         decision.requests.append(request)
@@ -268,7 +268,7 @@ class Decide:
             decision.remember(tunings=agenda.tunings + 1)
         candidate = content.get("candidate")
         if candidate is None or "brief" not in candidate:
-            decision.remember(since=max(agenda.since, int(content.get("since", 0))))
+            decision.remember(since=max(agenda.since, int(content.get("since", agenda.since))))
         lacking = content.get("lacking")
         if lacking is not None:  # as many as before, and nothing better: no more come
             ends = candidate is None and lacking == agenda.lacking

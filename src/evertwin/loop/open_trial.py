@@ -64,7 +64,7 @@ def open_trial(setup: Setup, versions: Versions, state: TwinState) -> OpenTrial 
         more, why = None, "the live version is pinned"
     pace = (state.elapsed - state.agenda.tried) * 1e-9 / max(found["segments"], 1)
     missing = tuple(check for check in gate.checklist(state.trial) if not check.passed)
-    since = -1 if state.agenda.tried < 0 else version.row
+    since = -1 if state.agenda.tried <= 0 else version.row
     return OpenTrial(
         version.number, version.reason, since, found["segments"], found["gain"],
         found["e_value"], missing, more, None if more is None else more * pace, why,

@@ -35,6 +35,8 @@ class Rows(NamedTuple):
     mark: np.ndarray
     task: np.ndarray
     gap: np.ndarray
+    first: int = 0
+    """Number of the first row there ever was; rows of runs before have numbers below 0."""
 
 
 @dataclass(frozen=True)
@@ -69,18 +71,28 @@ class Ring:
         while source < n:
             place = (block.row + source) % capacity
             count = min(n - source, capacity - place)
-            for ring, new in zip(rows[1:], block[1:], strict=True):
+            for ring, new in zip(rows[1:-1], block[1:], strict=True):
                 ring[place : place + count] = new[source : source + count]
             source += count
         return rows._replace(end=block.row + n)
 
+    def handed_on(self, rows: Rows) -> Rows:
+        """The rows as those before row 0 of another run, their tasks before its task 0. Consumes
+        ``rows``."""
+        if not rows.end:
+            return rows
+        columns = [np.roll(column, -rows.end % self.capacity, axis=0) for column in rows[1:-1]]
+        kept = Rows(0, *columns, max(rows.first - rows.end, -self.capacity))
+        kept.task[:] -= kept.task[-1] + 1
+        return kept
+
     def between(self, rows: Rows, start: int, stop: int) -> tuple[Block, ...]:
         """Copies of the kept rows with numbers in [start, stop), task by task."""
-        first = max(start, rows.end - self.capacity, 0)
+        first = max(start, rows.end - self.capacity, rows.first)
         if stop <= first:
             return ()
         places = np.arange(first, stop) % self.capacity
-        return split(Block(first, *(column[places] for column in rows[1:])))
+        return split(Block(first, *(column[places] for column in rows[1:-1])))
 
 
 def split(block: Block) -> tuple[Block, ...]:
@@ -88,6 +100,15 @@ def split(block: Block) -> tuple[Block, ...]:
     opens = np.flatnonzero(np.diff(block.task)) + 1
     edges: Any = [0, *opens.tolist(), len(block.t)]
     return tuple(take(block, a, b) for a, b in pairwise(edges))
+
+
+def called(row: int) -> str:
+    """A row in words.
+
+    >>> called(5), called(-5)
+    ('row 5', 'row -5, in a run before')
+    """
+    return f"row {row}" if row >= 0 else f"row {row}, in a run before"
 
 
 NO_ROWS = Ring(capacity=1, nu=0, ny=0).init()

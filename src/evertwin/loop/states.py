@@ -18,6 +18,7 @@ import numpy as np
 from evertwin.anomaly.verdict import Rule
 from evertwin.fold import Block, Mark
 from evertwin.loop.change import split
+from evertwin.loop.ring import called
 from evertwin.loop.setup import Setup
 from evertwin.models.form import Version
 from evertwin.tuning import Fit, Problem, solve
@@ -92,14 +93,14 @@ class States:
         fit = solve(problem)
         if gone:
             before = amount(self.setup, name, self.version)
-            said = f"{rule.over} at row {row}{_at(windows)}, after {before}"
+            said = f"{rule.over} at {called(row)}{_at(windows)}, after {before}"
             return Stated(name, said, rests(self.setup, name), problem, fit, row)
         (low, high), k = fit.interval(rule.number), fit.names.index(rule.number)
         known, unit = problem.start[k], fit.units[k]
         if fit.verdict[k] != "identifiable" or low <= known <= high:
             return None
         size = f"{fit[rule.number]:.3g} ± {high - fit[rule.number]:.1g} {unit}"
-        said = f"{rule.says} {size} since row {row}{_at(windows)}"
+        said = f"{rule.says} {size} since {called(row)}{_at(windows)}"
         values = dict(zip(fit.names, fit.values.tolist(), strict=True))
         return Stated(name, said, values, problem, fit, row)
 

@@ -114,7 +114,7 @@ class Agenda(NamedTuple):
     lacking: int = 0
     """Levels that the correction had not seen when last learned; 0 too where no more come."""
     tried: int = 0
-    """Elapsed time at which the trial began [ns]; below 0: in a run before."""
+    """Elapsed time at which the trial began [ns]; not above 0: in a run before."""
     pinned: bool = False
     versions: int = 1
     """Versions so far."""

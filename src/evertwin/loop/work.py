@@ -25,6 +25,7 @@ from evertwin.loop.friction_law import climb_laws
 from evertwin.loop.physical import physically
 from evertwin.loop.posterior import posterior
 from evertwin.loop.recursive_fit import Recursion
+from evertwin.loop.ring import called
 from evertwin.loop.settled import settled
 from evertwin.loop.setup import Setup
 from evertwin.loop.states import States, amount
@@ -272,7 +273,7 @@ class Work:
         rows = sum(len(block.t) for block in new)
         if rows < ENOUGH * len(names):
             raise TooFew(f"the machine has changed, {rows} rows ago")
-        said = f"the machine changed at row {new[0].row}: rows before it are left out"
+        said = f"the machine changed at {called(new[0].row)}: rows before it are left out"
         evidence = {"row": new[0].row, "time": int(new[0].t[0]), "rows": rows}
         return new, [_event("changed", "", said, evidence)]
 
