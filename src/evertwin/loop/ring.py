@@ -81,8 +81,10 @@ class Ring:
         ``rows``."""
         if not rows.end:
             return rows
-        columns = [np.roll(column, -rows.end % self.capacity, axis=0) for column in rows[1:-1]]
-        kept = Rows(0, *columns, max(rows.first - rows.end, -self.capacity))
+        shift = -rows.end % self.capacity
+        columns: Any = rows._asdict()
+        turned = {name: np.roll(columns[name], shift, axis=0) for name in Rows._fields[1:-1]}
+        kept = Rows(0, **turned, first=max(rows.first - rows.end, -self.capacity))
         kept.task[:] -= kept.task[-1] + 1
         return kept
 
