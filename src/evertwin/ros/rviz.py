@@ -47,7 +47,7 @@ def config(topics: Mapping[str, str], look: Look) -> str:
             shown.append({**make(topic, twin), "Name": topic[len(look.topic) * twin :]})
     view = {
         "Class": "rviz/Orbit", "Name": "Current View", "Target Frame": look.base,
-        "Distance": 12.0, "Pitch": 0.95, "Yaw": 4.2, "Focal Point": {"X": 0, "Y": 0, "Z": 0},
+        "Distance": 11.0, "Pitch": 0.95, "Yaw": 4.2, "Focal Point": {"X": 0, "Y": 0, "Z": 0},
     }  # fmt: skip
     text = {
         "Panels": [
@@ -100,13 +100,14 @@ def _scan(topic: str, _: bool) -> Display:
 
 def _odometry(topic: str, twin: bool) -> Display:
     """The simulated pose with its variance; what the wheels say as a trace."""
+    wide = 0.02 if twin else 0.035
     shape = {"Value": "Arrow", "Alpha": 0.9, "Color": TWIN if twin else WHEELS,
-             "Shaft Length": 0.25, "Shaft Radius": 0.02, "Head Length": 0.1, "Head Radius": 0.06,
-             }  # fmt: skip
+             "Shaft Length": 0.25, "Shaft Radius": wide, "Head Length": 5 * wide,
+             "Head Radius": 2.5 * wide}  # fmt: skip
     spread = {"Value": twin, "Orientation": {"Value": False},
               "Position": {"Value": twin, "Alpha": 0.3, "Color": TWIN, "Scale": 3}}  # fmt: skip
     return _display("Odometry", Topic=topic, Shape=shape, Covariance=spread, **{
-        "Keep": 1 if twin else 60, "Position Tolerance": 0.0 if twin else 0.25,
+        "Keep": 1 if twin else 60, "Position Tolerance": 0.0 if twin else 0.4,
         "Angle Tolerance": 0.0 if twin else 0.5, "Queue Size": 20,
     })  # fmt: skip
 
