@@ -44,11 +44,13 @@ class Told:
     """
 
     def __init__(
-        self, fleet: Sequence[Columns] = (), clock: str = "cycle", **indicator: Any
-    ) -> None:
+        self, fleet: Sequence[Columns] = (), clock: str = "cycle", *, failed: bool = False,
+        **indicator: Any,
+    ) -> None:  # fmt: skip
         self.folder = tempfile.TemporaryDirectory()
         files = tuple(str(self._write(f"like{k}", one)) for k, one in enumerate(fleet))
-        spec = shipped("wear", prognosis={"fleet": files, "clock": clock})
+        likes = {"failed" if failed else "fleet": files}
+        spec = shipped("wear", prognosis={**likes, "clock": clock})
         rules = (replace(spec.indicator[0], **indicator),)
         self.twin = Twin(replace(spec, indicator=rules))
 

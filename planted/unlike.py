@@ -16,10 +16,12 @@ by 35 % (log-normal) around one that is drawn from 10 to 100,000.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+
+from planted.unseen import UNSEEN
 
 FINE = 4000
 """Points of a life."""
@@ -54,7 +56,7 @@ def kind_of(law: str, rng: np.random.Generator) -> Kind:
 
 def stranger(kind: Kind, rng: np.random.Generator) -> Stranger:
     """One component of a kind."""
-    level = LEVELS[kind.law](np.linspace(0.0, 4.0, 4 * FINE + 1), rng)
+    level = (LEVELS | dict(UNSEEN))[kind.law](np.linspace(0.0, 4.0, 4 * FINE + 1), rng)
     if not (level >= 1.0).any():
         return stranger(kind, rng)
     end = int(np.argmax(level >= 1.0))
@@ -130,7 +132,7 @@ def _seasonal(s: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     return np.asarray(s + size * np.sin(2.0 * np.pi * (turns * s + rng.uniform())))
 
 
-LEVELS: Mapping[str, Callable[[np.ndarray, np.random.Generator], np.ndarray]] = {
+LEVELS: dict[str, Callable[[np.ndarray, np.random.Generator], np.ndarray]] = {
     "plateau": _plateau, "recovering": _recovering, "cracking": _cracking, "reloaded": _reloaded,
     "sleeping": _sleeping, "stairs": _stairs, "bathtub": _bathtub, "seasonal": _seasonal,
 }  # fmt: skip

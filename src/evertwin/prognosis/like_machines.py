@@ -58,7 +58,9 @@ def files_of(patterns: Sequence[str], folder: Path, own: Sequence[Path] = ()) ->
     found: dict[Path, None] = {}
     kept = {one.resolve() for one in own}
     for pattern in patterns:
-        there = [Path(name) for name in sorted(glob(str(folder / pattern)))]
+        plain = (folder / pattern).is_file()
+        names = [pattern] if plain else sorted(glob(pattern, root_dir=folder))
+        there = [folder / name for name in names]
         if not there:
             raise UsageError(
                 f"fleet: {pattern}: expected histories (CSV) or stores, no file is called so"
