@@ -165,3 +165,37 @@ def test_a_fleet_is_named_on_the_command_line(folder: Path, call: Command) -> No
 
     alone, fleet = interval(), interval("--fleet", "[abcd].csv")
     assert fleet[0] < 51.0 < fleet[1] and np.ptp(fleet) < 0.5 * np.ptp(alone)
+
+
+@pytest.mark.parametrize(
+    ("head", "step", "says"),
+    [
+        ("cycle,capacity", "{k}", "capacity by cycle, 40 rows"),
+        ("date,capacity", "2025-01-{d:02d}T{h:02d}:00", "capacity by h, 40 rows"),
+        ("index,date,capacity", "{k},2025-01-{d:02d}T{h:02d}:00", "capacity by h, 40 rows"),
+    ],
+)
+def test_init_of_a_series_that_tells_wear_names_its_command(
+    head: str, step: str, says: str, folder: Path, call: Command
+) -> None:
+    rows = [f"{step.format(k=k, d=1 + k // 24, h=k % 24)},{1.9 - 0.004 * k:.4f}" for k in range(40)]
+    (folder / "cell.csv").write_text(head + "\n" + "\n".join(rows) + "\n")
+    told = call("init", "cell.csv")
+    assert told.code == 0 and says in told.out
+    assert told.out.rstrip().endswith("next: evertwin life cell.csv --limit X --below")
+    assert call("init", "cell.csv", "-o", "t.toml").code == 0 and not (folder / "t.toml").exists()
+    document = strict(call("init", "cell.csv", "--json").out)
+    assert document["next"] == "evertwin life cell.csv --limit X --below"
+
+
+def test_init_of_a_recording_hints_at_wear_where_it_may_be(folder: Path, call: Command) -> None:
+    rows = [f"{600 * k},{np.sin(k):.4f},{np.cos(k):.4f}" for k in range(40)]
+    (folder / "plant.csv").write_text("t,u,y\n" + "\n".join(rows) + "\n")
+    told = call("init", "plant.csv", "-o", "plant.toml")
+    assert told.code == 0 and (folder / "plant.toml").exists()
+    assert "evertwin life plant.csv --column u --limit X" in told.err
+    fast = [f"{0.01 * k},{np.sin(k):.4f},{np.cos(k):.4f}" for k in range(40)]
+    (folder / "axis.csv").write_text("t,u,y\n" + "\n".join(fast) + "\n")
+    assert "life" not in call("init", "axis.csv", "-o", "axis.toml").err
+    none = call("init", "axis.csv")
+    assert none.code == 2 and "--out" in none.err

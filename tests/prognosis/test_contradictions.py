@@ -10,6 +10,7 @@ import pytest
 from evertwin import Twin, TwinSpec
 from evertwin.config import spec
 from evertwin.errors import DataError
+from evertwin.prognosis.laws.indicator import Direction
 from evertwin.prognosis.lone_series import Series, life_of_series
 
 GOOD = [f"2025-{1 + k // 28:02d}-{1 + k % 28:02d},{1.9 - 0.004 * k:.4f}" for k in range(60)]
@@ -29,8 +30,8 @@ def wrong(rows: list[str], place: int, row: str) -> list[str]:
         ("date", wrong(GOOD, 0, "1970-01-01,1.9"), "h.csv:2: date: expected a time like"),
         ("run", wrong(COUNTED, 59, "590000,1.664"), "h.csv:61: run: expected a time like those of "
          "the other rows (0 to 58), got 590000"),
-        ("run", wrong(COUNTED, 20, "20,1820"), "h.csv:22: x: expected values of about 1.7"),
-        ("run", wrong(COUNTED, 20, "20,0.00182"), "h.csv:22: x: expected values of about 1.7"),
+        ("run", wrong(COUNTED, 20, "20,1820"), "h.csv:22: x: expected a value of about 1.8"),
+        ("run", wrong(COUNTED, 20, "20,0.00182"), "h.csv:22: x: expected a value of about 1.8"),
     ],
 )  # fmt: skip
 def test_a_row_that_contradicts_the_others_is_asked_back(
@@ -68,6 +69,8 @@ def test_what_only_looks_odd_is_believed(tmp_path: Path) -> None:
     wear = [f"{k},{max(1e-5, 0.002 * k) * (1 + 0.01 * rng.normal()):.6f}" for k in range(200)]
     for name, head, rows, limit in (
         ("from zero", "run", wear, 1.0),
+        ("through zero", "run", [f"{k},{0.3 - 0.0071 * k + 0.001 * rng.normal():.6f}"
+                                 for k in range(60)], -1.0),
         ("paused", "date", [*(f"2025-01-{1 + k:02d},{1 + 0.01 * k}" for k in range(9)),
                             "2025-12-01,1.2"], 2.0),
         ("ahead", "date", [f"2050-01-{1 + k:02d},{1 + 0.01 * k}" for k in range(20)], 2.0),
@@ -77,4 +80,5 @@ def test_what_only_looks_odd_is_believed(tmp_path: Path) -> None:
     ):  # fmt: skip
         file = tmp_path / f"{name}.csv"
         file.write_text(f"{head},x\n" + "\n".join(rows))
-        assert life_of_series(Series(file, limit)).components["x"].life is not None
+        direction: Direction = "below" if limit < 0.0 else "above"
+        assert life_of_series(Series(file, limit, direction)).components["x"].life is not None

@@ -175,13 +175,15 @@ def info(
 @app.command()
 def init(
     files: Annotated[list[Path], typer.Argument(help="Recordings.", metavar="FILE...")],
-    out: Annotated[Path, typer.Option("-o", "--out", help="Twin file to write.")],
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", help="Twin file to write; none for wear alone.")
+    ] = None,
     model: Annotated[str, typer.Option(help=KINDS)] = "python",
     urdf: Annotated[Path | None, typer.Option(help="Description of an arm.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Propose a commented twin file for recordings.
+    """Propose a commented twin file for recordings; of a series that tells wear: its command.
 
     Example: evertwin init run.csv --model robot1d -o robot.toml
     """

@@ -16,19 +16,29 @@ from evertwin.errors import UsageError
 from evertwin.files import write_whole
 from evertwin.loop.configured_model import model_of
 from evertwin.machines.catalog import machine
+from evertwin.prognosis.lone_series import Wear, wear_in
 from evertwin.sources.names import unit_problem
 from evertwin.starter import Draft, look, mapped
 
 
 def write_starter(
-    files: Sequence[Path], out: Path, model: tuple[str, Path | None], force: bool, as_json: bool
-) -> None:
+    files: Sequence[Path], out: Path | None, model: tuple[str, Path | None], force: bool,
+    as_json: bool,
+) -> None:  # fmt: skip
     """Writes the twin file, and for ``python`` a model file beside it.
+
+    A series that tells wear alone needs none: the command that tells its life is named.
 
     Raises:
         UsageError: there is a file already, or the model does not exist.
         DataError: a recording cannot be read, or holds no column of numbers.
     """
+    wear = wear_in(files[0]) if model == ("python", None) and len(files) == 1 else None
+    if wear is not None and wear.alone:
+        _name_life(files[0], wear, as_json)
+        return
+    if out is None:
+        raise UsageError("--out: expected the twin file to write, as in -o twin.toml")
     if out.exists() and not force:
         raise UsageError(f"{out}: exists already: choose another name, or say --force")
     kind, urdf = model
@@ -53,8 +63,22 @@ def write_starter(
         "questions": draft.questions,
     }  # fmt: skip
     show(content, draft.summary(), as_json)
+    if wear is not None:
+        next_one = wear.command(str(files[0]))
+        typer.echo(f"evertwin: does one of its columns tell wear? Then: {next_one}", err=True)
     for note in (*(note for info in told for note in info.notes), *_odd_units(draft)):
         typer.echo(f"evertwin: {note}", err=True)
+
+
+def _name_life(file: Path, wear: Wear, as_json: bool) -> None:
+    """Of a series that tells wear."""
+    text = (
+        f"{file}: a series that tells wear: {', '.join(wear.columns)} by {wear.clock}, "
+        f"{wear.rows} rows. It needs no twin file; X is where its life ends:\n"
+        f"next: {wear.command(str(file))}"
+    )
+    show({"schema": "evertwin.init/1", "file": None, "next": wear.command(str(file)),
+          "series": wear._asdict()}, text, as_json)  # fmt: skip
 
 
 def _odd_units(draft: Draft) -> Iterator[str]:

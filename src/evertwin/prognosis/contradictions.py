@@ -30,7 +30,7 @@ APART, YEARS = 10.0, 5.0
 LONE = 1000.0
 """A count lies far off beyond so many times the span of the others."""
 SMALL = 0.05
-"""Share of the rows that may lie far off together."""
+"""Share of the rows that may lie far off in time together."""
 _YEAR = 365.25 * UNITS["d"]
 
 
@@ -91,27 +91,20 @@ def check_values(table: Table, name: str, value: Vector, since: np.ndarray) -> N
     Raises:
         DataError: with the row.
     """
-    size = np.abs(value)
-    known = np.flatnonzero(np.isfinite(value) & (size > 0.0))
-    if len(known) <= FEW:
-        return
-    usual = float(np.median(size[known]))
-    high = size > FAR * usual
-    seen = np.zeros(len(value), dtype=np.bool_)
     for life in np.unique(since):
-        own = np.flatnonzero(since == life)
-        largest = np.fmax.accumulate(np.where(np.isfinite(size[own]), size[own], 0.0))
-        seen[own] = largest >= usual / 3.0
-    low = seen & (size > 0.0) & (size < usual / FAR)
-    jumps = np.flatnonzero(high | (low & (np.ptp(value[known]) < FAR * usual)))
-    if not len(jumps) or len(jumps) > 0.5 * len(known):
-        return
-    k = int(jumps[0])
-    raise DataError(
-        f"{table.name}:{table.lines[k]}: {name}: expected values of about {usual:.4g}, got "
-        f"{value[k]:.4g}: is it in another unit, or was the part replaced? Correct the row, or say "
-        "so in a column maintenance"
-    )
+        own = np.flatnonzero((since == life) & np.isfinite(value))
+        for place, k in enumerate(own.tolist() if len(own) > FEW else ()):
+            near = value[own[max(place - FEW, 0) : place] if place >= FEW else own[1 : FEW + 1]]
+            usual, here = float(np.median(np.abs(near))), abs(float(value[k]))
+            if not (np.ptp(near) < 0.5 * usual and here > 0.0):
+                continue  # they pass zero, or scatter as much: any value may follow
+            if here > FAR * usual or usual > FAR * here:
+                raise DataError(
+                    f"{table.name}:{table.lines[k]}: {name}: expected a value of about "
+                    f"{usual:.4g} as in the rows beside it, got {value[k]:.4g}: is it in another "
+                    "unit, or was the part replaced? Correct the row, or say so in a column "
+                    "maintenance"
+                )
 
 
 def check_limit(own: Indicator, where: str, *, alone: bool = True) -> None:

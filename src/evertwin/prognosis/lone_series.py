@@ -16,11 +16,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from evertwin.config.prognosis import IndicatorSpec, PrognosisSpec
-from evertwin.errors import UsageError
+from evertwin.errors import DataError, UsageError
 from evertwin.prognosis.contradictions import check_limit
 from evertwin.prognosis.formula import Formula
 from evertwin.prognosis.health import indicator_of, seen, today_of, unless_overdue
@@ -32,8 +33,13 @@ from evertwin.prognosis.laws.indicator import Direction
 from evertwin.prognosis.like_machines import Likes, fleet_of
 from evertwin.prognosis.lives import ComponentLife, Lives
 from evertwin.sources.small_table import Table, read_table
+from evertwin.types import Vector
 
 CLOCKS = ("run", "cycle", "s", "h", "d")
+COUNTS = ("index", "row", "n", "number")
+"""Columns that count rows."""
+SELDOM = 5.0
+"""Seconds from one row to the next from which a table is no recording of motion."""
 
 
 @dataclass(frozen=True)
@@ -86,11 +92,68 @@ def life_of_series(asked: Series) -> Lives:
     )  # fmt: skip
 
 
+class Wear(NamedTuple):
+    """A table that may tell wear.
+
+    >>> Wear("cycle", ("capacity",), 168, True).command("cell.csv")
+    'evertwin life cell.csv --limit X --below'
+    """
+
+    clock: str
+    columns: tuple[str, ...]
+    """Of values."""
+    rows: int
+    falls: bool
+    """Whether the first of them falls on the whole."""
+
+    @property
+    def alone(self) -> bool:
+        """Whether it can be nothing else: by run or cycle, or without a second column of values."""
+        return self.clock in ("run", "cycle") or len(self.columns) == 1
+
+    def command(self, file: str) -> str:
+        """What tells its life."""
+        column = f" --column {self.columns[0]}" if len(self.columns) > 1 else ""
+        return f"evertwin life {file}{column} --limit X{' --below' if self.falls else ''}"
+
+
+def wear_in(file: Path) -> Wear | None:
+    """What a table tells if it tells wear: values by run, cycle or date, or seldom; else None."""
+    try:
+        table = read_table(file)
+        clock, columns = _clock(table), _columns(table)
+        by = counted_by(table)
+        step = np.inf
+        if by is not None and not {n.lower() for n in table.names} & {"run", "cycle"}:
+            step = float(np.median(np.diff(in_seconds(table, by)[0])))
+        elif by is None and not {n.lower() for n in table.names} & set(CLOCKS):
+            return None
+    except DataError:
+        return None
+    if not columns or not step >= SELDOM:
+        return None
+    value = table.column(columns[0])
+    value = value[np.isfinite(value)]
+    third = max(len(value) // 3, 1)
+    falls = len(value) > 0 and float(np.median(value[-third:])) < float(np.median(value[:third]))
+    return Wear(clock, columns, table.rows, falls)
+
+
+def _columns(table: Table) -> tuple[str, ...]:
+    """Columns that may be values."""
+    clocks = {*CLOCKS, *TIMES, *COUNTS}
+    there = (n for n in table.names if n.lower() not in clocks and not n.endswith("sigma"))
+    return tuple(n for n in there if n not in table.dates and not _counts(table.column(n)))
+
+
+def _counts(value: Vector) -> bool:
+    """Whether a column only counts its rows."""
+    return len(value) > 1 and bool(np.all(np.diff(value) == 1.0))
+
+
 def _column(table: Table) -> str:
     """The only column of values."""
-    clocks = {*CLOCKS, *TIMES}
-    there = [n for n in table.names if n.lower() not in clocks and not n.endswith("sigma")]
-    there = [n for n in there if n not in table.dates]
+    there = _columns(table)
     if len(there) != 1:
         raise UsageError(
             f"{table.name}: expected one column of values, got {', '.join(there) or 'none'}: name "
