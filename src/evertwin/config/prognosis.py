@@ -82,7 +82,13 @@ class IndicatorSpec(Section):
     per second. Absent: effort times speed at a joint, else the way, else time."""
     exponent: Annotated[float, Gt(0.0), Le(20.0)] = 1.0
     """How the wear of a joint grows with its load: 1 for sliding, 3 for ball bearings."""
-    laws: tuple[Literal["linear", "exponential", "power", "wiener", "gamma", "two-phase"], ...] = ()
+    laws: tuple[
+        Literal[
+            "linear", "exponential", "power", "saturating", "cracking", "wiener", "gamma",
+            "two-phase",
+        ],
+        ...,
+    ] = ()  # fmt: skip
     """Laws that are weighed against each other; absent: all."""
 
     def __post_init__(self) -> None:

@@ -142,8 +142,11 @@ def wear_in(file: Path) -> Wear | None:
 def _columns(table: Table) -> tuple[str, ...]:
     """Columns that may be values."""
     clocks = {*CLOCKS, *TIMES, *COUNTS}
-    there = (n for n in table.names if n.lower() not in clocks and not n.endswith("sigma"))
-    return tuple(n for n in there if n not in table.dates and not _counts(table.column(n)))
+    there = [
+        n for n in table.names
+        if n.lower() not in clocks and not n.endswith("sigma") and n not in table.dates
+    ]  # fmt: skip
+    return tuple(n for n in there if not _counts(table.column(n))) or tuple(there)
 
 
 def _counts(value: Vector) -> bool:

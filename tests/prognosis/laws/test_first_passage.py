@@ -129,7 +129,7 @@ def test_every_law_has_its_families() -> None:
         assert clocks.at(np.linspace(0, 1, 4)).shape == (len(q), 4)
         weight = np.exp(family.prior()) * len(q)
         # Exponents over the observed part of the life reach lower than those over all of it.
-        assert 0.2 < weight < 2.5
+        assert 0.2 < weight < 4.5
 
 
 def test_the_filter_whitens_as_the_covariance_says() -> None:

@@ -6,6 +6,8 @@ law's form and is scaled to ``G(1) = 1``, so that ``b`` is the growth so far:
     linear       G = s
     power        G = s^c
     exponential  G = (e^(c·s) − 1)/(e^c − 1)
+    saturating   the same with c < 0: towards a level that it never passes
+    cracking     G = s·(1 − c)/(1 − c·s): without bound at 1/c, as a crack by Paris' law
     two-phase    G = 0 until the onset o, then linear or exponential in s − o
 
 A bank holds many clocks at once, one per hypothesis; everything is evaluated on arrays
@@ -25,11 +27,13 @@ import numpy as np
 
 from evertwin.types import Float64
 
-Form: TypeAlias = Literal["linear", "power", "exponential", "two-phase"]
+Form: TypeAlias = Literal["linear", "power", "exponential", "cracking", "two-phase"]
 STRAIGHT = 1e-6
 """Below this exponent an exponential is a straight line in double precision."""
 HUGE = 300.0
 """Exponents are cut here: beyond, the clock has long passed any limit."""
+OPEN = 1e-9
+"""Share of a crack's life before its end at which it is cut."""
 
 
 class Clocks(NamedTuple):
@@ -41,7 +45,7 @@ class Clocks(NamedTuple):
 
     form: Form
     shape: Float64[np.ndarray, " h"]
-    """Exponent c; 0 means straight."""
+    """Exponent c; 0 means straight, below 0 saturating. Of a crack the c of the module, below 1."""
     onset: Float64[np.ndarray, " h"]
     """Before it there is no wear; 0 but for two phases."""
 
@@ -54,6 +58,9 @@ class Clocks(NamedTuple):
         if self.form == "power":
             out: Float64[np.ndarray, "h n"] = np.power(np.maximum(s, 0.0), self.shape[:, None])
             return out
+        if self.form == "cracking":
+            c = self.shape[:, None]
+            return np.asarray(s * (1.0 - c) / np.maximum(1.0 - c * s, OPEN))
         grown, whole = self._since(s)
         return _growth(self.shape[:, None], grown / whole)
 
@@ -63,6 +70,8 @@ class Clocks(NamedTuple):
         if self.form == "power":
             out: Float64[np.ndarray, "h n"] = c * np.power(np.maximum(s, 1e-12), c - 1.0)
             return out
+        if self.form == "cracking":
+            return np.asarray((1.0 - c) / np.maximum(1.0 - c * s, OPEN) ** 2)
         grown, whole = self._since(s)
         exponent = np.minimum(c * grown / whole, HUGE)
         straight = np.abs(c) < STRAIGHT

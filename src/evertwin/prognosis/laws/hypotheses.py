@@ -35,10 +35,13 @@ from evertwin.prognosis.laws.scaled import Problem
 from evertwin.types import Float64, Int64
 
 FORMS: Mapping[str, Form] = {
-    "power": "power", "exponential": "exponential", "two-phase": "two-phase",
+    "power": "power", "exponential": "exponential", "saturating": "exponential",
+    "cracking": "cracking", "two-phase": "two-phase",
 }  # fmt: skip
 """The clock of a law; linear for any other."""
-LAWS = ("linear", "exponential", "power", "wiener", "gamma", "two-phase")
+LAWS = (
+    "linear", "exponential", "power", "saturating", "cracking", "wiener", "gamma", "two-phase",
+)  # fmt: skip
 """All laws; gamma has a closed form of its own (`evertwin.prognosis.laws.jumps`)."""
 REACH = 9.0
 """Log evidence below the best at which a node no longer counts."""
@@ -53,10 +56,21 @@ POWER = (0.3, 4.0)
 """Exponents of power laws."""
 EXPONENT = (0.5, 8.0)
 """Exponent of exponential laws over the whole life."""
+SATURATING = (0.5, 4.0)
+"""Exponent of saturating laws over the whole life."""
+CRACK = (0.3, 0.99)
+"""Share of the time until a crack has no bound that a life is."""
 YOUNG = 0.05
 """Share of its life below which a component is not asked for its exponent."""
 RATIO = (0.3, 1e7)
 """Variance of the process over the observed span, in variances of the noise."""
+
+
+WIDE: Mapping[str, tuple[float, float]] = {
+    "power": POWER, "exponential": EXPONENT, "two-phase bent": EXPONENT, "saturating": SATURATING,
+    "cracking": CRACK,
+}  # fmt: skip
+"""Of each bent law: its exponent, over the whole life but for power laws."""
 
 
 class Family(NamedTuple):
@@ -87,18 +101,17 @@ class Family(NamedTuple):
         """(clocks, q) of all nodes, the onset's axis running fastest."""
         x, o = (axis.ravel() for axis in np.meshgrid(self.first, self.onset, indexing="ij"))
         size, quiet = np.exp(x), np.zeros(len(x))
-        bent = self.law in ("power", "exponential", "two-phase bent")
-        clocks = Clocks(FORMS.get(self.label, "linear"), size if bent else quiet, o)
+        bent = self.law in WIDE
+        shape = -size if self.law == "saturating" else size
+        clocks = Clocks(FORMS.get(self.label, "linear"), shape if bent else quiet, o)
         return clocks, size if self.random else quiet
 
     def prior(self) -> float:
         """Logarithm of a node's prior weight, apart from that of the life itself."""
-        wide = {"power": POWER, "exponential": EXPONENT, "two-phase bent": EXPONENT}
-        if self.random:
-            wide[self.law] = RATIO
+        wide = RATIO if self.random else WIDE.get(self.law)
         weight = self.share
-        if self.law in wide:
-            low, high = wide[self.law]
+        if wide is not None:
+            low, high = wide
             weight *= _step(self.first) / np.log(high / low)
         if self.law.startswith("two-phase"):
             weight *= _step(self.onset)
@@ -108,11 +121,12 @@ class Family(NamedTuple):
         self, clocks: Clocks, age: Float64[np.ndarray, " m"]
     ) -> Float64[np.ndarray, "h m"] | float:
         """1 where the life that ends at ``age`` has an exponent that the prior allows."""
-        if self.law not in ("exponential", "two-phase bent"):
+        if self.law not in WIDE or self.law == "power":
             return 1.0
         onset = clocks.onset[:, None]
-        whole = clocks.shape[:, None] * (age - onset) / (1.0 - onset)
-        allowed: np.ndarray = (whole >= EXPONENT[0]) & (whole <= EXPONENT[1])
+        whole = np.abs(clocks.shape[:, None]) * (age - onset) / (1.0 - onset)
+        low, high = WIDE[self.law]
+        allowed: np.ndarray = (whole >= low) & (whole <= high)
         return allowed.astype(np.float64)
 
     def closer(self, evidence: Float64[np.ndarray, " h"]) -> Family | None:
@@ -157,6 +171,16 @@ def families(laws: Sequence[str] = LAWS) -> tuple[Family, ...]:
     known = {
         "linear": (Family("linear", none, none),),
         "exponential": (Family("exponential", np.linspace(bent[0], bent[1], 16), none),),
+        "saturating": (
+            Family(
+                "saturating",
+                np.linspace(np.log(YOUNG * SATURATING[0]), np.log(SATURATING[1]), 14),
+                none,
+            ),
+        ),
+        "cracking": (
+            Family("cracking", np.linspace(np.log(YOUNG * CRACK[0]), np.log(CRACK[1]), 14), none),
+        ),
         "power": (Family("power", np.linspace(np.log(POWER[0]), np.log(POWER[1]), 14), none),),
         "wiener": (Family("wiener", np.linspace(ratio[0], ratio[1], 14), none),),
         "two-phase": (

@@ -36,7 +36,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.errors import UsageError
-from evertwin.prognosis.laws.alone import along, widened
+from evertwin.prognosis.laws.alone import newest, widened
 from evertwin.prognosis.laws.fleet import ALIKE, Fleet, Member, Way
 from evertwin.prognosis.laws.hypotheses import LAWS, every_look, families, look, sharpened
 from evertwin.prognosis.laws.indicator import Indicator
@@ -63,7 +63,8 @@ def predict_life(
         fleet: what like machines tell.
     """
     if (failed := indicator.failed) is not None:
-        now, none = float(indicator.at[-1]), quantiles(np.zeros(1), np.ones(1))
+        now = float(indicator.at[-1]) if len(indicator.at) else failed
+        none = quantiles(np.zeros(1), np.ones(1))
         return Life(indicator.clock, none, now, passed=failed, failed=True,
                     calendar=indicator.calendar)  # fmt: skip
     problem = scaled(indicator)
@@ -87,15 +88,21 @@ def from_problem(
     onset: Onset | None,
 ) -> Life | NotEnough:  # fmt: skip
     """The life on the law's own clock: by a fleet, or as wide as one told alone has to be."""
-    found = by_laws(indicator, problem, laws, fleet if fleet is not None else Fleet())
-    if isinstance(found, NotEnough) or found.passed is not None or fleet is not None:
+    found = by_laws(indicator, problem, laws, fleet if fleet is not None else ANY)
+    if fleet is not None or (isinstance(found, Life) and found.passed is not None):
         return found
     if onset is None:
         return not_begun(indicator, problem)
-    remaining = widened(found.remaining, along(problem) * problem.age)
-    if remaining is None:
-        return not_begun(indicator, problem)
-    return replace(found, remaining=remaining)
+    lately = newest(indicator)
+    recent = scaled(lately)
+    told = found if isinstance(recent, str) else by_laws(lately, recent, laws)
+    told = found if isinstance(told, NotEnough) or told.passed is not None else told
+    if isinstance(told, NotEnough):
+        return told
+    remaining = widened(told.remaining)
+    return (
+        not_begun(indicator, problem) if remaining is None else replace(told, remaining=remaining)
+    )
 
 
 def by_laws(
@@ -319,8 +326,11 @@ def law_shares(ended: Sequence[tuple[Indicator, End]], laws: Sequence[str]) -> d
     """Share of each law at 9/10 of each life."""
     total = dict.fromkeys(laws, 0.5)
     for history, end in ended:
-        life = predict_life(before(history, 0.9 * end.age), laws)
-        for law, share in life.laws.items():
+        part = before(history, 0.9 * end.age)
+        problem = scaled(part)
+        if isinstance(problem, str):
+            continue
+        for law, share in by_laws(part, problem, laws).laws.items():
             total[law] += share
     whole = sum(total.values())
     return {law: share / whole for law, share in total.items()}
