@@ -22,7 +22,7 @@ from evertwin.ros.spec import Place
 from evertwin.ros.topics import simulate
 from evertwin.sources.bag_files import messages
 from evertwin.sources.ros_messages import Decoder, flat
-from tests.sources.live.ros_peers import Master, master
+from tests.sources.live.ros_peers import STATES, Master, master
 from tests.sources.live.test_ros import children
 
 SCENE = {"kind": "base", "pose": ["x", "y", "heading"], "tolerance": 0.1}
@@ -35,6 +35,13 @@ HEALTH = {
 }  # fmt: skip
 ODOMETRY = ("{transforms: [{header: {stamp: {secs: 100}, frame_id: odom}, child_frame_id: "
             "base_link, transform: {translation: {x: 1.0}, rotation: {w: 1.0}}}]}")  # fmt: skip
+
+
+URDF = "<robot name='two'>" + "".join(f"<link name='link{k}'/>" for k in (0, 1, 2)) + "".join(
+    f"<joint name='joint{k}' type='revolute'><parent link='link{k - 1}'/><child link='link{k}'/>"
+    "<axis xyz='0 0 1'/><limit lower='-3' upper='3' effort='9' velocity='9'/></joint>"
+    for k in (1, 2)
+) + "</robot>"  # fmt: skip
 
 
 async def nobody(*_: object) -> dict[str, Any]:
@@ -122,7 +129,11 @@ def test_a_base_and_an_arm_as_rosbag_records_them(tmp_path: Path) -> None:
             await base.close(), await arm.close()
             return own
 
-        with recorded(ros, bag, *topics):
+        with xmlrpc.client.ServerProxy(ros.uri) as asked:
+            asked.setParam("/test", "/robot_description", URDF)
+        states = ros.node(str(STATES), "joint_states:=/evertwin/arm/prediction")
+        with recorded(ros, bag, *topics), states:
+            until(lambda: "/robot_state_publisher" in state(ros)[1].get(topics[4], ()))
             own = asyncio.run(speak())
     # nothing that moves a machine
     assert own == {*topics, "/evertwin/robot_1/measured"}
@@ -150,7 +161,10 @@ def test_a_base_and_an_arm_as_rosbag_records_them(tmp_path: Path) -> None:
     frames = {(one.header.frame_id, one.child_frame_id, one.transform.translation.x)
               for message in said["/tf"] for one in message.transforms}  # fmt: skip
     # at 100 s the odometry had it at x = 1, the first sample too; what came at 101 s still waits
-    assert {one for one in frames if one[0] != "odom"} == {("map", "odom", 0.0)}
+    own_frames = {one for one in frames if one[0] in ("map", "odom") and one[1] == "odom"}
+    assert own_frames == {("map", "odom", 0.0)}
+    # robot_state_publisher makes frames of the joints, as it does of a machine's
+    assert {one[:2] for one in frames} >= {("link0", "link1"), ("link1", "link2")}
 
 
 @pytest.mark.system

@@ -31,7 +31,8 @@ class RosOutSettings(Masters, PublisherSettings):
     diagnostics: str = "/diagnostics"
     """Topic of health and residuals (``diagnostic_msgs/DiagnosticArray``), once a second."""
     map: str = "map"
-    """Frame in which the pose of a base is measured and predicted."""
+    """Frame in which the pose of a base is measured and predicted; that of its odometry (``odom``)
+    where nothing but its odometry measures it."""
     odom: str = ""
     """Frame of the machine's own odometry, as in ``odom``: it is placed in ``map`` by each position
     update (REP-105), as a localisation does. Empty: no transform is published. Set it only where
