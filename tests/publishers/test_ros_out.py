@@ -121,6 +121,9 @@ def test_a_base_and_an_arm_as_rosbag_records_them(tmp_path: Path) -> None:
             with ros.node("rostopic", "pub", "-r", "20", "/tf", "tf2_msgs/TFMessage", ODOMETRY):
                 await wait(lambda: base._placing.odom is not None)  # type: ignore[union-attr]
                 await wait(lambda: base.health["sent"] > 3)
+            fixed = ODOMETRY.replace("odom", "map").replace("base_link", "odom")
+            with ros.node("rostopic", "pub", "-l", "/tf_static", "tf2_msgs/TFMessage", fixed):
+                await wait(lambda: "another node places odom" in base.health["reason"])
             for one in (base, arm):
                 one.publish(News("x", "health", HEALTH))
             await asyncio.sleep(0.5)

@@ -22,7 +22,7 @@ from evertwin.publishers import ros_content as content
 from evertwin.publishers.contract import About, Ask, News
 from evertwin.publishers.ros_base import Base, Placing
 from evertwin.publishers.ros_spec import RosOutSettings
-from evertwin.ros.node import Node, NodeDown, node_at
+from evertwin.ros.node import Node, NodeDown, Subscription, node_at
 from evertwin.ros.transforms import TYPES, transforms
 
 LOG = logging.getLogger("evertwin.live")
@@ -120,25 +120,31 @@ class RosOut:
             node.advertise("/tf", TYPES[0])
 
     async def _listen(self, node: Node) -> None:
-        """What the machine's odometry says, until the node is gone."""
-        placing = self._placing
-        if placing is None:
+        """What the machine's odometry and other localisations say, until the node is gone."""
+        if self._placing is None:
             return
-        heard = node.subscribe("/tf")
+        lines = [node.subscribe(topic) for topic in ("/tf", "/tf_static")]
         try:
-            while True:
-                raw = await heard.next()
-                if raw.type not in TYPES:
-                    continue
-                for one in transforms(raw.data):
-                    placing.heard(one, own=raw.publisher == node.known)
-                if placing.due is not None and placing.odom is not None:
-                    odom, _ = placing.frames
-                    told = content.placed(self.settings.map, odom, placing.due, placing.odom)
-                    self._say("/tf", told)
-                    placing.due = None
+            await asyncio.gather(*(self._frames(self._placing, node, line) for line in lines))
         finally:
-            node.leave(heard)
+            for line in lines:
+                node.leave(line)
+
+    async def _frames(self, placing: Placing, node: Node, line: Subscription) -> None:
+        while True:
+            raw = await line.next()
+            try:
+                found = transforms(raw.data) if raw.type in TYPES else []
+            except ValueError:
+                self._counts["refused"] += 1
+                continue
+            for one in found:
+                placing.heard(one, own=raw.publisher == node.known)
+            if placing.due is not None and placing.odom is not None:
+                odom = placing.frames[0]
+                told = content.placed(self.settings.map, odom, placing.due, placing.odom)
+                self._say("/tf", told)
+                placing.due = None
 
     def _say(self, topic: str, message: content.Content) -> None:
         if self._node is None:
