@@ -11,7 +11,8 @@ import pytest
 from evertwin.config.spec import AnomalySpec, MovingSpec, SignalSpec, Span
 from evertwin.fold import Mark
 from evertwin.loop.result import RunResult
-from evertwin.store import SqliteStore
+from evertwin.prognosis.parameter_history import history
+from evertwin.store import Estimate, SqliteStore
 from evertwin.twin import Twin
 
 from .test_recursive_fit import SPEC, recording
@@ -56,6 +57,24 @@ def test_a_run_follows_what_has_changed_and_shows_it() -> None:
     assert off(result, 750, 1500) < 0.3 * before
     for k in range(4, 7):
         assert result.parameters[f"Fc{k}"].value == pytest.approx(5.2, rel=0.1)
+
+
+def test_what_is_followed_is_said_and_goes_into_the_parameter_history() -> None:
+    store = SqliteStore(":memory:")
+    for seed in range(3):
+        result = known(store).run(recording(seed, 4.8, 600))
+    (said,) = result.of_kind("followed")
+    assert said.row == 600 and "follows the machine" in said.reason
+    left: Any = said.evidence["left"]
+    assert left[said.signal] == min(left.values()) < 0.5
+    kept = [one for one in store.read("estimate") if isinstance(one, Estimate)]
+    last = {one.name: one for one in kept if one.tasks_before == 2}
+    for name in ("Fc4", "Fc5", "Fc6"):
+        assert last[name].low < 4.8 < last[name].high, last[name]
+        assert last[name].value == result.parameters[name].value
+        assert last[name].verdict == "identifiable"
+    times = history(store, "s").moments
+    assert len(times) == 3 and "Fc5" in times[-1].found
 
 
 def test_a_pinned_version_stays_as_it_is() -> None:

@@ -90,7 +90,8 @@ def carried(driver: Driver, store: Store, run: int, state: TwinState) -> TwinSta
     agenda = state.agenda._replace(
         commissioned=before.commissioned, held=before.held, tunings=before.tunings,
         fitted=before.fitted - left.elapsed, since=before.since - rows, told=before.told,
-        hold=max(before.hold - rows, 0), look=max(before.look - rows, 0), pace=before.pace,
+        followed=before.followed - left.elapsed, pace=before.pace,
+        hold=max(before.hold - rows, 0), look=max(before.look - rows, 0),
     )  # fmt: skip
     old: Any = left.live.track
     old.beliefs[:, 1:] = 0  # doubts are of rows

@@ -20,6 +20,7 @@ from evertwin.loop.crossing import outside
 from evertwin.loop.decision import Decision
 from evertwin.loop.deviation import judged_deviation, new_sums
 from evertwin.loop.follow import EMPTY, NONE, Follow
+from evertwin.loop.in_stream import tell_followed
 from evertwin.loop.looking import adopted, in_vain, looks, returned
 from evertwin.loop.scores import new_scores
 from evertwin.loop.states import tried
@@ -43,7 +44,11 @@ class Decide:
         """The decisions of one beat, in a fixed order. Consumes ``state``."""
         decision = Decision(state, [], [])
         veto = self._external(decision)
-        decision.state = self.follow.renew(decision.state, back=veto, task_end=task_end)
+        decision.state = self.follow.renew(decision.state, back=veto)
+        stage = self.follow.following(decision.state.live.version)
+        if stage is not None:
+            tell_followed(decision, stage, task_end=task_end)
+            decision.state = self.follow.loosened(decision.state) if task_end else decision.state
         if answer is not None:
             self._answered(decision, answer)
         if decision.state.agenda.phase == TRIAL:

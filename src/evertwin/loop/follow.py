@@ -80,22 +80,23 @@ class Follow:
         stage = self.following(number)
         return () if stage is None else stage.init()
 
-    def renew(
-        self, state: TwinState, *, back: bool = False, task_end: bool = False
-    ) -> TwinState:  # fmt: skip
+    def loosened(self, state: TwinState) -> TwinState:
+        """Between two recordings: the machine may be another one by then. Consumes ``state``."""
+        stage = self.following(state.live.version)
+        return state if stage is None else state._replace(stream=stage.loosened(state.stream))
+
+    def renew(self, state: TwinState, *, back: bool = False) -> TwinState:
         """At a beat: what was learned in the stream predicts from here on. Consumes ``state``.
 
         Args:
             state: after rows.
             back: may the newest rows not be the machine's own?
-            task_end: does another recording begin, of the machine as it is by then?
         """
         number = state.live.version
         stage = self.following(number)
         if stage is None:
             return state
         stream = stage.init() if state.agenda.pinned else stage.beat(state.stream, back=back)
-        stream = stage.loosened(stream) if task_end else stream
         return self.predicting(state._replace(stream=stream))
 
     def predicting(self, state: TwinState) -> TwinState:

@@ -37,6 +37,9 @@ def headline(
     if not known:
         return "Nothing was predicted: no output has a measurement to be compared with."
     told = [_outcome(setup, known, champion, events, trial)]
+    followed = [e for e in events if e.kind == "followed"]
+    if followed:
+        told.append(f"{followed[-1].reason[0].upper()}{followed[-1].reason[1:]}.")
     doubts = Counter(e.signal for e in events if e.kind in ("measurement_error", "overruled"))
     if doubts:
         most = [f"{signal} ({count}×)" for signal, count in doubts.most_common(FEW)]
@@ -86,7 +89,8 @@ def _outcome(
             "be off? Say so in [anomaly] requirement."
         )
     if not any(e.kind in ("suspected", "drift", "abnormal") for e in events):
-        return f"The twin fits its machine, and nothing was changed: {now}{_lead(setup)}."
+        more = "nothing else" if any(e.kind == "followed" for e in events) else "nothing"
+        return f"The twin fits its machine, and {more} was changed: {now}{_lead(setup)}."
     limit = _limit(setup, known)
     return (
         f"The twin is off, {_sizes(known)}{_lead(setup)}{limit}, and "

@@ -156,7 +156,10 @@ class Ledger:
         for record in records:
             said.append(record)
             if isinstance(record, Answer):
-                said += self._estimates(record, row, run)
+                said += self._estimates(record.content, record.version, row, run)
+            elif isinstance(record, Event) and record.kind == "followed":
+                version: Any = record.evidence["version"]
+                said += self._estimates(record.evidence, version, row, run)
         return said
 
     def commit(self, batch: Batch, *, wait: bool = True) -> None:
@@ -337,9 +340,8 @@ class Ledger:
         elif event.kind == "ran":
             self.runs[-1] = replace(self.runs[-1], ended=dict(event.evidence), last=entry.number)
 
-    def _estimates(self, answer: Answer, row: int, run: int) -> list[Estimate]:
+    def _estimates(self, content: Any, version: int, row: int, run: int) -> list[Estimate]:
         """The parameter history: one entry per tuned parameter."""
-        content: Any = answer.content
         fit = content.get("fit")
         if not fit:
             return []
@@ -350,9 +352,7 @@ class Ledger:
             when = [int(content.get(key, 0)) for key in ("time", "task", "elapsed")]
             value, verdict = item["value"], item["verdict"]
             counts = (*when[1:], *self.counts(run))
-            found.append(
-                Estimate(row, when[0], answer.version, name, value, *bounds, verdict, *counts)
-            )
+            found.append(Estimate(row, when[0], version, name, value, *bounds, verdict, *counts))
         return found
 
     def counts(self, run: int) -> tuple[int, int]:

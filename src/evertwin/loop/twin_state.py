@@ -115,6 +115,8 @@ class Agenda(NamedTuple):
     """Levels that the correction had not seen when last learned; 0 too where no more come."""
     tried: int = 0
     """Elapsed time at which the trial began [ns]; not above 0: in a run before."""
+    followed: int = 0
+    """Elapsed time at which it was last said what is followed in the stream [ns]."""
     pinned: bool = False
     versions: int = 1
     """Versions so far."""

@@ -288,8 +288,10 @@ def _deviations(store: Store) -> dict[tuple[int, int, int, int], dict[str, float
     found: dict[tuple[int, int, int, int], dict[str, float]] = {}
     rows = iter(r for r in store.read("estimate") if isinstance(r, Estimate))
     keys = [_key(group[0]) for group in _groups(rows)]
-    answers = [r.content for r in store.read("answer") if isinstance(r, Answer)]
-    fits: list[Any] = [content for content in answers if content.get("fit")]
+    records = (store.record(entry) for entry in store.entries(kinds=("answer", "event")))
+    told: list[Any] = [r.content if isinstance(r, Answer) else r.evidence
+                       for r in records if isinstance(r, Answer | Event)]  # fmt: skip
+    fits = [content for content in told if content.get("fit")]
     for key, content in zip(keys, fits, strict=False):
         outputs = content["fit"].get("outputs", {})
         shares = {name: item.get("deviation_before") for name, item in outputs.items()}

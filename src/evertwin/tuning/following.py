@@ -152,6 +152,11 @@ class Following:
         return np.asarray(1.0 / np.square(np.maximum(sigma, 1e-12)))
 
     @cached_property
+    def prior(self) -> Vector:
+        """Standard deviations of the prior, (k,)."""
+        return np.asarray(1.0 / np.sqrt(self._information))
+
+    @cached_property
     def _limits(self) -> tuple[Int64[np.ndarray, " ny"], Vector]:
         ny = len(self._at)
         gate, above = np.full(ny, -1, dtype=np.int64), np.zeros(ny)
@@ -209,6 +214,24 @@ class Following:
             Learned(*(part.copy() for part in learned)),
         )  # fmt: skip
 
+    def sigma(self, state: FollowingState) -> Vector:
+        """Standard deviations of the estimate, in the order of ``names``, (k,)."""
+        delta, sigma = np.empty(len(self.names)), np.empty(len(self.names))
+        solve_information(state.learned.matrix, state.learned.vector, delta, sigma)
+        return sigma
+
+    def left(self, state: FollowingState) -> Vector:
+        """Rms residual of each output by that of the version over the same rows, (ny,); 1 where the
+        version predicts."""
+        version, estimate = state.learned.losses.T
+        ratio = np.sqrt(estimate / np.where(version > 0.0, version, np.inf))
+        return np.where(state.chosen[self.groups[0]] == 1, ratio, 1.0)
+
+    def followed(self, state: FollowingState) -> tuple[str, ...]:
+        """Names of what is followed by outputs that the estimate predicts."""
+        taken = state.chosen[np.minimum(self.groups[1], len(state.chosen) - 1)] == 1
+        return tuple(name for name, one in zip(self.names, taken, strict=True) if one)
+
     def loosened(self, state: FollowingState) -> FollowingState:
         """The same estimate, of which less is sure: the machine may be another one by now. Consumes
         ``state``, which is that of a beat."""
@@ -235,7 +258,6 @@ class Following:
 
     def live(self, state: FollowingState) -> ParameterVector:
         """What predicts for the twin, (np,)."""
-        p, places = self.values.copy(), self._places
-        taken = state.chosen[np.minimum(self.groups[1], len(state.chosen) - 1)] == 1
-        p[places[taken]] = state.p[places[taken]]
+        p, places = self.values.copy(), self.model.parameters.indices(self.followed(state))
+        p[places] = state.p[places]
         return p
