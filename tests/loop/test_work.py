@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from evertwin import Twin, TwinSpec
 from evertwin.config.spec import AnomalySpec, CorrectionSpec, ModelSpec, PredictionSpec
@@ -44,3 +45,17 @@ def test_beside_a_trial_only_a_much_better_candidate_is_heard() -> None:
             content = work(twin).content(task(twin, "fit", 1.3, rival))
         assert ("candidate" in content) == heard
         assert bool(content["events"]) == heard
+
+
+def test_a_correction_is_looked_for_beside_the_tuned_numbers_too() -> None:
+    """A machine of a tenth of the model's gain, and with a dead zone: no law reaches so far."""
+    rng = np.random.default_rng(1)
+    v = np.repeat(rng.uniform(0.0, 2.0, 60), 5)
+    x = np.cumsum(0.1 * np.where(v > 0.5, v - 0.5, 0.0)) + rng.normal(0.0, 0.001, len(v))
+    block = make_block(t=np.arange(len(v)) * 10**9, u=v[:, None], y=x[:, None])
+    with Twin(SPEC) as twin:
+        content = work(twin).content(Task("correct", twin.champion, (block,), 0))
+    found = content["candidate"]["values"]
+    effect = found["gain"] * (found["law.v.gain"] * 1.8 + found["law.v.offset"])
+    assert found["gain"] < 0.5
+    assert effect == pytest.approx(0.13, abs=0.003)

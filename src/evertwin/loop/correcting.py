@@ -7,13 +7,13 @@ over all kinds of term that the twin file allows, each of which has to pay on he
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import fields
 
 import numpy as np
 
 from evertwin.correction.command_effect import command_effects
-from evertwin.correction.evidence import gather
+from evertwin.correction.evidence import gather, mean_deviation
 from evertwin.correction.improve import Gain, Proposal, Selection, improve
 from evertwin.correction.refine_law import refine_law
 from evertwin.correction.sarsa import learn_table
@@ -23,12 +23,15 @@ from evertwin.correction.sarsa_table import Table
 from evertwin.fold import Block
 from evertwin.loop.recall import recalled
 from evertwin.loop.setup import Setup
+from evertwin.loop.versions import Versions
 from evertwin.models import Model
 from evertwin.models.corrected import build
 from evertwin.models.form import Form, Term, Version
 from evertwin.models.terms.rows import level_count
 
 Windows = tuple[Block, ...]
+CLEARLY = 0.05
+"""Part of the deviation by which a proposal from other numbers has to be the better one."""
 SHOWN = ("channel", "levels", "values", "visits", "learned")
 """What an event keeps of a translation table."""
 
@@ -40,6 +43,22 @@ def learn(setup: Setup, base: Model, version: Version, windows: Windows) -> Prop
         return _translation(setup, base, version, windows)
     settings = Selection(rule.terms, rule.channels, quantum=rule.quantum, outputs=rule.outputs)
     return improve(base, version.form, windows, setup.horizon, settings, version.p)
+
+
+def nearest(
+    versions: Versions, proposals: Sequence[Proposal], windows: Windows, horizon: float
+) -> Proposal:
+    """The first of them, unless another one is nearer to the windows by `CLEARLY`."""
+    best = proposals[0]
+    for other in (one for one in proposals[1:] if one.found):
+        models = [versions.model_of(one.form) for one in (best, other)]
+        seen = gather(models[0], windows, horizon, p=best.p)
+        here, there = (
+            mean_deviation(seen.deviations(seen.residual(model, one.p)))
+            for model, one in zip(models, (best, other), strict=True)
+        )
+        best = other if not best.found or there < (1.0 - CLEARLY) * here else best
+    return best
 
 
 def sarsa_settings(setup: Setup, channel: str, windows: Windows) -> SarsaSettings:

@@ -15,11 +15,11 @@ import numpy as np
 
 from evertwin.anomaly.verdict import Verdict, branch, explained
 from evertwin.config.spec import TwinSpec
-from evertwin.correction.improve import Proposal, TooFew
+from evertwin.correction.improve import TooFew
 from evertwin.errors import DataError, ModelError, UsageError
 from evertwin.fold import plain
 from evertwin.loop.change import changed, split
-from evertwin.loop.correcting import learn
+from evertwin.loop.correcting import learn, nearest
 from evertwin.loop.evaluation import at_ends, predict
 from evertwin.loop.friction_law import climb_laws
 from evertwin.loop.physical import physically
@@ -47,8 +47,10 @@ LITTLE = 0.1
 MUCH = 0.3
 """Explained share below which a suspicion waits for more rows, and by which a candidate has to
 surpass one that is on trial."""
-WORTH = 0.5
-"""Part of the deviation that a state which came or went takes away on unseen rows at least."""
+HALF = 0.5
+"""Part of the deviation that tuning explains at least where the form is wrong and the tuned numbers
+are tried all the same, alone or below a correction; and that a state which came or went takes away
+on unseen rows."""
 ENOUGH = 10
 """Rows a parameter behind a change that a fit needs."""
 
@@ -205,7 +207,7 @@ class Work:
         scale = self.scale(found.problem, found.fit.values)
         reason, windows = f"{found.name}: {found.said}", found.problem.windows
         candidate = self._candidate(version.form, found.values, scale, reason, windows)
-        candidate |= {"brief": 0.0 if task.kind == "refine" else WORTH, "begins": found.row}
+        candidate |= {"brief": 0.0 if task.kind == "refine" else HALF, "begins": found.row}
         content = {"events": [], "fit": found.fit.to_dict(timing=False), "candidate": candidate}
         return task._replace(windows=windows), content
 
@@ -282,7 +284,7 @@ class Work:
 
         Not where another cause has a name: tuning would hide a load in friction.
         """
-        return not verdict.cause and not fit.at_bound and explained(fit, fit.noise) >= 0.5
+        return not verdict.cause and not fit.at_bound and explained(fit, fit.noise) >= HALF
 
     def _tuned(
         self, version: Version, problem: Problem, fit: Fit, windows: Windows,
@@ -353,11 +355,16 @@ class Work:
     def correct(self, version: Version, windows: Windows) -> dict[str, Any]:
         """Searches for terms on top of the version's form."""
         base: Model = self.setup.model
-        proposal: Proposal = learn(self.setup, base, version, windows)
+        found, starts = self._half(version, windows), [version]
+        if found:
+            starts.append(replace(version, values=tuple(found[0].full(found[1].values).tolist())))
+        proposals = [learn(self.setup, base, start, windows) for start in starts]
+        proposal = nearest(self.versions, proposals, windows, self.setup.horizon)
         evidence = proposal.evidence()
         if not proposal.found:
             events = [_event("rejected", "", "no correction pays on unseen rows", evidence)]
-            return {"events": events, "candidate": self._instead(version, windows, events)}
+            tuned = found and self._tuned(version, *found, windows, events)
+            return {"events": events, "candidate": tuned}
         reason = "; ".join(proposal.describes)
         values = dict(zip(proposal.names, proposal.p.tolist(), strict=True))
         return {
@@ -367,18 +374,13 @@ class Work:
             "candidate": self._candidate(proposal.form, values, proposal.scale, reason, windows),
         }
 
-    def _instead(
-        self, version: Version, windows: Windows, events: list[dict[str, Any]]
-    ) -> dict[str, Any] | None:
-        """Where no correction pays, tuning is the better half, if it explains most of it."""
+    def _half(self, version: Version, windows: Windows) -> tuple[Problem, Fit] | None:
+        """What tuning finds, where that explains half of the deviation or more."""
         names = self.editable(version)
         if not names:
             return None
-        problem = self.problem(version, windows, names)
-        problem, fit, _ = self.tune(problem)
-        if explained(fit, fit.noise) < 0.5:
-            return None
-        return self._tuned(version, problem, fit, windows, events)
+        problem, fit, _ = self.tune(self.problem(version, windows, names))
+        return (problem, fit) if explained(fit, fit.noise) >= HALF else None
 
     def _candidate(
         self, form: Form, values: Mapping[str, float], scale: np.ndarray, reason: str,

@@ -131,7 +131,7 @@ class Draft:
     @property
     def horizon(self) -> float:
         """Of predictions [s]: a power of ten; ten rows or more where nothing is driven."""
-        period = (self.period or 0.01) * (0.1 if self.corrected else 1.0)
+        period = (self.period or 0.01) * (0.1 if self._base else 1.0)
         return max(1.0, float(f"{10 ** math.ceil(math.log10(10 * period)):g}"))
 
     @property
@@ -159,9 +159,15 @@ class Draft:
 
     @property
     def corrected(self) -> tuple[str, ...]:
-        """What a moving base is told: its drives are rarely what they are taken for."""
-        base = self.kind in ("differential", "omni", "odometer", "robot1d")
-        return self.model.inputs.names if base and self.model is not None else ()
+        """What a moving base, or a machine of one's own, is told: drives are rarely what they are
+        taken for."""
+        if self.model is None:
+            return ("u",)
+        return self.model.inputs.names if self._base else ()
+
+    @property
+    def _base(self) -> bool:
+        return self.kind in ("differential", "omni", "odometer", "robot1d")
 
     @property
     def questions(self) -> tuple[str, ...]:
