@@ -88,3 +88,46 @@ def test_joints_go_by_their_names_not_their_order(tmp_path: Path) -> None:
         assert columns[f"q{j + 1}"] == f"/joint_states.position.{joint}"
         assert columns[f"tau{j + 1}"] == f"/joint_states.effort.{joint}"
     assert not found.questions
+
+
+def transform(stamp: int, parent: str, child: str, x: float, yaw: float) -> Any:
+    head = header(stamp)
+    head.frame_id = parent
+    turn = TYPES["geometry_msgs/msg/Quaternion"](
+        x=0.0, y=0.0, z=float(np.sin(yaw / 2)), w=float(np.cos(yaw / 2))
+    )
+    moved = TYPES["geometry_msgs/msg/Transform"](vector(x), turn)
+    return TYPES["tf2_msgs/msg/TFMessage"](
+        [TYPES["geometry_msgs/msg/TransformStamped"](head, child, moved)]
+    )
+
+
+def test_neither_what_a_twin_says_nor_a_frame_of_reference_is_the_machine(tmp_path: Path) -> None:
+    kinds = {"/cmd_vel": "geometry_msgs/msg/Twist", "/tf": "tf2_msgs/msg/TFMessage",
+             "/evertwin/base/prediction": "nav_msgs/msg/Odometry",
+             "/state": "diagnostic_msgs/msg/DiagnosticStatus"}  # fmt: skip
+    with Writer(tmp_path / "drive", version=9) as writer:
+        link = {t: writer.add_connection(t, k, typestore=STORE) for t, k in kinds.items()}
+        for i in range(ROWS):
+            stamp, speed = 10**9 + i * 50_000_000, float(np.sin(0.05 * i))
+            said = (
+                ("/cmd_vel", TYPES["geometry_msgs/msg/Twist"](vector(speed), vector(0.0, speed))),
+                ("/tf", transform(stamp, "odom", "base_link", 0.01 * i, 0.001 * i)),
+                ("/tf", transform(stamp, "map", "odom", 0.5, 0.1)),
+                ("/evertwin/base/prediction", odometry(stamp, 0.01 * i, 0.001 * i, speed)),
+                ("/state", TYPES[kinds["/state"]](level=1, name="", message="", hardware_id="",
+                                                  values=[])),
+            )  # fmt: skip
+            for topic, message in said:
+                writer.write(link[topic], stamp, STORE.serialize_cdr(message, message.__msgtype__))
+    seen, told = look([tmp_path / "drive"])
+    found = {m.channel: m.column for m in mapped(machine("differential", {}), seen).matches}
+    assert found["x"] == "/tf.transforms.base_link.transform.translation.x"
+    assert found["heading"] == "/tf.transforms.base_link.transform.rotation.yaw"
+    tables = {table.name: table for table in told[0].tables}
+    # each message of /tf places one of two frames; constants of a type are no fields
+    placed = {c.name: c.missing for c in tables["/tf"].columns if c.name.endswith("translation.x")}
+    assert placed == {"/tf.transforms.base_link.transform.translation.x": ROWS,
+                      "/tf.transforms.odom.transform.translation.x": ROWS}  # fmt: skip
+    names = {column.name for column in tables["/state"].columns}
+    assert names == {"/state.level", "/state.logged"}

@@ -152,16 +152,17 @@ class _Batch:
             self.problems.append(Problem("damaged", order + 1, str(error)))
             return
         absent = [name for name in self.wanted if name not in content.cells]
-        if absent and _framed(message):
+        framed = _framed(message)
+        if absent and framed and len(absent) == len(self.wanted):
             return  # it places others
-        if absent:
+        if absent and not framed:
             self.problems.append(
                 Problem("truncated", order + 1, f"no {absent[0]!r} in the message")
             )
             return
         self.order.append(order)
         self.stamps.append(self._stamp(message, content))
-        self.values.append([content.cells[name] for name in self.wanted])
+        self.values.append([content.cells.get(name, np.nan) for name in self.wanted])
 
     def _stamp(self, message: Message, content: Content) -> float:
         """The logging time or the message's own stamp [ns], or any of its numbers."""

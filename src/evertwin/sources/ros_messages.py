@@ -8,6 +8,7 @@ header is stamped by it (``/tf`` by its first transform), else by its logging ti
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 from collections.abc import Iterator, Mapping
@@ -129,10 +130,18 @@ def _full(type_: str) -> str:
 def _members(value: Any) -> list[tuple[str, Any]] | None:
     if isinstance(value, Mapping):
         return [(str(k), v) for k, v in value.items()]
-    fields = getattr(value, "__dataclass_fields__", None)
-    if fields is None:
+    if not hasattr(value, "__dataclass_fields__"):
         return None
-    return [(k, getattr(value, k)) for k in fields if not k.startswith("__")]
+    return [(k, getattr(value, k)) for k in _fields(type(value))]
+
+
+@cache
+def _fields(kind: Any) -> tuple[str, ...]:
+    """Of a decoded type; its constants (OK, WARN) are none."""
+    return tuple(
+        f.name for f in dataclasses.fields(kind)
+        if not f.name.startswith("__") and not str(f.type).startswith("ClassVar")
+    )  # fmt: skip
 
 
 def _numbers(values: Any) -> list[float]:

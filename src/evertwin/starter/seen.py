@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from evertwin.errors import DataError
+from evertwin.publishers.ros_spec import RosOutSettings
 from evertwin.sources.description import ColumnInfo, Info, TableInfo
 from evertwin.sources.info import inspect
 from evertwin.sources.recording import open_recording
@@ -23,6 +24,8 @@ from evertwin.types import Float64, Vector
 
 ROWS = 50_000
 """Rows that relations between columns are told from."""
+FIXED = ("odom", "map", "world", "earth")
+"""Frames that are no part of a machine (REP-105)."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +84,7 @@ def look(files: Sequence[Path]) -> tuple[tuple[Seen, ...], tuple[Info, ...]]:
     told = tuple(inspect(_there(file)) for file in files)
     found: dict[tuple[str, ...], Seen] = {}
     for file, info in zip(files, told, strict=True):
-        for table in info.tables:
+        for table in map(_machines, info.tables):
             said = quantity(words(file.name.split(".")[0]))  # positions and torques may share names
             key = (table.name, said, *(column.name for column in table.columns))
             if table.rows == 0 or not _numbers(table):
@@ -96,6 +99,15 @@ def look(files: Sequence[Path]) -> tuple[tuple[Seen, ...], tuple[Info, ...]]:
         names = ", ".join(str(file) for file in files)
         raise DataError(f"{names}: holds no complete row: look at it with evertwin info")
     return tuple(found.values()), told
+
+
+def _machines(table: TableInfo) -> TableInfo:
+    """Without what is not the machine's own: what a twin says of it, and where frames of reference
+    are (``map → odom``)."""
+    fixed = [f".transforms.{frame}.transform." for frame in FIXED]
+    own = table.name.startswith(f"{RosOutSettings.topic}/")
+    kept = (c for c in table.columns if not own and not any(part in c.name for part in fixed))
+    return replace(table, columns=tuple(kept))
 
 
 def _widened(one: TableInfo, other: TableInfo) -> TableInfo:
