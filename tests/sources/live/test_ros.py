@@ -30,6 +30,13 @@ COMMAND = SourceSpec(
     time=TimeSpec("/cmd_vel.logged", "ns"),
 )
 SCAN = ArraySpec("scan", (20,), column="/scan.ranges", time=TimeSpec("/scan.stamp", "ns"))
+FRAME = SourceSpec(
+    "frame",
+    {"x": ChannelSpec("/tf.transforms.base_link.transform.translation.x", "m")},
+    time=TimeSpec("/tf.stamp", "ns"),
+)
+PLACES = ("{{transforms: [{{header: {{frame_id: {}}}, child_frame_id: {}, "
+          "transform: {{translation: {{x: {}}}, rotation: {{w: 1.0}}}}}}]}}")  # fmt: skip
 QUARTER = ("{header: auto, pose: {pose: {position: {x: 1.5}, "
            "orientation: {z: 0.7071067811865476, w: 0.7071067811865476}}}}")  # fmt: skip
 RANGES = f"{{header: auto, ranges: [.inf, {', '.join(['2.5'] * 19)}]}}"
@@ -49,20 +56,25 @@ def test_topics_with_and_without_a_header(tmp_path: Path) -> None:
         ros.node(*ros.says("/odom", "nav_msgs/Odometry", QUARTER)),
         ros.node(*ros.says("/scan", "sensor_msgs/LaserScan", RANGES)),
         ros.node(*ros.says("/robot1/cmd_vel", "geometry_msgs/Twist", "{linear: {x: 0.25}}")),
+        ros.node(*ros.says("/tf", "tf2_msgs/TFMessage", PLACES.format("odom", "base_link", 3.0))),
+        ros.node(*ros.says("/tf", "tf2_msgs/TFMessage", PLACES.format("map", "odom", 7.0))),
     ):
         sources = [source(ros.uri), source(ros.uri, SCAN),
-                   source(ros.uri, COMMAND, topic="/robot1/cmd_vel")]  # fmt: skip
+                   source(ros.uri, COMMAND, topic="/robot1/cmd_vel"),
+                   source(ros.uri, FRAME)]  # fmt: skip
 
         async def all_of_them() -> list[list[Chunk]]:
             hearing = (hear(one, lambda given: len(given) >= 30) for one in sources)
             return await asyncio.gather(*hearing)
 
         began = time.time()
-        odom, scan, command = asyncio.run(all_of_them())
+        odom, scan, command, frame = asyncio.run(all_of_them())
         ended = time.time()
     np.testing.assert_allclose([c.v[0] for c in odom], [[1.5, np.pi / 2]] * len(odom))
     np.testing.assert_array_equal(scan[0].v[0], [np.inf, *[2.5] * 19])
     assert command[0].v[0, 0] == 0.25
+    # others place other frames on the same topic: they are no samples, and none is refused
+    assert {float(chunk.v[0, 0]) for chunk in frame} == {3.0}
     for chunks in (odom, scan, command):
         stamps = np.array([c.t[0] for c in chunks]) * 1e-9
         assert began < stamps.min() <= stamps.max() < ended

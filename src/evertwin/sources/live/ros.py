@@ -18,6 +18,7 @@ from typing import Any
 
 from evertwin.errors import DataError, UsageError
 from evertwin.ros.node import Raw, Subscription, node_at
+from evertwin.ros.transforms import TYPES
 from evertwin.sources.bag_files import Connection, Message
 from evertwin.sources.foreign import load
 from evertwin.sources.live.contract import Around
@@ -99,6 +100,8 @@ class Ros(Line):
             found = {f"{self._prefix}.{name}": value for name, value in flat(content)}
         else:
             found[self._array] = array_of(content, self._array.partition(".")[2])
+        if raw.type in TYPES and not found.keys() & set(self.decoder.names):
+            return None  # it places other frames
         if raw.at:
             found[f"{self._prefix}.logged"] = raw.at
         stamp = stamp_of(content)
