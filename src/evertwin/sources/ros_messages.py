@@ -132,7 +132,8 @@ def _members(value: Any) -> list[tuple[str, Any]] | None:
         return [(str(k), v) for k, v in value.items()]
     if not hasattr(value, "__dataclass_fields__"):
         return None
-    return [(k, getattr(value, k)) for k in _fields(type(value))]
+    kind: Any = type(value)
+    return [(k, getattr(value, k)) for k in _fields(kind)]
 
 
 @cache
