@@ -9,16 +9,18 @@ import numpy as np
 import pytest
 
 from evertwin.errors import UsageError
-from evertwin.machines.mobile import Differential, Odometer, Omni, Robot1D, kernels
+from evertwin.machines.mobile import Bicycle, Differential, Odometer, Omni, Robot1D, kernels
 from evertwin.models import Compiled, check_model
 
 BASES = [
     Robot1D(), Odometer(), Differential(), Differential(wheels=True), Omni(),
     Omni(wheels=True, gear=16.0), Omni(wheels=True, odometry=True),
+    Bicycle(1.4, 0.3), Bicycle(1.4, front_drive=True),
 ]  # fmt: skip
 STEPS = [
     kernels.travel_step, kernels.travel_step, kernels.twist_step, kernels.wheel_step,
     kernels.omni_step, kernels.three_wheel_step, kernels.three_wheel_step,
+    kernels.steered_step, kernels.steered_step,
 ]  # fmt: skip
 
 
@@ -55,6 +57,21 @@ def test_wheels_agree_with_twist() -> None:
     a = twist.simulate(x, u, dt, twist.parameters.values)[1]
     b = wheels.simulate(x, speeds, dt, wheels.parameters.values)[1]
     assert np.allclose(a, b, atol=1e-12)
+
+
+@pytest.mark.parametrize("front_drive", [False, True])
+def test_a_steered_base_goes_round_the_centre_of_its_curve(front_drive: bool) -> None:
+    """The rear axle at a distance of b/tan(angle), the front wheel at b/sin(angle)."""
+    base, angle = Bicycle(wheel_base=1.4, front_drive=front_drive), 0.3
+    ahead = Bicycle(1.4, 1.4, front_drive)
+    u, dt = np.tile([0.5, angle], (4000, 1)), np.full(4000, 0.01)
+    _, rear = base.simulate(np.zeros(3), u, dt, base.parameters.values)
+    _, front = ahead.simulate(np.array([1.4, 0.0, 0.0]), u, dt, ahead.parameters.values)
+    centre = np.array([0.0, 1.4 / math.tan(angle)])
+    assert np.hypot(*(rear[:, :2] - centre).T) == pytest.approx(1.4 / math.tan(angle), rel=1e-4)
+    assert np.hypot(*(front[:, :2] - centre).T) == pytest.approx(1.4 / math.sin(angle), rel=1e-4)
+    driven = np.diff(front if front_drive else rear, axis=0)[:, :2]
+    assert np.hypot(*driven.T) == pytest.approx(0.005, rel=1e-4)
 
 
 def test_an_omni_base_without_side_speed_is_a_differential_base() -> None:

@@ -42,8 +42,8 @@ model_app = typer.Typer(
 app.add_typer(model_app, name="model")
 
 KINDS = (
-    "Kind of machine: arm (torques from motion, with --urdf), differential or omni (pose of a "
-    "base), odometer (way and heading), robot1d (way along a line), drive (an axis moved by a "
+    "Kind of machine: arm (torques from motion, with --urdf), differential, omni or bicycle "
+    "(pose of a base; a steered one), odometer (way and heading), robot1d (way along a line), drive (an axis moved by a "
     "force), drive_force (its force from motion), thermal (a heated box), python (equations of "
     "your own)."
 )

@@ -15,7 +15,7 @@ import scipy
 
 from evertwin.engineering.verification import Check
 from evertwin.machines.drive import Drive, DriveForce
-from evertwin.machines.mobile import Differential, Odometer, Omni, Robot1D
+from evertwin.machines.mobile import Bicycle, Differential, Odometer, Omni, Robot1D
 from evertwin.machines.thermal import ThermalBox
 from evertwin.models import Model
 from evertwin.types import ParameterVector
@@ -29,7 +29,7 @@ def closed_forms(model: Model, p: ParameterVector) -> tuple[Check, ...]:
         return _slowing(model, p), _both_ways(model, p)
     if isinstance(model, DriveForce):
         return _rubbing(model, p), _both_ways(model, p)
-    if isinstance(model, Differential | Omni):
+    if isinstance(model, Bicycle | Differential | Omni):
         return (_circle(model, p),)
     if isinstance(model, Robot1D | Odometer):
         return (_straight(model, p),)
@@ -124,7 +124,7 @@ def _both_ways(drive: Drive | DriveForce, p: ParameterVector) -> Check:
     return Check("forward and inverse agree", "law", worst, 0.01, "1", said)
 
 
-def _circle(base: Differential | Omni, p: ParameterVector) -> Check:
+def _circle(base: Bicycle | Differential | Omni, p: ParameterVector) -> Check:
     """Constant speed and turn rate lead back to the start."""
     rows, u = 1000, 0.5 * np.arange(1.0, len(base.inputs) + 1.0)
     start = base.initial(p)

@@ -25,6 +25,7 @@ from evertwin.models import Model
 MACHINES: Mapping[str, tuple[str, str]] = {
     "arm": ("evertwin.machines.arm:Arm.of", "arm"),
     "assembly": ("evertwin.machines.assembly:assembly", ""),
+    "bicycle": ("evertwin.machines.mobile:Bicycle", ""),
     "differential": ("evertwin.machines.mobile:Differential", ""),
     "drive": ("evertwin.machines.drive:Drive", ""),
     "drive_force": ("evertwin.machines.drive:DriveForce", ""),

@@ -22,6 +22,7 @@ ABROAD = {
     "voltage": "spannung voltaje tensione",
     "temperature": "temperatur temperatura",
     "heading": "kurs rumbo",
+    "steering": "lenkung lenkwinkel braquage direccion sterzo",
     "setpoint": "soll sollwert consigne consigna",
     "actual": "ist istwert mesure medido misurato",
     "joint": "achse gelenk articulacion giunto",

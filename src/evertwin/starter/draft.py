@@ -167,7 +167,7 @@ class Draft:
 
     @property
     def _base(self) -> bool:
-        return self.kind in ("differential", "omni", "odometer", "robot1d")
+        return self.kind in ("bicycle", "differential", "omni", "odometer", "robot1d")
 
     @property
     def questions(self) -> tuple[str, ...]:

@@ -26,6 +26,7 @@ _SYNONYMS = (
     {"speed", "rpm"},
     {"w", "omega", "turn", "yawrate", "angular", "rotational", "rotation", "wz"},
     {"heading", "yaw", "theta", "orientation", "psi", "phi", "angle"},
+    {"steering", "steer", "steered"},
     {"position", "pos", "q", "qm", "angle", "joint"},
     {"qd", "dq", "velocity", "vel", "speed"},
     {"qdd", "ddq", "acceleration", "accel"},

@@ -1,4 +1,4 @@
-"""Mobile bases: a robot on a line, differential, omnidirectional, and an odometer.
+"""Mobile bases: a robot on a line, differential, omnidirectional, steered, and an odometer.
 
 All are naive on purpose: the drive is taken to follow its command at once and in proportion. What
 a real drive does besides (start threshold, saturation, lag, slip in turns) is what a twin learns.
@@ -24,6 +24,7 @@ from evertwin.surface import surface
 
 if TYPE_CHECKING:
     from evertwin.machines.mobile.bases import (
+        Bicycle as Bicycle,
         Differential as Differential,
         Odometer as Odometer,
         Omni as Omni,

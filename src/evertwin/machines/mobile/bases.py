@@ -67,6 +67,38 @@ class Differential(Compiled):
         super().__init__(inputs, POSE, POSE, Parameters(items), step, observe, (3,))
 
 
+class Bicycle(Compiled):
+    """A steered base (a car, a forklift, a tricycle): speed v [m/s] and angle of its steered wheel
+    [rad] to pose x, y, heading.
+
+    The kinematic bicycle: the rear axle goes along the heading, which turns by v·tan(angle)/b. With
+    ``front_drive`` the speed is that of the steered wheel, and the heading turns by v·sin(angle)/b.
+    ``wheel_base`` b [m], and how far before the rear axle the pose is measured (``ahead`` [m]), come
+    from the description. Both can be tuned, b not beside the gain of the steering: small angles
+    tell their ratio alone.
+
+    >>> Bicycle(wheel_base=1.4).inputs.names, Bicycle().parameters.editable
+    (('v', 'steering'), ('gain', 'steering_gain', 'steering_offset'))
+    """
+
+    def __init__(
+        self, wheel_base: float = 1.0, ahead: float = 0.0, front_drive: bool = False
+    ) -> None:
+        if not wheel_base > 0.0:
+            raise UsageError(f"expected a wheel_base above 0 m, got {wheel_base}")
+        reach = 5.0 * wheel_base
+        items = (
+            _gain("gain"), _gain("steering_gain"),
+            Parameter("steering_offset", 0.0, "rad", -0.5, 0.5, source="as commanded"),
+            Parameter("wheel_base", wheel_base, "m", 0.2 * wheel_base, reach, editable=False),
+            Parameter("ahead", ahead, "m", -reach, reach, editable=False),
+        )  # fmt: skip
+        super().__init__(
+            Layout.of(v="m/s", steering="rad"), POSE, POSE, Parameters(items),
+            kernels.steered_step, kernels.observe, (3, int(front_drive)),
+        )  # fmt: skip
+
+
 class Odometer(Compiled):
     """Forward speed v and turn rate w to the way travelled (signed, [m]) and the heading.
 

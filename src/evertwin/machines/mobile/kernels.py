@@ -1,6 +1,7 @@
 """Kinematics of mobile bases, compiled. Heading at the middle of a row is used over the row, which
 is exact for the direction of an arc and second order in its length. The context is the number of
-states, which every base shows; of three wheels also the first input that the pose follows.
+states, which every base shows; of three wheels also the first input that the pose follows, of a
+steered base whether its steered wheel drives.
 """
 
 from __future__ import annotations
@@ -52,6 +53,20 @@ def wheel_step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: A
     """Differential base with wheel speeds; parameters are radius and distance of the wheels."""
     turn = p[0] * (u[1] - u[0]) / p[1] * dt
     moved(x, p[0] * 0.5 * (u[0] + u[1]) * dt, 0.0, turn, ahead, y)
+    return 0
+
+
+@cfunc(STEP)
+def steered_step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) -> int:
+    """Steered base; parameters are gain, steering gain and offset, distance of the axles, and that
+    of what is measured from the rear one. The context says whether the steered wheel drives."""
+    angle = p[1] * u[1] + p[2]
+    way = p[0] * u[0] * dt
+    forward, side = way, way * math.tan(angle)
+    if context[1] > 0:
+        forward, side = way * math.cos(angle), way * math.sin(angle)
+    turn = side / p[3]
+    moved(x, forward, p[4] * turn, turn, ahead, y)
     return 0
 
 
