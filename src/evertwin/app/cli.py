@@ -19,6 +19,7 @@ from evertwin.app.cli_engineer import register as register_engineer
 from evertwin.app.cli_export import register as register_export
 from evertwin.app.cli_machine import register as register_machine
 from evertwin.app.cli_machine import register_demo
+from evertwin.app.cli_map import register as register_map
 from evertwin.app.cli_prognosis import register as register_prognosis
 from evertwin.app.cli_ros import register as register_ros
 from evertwin.app.cli_serve import register as register_serve
@@ -315,6 +316,7 @@ register_engineer(app)
 register_export(app, model_app)
 register_store(app)
 register_machine(app)
+register_map(app)
 register_serve(app)
 register_ros(app)
 

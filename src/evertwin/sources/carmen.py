@@ -4,11 +4,13 @@
     ROBOTLASER1 type start fov step longest accuracy mode n r1 … rn m …  x y theta  odom_x …
     ODOM x y theta speed turn acceleration  stamp host logged
 
-Ranges and poses are in metres and radians. ``FLASER`` says nothing of its angles: CARMEN's own
-convention holds (180 and 181 beams are a degree apart, 360 and 361 half a degree, others share half
-a turn, the middle looks ahead), and the largest value that keeps returning means that nothing came
-back. Logs that went through a mapping program carry its poses in place of the wheels': so odometry
-is taken from ``ODOM`` lines alone, and not from those whose stamps fall out of line.
+Ranges and poses are in metres and radians. ``FLASER`` says nothing of its angles: a
+SICK's 180 and 181 beams are a degree apart, 360 and 361 half a degree, others share half a turn;
+the first looks to the right (of 181, a log of 180 leaves the last out). The largest value that
+keeps returning means that nothing came back. Logs that went through a mapping program carry its
+poses in place of the wheels': so odometry is taken from ``ODOM`` lines alone. GMapping sets it back
+to its own pose at every scan, by an
+``ODOM`` line without a stamp: only the steps between are the wheels', and they are chained anew.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.errors import DataError
+from evertwin.signals.planar import between, chained
 from evertwin.sources.arrays import LARGEST, ArrayTable
 from evertwin.sources.foreign import foreign
 from evertwin.sources.scans import Lidar, Poses, Scans, at_stamps, increasing, mended
@@ -108,7 +111,7 @@ def _plain(number: int, cells: list[bytes]) -> _Scan:
     steps = {180: math.radians(1), 181: math.radians(1), 360: math.radians(0.5),
              361: math.radians(0.5)}  # fmt: skip
     step = steps.get(n, math.pi / max(n - 1, 1))
-    angles = (-step * (n - 1) / 2, step, math.inf)
+    angles = (-step * (n // 2), step, math.inf)
     return _Scan(number, ranges, _finite(rest[:6]), angles, _stamp(rest[6:]))
 
 
@@ -174,14 +177,16 @@ def _odometry(lines: _Lines) -> tuple[_Odometry | None, list[str]]:
             "ODOM: every stamp is the same: placed by the order of the lines"
         ]
     odd = np.flatnonzero(~keep)
-    notes = []
-    if len(odd):
-        at = int(odd[0])
-        notes = [
-            f"ODOM: {len(odd)} of {len(t)} lines are not used, as their stamps repeat or go back, "
-            f"the first {t[at] * 1e-9:.6g} s in line {number[at]}"
-        ]
-    return _Odometry(number[keep], t[keep], poses[keep]), notes
+    if not len(odd):
+        return _Odometry(number, t, poses), []
+    at = int(odd[0])
+    said = (
+        f"ODOM: the stamps of {len(odd)} of {len(t)} lines are not set, repeat or go back, the "
+        f"first {t[at] * 1e-9:.6g} s in line {number[at]}: steps onto them are no motion"
+    )
+    steps = between(poses[:-1], poses[1:])
+    steps[~keep[1:]] = 0.0
+    return _Odometry(number[keep], t[keep], chained(poses[0], steps)[keep]), [said]
 
 
 def _scans(name: str, found: list[_Scan], odometry: _Odometry | None, notes: list[str]) -> Scans:
@@ -194,7 +199,8 @@ def _scans(name: str, found: list[_Scan], odometry: _Odometry | None, notes: lis
     found[:] = [scan for scan in found if len(scan.ranges) == usual]
     start, step, longest = found[0].angles
     ranges = np.array([scan.ranges for scan in found]).reshape(len(found), usual)
-    longest = min(longest, NO_RETURN, _ceiling(ranges))
+    error = NO_RETURN if longest < NO_RETURN + 1 or math.isinf(longest) else math.inf
+    longest = min(longest, error, _ceiling(ranges))
     ranges[~((ranges > 0) & (ranges < longest))] = np.nan
     raw = to_ns(texts([scan.stamp for scan in found]), "s")
     t, kept = mended(raw)

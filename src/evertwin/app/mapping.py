@@ -1,0 +1,167 @@
+"""``evertwin map`` and ``evertwin locate``: scans to poses and a map, and a scan into a map."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from evertwin.app.console import Alive, show
+from evertwin.errors import DataError, UsageError
+from evertwin.features.mapping import Mapped, mapped, surface_of
+from evertwin.features.occupancy import of_keyframes, read, save
+from evertwin.features.poses import Fix, Poses
+from evertwin.features.relocalisation import located
+from evertwin.features.trajectory_error import TrajectoryError, trajectory_error
+from evertwin.report.map_picture import draw_map
+from evertwin.sources.recording import open_recording
+from evertwin.sources.scans import Scans
+
+COLUMNS = (
+    "t_ns", "x", "y", "theta", "var_x", "cov_xy", "cov_xtheta", "var_y", "cov_ytheta", "var_theta",
+    "fix", "share", "segment",
+)  # fmt: skip
+STATED = "stated"
+"""What names the poses that a log states beside its scans."""
+
+
+def make_map(file: Path, out: Path, against: str | None, ranges_alone: bool, as_json: bool) -> None:
+    """``evertwin map``."""
+    scans = only_lidar(file)
+    with Alive() as alive:
+        alive.say(f"following {len(scans.t)} scans")
+        found = mapped(scans, not ranges_alone)
+        out.mkdir(parents=True, exist_ok=True)
+        chart = of_keyframes(found.keyframes, found.surfaces)
+        save(chart, out / "map.yaml")
+        draw_map(chart, found.poses).savefig(out / "map.png", dpi=150)
+        _write(found.poses, out / "poses.csv")
+    off = None
+    if against is not None:
+        off = trajectory_error(found.poses.pose, _reference(scans, against))
+    content = _content(scans, found, off, ranges_alone)
+    show(content, _text(content, out), as_json)
+
+
+def only_lidar(file: Path) -> Scans:
+    """The scans of a recording's lidar, the one with most scans.
+
+    Raises:
+        DataError: it has none.
+    """
+    if not file.exists():
+        raise DataError(f"{file}: no such file")
+    found = open_recording(file).scans
+    if not found:
+        raise DataError(
+            f"{file}: expected scans (FLASER or ROBOTLASER of a CARMEN log), found none"
+        )
+    return max(found, key=lambda scans: len(scans.t))
+
+
+def _write(poses: Poses, file: Path) -> None:
+    upper = np.triu_indices(3)
+    rows = zip(poses.t, poses.pose, poses.covariance, poses.fix, poses.share, poses.segment)
+    lines = [",".join(COLUMNS)]
+    for t, pose, covariance, fix, share, segment in rows:
+        numbers = [*pose, *covariance[upper]]
+        cells = ["" if math.isnan(v) else f"{v:.9g}" for v in numbers]
+        word = Fix(int(fix)).name.lower()
+        lines.append(",".join([str(int(t)), *cells, word, f"{share:.3f}", str(int(segment))]))
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _reference(scans: Scans, against: str) -> np.ndarray:
+    """Poses to compare with, at the stamps of the scans."""
+    if against == STATED:
+        if scans.stated is None:
+            raise UsageError(f"--against {STATED}: the recording states no poses beside its scans")
+        return scans.stated
+    table = np.genfromtxt(against, delimiter=",", names=True)
+    names = table.dtype.names or ()
+    if not {"t_ns", "x", "y", "theta"} <= set(names):
+        raise UsageError(f"--against {against}: expected columns t_ns, x, y, theta; got {names}")
+    at = table["t_ns"]
+    whole = np.column_stack([table["x"], table["y"], np.unwrap(table["theta"])])
+    return np.column_stack([np.interp(scans.t, at, c, np.nan, np.nan) for c in whole.T])
+
+
+def _content(
+    scans: Scans, found: Mapped, off: TrajectoryError | None, ranges_alone: bool
+) -> dict[str, Any]:
+    poses, used = found.poses, scans.odometry is not None and not ranges_alone
+    last = np.flatnonzero(poses.fix != Fix.LOST)[-1]
+    way = np.diff(poses.pose[poses.segment == 0, :2], axis=0)
+    content: dict[str, Any] = {
+        "schema": "evertwin.map/1",
+        "scans": len(poses.t),
+        "by": {fix.name.lower(): int((poses.fix == fix).sum()) for fix in Fix},
+        "odometry": used,
+        "segments": int(poses.segment[-1]) + 1,
+        "way": float(np.nansum(np.hypot(way[:, 0], way[:, 1]))),
+        "keyframes": len(found.keyframes),
+        "loops": found.loops,
+        "sigma_at_end": np.sqrt(np.diag(poses.covariance[last])).tolist(),
+        "ms_per_scan": {"median": 1e3 * float(np.median(found.took)),
+                        "p95": 1e3 * float(np.quantile(found.took, 0.95)),
+                        "mean": 1e3 * float(found.took[1:].mean())},
+        "findings": list(scans.findings),
+    }  # fmt: skip
+    if off is not None:
+        relative = {f"{length:g} m": one._asdict() for length, one in off.relative.items()}
+        content["against"] = {"relative": relative, "absolute": off.absolute, "poses": off.poses}
+    return content
+
+
+def _text(content: dict[str, Any], out: Path) -> str:
+    by, took, sigma = content["by"], content["ms_per_scan"], content["sigma_at_end"]
+    by_odometry = f", {by['predicted']} by odometry alone" if by["predicted"] else ""
+    segments = f"{content['segments']} segment{'s' if content['segments'] > 1 else ''}"
+    wheels = "with" if content["odometry"] else "without"
+    lines = [
+        f"{content['scans']} scans over {content['way']:.1f} m: {by['matched']} placed"
+        f"{by_odometry}, "
+        f"{by['lost']} without a pose; {wheels} odometry",
+        f"{content['keyframes']} keyframes, {content['loops']} places recognised, {segments}",
+        f"at the end ± {sigma[0]:.3f} m, {sigma[1]:.3f} m, {sigma[2]:.4f} rad (1 σ)",
+        f"{took['median']:.2g} ms a scan (median), {took['p95']:.2g} ms (95 %)",
+    ]
+    if content["segments"] > 1:
+        lines.append("lost for long: what comes after is a map of its own, by segment in poses.csv")
+    if "against" in content:
+        for length, off in content["against"]["relative"].items():
+            lines.append(
+                f"against the reference over {length}: {100 * off['way']:.1f} cm, "
+                f"{off['turn']:.4f} rad (rms of {off['stretches']}), median "
+                f"{100 * off['median']:.1f} cm"
+            )
+        lines.append(
+            f"against the reference as a whole: {content['against']['absolute']:.3f} m "
+            f"(rms of {content['against']['poses']} poses)"
+        )
+    lines += [f"  - {line}" for line in content["findings"]]
+    return "\n".join([*lines, f"written: {out}/map.yaml, map.pgm, map.png, poses.csv"])
+
+
+def find_place(chart: Path, file: Path, number: int, as_json: bool) -> None:
+    """``evertwin locate``."""
+    scans = only_lidar(file)
+    if not 0 <= number < len(scans.t):
+        raise UsageError(f"--scan {number}: expected 0 to {len(scans.t) - 1}")
+    found = located(surface_of(scans, number), read(chart))
+    content: dict[str, Any] = {"schema": "evertwin.locate/1", "share": found.share}
+    if found.pose is None or found.covariance is None:
+        show(
+            {**content, "pose": None, "reason": found.reason}, f"not told: {found.reason}", as_json
+        )
+        return
+    sigma = np.sqrt(np.diag(found.covariance))
+    pose = found.pose.tolist()
+    show(
+        {**content, "pose": pose, "covariance": found.covariance},
+        f"x {pose[0]:.3f} ± {sigma[0]:.3f} m, y {pose[1]:.3f} ± {sigma[1]:.3f} m, heading "
+        f"{pose[2]:.4f} ± {sigma[2]:.4f} rad; {100 * found.share:.0f} % of the scan fits",
+        as_json,
+    )

@@ -1,0 +1,144 @@
+"""A whole recording of scans to poses: followed, its loops closed, every scan put in its place.
+
+Following is a fold; closing loops is slow work on what it left: the keyframes. Twice, because what
+the first round has straightened is recognised better in the second.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from evertwin.errors import DataError
+from evertwin.features.local_map import Surface, thinned
+from evertwin.features.loop_closure import loops
+from evertwin.features.pose_graph import Edge, Optimised, optimised, turned
+from evertwin.features.poses import Fix, Poses
+from evertwin.features.scan_matcher import ScanMatcher
+from evertwin.features.surface import surface
+from evertwin.fold import join, make_block, take
+from evertwin.signals.planar import between, compose
+from evertwin.sources.scans import Scans
+from evertwin.types import Float64, Vector
+
+ROUNDS = 2
+"""Of looking for loops."""
+SURE = 0.2
+"""Spread below which a place is sure [m]."""
+
+
+class Followed(NamedTuple):
+    """Poses as a stream tells them.
+
+    >>> Followed._fields
+    ('poses', 'took')
+    """
+
+    poses: Poses
+    took: Vector
+    """Time for each scan [s]."""
+
+
+class Mapped(NamedTuple):
+    """Poses of a recording.
+
+    >>> Mapped._fields
+    ('poses', 'keyframes', 'surfaces', 'loops', 'took')
+    """
+
+    poses: Poses
+    """In one frame per segment; covariance relative to its first scan."""
+    keyframes: Float64[np.ndarray, "k 3"]
+    surfaces: tuple[Surface, ...]
+    """Of each keyframe, in its own frame."""
+    loops: int
+    """Places that were recognised."""
+    took: Vector
+    """Time for following each scan [s]."""
+
+
+def followed(scans: Scans, use_odometry: bool = True) -> Followed:
+    """The poses of a recording as a stream tells them, scan by scan, without looking back."""
+    n, beams = scans.ranges.shape
+    wheels = scans.odometry if use_odometry and scans.odometry is not None else np.zeros((n, 0))
+    block = make_block(t=scans.t, u=wheels, y=scans.ranges)
+    matcher, outs, took = ScanMatcher(scans.lidar, beams), [], np.zeros(n)
+    state = matcher.init()
+    for i in range(n):
+        began = time.perf_counter()
+        state, out = matcher.step(state, take(block, i, i + 1))
+        took[i] = time.perf_counter() - began
+        outs.append(out)
+    return Followed(join(outs).rows, took)
+
+
+def mapped(scans: Scans, use_odometry: bool = True) -> Mapped:
+    """The poses of a recording, its loops closed.
+
+    Raises:
+        DataError: no scan tells a pose.
+        MissingExtra: GTSAM is not installed.
+    """
+    poses, took = followed(scans, use_odometry)
+    poses = _evened(poses)
+    keys = np.flatnonzero(poses.keyframe & (poses.fix != Fix.LOST) & (poses.segment == 0))
+    if not len(keys):
+        raise DataError(f"{scans.name}: no scan tells a pose: does the lidar see anything?")
+    surfaces = tuple(surface_of(scans, int(k)) for k in keys)
+    steps = _steps(poses, keys)
+    graph = Optimised(poses.pose[keys], poses.covariance[keys])
+    found: list[Edge] = []
+    for _ in range(ROUNDS):
+        found = loops(surfaces, graph.poses)
+        graph = optimised(graph.poses, [*steps, *found])
+    return Mapped(_all(poses, keys, graph), graph.poses, surfaces, len(found), took)
+
+
+def surface_of(scans: Scans, k: int) -> Surface:
+    """The surface points of one scan, in the lidar's frame."""
+    beams = scans.ranges.shape[1]
+    found = np.zeros((beams, 4))
+    return thinned(found[: surface(scans.ranges[k], scans.lidar.angles(beams), found)])
+
+
+def _steps(poses: Poses, keys: Sequence[int] | np.ndarray) -> list[Edge]:
+    """From each keyframe to the next, as they were followed."""
+    out = []
+    for n, (a, b) in enumerate(pairwise(keys)):
+        covariance = turned(poses.covariance[b], poses.pose[b, 2])
+        out.append(Edge(n, n + 1, between(poses.pose[a], poses.pose[b]), covariance))
+    return out
+
+
+def _evened(poses: Poses) -> Poses:
+    """Poses whose place was not sure (in a bare corridor), moved by what the next sure one tells.
+
+    There the way comes in one leap; every scan since the last sure one takes an equal share of it.
+    """
+    pose = poses.pose.copy()
+    told = np.flatnonzero(poses.fix == Fix.MATCHED)
+    spread = np.trace(poses.covariance[told, :2, :2], axis1=1, axis2=2)
+    firm = told[spread < SURE * SURE]
+    for a, b in pairwise(firm):
+        if b - a > 2 and poses.segment[a] == poses.segment[b]:
+            usual = pose[b - 1, :2] - pose[b - 2, :2]
+            leap = pose[b, :2] - pose[b - 1, :2] - usual
+            pose[a + 1 : b, :2] += np.arange(1, b - a)[:, None] / (b - a) * leap
+    return poses._replace(pose=pose)
+
+
+def _all(poses: Poses, keys: np.ndarray, graph: Optimised) -> Poses:
+    """Every scan beside the keyframe before it."""
+    at = np.maximum(np.searchsorted(keys, np.arange(len(poses.t)), side="right") - 1, 0)
+    step = between(poses.pose[keys[at]], poses.pose)
+    pose = compose(graph.poses[at], step)
+    covariance = graph.covariances[at] + poses.covariance
+    mine = (poses.segment == 0)[:, None]
+    return poses._replace(
+        pose=np.where(mine, pose, poses.pose),
+        covariance=np.where(mine[..., None], covariance, poses.covariance),
+    )

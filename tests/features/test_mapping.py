@@ -1,0 +1,194 @@
+"""A whole drive: loops closed, the map saved, a scan found in it again; and by the command line."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evertwin.app.cli import main
+from evertwin.errors import DataError
+from evertwin.features.mapping import Mapped, followed, mapped, surface_of
+from evertwin.features.occupancy import FREE, OCCUPIED, UNKNOWN, counted, of_keyframes, read, save
+from evertwin.features.pose_graph import Edge, optimised
+from evertwin.features.relocalisation import located
+from evertwin.features.trajectory_error import trajectory_error
+from evertwin.signals.planar import between
+from evertwin.sources.scans import Scans
+from planted.rooms import Sensor, recorded
+
+pytest.importorskip("gtsam", reason="the extra perception is not installed")
+COARSE = Sensor(beams=120, step=np.radians(2.0), apart=0.25)
+
+
+@pytest.fixture(scope="module")
+def drive() -> tuple[Scans, np.ndarray, Mapped]:
+    scans, truth = recorded(4, COARSE, laps=1.1, slip=0.05)
+    return scans, truth, mapped(scans)
+
+
+def test_loops_bring_the_map_together(drive: tuple[Scans, np.ndarray, Mapped]) -> None:
+    scans, truth, found = drive
+    alone = trajectory_error(followed(scans).poses.pose, truth).absolute
+    closed = trajectory_error(found.poses.pose, truth).absolute
+    assert found.loops > 0 and closed < 0.05 and closed < max(alone, 0.02)
+
+
+def test_a_loop_is_closed_and_a_wrong_one_weighs_little() -> None:
+    """A square with a turn that errs by 0.02 rad each, one true loop and one that is nonsense."""
+    step, square = np.array([1.0, 0.0, 0.0]), []
+    poses = [np.zeros(3)]
+    for k in range(40):
+        turn = np.pi / 2 + 0.02 if k % 10 == 9 else 0.0
+        edge = np.array([*step[:2], turn])
+        square.append(Edge(k, k + 1, edge, np.diag([0.02, 0.02, 0.02]) ** 2))
+        c, s = np.cos(poses[-1][2]), np.sin(poses[-1][2])
+        poses.append(poses[-1] + [c, s, turn])
+    firm = np.diag([0.01, 0.01, 0.01]) ** 2
+    true = Edge(0, 40, np.zeros(3), firm, loop=True)
+    false = Edge(5, 25, np.array([0.5, 0.0, 0.0]), firm, loop=True)
+    good = optimised(np.array(poses), [*square, true])
+    both = optimised(np.array(poses), [*square, true, false])
+    assert np.hypot(*good.poses[40, :2]) < 0.05
+    assert np.hypot(*(both.poses[20] - good.poses[20])[:2]) < 0.5
+    assert good.covariances[20, 0, 0] > good.covariances[2, 0, 0] > 0
+
+
+def test_the_map_is_that_of_map_server(
+    drive: tuple[Scans, np.ndarray, Mapped], tmp_path: Path
+) -> None:
+    found = drive[2]
+    chart = of_keyframes(found.keyframes, found.surfaces)
+    save(chart, tmp_path / "map.yaml")
+    image = (tmp_path / "map.pgm").read_bytes()
+    rows, columns = chart.cells.shape
+    assert image.startswith(b"P5\n%d %d\n255\n" % (columns, rows))
+    assert image[-columns:] == chart.cells[0].tobytes()  # the last row is the lowest
+    assert set(np.unique(chart.cells)) == {FREE, OCCUPIED, UNKNOWN}
+
+
+def test_maps_of_others_are_read(tmp_path: Path) -> None:
+    (tmp_path / "m.pgm").write_bytes(b"P5 # a remark\n2 2\n255\n" + bytes([0, 254, 205, 128]))
+    text = "image: 'm.pgm'\nresolution: 0.1\norigin: [-1.0, 2e0, 0]\nnegate: 1\n"
+    file = tmp_path / "m.yaml"
+    file.write_text(text + "occupied_thresh: 0.65\nfree_thresh: 0.196 # of 255\n")
+    chart = read(file)
+    assert chart.cells.tolist() == [[OCCUPIED, UNKNOWN], [FREE, OCCUPIED]]
+    assert chart.origin == (-1.0, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("yaml", "pgm"),
+    [
+        ("image: m.pgm\n", b"P5\n2 2\n255\n1234"),
+        ("", b"P2\n2 2\n255\n1 2 3 4"),
+        ("", b"P5\n2 2\n255\n12"),
+        ("origin: [0, 0, 1.57]\n", b"P5\n2 2\n255\n1234"),
+        ("image: none.pgm\n", b""),
+    ],
+)
+def test_what_is_no_map_is_refused(tmp_path: Path, yaml: str, pgm: bytes) -> None:
+    (tmp_path / "m.pgm").write_bytes(pgm)
+    whole = (
+        "image: m.pgm\nresolution: 0.1\norigin: [0, 0, 0]\noccupied_thresh: 0.6\nfree_thresh: 0.2\n"
+    )
+    (tmp_path / "m.yaml").write_text(yaml if yaml == "image: m.pgm\n" else whole + yaml)
+    with pytest.raises(DataError):
+        read(tmp_path / "m.yaml")
+
+
+def test_both_forms_count_alike(run_as: Callable[[str], None]) -> None:
+    walls = np.random.default_rng(0).uniform(0.1, 4.9, (50, 2))
+
+    def cells() -> tuple[np.ndarray, np.ndarray]:
+        passed, met = np.zeros((50, 50), np.int64), np.zeros((50, 50), np.int64)
+        counted(walls, 50, np.array([2.5, 2.5]), 0.1, passed, met)
+        return passed, met
+
+    run_as("plain")
+    plainly = cells()
+    run_as("machine code")
+    assert all(np.array_equal(a, b) for a, b in zip(plainly, cells()))
+
+
+@pytest.mark.slow
+def test_a_scan_is_found_in_its_map_and_in_no_other(
+    drive: tuple[Scans, np.ndarray, Mapped],
+) -> None:
+    scans, _, found = drive
+    chart = of_keyframes(found.keyframes, found.surfaces)
+    right = 0
+    for k in (30, 60):
+        place = located(surface_of(scans, k), chart)
+        if place.pose is None:
+            assert place.reason
+            continue
+        off = between(found.poses.pose[k], place.pose)
+        assert np.hypot(off[0], off[1]) < 0.1 and abs(off[2]) < 0.05
+        right += 1
+    assert right
+    other, _ = recorded(11, COARSE, laps=0.1)
+    assert located(surface_of(other, 5), chart).pose is None
+    assert located(np.zeros((2, 4)), chart).pose is None
+
+
+def log_of(scans: Scans, truth: np.ndarray, file: Path) -> Path:
+    lines = []
+    for k, (r, p) in enumerate(zip(np.nan_to_num(scans.ranges, nan=81.9), truth)):
+        cells = " ".join(f"{v:.3f}" for v in r)
+        pose = f"{p[0]:.6f} {p[1]:.6f} {p[2]:.6f}"
+        start, step = scans.lidar.start, scans.lidar.step
+        head = f"ROBOTLASER1 0 {start} {-2 * start} {step} 80 0.01 0 {len(r)}"
+        lines.append(f"{head} {cells} 0 {pose} {pose} 0 0 0 0 0 {k}.5 host {k}.5")
+    file.write_text("\n".join(lines) + "\n")
+    return file
+
+
+def told(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> dict[str, object]:
+    with pytest.raises(SystemExit) as ended:
+        main([*arguments, "--json"])
+    assert ended.value.code == 0
+    out = json.loads(capsys.readouterr().out)
+    assert isinstance(out, dict)
+    return out
+
+
+def test_the_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scans, truth = recorded(4, COARSE, laps=0.2)
+    log, out = log_of(scans, truth, tmp_path / "run.log"), tmp_path / "room"
+    found = told(["map", str(log), "-o", str(out), "--against", "stated"], capsys)
+    against = found["against"]
+    assert isinstance(against, dict) and against["absolute"] < 0.05
+    rows = list(csv.DictReader((out / "poses.csv").read_text().splitlines()))
+    assert len(rows) == len(scans.t) and {row["fix"] for row in rows} == {"matched"}
+    again = ["map", str(log), "-o", str(out), "--against", str(out / "poses.csv")]
+    same = told(again, capsys)["against"]
+    assert isinstance(same, dict) and same["absolute"] < 1e-6
+    place = told(["locate", str(out / "map.yaml"), str(log), "--scan", "30"], capsys)
+    pose = place["pose"]
+    assert pose is None or np.hypot(
+        pose[0] - float(rows[30]["x"]), pose[1] - float(rows[30]["y"])
+    ) < 0.1  # type: ignore[index]  # fmt: skip
+    assert (out / "map.png").stat().st_size > 1000
+
+
+def test_bad_calls_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table = tmp_path / "run.csv"
+    table.write_text("t,x\n0,1\n1,2\n")
+    scans, truth = recorded(4, COARSE, laps=0.05)
+    log = log_of(scans, truth, tmp_path / "run.log")
+    calls = {
+        ("map", str(table), "-o", str(tmp_path / "a")): 4,
+        ("map", str(tmp_path / "none.log"), "-o", str(tmp_path / "a")): 4,
+        ("map", str(log), "-o", str(tmp_path / "a"), "--against", str(table)): 2,
+        ("locate", str(tmp_path / "none.yaml"), str(log)): 4,
+        ("locate", str(tmp_path / "none.yaml"), str(log), "--scan", "9999"): 2,
+    }
+    for call, code in calls.items():
+        with pytest.raises(SystemExit) as ended:
+            main(list(call))
+        assert ended.value.code == code, capsys.readouterr().err
