@@ -23,6 +23,7 @@ TESTS = (
     "tests/anomaly/test_adwin.py::test_the_window_holds_what_it_says",
     "tests/correction/test_improve.py::test_an_extra_state_is_found",
     "tests/correction/test_improve.py::test_every_proposed_candidate_can_be_fitted",
+    "tests/features/test_scan_matcher.py::test_a_blocked_lidar_has_no_pose_and_finds_back",
     "tests/loop/test_both_forms.py",
     "tests/loop/test_friction_laws.py::test_a_broken_run_goes_on_to_the_same_end",
     "tests/loop/test_one_way_in.py::test_a_checkpoint_goes_on_as_if_nothing_had_been",
