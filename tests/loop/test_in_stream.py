@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
 
-from evertwin.config.spec import AnomalySpec, MovingSpec, SignalSpec, Span
-from evertwin.fold import Mark
+from evertwin.config.spec import (
+    AnomalySpec,
+    ModelSpec,
+    MovingSpec,
+    SignalSpec,
+    Span,
+    TuningSpec,
+    TwinSpec,
+)
+from evertwin.errors import ConfigError
+from evertwin.fold import Mark, plain, take
 from evertwin.loop.result import RunResult
 from evertwin.prognosis.parameter_history import history
 from evertwin.store import Estimate, SqliteStore
@@ -57,6 +67,25 @@ def test_a_run_follows_what_has_changed_and_shows_it() -> None:
     assert off(result, 750, 1500) < 0.3 * before
     for k in range(4, 7):
         assert result.parameters[f"Fc{k}"].value == pytest.approx(5.2, rel=0.1)
+
+
+@pytest.mark.parametrize("edges", [(1, 2, 49, 50, 51, 333), tuple(range(7, 600, 7))])
+def test_where_rows_are_cut_changes_nothing(edges: tuple[int, ...]) -> None:
+    (rows,) = known().blocks(recording(2, 5.2, 600))
+    whole = known().run([rows])
+    parts = [take(rows, a, b) for a, b in pairwise((0, *edges, 600))]
+    cut = known().run(parts)
+    for name, column in whole.trace.items():
+        assert np.array_equal(column, cut.trace[name], equal_nan=column.dtype.kind == "f"), name
+    assert cut.parameters.values.tolist() == whole.parameters.values.tolist()
+    assert [plain(e) for e in cut.events] == [plain(e) for e in whole.events]
+
+
+def test_what_is_not_linear_cannot_be_followed_by_a_run() -> None:
+    spec = TwinSpec("robot", ModelSpec("robot1d"), tuning=TuningSpec(method="recursive"))
+    t = np.arange(100) * 0.1
+    with pytest.raises(ConfigError, match="linear in every editable"):
+        Twin(spec).run({"t": t, "v": np.full(100, 0.2), "x": 0.2 * t})
 
 
 def test_what_is_followed_is_said_and_goes_into_the_parameter_history() -> None:

@@ -198,7 +198,8 @@ class Setup:
             return ()
         names = matching(self.editable, rule.follow, "editable parameter") or self.editable
         names = tuple(name for name in names if name not in self.once)
-        found = self.model.columns if isinstance(self.model, LinearModel) else np.zeros(0)
+        linear = isinstance(self.model, LinearModel) and not self.model.outputs.angles.any()
+        found = self.model.columns if linear else np.zeros(0)  # type: ignore[attr-defined]
         if not set(self.model.parameters.indices(names).tolist()) <= set(found.ravel().tolist()):
             raise ConfigError(NOT_LINEAR)
         return names
