@@ -118,13 +118,16 @@ def by_laws(
         return over(indicator, problem)
     looks = sharpened(problem, looks, rough.share, prior)
     found = mixture(problem, looks, fine_nodes(rough.cdf), density)
+    # What does not grow yet lasts as long as like machines do.
+    rest = found.unknown * prior.ending(problem.age, found.nodes * problem.age)
+    found = found._replace(cdf=found.cdf + rest)
     half = float(np.interp(0.5, found.cdf, found.nodes)) if found.cdf[-1] > 0.5 else np.inf
     if half > FAR:
         return not_begun(indicator, problem)
     nodes = np.union1d(found.nodes, COARSE)
     cdf = prior.calibrated(np.interp(nodes, found.nodes, found.cdf), 1.0 / (1.0 + half))
-    cdf = prior.levelled(cdf, nodes * problem.age, level_now(indicator, problem))
-    return Life(indicator.clock, quantiles(nodes, cdf) * problem.age, problem.now, found.laws)
+    told = prior.levelled(quantiles(nodes, cdf) * problem.age, level_now(indicator, problem))
+    return Life(indicator.clock, told, problem.now, found.laws)
 
 
 def level_now(indicator: Indicator, problem: Problem) -> tuple[float, float, float]:
