@@ -270,11 +270,12 @@ def femto() -> dict[str, bool]:
             for cut in CUTS:
                 end = float(known[name]["h"][-1])
                 one = twin.component(until(known[name], cut * end, "h"))
-                low, high = one.life.interval80 if isinstance(one.life, Life) else (0.0, np.inf)
-                lower[cut] += low <= (1.0 - cut) * end
+                life, told = one.life, "nothing: not enough data"
+                if isinstance(life, Life):
+                    lower[cut] += life.interval80[0] <= (1.0 - cut) * end
+                    told = f"{life.interval80[0]:.2f} to {life.interval80[1]:.2f} h (80 %)"
                 sudden += "without warning" in " ".join(one.fleet.told if one.fleet else ())
-                print(f"bearing {name} {cut:4.0%}  {(1.0 - cut) * end:6.2f} h left, told {low:.2f} "
-                      f"to {high:.2f} h (80 %)")  # fmt: skip
+                print(f"bearing {name} {cut:4.0%}  {(1.0 - cut) * end:6.2f} h left, told {told}")
     return {
         "FEMTO: lower end below the truth in 5 of 6 at each cut": min(lower.values()) >= 5,
         "FEMTO: sudden ends said": sudden == len(names) * len(CUTS),

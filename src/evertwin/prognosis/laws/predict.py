@@ -122,10 +122,12 @@ def by_laws(
     rest = found.unknown * prior.ending(problem.age, found.nodes * problem.age)
     found = found._replace(cdf=found.cdf + rest)
     half = float(np.interp(0.5, found.cdf, found.nodes)) if found.cdf[-1] > 0.5 else np.inf
-    if half > FAR:
+    if half > FAR and not prior.knows_lives:
         return not_begun(indicator, problem)
     nodes = np.union1d(found.nodes, COARSE)
-    cdf = prior.calibrated(np.interp(nodes, found.nodes, found.cdf), 1.0 / (1.0 + half))
+    cdf = prior.ending(problem.age, nodes * problem.age)  # where no growth says more
+    if half <= FAR:
+        cdf = prior.calibrated(np.interp(nodes, found.nodes, found.cdf), 1.0 / (1.0 + half))
     told = prior.levelled(quantiles(nodes, cdf) * problem.age, level_now(indicator, problem))
     return Life(indicator.clock, told, problem.now, found.laws)
 
