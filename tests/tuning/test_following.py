@@ -94,6 +94,17 @@ def test_between_recordings_the_machine_may_have_changed(axes: Any, measured: An
     assert off[1] < 0.5 * off[0], off
 
 
+def test_another_version_of_the_same_is_as_sure(axes: Any, measured: Any) -> None:
+    one = stage(axes)
+    known = run(one, one.init(), recording(measured, axes, n=2000))
+    other = Following(one.model, one.names, one.live(known))
+    sure, anew = other.as_sure(copy(known)), other.init()
+    assert other.live(sure).tolist() == one.live(known).tolist()
+    short = recording(measured, axes, np.append(1.2 * P[:4], 0.02), 150, 1)
+    moved = [np.abs(run(other, s, short).p - other.values).max() for s in (sure, anew)]
+    assert moved[0] < 0.5 * moved[1]
+
+
 def test_the_kernel_equals_its_plain_twin_bit_for_bit(axes: Any, measured: Any) -> None:
     one, block = stage(axes, moving=((0, 0, 0.3),)), recording(measured, axes, n=60)
     block.y[20, 0], block.mark[30, 3] = np.nan, 6

@@ -335,9 +335,9 @@ class Decide:
         reason = f"version {new.version} replaces {old.version}: {shown}"
         decision.say("promoted", "", reason, self._switched(evidence, new.version))
         first = old if state.first.version < 0 else state.first
+        decision.state = self._live(decision.state, new.version, old, first)
         if state.agenda.brief >= 0.0:
             adopted(decision, self.follow.setup, self.follow.versions[new.version])
-        decision.state = self._live(decision.state, new.version, old, first)
         decision.remember(phase=PROBATION)
 
     def _judge_probation(self, decision: Decision) -> None:
@@ -372,8 +372,8 @@ class Decide:
         updates = np.array([self._updates(lane), self._updates(first)], dtype=np.int64)
         scores = new_scores(state.scores.usual, updates, state.row, state.scores.scale)
         return state._replace(
-            live=lane, stream=follow.opens(number), first=first, other=other, scores=scores,
-            agenda=state.agenda._replace(held=False, told=False, open=0),
+            live=lane, stream=follow.goes_on(state, number), first=first, other=other,
+            scores=scores, agenda=state.agenda._replace(held=False, told=False, open=0),
             trial=follow.setup.probation.init(), detect=follow.setup.detect.init(),
             external=follow.setup.external.init(),
             # what waits is of the version that goes

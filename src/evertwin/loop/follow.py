@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from evertwin.fold import Block, Event, Record
+from evertwin.fold import Block, Event, Record, copy
 from evertwin.loop.contacts import watched
 from evertwin.loop.in_stream import following
 from evertwin.loop.released import Released
@@ -110,6 +110,15 @@ class Follow:
             track=track.renew(state.live.track, p), horizon=horizon.renew(state.live.horizon, p)
         )
         return state._replace(live=live)
+
+    def goes_on(self, state: TwinState, number: int) -> Any:
+        """The stream of a version that goes live: after a state came or went (`brief`), as sure of
+        what it had followed as it was."""
+        before, after = self.following(state.live.version), self.following(number)
+        same = before is not None and after is not None and before.names == after.names
+        if after is None or not same or state.agenda.brief < 0.0:
+            return self.opens(number)
+        return after.as_sure(copy(state.stream))
 
     def here(self, state: TwinState) -> bool:
         """Are all versions simulated in this process, so that rows may be folded twice?"""

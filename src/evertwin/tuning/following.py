@@ -232,6 +232,15 @@ class Following:
         taken = state.chosen[np.minimum(self.groups[1], len(state.chosen) - 1)] == 1
         return tuple(name for name, one in zip(self.names, taken, strict=True) if one)
 
+    def as_sure(self, other: FollowingState) -> FollowingState:
+        """Begins at this version's values, as sure of them as another state is of its own. Consumes
+        ``other``."""
+        learned = other.learned._replace(
+            vector=np.zeros(len(self.names)), losses=np.zeros_like(other.learned.losses)
+        )
+        before = Learned(*(part.copy() for part in learned))
+        return self.init()._replace(weight=other.weight, learned=learned, before=before)
+
     def loosened(self, state: FollowingState) -> FollowingState:
         """The same estimate, of which less is sure: the machine may be another one by now. Consumes
         ``state``, which is that of a beat."""
