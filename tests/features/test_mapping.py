@@ -38,6 +38,15 @@ def test_loops_bring_the_map_together(drive: tuple[Scans, np.ndarray, Mapped]) -
     assert found.loops > 0 and closed < 0.05 and closed < max(alone, 0.02)
 
 
+def test_a_drive_that_is_lost_on_the_way_is_still_mapped() -> None:
+    """Corridors longer than the lidar sees: no pose there rather than a wrong one."""
+    scans, truth = recorded(0, COARSE._replace(longest=6.0, apart=0.15), laps=0.5)
+    found = mapped(scans).poses
+    lost = np.isnan(found.pose[:, 0])
+    assert 0 < lost.mean() < 0.5
+    assert trajectory_error(found.pose, truth).absolute < 0.6
+
+
 def test_a_loop_is_closed_and_a_wrong_one_weighs_little() -> None:
     """A square with a turn that errs by 0.02 rad each, one true loop and one that is nonsense."""
     step, square = np.array([1.0, 0.0, 0.0]), []

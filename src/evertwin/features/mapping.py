@@ -124,10 +124,12 @@ def _evened(poses: Poses) -> Poses:
     spread = np.trace(poses.covariance[told, :2, :2], axis1=1, axis2=2)
     firm = told[spread < SURE * SURE]
     for a, b in pairwise(firm):
-        if b - a > 2 and poses.segment[a] == poses.segment[b]:
-            usual = pose[b - 1, :2] - pose[b - 2, :2]
-            leap = pose[b, :2] - pose[b - 1, :2] - usual
-            pose[a + 1 : b, :2] += np.arange(1, b - a)[:, None] / (b - a) * leap
+        between_them = told[(told > a) & (told < b)]
+        if len(between_them) > 1 and poses.segment[a] == poses.segment[b]:
+            before, last = between_them[-2:]
+            usual = (pose[last, :2] - pose[before, :2]) / (last - before) * (b - last)
+            leap = pose[b, :2] - pose[last, :2] - usual
+            pose[between_them, :2] += (between_them - a)[:, None] / (b - a) * leap
     return poses._replace(pose=pose)
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from evertwin.sources.foreign import load
 from evertwin.types import Float64
 
-FIRST = 1e-6
+FIRST = 1e-3
 """Standard deviation of the origin [m, rad]."""
 DOUBT = 1.0
 """Standard deviations from which on a loop weighs less."""
