@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evertwin.config.spec import StoreSpec, TrialSpec
+from evertwin.config.spec import AnomalySpec, CorrectionSpec, StoreSpec, TrialSpec
 from evertwin.errors import StoreError
-from evertwin.fold import Block, Event, concatenate, take
+from evertwin.fold import Block, Event, concatenate, make_block, take
 from evertwin.fold.span import Span
 from evertwin.loop.result import RunResult
 from evertwin.models.form import Form
@@ -298,6 +298,24 @@ def test_short_recordings_are_learned_from_together() -> None:
     kinds = [e.kind for e in store.read("event") if isinstance(e, Event)]
     assert kinds.index("suspected") < kinds.index("corrected") < kinds.index("promoted")
     assert not any(twin(SqliteStore(":memory:")).run([p]).events for p in pieces(10)[-2:])
+
+
+def test_what_is_fitted_by_schedule_tells_of_its_own_run() -> None:
+    """The gain falls by 1 % a run; whatever is on trial or probation, runs tell their own value."""
+    store, spec = SqliteStore(":memory:"), robot().spec
+    tuning = replace(spec.tuning, every=15.0)
+    wearing = replace(spec, tuning=tuning, anomaly=AnomalySpec(), correction=CorrectionSpec())
+    n, h = 200, 0.1
+    t = h * np.arange(n)
+    v = 0.1 * np.sign(np.sin(0.4 * t)) + 0.05 * np.sin(1.3 * t)
+    for run in range(8):
+        x = np.cumsum(h * (1.0 - 0.01 * run) * v) + np.random.default_rng(run).normal(0, 3e-4, n)
+        rows = make_block(t=(t * 1e9).astype(np.int64), u=v[:, None], y=x[:, None])
+        told = len(store.read("estimate"))
+        result = Twin(wearing, store=store).run([rows])
+        values = [e.value for e in store.read("estimate")[told:] if e.name == "gain"]
+        assert values and values == pytest.approx([1.0 - 0.01 * run] * len(values), abs=0.01)
+    assert result.champion.number > 0
 
 
 def test_an_open_trial_is_told_of_as_one_of_a_run_before() -> None:

@@ -44,9 +44,9 @@ app.add_typer(model_app, name="model")
 
 KINDS = (
     "Kind of machine: arm (torques from motion, with --urdf), differential, omni or bicycle "
-    "(pose of a base; a steered one), odometer (way and heading), robot1d (way along a line), drive (an axis moved by a "
-    "force), drive_force (its force from motion), thermal (a heated box), python (equations of "
-    "your own)."
+    "(pose of a base; a steered one), odometer (way and heading), robot1d (way along a line), "
+    "drive (an axis moved by a force), drive_force (its force from motion), thermal (a heated "
+    "box), python (equations of your own)."
 )
 MOST, LONGEST = 50, 500
 """Lines of an error that are shown, and signs of a line."""

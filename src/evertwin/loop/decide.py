@@ -18,10 +18,11 @@ from evertwin.fold import Answer, Event, Request, copy
 from evertwin.loop.contacts import in_words, remembered
 from evertwin.loop.crossing import outside
 from evertwin.loop.decision import Decision
-from evertwin.loop.deviation import judged_deviation, new_sums
-from evertwin.loop.follow import EMPTY, NONE, Follow
+from evertwin.loop.deviation import new_sums
+from evertwin.loop.follow import EMPTY, Follow
 from evertwin.loop.in_stream import tell_followed
 from evertwin.loop.looking import adopted, in_vain, looks, returned
+from evertwin.loop.requirement import deviates
 from evertwin.loop.scores import new_scores
 from evertwin.loop.states import tried
 from evertwin.loop.twin_state import PROBATION, TRIAL, WATCH, TwinState
@@ -126,7 +127,7 @@ class Decide:
     def _watch(self, decision: Decision, task_end: bool) -> None:
         state, setup = decision.state, self.follow.setup
         about = looks(setup, state)
-        reason, signal, evidence = self._deviates(state, task_end)
+        reason, signal, evidence = deviates(setup, state, task_end)
         if reason is not None:
             watch, seen = new_sums(len(state.scores.watch.samples)), np.zeros(1, dtype=np.int64)
             scores = state.scores._replace(watch=watch, seen=seen)
@@ -146,10 +147,11 @@ class Decide:
             )
         if reason is not None:
             decision.remember(look=0, pace=0)
-        due = state.elapsed - agenda.fitted >= setup.schedule or again > 0 or last
+        every = state.elapsed - agenda.fitted >= setup.schedule
+        due = every or again > 0 or last
         if reason or alarm or due:
             self._supersede(decision)
-        free = self._free(decision.state, bool(reason or alarm))
+        free = self._free(decision.state, bool(reason or alarm), every)
         if not reason and alarm:
             reason = alarm
         elif reason and (free or not state.agenda.told):
@@ -215,32 +217,14 @@ class Decide:
             decision.remember(retrain=0)
             self._ask(decision, "correct", {"reason": "new training sequence"})
 
-    def _deviates(self, state: TwinState, task_end: bool) -> tuple[str | None, str, dict[str, Any]]:
-        """(None, …) when it is too early to say, ("", …) when within the requirement."""
-        setup, watch = self.follow.setup, state.scores.watch
-        samples = max(watch.samples.tolist(), default=0)
-        enough = samples >= setup.least if task_end else setup.watch(NONE).enough(state.scores)
-        if not np.isfinite(setup.requirement) or not enough:
-            return None, "", {}
-        values = judged_deviation(watch, setup.relative, state.scores.usual)
-        values = np.where(setup.watched, values, np.nan)
-        if not np.nanmax(values) > setup.requirement:
-            return "", "", {}
-        worst = int(np.nanargmax(values))
-        name = setup.model.outputs.names[worst]
-        shown = [setup.shown(k, values[k]) for k in range(len(values))]
-        limit = setup.shown(worst, setup.requirement)
-        evidence = {"deviation": values, "limit": setup.requirement, "rows": samples}
-        return f"{name} is off by {shown[worst]} (limit {limit})", name, evidence
-
-    def _free(self, state: TwinState, deviates: bool = False) -> bool:
-        """May a candidate be sought? Beside one that has been on trial for long, if the live
-        version deviates."""
-        agenda = state.agenda
+    def _free(self, state: TwinState, deviates: bool = False, due: bool = False) -> bool:
+        """May a candidate be sought? Whatever goes on if a fit is due; beside one on trial if the
+        live version deviates and the trial is long."""
+        agenda, least = state.agenda, self.follow.setup.trial.least
         if agenda.open or agenda.pinned or state.row < agenda.hold:
             return False
-        long = state.trial.tally[1] >= self.follow.setup.trial.least
-        return agenda.phase == WATCH or bool(agenda.phase == TRIAL and deviates and long)
+        long = agenda.phase == TRIAL and state.trial.tally[1] >= least
+        return agenda.phase == WATCH or due or bool(deviates and long)
 
     def _ask(
         self, decision: Decision, kind: str, detail: Mapping[str, Any], rival: int = 0
@@ -248,7 +232,10 @@ class Decide:
         state, setup = decision.state, self.follow.setup
         number = state.agenda.asked + 1
         size = setup.window(kind)
-        window = (max(state.agenda.since, state.row - size, state.ring.first), state.row)
+        first = max(state.agenda.since, state.row - size, state.ring.first)
+        if detail.get("reason") == "scheduled" and state.row >= setup.least:
+            first = max(first, 0)  # it tells of the machine in this run: its history
+        window = (first, state.row)
         due = state.row + setup.latency
         request = Request(number, kind, state.live.version, state.row, due, window, dict(detail))
         decision.requests.append(request)
@@ -291,6 +278,10 @@ class Decide:
 
     def _challenge(self, decision: Decision, candidate: Mapping[str, Any]) -> None:
         state, follow = decision.state, self.follow
+        young = state.trial.tally[1] < follow.setup.trial.least
+        busy = state.agenda.phase == PROBATION or (state.agenda.phase == TRIAL and young)
+        if busy and "brief" not in candidate:
+            return  # of a scheduled fit the numbers are kept
         if state.agenda.phase == TRIAL:
             reason = f"version {state.other.version} makes room for a better candidate"
             decision.say("superseded", "", reason, follow.setup.trial.verdict(state.trial)[1])

@@ -48,9 +48,8 @@ MUCH = 0.3
 """Explained share below which a suspicion waits for more rows, and by which a candidate has to
 surpass one that is on trial."""
 HALF = 0.5
-"""Part of the deviation that tuning explains at least where the form is wrong and the tuned numbers
-are tried all the same, alone or below a correction; and that a state which came or went takes away
-on unseen rows."""
+"""Part of the deviation that tuning explains at least where the form is wrong and tuned numbers are
+tried all the same; and that a state which came or went takes away on unseen rows."""
 ENOUGH = 10
 """Rows a parameter behind a change that a fit needs."""
 
@@ -127,8 +126,8 @@ class Work:
         return model, model.parameters.with_values({n: own[n] for n in names if n in own}).values
 
     def _surpassing(self, task: Task, rival: Version, content: dict[str, Any]) -> dict[str, Any]:
-        """Of an answer: what to do next, or a candidate that is better than the rival; much
-        better than one on trial, whose evidence would be lost."""
+        """Of an answer: what a fit found and what to do next, or a candidate that is better than
+        the rival; much better than one on trial, whose evidence would be lost."""
         found = content.get("candidate")
         if found is not None:
             old = self._left(self.versions.model_of(rival.form), rival.p, task.windows)
@@ -136,7 +135,8 @@ class Work:
             gain = MUCH if rival.number != task.version.number else self.setup.trial.margin
             if np.nanmean(new / old) <= 1.0 - gain:
                 return content
-        return {"events": []} | {k: content[k] for k in ("next", "lacking") if k in content}
+        keys = ("next", "lacking", "fit" if task.kind == "fit" else "")
+        return {"events": []} | {k: content[k] for k in keys if k in content}
 
     def _left(self, model: Model, p: ParameterVector, windows: Windows) -> np.ndarray:
         """Rms residual per output; NaN where nothing was measured."""

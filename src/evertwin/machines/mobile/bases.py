@@ -73,9 +73,9 @@ class Bicycle(Compiled):
 
     The kinematic bicycle: the rear axle goes along the heading, which turns by v·tan(angle)/b. With
     ``front_drive`` the speed is that of the steered wheel, and the heading turns by v·sin(angle)/b.
-    ``wheel_base`` b [m], and how far before the rear axle the pose is measured (``ahead`` [m]), come
-    from the description. Both can be tuned, b not beside the gain of the steering: small angles
-    tell their ratio alone.
+    ``wheel_base`` b [m], and how far before the rear axle the pose is measured (``ahead`` [m]),
+    come from the description. Both can be tuned, b not beside the gain of the steering: small
+    angles tell their ratio alone.
 
     >>> Bicycle(wheel_base=1.4).inputs.names, Bicycle().parameters.editable
     (('v', 'steering'), ('gain', 'steering_gain', 'steering_offset'))
