@@ -88,7 +88,7 @@ def carried(driver: Driver, store: Store, run: int, state: TwinState) -> TwinSta
     left.detect.cusum.calm.row[: left.detect.cusum.collected] -= rows
     detect = left.detect._replace(told=left.detect.told - rows, pending="")
     agenda = state.agenda._replace(
-        commissioned=before.commissioned, held=before.held, tunings=before.tunings,
+        commissioned=before.commissioned, held=before.held,
         fitted=before.fitted - left.elapsed, since=before.since - rows, told=before.told,
         followed=before.followed - left.elapsed, pace=before.pace,
         hold=max(before.hold - rows, 0), look=max(before.look - rows, 0),

@@ -233,7 +233,8 @@ class Decide:
         number = state.agenda.asked + 1
         size = setup.window(kind)
         first = max(state.agenda.since, state.row - size, state.ring.first)
-        if detail.get("reason") == "scheduled" and state.row >= setup.least:
+        enough = setup.least if detail.get("reason") == "scheduled" else setup.enough
+        if kind == "fit" and state.row >= enough:
             first = max(first, 0)  # it tells of the machine in this run: its history
         window = (first, state.row)
         due = state.row + setup.latency

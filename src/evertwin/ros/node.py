@@ -140,13 +140,18 @@ class Node:
         """
         async with asyncio.timeout(LATE):
             await self._look()
-            self._process = await asyncio.create_subprocess_exec(
+            starts = asyncio.ensure_future(asyncio.create_subprocess_exec(
                 self.place.python, str(files("evertwin.ros") / "child.py"), self.name,
                 stdin=PIPE, stdout=PIPE, stderr=PIPE, env=_environment(self.place),
-            )  # fmt: skip
-            self._tasks = [
-                asyncio.create_task(one) for one in (self._reads(), self._writes(), self._listens())
-            ]
+            ))  # fmt: skip
+            try:
+                await asyncio.shield(starts)
+            finally:  # given up meanwhile, it is there all the same, to be closed
+                self._process = await starts
+                self._tasks = [
+                    asyncio.create_task(one)
+                    for one in (self._reads(), self._writes(), self._listens())
+                ]
             await asyncio.wait({self._ready, self.ended}, return_when=asyncio.FIRST_COMPLETED)
         if self.ended.done():
             raise NodeDown(self.ended.result())
