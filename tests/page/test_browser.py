@@ -59,7 +59,7 @@ class Shown:
     def go(self, place: str) -> Any:
         self.page.goto(f"{self.address}/#/{place}")
         self.page.wait_for_selector("#main :is(h1, h2)")
-        self.page.wait_for_function(f"{SHOWN} === 'yes'")
+        self.page.wait_for_function(f"() => {SHOWN} === 'yes'")
         return self.page
 
     def awake(self) -> None:

@@ -70,6 +70,7 @@ def recorded(ros: Master, bag: Path, *topics: str) -> Iterator[None]:
     with ros.node("rosbag", "record", "-O", str(bag), *topics):
         until(lambda: state(ros)[1].keys() >= set(topics))
         yield
+    until(bag.exists)  # the recorder ends after the program that started it
 
 
 def state(ros: Master) -> list[dict[str, list[str]]]:
