@@ -64,7 +64,8 @@ def percent(twin: Twin, found: list[Seen]) -> np.ndarray:
     for one in found:
         for k, part in enumerate((one.y - one.predicted, one.y)):
             sums[k] += np.nansum(np.where(one.counts, smooth(part), np.nan) ** 2, axis=0)
-    return np.asarray(100 * np.sqrt(sums[0] / sums[1]))
+    known = np.where(sums[1] > 0.0, sums[1], np.nan)  # of some recordings no row counts
+    return np.asarray(100 * np.sqrt(sums[0] / known))
 
 
 def run(twin: Twin, file: Path, before: float) -> tuple[Seen, Counter[str], float]:

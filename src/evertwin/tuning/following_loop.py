@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from evertwin.compiled.functions import njit
+from evertwin.tuning.recursive_loop import inform
 
 OUTSIDE = 8.0
 """Residual, in units of its rms, from which on a row is not learned from."""
@@ -78,11 +79,4 @@ def learn(
             losses[o, 1] = keep * losses[o, 1] + square
             if not after * after < most:
                 continue
-            for a in range(m):
-                ia = at[o, a]
-                if ia < 0:
-                    continue
-                vector[ia] += weight[o] * phi[i, o, a] * before
-                for b in range(m):
-                    if at[o, b] >= 0:
-                        matrix[ia, at[o, b]] += weight[o] * phi[i, o, a] * phi[i, o, b]
+            inform(matrix, vector, phi[i, o], at[o], weight[o], before)

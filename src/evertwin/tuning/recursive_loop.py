@@ -13,6 +13,20 @@ from evertwin.compiled.functions import njit
 
 
 @njit(cache=True)
+def inform(matrix: Any, vector: Any, phi: Any, at: Any, weight: float, off: float) -> None:
+    """Adds what an output of a row tells: its regressor (m,), the place of each column among what
+    is learned (−1: none), its weight, and what it is off by."""
+    for a in range(phi.shape[0]):
+        ia = at[a]
+        if ia < 0:
+            continue
+        vector[ia] += weight * phi[a] * off
+        for b in range(phi.shape[0]):
+            if at[b] >= 0:
+                matrix[ia, at[b]] += weight * phi[a] * phi[b]
+
+
+@njit(cache=True)
 def solve_information(matrix: Any, vector: Any, delta: Any, sigma: Any) -> bool:
     """Λ⁻¹λ into ``delta`` and the square roots of Λ⁻¹'s diagonal into ``sigma``.
 
@@ -96,11 +110,4 @@ def learn(
             moving = gate[o] < 0 or abs(u[i, max(gate[o], 0)]) > above[o]
             if not trusted or not moving or not math.isfinite(around):
                 continue
-            for a in range(m):
-                ia = at[o, a]
-                if ia < 0:
-                    continue
-                vector[ia] += weight[o] * phi[i, o, a] * around
-                for b in range(m):
-                    if at[o, b] >= 0:
-                        matrix[ia, at[o, b]] += weight[o] * phi[i, o, a] * phi[i, o, b]
+            inform(matrix, vector, phi[i, o], at[o], weight[o], around)
