@@ -25,8 +25,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -76,18 +75,6 @@ def site_of(folder: Path, name: str, uri: str) -> Path:
     file = own / "site.toml"
     file.write_text(head + entry + second)
     return file
-
-
-@contextmanager
-def recording(ros: Master, bag: Path) -> Iterator[None]:
-    """rosbag, until the block ends."""
-    with ros.node("rosbag", "record", "-O", str(bag), *HEARD, *SAID):
-        time.sleep(2.0)
-        yield
-        time.sleep(1.0)
-    end = time.monotonic() + 10.0
-    while not bag.exists() and time.monotonic() < end:
-        time.sleep(0.1)
 
 
 def settled(served: Served) -> None:
@@ -189,7 +176,7 @@ def main(seconds: float = 160.0, speed: float = 2.0, seed: int = 1) -> int:
         planned = [f"{float(one.split(':')[0]) * seconds:g}:{one.split(':')[1]}" for one in ORDERS]
         common = Common(seed, speed, seconds=seconds, order=planned)
         asyncio.run(simulate(Place(ros.uri)))
-        with Served(site) as served, recording(ros, bag):
+        with Served(site) as served, ros.recording(bag, *HEARD, *SAID):
             served.until(lambda status: True)
             options = robot_options(common, None, ros=Place(ros.uri))
             with LiveMachine("robot", options) as machine:

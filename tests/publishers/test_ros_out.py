@@ -6,10 +6,8 @@ import asyncio
 import os
 import signal
 import subprocess
-import time
 import xmlrpc.client
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +20,7 @@ from evertwin.ros.spec import Place
 from evertwin.ros.topics import simulate
 from evertwin.sources.bag_files import messages
 from evertwin.sources.ros_messages import Decoder, flat
-from tests.sources.live.ros_peers import STATES, Master, master
+from tests.sources.live.ros_peers import STATES, master, until
 from tests.sources.live.test_ros import children
 
 SCENE = {"kind": "base", "pose": ["x", "y", "heading"], "tolerance": 0.1}
@@ -62,29 +60,6 @@ def row(t: float, **values: tuple[float, float | None, int]) -> dict[str, Any]:
     }  # fmt: skip
     return {"t": [round(t * 1e9)], "outputs": outputs, "inputs": {"q1": [0.5], "q2": [-0.5],
             "qd1": [0.1], "qd2": [0.2]}}  # fmt: skip
-
-
-@contextmanager
-def recorded(ros: Master, bag: Path, *topics: str) -> Iterator[None]:
-    """By rosbag, from when it listens to every topic."""
-    with ros.node("rosbag", "record", "-O", str(bag), *topics):
-        until(lambda: state(ros)[1].keys() >= set(topics))
-        yield
-    until(bag.exists)  # the recorder ends after the program that started it
-
-
-def state(ros: Master) -> list[dict[str, list[str]]]:
-    """Publishers and subscribers of each topic."""
-    with xmlrpc.client.ServerProxy(ros.uri) as asked:
-        told: Any = asked.getSystemState("/test")
-    return [dict(part) for part in told[2]]
-
-
-def until(done: Callable[[], bool], seconds: float = 10.0) -> None:
-    end = time.monotonic() + seconds
-    while not done():
-        assert time.monotonic() < end, "too late"
-        time.sleep(0.02)
 
 
 async def wait(done: Callable[[], bool], seconds: float = 10.0) -> None:
@@ -128,7 +103,7 @@ def test_a_base_and_an_arm_as_rosbag_records_them(tmp_path: Path) -> None:
             for one in (base, arm):
                 one.publish(News("x", "health", HEALTH))
             await asyncio.sleep(0.5)
-            own = {topic for topic, nodes in state(ros)[0].items()
+            own = {topic for topic, nodes in ros.state()[0].items()
                    if any(node.startswith("/evertwin") for node in nodes)}  # fmt: skip
             await base.close(), await arm.close()
             return own
@@ -136,8 +111,8 @@ def test_a_base_and_an_arm_as_rosbag_records_them(tmp_path: Path) -> None:
         with xmlrpc.client.ServerProxy(ros.uri) as asked:
             asked.setParam("/test", "/robot_description", URDF)
         states = ros.node(str(STATES), "joint_states:=/evertwin/arm/prediction")
-        with recorded(ros, bag, *topics), states:
-            until(lambda: "/robot_state_publisher" in state(ros)[1].get(topics[4], ()))
+        with ros.recording(bag, *topics), states:
+            until(lambda: "/robot_state_publisher" in ros.state()[1].get(topics[4], ()))
             own = asyncio.run(speak())
     # nothing that moves a machine
     assert own == {*topics, "/evertwin/robot_1/measured"}

@@ -88,7 +88,7 @@ def test_lived_recorded_played(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
             monkeypatch.setenv(name, ros.environment[name])
         options = robot_options(Common(speed=5.0, seconds=SECONDS), None, ros=Place(ros.uri))
         machine = LiveMachine.command("robot", options)
-        with ros.node("rosbag", "record", "-O", str(bag), "/cmd_vel", "/amcl_pose", "/scan"):
+        with ros.recording(bag, "/cmd_vel", "/amcl_pose", "/scan"):
             lived, raw = asyncio.run(heard(ros.uri, machine))
         check = subprocess.run(["rosbag", "check", str(bag)], capture_output=True, text=True)
         assert check.returncode == 0, check.stdout

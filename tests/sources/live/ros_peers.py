@@ -5,9 +5,12 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-from collections.abc import Iterator, Sequence
+import time
+import xmlrpc.client
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -52,9 +55,30 @@ class Master:
                 os.killpg(peer.pid, signal.SIGKILL)
                 peer.wait()
 
+    @contextmanager
+    def recording(self, bag: Path, *topics: str) -> Iterator[None]:
+        """rosbag, from when it listens to every topic until its file is whole."""
+        with self.node("rosbag", "record", "-O", str(bag), *topics):
+            until(lambda: self.state()[1].keys() >= set(topics))
+            yield
+        until(bag.exists)  # the recorder ends after the program that started it
+
+    def state(self) -> list[dict[str, list[str]]]:
+        """Publishers and subscribers of each topic."""
+        with xmlrpc.client.ServerProxy(self.uri) as asked:
+            told: Any = asked.getSystemState("/test")
+        return [dict(part) for part in told[2]]
+
     def says(self, topic: str, kind: str, content: str) -> Sequence[str]:
         """The command that publishes fifty times a second, stamped (``header: auto``)."""
         return ("rostopic", "pub", "-s", "-r", "50", topic, kind, content)
+
+
+def until(done: Callable[[], bool], seconds: float = 30.0) -> None:
+    end = time.monotonic() + seconds
+    while not done():
+        assert time.monotonic() < end, "too late"
+        time.sleep(0.02)
 
 
 @contextmanager

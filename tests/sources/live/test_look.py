@@ -6,6 +6,7 @@ import asyncio
 import struct
 import threading
 import time
+from collections.abc import Callable, Coroutine
 from pathlib import Path
 
 import pytest
@@ -69,10 +70,14 @@ def test_topics_of_a_ros_master(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         settings = read_settings(table)
         assert isinstance(settings, RosSettings)
         known = wanted(settings, ODOM) | {"/cmd_vel": {"linear.x": "v [m/s]"}}
-        lines: list[str] = []
-        while not lines or "/odom" not in lines[0]:
-            lines = asyncio.run(look_ros(settings.place, known))
-        bare = asyncio.run(look(settings, Around(tmp_path)))
+
+        def heard(asked: Callable[[], Coroutine[None, None, list[str]]]) -> list[str]:
+            while not (lines := asyncio.run(asked())) or not lines[0].startswith("/odom"):
+                pass  # it listens for a second only: the speaker may have started after it
+            return lines
+
+        lines = heard(lambda: look_ros(settings.place, known))
+        bare = heard(lambda: look(settings, Around(tmp_path)))
     assert lines[0].startswith("/odom  nav_msgs/Odometry  ") and "time /odom.stamp" in lines[0]
     assert "/odom.pose.pose.orientation.yaw=1.5708 → heading [rad]" in lines[0]
     assert lines[-1] == "nobody says /cmd_vel.linear.x, of which the twin file makes v [m/s]"
