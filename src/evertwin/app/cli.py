@@ -17,6 +17,7 @@ import typer
 from evertwin.app import cli_validate
 from evertwin.app.cli_engineer import register as register_engineer
 from evertwin.app.cli_export import register as register_export
+from evertwin.app.cli_features import register as register_features
 from evertwin.app.cli_machine import register as register_machine
 from evertwin.app.cli_machine import register_demo
 from evertwin.app.cli_map import register as register_map
@@ -317,6 +318,7 @@ register_export(app, model_app)
 register_store(app)
 register_machine(app)
 register_map(app)
+register_features(app)
 register_serve(app)
 register_ros(app)
 
