@@ -19,6 +19,8 @@ is a value of the result (see `evertwin.tuning.Fit`).
 from __future__ import annotations
 
 import difflib
+import os
+import ssl
 from collections.abc import Iterable
 
 
@@ -136,3 +138,20 @@ def nearest(name: object, known: Iterable[str]) -> str:
     names = list(known)
     near = difflib.get_close_matches(str(name), names, n=1)
     return f"did you mean {near[0]!r}?" if near else f"there are {', '.join(names)}"
+
+
+def reason_of(error: BaseException) -> str:
+    """Why a line to somebody else is gone, in one line.
+
+    >>> reason_of(TimeoutError()), reason_of(ConnectionRefusedError(111, "Connection refused"))
+    ('no answer in time', 'Connection refused')
+    """
+    if isinstance(error, TimeoutError) and not str(error):
+        return "no answer in time"
+    if isinstance(error, ssl.SSLCertVerificationError):
+        return f"TLS: {error.verify_message}"
+    if isinstance(error, ssl.SSLError):  # its number is one of OpenSSL
+        return f"TLS: {(error.reason or str(error)).replace('_', ' ').lower()}"
+    if isinstance(error, OSError) and error.errno is not None:
+        return os.strerror(error.errno) if error.errno > 0 else str(error.strerror)
+    return str(error) or type(error).__name__

@@ -104,6 +104,8 @@ def test_pages_of_others_may_not_ask(served: Served, origin: str, code: int) -> 
         ("/api/v1/twins/robot/whatif", {"docking": {"machine": "/etc/passwd"}}, {400}),
         ("/api/v1/twins/robot/forecast", {"horizon": 1e300}, {400}),
         ("/api/v1/twins/robot/forecast", b'{"horizon": NaN}', {400, 422}),
+        ("/api/v1/look", {"protocol": "modbus", "host": "169.254.169.254", "port": 502}, {400}),
+        ("/api/v1/look", {"protocol": "opcua", "url": "opc.tcp://[fe80::1]:4840"}, {400}),
         ("/api/v1/twins/robot/orders", {"order": "format"}, {422}),
         ("/api/v1/twins/robot/orders", {"order": "pin", "version": 7, "reason": "x"}, {400}),
         ("/api/v1/twins/robot/orders", {"order": "pin", "reason": "x"}, {422}),

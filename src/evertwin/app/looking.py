@@ -10,10 +10,11 @@ from pathlib import Path
 import typer
 
 from evertwin.app.console import show
+from evertwin.errors import reason_of
 from evertwin.ros.spec import Place
 from evertwin.service.plan import Site, read_site
 from evertwin.sources.live.contract import Around
-from evertwin.sources.live.line import LineDown, reason_of
+from evertwin.sources.live.line import LineDown
 from evertwin.sources.live.look import look
 from evertwin.sources.live.look_ros import look_ros, wanted
 from evertwin.sources.live.ros_spec import RosSettings

@@ -10,13 +10,15 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
+import sys
 from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
-from evertwin.errors import DataError, EvertwinError, MissingExtra
+from evertwin.errors import DataError, EvertwinError, MissingExtra, reason_of
 from evertwin.publishers.contract import About, Ask, Kind, News
 from evertwin.publishers.mqtt_spec import MqttOutSettings
+from evertwin.trust import Tls
 
 try:
     import paho.mqtt.client as paho
@@ -49,6 +51,7 @@ class MqttOut:
         self._counts: Counter[str] = Counter()
         self._state, self._reason = "connecting", ""
         self._loop: asyncio.AbstractEventLoop | None = None
+        self._tls: Tls | None = None
         self._open: set[asyncio.Task[None]] = set()
         client = paho.Client(
             CallbackAPIVersion.VERSION2, client_id=f"evertwin-{about.name}-out", clean_session=True
@@ -59,7 +62,7 @@ class MqttOut:
         if settings.user:
             client.username_pw_set(settings.user, settings.password or None)
         client.on_connect, client.on_disconnect = self._connected, self._disconnected
-        client.on_message = self._message
+        client.on_connect_fail, client.on_message = self._failed, self._message
         self._client = client
 
     @property
@@ -74,9 +77,10 @@ class MqttOut:
         authority = self.settings.authority
         if authority:
             try:
-                self._client.tls_set(authority, self.settings.certificate or None)
+                self._tls = Tls(authority, self.settings.certificate or None)
             except OSError as error:
                 raise DataError(f"publisher mqtt: authority, certificate: {error}") from error
+            self._client.tls_set_context(self._tls.context)
         self._client.connect_async(self.settings.host, self.settings.port, keepalive=20)
         self._client.loop_start()
 
@@ -111,15 +115,27 @@ class MqttOut:
             LOG.warning("%s: mqtt: %s", self._base, code)
             return
         self._state, self._reason = "up", ""
+        if self._tls is not None:
+            self._tls.why = ""
         LOG.info("%s: mqtt: up", self._base)
         client.publish(f"{self._base}/online", "1", qos=1, retain=True)
         if self.settings.questions:
             client.subscribe(f"{self._base}/ask", qos=1)
 
+    def _failed(self, client: paho.Client, _: Any) -> None:
+        """Called while the error is handled that says why."""
+        error = sys.exc_info()[1]
+        reason = "no line to the broker" if error is None else reason_of(error)
+        if (self._state, self._reason) != ("down", reason):
+            LOG.warning("%s: mqtt: down: %s", self._base, reason)
+        self._state, self._reason = "down", reason
+
     def _disconnected(self, client: paho.Client, _: Any, __: Any, code: Any, ___: Any) -> None:
-        if self._state == "up":
-            self._state, self._reason = "down", str(code)
-            LOG.warning("%s: mqtt: down: %s", self._base, code)
+        reason = self._tls.why if self._tls is not None and self._tls.why else str(code)
+        if self._state == "closed" or (self._state, self._reason) == ("down", reason):
+            return
+        self._state, self._reason = "down", reason
+        LOG.warning("%s: mqtt: down: %s", self._base, reason)
 
     def _message(self, client: paho.Client, _: Any, message: paho.MQTTMessage) -> None:
         if self._loop is not None and not message.retain and not self._loop.is_closed():

@@ -2,7 +2,8 @@
 
 Below ``Objects / NAME``: for each output an object with ``measured``, ``predicted``, ``residual``,
 ``sigma`` and ``mark``, stamped as the row is; ``condition``, ``stale`` and ``event`` beside them.
-The server has a thread and an event loop of its own: loading its address space takes seconds.
+The server has a thread and an event loop of its own: loading its address space takes seconds. With
+a security policy a session is opened for certificates of the trust folder alone.
 """
 
 from __future__ import annotations
@@ -13,15 +14,21 @@ import math
 import threading
 from collections import Counter
 from collections.abc import Mapping
+from contextlib import suppress
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
 
 from evertwin.errors import MissingExtra
 from evertwin.publishers.contract import About, Ask, News
 from evertwin.publishers.opcua_spec import OpcuaOutSettings
+from evertwin.trust import why_not
 
 try:
     from asyncua import Server, ua
+    from asyncua.crypto.permission_rules import User, UserRole
+    from asyncua.server.internal_server import InternalServer
+    from asyncua.server.user_managers import UserManager
 except ModuleNotFoundError as error:
     raise MissingExtra.of("asyncua", "live") from error
 
@@ -33,6 +40,28 @@ WAITING = 100
 """Messages that wait at most; beyond, the newest rows win."""
 CHUNKS, BYTES = 64, 1 << 20
 """Largest message of a client, in chunks and in bytes."""
+
+
+class _Sessions(InternalServer):  # type: ignore[misc]
+    """Sessions end with their connection: who has lost one opens another. The library would give a
+    session to whoever names its number, and numbers can be guessed."""
+
+    def lookup_external_session(self, auth_token: Any) -> None:
+        """None is found."""
+
+
+class _Trusted(UserManager):  # type: ignore[misc]
+    """Who may open a session: the owner of a certificate that is trusted, on its own channel."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def get_user(self, iserver: Any, username: Any = None, password: Any = None,
+                 certificate: bytes | None = None) -> User | None:  # fmt: skip
+        """A reader, or nobody."""
+        if certificate is None or why_not(certificate, self._folder):
+            return None
+        return User(role=UserRole.User)
 
 
 class OpcuaOut:
@@ -73,7 +102,8 @@ class OpcuaOut:
     async def close(self) -> None:
         """See `Publisher`."""
         if self._thread.is_alive():
-            self._loop.call_soon_threadsafe(self._ended.set)
+            with suppress(RuntimeError):  # it has ended meanwhile
+                self._loop.call_soon_threadsafe(self._ended.set)
             await asyncio.to_thread(self._thread.join, 10.0)
 
     # ------------------------------------------------------------------ in its own thread
@@ -81,7 +111,7 @@ class OpcuaOut:
     def _run(self) -> None:
         try:
             self._loop.run_until_complete(self._serve())
-        except OSError as error:
+        except (OSError, ValueError) as error:  # the port, or a file that is no certificate
             self._state, self._reason = "down", str(error)
             LOG.warning("%s: opcua: down: %s", self._twin, error)
         finally:
@@ -95,12 +125,19 @@ class OpcuaOut:
         self._news.put_nowait(news)
 
     async def _serve(self) -> None:
-        server = Server()
+        secure = self.settings.security != "none"
+        owners = _Trusted(Path(self.settings.trust)) if secure else None
+        server = Server(_Sessions(user_manager=owners))
         server.iserver.allow_remote_admin = False
+        if secure:
+            await server.load_certificate(self.settings.certificate)
+            await server.load_private_key(self.settings.key)
         await server.init()
         server.set_endpoint(f"opc.tcp://{self.settings.host}:{self.settings.port}/evertwin")
         server.set_server_name(f"evertwin {self._twin}")
-        server.set_security_policy([ua.SecurityPolicyType.NoSecurity])
+        server.set_identity_tokens([ua.AnonymousIdentityToken])  # the certificate says who it is
+        policy = f"{self.settings.security}_SignAndEncrypt" if secure else "NoSecurity"
+        server.set_security_policy([ua.SecurityPolicyType[policy]])
         server.limits.max_chunk_count, server.limits.max_message_size = CHUNKS, BYTES
         await self._variables(server)
         self._news = asyncio.Queue()

@@ -8,19 +8,22 @@ from __future__ import annotations
 
 import asyncio
 import dataclasses
+import ipaddress
+import socket
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal
+from urllib.parse import urlsplit
 
 from fastapi import FastAPI, HTTPException, Query
 from pydantic import BaseModel, ConfigDict, Field
 
-from evertwin.errors import UsageError
+from evertwin.errors import UsageError, reason_of
 from evertwin.service.history import WIDEST, Span, Stored, looked_back
 from evertwin.service.runner import Runner
 from evertwin.service.service import Service
 from evertwin.sources.live import registry as sources
 from evertwin.sources.live.contract import Around
-from evertwin.sources.live.line import LineDown, reason_of
+from evertwin.sources.live.line import LineDown
 from evertwin.sources.live.look import look
 
 MOST = 10_000
@@ -104,12 +107,27 @@ async def _history(runner: Runner, span: Span, signals: Sequence[str]) -> Mappin
     return await asyncio.to_thread(looked_back, stored, view, model, span, signals or known)
 
 
+def may_be_asked(host: str) -> bool:
+    """May a machine have this address? Link-local ones are those of a cloud's own services.
+
+    >>> may_be_asked("127.0.0.1"), may_be_asked("169.254.169.254"), may_be_asked("fe80::1")
+    (True, False, False)
+    """
+    found = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
+    named = [ipaddress.ip_address(str(one[4][0]).partition("%")[0]) for one in found]
+    plain = [getattr(one, "ipv4_mapped", None) or one for one in named]
+    return not any(one.is_link_local or one.is_multicast or one.is_unspecified for one in plain)
+
+
 async def _look(at: Look) -> list[str]:
     form = sources.settings_of(at.protocol)
     given: dict[str, Any] = {"host": at.host, "port": at.port, "url": at.url}
     named = {field.name for field in dataclasses.fields(form)}
     chosen = {name: value for name, value in given.items() if value and name in named}
+    host = urlsplit(at.url).hostname if at.url else at.host
     try:
+        if not host or not await asyncio.to_thread(may_be_asked, host):
+            raise HTTPException(400, "host: expected one that a machine may have")
         settings = form(source="look", protocol=at.protocol, **chosen)
         return await look(settings, Around())
     except (LineDown, OSError, TimeoutError) as error:

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evertwin.engine import EngineSpec, Pool
+from evertwin.errors import DataError
 from evertwin.fold import Chunk, Event, make_block, plain
 from evertwin.loop import Numbered, View
 from evertwin.models import Model
@@ -157,9 +158,15 @@ class AtWork:
         }  # fmt: skip
 
     def newest_block(self, count: int) -> Any:
-        """The newest rows of the newest task, to look ahead from."""
+        """The newest rows of the newest task, to look ahead from.
+
+        Raises:
+            DataError: there are none yet.
+        """
         view = self.going.view(count)
-        last = view.task == view.task[-1] if len(view.task) else np.zeros(0, dtype=bool)
+        if not len(view.task):
+            raise DataError(f"{self.spec.name}: no row yet to look ahead from: ask again later")
+        last = view.task == view.task[-1]
         return make_block(t=view.t[last], u=view.inputs[last], y=view.measured[last])
 
     def _news(self) -> tuple[tuple[int, Mapping[str, Any]], ...]:

@@ -26,13 +26,22 @@ SWITCH = 0.001
 
 
 class _Patient(H11Protocol):
-    """Closes connections that have not said what they want in time."""
+    """Closes connections that have not said what they want in time, and those of an address that
+    has half of all: what one does others do not feel."""
 
     late: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: Any) -> None:
         super().connection_made(transport)
+        if self._crowded():
+            transport.close()
+            return
         self.late = self.loop.call_later(self.config.timeout_graceful_shutdown or 10, self._cut)
+
+    def _crowded(self) -> bool:
+        most, mine = max((self.config.limit_concurrency or 0) / 2.0, 1.0), self.client
+        hosts = (getattr(one, "client", None) for one in self.connections)
+        return mine is not None and sum(h is not None and h[0] == mine[0] for h in hosts) > most
 
     def _cut(self) -> None:
         if self.cycle is None and not self.transport.is_closing():

@@ -109,7 +109,7 @@ class HttpSpec(Section):
     timeout: Duration = 10.0
     """A request that has not come whole after so long is given up."""
     connections: Annotated[int, Ge(1)] = 200
-    """Connections at the same time."""
+    """Connections at the same time; one address has half of them at most."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

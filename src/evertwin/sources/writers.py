@@ -17,6 +17,7 @@ t [s],v [m/s]
 
 from __future__ import annotations
 
+import csv
 import json
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -55,8 +56,18 @@ def _headings(layout: Layout) -> list[str]:
 def _csv(path: Path, series: Mapping[str, Series]) -> None:
     one = _only(series)
     with path.open("w", encoding="utf-8", newline="\n") as file:
-        file.write(",".join(["t [s]", *_headings(one.layout)]) + "\n")
+        headings = ["t [s]", *map(_no_formula, _headings(one.layout))]
+        csv.writer(file, lineterminator="\n").writerow(headings)
         file.writelines(_lines(one))
+
+
+def _no_formula(text: str) -> str:
+    """Text that no spreadsheet takes for a formula.
+
+    >>> _no_formula("=1+1"), _no_formula("x [m]")
+    ("'=1+1", 'x [m]')
+    """
+    return f"'{text}" if text[:1] in "=+-@\t\r" else text
 
 
 def _lines(series: Series) -> Iterator[str]:

@@ -9,14 +9,13 @@ queue, a file), and is counted as a loss where it cannot (`Polled` protocols).
 from __future__ import annotations
 
 import asyncio
-import os
 import time
 from abc import ABC, abstractmethod
 from collections.abc import AsyncIterator
 from contextlib import suppress
 
 from evertwin.backoff import Backoff
-from evertwin.errors import DataError
+from evertwin.errors import DataError, reason_of
 from evertwin.fold import Chunk
 from evertwin.sources.live.arrays import decoder_of
 from evertwin.sources.live.contract import Health, LiveSettings
@@ -155,16 +154,3 @@ class Line(ABC):
             if self.told.state == "up":
                 self._left = time.monotonic()
             await session.aclose()  # type: ignore[attr-defined]
-
-
-def reason_of(error: BaseException) -> str:
-    """One line that says what is wrong.
-
-    >>> reason_of(TimeoutError()), reason_of(ConnectionRefusedError(111, "Connection refused"))
-    ('no answer in time', 'Connection refused')
-    """
-    if isinstance(error, TimeoutError) and not str(error):
-        return "no answer in time"
-    if isinstance(error, OSError) and error.errno is not None:
-        return os.strerror(error.errno) if error.errno > 0 else str(error.strerror)
-    return str(error) or type(error).__name__

@@ -34,6 +34,7 @@ from evertwin.sources.live.mqtt_parts import Count, NoMessage, place
 from evertwin.sources.live.mqtt_spec import MqttSettings, Part
 from evertwin.sources.live.secrets import password
 from evertwin.sources.spec import ArraySpec, SourceSpec
+from evertwin.trust import Tls
 
 if TYPE_CHECKING:
     from paho.mqtt.client import Client, MQTTMessage
@@ -64,6 +65,7 @@ class Mqtt(Line):
         for column in self.decoder.names:
             part = settings.columns.get(column, Part(column))
             self.topics[part.topic or settings.topic or ""][part.path] = column
+        self._tls: Tls | None = None
         self._line: Connection | None = None
         self._given: dict[int, list[int]] = {}
         """Stamp of a sample that is not stored yet → its messages on this connection."""
@@ -98,7 +100,7 @@ class Mqtt(Line):
 
     async def session(self) -> AsyncIterator[Columns]:
         """One connection."""
-        line = Connection(self.client())
+        line = Connection(self.client(), self._tls)
         try:
             kept = await line.connect(self.broker, list(self.topics))
             self._cause = BEFORE if not self._connected else FULL if kept else FORGOTTEN
@@ -184,11 +186,8 @@ class Mqtt(Line):
         if broker.user is not None:
             client.username_pw_set(broker.user, self._password())
         if broker.tls:
-            context = ssl.create_default_context(cafile=self._file(broker.ca))
-            if broker.certificate is not None:
-                certificate = str(self._file(broker.certificate))
-                context.load_cert_chain(certificate, self._file(broker.key))
-            client.tls_set_context(context)
+            self._tls = Tls(*map(self._file, (broker.ca, broker.certificate, broker.key)))
+            client.tls_set_context(self._tls.context)
         if broker.will:
             client.will_set(broker.will, b"down", qos=1, retain=True)
         return client
@@ -216,8 +215,9 @@ class Connection:
     True
     """
 
-    def __init__(self, client: Client) -> None:
+    def __init__(self, client: Client, tls: Tls | None = None) -> None:
         self.client = client
+        self._tls = tls
         self._loop = asyncio.get_running_loop()
         self._inbox: asyncio.Queue[MQTTMessage | str] = asyncio.Queue()
         self._answer: asyncio.Future[tuple[bool, str]] = self._loop.create_future()
@@ -335,7 +335,8 @@ class Connection:
         self._inbox.put_nowait(message)
 
     def _on_disconnect(self, _c: object, _u: object, _f: object, code: Any, _p: object) -> None:
-        reason = f"the broker closed the line ({code})"
+        why = self._tls.why if self._tls is not None and self._tls.why else code
+        reason = f"the broker closed the line ({why})"
         self._inbox.put_nowait(reason)
         if not self._answer.done():
             self._answer.set_result((False, reason))

@@ -21,16 +21,17 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evertwin.errors import UsageError
+from evertwin.errors import UsageError, reason_of
 from evertwin.settings.notes import expand
 from evertwin.sources.foreign import load
 from evertwin.sources.live.contract import Around
 from evertwin.sources.live.decode import BAD, PROTOCOL, Columns, Raw
-from evertwin.sources.live.line import Line, LineDown, reason_of
+from evertwin.sources.live.line import Line, LineDown
 from evertwin.sources.live.opcua_group import Groups
 from evertwin.sources.live.opcua_spec import OpcuaSettings
 from evertwin.sources.live.secrets import password
 from evertwin.sources.spec import SourceSpec
+from evertwin.trust import why_not
 
 if TYPE_CHECKING:
     from asyncua import Client
@@ -111,29 +112,16 @@ class Opcua(Line):
         shown = {e.ServerCertificate for e in endpoints if e.SecurityPolicyUri == policy.URI}
         if not shown:
             raise LineDown(f"the server has no endpoint with {self.server.security}")
-        found = shown & set(self._trusted())
+        trust = self._file(self.server.trust)
+        assert trust is not None
+        why = {one: why_not(one, trust) for one in sorted(shown)}
+        found = [one for one, reason in why.items() if not reason]
         if not found:
-            raise LineDown(
-                f"the server's certificate is not in {self.server.trust}: compare it on the "
-                "machine, then put it there"
-            )
+            raise LineDown(f"the server: {next(iter(why.values()))}")
         await client.set_security(
             policy, str(self._file(self.server.certificate)), str(self._file(self.server.key)),
-            server_certificate=found.pop(),
+            server_certificate=found[0],
         )  # fmt: skip
-
-    def _trusted(self) -> list[bytes]:
-        x509 = load("cryptography.x509", "live")
-        serialization = load("cryptography.hazmat.primitives.serialization", "live")
-        folder = self._file(self.server.trust)
-        out = []
-        for path in sorted(folder.iterdir()) if folder is not None and folder.is_dir() else []:
-            content = path.read_bytes()
-            if content.lstrip().startswith(b"-----BEGIN"):
-                certificate = x509.load_pem_x509_certificate(content)
-                content = certificate.public_bytes(serialization.Encoding.DER)
-            out.append(content)
-        return out
 
     async def _subscribe(self, client: Client) -> tuple[Subscription, dict[Any, str]]:
         """The subscription, and which node is which column."""
