@@ -155,6 +155,7 @@ class Study:
     weighed: Weighed | None
     """None: nothing is tuned."""
     measured: Measured | None
+    """What the schedule saves and costs; None: nothing is tuned, or it was not tried."""
     rows: int
     """Rows of the recordings."""
     seconds: float
@@ -245,14 +246,16 @@ def modelled(breakdown: Breakdown, known: Sequence[str]) -> tuple[str, ...]:
 
 
 def study(
-    breakdown: Breakdown, problem: Problem, plan: ModelPlan | None = None, seed: int = 1
-) -> Study:
+    breakdown: Breakdown, problem: Problem, plan: ModelPlan | None = None, seed: int = 1,
+    *, tried: bool = True,
+) -> Study:  # fmt: skip
     """The method on the rows of ``problem``.
 
     Args:
         plan: what the breakdown was compiled into; None: it is compiled here.
         problem: on the parameters of `modelled`, with their initial values as prior.
         seed: of the samples.
+        tried: also tune successive recordings by the schedule, to measure what it saves.
 
     Raises:
         ConfigError: a component lacks what the method needs to rank it.
@@ -284,7 +287,8 @@ def study(
     if chosen.fit is not None:
         own = replace(problem, editable=chosen.fit.names)
         weighed = weigh(own, chosen.fit, posed, breakdown.requirements)
-        measured = measure(own, chosen.fit, posed, weighed, breakdown.requirements)
+        if tried:
+            measured = measure(own, chosen.fit, posed, weighed, breakdown.requirements)
     return Study(
         breakdown, ranks, levels, found, tuple(virtual_sensors(short, parts, breakdown)),
         tuple(inside(plan, breakdown, problem)), first, tuple(notes), posed,

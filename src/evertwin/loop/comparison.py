@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -28,6 +29,8 @@ class Comparison:
     better: float
     """Share of the rows at which the second predicts better."""
     rows: int
+    predictions: tuple[Sequence[Prediction], Sequence[Prediction]] = field(repr=False)
+    """Of each version, window by window; not part of the plain content."""
 
     def to_dict(self) -> dict[str, Json]:
         """Plain content, ``schema: "evertwin.compare/1"``."""
@@ -73,4 +76,4 @@ def compare(setup: Setup, versions: Versions, pair: tuple[int, int], data: Data)
     nearer = np.nansum(np.square(b), axis=1) < np.nansum(np.square(a), axis=1)
     share = float(nearer[known].mean()) if known.any() else float("nan")
     first, second = (deviations(setup, predictions) for predictions in found)
-    return Comparison(chosen, (first, second), share, sum(len(w.t) for w in windows))
+    return Comparison(chosen, (first, second), share, sum(len(w.t) for w in windows), (found[0], found[1]))

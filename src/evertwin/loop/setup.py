@@ -24,6 +24,7 @@ from evertwin.loop.residual_filter import ResidualFilter
 from evertwin.loop.ring import Ring
 from evertwin.loop.scores import Watch
 from evertwin.models import LinearModel, Model
+from evertwin.signals.spoken import suited
 from evertwin.sync import Track
 from evertwin.sync.horizon import nanoseconds
 from evertwin.trial import Probation, Trial
@@ -266,7 +267,8 @@ class Setup:
         """A deviation in words."""
         if self.relative:
             return f"{100 * value:.1f} %"
-        return f"{value:.3g} {self.model.outputs.units[output]}"
+        unit, factor = suited(abs(value), self.model.outputs.units[output])
+        return f"{value * factor:.3g} {'' if unit == '1' else unit}".rstrip()
 
     @cached_property
     def editable(self) -> tuple[str, ...]:

@@ -19,7 +19,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
-PATIENCE = 65.0
+PATIENCE = 125.0
 """Seconds that an answer may take."""
 GONE = "the service does not answer"
 LARGEST = 32 * 2**20

@@ -11,6 +11,7 @@ import dataclasses
 import ipaddress
 import socket
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Annotated, Any, Literal
 from urllib.parse import urlsplit
 
@@ -18,7 +19,10 @@ from fastapi import FastAPI, HTTPException, Query
 from pydantic import BaseModel, ConfigDict, Field
 
 from evertwin.errors import UsageError, reason_of
+from evertwin.service.compared import Pair, compared
+from evertwin.service.engineered import engineered
 from evertwin.service.history import WIDEST, Span, Stored, looked_back
+from evertwin.service.questions import LONG, beside
 from evertwin.service.runner import Runner
 from evertwin.service.service import Service
 from evertwin.sources.live import registry as sources
@@ -57,12 +61,12 @@ def found_at(service: Service, name: str) -> Runner:
         raise HTTPException(404, str(error)) from error
 
 
-async def in_time(work: Any) -> Any:
+async def in_time(work: Any, patience: float = PATIENCE) -> Any:
     """What comes of it; 503 where it takes too long."""
     try:
-        return await asyncio.wait_for(work, PATIENCE)
+        return await asyncio.wait_for(work, patience)
     except TimeoutError as error:
-        raise HTTPException(503, f"no answer within {PATIENCE:g} s: the twin is busy") from error
+        raise HTTPException(503, f"no answer within {patience:g} s: the twin is busy") from error
 
 
 def looks(app: FastAPI, service: Service) -> None:
@@ -82,6 +86,21 @@ def looks(app: FastAPI, service: Service) -> None:
         """What its machine looks like: the joints of an arm, or the pose of a base."""
         runner = found_at(service, name)
         found: Mapping[str, Any] = await in_time(runner.ask(lambda work: work.scene))
+        return found
+
+    @app.get("/api/v1/twins/{name}/engineering")
+    async def engineering(name: str) -> Mapping[str, Any]:
+        """What is tuned, how often and why: breakdown, criticality, sensitivity, schedule."""
+        found: Mapping[str, Any] = await in_time(beside(found_at(service, name), engineered), LONG)
+        return found
+
+    @app.get("/api/v1/twins/{name}/compare")
+    async def compare(
+        name: str, a: Annotated[int, Query(ge=0)], b: Annotated[int, Query(ge=0)], signal: str
+    ) -> Mapping[str, Any]:
+        """Two versions over the newest rows: one output on one axis, every output run by run."""
+        job = partial(compared, pair=Pair(a, b, signal))
+        found: Mapping[str, Any] = await in_time(beside(found_at(service, name), job), LONG)
         return found
 
     @app.get("/api/v1/log")

@@ -16,7 +16,7 @@ import numpy as np
 
 from evertwin.engine import EngineSpec, Pool
 from evertwin.errors import DataError
-from evertwin.fold import Chunk, Event, make_block, plain
+from evertwin.fold import Block, Chunk, Event, make_block, plain
 from evertwin.loop import Numbered, View
 from evertwin.models import Model
 from evertwin.service.plan import Plan
@@ -168,6 +168,18 @@ class AtWork:
             raise DataError(f"{self.spec.name}: no row yet to look ahead from: ask again later")
         last = view.task == view.task[-1]
         return make_block(t=view.t[last], u=view.inputs[last], y=view.measured[last])
+
+    def newest_blocks(self, count: int) -> Sequence[Block]:
+        """The newest rows, one block a task.
+
+        Raises:
+            DataError: there are none yet.
+        """
+        view = self.going.view(count)
+        if not len(view.task):
+            raise DataError(f"{self.spec.name}: no row yet to answer from: ask again later")
+        found = [view.task == task for task in dict.fromkeys(view.task.tolist())]
+        return [make_block(t=view.t[on], u=view.inputs[on], y=view.measured[on]) for on in found]
 
     def _news(self) -> tuple[tuple[int, Mapping[str, Any]], ...]:
         """Events since the last call, durable; where the log went on, `about` follows."""

@@ -51,11 +51,17 @@ class _Text(logging.Formatter):
         return hidden(super().format(record))
 
 
+def _new(record: logging.LogRecord) -> bool:
+    """What a twin's run says in passing the service says again, with the twin's name."""
+    return record.name != "evertwin" or record.levelno > logging.INFO
+
+
 def log_to_stderr(form: str) -> None:
     """Logs of the service to stderr: ``json`` or ``text``."""
     handler = logging.StreamHandler(sys.stderr)
     text = _Text("%(asctime)s %(levelname)s %(message)s")
     handler.setFormatter(Lines() if form == "json" else text)
+    handler.addFilter(_new)
     logging.basicConfig(handlers=[handler], level=logging.INFO, force=True)
     for noisy in ("asyncua", "uvicorn.access", "pymodbus", "httpx", "numba"):
         logging.getLogger(noisy).setLevel(logging.WARNING)
@@ -72,6 +78,7 @@ class Newest(logging.Handler):
 
     def __init__(self, most: int = 1000) -> None:
         super().__init__(logging.INFO)
+        self.addFilter(_new)
         self._lines: deque[dict[str, object]] = deque(maxlen=most)
         self._count = 0
 

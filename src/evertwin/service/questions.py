@@ -1,4 +1,4 @@
-"""What-if questions, forecasts and lives of a running twin, answered beside its work.
+"""What-if questions, forecasts, lives and choices of a running twin, answered beside its work.
 
 The newest rows of the newest task are what is looked ahead from. The answer is computed with a
 second copy of the twin, which only reads its store, in a thread of its own; one at a time
@@ -9,11 +9,14 @@ from __future__ import annotations
 
 import asyncio
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from evertwin.ahead.spec import SCENARIO, ScenarioSpec
 from evertwin.config import TwinSpec
+from evertwin.engine import EngineSpec
+from evertwin.engine.process import Process, packed
 from evertwin.errors import UsageError
 from evertwin.fold import Block
 from evertwin.publishers.contract import Kind
@@ -26,6 +29,8 @@ if TYPE_CHECKING:
 
 ROWS = 4096
 """Newest rows that a question looks at."""
+LONG = 120.0
+"""Seconds that an answer in a process of its own may take."""
 LONGEST = 86_400.0
 """Seconds that a forecast reaches at most."""
 
@@ -47,6 +52,25 @@ async def answer(runner: Runner, kind: Kind, question: Mapping[str, Any]) -> Map
         return await asyncio.to_thread(_answered, work.spec, asked, rows)
 
 
+async def beside(
+    runner: Runner, job: Callable[[TwinSpec, Sequence[Block]], Mapping[str, Any]]
+) -> Mapping[str, Any]:
+    """What takes seconds, of the newest rows of whatever tasks they are of: in a process of its
+    own, so that no twin's rows wait for it.
+
+    Raises:
+        UsageError: the twin is not at work.
+        ConfigError: its breakdown cannot be read.
+        DataError: there are no rows yet.
+        WorkLost: it took longer than `LONG`, or its process died.
+    """
+    async with runner.turn:
+        blocks = await runner.ask(lambda work: work.newest_blocks(ROWS))
+        work = runner.work
+        assert work is not None
+        return await asyncio.to_thread(_alone, partial(job, work.spec, blocks))
+
+
 def _scenario(question: Mapping[str, Any]) -> ScenarioSpec:
     """A scenario without files: what comes over a line names none of this machine's."""
     table = {"schema": 1, "name": "asked", **question}
@@ -64,9 +88,23 @@ def _horizon(question: Mapping[str, Any]) -> float:
     return float(horizon or 0.0)
 
 
-def _answered(spec: TwinSpec, asked: ScenarioSpec | float | None, rows: Block) -> Mapping[str, Any]:
+def reading(spec: TwinSpec) -> Twin:
+    """A second copy of a twin, which only reads its store."""
     quiet = dataclasses.replace(spec, engine=dataclasses.replace(spec.engine, workers=0))
-    with Twin(quiet, reading=True) as twin:
+    return Twin(quiet, reading=True)
+
+
+def _alone(job: Callable[[], Mapping[str, Any]]) -> Mapping[str, Any]:
+    process = Process(EngineSpec(time=LONG))
+    try:
+        found: Mapping[str, Any] = process.run(packed(job))
+        return found
+    finally:
+        process.end()
+
+
+def _answered(spec: TwinSpec, asked: ScenarioSpec | float | None, rows: Block) -> Mapping[str, Any]:
+    with reading(spec) as twin:
         if isinstance(asked, ScenarioSpec):
             return twin.whatif(asked, rows).to_dict()
         if asked is None:

@@ -2,7 +2,7 @@
 // absent is a gap. Two cursors tell values and their difference; all charts of a view share one time.
 
 import { h } from "./dom.js";
-import { clock, number, scale } from "./words.js";
+import { clock, number, scale, trimmed } from "./words.js";
 
 /** The time that several charts show: from `first` to `last` [s], following what is new or not. */
 export class Axis extends EventTarget {
@@ -131,7 +131,7 @@ export class Chart {
           continue;
         }
         const at = t[k] * factor;
-        if (run && at - before > gap) run = null;
+        if (run && (at - before > gap || this.#turns(run, low[k]))) run = null;
         before = at;
         const x = box.left + Math.round(((at - axis.first) / axis.span) * width * 2) / 2;
         const end = run && run[run.length - 1];
@@ -145,6 +145,11 @@ export class Chart {
       }
     }
     return runs;
+  }
+
+  /** Does an angle begin anew? From +180° to −180° there is no line. */
+  #turns(run, value) {
+    return this.unit === "rad" && Math.abs(value - run[run.length - 1][2]) > Math.PI;
   }
 
   #range(seen) {
@@ -171,13 +176,13 @@ export class Chart {
     pen.strokeStyle = looks.getPropertyValue("--line");
     pen.fillStyle = looks.getPropertyValue("--quiet");
     pen.textAlign = "right";
-    for (const value of ticks(low / factor, top / factor, Math.max(2, Math.floor(high / 26)))) {
+    for (const value of ticks(low / factor, top / factor, Math.max(3, Math.floor(high / 26)))) {
       const y = Math.round(this.y(value * factor)) + 0.5;
       stroke(pen, [[box.left, y], [wide - box.right, y]]);
       pen.fillText(trimmed(value), box.left - 5, y + 4);
     }
     pen.textAlign = "center";
-    const step = timeStep(axis.span / Math.max(2, wide / 110));
+    const step = timeStep(axis.span / Math.max(3, wide / 110));
     for (let t = Math.ceil(axis.first / step) * step; t <= axis.last; t += step) {
       const x = this.x(t);
       if (x < box.left + 24 || x > wide - 26) continue;
@@ -333,6 +338,5 @@ function ticks(low, high, most) {
   return found;
 }
 
-const trimmed = (v) => String(Number(v.toPrecision(6))).replace("-", "−");
 const STEPS = [0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 21600, 43200, 86400, 604800];
 const timeStep = (least) => STEPS.find((step) => step >= least) ?? 2592000;

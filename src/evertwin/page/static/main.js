@@ -9,12 +9,13 @@ import * as improvement from "./views/improvement.js";
 import * as events from "./views/events.js";
 import * as signals from "./views/signals.js";
 import * as life from "./views/life.js";
+import * as engineering from "./views/engineering.js";
 import * as faults from "./views/faults.js";
 import * as add from "./views/add.js";
 
 const VIEWS = {
   live: ["Live", live], improvement: ["Improvement", improvement], events: ["Events", events], signals: ["Signals", signals],
-  life: ["Life", life], faults: ["Inject a fault", faults],
+  life: ["Life", life], engineering: ["Engineering", engineering], faults: ["Inject a fault", faults],
 };
 const EVERY = 1000;
 const top = document.getElementById("top");

@@ -47,12 +47,12 @@ export function trust(about, promoted) {
   if (condition === "failure") return ["No", "weak", `it does not run: ${about.reason}`];
   if (condition === "stale" || condition === "check") return ["Not now", "weak", about.age === null ? "no samples have come yet" : `no samples for ${age(about.age)}: nothing is checked now`];
   const rows = Math.max(0, ...Object.values(about.figures ?? {}).map((f) => f.rows));
-  const over = condition === "out_of_specification" ? `It is off again: ${about.why}. ` : "";
+  const over = condition === "out_of_specification" ? `It is off ${about.champion ? "again" : "now"}: ${about.why}. ` : "";
   const unsure = weak.length ? ` Weakly known: ${weak.join(", ")}.` : "";
   if (!promoted) return about.champion
     ? ["With care", "weak", `${over}How it went live lies further back than the events that are shown.${unsure}`]
-    : [over ? "Not yet" : "As configured", over ? "weak" : "good", `${over}${count(rows, "row")} compared.`];
-  const evidence = promoted.reason.replace(/^version \d+ replaces \d+: /, "").replace(/, e-value.*/, "");
+    : [over ? "Not yet" : "As configured", over ? "weak" : "good", `${over}${rows ? `Compared over ${count(rows, "row")}.` : "Nothing has been compared yet."}`];
+  const evidence = promoted.reason.replace(/^version \d+ replaces \d+: /, "").replace(/, e-value.*/, "").replace("unseen segments", "stretches that neither had seen");
   if (promoted.evidence?.person) return ["By hand", "weak", `${over}Promoted by ${promoted.evidence.person}, not by its trial.${unsure}`];
   return [over ? "With care" : "Yes", over ? "weak" : "good", `${over}Proved against the version before: ${evidence}.${unsure}`];
 }

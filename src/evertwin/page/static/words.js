@@ -25,11 +25,14 @@ export function number(value, digits = 3) {
   return value.toFixed(Math.max(0, digits - 1 - Math.floor(Math.log10(size)))).replace("-", "−");
 }
 
+/** A number of an axis. */
+export const trimmed = (v) => String(Number(v.toPrecision(6))).replace("-", "−");
+
 /** A value with its unit. */
 export function quantity(value, unit, size = value) {
   if (value === null || value === undefined) return "–";
   const [factor, name] = scale(unit, size ?? 0);
-  return `${number(value / factor)}${name && name !== "°" ? " " : ""}${name}`;
+  return `${number(value / factor)}${name && !name.startsWith("°") ? "\u00a0" : ""}${name}`;
 }
 
 /** How long ago. */

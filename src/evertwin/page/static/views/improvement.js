@@ -1,17 +1,18 @@
 // What was learned: the sentence, before and after on one axis, parameters, versions, the open trial.
 
-import { Axis, Chart, fromPixels } from "../chart.js";
+import { Axis, Chart, fromPixels, fromRows } from "../chart.js";
 import { action, field, h, put, s, table } from "../dom.js";
 import { gains, less, verdict } from "../verdict.js";
-import { clock, number, quantity } from "../words.js";
+import { clock, count, number, quantity, scale, trimmed } from "../words.js";
 import { ask, of } from "../wire.js";
 
 const SPAN = 120;
 
 export function open({ twin, context }) {
-  const parts = { head: h("div"), picture: h("section", { class: "card" }), trial: h("section", { class: "card" }), found: h("section", { class: "card" }), versions: h("section", { class: "card" }) };
+  const parts = { head: h("div"), picture: h("section", { class: "card" }), rivals: h("section", { class: "card", id: "rivals" }), trial: h("section", { class: "card" }), found: h("section", { class: "card" }), versions: h("section", { class: "card" }) };
   const lived = h("div");
   const form = orders(twin, context);
+  const beside = rivals(twin);
   let drawn = "";
   let asked = 0;
   let charts = [];
@@ -34,6 +35,9 @@ export function open({ twin, context }) {
     put(parts.found, parameters(about), translation(about, events));
     put(lived, versions(events));
     form.show(about);
+    beside.show(about);
+    if (!parts.rivals.childElementCount && about.versions.length > 1) put(parts.rivals, beside.element);
+    parts.rivals.hidden = about.versions.length < 2;
     if (!parts.versions.childElementCount) put(parts.versions, lived, what(about, twin), form.element);
     if (!charts.length) await picture(about);
     return undefined;
@@ -61,14 +65,67 @@ export function open({ twin, context }) {
     redraw();
   }
 
-  const redraw = () => charts.forEach((one) => one.draw());
+  const redraw = () => {
+    charts.forEach((one) => one.draw());
+    beside.redraw();
+  };
   const rows = () => !charts.length && look();
   context.feed?.addEventListener("rows", rows);
   look();
   return {
-    element: h("div", {}, parts.head, parts.picture, h("div", { class: "columns" }, parts.found, h("div", {}, parts.trial, parts.versions))),
+    element: h("div", {}, parts.head, parts.picture, parts.rivals, h("div", { class: "columns" }, parts.found, h("div", {}, parts.trial, parts.versions))),
     update: () => Date.now() - asked > 2000 && look(), redraw, close: () => context.feed?.removeEventListener("rows", rows),
   };
+}
+
+/** Any two versions over the newest rows: on one axis, and run against run. */
+function rivals(twin) {
+  const [one, other, output] = ["a", "b", "output"].map((id) => h("select", { id: `rival-${id}` }));
+  const body = h("div");
+  let charts = [];
+  let asked = false;
+
+  async function compare() {
+    const found = await ask(of(twin, `/compare?a=${one.value}&b=${other.value}&signal=${encodeURIComponent(output.value)}`));
+    const unit = found.units[found.signal];
+    const axis = new Axis(Math.min(SPAN, (found.t.at(-1) - found.t[0]) * 1e-9));
+    axis.newest(found.t.at(-1) * 1e-9);
+    const line = (name, look, column, more = {}) => ({ name, look, parts: () => [fromRows(found, column)], ...more });
+    const [a, b] = [`version ${found.a}`, `version ${found.b}`];
+    charts = [
+      new Chart(axis, { title: found.signal, unit, height: 170, lines: [line("measured", "measured", found.measured), line(a, "before", found.predicted[0]), line(b, "predicted", found.predicted[1], { dashed: true })] }),
+      new Chart(axis, { title: `${found.signal}: off by`, unit, zero: true, height: 130, lines: [line(a, "before", found.residual[0]), line(b, "predicted", found.residual[1])] }),
+    ];
+    axis.addEventListener("change", () => charts.forEach((each) => each.draw()));
+    put(body, charts.map((each) => each.element), h("p", {}, `Version ${found.b} is nearer at ${number(100 * found.better)} % of ${count(found.t.length, "row")}, each over the same rows.`), runs(found));
+    charts.forEach((each) => each.draw());
+    return `until ${clock(found.t.at(-1), true)}`;
+  }
+
+  const button = action("Compare", compare, { id: "compare" });
+  const element = h("div", {}, h("h2", {}, "Version against version"), h("div", { class: "row" }, field("Version", one), field("against version", other), field("Output", output), button), body);
+  return { element, redraw: () => charts.forEach((each) => each.draw()), show: (about) => {
+    const numbers = about.versions.map((each) => each.number);
+    for (const [box, mine] of [[one, about.champion || 0], [other, about.trial?.version ?? (about.champion ? 0 : numbers.at(-1))]]) {
+      for (const number of numbers.slice(box.options.length)) box.append(h("option", { value: String(number) }, `${number}${number === 0 ? ", as configured" : ""}`));
+      if (!asked) box.value = String(mine);
+    }
+    for (const each of about.outputs.slice(output.options.length)) output.append(h("option", { value: each.name }, each.name));
+    asked = numbers.length > 1;
+  } };
+}
+
+/** What each run was off by, by both versions. */
+function runs(found) {
+  const name = found.signal;
+  const unit = found.units[name];
+  const size = Math.max(...found.runs.flatMap((run) => run.rms[name].filter((v) => v !== null)), 0) || 1;
+  const said = (v) => (v === null ? "not measured" : h("span", { class: "measure" }, s("svg", { class: "share", viewBox: "0 0 100 10", preserveAspectRatio: "none", "aria-hidden": "true" }, s("rect", { width: 100, height: 10, class: "all" }), s("rect", { width: (100 * v) / size, height: 10 })), quantity(v, unit, size)));
+  return table(`Run against run: rms of what ${name} is off by`, ["run", `version ${found.a}`, `version ${found.b}`, "change", "rows"], found.runs.map((run) => {
+    const [a, b] = run.rms[name];
+    const less = a && b !== null ? 100 * (1 - b / a) : null;
+    return [`${clock(run.first, true)} to ${clock(run.last)}`, said(a), said(b), less === null ? "–" : `${number(Math.abs(less), 2)} % ${less >= 0 ? "less" : "more"}`, String(run.rows)];
+  }));
 }
 
 /** Measured less predicted, pixel by pixel where both are known. */
@@ -108,6 +165,24 @@ function interval({ value, interval95 }, weak) {
     s("line", { x1: x(low), x2: x(high), y1: 8, y2: 8 }), s("line", { x1: x(low), x2: x(low), y1: 3, y2: 13 }), s("line", { x1: x(high), x2: x(high), y1: 3, y2: 13 }), s("circle", { cx: x(value), cy: 8, r: 3 }));
 }
 
+/** Commanded along, done upwards, beside the line of a machine that does as it is told. */
+function pattern(told, unit, size) {
+  const known = told.levels.map((level, k) => [level, told.values[k], told.learned[k]]);
+  const [factor, name] = scale(unit, size);
+  const all = known.flatMap(([level, done, learned]) => (learned ? [level, done] : [level]));
+  const [low, high] = [Math.min(...all), Math.max(...all)];
+  const place = (v) => (v - low) / (high - low || 1);
+  const [x, y] = [(v) => 46 + 244 * place(v), (v) => 208 - 196 * place(v)];
+  const text = (v) => trimmed(v / factor);
+  const edges = [low, (low + high) / 2, high];
+  return h("figure", { class: "pattern" }, s("svg", { viewBox: "0 0 300 250", role: "img", "aria-label": `Translation table of ${told.channel}: done over commanded` },
+    edges.map((v) => [s("line", { class: "rule", x1: 46, x2: 290, y1: y(v), y2: y(v) }), s("text", { x: 42, y: y(v) + 4, "text-anchor": "end" }, text(v)), s("line", { class: "rule", x1: x(v), x2: x(v), y1: 12, y2: 208 }), s("text", { x: x(v), y: 223, "text-anchor": "middle" }, text(v))]),
+    s("line", { class: "told", x1: x(low), y1: y(low), x2: x(high), y2: y(high) }),
+    known.map(([level, done, learned]) => (learned ? s("circle", { class: "done", cx: x(level), cy: y(done), r: 4 }) : s("path", { class: "unseen", d: `M${x(level) - 4} ${y(low) - 4}l8 8M${x(level) - 4} ${y(low) + 4}l8 -8` }))),
+    s("text", { x: 168, y: 243, "text-anchor": "middle" }, `commanded [${name}]`), s("text", { x: -110, y: 12, transform: "rotate(-90)", "text-anchor": "middle" }, `done [${name}]`)),
+  h("figcaption", { class: "quiet" }, "Line: done as commanded. Dots: what was learned. Crosses: never commanded, so not known."));
+}
+
 /** The table of what the machine makes of what it is told, as it was learned. */
 function translation(about, events) {
   const champion = about.versions?.find((one) => one.number === about.champion);
@@ -117,13 +192,20 @@ function translation(about, events) {
   const unit = about.inputs?.find((one) => one.name === told.channel)?.unit ?? "1";
   const size = Math.max(...told.levels.map(Math.abs));
   const rows = told.levels.map((level, k) => [quantity(level, unit, size), told.learned[k] ? quantity(told.values[k], unit, size) : "not seen", told.visits?.[k] ?? ""]);
-  return h("details", {}, h("summary", {}, `Translation table of ${told.channel}: what was commanded, what the machine does`), table("Learned level by level", ["commanded", "done", "times seen"], rows));
+  return h("div", { id: "translation" }, h("h3", {}, `Translation table of ${told.channel}: what is commanded, what the machine does`), pattern(told, unit, size),
+    h("details", {}, h("summary", {}, "Level by level"), table("Learned level by level", ["commanded", "done", "times seen"], rows)));
 }
+
+/** A check of the trial in words. */
+const needs = ({ name, value, limit }) => ({
+  gain: `a gain of ${number(100 * limit, 2)} %: ${number(100 * value, 2)} % so far`,
+  evidence: `evidence of ${number(limit)} to 1 that it is no chance: ${number(value, 2)} to 1 so far`,
+}[name] ?? `${name.replaceAll("_", " ")}: ${number(value)} of ${number(limit)}`);
 
 function trial(about) {
   const one = about.trial;
   if (!one) return [h("h2", {}, "On trial"), h("p", { class: "quiet" }, "No version is on trial.")];
-  const lacks = one.missing.map((check) => h("li", {}, `${check.name}: ${number(check.value)} of ${number(check.limit)}`, " ", h("progress", { value: String(Math.max(0, Math.min(1, check.value / check.limit || 0))), max: "1", "aria-label": check.name })));
+  const lacks = one.missing.map((check) => h("li", {}, needs(check), " ", h("progress", { value: String(Math.max(0, Math.min(1, check.value / check.limit || 0))), max: "1", "aria-label": check.name })));
   return [h("h2", {}, `On trial: version ${one.version}`), h("p", {}, one.reason), h("p", {}, h("b", {}, less(one.gain)), `, over ${one.segments} segments that neither had seen`),
     h("h3", {}, lacks.length ? "It still needs" : "It lacks nothing"), h("ul", { class: "missing" }, lacks),
     h("p", { class: "quiet" }, one.more === null ? `How long that takes cannot be told: ${one.untold}` : `At this pace ${one.more} more segments, ${number(one.seconds)} s of the machine's time`)];
