@@ -19,7 +19,7 @@ from planted.worlds import record_robot
 
 pytestmark = pytest.mark.system
 HOSTILE = '"><img src=x onerror="window.hit=1"><script>window.hit=1</script>'
-VIEWS = ("live", "improvement", "events", "signals", "life", "faults")
+VIEWS = ("live", "improvement", "events", "signals", "life", "engineering", "faults")
 SHOWN = "document.documentElement.dataset.up"
 ROWS = "(({row, outputs}) => [[...row], [...outputs.x.measured]])(window.evertwin.feed.rows)"
 
@@ -107,6 +107,8 @@ def shown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shown]:
 def test_each_view_is_whole_in_light_and_dark_and_on_a_tablet(shown: Shown, place: str) -> None:
     axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
     page = shown.go(place)
+    if place.endswith("engineering"):
+        page.wait_for_selector("#schedule table", timeout=60_000)
     serious = []
     for look in ("light", "dark"):
         page.evaluate(

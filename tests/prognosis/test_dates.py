@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from evertwin import Twin, TwinSpec
-from evertwin.app.plan_shown import label_text, plan_document, plan_text
+from evertwin.app.plan_shown import label_text, plan_text
 from evertwin.config import spec
 from evertwin.errors import UsageError
 from evertwin.prognosis.laws import Life, NotEnough
@@ -136,7 +136,7 @@ def test_what_is_said_to_a_plan_may_be_a_date(tmp_path: Path) -> None:
     assert planned.date(planned.items[0].after) == "2025-01-26"
     assert planned.to_csv().splitlines()[1].endswith(",2025-01-26")
     assert "wear: on 2025-01-26, after 6 d" in plan_text(planned)
-    assert plan_document(planned)["items"][0]["date"] == "2025-01-26"  # type: ignore[call-overload, index]
+    assert planned.to_dict()["items"][0]["date"] == "2025-01-26"  # type: ignore[call-overload, index]
     for wrong in ("soon", "26.01.2025"):
         with pytest.raises(UsageError, match=f"or a date as in 2027-03-01, got '{wrong}'"):
             when_said(prospect, wrong, itself=True)

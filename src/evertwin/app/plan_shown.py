@@ -15,26 +15,6 @@ BEFORE = {"postponed": "until ", "confirmed": "for ", "declined": "the date "}
 """What stands before the moment that was said."""
 
 
-def plan_document(found: Plan) -> dict[str, Json]:
-    """``evertwin.plan/1``."""
-    content: Any = {
-        "schema": "evertwin.plan/1", "name": found.name, "unit": found.unit,
-        "items": [
-            {
-                "component": one.component, "after": one.after,
-                "date": found.date(one.after) or None, "window": one.window,
-                "probability_before": one.probability, "cost_rate": one.rate,
-                "cost_rate_run_to_failure": one.rate_to_failure, "median_life": one.median,
-                "decision": one.decision.verdict, "reason": one.decision.reason, "note": one.note,
-            }
-            for one in found.items
-        ],
-        "stops": [stop._asdict() for stop in found.stops], "saving": found.saving,
-        "without_date": found.without, "notes": found.notes,
-    }  # fmt: skip
-    return plain(content)  # type: ignore[return-value]
-
-
 def plan_text(found: Plan) -> str:
     """One line per component, then the stops that several share."""
     lines = []

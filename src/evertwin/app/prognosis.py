@@ -10,7 +10,7 @@ import typer
 
 from evertwin.app.console import show
 from evertwin.app.opening import store_path, to_work
-from evertwin.app.plan_shown import label_document, label_text, plan_document, plan_text
+from evertwin.app.plan_shown import label_document, label_text, plan_text
 from evertwin.errors import UsageError
 from evertwin.files import write_whole
 from evertwin.fold import plain
@@ -93,7 +93,7 @@ def show_plan(
             write_prognosis(lives, found, report)
     if out is not None:
         write_whole(out, found.to_csv())
-    show(plan_document(found), plan_text(found), as_json)
+    show(found.to_dict(), plan_text(found), as_json)
 
 
 def _check_plan(file: Path) -> None:

@@ -76,4 +76,6 @@ def compare(setup: Setup, versions: Versions, pair: tuple[int, int], data: Data)
     nearer = np.nansum(np.square(b), axis=1) < np.nansum(np.square(a), axis=1)
     share = float(nearer[known].mean()) if known.any() else float("nan")
     first, second = (deviations(setup, predictions) for predictions in found)
-    return Comparison(chosen, (first, second), share, sum(len(w.t) for w in windows), (found[0], found[1]))
+    return Comparison(
+        chosen, (first, second), share, sum(len(w.t) for w in windows), (found[0], found[1])
+    )

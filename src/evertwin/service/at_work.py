@@ -197,7 +197,8 @@ class AtWork:
         return tuple(found)
 
     def _about(self) -> Mapping[str, Any]:
-        live = self.twin.champion
+        live, first = self.twin.champion, self.twin.parameters_of(0)
+        stated = dict(zip(first.names, first.values.tolist(), strict=True))
         return {
             "champion": live.number, "pinned": self.twin.pinned, "model": self.spec.model.kind,
             "outputs": [{"name": c.name, "unit": c.unit} for c in self.twin.model.outputs],
@@ -205,6 +206,7 @@ class AtWork:
             "versions": [_version(one) for one in self.twin.versions],
             "parameters": [
                 {"name": item.name, "value": plain(item.value), "unit": item.unit,
+                 "learned": stated.get(item.name) != item.value,
                  **self._interval(item.name, item.value)}
                 for item in self.twin.parameters_of(live.number)
             ],

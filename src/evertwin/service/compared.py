@@ -12,6 +12,7 @@ rows:
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -43,7 +44,7 @@ def stretches(lengths: Sequence[int], count: int = STRETCHES) -> list[tuple[int,
         edges = [k * lengths[0] // count for k in range(count + 1)]
     else:
         edges = [0, *np.cumsum(lengths).tolist()]
-    return [(first, last) for first, last in zip(edges, edges[1:]) if last > first]
+    return [(first, last) for first, last in pairwise(edges) if last > first]
 
 
 def compared(spec: TwinSpec, blocks: Sequence[Block], pair: Pair) -> Mapping[str, Any]:

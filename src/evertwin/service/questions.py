@@ -108,5 +108,8 @@ def _answered(spec: TwinSpec, asked: ScenarioSpec | float | None, rows: Block) -
         if isinstance(asked, ScenarioSpec):
             return twin.whatif(asked, rows).to_dict()
         if asked is None:
-            return twin.life(data=rows).to_dict()
+            costs = spec.prognosis.components.values()
+            plans = any(cost.failure is not None for cost in costs)
+            planned = twin.plan(data=rows).to_dict() if plans else None
+            return {**twin.life(data=rows).to_dict(), "plan": planned}
         return twin.forecast(asked, rows).to_dict()

@@ -23,15 +23,17 @@ import csv
 import io
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from evertwin.errors import UsageError
+from evertwin.fold import plain
 from evertwin.prognosis.laws.calendar import Calendar
 from evertwin.prognosis.laws.grouping import Group, Member, together
 from evertwin.prognosis.laws.life import Life
 from evertwin.prognosis.laws.renewal import Cost, Renewal, Windows
+from evertwin.types import Json
 
 HEADINGS = (
     "component", "after", "unit", "window", "probability_before", "cost_rate",
@@ -149,6 +151,26 @@ class Plan:
     def saving(self) -> float:
         """What common stops save in all."""
         return sum(stop.saving for stop in self.stops)
+
+    def to_dict(self) -> dict[str, Json]:
+        """Plain content, ``schema: "evertwin.plan/1"``."""
+        content: Any = {
+            "schema": "evertwin.plan/1", "name": self.name, "unit": self.unit,
+            "items": [
+                {
+                    "component": one.component, "after": one.after,
+                    "date": self.date(one.after) or None, "window": one.window,
+                    "probability_before": one.probability, "cost_rate": one.rate,
+                    "cost_rate_run_to_failure": one.rate_to_failure, "median_life": one.median,
+                    "decision": one.decision.verdict, "reason": one.decision.reason,
+                    "note": one.note,
+                }
+                for one in self.items
+            ],
+            "stops": [stop._asdict() for stop in self.stops], "saving": self.saving,
+            "without_date": self.without, "notes": self.notes,
+        }  # fmt: skip
+        return plain(content)  # type: ignore[return-value]
 
     def to_csv(self) -> str:
         """One line per component; an infinite date is an empty cell."""

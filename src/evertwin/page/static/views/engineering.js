@@ -89,7 +89,8 @@ function mapping(links) {
     table("By how much a signal changes, of its rms, when the parameter changes by its own size", ["parameter", ...signals], rows));
 }
 
-const turn = (weight) => (weight >= 1 ? "every tuning" : weight > 0 ? `every ${Math.round(1 / weight)}th tuning` : "never");
+const ordinal = (n) => `${n}${{ 1: "st", 2: "nd", 3: "rd" }[n > 3 && n < 21 ? 0 : n % 10] ?? "th"}`;
+const turn = (weight) => (weight >= 1 ? "every tuning" : weight > 0 ? `every ${ordinal(Math.round(1 / weight))} tuning` : "never");
 
 function schedule(tuned, proposed) {
   const rows = Object.entries(tuned.parameters).map(([name, weight]) => [name, turn(weight), proposed?.weights[name] === undefined ? "–" : turn(proposed.weights[name]), proposed?.reasons[name] ?? "not weighed: no drift is stated for it"]);

@@ -106,7 +106,7 @@ function rivals(twin) {
   const element = h("div", {}, h("h2", {}, "Version against version"), h("div", { class: "row" }, field("Version", one), field("against version", other), field("Output", output), button), body);
   return { element, redraw: () => charts.forEach((each) => each.draw()), show: (about) => {
     const numbers = about.versions.map((each) => each.number);
-    for (const [box, mine] of [[one, about.champion || 0], [other, about.trial?.version ?? (about.champion ? 0 : numbers.at(-1))]]) {
+    for (const [box, mine] of [[one, about.trial ? about.champion : 0], [other, about.trial?.version ?? (about.champion || numbers.at(-1))]]) {
       for (const number of numbers.slice(box.options.length)) box.append(h("option", { value: String(number) }, `${number}${number === 0 ? ", as configured" : ""}`));
       if (!asked) box.value = String(mine);
     }
@@ -121,10 +121,10 @@ function runs(found) {
   const unit = found.units[name];
   const size = Math.max(...found.runs.flatMap((run) => run.rms[name].filter((v) => v !== null)), 0) || 1;
   const said = (v) => (v === null ? "not measured" : h("span", { class: "measure" }, s("svg", { class: "share", viewBox: "0 0 100 10", preserveAspectRatio: "none", "aria-hidden": "true" }, s("rect", { width: 100, height: 10, class: "all" }), s("rect", { width: (100 * v) / size, height: 10 })), quantity(v, unit, size)));
-  return table(`Run against run: rms of what ${name} is off by`, ["run", `version ${found.a}`, `version ${found.b}`, "change", "rows"], found.runs.map((run) => {
+  return table(`Run against run, ${clock(found.t[0], true)} to ${clock(found.t.at(-1), true)}: rms of what ${name} is off by`, ["run", `version ${found.a}`, `version ${found.b}`, "change", "rows"], found.runs.map((run) => {
     const [a, b] = run.rms[name];
     const less = a && b !== null ? 100 * (1 - b / a) : null;
-    return [`${clock(run.first, true)} to ${clock(run.last)}`, said(a), said(b), less === null ? "–" : `${number(Math.abs(less), 2)} % ${less >= 0 ? "less" : "more"}`, String(run.rows)];
+    return [`${clock(run.first, new Date(run.first / 1e6).toDateString() !== new Date(run.last / 1e6).toDateString())} to ${clock(run.last)}`, said(a), said(b), less === null ? "–" : `${number(Math.abs(less), 2)} % ${less >= 0 ? "less" : "more"}`, String(run.rows)];
   }));
 }
 
@@ -143,15 +143,15 @@ function difference(past, name, key) {
 }
 
 function parameters(about) {
-  const known = (about.parameters ?? []).filter((one) => one.interval95 || one.verdict);
+  const known = (about.parameters ?? []).filter((one) => one.interval95 || one.verdict || one.learned);
   const rest = (about.parameters ?? []).filter((one) => !known.includes(one));
   const cells = (one) => {
     const [low, high] = one.interval95 ?? [null, null];
     const weak = one.verdict && one.verdict !== "identifiable";
     return [one.name, quantity(one.value, one.unit), low === null ? "–" : `${quantity(low, one.unit, one.value)} to ${quantity(high, one.unit, one.value)}`,
-      interval(one, weak), h("span", { class: `tag ${weak ? "weak" : "good"}` }, one.verdict === "identifiable" ? "well known" : (one.verdict ?? "as configured"))];
+      interval(one, weak), h("span", { class: `tag ${weak ? "weak" : one.verdict ? "good" : ""}` }, one.verdict === "identifiable" ? "well known" : (one.verdict ?? "not weighed"))];
   };
-  return [h("h2", {}, "What was found"), known.length ? table("Parameters that were tuned, with 95 % intervals", ["", "value", "between", "", "known how well"], known.map(cells)) : h("p", {}, "Nothing was tuned yet."),
+  return [h("h2", {}, "What was found"), known.length ? table("Numbers that were learned, with 95 % intervals", ["", "value", "between", "", "known how well"], known.map(cells)) : h("p", {}, "Nothing was tuned yet."),
     rest.length > 0 && h("details", {}, h("summary", {}, `${rest.length} as configured`), table("As configured", ["", "value"], rest.map((one) => [one.name, quantity(one.value, one.unit)])))];
 }
 
