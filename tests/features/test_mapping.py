@@ -177,7 +177,7 @@ def test_the_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
     again = ["map", str(log), "-o", str(out), "--against", str(out / "poses.csv")]
     same = told(again, capsys)["against"]
     assert isinstance(same, dict) and same["absolute"] < 1e-6
-    place = told(["locate", str(out / "map.yaml"), str(log), "--scan", "30"], capsys)
+    place = told(["locate", str(out / "map.yaml"), str(log), "--number", "30"], capsys)
     pose = place["pose"]
     assert pose is None or np.hypot(
         pose[0] - float(rows[30]["x"]), pose[1] - float(rows[30]["y"])
@@ -195,7 +195,7 @@ def test_bad_calls_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str
         ("map", str(tmp_path / "none.log"), "-o", str(tmp_path / "a")): 4,
         ("map", str(log), "-o", str(tmp_path / "a"), "--against", str(table)): 2,
         ("locate", str(tmp_path / "none.yaml"), str(log)): 4,
-        ("locate", str(tmp_path / "none.yaml"), str(log), "--scan", "9999"): 2,
+        ("locate", str(tmp_path / "none.yaml"), str(log), "--number", "9999"): 2,
     }
     for call, code in calls.items():
         with pytest.raises(SystemExit) as ended:

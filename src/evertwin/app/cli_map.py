@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
+Scan = Annotated[str, typer.Option(help="Topic of the scans. Default: the first one.")]
 Recording = Annotated[Path, typer.Argument(help="Recording with scans.", metavar="RECORDING")]
 
 
@@ -16,35 +17,40 @@ def map_scans(
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for poses, map and picture.")],
     against: Annotated[
         str | None,
-        typer.Option(help="Reference: 'stated' (poses of the log), or CSV with t_ns,x,y,theta."),
+        typer.Option(help="Reference: 'stated' (poses in a map), or CSV with t_ns,x,y,theta."),
     ] = None,
     ranges_alone: Annotated[
         bool, typer.Option("--ranges-alone", help="Without the recording's odometry.")
     ] = False,
+    scan: Scan = "",
+    odometry: Annotated[
+        str, typer.Option(help="Topic of the odometry. Default: the first of wheels.")
+    ] = "",
     as_json: AsJson = False,
 ) -> None:
     """Poses with covariance and an occupancy map from the scans of a recording.
 
     Example: evertwin map run.log -o room
     """
-    from evertwin.app.mapping import make_map
+    from evertwin.app.mapping import Topics, make_map
 
-    make_map(recording, out, against, ranges_alone, as_json)
+    make_map(recording, out, against, ranges_alone, Topics(scan, odometry), as_json)
 
 
 def locate(
     chart: Annotated[Path, typer.Argument(help="Map (YAML beside its PGM).", metavar="MAP.yaml")],
     recording: Recording,
-    scan: Annotated[int, typer.Option(help="Number of the scan, from 0.")] = 0,
+    number: Annotated[int, typer.Option(help="Number of the scan, from 0.")] = 0,
+    scan: Scan = "",
     as_json: AsJson = False,
 ) -> None:
     """Where a scan was taken, from a map alone; or why that cannot be told.
 
-    Example: evertwin locate room/map.yaml run.log --scan 120
+    Example: evertwin locate room/map.yaml run.log --number 120
     """
-    from evertwin.app.mapping import find_place
+    from evertwin.app.mapping import Topics, find_place
 
-    find_place(chart, recording, scan, as_json)
+    find_place(chart, recording, number, Topics(scan), as_json)
 
 
 def register(app: typer.Typer) -> None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from evertwin.features.poses import Fix, Poses
 from evertwin.features.relocalisation import located
 from evertwin.features.trajectory_error import TrajectoryError, trajectory_error
 from evertwin.report.map_picture import draw_map
+from evertwin.sources.bag_scans import scans_of
 from evertwin.sources.recording import open_recording
 from evertwin.sources.scans import Scans
 
@@ -27,14 +29,23 @@ STATED = "stated"
 """What names the poses that a log states beside its scans."""
 
 
-def make_map(file: Path, out: Path, against: str | None, ranges_alone: bool, as_json: bool) -> None:
+class Topics(NamedTuple):
+    """What is asked for by name; empty: the first."""
+
+    scan: str = ""
+    odometry: str = ""
+
+
+def make_map(
+    file: Path, out: Path, against: str | None, ranges_alone: bool, topics: Topics, as_json: bool
+) -> None:
     """``evertwin map``."""
-    scans = only_lidar(file)
+    scans = only_lidar(file, topics)
     with Alive() as alive:
         alive.say(f"following {len(scans.t)} scans")
         found = mapped(scans, not ranges_alone)
         out.mkdir(parents=True, exist_ok=True)
-        chart = of_keyframes(found.keyframes, found.surfaces)
+        chart = of_keyframes(found.keyframes, found.surfaces, scans.lidar.mount)
         save(chart, out / "map.yaml")
         draw_map(chart, found.poses).savefig(out / "map.png", dpi=150)
         _write(found.poses, out / "poses.csv")
@@ -45,20 +56,24 @@ def make_map(file: Path, out: Path, against: str | None, ranges_alone: bool, as_
     show(content, _text(content, out), as_json)
 
 
-def only_lidar(file: Path) -> Scans:
-    """The scans of a recording's lidar, the one with most scans.
+def only_lidar(file: Path, topics: Topics) -> Scans:
+    """The scans of a recording's lidar, the first one unless it is named.
 
     Raises:
         DataError: it has none.
+        UsageError: no such topic.
     """
     if not file.exists():
         raise DataError(f"{file}: no such file")
-    found = open_recording(file).scans
+    found = scans_of(open_recording(file), *topics)
     if not found:
         raise DataError(
-            f"{file}: expected scans (FLASER or ROBOTLASER of a CARMEN log), found none"
+            f"{file}: expected scans (LaserScan of a bag, FLASER or ROBOTLASER of a CARMEN log), "
+            "found none"
         )
-    return max(found, key=lambda scans: len(scans.t))
+    others = [one.name for one in found[1:]]
+    also = (f"of {found[0].name}; there is {', '.join(others)} besides",) if others else ()
+    return replace(found[0], findings=(*also, *found[0].findings))
 
 
 def _write(poses: Poses, file: Path) -> None:
@@ -77,7 +92,7 @@ def _reference(scans: Scans, against: str) -> np.ndarray:
     """Poses to compare with, at the stamps of the scans."""
     if against == STATED:
         if scans.stated is None:
-            raise UsageError(f"--against {STATED}: the recording states no poses beside its scans")
+            raise UsageError(f"--against {STATED}: the recording states no poses in a map")
         return scans.stated
     table = np.genfromtxt(against, delimiter=",", names=True)
     names = table.dtype.names or ()
@@ -145,11 +160,11 @@ def _text(content: dict[str, Any], out: Path) -> str:
     return "\n".join([*lines, f"written: {out}/map.yaml, map.pgm, map.png, poses.csv"])
 
 
-def find_place(chart: Path, file: Path, number: int, as_json: bool) -> None:
+def find_place(chart: Path, file: Path, number: int, topics: Topics, as_json: bool) -> None:
     """``evertwin locate``."""
-    scans = only_lidar(file)
+    scans = only_lidar(file, topics)
     if not 0 <= number < len(scans.t):
-        raise UsageError(f"--scan {number}: expected 0 to {len(scans.t) - 1}")
+        raise UsageError(f"--number {number}: expected 0 to {len(scans.t) - 1}")
     found = located(surface_of(scans, number), read(chart))
     content: dict[str, Any] = {"schema": "evertwin.locate/1", "share": found.share}
     if found.pose is None or found.covariance is None:

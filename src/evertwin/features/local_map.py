@@ -13,7 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.features.registration import BUCKETS, binned
-from evertwin.types import Float64, Int64
+from evertwin.features.surface import surface
+from evertwin.types import Float64, Int64, Vector
 
 KEYFRAMES = 20
 """Scans in the map."""
@@ -63,6 +64,18 @@ def empty(beams: int) -> LocalMap:
     """A map without keyframes, for scans of so many beams."""
     counts = np.zeros(KEYFRAMES, np.int64)
     return LocalMap(np.zeros((KEYFRAMES, min(beams, POINTS), 4)), counts, np.zeros(3), 0)
+
+
+def seen(ranges: Vector, angles: Vector, mount: tuple[float, float, float]) -> Surface:
+    """The surface points of a scan, in the machine's frame.
+
+    >>> wall = 2 / np.cos(np.linspace(-0.4, 0.4, 41))
+    >>> seen(wall, np.linspace(-0.4, 0.4, 41), (0.5, 0.0, np.pi))[20].round(6).tolist()
+    [-1.5, 0.0, 1.0, -0.0]
+    """
+    found = np.zeros((len(ranges), 4))
+    points = thinned(found[: surface(ranges, angles, found)])
+    return placed(points, np.array(mount)) if any(mount) else points
 
 
 def thinned(points: Surface) -> Surface:

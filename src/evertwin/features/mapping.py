@@ -14,12 +14,11 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.errors import DataError
-from evertwin.features.local_map import Surface, thinned
+from evertwin.features.local_map import Surface, seen
 from evertwin.features.loop_closure import loops
 from evertwin.features.pose_graph import Edge, Optimised, optimised, turned
 from evertwin.features.poses import Fix, Poses
 from evertwin.features.scan_matcher import ScanMatcher
-from evertwin.features.surface import surface
 from evertwin.fold import join, make_block, take
 from evertwin.signals.planar import between, compose
 from evertwin.sources.scans import Scans
@@ -99,10 +98,8 @@ def mapped(scans: Scans, use_odometry: bool = True) -> Mapped:
 
 
 def surface_of(scans: Scans, k: int) -> Surface:
-    """The surface points of one scan, in the lidar's frame."""
-    beams = scans.ranges.shape[1]
-    found = np.zeros((beams, 4))
-    return thinned(found[: surface(scans.ranges[k], scans.lidar.angles(beams), found)])
+    """The surface points of one scan, in the machine's frame."""
+    return seen(scans.ranges[k], scans.lidar.angles(scans.ranges.shape[1]), scans.lidar.mount)
 
 
 def _steps(poses: Poses, keys: Sequence[int] | np.ndarray) -> list[Edge]:

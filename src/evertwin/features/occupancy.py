@@ -29,6 +29,7 @@ import numpy as np
 from evertwin.compiled.functions import njit
 from evertwin.errors import DataError
 from evertwin.features.local_map import Surface, placed
+from evertwin.signals.planar import compose
 from evertwin.types import Float64, UInt8
 
 RESOLUTION = 0.05
@@ -85,14 +86,19 @@ def counted(walls: Any, n: int, start: Any, side: float, passed: Any, met: Any) 
         met[math.floor(by), math.floor(bx)] += 1
 
 
-def of_keyframes(poses: Float64[np.ndarray, "k 3"], surfaces: Sequence[Surface]) -> Occupancy:
-    """The map that keyframes draw.
+def of_keyframes(
+    poses: Float64[np.ndarray, "k 3"],
+    surfaces: Sequence[Surface],
+    mount: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> Occupancy:
+    """The map that keyframes draw, whose lidar stands at ``mount`` on the machine.
 
     Raises:
         DataError: it would be larger than `LARGEST` cells.
     """
     walls = [placed(one, pose)[:, :2] for one, pose in zip(surfaces, poses, strict=True)]
-    seen = np.concatenate([*walls, poses[:, :2]])
+    lidars = compose(poses, np.broadcast_to(np.array(mount), poses.shape))[:, :2]
+    seen = np.concatenate([*walls, lidars, poses[:, :2]])
     low = np.floor((seen.min(axis=0) - MARGIN) / RESOLUTION) * RESOLUTION
     columns, rows = np.ceil((seen.max(axis=0) + MARGIN - low) / RESOLUTION).astype(np.int64)
     if columns * rows > LARGEST:
@@ -101,8 +107,8 @@ def of_keyframes(poses: Float64[np.ndarray, "k 3"], surfaces: Sequence[Surface])
             f"{LARGEST}: are the poses of one place?"
         )
     passed, met = np.zeros((rows, columns), np.int64), np.zeros((rows, columns), np.int64)
-    for pose, ends in zip(poses, walls, strict=True):
-        counted(ends - low, len(ends), pose[:2] - low, RESOLUTION, passed, met)
+    for lidar, ends in zip(lidars, walls, strict=True):
+        counted(ends - low, len(ends), lidar - low, RESOLUTION, passed, met)
     cells = np.full((rows, columns), UNKNOWN, np.uint8)
     cells[passed > 0] = FREE
     cells[(met > 0) & (WALL * met >= passed)] = OCCUPIED

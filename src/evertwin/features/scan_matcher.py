@@ -37,10 +37,9 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.features.correlation import Drawing, blocks, search
-from evertwin.features.local_map import Known, LocalMap, Surface, empty, joined, known, thinned
+from evertwin.features.local_map import Known, LocalMap, Surface, empty, joined, known, seen
 from evertwin.features.poses import Fix, Poses
 from evertwin.features.registration import explained, register
-from evertwin.features.surface import surface
 from evertwin.fold import Block, Out
 from evertwin.signals.planar import between, compose
 from evertwin.sources.scans import Lidar
@@ -188,8 +187,7 @@ class ScanMatcher:
     def _follow(
         self, state: Following, view: Known | None, ranges: Vector, odometry: Pose, dt: float
     ) -> tuple[Following, tuple[object, ...]]:
-        found = np.zeros((self.beams, 4))
-        scan = thinned(found[: surface(ranges, self.angles, found)])
+        scan = seen(ranges, self.angles, self.lidar.mount)
         same = np.array_equal(ranges, state.ranges, equal_nan=True)
         state = state._replace(repeated=state.repeated + 1 if same else 0, ranges=ranges.copy())
         telling = len(scan) >= FEW and state.repeated < STANDING

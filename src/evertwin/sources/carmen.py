@@ -28,7 +28,15 @@ from evertwin.errors import DataError
 from evertwin.signals.planar import between, chained
 from evertwin.sources.arrays import LARGEST, ArrayTable
 from evertwin.sources.foreign import foreign
-from evertwin.sources.scans import Lidar, Poses, Scans, at_stamps, increasing, mended
+from evertwin.sources.scans import (
+    Lidar,
+    Poses,
+    Scans,
+    at_stamps,
+    ceiling,
+    increasing,
+    mended,
+)
 from evertwin.sources.stamps import NO_STAMP, texts, to_ns
 from evertwin.sources.table import WIDEST, Column, Recording
 from evertwin.types import Stamps
@@ -36,8 +44,6 @@ from evertwin.types import Stamps
 SCANS = ("FLASER", "RLASER", "ROBOTLASER1", "ROBOTLASER2", "RAWLASER1", "RAWLASER2")
 NO_RETURN = 81.8
 """From here on a SICK LMS, which most of these logs were made with, states error codes [m]."""
-OFTEN = 1e-3
-"""Share of all ranges that the largest one must have to be no measurement."""
 
 
 class _Scan(NamedTuple):
@@ -200,7 +206,7 @@ def _scans(name: str, found: list[_Scan], odometry: _Odometry | None, notes: lis
     start, step, longest = found[0].angles
     ranges = np.array([scan.ranges for scan in found]).reshape(len(found), usual)
     error = NO_RETURN if longest < NO_RETURN + 1 or math.isinf(longest) else math.inf
-    longest = min(longest, error, _ceiling(ranges))
+    longest = min(longest, error, ceiling(ranges))
     ranges[~((ranges > 0) & (ranges < longest))] = np.nan
     raw = to_ns(texts([scan.stamp for scan in found]), "s")
     t, kept = mended(raw)
@@ -217,15 +223,6 @@ def _scans(name: str, found: list[_Scan], odometry: _Odometry | None, notes: lis
             )
     lidar = Lidar(start, step, longest)
     return Scans(name, t, ranges, lidar, wheels, stated, bool(kept.any()), tuple(findings))
-
-
-def _ceiling(ranges: np.ndarray) -> float:
-    """The largest range, where many share it, and it stands apart or outnumbers those below."""
-    values, counts = np.unique(ranges[np.isfinite(ranges)], return_counts=True)
-    if len(values) < 2 or counts[-1] < OFTEN * ranges.size:
-        return math.inf
-    apart = values[-1] > 1.1 * values[-2] or counts[-1] > 10 * counts[-11:-1].mean()
-    return float(values[-1]) if apart else math.inf
 
 
 def _clock(raw: Stamps, kept: np.ndarray) -> Iterator[str]:

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from evertwin.errors import DataError
+from evertwin.sources.bag_scans import scans_of
 from evertwin.sources.description import ColumnInfo, Info, ScanInfo, TableInfo, TimeInfo
 from evertwin.sources.guard import Guarded, Watch, typical
 from evertwin.sources.info_text import column_findings, table_findings
@@ -49,7 +50,7 @@ def inspect(path: Path | str) -> Info:
         findings += table_findings(info)
         for column in info.columns:
             findings += column_findings(column, info)
-    scans = tuple(_scans(one) for one in recording.scans)
+    scans = tuple(_scans(one) for one in scans_of(recording))
     findings += [f"{one.name}: {line}" for one in scans for line in one.findings]
     return Info(path.name, recording.kind, size, tables, recording.notes, tuple(findings), scans)
 

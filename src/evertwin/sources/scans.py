@@ -12,13 +12,17 @@ stands beside the ranges. Only what was measured is here: where nothing came bac
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_left
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from evertwin.types import Bools, Float64, Int64, Stamps, Vector
 
+OFTEN = 1e-3
+"""Share of all ranges that the largest one must have to be no measurement."""
 Poses = Float64[np.ndarray, "n 3"]
 """x, y [m] and heading [rad] for each stamp; NaN where there is none."""
 
@@ -37,10 +41,30 @@ class Lidar:
     """Angle from beam to beam [rad]."""
     longest: float
     """From this range on nothing came back [m]."""
+    mount: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Where it is on the machine: x, y [m], heading [rad]."""
+    sweep: float = 0.0
+    """Time from beam to beam [s]; 0: all at once, or not known."""
 
     def angles(self, beams: int) -> Vector:
         """Of each beam [rad]."""
         return self.start + self.step * np.arange(beams)
+
+
+class Track(NamedTuple):
+    """What a sensor of motion said, by its stamps.
+
+    >>> Track("/odom", np.array([0]), np.array([2]), np.zeros((1, 3))).name
+    '/odom'
+    """
+
+    name: str
+    t: Stamps
+    """Strictly increasing [ns]."""
+    arrived: Stamps
+    """When each was logged, by the same clock [ns]."""
+    values: Float64[np.ndarray, "m _"]
+    """x, y [m], heading [rad] of odometry; turn rate [rad/s] of a gyro."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +89,12 @@ class Scans:
     """False: the recording's stamps tell no time; they count scans, a second each."""
     findings: tuple[str, ...] = field(default=())
     """What is odd about them, as sentences."""
+    wheels: Track | None = None
+    """The odometry itself, where its own stamps are known."""
+    gyro: Track | None = None
+    """Turn rates about the vertical axis."""
+    arrived: Stamps | None = None
+    """When each scan was logged, by the clock of `t`."""
 
     @property
     def rate(self) -> float:
@@ -126,3 +156,16 @@ def at_stamps(
     at, base = (t - known[0]) * 1e-9, (known - known[0]) * 1e-9
     whole = np.column_stack([poses[:, :2], np.unwrap(poses[:, 2])])
     return np.column_stack([np.interp(at, base, c, np.nan, np.nan) for c in whole.T])
+
+
+def ceiling(ranges: np.ndarray) -> float:
+    """The largest range, where many share it, and it stands apart or outnumbers those below.
+
+    >>> ceiling(np.array([[1.0, 2.0, 30.0], [1.5, 2.5, 30.0]]))
+    30.0
+    """
+    values, counts = np.unique(ranges[np.isfinite(ranges)], return_counts=True)
+    if len(values) < 2 or counts[-1] < OFTEN * ranges.size:
+        return math.inf
+    apart = values[-1] > 1.1 * values[-2] or counts[-1] > 10 * counts[-11:-1].mean()
+    return float(values[-1]) if apart else math.inf

@@ -1,6 +1,8 @@
 """``python -m evertwin.worlds.live.recorder arm|robot``: what a machine would publish, into files.
 
-One topic goes into one file, several into files beside each other. Nothing is waited for.
+One topic goes into one file, several into files beside each other. What the robot says goes into
+one bag where the file's name ends in ``.mcap``: the messages that it has in ROS, its scans too.
+Nothing is waited for.
 
 >>> paths_of(Path("run.csv"), ("command", "pose"))["pose"].name
 'run-pose.csv'
@@ -18,6 +20,7 @@ from evertwin.errors import EvertwinError
 from evertwin.types import Vector
 from evertwin.worlds.live.contract import Sample
 from evertwin.worlds.live.making import machine_of, parser, samples_of
+from evertwin.worlds.live.ros_bag import save_bag
 from evertwin.worlds.save import save
 
 
@@ -42,6 +45,8 @@ def main(arguments: list[str] | None = None) -> None:
     given = options.parse_args(arguments)
     machine = machine_of(given)
     kept = [one for several in samples_of(given, machine) for one in several]
+    if given.machine == "robot" and given.record.suffix == ".mcap":
+        return save_bag(given.record, kept, given.start or 0.0)
     # scans are no columns
     arrays = {one.topic for one in kept if any(isinstance(v, list) for v in one.values.values())}
     topics = [topic for topic in given.topics or machine.units if topic not in arrays]
