@@ -15,6 +15,7 @@ from evertwin.features.mapping import Mapped, mapped, surface_of
 from evertwin.features.occupancy import of_keyframes, read, save
 from evertwin.features.poses import Fix, Poses
 from evertwin.features.relocalisation import located
+from evertwin.features.slips import Slip, slips
 from evertwin.features.trajectory_error import TrajectoryError, trajectory_error
 from evertwin.report.map_picture import draw_map
 from evertwin.sources.bag_scans import scans_of
@@ -30,7 +31,11 @@ STATED = "stated"
 
 
 class Topics(NamedTuple):
-    """What is asked for by name; empty: the first."""
+    """What is asked for by name; empty: the first.
+
+    >>> Topics("/scan").odometry
+    ''
+    """
 
     scan: str = ""
     odometry: str = ""
@@ -41,9 +46,11 @@ def make_map(
 ) -> None:
     """``evertwin map``."""
     scans = only_lidar(file, topics)
+    if ranges_alone:
+        scans = replace(scans, odometry=None, wheels=None, gyro=None)
     with Alive() as alive:
         alive.say(f"following {len(scans.t)} scans")
-        found = mapped(scans, not ranges_alone)
+        found = mapped(scans)
         out.mkdir(parents=True, exist_ok=True)
         chart = of_keyframes(found.keyframes, found.surfaces, scans.lidar.mount)
         save(chart, out / "map.yaml")
@@ -52,7 +59,7 @@ def make_map(
     off = None
     if against is not None:
         off = trajectory_error(found.poses.pose, _reference(scans, against))
-    content = _content(scans, found, off, ranges_alone)
+    content = _content(scans, found, off)
     show(content, _text(content, out), as_json)
 
 
@@ -103,17 +110,17 @@ def _reference(scans: Scans, against: str) -> np.ndarray:
     return np.column_stack([np.interp(scans.t, at, c, np.nan, np.nan) for c in whole.T])
 
 
-def _content(
-    scans: Scans, found: Mapped, off: TrajectoryError | None, ranges_alone: bool
-) -> dict[str, Any]:
-    poses, used = found.poses, scans.odometry is not None and not ranges_alone
+def _content(scans: Scans, found: Mapped, off: TrajectoryError | None) -> dict[str, Any]:
+    poses = found.poses
     last = np.flatnonzero(poses.fix != Fix.LOST)[-1]
     way = np.diff(poses.pose[poses.segment == 0, :2], axis=0)
     content: dict[str, Any] = {
         "schema": "evertwin.map/1",
         "scans": len(poses.t),
         "by": {fix.name.lower(): int((poses.fix == fix).sum()) for fix in Fix},
-        "odometry": used,
+        "odometry": scans.odometry is not None,
+        "gyro": scans.gyro is not None,
+        "slips": [one._asdict() for one in _slips(scans, poses)],
         "segments": int(poses.segment[-1]) + 1,
         "way": float(np.nansum(np.hypot(way[:, 0], way[:, 1]))),
         "keyframes": len(found.keyframes),
@@ -134,11 +141,12 @@ def _text(content: dict[str, Any], out: Path) -> str:
     by, took, sigma = content["by"], content["ms_per_scan"], content["sigma_at_end"]
     by_odometry = f", {by['predicted']} by odometry alone" if by["predicted"] else ""
     segments = f"{content['segments']} segment{'s' if content['segments'] > 1 else ''}"
-    wheels = "with" if content["odometry"] else "without"
+    wheels = f"{'with' if content['odometry'] else 'without'} odometry"
+    wheels += " and gyro" if content["gyro"] else ""
     lines = [
         f"{content['scans']} scans over {content['way']:.1f} m: {by['matched']} placed"
         f"{by_odometry}, "
-        f"{by['lost']} without a pose; {wheels} odometry",
+        f"{by['lost']} without a pose; {wheels}",
         f"{content['keyframes']} keyframes, {content['loops']} places recognised, {segments}",
         f"at the end ± {sigma[0]:.3f} m, {sigma[1]:.3f} m, {sigma[2]:.4f} rad (1 σ)",
         f"{took['median']:.2g} ms a scan (median), {took['p95']:.2g} ms (95 %)",
@@ -156,8 +164,19 @@ def _text(content: dict[str, Any], out: Path) -> str:
             f"against the reference as a whole: {content['against']['absolute']:.3f} m "
             f"(rms of {content['against']['poses']} poses)"
         )
+    lines += [
+        f"the wheels slipped from {one['start'] * 1e-9:.1f} to {one['end'] * 1e-9:.1f} s: they say "
+        f"{one['wheels']:.2f} m, the scans {one['scans']:.2f} m"
+        for one in content["slips"]
+    ]
     lines += [f"  - {line}" for line in content["findings"]]
     return "\n".join([*lines, f"written: {out}/map.yaml, map.pgm, map.png, poses.csv"])
+
+
+def _slips(scans: Scans, poses: Poses) -> list[Slip]:
+    if scans.odometry is None:
+        return []
+    return slips(scans.t, poses.pose, scans.odometry, (poses.slip, poses.scale))
 
 
 def find_place(chart: Path, file: Path, number: int, topics: Topics, as_json: bool) -> None:

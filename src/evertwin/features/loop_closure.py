@@ -15,7 +15,7 @@ import numpy as np
 from evertwin.features.local_map import KEYFRAMES, Known, Surface, placed
 from evertwin.features.pose_graph import Edge, turned
 from evertwin.features.registration import explained
-from evertwin.features.scan_matcher import Expected, balanced, fitted, found_by_search
+from evertwin.features.scan_fit import Expected, balanced, fitted, found_by_search
 from evertwin.signals.planar import between
 from evertwin.types import Float64
 
@@ -27,7 +27,7 @@ SURELY, MOST, TURNED = 0.4, 4.0, 0.7
 """Window to either side: at least [m], at most [m], and at most [rad]."""
 ALIKE = 0.65
 """Share of a keyframe that must be explained."""
-FIRM = np.diag([0.03, 0.03, 0.01]) ** 2
+FIRM = np.diag([0.005, 0.005, 0.001]) ** 2
 """What the surroundings themselves may be off by (m², m², rad²)."""
 EVERY = 2
 """Of so many keyframes one is tried."""
@@ -74,5 +74,6 @@ def _closed(
     fit = fitted(surfaces[j], view, expected, start)
     if min(fit.share, explained(some, len(some), *view, fit.pose)) < ALIKE:
         return []
-    covariance = turned(fit.covariance, fit.pose[2]) + FIRM
+    alone = np.linalg.inv(fit.sighting.information + np.eye(3))
+    covariance = turned(alone, fit.pose[2]) + FIRM
     return [Edge(i, j, between(poses[i], fit.pose), covariance, loop=True)]

@@ -16,7 +16,7 @@ import numpy as np
 from evertwin.errors import DataError
 from evertwin.features.local_map import Surface, seen
 from evertwin.features.loop_closure import loops
-from evertwin.features.pose_graph import Edge, Optimised, optimised, turned
+from evertwin.features.pose_graph import Edge, Optimised, optimised, turned, variance_factor, weak
 from evertwin.features.poses import Fix, Poses
 from evertwin.features.scan_matcher import ScanMatcher
 from evertwin.fold import join, make_block, take
@@ -63,8 +63,8 @@ class Mapped(NamedTuple):
 def followed(scans: Scans, use_odometry: bool = True) -> Followed:
     """The poses of a recording as a stream tells them, scan by scan, without looking back."""
     n, beams = scans.ranges.shape
-    wheels = scans.odometry if use_odometry and scans.odometry is not None else np.zeros((n, 0))
-    block = make_block(t=scans.t, u=wheels, y=scans.ranges)
+    moved = motion_at(scans) if use_odometry else np.zeros((n, 0))
+    block = make_block(t=scans.t, u=moved, y=scans.ranges)
     matcher, outs, took = ScanMatcher(scans.lidar, beams), [], np.zeros(n)
     state = matcher.init()
     for i in range(n):
@@ -73,6 +73,19 @@ def followed(scans: Scans, use_odometry: bool = True) -> Followed:
         took[i] = time.perf_counter() - began
         outs.append(out)
     return Followed(join(outs).rows, took)
+
+
+def motion_at(scans: Scans) -> Float64[np.ndarray, "n _"]:
+    """The wheels' pose at each scan, and the gyro's angle; no column where there is neither."""
+    n = len(scans.t)
+    wheels = np.full((n, 3), np.nan) if scans.odometry is None else scans.odometry
+    if scans.gyro is None:
+        return np.zeros((n, 0)) if scans.odometry is None else wheels
+    t, rate = scans.gyro.t, scans.gyro.values[:, 0]
+    steps = 0.5 * (rate[1:] + rate[:-1]) * np.diff(t) * 1e-9
+    angle = np.concatenate([[0.0], np.cumsum(steps)])
+    at = np.interp((scans.t - t[0]) * 1e-9, (t - t[0]) * 1e-9, angle, np.nan, np.nan)
+    return np.column_stack([wheels, at])
 
 
 def mapped(scans: Scans, use_odometry: bool = True) -> Mapped:
@@ -94,6 +107,11 @@ def mapped(scans: Scans, use_odometry: bool = True) -> Mapped:
     for _ in range(ROUNDS):
         found = loops(surfaces, graph.poses)
         graph = optimised(graph.poses, [*steps, *found])
+    factor = variance_factor(poses.pose[keys], steps, found)
+    steps = [
+        edge if weak(edge) else edge._replace(covariance=factor * edge.covariance) for edge in steps
+    ]
+    graph = optimised(graph.poses, [*steps, *found])
     return Mapped(_all(poses, keys, graph), graph.poses, surfaces, len(found), took)
 
 

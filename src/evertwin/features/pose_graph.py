@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from evertwin.signals.planar import between, compose
 from evertwin.sources.foreign import load
 from evertwin.types import Float64
 
@@ -24,6 +25,19 @@ FIRST = 1e-3
 """Standard deviation of the origin [m, rad]."""
 DOUBT = 1.0
 """Standard deviations from which on a loop weighs less."""
+
+
+TELLING = 5
+"""Loops from which on they say how far the steps err."""
+FACTORS = (0.02, 10.0)
+"""Least and largest factor that they say."""
+WORST = 30.0
+"""Square of a loop's error over its covariance beyond which it is no error but another place."""
+
+
+OPEN = 0.02
+"""Standard deviation of a step from which on its scan left a direction open [m]."""
+HALVINGS = 20
 
 
 class Edge(NamedTuple):
@@ -85,3 +99,55 @@ def optimised(start: Float64[np.ndarray, "n 3"], edges: Sequence[Edge]) -> Optim
     poses = np.array([[p.x(), p.y(), p.theta()] for p in map(found.atPose2, range(len(start)))])
     around = [turned(marginals.marginalCovariance(k), -p[2]) for k, p in enumerate(poses)]
     return Optimised(poses, np.array(around))
+
+
+def _at_origin(pose: np.ndarray) -> Float64[np.ndarray, "3 3"]:
+    """An error in the frame of a pose, as a motion of the whole plane about the origin."""
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    return np.array([[c, -s, pose[1]], [s, c, -pose[0]], [0.0, 0.0, 1.0]])
+
+
+def weak(edge: Edge) -> bool:
+    """Does its scan leave a direction open?
+
+    >>> weak(Edge(0, 1, np.zeros(3), np.eye(3)))
+    True
+    """
+    return bool(np.linalg.eigvalsh(edge.covariance[:2, :2])[-1] > OPEN * OPEN)
+
+
+def variance_factor(
+    poses: Float64[np.ndarray, "n 3"], steps: Sequence[Edge], loops: Sequence[Edge]
+) -> float:
+    """How far the steps err, as a factor on the covariances of those that are not `weak`.
+
+    It makes what the loops are off, squared over its covariance, 3 on average. The steps' own
+    covariances are those of single scans on a map: a map averages, and what is in no model (glass,
+    people, a floor that is not level) adds up. 1 where few loops tell.
+
+    Args:
+        poses: of the keyframes, by the steps alone.
+        steps: from each keyframe to the next.
+        loops: between keyframes far apart.
+    """
+    if len(loops) < TELLING:
+        return 1.0
+    turns = [_at_origin(pose) for pose in poses]
+    parts = np.zeros((2, len(poses), 3, 3))
+    for edge in steps:
+        parts[int(weak(edge)), edge.end] = turns[edge.end] @ edge.covariance @ turns[edge.end].T
+    firm, open_ = np.cumsum(parts, axis=1)
+    ends = [(loop.start, loop.end) for loop in loops]
+    back = np.array([np.linalg.inv(turns[j]) for _, j in ends])
+    ahead = back.transpose(0, 2, 1)
+    known = np.array([loop.covariance for loop in loops])
+    known += back @ np.array([open_[j] - open_[i] for i, j in ends]) @ ahead
+    told = back @ np.array([firm[j] - firm[i] for i, j in ends]) @ ahead
+    off = np.array([between(compose(poses[e.start], e.step), poses[e.end]) for e in loops])
+    low, high = np.log(FACTORS)
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        spread = np.exp(middle) * told + known
+        square = np.einsum("ni,nij,nj->n", off, np.linalg.inv(spread), off)
+        low, high = (middle, high) if np.minimum(square, WORST).mean() > 3 else (low, middle)
+    return float(np.exp(high))

@@ -45,3 +45,11 @@ class Poses(NamedTuple):
     """1 where the scan joined the map."""
     segment: Int64[np.ndarray, " n"]
     """Number of the map that the pose is told in."""
+    sighted: Float64[np.ndarray, "n 3"]
+    """Poses by the scans alone, in the frame of the local map."""
+    information: Float64[np.ndarray, "n 3 3"]
+    """About them: singular where a scan leaves a direction open."""
+    slip: UInt8[np.ndarray, " n"]
+    """1 where the wheels went out of all proportion to the scans."""
+    scale: Float64[np.ndarray, " n"]
+    """Way of the machine over that of its wheels."""

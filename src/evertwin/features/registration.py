@@ -195,15 +195,17 @@ def register(
         information: about the pose by the scan alone, (3, 3), to be filled.
 
     Returns:
-        the share of the points that have a line beside them, and the scale of their residuals [m].
+        the share of the points that have a line beside them, the scale of their residuals [m], and
+        the correlation of those of neighbours.
     """
     # longer than the budget: one sum over the points, written once
     h, g, step = np.zeros((3, 3)), np.zeros(3), np.zeros(3)
-    width, scale, share = WIDE, 0.1, 0.0
+    width, scale, share, alike, squares = WIDE, 0.1, 0.0, 0.0, 0.0
     for _ in range(ROUNDS):
         c, s = math.cos(pose[2]), math.sin(pose[2])
         h[:], g[:] = 0.0, 0.0
         found, total, off, lines = 0, 0.0, 0.0, 0
+        before, alike, squares = 0.0, 0.0, 0.0
         for i in range(n):
             px, py = c * scan[i, 0] - s * scan[i, 1], s * scan[i, 0] + c * scan[i, 1]
             nx, ny = c * scan[i, 2] - s * scan[i, 3], s * scan[i, 2] + c * scan[i, 3]
@@ -227,6 +229,8 @@ def register(
             found += 1
             w = 1 / (1 + (e / scale) * (e / scale))
             total, off = total + w, off + w * e * e
+            alike, squares = alike + w * e * before, squares + w * e * w * e
+            before = w * e
             turn = my * px - mx * py
             g[0], g[1], g[2] = g[0] + w * mx * e, g[1] + w * my * e, g[2] + w * turn * e
             h[0, 0] += w * mx * mx
@@ -237,7 +241,7 @@ def register(
             h[2, 2] += w * turn * turn
         share = found / lines if lines else 0.0
         if found < 3:
-            return 0.0, scale
+            return 0.0, scale, 1.0
         freed(h, g, SCATTER * found)
         scale = max(1.5 * math.sqrt(off / total), 0.01)
         narrow = min(max(NARROW, 4 * scale), WIDE)
@@ -251,11 +255,11 @@ def register(
             for j in range(i + 1):
                 h[i, j] = h[i, j] * precision + weight[i, j]
         if not solved(h, g, step):
-            return 0.0, scale
+            return 0.0, scale, 1.0
         pose[0], pose[1], pose[2] = pose[0] + step[0], pose[1] + step[1], pose[2] + step[2]
         small = abs(step[0]) + abs(step[1]) + abs(step[2])
         if small < 2e-4 and width <= narrow:
             break
         if small < 0.02:
             width = max(0.6 * width, narrow)
-    return share, scale
+    return share, scale, alike / squares if squares > 0 else 0.0

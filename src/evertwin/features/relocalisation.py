@@ -17,7 +17,8 @@ from scipy.spatial import cKDTree
 from evertwin.features.correlation import BLOCK, BLUR, CELL, Drawing, blocks, search
 from evertwin.features.local_map import Known, Surface, placed
 from evertwin.features.occupancy import FREE, Occupancy
-from evertwin.features.scan_matcher import FEW, Expected, balanced, fitted
+from evertwin.features.scan_fit import Expected, balanced, fitted
+from evertwin.features.scan_matcher import FEW
 from evertwin.types import Float64, UInt8
 
 NEAR = 0.25

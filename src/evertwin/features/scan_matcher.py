@@ -36,10 +36,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.features.correlation import Drawing, blocks, search
+from evertwin.features.fusion import Belief, Sighting, Step, measured, predicted
 from evertwin.features.local_map import Known, LocalMap, Surface, empty, joined, known, seen
 from evertwin.features.poses import Fix, Poses
-from evertwin.features.registration import explained, register
+from evertwin.features.scan_fit import COMMON, Expected, Fit, best
 from evertwin.fold import Block, Out
 from evertwin.signals.planar import between, compose
 from evertwin.sources.scans import Lidar
@@ -53,8 +53,6 @@ SURE, PLAUSIBLE = 0.95, 0.5
 """The same, above which the expected pose is not doubted: without odometry, and with it."""
 LEAST, SEEN = 0.5, 0.3
 """The same, below which a scan tells no pose: without odometry, and with it."""
-BETTER = 0.02
-"""By how much more of the scan a pose from elsewhere must explain."""
 FEW = 12
 """Points below which a scan tells no pose."""
 AT_REST, SHARE = np.array([0.02, 0.02, 0.04]), np.array([0.05, 0.05, 0.2])
@@ -66,32 +64,18 @@ SLOW = 1.0
 LONG = 5.0
 SUDDEN = 0.4
 """A step that turns by more is not expected again [rad]."""
-WINDOW = 3.0
-"""Half the window that is searched, in standard deviations of the expectation."""
-WIDEST = 1.6
-"""Its largest half width [m]."""
-TURN = 0.03
-"""Step between the headings that are tried [rad]."""
-SOME = 80
-"""Points of a scan that a search uses."""
-DIRECTIONS = 8
-"""Kinds of walls, by where they face."""
-GRID = 512
-"""Cells of the grid that it looks into, along each side."""
 PATIENCE = 5
 """Scans without a pose after which a new map is begun."""
 STANDING = 3
 """Times that a scan may come again, number by number, before the lidar is taken to be frozen."""
-COMMON = np.diag([0.002, 0.002, 0.001]) ** 2
-"""Error that all points of a map share (m², m², rad²)."""
-ALIKE = 5.0
-"""Neighbouring beams that err together: so many count as one."""
 FAR = 1.0
 """Spread of a pose from which on it is none [m]."""
 FIRM = 0.1
 """The same for one that is found again: much may look alike [m]."""
 
 Pose = Float64[np.ndarray, " 3"]
+Motion = Float64[np.ndarray, " 4"]
+"""Wheels' pose and gyro's angle; NaN where they are not known."""
 
 
 class Following(NamedTuple):
@@ -102,12 +86,12 @@ class Following(NamedTuple):
     """
 
     map: LocalMap
-    pose: Pose
+    belief: Belief
+    """Pose, and what is known of wheels and gyro."""
     step: Pose
     """From the scan before, in the robot's frame."""
-    spread: Float64[np.ndarray, "3 3"]
-    """Covariance of the pose."""
-    odometry: Pose
+    moved: Motion
+    """Wheels' pose and gyro's angle at the last scan."""
     ranges: Vector
     """Of the last scan."""
     repeated: int
@@ -117,33 +101,23 @@ class Following(NamedTuple):
     segment: int
 
 
-class _Fit(NamedTuple):
-    """A scan at a pose of the map."""
+class _Row(NamedTuple):
+    """What a scan tells; see `Poses`."""
 
-    pose: Pose
-    share: float
-    covariance: Float64[np.ndarray, "3 3"]
-
-
-class Expected(NamedTuple):
-    """Where a scan is looked for.
-
-    >>> Expected(np.zeros(3), np.diag([0.04, 0.01, 0.01])).sigma[0]
-    np.float64(0.2)
-    """
-
-    pose: Pose
-    covariance: Float64[np.ndarray, "3 3"]
-
-    @property
-    def sigma(self) -> Vector:
-        """Of its x, y and heading."""
-        return np.sqrt(np.diag(self.covariance))
+    pose: Pose = np.full(3, np.nan)
+    covariance: Float64[np.ndarray, "3 3"] = np.full((3, 3), np.nan)
+    fix: Fix = Fix.LOST
+    share: float = 0.0
+    segment: int = 0
+    sighting: Sighting = Sighting(np.full(3, np.nan), np.zeros((3, 3)))
+    slip: bool = False
+    scale: float = math.nan
 
 
 @dataclass(frozen=True)
 class ScanMatcher:
-    """Implements `evertwin.fold.Online`: outputs are ranges [m], inputs odometry (x, y, heading).
+    """Implements `evertwin.fold.Online`: outputs are ranges [m]; inputs are none, or odometry
+    (x, y, heading), or this and the gyro's angle; NaN where there is none.
 
     >>> ScanMatcher(Lidar(0.0, 0.1, 30.0), 10).init().map.points.shape
     (20, 10, 4)
@@ -159,9 +133,9 @@ class ScanMatcher:
 
     def init(self) -> Following:
         """Nothing seen yet; the first scan is the origin."""
-        none = np.full(3, np.nan)
+        belief = Belief.at_rest(0, np.zeros(3), np.zeros((3, 3)))
         return Following(
-            empty(self.beams), np.zeros(3), np.zeros(3), np.zeros((3, 3)), none,
+            empty(self.beams), belief, np.zeros(3), np.full(4, np.nan),
             np.full(self.beams, np.nan), 0, 0, 0,
         )  # fmt: skip
 
@@ -170,79 +144,85 @@ class ScanMatcher:
         rows = []
         view = known(state.map) if state.map.joined else None
         for i in range(len(block.t)):
-            odometry = block.u[i] if block.u.shape[1] == 3 else np.full(3, np.nan)
+            moved = np.full(4, np.nan)
+            moved[: block.u.shape[1]] = block.u[i]
             before = state.map.joined, state.segment
-            state, row = self._follow(state, view, block.y[i], odometry, float(block.dt[i]))
-            rows.append((block.t[i], *row, (state.map.joined, state.segment) != before))
+            state, row = self._follow(state, view, block.y[i], moved, float(block.dt[i]))
+            rows.append((block.t[i], row, (state.map.joined, state.segment) != before))
             if rows[-1][-1]:
                 view = known(state.map)
-        t, pose, covariance, fix, share, segment, keyframe = zip(*rows, strict=True)
+        t, told, keyframe = zip(*rows, strict=True)
+        pose, covariance, fix, share, segment, sighting, slip, scale = zip(*told, strict=True)
         return state, Out(
             Poses(
                 np.array(t), np.array(pose), np.array(covariance), np.array(fix, np.uint8),
                 np.array(share), np.array(keyframe, np.uint8), np.array(segment),
+                np.array([one.pose for one in sighting]),
+                np.array([one.information for one in sighting]), np.array(slip, np.uint8),
+                np.array(scale),
             )
         )  # fmt: skip
 
     def _follow(
-        self, state: Following, view: Known | None, ranges: Vector, odometry: Pose, dt: float
-    ) -> tuple[Following, tuple[object, ...]]:
+        self, state: Following, view: Known | None, ranges: Vector, moved: Motion, dt: float
+    ) -> tuple[Following, _Row]:
         scan = seen(ranges, self.angles, self.lidar.mount)
         same = np.array_equal(ranges, state.ranges, equal_nan=True)
         state = state._replace(repeated=state.repeated + 1 if same else 0, ranges=ranges.copy())
         telling = len(scan) >= FEW and state.repeated < STANDING
+        before, state = state.moved, state._replace(moved=moved.copy())
         if view is None:
-            return self._begun(state, scan, odometry, telling)
-        expected = _expected(state, odometry, dt)
-        sure, least = (SURE, LEAST) if _blind(odometry) else (PLAUSIBLE, SEEN)
-        fit = _best(scan, view, expected, sure) if telling else None
+            return self._begun(state, scan, telling)
+        blind = _blind(moved) or _blind(before)
+        ahead, expected = _expected(state, moved - before, blind, dt)
+        sure, least = (SURE, LEAST) if blind else (PLAUSIBLE, SEEN)
+        fit = best(scan, view, expected, sure) if telling else None
         found_back = fit is not None and not (state.lost and _off(fit.covariance, FIRM))
         if fit is not None and found_back and fit.share >= least:
-            return self._matched(state, scan, fit, odometry)
-        spread = expected.covariance
-        state = state._replace(pose=expected.pose, spread=spread, odometry=odometry.copy())
-        share = 0.0 if fit is None else fit.share
-        if not _blind(odometry) and not _off(spread, FAR) and telling:
-            ring = joined(state.map, scan, expected.pose)
+            way = 0.0 if blind else float(np.hypot(*(moved - before)[:2]))
+            return self._matched(state, scan, fit, ahead, way)
+        state = state._replace(belief=ahead)
+        share, spread = 0.0 if fit is None else fit.share, ahead.covariance[:3, :3]
+        if not blind and not _off(spread, FAR) and telling:
+            ring = joined(state.map, scan, ahead.pose)
             state = state._replace(map=ring, lost=0)
-            return state, (expected.pose, spread, Fix.PREDICTED, share, state.segment)
+            return state, _Row(ahead.pose, spread, Fix.PREDICTED, share, state.segment)
         state = state._replace(lost=state.lost + 1, step=np.zeros(3))
         if telling and state.lost > PATIENCE:
             state = state._replace(map=empty(self.beams), segment=state.segment + 1)
-            return self._begun(state, scan, odometry, telling)
-        none = np.full(3, np.nan), np.full((3, 3), np.nan)
-        return state, (*none, Fix.LOST, share, state.segment)
+            return self._begun(state, scan, telling)
+        return state, _Row(share=share, segment=state.segment)
 
-    def _begun(
-        self, state: Following, scan: Surface, odometry: Pose, telling: bool
-    ) -> tuple[Following, tuple[object, ...]]:
+    def _begun(self, state: Following, scan: Surface, telling: bool) -> tuple[Following, _Row]:
         """The first scan of a map, which is where it says it is."""
         if not telling:
-            none = np.full(3, np.nan), np.full((3, 3), np.nan)
-            return state, (*none, Fix.LOST, 0.0, state.segment)
-        pose, spread = state.pose, COMMON.copy()
+            return state, _Row(segment=state.segment)
+        pose = state.belief.pose
         state = state._replace(
-            map=joined(state.map, scan, pose), step=np.zeros(3), spread=spread,
-            odometry=odometry.copy(), lost=0,
+            map=joined(state.map, scan, pose), step=np.zeros(3), lost=0,
+            belief=state.belief.moved(state.belief.t, pose, np.zeros((3, 3))),
         )  # fmt: skip
-        return state, (pose.copy(), spread.copy(), Fix.MATCHED, 1.0, state.segment)
+        firm = Sighting(pose, np.linalg.inv(COMMON))
+        return state, _Row(pose.copy(), COMMON.copy(), Fix.MATCHED, 1.0, state.segment, firm)
 
     def _matched(
-        self, state: Following, scan: Surface, fit: _Fit, odometry: Pose
-    ) -> tuple[Following, tuple[object, ...]]:
-        d = between(state.map.newest, fit.pose)
+        self, state: Following, scan: Surface, fit: Fit, ahead: Belief, way: float
+    ) -> tuple[Following, _Row]:
+        found = measured(ahead, fit.sighting, way)
+        pose, spread = found.belief.pose, found.belief.covariance[:3, :3] + COMMON
+        d = between(state.map.newest, pose)
         moved = math.hypot(d[0], d[1]) > APART or abs(d[2]) > TURNED
         ring = state.map
         if moved or fit.share < FAMILIAR:
-            ring = joined(ring, scan, fit.pose)
-        state = state._replace(
-            map=ring, pose=fit.pose, step=between(state.pose, fit.pose), spread=fit.covariance,
-            odometry=odometry.copy(), lost=0,
+            ring = joined(ring, scan, pose)
+        step = between(state.belief.pose, pose)
+        state = state._replace(map=ring, belief=found.belief, step=step, lost=0)
+        row = _Row(
+            pose.copy(), spread, Fix.MATCHED, fit.share, state.segment, fit.sighting, found.slip,
+            found.belief.scale,
         )  # fmt: skip
-        if _off(fit.covariance, FAR):  # walls alike all along the way
-            none = np.full(3, np.nan), np.full((3, 3), np.nan)
-            return state, (*none, Fix.LOST, fit.share, state.segment)
-        row = fit.pose.copy(), fit.covariance.copy(), Fix.MATCHED, fit.share, state.segment
+        if _off(spread, FAR):  # walls alike all along the way
+            return state, _Row(share=fit.share, segment=state.segment)
         return state, row
 
 
@@ -251,70 +231,26 @@ def _off(covariance: np.ndarray, limit: float) -> bool:
     return bool(covariance[0, 0] + covariance[1, 1] > limit * limit)
 
 
-def _blind(odometry: Pose) -> bool:
-    return not bool(np.all(np.isfinite(odometry)))
+def _blind(moved: Motion) -> bool:
+    """Do the wheels say nothing?"""
+    return not bool(np.all(np.isfinite(moved[:3])))
 
 
-def _expected(state: Following, odometry: Pose, dt: float) -> Expected:
-    """By odometry, else by the last step again: robots go on more often than they start or stop."""
-    if not _blind(odometry) and not _blind(state.odometry):
-        step = between(state.odometry, odometry)
-        way, turn = math.hypot(step[0], step[1]), abs(step[2])
-        sigma = AT_REST + SHARE * np.array([way, way, turn])
-    else:
-        step = state.step if abs(state.step[2]) < SUDDEN else np.zeros(3)
+def _expected(state: Following, went: Motion, blind: bool, dt: float) -> tuple[Belief, Expected]:
+    """By wheels and gyro, else by the last step again: robots go on more often than they start or
+    stop."""
+    lasts = round(1e9 * dt)
+    if blind:
+        step = state.step.copy() if abs(state.step[2]) < SUDDEN else np.zeros(3)
         sigma = FREE * np.array([1.0, 1.0, min(max(dt / SLOW, 1.0), LONG)])
-    sigma = sigma * (1 + state.lost)
-    return Expected(compose(state.pose, step), state.spread + np.diag(sigma * sigma))
-
-
-def _best(scan: Surface, view: Known, expected: Expected, sure: float) -> _Fit:
-    """The scan where it is expected or, if that explains too little, where it fits best."""
-    fit = fitted(scan, view, expected, expected.pose)
-    if fit.share >= sure:
-        return fit
-    some = balanced(scan)
-    found = found_by_search(some, view.points, expected.pose, (
-        min(WINDOW * expected.sigma[0], WIDEST), min(WINDOW * expected.sigma[2], math.pi)
-    ))  # fmt: skip
-    other = fitted(scan, view, expected, found)
-    here, there = (explained(some, len(some), *view, one.pose) for one in (fit, other))
-    return other if there > here + BETTER else fit
-
-
-def balanced(scan: Surface) -> Surface:
-    """Some points of a scan, from walls of every direction alike: else the long ones decide alone.
-
-    Rusinkiewicz and Levoy, 3DIM 2001.
-    """
-    facing = np.floor(np.arctan2(scan[:, 3], scan[:, 2]) / (2 * np.pi) * DIRECTIONS) % DIRECTIONS
-    facing[(scan[:, 2] == 0) & (scan[:, 3] == 0)] = DIRECTIONS
-    kinds = [np.flatnonzero(facing == k) for k in range(DIRECTIONS + 1)]
-    kinds = sorted((kind for kind in kinds if len(kind)), key=len)
-    chosen, left = [], SOME
-    for k, kind in enumerate(kinds):
-        take = min(len(kind), left // (len(kinds) - k))
-        chosen.append(kind[np.linspace(0, len(kind) - 1, take).astype(np.int64)])
-        left -= take
-    return np.ascontiguousarray(scan[np.sort(np.concatenate(chosen))])
-
-
-def found_by_search(
-    scan: Surface, points: Surface, middle: Pose, window: tuple[float, float]
-) -> Pose:
-    """The best pose within ``window`` (m, rad) to either side of ``middle``; see `search`."""
-    drawing, side = Drawing.of(points, middle[:2], GRID), blocks(window[0])
-    everywhere = np.ones((side, side), np.uint8)
-    return search(scan, drawing, np.array([*window, TURN]), everywhere, middle)[0]
-
-
-def fitted(scan: Surface, view: Known, expected: Expected, start: Pose) -> _Fit:
-    """The scan matched from ``start``, with what is expected of its pose."""
-    pose, information = start.copy(), np.zeros((3, 3))
-    weight = ALIKE * np.linalg.inv(expected.covariance)
-    share, _ = register(
-        scan, len(scan), view.points, view.heads, view.order, expected.pose, weight, pose,
-        information,
-    )  # fmt: skip
-    covariance = ALIKE * np.linalg.inv(information + weight) + COMMON
-    return _Fit(pose, share, covariance)
+        if math.isfinite(went[3]):
+            step[2], sigma[2] = went[3] - state.belief.bias * dt, AT_REST[2]
+        at = state.belief
+        spread = at.covariance[:3, :3] + np.diag((sigma * (1 + state.lost)) ** 2)
+        ahead = at.moved(at.t + lasts, compose(at.pose, step), spread)
+        return ahead, Expected(ahead.pose, spread)
+    wheels = between(state.moved[:3] - went[:3], state.moved[:3])
+    ahead = predicted(state.belief, Step(lasts, wheels, float(went[3])))
+    way, turn = math.hypot(wheels[0], wheels[1]), abs(wheels[2])
+    sigma = (AT_REST + SHARE * np.array([way, way, turn])) * (1 + state.lost)
+    return ahead, Expected(ahead.pose, ahead.covariance[:3, :3] + np.diag(sigma * sigma))
