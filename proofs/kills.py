@@ -66,7 +66,7 @@ POINTS = (
     ("evertwin.store.database", "Database._create"),
     ("evertwin.store.checkpoints", "Checkpoints.restore"),
     ("evertwin.store.sqlite", "SqliteStore.close"),
-    ("evertwin.store.sqlite", "_Tables.write"),
+    ("evertwin.store.tables", "Tables.write"),
     ("evertwin.store.checkpoints", "Checkpoints.write"),
     ("evertwin.store.writer", "Writer.put"),
     ("evertwin.store.writer", "Writer.flush"),
@@ -129,7 +129,7 @@ def _prepared(kill: Kill, counts: Counter[str], acked: Path) -> None:
         owner, method = name.split(".")
         kind = getattr(importlib.import_module(module), owner)
         setattr(kind, method, _around(kind.__dict__[method], name, passed))
-    sheet = importlib.import_module("evertwin.store.sqlite")._Tables
+    sheet = importlib.import_module("evertwin.store.tables").Tables
     write, file = sheet.write, acked.open("a", buffering=1)
 
     def acknowledged(self: Any, jobs: Any) -> None:

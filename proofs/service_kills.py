@@ -60,7 +60,7 @@ POINTS = (
     ("evertwin.loop.slow_work", "SlowWork.send"),
     ("evertwin.loop.decide", "Decide._promote"),
     ("evertwin.store.writer", "Writer.flush"),
-    ("evertwin.store.sqlite", "_Tables.write"),
+    ("evertwin.store.tables", "Tables.write"),
     ("evertwin.store.checkpoints", "Checkpoints.write"),
     ("evertwin.store.checkpoints", "Checkpoints.restore"),
 )

@@ -175,3 +175,30 @@ def test_what_is_kept_can_be_taken_out_and_put_back(
     with closing(SqliteStore(store)) as found:
         assert found.chunks == len(chunks) and found.verify() > 0
     assert "entries" in capsys.readouterr().out
+
+
+def test_older_days_go_to_files_and_are_read_back(hall: Path) -> None:
+    head, *lines = (hall / "run.csv").read_text().splitlines()
+    cells = [line.split(",", 1) for line in lines[:60]]  # an hour for a second: two days and a half
+    stretched = [f"{3600.0 * k},{rest}" for k, (_, rest) in enumerate(cells)]
+    (hall / "run.csv").write_text("\n".join([head, *stretched]) + "\n")
+    file = site(hall, "robot", speed=1e6)
+    ask = "/api/v1/twins/robot/samples?source=log&limit=10000"
+    with Served(file) as served:
+        served.until(ended)
+        before = served.ask(ask)[1]["chunks"]
+        assert served.end() == 0
+    file.write_text(file.read_text().replace("workers = 0", "workers = 0\ndays = 1"))
+    with Served(file) as served:
+        served.until(lambda _: any(
+            event["kind"] == "archived" for event in
+            served.ask("/api/v1/twins/robot/events")[1]["events"]
+        ))  # fmt: skip
+        assert served.ask(ask)[1]["chunks"] == before and len(before) == 20
+        assert served.end() == 0
+    (found,) = (hall / "store" / "robot.db.days" / "log").iterdir()
+    with closing(SqliteStore(hall / "store" / "robot.db")) as store:
+        assert len(list(store.read_chunks())) == 12 and store.verify() > 0
+    found.write_bytes(found.read_bytes()[:-1])
+    with pytest.raises(SystemExit, match="4"):
+        main(["store", "verify", str(hall / "store" / "robot.db")])

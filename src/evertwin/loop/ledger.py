@@ -19,6 +19,7 @@ from evertwin.loop.versions import Versions
 from evertwin.machines.friction.resisting import not_physical
 from evertwin.models.form import Form, Version
 from evertwin.store import Batch, Entry, Estimate, Kept, Store
+from evertwin.store.archive import Day
 
 log = logging.getLogger("evertwin")
 
@@ -290,6 +291,12 @@ class Ledger:
         assert isinstance(about, Event)
         evidence = {"event": number, "kind": about.kind, "verdict": verdict}
         return self._ordered("labelled", f"{about.kind}: {verdict}: {reason}", evidence, person)
+
+    def archived(self, day: Day) -> Event:
+        """Names a file of samples in the log; they leave the store with it."""
+        event = day.event(self.row)
+        self.commit(Batch([event], moved=(day.gone,)))
+        return event
 
     def _ordered(self, kind: str, said: str, evidence: dict[str, Any], person: str) -> Event:
         told = evidence | ({"person": person} if person else {})

@@ -22,7 +22,8 @@ from evertwin.models import Model
 from evertwin.service.plan import Plan
 from evertwin.service.scene import scene_of
 from evertwin.signals import wrap
-from evertwin.store import Estimate, Kept
+from evertwin.store import Estimate, Kept, SqliteStore
+from evertwin.store.archive import DAY, Day
 from evertwin.store.spec import StoreSpec
 from evertwin.twin import Twin
 from evertwin.types import Outputs
@@ -244,6 +245,22 @@ class AtWork:
             UsageError: the log has no such event.
         """
         event = self.going.ledger.label(number, verdict, reason, person)
+        return event, Said(None, 0, self._news(), self.row)
+
+    def old(self, days: int) -> Sequence[tuple[str, str, Sequence[str]]]:
+        """Source, day and columns of samples that are older than the newest so many days."""
+        store = self.twin.store
+        if not isinstance(store, SqliteStore):
+            return ()
+        newest = max((stamp for _, stamp in self.newest().values()), default=0)
+        names = {one.name: tuple(one.channels) for one in self.spec.source}
+        every = names | {one.name: () for one in self.spec.array}
+        before = newest - days * DAY
+        return [(one, day, every[one]) for one in every for day in store.whole(one, before)]
+
+    def archived(self, day: Day) -> tuple[Event, Said]:
+        """Samples that lie in a file now leave the store."""
+        event = self.going.ledger.archived(day)
         return event, Said(None, 0, self._news(), self.row)
 
     def close(self) -> None:

@@ -40,6 +40,8 @@ TOGETHER = 256
 """Pieces of samples that are stored, or folded, together at most."""
 PATIENCE = 10.0
 """Seconds that what waits has at most to be folded when a twin is stopped."""
+AGAIN = 600.0
+"""Seconds from one look for older days to the next."""
 KEPT = 64
 """Messages with rows, and times as many events, that a slow reader may be behind."""
 
@@ -117,6 +119,8 @@ class Runner:
             self.state = "running"
             self._reading = [asyncio.create_task(self._read(source)) for source in self.sources]
             self._working = [asyncio.create_task(one) for one in (self._store(), self._fold())]
+            if self.plan.entry.days is not None:
+                self._working.append(asyncio.create_task(self._archive(self.plan.entry.days)))
             LOG.info("%s: running", self.name, extra={"twin": self.name})
 
     def _opened(self) -> AtWork:
@@ -267,6 +271,28 @@ class Runner:
     def _tell(self) -> None:
         for listener in self.listeners:
             listener.set()
+
+    # ------------------------------------------------------------------ older days
+
+    async def _archive(self, days: int) -> None:
+        """Looks for older days again and again; what cannot be written is tried again."""
+        while True:
+            try:
+                await self.archive(days)
+            except (EvertwinError, OSError) as error:
+                LOG.error("%s: older days stay in the store: %s", self.name, error)
+            await asyncio.sleep(AGAIN)
+
+    async def archive(self, days: int) -> int:
+        """Older days go to Parquet files, written beside the work; how many went."""
+        found = await self.ask(lambda work: work.old(days))
+        for source, day, names in found:
+            reader = self.reader
+            pieces = reader.of_day(source, day)
+            written = await asyncio.to_thread(reader.archive.write, source, day, pieces, names)
+            if written is not None:
+                await self._done(partial(AtWork.archived, day=written))
+        return len(found)
 
     # ------------------------------------------------------------------ questions
 

@@ -150,6 +150,10 @@ class TwinEntry(Section):
     workers: Annotated[int, Ge(0), Le(64)] | None = None
     """Processes of its own for slow work, in place of ``[engine] workers``; 0: samples wait for it.
     Absent, as in the twin file: those that all twins share."""
+    days: Annotated[int, Ge(1)] | None = None
+    """Whole days of samples (UTC, by their stamps) that stay in the store. Each older day goes to
+    one Parquet file a source in the folder ``NAME.db.days`` beside it, whose hash the log keeps; it
+    is read back as if it had stayed. Absent: all stay."""
     stale: Duration | None = None
     """Silence after which what is shown is stale; absent: three times the usual time between
     samples, at least a second."""

@@ -84,6 +84,8 @@ class Batch:
     """What was asked for up to this number (`Store.asked`) is in ``records`` now."""
     forget: Mapping[str, int] = field(default_factory=dict)
     """Source → stamp [ns]: its samples that ended before may go, where no checkpoint needs them."""
+    moved: Sequence[tuple[str, int, int, int]] = ()
+    """Source, span [ns] and last number of pieces that go because ``records`` name their file."""
 
 
 @runtime_checkable

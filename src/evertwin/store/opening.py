@@ -51,6 +51,7 @@ def restore(path: Path, backup: Path) -> int:
     """
     with closing(SqliteStore(backup, read_only=True)) as store:
         entries = store.verify()
+        store.archive.copy_to(path)  # files of days have names of their own: none is in the way
     aside = path.with_name(path.name + ".before")
     if aside.exists():
         raise StoreError(f"{aside}: exists already: move it away, then restore again")

@@ -21,11 +21,13 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 from evertwin.errors import StoreDamaged, StoreError
 from evertwin.fold import Chunk, Event
-from evertwin.store.arrays import pack, unpack
+from evertwin.store.archive import DAY, Archive, day_of, edges
+from evertwin.store.archive import KIND as ARCHIVED
+from evertwin.store.arrays import unpack
 from evertwin.store.chain import SEED, Entry, Head, chained, link
 from evertwin.store.checkpoints import Checkpoints
 from evertwin.store.contract import Batch, Checkpoint, Progress
@@ -36,6 +38,7 @@ from evertwin.store.pages import check_log
 from evertwin.store.pieces import name_of, proof
 from evertwin.store.salvage import finish, mark_of, rebuild
 from evertwin.store.soundness import as_printed, found_head, look, verify
+from evertwin.store.tables import OLD, Job, Tables
 from evertwin.store.writer import Writer
 
 S = TypeVar("S")
@@ -45,48 +48,6 @@ LINKED = (
     "LEFT JOIN log p ON p.number = l.number - 1 WHERE "
 )
 CHUNK = "SELECT number, source, task, start, stop, content, hash FROM samples WHERE "
-FORGET = (
-    "DELETE FROM samples WHERE source = ? AND stop < ? AND number <= "
-    "coalesce((SELECT min(chunks) FROM checkpoints), 9223372036854775807)"
-)
-
-
-class _Job(NamedTuple):
-    """A batch, ready to be written."""
-
-    entries: tuple[Entry, ...]
-    batch: Batch
-
-
-class _Tables:
-    """The tables, written batch by batch."""
-
-    def __init__(self, database: Database, checkpoints: Checkpoints) -> None:
-        self.database = database
-        self.checkpoints = checkpoints
-        self.verified = 0
-
-    def write(self, jobs: list[_Job]) -> None:
-        """Several batches in one transaction."""
-        newest = next((k for k in reversed(range(len(jobs))) if jobs[k].batch.checkpoint), -1)
-        with self.database.transaction() as db:
-            for k, (entries, batch) in enumerate(jobs):
-                if batch.chunks:
-                    db.executemany("INSERT INTO samples VALUES (NULL, ?, ?, ?, ?, ?, ?)",
-                                   (_sample(chunk) for chunk in batch.chunks))  # fmt: skip
-                if entries:
-                    db.executemany("INSERT INTO log VALUES (?, ?, ?, ?, ?, ?)", entries)
-                    end = (entries[-1].number, entries[-1].hash, self.verified)
-                    db.execute("UPDATE head SET length = ?, hash = ?, verified = ?", end)
-                if batch.progress is not None:
-                    db.execute("INSERT OR REPLACE INTO progress VALUES (1, ?, ?, ?, ?)",
-                               (*batch.progress, proof(*batch.progress)))  # fmt: skip
-                if batch.heard:
-                    db.execute("DELETE FROM inbox WHERE number <= ?", (batch.heard,))
-                if batch.checkpoint is not None:
-                    self.checkpoints.write(db, batch.checkpoint, whole=k == newest)
-                if batch.forget:
-                    db.executemany(FORGET, batch.forget.items())
 
 
 class SqliteStore:
@@ -116,6 +77,7 @@ class SqliteStore:
         self._read_only = read_only
         self._open = True
         stored = self.path != MEMORY
+        self.archive = Archive(self.path, self._archived)
         if read_only and not Path(path).is_file():
             raise StoreError(f"{path}: no such store")
         self._lock = Lock(Path(path)) if stored and not read_only else None
@@ -142,7 +104,7 @@ class SqliteStore:
         self._db = Database(self.path, read_only=self._read_only)
         try:
             self._checkpoints = Checkpoints(self._db)
-            self._tables = _Tables(self._db, self._checkpoints)
+            self._tables = Tables(self._db, self._checkpoints)
             self._writer = Writer(self._tables, threaded=self._lock is not None)
             self._head, verified = found_head(self._db)
             if not self._read_only:
@@ -191,7 +153,7 @@ class SqliteStore:
         size = sum(len(entry.content) for entry in entries)
         size += sum(chunk.t.nbytes + chunk.v.nbytes for chunk in batch.chunks)
         with self._marked():
-            self._writer.put(_Job(entries, batch), size)
+            self._writer.put(Job(entries, batch), size)
             if entries:
                 self._head = Head(entries[-1].number, entries[-1].hash)
             if wait:
@@ -284,11 +246,31 @@ class SqliteStore:
 
     def samples(self, source: str, first: int, last: int) -> Iterator[Chunk]:
         """What is kept of a source with stamps in [first, last] [ns], in order of arrival."""
+        yield from self.archive.samples(source, first, last)
         where = "source = ? AND stop >= ? AND start <= ?"
         for _, chunk in self._chunks(where, (source, first, last)):
             wanted = (chunk.t >= first) & (chunk.t <= last)
             if wanted.any():
                 yield chunk._replace(t=chunk.t[wanted], v=chunk.v[wanted])
+
+    def _archived(self, after: int) -> list[tuple[int, Event]]:
+        """The events behind a position that name files."""
+        where = f"l.number > ? AND l.kind = 'event' AND l.content LIKE '%\"{ARCHIVED}\"%' "
+        found = self._entries(f"{where}ORDER BY l.number", (after,))
+        told = ((entry.number, self.record(entry)) for entry in found)
+        return [(n, e) for n, e in told if isinstance(e, Event) and e.kind == ARCHIVED]
+
+    def whole(self, source: str, before: int) -> Iterator[str]:
+        """Days of a source that ended before a stamp [ns] and no checkpoint needs, oldest first."""
+        old = f"source = ? AND stop >= 0 AND stop < ? AND {OLD}"
+        query = f"SELECT DISTINCT stop / {DAY} FROM samples WHERE {old} ORDER BY 1"
+        found = self._query(query, (source, before // DAY * DAY))
+        return (day_of(number * DAY) for (number,) in found)
+
+    def of_day(self, source: str, day: str) -> Iterator[tuple[int, Chunk]]:
+        """The pieces of a source that ended on a day and no checkpoint needs, by number."""
+        where = f"source = ? AND stop >= ? AND stop < ? AND {OLD}"
+        return self._chunks(where, (source, *edges(day)))
 
     def newest(self, source: str) -> tuple[int, int] | None:
         """Task and stamp [ns] of the newest sample of a source; None: it has none."""
@@ -334,6 +316,7 @@ class SqliteStore:
             for _ in self.read_chunks():
                 pass
             self._checkpoints.verify()
+            self.archive.verify()
         if head is not None:
             as_printed(head, found, there)
         return found.length
@@ -348,6 +331,7 @@ class SqliteStore:
         with part.open("rb") as written:
             os.fsync(written.fileno())
         part.replace(path)
+        self.archive.copy_to(path)
 
     def close(self) -> None:
         """Makes all durable and releases the store; a second call does nothing."""
@@ -386,10 +370,3 @@ class SqliteStore:
     def _check_open(self) -> None:
         if not self._open:
             raise StoreError(f"{self.path}: the store is closed")
-
-
-def _sample(chunk: Chunk) -> tuple[Any, ...]:
-    """A chunk as a row of the table."""
-    content = pack({"t": chunk.t, "v": chunk.v})
-    told = (chunk.source, chunk.task, int(chunk.t[0]), int(chunk.t[-1]))
-    return (*told, content, proof(*told, name_of(content)))

@@ -1,0 +1,68 @@
+"""The tables of a store's file, written batch by batch.
+
+>>> OLD.partition(" ")[0]
+'number'
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from evertwin.fold import Chunk
+from evertwin.store.arrays import pack
+from evertwin.store.chain import Entry
+from evertwin.store.checkpoints import Checkpoints
+from evertwin.store.contract import Batch
+from evertwin.store.database import Database
+from evertwin.store.pieces import name_of, proof
+
+OLD = "number <= coalesce((SELECT min(chunks) FROM checkpoints), 9223372036854775807)"
+FORGET = f"DELETE FROM samples WHERE source = ? AND stop < ? AND {OLD}"
+MOVE = "DELETE FROM samples WHERE source = ? AND stop >= ? AND stop < ? AND number <= ?"
+
+
+class Job(NamedTuple):
+    """A batch, ready to be written."""
+
+    entries: tuple[Entry, ...]
+    batch: Batch
+
+
+class Tables:
+    """The tables, written batch by batch."""
+
+    def __init__(self, database: Database, checkpoints: Checkpoints) -> None:
+        self.database = database
+        self.checkpoints = checkpoints
+        self.verified = 0
+
+    def write(self, jobs: list[Job]) -> None:
+        """Several batches in one transaction."""
+        newest = next((k for k in reversed(range(len(jobs))) if jobs[k].batch.checkpoint), -1)
+        with self.database.transaction() as db:
+            for k, (entries, batch) in enumerate(jobs):
+                if batch.chunks:
+                    db.executemany("INSERT INTO samples VALUES (NULL, ?, ?, ?, ?, ?, ?)",
+                                   (_sample(chunk) for chunk in batch.chunks))  # fmt: skip
+                if entries:
+                    db.executemany("INSERT INTO log VALUES (?, ?, ?, ?, ?, ?)", entries)
+                    end = (entries[-1].number, entries[-1].hash, self.verified)
+                    db.execute("UPDATE head SET length = ?, hash = ?, verified = ?", end)
+                if batch.progress is not None:
+                    db.execute("INSERT OR REPLACE INTO progress VALUES (1, ?, ?, ?, ?)",
+                               (*batch.progress, proof(*batch.progress)))  # fmt: skip
+                if batch.heard:
+                    db.execute("DELETE FROM inbox WHERE number <= ?", (batch.heard,))
+                if batch.checkpoint is not None:
+                    self.checkpoints.write(db, batch.checkpoint, whole=k == newest)
+                if batch.forget:
+                    db.executemany(FORGET, batch.forget.items())
+                if batch.moved:
+                    db.executemany(MOVE, batch.moved)
+
+
+def _sample(chunk: Chunk) -> tuple[Any, ...]:
+    """A chunk as a row of the table."""
+    content = pack({"t": chunk.t, "v": chunk.v})
+    told = (chunk.source, chunk.task, int(chunk.t[0]), int(chunk.t[-1]))
+    return (*told, content, proof(*told, name_of(content)))
