@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 import sys
+import textwrap
 import threading
 import time
 from collections.abc import Mapping
@@ -16,8 +18,28 @@ from evertwin.fold import plain
 
 
 def show(content: Mapping[str, Any], text: str, as_json: bool) -> None:
-    """The result, as one JSON document or as text."""
-    typer.echo(json.dumps(plain(content), indent=2, allow_nan=False) if as_json else text)
+    """The result, as one JSON document or as text, which a terminal gets by its width."""
+    if as_json:
+        text = json.dumps(plain(content), indent=2, allow_nan=False)
+    elif sys.stdout.isatty():
+        text = fitted(text, shutil.get_terminal_size().columns)
+    typer.echo(text)
+
+
+def fitted(text: str, width: int) -> str:
+    """Lines that are too long go on below, between words.
+
+    >>> print(fitted("  rms 5 -> 4 mm over all of it", 20))
+      rms 5 -> 4 mm over
+        all of it
+    """
+    return "\n".join(
+        "\n".join(textwrap.wrap(
+            line, width, subsequent_indent=" " * (len(line) - len(line.lstrip()) + 2),
+            break_long_words=False, break_on_hyphens=False, replace_whitespace=False,
+        )) if len(line) > width else line
+        for line in text.split("\n")
+    )  # fmt: skip
 
 
 class Alive:

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import base64
-import io
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, select_autoescape
-from matplotlib.figure import Figure
 
 from evertwin.errors import UsageError
 from evertwin.files import write_whole
@@ -47,11 +43,3 @@ def shown(value: Any) -> str:
     if isinstance(value, Mapping):
         return ", ".join(f"{key} {shown(item)}" for key, item in value.items()) or "none"
     return ", ".join(shown(item) for item in value) or "none"
-
-
-def encoded(figure: Figure) -> str:
-    """The figure as a data address; small figures stay sharp, tall ones small."""
-    buffer = io.BytesIO()
-    tall = float(figure.get_figheight())
-    figure.savefig(buffer, format="png", dpi=min(120.0, 120.0 * math.sqrt(8.0 / max(tall, 8.0))))
-    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")

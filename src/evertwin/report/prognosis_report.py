@@ -10,7 +10,8 @@ import numpy as np
 from evertwin.prognosis.laws import Life
 from evertwin.prognosis.laws.planning import Plan
 from evertwin.prognosis.lives import ComponentLife, Lives
-from evertwin.report.html import encoded, write_page
+from evertwin.report.charts import inline
+from evertwin.report.html import write_page
 from evertwin.report.life_pictures import draw_indicator
 
 WORDS = {"s": "seconds", "h": "hours", "d": "days"}
@@ -25,7 +26,11 @@ def write_prognosis(lives: Lives, plan: Plan | None, path: Path) -> None:
     """
     content: Any = lives.to_dict()
     pictures = [
-        (f"{one.component}: {one.indicator.name}", _caption(one), encoded(draw_indicator(one)))
+        (
+            f"{one.component}: {one.indicator.name}",
+            _caption(one),
+            inline(draw_indicator(one), _caption(one)),
+        )
         for one in lives.indicators
     ]
     write_page("prognosis.html", path, {

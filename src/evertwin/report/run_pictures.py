@@ -24,8 +24,8 @@ MEASURED, PREDICTED, UPDATE, BAND = "#000000", "#0072B2", "#D55E00", "#56B4E9"
 TINY = 1e-24
 
 
-def _figure(rows: int = 1, height: float = 2.2) -> tuple[Figure, Any]:
-    figure = Figure(figsize=(9.0, height * rows), layout="constrained")
+def _figure(rows: int = 1, height: float = 2.2, wide: float = 9.0) -> tuple[Figure, Any]:
+    figure = Figure(figsize=(wide, height * rows), layout="constrained")
     return figure, figure.subplots(rows, 1, squeeze=False)[:, 0]
 
 
@@ -77,11 +77,11 @@ def draw_run(result: RunResult, output: str | None = None) -> Figure:
     return figure
 
 
-def draw_improvement(result: RunResult, rows: int = 300) -> Figure | None:
+def draw_improvement(result: RunResult, rows: int = 300, wide: float = 9.0) -> Figure | None:
     """The output that gained most: measured, by the first and by the live version, what is off.
 
     A typical stretch of the rows since the last switch, which neither had learned from; None:
-    there are none.
+    there are none. ``wide``: of the picture [in].
     """
     gains = {
         name: f.rms_after / f.rms_before
@@ -99,7 +99,7 @@ def draw_improvement(result: RunResult, rows: int = 300) -> Figure | None:
     measured, angle = trace["measured"][:, k, None], outputs.angles[k : k + 1]
     off = {v: wrap(measured - trace[v][:, k, None], angle)[:, 0] for v in ("first", "predicted")}
     at = _typical(np.stack(list(off.values())), np.flatnonzero(unseen), rows)
-    figure, (above, below) = _figure(2, 2.2)
+    figure, (above, below) = _figure(2, 2.2, wide)
     t, live = _seconds(trace)[at], trace["predicted"][at, k]
     above.plot(t, live + off["predicted"][at], ".", ms=3, color=MEASURED, label="measured")
     versions = [("first", "as configured", UPDATE, "--"), ("predicted", "live", PREDICTED, "-")]

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 
 from evertwin.fold import Event, plain
-from evertwin.loop.result import RunResult
+from evertwin.loop.result import OutputFigures, RunResult
 from evertwin.loop.setup import Setup
 from evertwin.models import Model
 from evertwin.models.form import Version
-from evertwin.report.html import encoded, write_page
+from evertwin.report.charts import inline
+from evertwin.report.html import write_page
 from evertwin.report.run_pictures import (
     draw_deviation,
     draw_improvement,
@@ -21,6 +24,7 @@ from evertwin.report.run_pictures import (
     draw_run,
     draw_table,
 )
+from evertwin.signals.spoken import both
 from evertwin.types import Outputs, ParameterVector
 
 MOST = 8
@@ -41,8 +45,10 @@ WORDS = {
     "hash": "hash of the version",
 }
 """Evidence of a trial, in words."""
-Picture = tuple[str, str, str]
-"""Title, caption, image."""
+Picture = tuple[str, str, Markup]
+"""Title, caption, picture."""
+NARROW = 4.6
+"""Width of the first picture on a telephone [in]."""
 
 
 def write_report(result: RunResult, setup: Setup, path: Path) -> None:
@@ -57,7 +63,8 @@ def write_report(result: RunResult, setup: Setup, path: Path) -> None:
         "name": result.name,
         "relative": setup.relative,
         "updating": _updating(result, setup),
-        "first": _first(result),
+        "first": _first(result), "narrow": _first(result, NARROW),
+        "checks": _checks(result, setup), "gains": _gains(result),
         "pictures": list(_pictures(result, setup)),
         "trial": result.trial,
         "trials": [_trial(e) for e in result.of_kind("promoted", "rolled_back", "rejected")],
@@ -77,10 +84,65 @@ def _updating(result: RunResult, setup: Setup) -> bool:
     return setup.spec.arbiter.use == "tolerance" or any(result.position_updates)
 
 
-def _first(result: RunResult) -> str | None:
+def _first(result: RunResult, wide: float = 9.0) -> Markup | None:
     """The picture that opens the report."""
-    figure = draw_improvement(result)
-    return None if figure is None else encoded(figure)
+    figure = draw_improvement(result, 300 if wide > NARROW else 150, wide)
+    return None if figure is None else inline(figure, "measured, before, now; what is off")
+
+
+def _gains(result: RunResult) -> list[tuple[str, str]]:
+    """Of each output what became of its deviation, in a person's units."""
+    told = []
+    for name, one in result.outputs.items():
+        if math.isnan(one.rms_after):
+            told.append((name, "no row to tell it by"))
+            continue
+        first, last = both(one.rms_before, one.rms_after, one.unit)
+        less = 1.0 - one.rms_after / one.rms_before if one.rms_before > 0.0 else 0.0
+        change = f"{abs(less):.0%} {'less' if less > 0.0 else 'more'}"
+        told.append((name, f"unchanged: off by {last}" if one.rms_after == one.rms_before
+                     else f"{change}: {first} → {last}"))  # fmt: skip
+    return told
+
+
+def _checks(result: RunResult, setup: Setup) -> list[tuple[str, str]]:
+    """How far the live version is to be trusted: (yes, no, open) and a line each."""
+    rule, live = setup.spec.trial, result.champion.number
+    went = [e for e in result.of_kind("promoted") if e.evidence.get("version") == live]
+    checks = [_asked(setup, name, one) for name, one in result.outputs.items()]
+    if live == 0:
+        checks.append(("open", "Nothing went live: the twin runs as configured."))
+    elif not went or "segments" not in went[-1].evidence:
+        checks.append(("no", "It did not have to prove itself: it was live before, or by hand."))
+    else:
+        found: Any = went[-1].evidence
+        checks += [
+            ("yes", f"Tried on {found['segments']} stretches that neither version had seen."),
+            ("yes", f"{found['gain']:.0%} less deviation there; at least {rule.margin:.0%} asked."),
+            ("yes", f"Odds of {found['e_value']:.3g} to 1 that this is no chance; "
+                    f"{1 / rule.alpha:.3g} to 1 asked."),
+        ]  # fmt: skip
+    known: Any = result.to_dict()["parameters"]
+    weak = [name for name, one in known.items() if one["verdict"] in ("weak", "not")]
+    if weak:
+        checks.append(("no", f"Weakly known, so not to be relied on alone: {', '.join(weak)}."))
+    if result.trial is not None:
+        checks.append(("open", f"On trial, not decided yet: {result.trial}"))
+    return checks
+
+
+def _asked(setup: Setup, name: str, one: OutputFigures) -> tuple[str, str]:
+    """Is an output within what is asked?"""
+    value = one.relative_rms_moving_after if setup.relative else one.rms_after
+    value = one.relative_rms_after if setup.relative and math.isnan(value) else value
+    limit, k = setup.requirement, setup.model.outputs.index(name)
+    if math.isnan(value) or not math.isfinite(limit) or not setup.watched[k]:
+        why = "no row tells it" if math.isnan(value) else "no requirement is set"
+        return "open", f"{name}: cannot be told, {why}."
+    shown, asked = setup.shown(k, value), setup.shown(k, limit)
+    if value <= limit:
+        return "yes", f"{name}: off by {shown}, within the {asked} that is asked."
+    return "no", f"{name}: off by {shown}, more than the {asked} that is asked."
 
 
 def _pictures(result: RunResult, setup: Setup) -> Iterator[Picture]:
@@ -97,7 +159,7 @@ def _pictures(result: RunResult, setup: Setup) -> Iterator[Picture]:
         "band. Dashed: a change of the live version."
     )
     for name in names:
-        yield f"Run: {name}", caption, encoded(draw_run(result, name))
+        yield f"Run: {name}", caption, inline(draw_run(result, name), f"{name} over the run")
 
 
 def _table(result: RunResult, event: Event) -> Iterator[Picture]:
@@ -108,7 +170,7 @@ def _table(result: RunResult, event: Event) -> Iterator[Picture]:
     inputs = result.model.inputs
     unit = inputs.units[inputs.index(table["channel"])]
     caption = f"Learned at row {event.row}, level by level. What was made of it: {event.reason}."
-    yield "Translation table", caption, encoded(draw_table(table, unit))
+    yield "Translation table", caption, inline(draw_table(table, unit), "done over commanded")
 
 
 def _updates(result: RunResult, setup: Setup) -> Iterator[Picture]:
@@ -128,7 +190,7 @@ def _updates(result: RunResult, setup: Setup) -> Iterator[Picture]:
                 "position update happens when any output of the group exceeds its tolerance."
             )
             figure = draw_deviation(result, channel.name, before, limit)
-            yield title, caption, encoded(figure)
+            yield title, caption, inline(figure, title)
 
 
 def _rounds(result: RunResult) -> Iterator[Picture]:
@@ -144,7 +206,7 @@ def _rounds(result: RunResult) -> Iterator[Picture]:
     figure = draw_rounds(measured, _few(versions), names, t)
     caption = "The last task, measured and as the versions predict it."
     what = "Torque per axis" if "Nm" in result.model.outputs.units else "Each output"
-    yield f"{what} and version", caption, encoded(figure)
+    yield f"{what} and version", caption, inline(figure, caption)
     if not result.rounds:
         return
     rounds = [
@@ -153,7 +215,7 @@ def _rounds(result: RunResult) -> Iterator[Picture]:
     ]
     figure = draw_rounds(measured, _few(rounds), names, t)
     caption = "The last task, measured and as each round of tuning predicts it."
-    yield f"{what} and round", caption, encoded(figure)
+    yield f"{what} and round", caption, inline(figure, caption)
 
 
 def _few(items: Sequence[tuple[str, Outputs]]) -> list[tuple[str, Outputs]]:

@@ -9,7 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from evertwin.engineering.validation import Validation
-from evertwin.report.html import encoded, write_page
+from evertwin.report.charts import inline
+from evertwin.report.html import write_page
 from evertwin.tuning.statistics import autocorrelation
 
 MOST = 8
@@ -40,4 +41,4 @@ def _left(found: Validation) -> str:
         right.set_ylim(-1.05, 1.05)
     grid[-1][0].set_xlabel(f"row of {run.name}", fontsize=8)
     grid[-1][1].set_xlabel("lag" if rules.every == 1 else f"lag, {rules.every} rows", fontsize=8)
-    return encoded(figure)
+    return inline(figure, "what is left over the longest run, and its autocorrelation")

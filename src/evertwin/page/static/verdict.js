@@ -11,7 +11,9 @@ const newest = (events, kinds, before = Infinity) => events.findLast((e) => kind
 /** What was off before the live version came, or is off now. */
 function wrong(about, events, promoted) {
   const found = newest(events, ["suspected", "abnormal", "drift"], promoted?.number);
-  if (found) return found.reason;
+  if (found) return promoted ? found.reason.replace(" is off by ", " was off by ") : found.reason;
+  const lies = newest(events, ["measurement_error"]);
+  if (lies && !newest(events.filter((e) => e.number > lies.number), ["measurement_restored"])) return `A measurement was refused: ${lies.reason}`;
   return about.condition === "out_of_specification" ? about.why : "Nothing: predictions stay within what is asked.";
 }
 
@@ -52,7 +54,8 @@ export function trust(about, promoted) {
   if (!promoted) return about.champion
     ? ["With care", "weak", `${over}How it went live lies further back than the events that are shown.${unsure}`]
     : [over ? "Not yet" : "As configured", over ? "weak" : "good", `${over}${rows ? `Compared over ${count(rows, "row")}.` : "Nothing has been compared yet."}`];
-  const evidence = promoted.reason.replace(/^version \d+ replaces \d+: /, "").replace(/, e-value.*/, "").replace("unseen segments", "stretches that neither had seen");
+  const { gain, segments } = promoted.evidence ?? {};
+  const evidence = gain > 0 ? `${Math.round(100 * gain)} % less deviation over ${segments} stretches that neither had seen` : promoted.reason;
   if (promoted.evidence?.person) return ["By hand", "weak", `${over}Promoted by ${promoted.evidence.person}, not by its trial.${unsure}`];
   return [over ? "With care" : "Yes", over ? "weak" : "good", `${over}Proved against the version before: ${evidence}.${unsure}`];
 }

@@ -176,7 +176,7 @@ class Live {
     if (!rows.t.length) return;
     const newest = rows.t[rows.t.length - 1];
     this.axis.newest(newest * 1e-9);
-    put(this.at, `${this.axis.follows ? "live, machine's clock" : "stopped at"} ${clock(this.axis.last * 1e9, true)}`);
+    put(this.at, `${!this.axis.follows ? "stopped at" : this.about?.stale ? "STALE, newest" : "live, machine's clock"} ${clock(this.axis.last * 1e9, true)}`);
     if (this.axis.follows || !this.past) this.#look();
     this.#values(rows);
     this.#pose(rows);
@@ -190,7 +190,8 @@ class Live {
       const size = last(one?.measured) ?? last(one?.predicted) ?? 0;
       return [name, quantity(last(one?.measured), unit, size), quantity(last(one?.predicted), unit, size), quantity(last(one?.residual), unit)];
     });
-    put(this.values, table(`Newest row (${rows.newest}), ${age(this.context.feed.age)}`, ["", "measured", "predicted", "off by"], lines));
+    const old = this.context.twins.find((one) => one.name === this.twin)?.age ?? null;
+    put(this.values, table(`Newest row (${rows.newest}), ${age(old)}${old >= 1 ? " old" : ""}`, ["", "measured", "predicted", "off by"], lines));
   }
 
   async #scene() {
