@@ -1,4 +1,4 @@
-"""The commands of features that simulation and reality are compared by: confusions."""
+"""The commands of features that simulation and reality are compared by: confusions, tables."""
 
 from __future__ import annotations
 
@@ -43,3 +43,41 @@ def confusions(
 def register(app: typer.Typer) -> None:
     """Adds the commands."""
     app.command()(confusions)
+
+    @app.command()
+    def tables(
+        recording: Annotated[
+            Path, typer.Argument(help="Recording with scans.", metavar="RECORDING")
+        ],
+        out: Annotated[Path, typer.Option("-o", "--out", help="Folder for boxes, costs, picture.")],
+        poses: Annotated[
+            Path | None, typer.Option(help="Poses (CSV) of evertwin map. Default: map anew.")
+        ] = None,
+        radius: Annotated[float, typer.Option(help="Of the machine, for the costs [m].")] = 0.25,
+        inflation: Annotated[float, typer.Option(help="How far costs reach [m].")] = 0.75,
+        height: Annotated[float, typer.Option(help="Of the plates [m].")] = 0.72,
+        overhang: Annotated[float, typer.Option(help="Of the plates over the legs [m].")] = 0.0,
+        solid: Annotated[
+            bool, typer.Option("--solid", help="Boxes down to the floor, no legs.")
+        ] = False,
+        origin: Annotated[
+            str, typer.Option(help="Pose of the map's origin in the world: 'X Y HEADING'.")
+        ] = "0 0 0",
+        scan: Annotated[str, typer.Option(help="Topic of the scans. Default: the first.")] = "",
+        as_json: AsJson = False,
+    ) -> None:
+        """Tables from the scans of a recording: boxes with covariance, costs, MuJoCo bodies.
+
+        Example: evertwin tables run.log --poses room/poses.csv -o room
+        """
+        from evertwin.app.furnishing import Asked, make_tables, pose_of
+        from evertwin.app.mapping import Topics
+        from evertwin.errors import UsageError
+        from evertwin.features.cost_map import Inflation
+        from evertwin.features.table_bodies import Plate
+
+        if not (0 < radius <= inflation and height > 0.05 and overhang >= 0):
+            raise UsageError("tables: expected 0 < radius ≤ inflation, height above 0.05 m, "
+                             "overhang from 0 m")  # fmt: skip
+        asked = Asked(Inflation(radius, inflation), Plate(height, overhang, solid), pose_of(origin))
+        make_tables(recording, out, poses, asked, Topics(scan), as_json)
