@@ -125,9 +125,25 @@ def test_each_view_is_whole_in_light_and_dark_and_on_a_tablet(shown: Shown, plac
         ]  # fmt: skip
     assert serious == []
     assert page.evaluate("document.documentElement.scrollWidth") <= 1024
+    picture(page, place)
     refused = ("status of 400", "status of 502")  # no indicator; no embedded machine listens
     assert [one for one in shown.errors if not any(word in one for word in refused)] == []
     assert "undefined" not in page.inner_text("main") and "NaN" not in page.inner_text("main")
+
+
+def picture(page: Any, place: str) -> None:
+    """Of the documentation, where somebody asks for new ones."""
+    folder = os.environ.get("EVERTWIN_PICTURES")
+    if not folder or not place.endswith(("live", "improvement")):
+        return
+    page.evaluate("document.documentElement.classList.replace('dark', 'light')")
+    page.evaluate("document.querySelector('#top .brand').textContent = 'evertwin · hall'")
+    if place.endswith("improvement"):
+        page.click("#compare")
+        page.wait_for_selector("#rivals table", timeout=60_000)
+    page.wait_for_timeout(3000)
+    page.evaluate("scrollTo(0, 0)")
+    page.screenshot(path=Path(folder) / f"page-{place.rpartition('/')[2]}.png", full_page=True)
 
 
 def test_the_keyboard_reaches_everything(shown: Shown) -> None:

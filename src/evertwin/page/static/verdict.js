@@ -53,7 +53,7 @@ export function trust(about, promoted) {
   const unsure = weak.length ? ` Weakly known: ${weak.join(", ")}.` : "";
   if (!promoted) return about.champion
     ? ["With care", "weak", `${over}How it went live lies further back than the events that are shown.${unsure}`]
-    : [over ? "Not yet" : "As configured", over ? "weak" : "good", `${over}${rows ? `Compared over ${count(rows, "row")}.` : "Nothing has been compared yet."}`];
+    : [over || !rows ? "Not yet" : "Yes", over || !rows ? "weak" : "good", over || (rows ? `As configured it stays within what is asked, over ${count(rows, "row")}.` : "Nothing has been compared yet.")];
   const { gain, segments } = promoted.evidence ?? {};
   const evidence = gain > 0 ? `${Math.round(100 * gain)} % less deviation over ${segments} stretches that neither had seen` : promoted.reason;
   if (promoted.evidence?.person) return ["By hand", "weak", `${over}Promoted by ${promoted.evidence.person}, not by its trial.${unsure}`];

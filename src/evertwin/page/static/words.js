@@ -47,7 +47,7 @@ export function age(seconds) {
 
 /** The machine's clock, from nanoseconds. */
 export function clock(ns, withDay = false) {
-  if (!ns) return "–";
+  if (ns === null || ns === undefined) return "–";
   const date = new Date(ns / 1e6);
   const time = date.toLocaleTimeString("en-GB");
   return withDay ? `${date.toLocaleDateString("en-GB", { day: "numeric", month: "short" })} ${time}` : time;

@@ -38,7 +38,7 @@ function pictures(found) {
   const [more, less] = [chosen.filter((one) => !kept.includes(one)), kept.filter((one) => !chosen.includes(one))];
   const differs = [more.length && `on these rows ${more.join(", ")} would be tuned too`, less.length && `${less.join(", ")} would not`].filter(Boolean).join(", ");
   return [
-    h("p", { class: "card lead" }, lead, differs && h("b", {}, ` The twin file and these rows differ: ${differs}.`), (notes ?? []).map((one) => h("span", { class: "quiet" }, ` ${one}.`))),
+    h("p", { class: "card lead" }, lead, differs && h("b", {}, ` The twin file and these rows differ: ${differs}.`), (notes ?? []).map((one) => h("span", { class: "quiet" }, ` ${one[0].toUpperCase()}${one.slice(1)}.`))),
     components.length > 0 && breakdown(components, found),
     parameters.length > 0 && sensitivity(parameters, tuned),
     mapping(links),
