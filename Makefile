@@ -49,7 +49,7 @@ help:
 venv: .venv/.has-dev
 
 demo: .venv/.has-all
-	$(BIN)/evertwin demo
+	$(BIN)/evertwin demo --live
 
 test: .venv/.has-dev
 	$(BIN)/python -m pytest -n $(WORKERS) $(if $(filter true 1 yes,$(CI)),--durations=40)

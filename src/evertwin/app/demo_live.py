@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 
 import typer
 
-from evertwin.app.console import show
+from evertwin.app.console import Alive, show
 from evertwin.app.machines import Common, LiveMachine, arm_options, robot_options, told
 from evertwin.errors import UsageError
 from evertwin.service.runner import Runner
@@ -194,9 +194,13 @@ async def _beside(
 ) -> dict[str, Any]:
     """The service beside the machines, and the story."""
     begun = time.monotonic()
-    reached = await asyncio.gather(*(asyncio.to_thread(one.reached) for one in machines.values()))
+    with Alive() as alive:
+        alive.say("both machines start (MuJoCo, processes of their own); their twins are compiled")
+        starting = asyncio.create_task(service.start())
+        waiting = (asyncio.to_thread(one.reached) for one in machines.values())
+        reached = await asyncio.gather(*waiting)
+        await starting
     controls = {name: one["control"] for name, one in zip(machines, reached)}
-    await service.start()
     screen.begin()
     screen.say("", f"both machines run; time-lapse: {screen.speed:g} of their seconds in one")
     said = {name: Told() for name in service.runners}

@@ -3,6 +3,7 @@
 * `content`: what is exported: form, parameters with intervals, trajectories;
 * `text`: JSON, ``schema: "evertwin.model/1"``;
 * `matlab`: MAT version 5, by scipy.io;
+* `aas`: an asset administration shell, by basyx-python-sdk;
 * `robot`: URDF with the inertias as tuned;
 * `formats`: the registry; another room adds a writer by one entry;
 * `back`: parameter values of a JSON or MAT file, to become a version.

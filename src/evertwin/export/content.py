@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from evertwin.fold import Block
+from evertwin.fold import Block, Event
 from evertwin.loop.evaluation import predict
 from evertwin.loop.setup import Setup
 from evertwin.loop.versions import Versions
@@ -67,6 +67,8 @@ class Exported:
     known: Mapping[str, Estimate]
     """The newest estimate of the parameters whose value is that of the version."""
     trajectories: Trajectories | None = None
+    alarms: tuple[Event, ...] = ()
+    """The newest of each component that no later event has cleared."""
 
     @property
     def parameters(self) -> dict[str, dict[str, Any]]:
@@ -100,9 +102,14 @@ def exported(
             known[record.name] = record
     model = versions.model(number)
     rows = _trajectories(setup, model, version, windows) if windows else None
+    alarms: dict[str, Event] = {}
+    for event in store.read("event"):
+        if isinstance(event, Event) and event.kind in ("alarm", "alarm_cleared"):
+            alarms[event.signal] = event
+    open_ones = tuple(one for one in alarms.values() if one.kind == "alarm")
     return Exported(
         spec.name, spec.model.kind, dict(spec.model.options), str(spec.folder), version, model,
-        setup.model, known, rows,
+        setup.model, known, rows, open_ones,
     )  # fmt: skip
 
 

@@ -27,6 +27,7 @@ import numpy as np
 import scipy
 
 from evertwin.errors import UsageError
+from evertwin.export.aas import write_aas
 from evertwin.export.content import Exported
 from evertwin.export.fmu import write_fmu
 from evertwin.export.urdf import urdf_bytes
@@ -159,7 +160,8 @@ def _of(made: Callable[[Exported], bytes]) -> Writer:
 
 
 FORMATS: dict[str, Writer] = {
-    "fmu": write_fmu, "json": _of(json_text), "mat": _of(mat_bytes), "urdf": _of(urdf_bytes),
+    "aas": write_aas, "fmu": write_fmu, "json": _of(json_text), "mat": _of(mat_bytes),
+    "urdf": _of(urdf_bytes),
 }  # fmt: skip
 """Format → writer."""
 
