@@ -196,10 +196,9 @@ async def _beside(
     begun = time.monotonic()
     with Alive() as alive:
         alive.say("both machines start (MuJoCo, processes of their own); their twins are compiled")
-        starting = asyncio.create_task(service.start())
         waiting = (asyncio.to_thread(one.reached) for one in machines.values())
         reached = await asyncio.gather(*waiting)
-        await starting
+        await service.start()
     controls = {name: one["control"] for name, one in zip(machines, reached)}
     screen.begin()
     screen.say("", f"both machines run; time-lapse: {screen.speed:g} of their seconds in one")

@@ -22,14 +22,23 @@ MOVE = "DELETE FROM samples WHERE source = ? AND stop >= ? AND stop < ? AND numb
 
 
 class Job(NamedTuple):
-    """A batch, ready to be written."""
+    """A batch, ready to be written.
+
+    >>> Job((), Batch()).entries
+    ()
+    """
 
     entries: tuple[Entry, ...]
     batch: Batch
 
 
 class Tables:
-    """The tables, written batch by batch."""
+    """The tables, written batch by batch.
+
+    >>> database = Database(":memory:")
+    >>> tables = Tables(database, Checkpoints(database))
+    >>> tables.write([Job((), Batch(moved=[("arm", 0, 1, 1)]))])
+    """
 
     def __init__(self, database: Database, checkpoints: Checkpoints) -> None:
         self.database = database
