@@ -51,10 +51,10 @@ class Twin:
     """
 
     def __init__(
-        self, spec: TwinSpec, model: Model | None = None, store: Store | None = None,
+        self, spec: TwinSpec | str | Path, model: Model | None = None, store: Store | None = None,
         *, reading: bool = False, engine: Engine | None = None,
     ) -> None:  # fmt: skip
-        self.spec = spec
+        self.spec = spec = spec if isinstance(spec, TwinSpec) else read(spec)
         self._engines = loop.Engines(spec, model is not None, engine)
         self.model = loop.model_of(spec, model)
         loop.check_units(spec, self.model)
@@ -80,7 +80,7 @@ class Twin:
             ConfigError: the file does not say what it must; with file, line and nearest key.
             StoreLocked: another process works with its store.
         """
-        return cls(read(path), reading=reading)
+        return cls(path, reading=reading)
 
     def close(self) -> None:
         """Lets go of the store, and of the processes for slow work."""

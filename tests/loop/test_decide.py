@@ -311,7 +311,7 @@ def test_the_end_of_the_data_answers_what_is_open() -> None:
 @pytest.mark.parametrize("relative", [True, False])
 def test_a_deviation_is_shown_in_its_unit(relative: bool) -> None:
     bench = Bench(anomaly=AnomalySpec(requirement=0.01, relative=relative, window=Span(40)))
-    assert bench.setup.shown(0, 0.05) == ("5.0 %" if relative else "0.05 m")
+    assert bench.setup.shown(0, 0.05) == ("5.0 %" if relative else "50 mm")
 
 
 def test_a_number_of_a_correction_that_no_row_touches_stays_and_the_others_follow() -> None:

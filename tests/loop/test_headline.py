@@ -24,7 +24,7 @@ ROBOT = TwinSpec(
 
 
 def figures(before: float, after: float) -> dict[str, OutputFigures]:
-    return {"x": OutputFigures("m", before, after, 0.2, 0.1, 0.2, 0.1, 100, 100)}
+    return {"x": OutputFigures("m", before, after, 0.2, 0.1, 0.2, 0.1, 100, 100, after)}
 
 
 def said(
@@ -73,6 +73,26 @@ def test_off_says_what_would_help() -> None:
     rule = CorrectionSpec(channels=("v",), terms=("law",))
     tried = said(replace(ROBOT, correction=rule), 0.03, 0.03, "suspected", "abnormal", "rejected")
     assert "nothing better was found: 1 candidate was tried" in tried
+
+
+def test_off_at_the_end_is_never_called_fitting() -> None:
+    """Whatever the events of this run say: a deviation that a run before told of is not told of
+    again while a candidate is on trial."""
+    assert said(ROBOT, 0.03, 0.03).startswith("The twin is off, x by 30 mm where 10 mm is asked")
+    better = said(ROBOT, 0.06, 0.03, "promoted", version=1)
+    assert "closer" in better and "still off by more than is asked: x by 30 mm" in better
+
+
+def test_within_but_suspected_says_both() -> None:
+    text = said(ROBOT, 0.004, 0.004, "drift")
+    assert text.startswith("Over all rows the twin is within what is asked: x is off by 4 mm")
+    assert "suspected 1 time (x: )" in text and "nothing better has been found yet" in text
+
+
+def test_what_did_not_move_is_not_called_fitting() -> None:
+    still = {n: replace(f, judged=float("nan")) for n, f in figures(0.03, 0.03).items()}
+    with Twin(ROBOT) as twin:
+        assert "nothing moved" in headline(twin.setup, still, twin.champion, [], None)
 
 
 def test_without_a_requirement_it_asks_for_one() -> None:

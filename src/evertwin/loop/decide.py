@@ -25,6 +25,7 @@ from evertwin.loop.looking import adopted, in_vain, looks, returned
 from evertwin.loop.requirement import deviates
 from evertwin.loop.scores import new_scores
 from evertwin.loop.states import tried
+from evertwin.loop.succession import makes_room, opening
 from evertwin.loop.twin_state import PROBATION, TRIAL, WATCH, TwinState
 from evertwin.models.form import Form
 
@@ -150,7 +151,7 @@ class Decide:
         every = state.elapsed - agenda.fitted >= setup.schedule
         due = every or again > 0 or last
         if reason or alarm or due:
-            self._supersede(decision)
+            makes_room(setup, decision)
         free = self._free(decision.state, bool(reason or alarm), every)
         if not reason and alarm:
             reason = alarm
@@ -181,20 +182,6 @@ class Decide:
         enough = state.row >= agenda.stop + setup.rows(setup.spec.correction.window)
         terms = self.follow.versions[live].form.terms
         return agenda.lacking > 0 and enough and bool(terms) and self._free(state)
-
-    def _supersede(self, decision: Decision) -> None:
-        """A challenger that has long gained next to nothing makes room for one from newer data."""
-        state, trial = decision.state, self.follow.setup.trial
-        if state.agenda.phase != TRIAL or state.agenda.pinned:
-            return
-        verdict, evidence = trial.verdict(state.trial)
-        hopeless = evidence["gain"] < 0.5 * trial.margin
-        if verdict is None and hopeless and evidence["segments"] >= 2 * trial.least:
-            number = state.other.version
-            reason = f"version {number} gains too little, superseded: {evidence['sentence']}"
-            decision.say("rejected", "", reason, evidence)
-            decision.state = decision.state._replace(other=EMPTY)
-            decision.remember(phase=WATCH)
 
     def _cross(self, decision: Decision) -> None:
         """A correction learned for one range of another input is learned anew outside it."""
@@ -283,23 +270,22 @@ class Decide:
         busy = state.agenda.phase == PROBATION or (state.agenda.phase == TRIAL and young)
         if busy and "brief" not in candidate:
             return  # of a scheduled fit the numbers are kept
-        if state.agenda.phase == TRIAL:
-            reason = f"version {state.other.version} makes room for a better candidate"
-            decision.say("superseded", "", reason, follow.setup.trial.verdict(state.trial)[1])
+        begins = opening(follow.setup, state, candidate)
+        if begins.said:
+            decision.say("superseded", "", begins.said, begins.evidence)
         version = follow.versions.add(
             Form.from_json(candidate["form"]), candidate["values"], parent=state.live.version,
             reason=str(candidate["reason"]), row=state.row,
         )  # fmt: skip
-        scale = np.array(candidate["scale"], dtype=np.float64)
         # the running segment, which the champion has begun, is no prediction of the challenger's
-        scores = state.scores._replace(scale=scale, pair=np.full(3, np.nan))
+        scores = state.scores._replace(scale=begins.scale, pair=np.full(3, np.nan))
         watched = np.array(candidate["watched"], dtype=np.float64).reshape(-1, 2)
         decision.state = state._replace(
             other=follow.beside(state.live, version.number), scores=scores,
-            trial=follow.setup.trial.init(), watched=watched,
+            trial=begins.trial, watched=watched,
         )  # fmt: skip
         decision.remember(
-            phase=TRIAL, tried=state.elapsed, versions=version.number + 1,
+            phase=TRIAL, tried=begins.tried, versions=version.number + 1,
             brief=float(candidate.get("brief", -1.0)), begins=int(candidate.get("begins", 0)),
         )  # fmt: skip
 

@@ -71,35 +71,45 @@ def _outcome(
             f"Version {champion.number} is live ({why}); {rows} row{'s' * (rows != 1)} since then "
             "are too few to tell how much better it is."
         )
+    now, lead = _sizes(known, "off"), _lead(setup)
+    off = {n: f for n, f in known.items() if f.judged > setup.requirement}
+    still = f" It is still off by more than is asked: {_off(setup, off)}." if off else ""
     if champion.number and better:
         less = f" ({_pairs(setup, worse)}: worse)" if worse else ""
         return (
-            f"The twin is closer to its machine than before: {_pairs(setup, better)}{less}"
-            f"{_lead(setup)}, over rows that it had not seen. Changed: {why}."
+            f"The twin is closer to its machine than before: {_pairs(setup, better)}{less}{lead}, "
+            f"over rows that it had not seen. Changed: {why}.{still}"
         )
     if champion.number and changed:
         return (
             f"Version {champion.number} is live ({why}), and on the rows since then it is no "
-            f"better than the first: {_pairs(setup, worse or changed)}{_lead(setup)}."
+            f"better than the first: {_pairs(setup, worse or changed)}{lead}.{still}"
         )
-    now = _sizes(known, "off")
     if not setup.decides:
         return (
-            f"Nothing was judged, for no requirement is set: {now}{_lead(setup)}. How far may it "
+            f"Nothing was judged, for no requirement is set: {now}{lead}. How far may it "
             "be off? Say so in [anomaly] requirement."
         )
-    if not any(e.kind in ("suspected", "drift", "abnormal") for e in events):
+    found = _nothing_better(setup, events, trial)
+    if off:
+        return f"The twin is off, {_off(setup, off)}{lead}, and {found}."
+    if math.isfinite(setup.requirement) and all(math.isnan(f.judged) for f in known.values()):
+        return f"Nothing was judged, for nothing moved that is held to a requirement: {now}{lead}."
+    doubts = [e for e in events if e.kind in ("suspected", "drift", "abnormal")]
+    if not doubts:
         more = "nothing else" if any(e.kind == "followed" for e in events) else "nothing"
-        return f"The twin fits its machine, and {more} was changed: {now}{_lead(setup)}."
-    limit = _limit(setup, known)
+        return f"The twin fits its machine, and {more} was changed: {now}{lead}."
+    times = f"{len(doubts)} time{'s' * (len(doubts) > 1)}"
     return (
-        f"The twin is off, {_sizes(known)}{_lead(setup)}{limit}, and "
-        f"{_nothing_better(setup, events, trial)}."
+        f"Over all rows the twin is within what is asked: {now}{lead}; but it was suspected "
+        f"{times} ({doubts[-1].signal or doubts[-1].kind}: {doubts[-1].reason}), and {found}."
     )
 
 
 def _nothing_better(setup: Setup, events: Sequence[Event], trial: OpenTrial | None) -> str:
     if trial is not None:
+        if not trial.segments:
+            return "a candidate has gone on trial, of which no unseen row has told yet"
         if trial.gain > CLEAR:
             return f"a better version is on trial: {100 * trial.gain:.0f} % less so far"
         so_far = "worse" if trial.gain < -CLEAR else "no better"
@@ -120,12 +130,12 @@ def _nothing_better(setup: Setup, events: Sequence[Event], trial: OpenTrial | No
     return "nothing better has been found yet"
 
 
-def _limit(setup: Setup, known: Mapping[str, OutputFigures]) -> str:
-    rule = setup.spec.anomaly
-    judged = (name for name in known if name in (rule.outputs or known))
-    unit = next((known[name].unit for name in judged), "1")
-    size = f"{100 * rule.requirement:g} %" if setup.relative else spoken(rule.requirement, unit)
-    return f" where {size} is asked"
+def _off(setup: Setup, off: Mapping[str, OutputFigures]) -> str:
+    """Which outputs are off by more than is asked, by how much, and what is asked."""
+    limit = setup.spec.anomaly.requirement
+    if setup.relative:
+        return f"{_sizes(off, shares=len(off) <= FEW)} where {100 * limit:g} % is asked"
+    return f"{_sizes(off)} where {spoken(limit, next(iter(off.values())).unit)} is asked"
 
 
 def _lead(setup: Setup) -> str:
@@ -148,15 +158,19 @@ def _pairs(setup: Setup, some: Mapping[str, OutputFigures]) -> str:
     return ", ".join(told)
 
 
-def _sizes(some: Mapping[str, OutputFigures], *off: str) -> str:
-    """Sizes, with the words between a name and its size."""
+def _sizes(some: Mapping[str, OutputFigures], *off: str, shares: bool = False) -> str:
+    """Sizes, with the words between a name and its size; ``shares``: as judged in % too."""
     if len(some) > FEW:
         share = _range([f.relative_rms_after for f in some.values()])
         return " ".join(
             (_span(some), *(f"are {word}" for word in off), f"by {share} of their size")
         )
     verb = "".join(f"is {word} " for word in off)
-    return ", ".join(f"{name} {verb}by {spoken(f.rms_after, f.unit)}" for name, f in some.items())
+    return ", ".join(
+        f"{name} {verb}by {spoken(f.rms_after, f.unit)}"
+        + f" ({spoken(100 * f.judged, '1')} %)" * shares
+        for name, f in some.items()
+    )
 
 
 def _span(some: Mapping[str, OutputFigures]) -> str:

@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from evertwin.fold import Answer, Block, Event, Record
-from evertwin.loop.deviation import deviation
+from evertwin.loop.deviation import deviation, judged_deviation
 from evertwin.loop.driver import Driver
 from evertwin.loop.follow import Followed
 from evertwin.loop.headline import headline
@@ -191,11 +191,13 @@ def figures(setup: Setup, state: TwinState) -> dict[str, OutputFigures]:
         for relative in (False, True)
     ]
     moving = [deviation(sums, relative=True) for sums in (first_moving, scores.live_moving)]
+    judged = judged_deviation(scores.live_moving, setup.relative, scores.usual)
+    judged = np.where(setup.watched & setup.decides, judged, np.nan)
     return {
         channel.name: OutputFigures(
             channel.unit, float(pairs[0][0][k]), float(pairs[0][1][k]), float(pairs[1][0][k]),
             float(pairs[1][1][k]), float(moving[0][k]), float(moving[1][k]),
-            int(scores.live.samples[k]), int(scores.live_moving.samples[k]),
+            int(scores.live.samples[k]), int(scores.live_moving.samples[k]), float(judged[k]),
         )
         for k, channel in enumerate(setup.model.outputs)
     }  # fmt: skip

@@ -36,7 +36,7 @@ MOST = 12
 class OutputFigures:
     """Deviation of one output by the first and by the last champion, over the same unseen rows.
 
-    >>> OutputFigures("m", 2.0, 1.0, 0.2, 0.1, 0.2, 0.1, 100, 100).rms_after
+    >>> OutputFigures("m", 2.0, 1.0, 0.2, 0.1, 0.2, 0.1, 100, 100, 1.0).rms_after
     1.0
     """
 
@@ -49,6 +49,8 @@ class OutputFigures:
     relative_rms_moving_after: float
     rows: int
     moving: int
+    judged: float = math.nan
+    """What the requirement is compared with, of the last champion; NaN: it is not judged."""
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,9 @@ over 2, 4, 8 and 16 segments, and a logarithm of wealth counts divided by the in
 variance ``τ = (1 + ρ)/(1 − ρ)``, ρ the lag-1 autocorrelation of the payoffs plus half its standard
 error: bets λ/τ on payoffs whose sum varies τ times as much come to that. Blocks in which both are
 off alike (the machine stands, say) add next to nothing to that sum or its variance, so ρ is of the
-others: taken along, standing and moving in turn would pass for one long run of luck. The evidence
-is the mean wealth over all lengths.
+others: taken along, standing and moving in turn would pass for one long run of luck. So would a
+challenger that is several times better, and more and more so while the machine moves away from the
+champion: by how much is left out of ρ. The evidence is the mean wealth over all lengths.
 
 Sources: Waudby-Smith and Ramdas, "Estimating means of bounded random variables by betting" (2024);
 METHOD: a sequential test on the paired loss.
@@ -45,6 +46,9 @@ CEILING = 20.0
 """Payoffs are cut above this: one block must not decide alone."""
 ALIKE = 0.05
 """Share by which deviations differ at most that count as alike."""
+CLEAR = 0.4
+"""Relative payoff, (c − x)/(c + x), above which its size counts for nothing in ρ: the challenger
+leaves 0.43 of the deviation, or less."""
 STEADIEST = 0.95
 """Lag-1 autocorrelation of payoffs that is assumed at most."""
 
@@ -77,6 +81,16 @@ def open_bets() -> Bets:
     )  # fmt: skip
 
 
+def passed_on(bets: Bets) -> Bets:
+    """Bets on the next challenger, with the evidence so far as the wealth that they begin with:
+    evidence of stretches that follow each other multiplies. It is inflated once more with what
+    comes, which errs on the safe side."""
+    fresh = open_bets()
+    inflation = np.array([_inflation(serial) for serial in bets.serial])
+    wealth = np.where(bets.wealth > 0.0, bets.wealth / inflation[:, None], bets.wealth)
+    return fresh._replace(wealth=wealth)
+
+
 @njit(cache=True)
 def place(c: float, x: float, margin: float, lengths: Any, grid: Any, bets: Any) -> None:
     """One segment with deviations ``c`` and ``x`` goes into the bets, in place."""
@@ -98,7 +112,7 @@ def place(c: float, x: float, margin: float, lengths: Any, grid: Any, bets: Any)
             for j in range(len(grid)):
                 wealth[level, j] += math.log1p(grid[j] * payoff)
         if abs(champion - challenger) > ALIKE * max(champion, challenger):
-            relative = gain / (champion + challenger)
+            relative = min(gain / (champion + challenger), CLEAR)
             serial[level, 0] += relative
             serial[level, 1] += relative * relative
             if serial[level, 5] == 0.0:
@@ -118,16 +132,22 @@ def evidence(bets: Any) -> float:
     total, counted = 0.0, 0
     for level in range(len(blocks)):
         n = blocks[level]
-        if n <= WARM:
+        if n <= WARM and not wealth[level].any():
             continue
         counted += 1
-        told = max(serial[level, 5], 1.0)
-        rho = min(_correlation(told, serial[level]) + 0.5 / math.sqrt(told), STEADIEST)
-        inflation = max((1.0 + rho) / (1.0 - rho), 1.0)
+        inflation = _inflation(serial[level])
         for share in range(wealth.shape[1]):
             log = wealth[level, share]
             total += math.exp(min(log / inflation if log > 0.0 else log, 600.0))
     return math.log(total / counted / wealth.shape[1]) if counted else 0.0
+
+
+@njit(cache=True)
+def _inflation(serial: Any) -> float:
+    """By what serial correlation inflates the variance of payoffs, from their running sums."""
+    told = max(serial[5], 1.0)
+    rho = min(_correlation(told, serial) + 0.5 / math.sqrt(told), STEADIEST)
+    return float(max((1.0 + rho) / (1.0 - rho), 1.0))
 
 
 @njit(cache=True)

@@ -27,13 +27,15 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from evertwin.errors import UsageError
-from evertwin.trial.betting import GRID, LENGTHS, Bets, evidence, open_bets
+from evertwin.trial.betting import GRID, LENGTHS, Bets, evidence, open_bets, passed_on
 from evertwin.trial.gate_loop import OPEN, OTHER, STAYS, run, unsafe
 from evertwin.types import Float64, Int64, Vector
 
 _KINDS: dict[int, Literal["promote", "reject"] | None] = {
     OPEN: None, OTHER: "promote", STAYS: "reject"
 }  # fmt: skip
+OWN = 5
+"""Segments that the newest of several challengers has to predict itself."""
 _LARGEST = 600.0
 """Logarithm above which an e-value is shown as this."""
 
@@ -151,6 +153,26 @@ class Trial:
         """
         pass_through(state, losses, self.rule)
         return state, _KINDS[int(state.tally[0])]
+
+    def passed_on(self, state: GateState) -> GateState:
+        """The state for a better challenger in the place of one that has been winning.
+
+        What is bet on is then whichever challenger was the newest, and that was known before each
+        segment: the evidence stays valid. The new one has to predict some segments of its own.
+        Consumes ``state``.
+
+        >>> gate = Trial()
+        >>> won, _ = gate.step(gate.init(), np.tile([4.0, 1.0], (28, 1)))
+        >>> gate.passed_on(won).tally.tolist(), gate.passed_on(gate.init()).tally.tolist()
+        ([0, 25], [0, 0])
+        """
+        found = figures(state)
+        if found["gain"] < self.margin:
+            return self.init()
+        kept = min(found["segments"], self.least - OWN)
+        state.sums[:] *= kept / found["segments"]
+        state.tally[:] = OPEN, kept
+        return state._replace(ahead=passed_on(state.ahead), back=passed_on(state.back))
 
     def verdict(
         self, state: GateState

@@ -1,0 +1,73 @@
+"""Who is on trial, or in probation, when the machine goes on changing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from evertwin.loop.decision import Decision
+from evertwin.loop.follow import EMPTY
+from evertwin.loop.setup import Setup
+from evertwin.loop.twin_state import PROBATION, TRIAL, WATCH, TwinState
+from evertwin.trial.gate import GateState
+from evertwin.types import Vector
+
+
+class Opening(NamedTuple):
+    """How the trial of a candidate begins.
+
+    >>> Opening._fields
+    ('trial', 'scale', 'tried', 'said', 'evidence')
+    """
+
+    trial: GateState
+    scale: Vector
+    """Residual size that counts as 1 in a loss, (ny,)."""
+    tried: int
+    """Elapsed time at which it began [ns]."""
+    said: str
+    """Of the challenger that makes room; empty: there was none."""
+    evidence: Mapping[str, Any]
+
+
+def opening(setup: Setup, state: TwinState, candidate: Mapping[str, Any]) -> Opening:
+    """The trial of a candidate: its own, or that of the challenger whose place it takes.
+
+    A machine that goes on changing brings a better candidate before the one on trial has been
+    tried to the end. Were each trial to begin anew, none would ever end.
+    """
+    gate, agenda, scale = setup.trial, state.agenda, np.array(candidate["scale"], dtype=np.float64)
+    if agenda.phase != TRIAL:
+        return Opening(gate.init(), scale, state.elapsed, "", {})
+    evidence = gate.verdict(state.trial)[1]
+    said = f"version {state.other.version} makes room for a better candidate"
+    states = agenda.brief >= 0.0 or "brief" in candidate  # these have a short test of their own
+    trial = gate.init() if states else gate.passed_on(state.trial)
+    if not trial.tally[1]:
+        return Opening(trial, scale, state.elapsed, said, evidence)
+    said += f", which goes on with its trial: {evidence['sentence']}"
+    return Opening(trial, state.scores.scale, agenda.tried, said, evidence)
+
+
+def makes_room(setup: Setup, decision: Decision) -> None:
+    """What goes on ends where the live version deviates: the trial of a challenger that has long
+    gained next to nothing; the probation of a version that has been better than the one before."""
+    state, gate = decision.state, setup.trial
+    phase, pinned = state.agenda.phase, state.agenda.pinned
+    if phase == TRIAL and not pinned:
+        verdict, evidence = gate.verdict(state.trial)
+        hopeless = evidence["gain"] < 0.5 * gate.margin
+        if verdict is None and hopeless and evidence["segments"] >= 2 * gate.least:
+            number = state.other.version
+            reason = f"version {number} gains too little, superseded: {evidence['sentence']}"
+            decision.say("rejected", "", reason, evidence)
+            decision.state = state._replace(other=EMPTY)
+            decision.remember(phase=WATCH)
+    elif phase == PROBATION:
+        kept, evidence = setup.probation.verdict(state.trial)
+        proven = evidence["deviation_live"] < (1.0 - gate.margin) * evidence["deviation_other"]
+        if kept is None and proven and evidence["segments"] >= setup.probation.segments:
+            decision.state = state._replace(other=EMPTY)
+            decision.remember(phase=WATCH)
