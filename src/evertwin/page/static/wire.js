@@ -171,10 +171,11 @@ export class Feed extends EventTarget {
   }
 
   #heardEvents({ events, cursor }) {
-    for (const event of events) {
-      if (this.events.length && event.number <= this.events[this.events.length - 1].number) this.repeated += 1;
-      else this.events.push(event);
-    }
+    // the past is asked for while the socket tells what is new: either may come first
+    const [first, last] = this.events.length ? [this.events[0].number, this.events[this.events.length - 1].number] : [Infinity, 0];
+    const fresh = events.filter((event) => event.number > last || event.number < first);
+    this.repeated += events.length - fresh.length;
+    this.events = [...fresh.filter((event) => event.number < first && event.number <= last), ...this.events, ...fresh.filter((event) => event.number > last)];
     if (this.events.length > 3000) this.events.splice(0, 1000);
     this.cursor = Math.max(cursor, this.cursor ?? 0);
     this.#tell("events");
