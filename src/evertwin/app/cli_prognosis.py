@@ -1,4 +1,4 @@
-"""The commands that look ahead: forecast, life, whatif, plan, decide."""
+"""The commands that look ahead: forecast, life, whatif, setpoint, plan, decide."""
 
 from __future__ import annotations
 
@@ -114,6 +114,26 @@ def whatif(
     from evertwin.app.prognosis import show_whatif
 
     show_whatif(twin, scenario, (history, data), as_json, check)
+
+
+@_LOOKING.command()
+def setpoint(
+    twin: TwinFile,
+    wanted: Annotated[
+        list[str] | None, typer.Option(help="Speed that is wanted, as in '10 cm/s'; repeat.")
+    ] = None,
+    input_name: Annotated[str, typer.Option("--input", help="Input. Default: by the unit.")] = "",
+    output: Annotated[str, typer.Option(help="Output. Default: by the unit.")] = "",
+    data: DataFiles = None,
+    as_json: AsJson = False,
+) -> None:
+    """Which set-point gives the speed that is wanted, by the live version; or why none does.
+
+    Example: evertwin setpoint robot.toml --wanted "10 cm/s" --data run.csv
+    """
+    from evertwin.app.advising import show_set_points
+
+    show_set_points(twin, wanted or [], (input_name, output), data, as_json)
 
 
 @_LOOKING.command()

@@ -1,0 +1,67 @@
+"""What to set for a wanted speed: the map, its inverse, what cannot be had; by the command."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evertwin import Twin
+from evertwin.ahead.inverse import crossing, inverse
+from evertwin.app.cli import main
+from evertwin.errors import UsageError
+from planted.twins import TWINS
+
+U = np.linspace(-0.2, 0.2, 81)
+
+
+def dead(u: float) -> float:
+    """A dead zone to 0.06, a cap at 0.16."""
+    return 0.0 if abs(u) <= 0.06 else float(np.clip(0.97 * u, -0.16, 0.16))
+
+
+def test_the_set_point_nearest_to_zero_is_told() -> None:
+    rates = np.array([dead(float(u)) for u in U])
+    assert crossing(dead, U, rates, 0.1) == pytest.approx(0.1 / 0.97, abs=1e-6)
+    assert crossing(dead, U, rates, -0.1) == pytest.approx(-0.1 / 0.97, abs=1e-6)
+    assert crossing(dead, U, rates, 0.0) == 0.0
+    assert crossing(dead, U, rates, 0.03) is None and crossing(dead, U, rates, 0.2) is None
+    cap = crossing(dead, U, rates, 0.16)
+    assert cap is not None and 0.164 < cap < 0.171
+
+
+def recording(folder: Path) -> Path:
+    """A cart that follows a sweep over all speeds."""
+    v = np.repeat(np.r_[0.0, np.arange(1.0, 21.0)], 3)
+    x = np.r_[0.0, np.cumsum(v[:-1])] + np.random.default_rng(0).normal(0, 0.2, len(v))
+    lines = ["t,v_cmd,x", *(f"{k},{a},{b:.3f}" for k, (a, b) in enumerate(zip(v, x)))]
+    (folder / "run.csv").write_text("\n".join([*lines, ""]))
+    return folder / "run.csv"
+
+
+def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    call = ["setpoint", str(TWINS / "robot1d.toml"), "--data", str(recording(tmp_path))]
+    more = ["--wanted", "10 cm/s", "--wanted", "0.5 m/s"]
+    with pytest.raises(SystemExit) as ended:
+        main([*call, *more, "--json"])
+    assert ended.value.code == 0
+    found, beyond = json.loads(capsys.readouterr().out)["answers"]
+    assert found["set_point"] == pytest.approx(0.1) and found["gives95"][0] < 0.1
+    assert beyond["set_point"] is None and beyond["nearest"] == [pytest.approx(0.2), None]
+    with pytest.raises(SystemExit):
+        main([*call, *more])
+    text = capsys.readouterr().out
+    assert "set v = 10 cm/s" in text and "cannot be had; the nearest is 20 cm/s" in text
+    for wrong in ([], ["--wanted", "3"], ["--wanted", "3 rad/s"], ["--wanted", "fast"]):
+        with pytest.raises(SystemExit) as ended:
+            main([*call, *wrong])
+        assert ended.value.code == 2
+    capsys.readouterr()
+
+
+def test_an_output_that_measures_something_else_is_refused(tmp_path: Path) -> None:
+    file = str(recording(tmp_path))
+    with Twin.open(TWINS / "robot1d.toml") as twin, pytest.raises(UsageError, match="--output"):
+        inverse(twin.prospect(None, file).basis, [1.0], "K", ("v", ""), file)
