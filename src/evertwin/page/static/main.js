@@ -126,6 +126,7 @@ addEventListener("hashchange", () => {
 });
 addEventListener("resize", () => here?.redraw?.());
 ask("/page").then((page) => (context.page = page), () => {}).then(() => {
+  shown = ""; // what was opened meanwhile did not know what may be ordered here
   follow();
   poll();
 });
