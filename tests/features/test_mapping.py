@@ -15,7 +15,7 @@ from evertwin.errors import DataError
 from evertwin.features.mapping import Mapped, followed, mapped, surface_of
 from evertwin.features.occupancy import FREE, OCCUPIED, UNKNOWN, counted, of_keyframes, read, save
 from evertwin.features.pose_graph import Edge, optimised
-from evertwin.features.relocalisation import located
+from evertwin.features.relocalisation import View, located
 from evertwin.features.trajectory_error import trajectory_error
 from evertwin.signals.planar import between
 from evertwin.sources.scans import Scans
@@ -132,7 +132,7 @@ def test_a_scan_is_found_in_its_map_and_in_no_other(
     chart = of_keyframes(found.keyframes, found.surfaces)
     right = 0
     for k in (30, 60):
-        place = located(surface_of(scans, k), chart)
+        place = located([View(surface_of(scans, k))], chart)
         if place.pose is None:
             assert place.reason
             continue
@@ -141,8 +141,8 @@ def test_a_scan_is_found_in_its_map_and_in_no_other(
         right += 1
     assert right
     other, _ = recorded(11, COARSE, laps=0.1)
-    assert located(surface_of(other, 5), chart).pose is None
-    assert located(np.zeros((2, 4)), chart).pose is None
+    assert located([View(surface_of(other, 5))], chart).pose is None
+    assert located([View(np.zeros((2, 4)))], chart).pose is None
 
 
 def log_of(scans: Scans, truth: np.ndarray, file: Path) -> Path:

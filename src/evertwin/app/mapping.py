@@ -14,7 +14,7 @@ from evertwin.errors import DataError, UsageError
 from evertwin.features.mapping import Mapped, mapped, surface_of
 from evertwin.features.occupancy import of_keyframes, read, save
 from evertwin.features.poses import Fix, Poses
-from evertwin.features.relocalisation import located
+from evertwin.features.relocalisation import View, located
 from evertwin.features.slips import Slip, slips
 from evertwin.features.trajectory_error import TrajectoryError, trajectory_error
 from evertwin.report.map_picture import draw_map
@@ -184,7 +184,7 @@ def find_place(chart: Path, file: Path, number: int, topics: Topics, as_json: bo
     scans = only_lidar(file, topics)
     if not 0 <= number < len(scans.t):
         raise UsageError(f"--number {number}: expected 0 to {len(scans.t) - 1}")
-    found = located(surface_of(scans, number), read(chart))
+    found = located([View(surface_of(scans, number))], read(chart))
     content: dict[str, Any] = {"schema": "evertwin.locate/1", "share": found.share}
     if found.pose is None or found.covariance is None:
         show(

@@ -16,16 +16,24 @@ import numpy as np
 from evertwin.errors import DataError
 from evertwin.features.local_map import Surface, seen
 from evertwin.features.loop_closure import loops
+from evertwin.features.occupancy import of_keyframes
 from evertwin.features.pose_graph import Edge, Optimised, optimised, turned, variance_factor, weak
 from evertwin.features.poses import Fix, Poses
+from evertwin.features.relocalisation import View, located
 from evertwin.features.scan_matcher import ScanMatcher
 from evertwin.fold import join, make_block, take
 from evertwin.signals.planar import between, compose
 from evertwin.sources.scans import Scans
-from evertwin.types import Float64, Vector
+from evertwin.types import Float64, Int64, Vector
 
 ROUNDS = 2
 """Of looking for loops."""
+MOST = 20
+"""Segments that are looked for in the map of the first one."""
+TOGETHER = 10
+"""Keyframes that are looked for as one."""
+ROUGH = np.diag([0.1, 0.1, 0.05]) ** 2
+"""Error of a place that was found in a map (m², m², rad²)."""
 SURE = 0.2
 """Spread below which a place is sure [m]."""
 
@@ -97,11 +105,35 @@ def mapped(scans: Scans, use_odometry: bool = True) -> Mapped:
     """
     poses, took = followed(scans, use_odometry)
     poses = _evened(poses)
-    keys = np.flatnonzero(poses.keyframe & (poses.fix != Fix.LOST) & (poses.segment == 0))
-    if not len(keys):
+    if not ((poses.fix != Fix.LOST) & (poses.segment == 0)).any():
         raise DataError(f"{scans.name}: no scan tells a pose: does the lidar see anything?")
+    poses, anchors = found_again(scans, poses)
+    one = solved(scans, poses, anchors)
+    return Mapped(_all(poses, one.keys, one.graph), one.graph.poses, one.surfaces, one.loops, took)
+
+
+class Solved(NamedTuple):
+    """The keyframes of one map.
+
+    >>> Solved._fields
+    ('keys', 'surfaces', 'graph', 'loops')
+    """
+
+    keys: Int64[np.ndarray, " k"]
+    """Numbers of their scans."""
+    surfaces: tuple[Surface, ...]
+    graph: Optimised
+    loops: int
+
+
+def solved(scans: Scans, poses: Poses, anchors: Sequence[Edge] = ()) -> Solved:
+    """The keyframes of segment 0, their loops closed; ``anchors``: between numbers of scans."""
+    keys = np.flatnonzero(poses.keyframe & (poses.fix != Fix.LOST) & (poses.segment == 0))
     surfaces = tuple(surface_of(scans, int(k)) for k in keys)
-    steps = _steps(poses, keys)
+    number = {int(k): n for n, k in enumerate(keys)}
+    tied = [a._replace(start=number[a.start], end=number[a.end]) for a in anchors]
+    begun = {edge.end for edge in tied}
+    steps = [edge for edge in _steps(poses, keys) if edge.end not in begun] + tied
     graph = Optimised(poses.pose[keys], poses.covariance[keys])
     found: list[Edge] = []
     for _ in range(ROUNDS):
@@ -112,7 +144,41 @@ def mapped(scans: Scans, use_odometry: bool = True) -> Mapped:
         edge if weak(edge) else edge._replace(covariance=factor * edge.covariance) for edge in steps
     ]
     graph = optimised(graph.poses, [*steps, *found])
-    return Mapped(_all(poses, keys, graph), graph.poses, surfaces, len(found), took)
+    return Solved(keys, surfaces, graph, len(found))
+
+
+def found_again(scans: Scans, poses: Poses) -> tuple[Poses, list[Edge]]:
+    """Later segments whose place the map of the first one tells join it; and what ties them to it.
+
+    Looked for is all that the first keyframes of a segment saw, together: a single scan of a room
+    may fit in several places.
+    """
+    anchors: list[Edge] = []
+    number = poses.segment[-1]
+    if number == 0:
+        return poses, anchors
+    first = solved(scans, poses)
+    chart = of_keyframes(first.graph.poses, first.surfaces, scans.lidar.mount)
+    pose, segment = poses.pose.copy(), poses.segment.copy()
+    for k in range(1, min(int(number), MOST) + 1):
+        mine = poses.segment == k
+        keys = np.flatnonzero(poses.keyframe & (poses.fix != Fix.LOST) & mine)[:TOGETHER]
+        if not len(keys):
+            continue
+        steps = [between(poses.pose[keys[0]], poses.pose[key]) for key in keys]
+        views = [View(surface_of(scans, int(key)), to) for key, to in zip(keys, steps, strict=True)]
+        place = located(views, chart)
+        if place.pose is None:
+            continue
+        off = np.hypot(*(first.graph.poses[:, :2] - place.pose[:2]).T)
+        near = int(np.argmin(off))
+        tie = between(first.graph.poses[near], place.pose)
+        start = compose(poses.pose[first.keys[near]], tie)
+        anchors.append(Edge(int(first.keys[near]), int(keys[0]), tie, ROUGH))
+        onward = between(np.broadcast_to(poses.pose[keys[0]], pose[mine].shape), pose[mine])
+        pose[mine] = compose(np.broadcast_to(start, onward.shape), onward)
+        segment[mine] = 0
+    return poses._replace(pose=pose, segment=segment), anchors
 
 
 def surface_of(scans: Scans, k: int) -> Surface:

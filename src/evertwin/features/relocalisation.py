@@ -9,6 +9,7 @@ be told.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,9 +17,10 @@ from scipy.spatial import cKDTree
 
 from evertwin.features.correlation import BLOCK, BLUR, CELL, Drawing, blocks, search
 from evertwin.features.local_map import Known, Surface, placed
-from evertwin.features.occupancy import FREE, Occupancy
-from evertwin.features.scan_fit import Expected, balanced, fitted
+from evertwin.features.occupancy import FREE, OCCUPIED, Occupancy
+from evertwin.features.scan_fit import Expected, Fit, balanced, fitted
 from evertwin.features.scan_matcher import FEW
+from evertwin.signals.planar import compose
 from evertwin.types import Float64, UInt8
 
 NEAR = 0.25
@@ -29,6 +31,10 @@ ALIKE = 0.75
 """Share of the scan that must be explained."""
 OTHER = 1.0
 """Way from a place to another one [m]."""
+PASSED = 0.05
+"""Share of the beams that may pass through walls of the map: some of them moved."""
+WALLS = 2.0
+"""How much one that does so weighs against one that fits."""
 CLEARLY = 0.1
 """By how much more it must explain than any other place."""
 TOLD = 0.1
@@ -80,40 +86,79 @@ def _free_side(chart: Occupancy, at: np.ndarray, normal: np.ndarray) -> float:
     return 1.0 if ahead >= behind else -1.0
 
 
-def located(scan: Surface, chart: Occupancy) -> Located:
-    """The pose of a scan in a map.
+class View(NamedTuple):
+    """A scan, or one of several of which it is known how they lie to each other.
+
+    >>> View(np.zeros((0, 4))).pose.tolist()
+    [0.0, 0.0, 0.0]
+    """
+
+    surface: Surface
+    """Its surface points, in its own frame."""
+    pose: Float64[np.ndarray, " 3"] = np.zeros(3)
+    """In the frame of the first view."""
+
+
+def through(views: Sequence[View], pose: Float64[np.ndarray, " 3"], chart: Occupancy) -> float:
+    """Share of the beams that pass through walls of the map on their way, seen from ``pose``."""
+    count, passed = 0, 0
+    rows, columns = chart.cells.shape
+    for view in views:
+        at = compose(pose, view.pose)
+        off = placed(view.surface, at)[:, :2] - at[:2]
+        length = np.hypot(*off.T)
+        steps = np.arange(NEAR, max(float(length.max(initial=0.0)), NEAR), chart.resolution)
+        way = np.minimum(steps[None, :], np.maximum(length - NEAR, 0.0)[:, None])
+        line = at[:2] + way[..., None] * (off / np.maximum(length, 1e-9)[:, None])[:, None]
+        cell = np.floor((line - np.array(chart.origin)) / chart.resolution).astype(np.int64)
+        inside = ((cell >= 0) & (cell < [columns, rows])).all(axis=2)
+        cell = np.where(inside[..., None], cell, 0)
+        wall = inside & (chart.cells[cell[..., 1], cell[..., 0]] == OCCUPIED)
+        count, passed = count + len(off), passed + int(wall.any(axis=1).sum())
+    return passed / count if count else 0.0
+
+
+def located(views: Sequence[View], chart: Occupancy) -> Located:
+    """The pose of a scan in a map, or of the first of several.
 
     Args:
-        scan: surface points, in the lidar's frame.
+        views: of one place; several tell more than one.
         chart: the map; a robot stands where it is free.
     """
+    scan = np.concatenate([placed(view.surface, view.pose) for view in views])
     walls = map_surface(chart)
     if len(scan) < FEW or not len(walls):
         return Located(None, None, 0.0, f"{len(scan)} points and {len(walls)} walls are too few")
     window = _Window.around(chart)
     size = math.ceil(2 * window.half / CELL) + 2 * BLUR + 2
     drawing = Drawing.of(walls, window.middle, size)
-    view, some, tree = Known.of(walls), balanced(scan), cKDTree(walls[:, :2])
+    known, some, tree = Known.of(walls), balanced(scan), cKDTree(walls[:, :2])
 
-    def found(allowed: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    def found(allowed: np.ndarray) -> tuple[Fit, float, float]:
         turns = np.array([window.half, math.pi, TURN])
         start, _ = search(some, drawing, turns, allowed, np.array([*window.middle, 0.0]))
-        fit = fitted(scan, view, Expected(start, VAGUE), start)
+        fit = fitted(scan, known, Expected(start, VAGUE), start)
         off, _ = tree.query(placed(scan, fit.pose)[:, :2])
-        return fit.pose, fit.covariance, float(np.mean(off < CLOSE))
+        return fit, float(np.mean(off < CLOSE)), through(views, fit.pose, chart)
 
-    pose, covariance, share = found(window.free)
+    (fit, share, passed), pose = (one := found(window.free)), one[0].pose
     if share < ALIKE:
         return Located(None, None, share, f"only {100 * share:.0f} % of the scan fits anywhere")
-    if math.sqrt(np.linalg.eigvalsh(covariance[:2, :2])[-1]) > TOLD:
+    if passed > PASSED:
+        return Located(
+            None, None, share, f"{100 * passed:.0f} % of the beams would pass through walls of the "
+            "map: it is another place, or much was moved",
+        )  # fmt: skip
+    if math.sqrt(np.linalg.eigvalsh(fit.covariance[:2, :2])[-1]) > TOLD:
         return Located(None, None, share, "the scan leaves a direction open, as in a corridor")
-    other, _, second = found(window.free * window.beyond(pose[:2]))
-    if second > share - CLEARLY:
+    other, second, beyond = found(window.free * window.beyond(pose[:2]))
+    if second - WALLS * beyond > share - WALLS * passed - CLEARLY:
         return Located(
             None, None, share, f"two places fit alike: {100 * share:.0f} % at ({pose[0]:.1f}, "
-            f"{pose[1]:.1f}) m, {100 * second:.0f} % at ({other[0]:.1f}, {other[1]:.1f}) m",
+            f"{pose[1]:.1f}) m, {100 * second:.0f} % at ({other.pose[0]:.1f}, "
+            f"{other.pose[1]:.1f}) m",
         )  # fmt: skip
-    return Located(pose, covariance, share)
+    return Located(pose, fit.covariance, share)
 
 
 class _Window(NamedTuple):

@@ -36,6 +36,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from evertwin.features.contradiction import contradicted
 from evertwin.features.fusion import Belief, Sighting, Step, measured, predicted
 from evertwin.features.local_map import Known, LocalMap, Surface, empty, joined, known, seen
 from evertwin.features.poses import Fix, Poses
@@ -68,6 +69,12 @@ PATIENCE = 5
 """Scans without a pose after which a new map is begun."""
 STANDING = 3
 """Times that a scan may come again, number by number, before the lidar is taken to be frozen."""
+BLOCKED, MOST_NEAR = 0.35, 0.8
+"""A lidar most of whose beams end nearer than this is blocked [m]; and how many."""
+THROUGH = 0.4
+"""Share of the beams that pass through known walls from which on the robot is elsewhere."""
+FOUND = 0.6
+"""Share of a scan from which on a lost robot is found again."""
 FAR = 1.0
 """Spread of a pose from which on it is none [m]."""
 FIRM = 0.1
@@ -169,7 +176,8 @@ class ScanMatcher:
         scan = seen(ranges, self.angles, self.lidar.mount)
         same = np.array_equal(ranges, state.ranges, equal_nan=True)
         state = state._replace(repeated=state.repeated + 1 if same else 0, ranges=ranges.copy())
-        telling = len(scan) >= FEW and state.repeated < STANDING
+        near = float(np.mean(ranges[np.isfinite(ranges)] < BLOCKED)) if len(scan) else 1.0
+        telling = len(scan) >= FEW and state.repeated < STANDING and near < MOST_NEAR
         before, state = state.moved, state._replace(moved=moved.copy())
         if view is None:
             return self._begun(state, scan, telling)
@@ -177,14 +185,15 @@ class ScanMatcher:
         ahead, expected = _expected(state, moved - before, blind, dt)
         sure, least = (SURE, LEAST) if blind else (PLAUSIBLE, SEEN)
         fit = best(scan, view, expected, sure) if telling else None
-        found_back = fit is not None and not (state.lost and _off(fit.covariance, FIRM))
-        if fit is not None and found_back and fit.share >= least:
+        if fit is not None and self._elsewhere(fit, ranges, view, bool(state.lost)):
+            fit, blind = None, True
+        if fit is not None and fit.share >= (FOUND if state.lost else least):
             way = 0.0 if blind else float(np.hypot(*(moved - before)[:2]))
             return self._matched(state, scan, fit, ahead, way)
         state = state._replace(belief=ahead)
         share, spread = 0.0 if fit is None else fit.share, ahead.covariance[:3, :3]
-        if not blind and not _off(spread, FAR) and telling:
-            ring = joined(state.map, scan, ahead.pose)
+        if not blind and not _off(spread, FAR):
+            ring = joined(state.map, scan, ahead.pose) if telling else state.map
             state = state._replace(map=ring, lost=0)
             return state, _Row(ahead.pose, spread, Fix.PREDICTED, share, state.segment)
         state = state._replace(lost=state.lost + 1, step=np.zeros(3))
@@ -192,6 +201,14 @@ class ScanMatcher:
             state = state._replace(map=empty(self.beams), segment=state.segment + 1)
             return self._begun(state, scan, telling)
         return state, _Row(share=share, segment=state.segment)
+
+    def _elsewhere(self, fit: Fit, ranges: Vector, view: Known, lost: bool) -> bool:
+        """Is the robot elsewhere than where its scan fits best?"""
+        if fit.share >= FAMILIAR and not lost:
+            return False
+        lidar = compose(fit.pose, np.array(self.lidar.mount))
+        through = contradicted(ranges, self.angles, lidar, view.points)
+        return through > THROUGH or (lost and _off(fit.covariance, FIRM))
 
     def _begun(self, state: Following, scan: Surface, telling: bool) -> tuple[Following, _Row]:
         """The first scan of a map, which is where it says it is."""

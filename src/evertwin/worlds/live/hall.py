@@ -54,15 +54,53 @@ _CLUTTER = (
     _box(-3.4, -0.9, (0.8, 0.5, 0.9)) + _box(3.3, 5.9, (0.6, 0.9, 1.2))
     + _box(0.3, 2.9, (0.4, 0.7, 0.5)) + _box(3.6, 0.2, (0.3, 0.3, 1.6))
 )  # fmt: skip
+PEOPLE = 4
+"""Who can walk in the hall, at most."""
+PACE = 0.8
+"""How fast they do [m/s]."""
+_PEOPLE = "".join(
+    '<body mocap="true" pos="0 0 -20"><geom type="cylinder" size=".15 .9" contype="0" '
+    'conaffinity="0"/></body>'
+    for _ in range(PEOPLE)
+)
 SCENE = f"""
 <mujoco><option timestep="0.005" integrator="implicitfast"/>
 <worldbody><geom type="plane" size="50 50 .1"/>
 <body name="base" pos="0 0 0.1"><joint name="x" type="slide" axis="1 0 0"/>
 <joint name="y" type="slide" axis="0 1 0"/><joint name="heading" type="hinge" axis="0 0 1"/>
 <geom type="cylinder" size=".2 .1" mass="20" contype="0" conaffinity="0"/></body>
-{_WALLS}{_CLUTTER}{_table(-1.0, 1.9)}{_table(0.2, 4.0)}
+{_PEOPLE}{_WALLS}{_CLUTTER}{_table(-1.0, 1.9)}{_table(0.2, 4.0)}
 </worldbody></mujoco>
 """
+
+
+class People:
+    """Who walks in the hall, from place to place.
+
+    >>> people = People(np.random.default_rng(1))
+    >>> people.walk(2, 0.1).shape, bool(people.walk(0, 0.1)[0, 2] < -10)
+    ((4, 3), True)
+    """
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self._rng = rng
+        self._at, self._to = self.places(PEOPLE), self.places(PEOPLE)
+
+    def places(self, count: int) -> Vector:
+        """Anywhere in the hall, away from its walls [m], (count, 2)."""
+        half = HALF - 0.8
+        return self._rng.uniform(-half, half, (count, 2)) + (0.0, MIDDLE)
+
+    def walk(self, count: int, dt: float) -> Vector:
+        """Where the first ``count`` of them are after ``dt`` [m], (PEOPLE, 3); the others are below
+        the floor."""
+        way = self._to - self._at
+        far = np.hypot(*way.T)
+        there = far < PACE * dt
+        self._at += PACE * dt * way / np.maximum(far, 1e-9)[:, None] * ~there[:, None]
+        self._to[there] = self.places(int(there.sum()))
+        height = np.where(np.arange(PEOPLE) < count, 0.9, -20.0)
+        return np.column_stack([self._at, height])
 
 
 class Lidar:

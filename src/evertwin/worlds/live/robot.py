@@ -10,7 +10,8 @@ steers it round a circle. By its own clock it gives
     imu      10 Hz   its gyro, with a small bias [rad/s]
     scan      2 Hz   its lidar [m]
 
-It can slip, meet another floor, be pushed, and its drive can change.
+It can slip, meet another floor, be pushed or carried elsewhere, people can walk about, scans get
+lost, and its drive can change.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ import numpy as np
 from evertwin.types import Vector
 from evertwin.worlds.drive import WORLDS, Drive, commands, sweep, target
 from evertwin.worlds.live.contract import Sample
-from evertwin.worlds.live.hall import MIDDLE, SCENE, Lidar
+from evertwin.worlds.live.hall import MIDDLE, PEOPLE, SCENE, Lidar, People
 from evertwin.worlds.live.orders import Knob, Knobs
 from evertwin.worlds.live.sensors import Sensors, faults
 from evertwin.worlds.robot import servo
@@ -55,6 +56,9 @@ def knobs_of(drive: Drive) -> dict[str, Knob]:
         "start": Knob("speed below which the drive does not do as told [cm/s]",
                       0.0, 15.0, drive.start),
         "cap": Knob("highest speed of the drive [cm/s]", 1.0, 50.0, drive.cap),
+        "people": Knob("people who walk in the hall", 0.0, PEOPLE),
+        "drop": Knob("share of the scans that get lost", 0.0, 1.0),
+        "kidnap": Knob("1: it is carried elsewhere, at once", 0.0, 1.0, lasts=0.05),
         "push": Knob("force from outside, forward [N]", -500.0, 500.0, lasts=0.3),
         **faults((*POSE, "gyro")),
     }  # fmt: skip
@@ -94,6 +98,9 @@ class LiveRobot:
         self._model = mujoco.MjModel.from_xml_string(SCENE)
         self._data = mujoco.MjData(self._model)
         self._lidar = Lidar(self._model)
+        self._others = np.random.default_rng([seed, 1])  # leaves what the robot does as it is
+        self._people = People(self._others)
+        self._carried = False
         self._tick = 0
         self._told = (0.0, 0.0)
         self._way = np.zeros(3)  # of the wheels: x, y [m], heading [rad]
@@ -111,6 +118,7 @@ class LiveRobot:
         """What there is to say now; then it drives for a tick."""
         tick, t = self._tick, self.clock
         self.knobs.tick(t)
+        self._carry()
         said = []
         if tick % TICKS == 0:
             self._told = self._command(), self._steer()
@@ -120,11 +128,21 @@ class LiveRobot:
         gyro = self._data.qvel[2] + DRIFT + GYRO * self._rng.standard_normal()
         said.append(Sample("odom", t, tick, self._odometry()))
         said.append(Sample("imu", t, tick, self._sensors.give({"gyro": float(gyro)})))
-        if tick % SCAN == 0:
+        self._data.mocap_pos[:] = self._people.walk(int(self.knobs.of("people")), 1.0 / TICKS)
+        if tick % SCAN == 0 and self._others.random() >= self.knobs.of("drop"):
             said.append(Sample("scan", t, tick // SCAN, {"ranges": self._scan()}))
         self._go(*self._told)
         self._tick += 1
         return said
+
+    def _carry(self) -> None:
+        """Elsewhere, once an order."""
+        carried = bool(self.knobs.of("kidnap"))
+        if carried and not self._carried:
+            self._data.qpos[:2] = self._people.places(1)[0]
+            self._data.qpos[2] += self._others.uniform(0.5, 2 * np.pi - 0.5)
+            self._data.qvel[:] = 0.0
+        self._carried = carried
 
     def _scan(self) -> Sequence[float]:
         mujoco.mj_kinematics(self._model, self._data)
