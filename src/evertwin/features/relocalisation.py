@@ -31,7 +31,7 @@ ALIKE = 0.75
 """Share of the scan that must be explained."""
 OTHER = 1.0
 """Way from a place to another one [m]."""
-PASSED = 0.05
+PASSED = 0.08
 """Share of the beams that may pass through walls of the map: some of them moved."""
 WALLS = 2.0
 """How much one that does so weighs against one that fits."""

@@ -71,8 +71,10 @@ STANDING = 3
 """Times that a scan may come again, number by number, before the lidar is taken to be frozen."""
 BLOCKED, MOST_NEAR = 0.35, 0.8
 """A lidar most of whose beams end nearer than this is blocked [m]; and how many."""
-THROUGH = 0.4
+THROUGH = 0.2
 """Share of the beams that pass through known walls from which on the robot is elsewhere."""
+AGAIN = 0.05
+"""The same for a robot that was lost: rooms have places that are alike."""
 FOUND = 0.6
 """Share of a scan from which on a lost robot is found again."""
 FAR = 1.0
@@ -192,7 +194,7 @@ class ScanMatcher:
             return self._matched(state, scan, fit, ahead, way)
         state = state._replace(belief=ahead)
         share, spread = 0.0 if fit is None else fit.share, ahead.covariance[:3, :3]
-        if not blind and not _off(spread, FAR):
+        if not (blind or state.lost or _off(spread, FAR)):
             ring = joined(state.map, scan, ahead.pose) if telling else state.map
             state = state._replace(map=ring, lost=0)
             return state, _Row(ahead.pose, spread, Fix.PREDICTED, share, state.segment)
@@ -208,7 +210,7 @@ class ScanMatcher:
             return False
         lidar = compose(fit.pose, np.array(self.lidar.mount))
         through = contradicted(ranges, self.angles, lidar, view.points)
-        return through > THROUGH or (lost and _off(fit.covariance, FIRM))
+        return through > (AGAIN if lost else THROUGH) or (lost and _off(fit.covariance, FIRM))
 
     def _begun(self, state: Following, scan: Surface, telling: bool) -> tuple[Following, _Row]:
         """The first scan of a map, which is where it says it is."""
