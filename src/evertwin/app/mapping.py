@@ -11,7 +11,7 @@ import numpy as np
 
 from evertwin.app.console import Alive, show
 from evertwin.errors import DataError, UsageError
-from evertwin.features.mapping import Mapped, mapped, surface_of
+from evertwin.features.mapping import Fused, Mapped, mapped, surface_of
 from evertwin.features.occupancy import of_keyframes, read, save
 from evertwin.features.poses import Fix, Poses
 from evertwin.features.relocalisation import View, located
@@ -56,6 +56,8 @@ def make_map(
         save(chart, out / "map.yaml")
         draw_map(chart, found.poses).savefig(out / "map.png", dpi=150)
         _write(found.poses, out / "poses.csv")
+        if found.fused is not None:
+            _write_fused(found.fused, out / "fused.csv")
     off = None
     if against is not None:
         off = trajectory_error(found.poses.pose, _reference(scans, against))
@@ -95,6 +97,15 @@ def _write(poses: Poses, file: Path) -> None:
     file.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
+def _write_fused(fused: Fused, file: Path) -> None:
+    upper = np.triu_indices(3)
+    lines = [",".join([*COLUMNS[:10], "segment"])]
+    for t, pose, covariance, segment in zip(*fused[:4], strict=True):
+        numbers = (f"{v:.9g}" for v in [*pose, *covariance[upper]])
+        lines.append(",".join([str(int(t)), *numbers, str(int(segment))]))
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
 def _reference(scans: Scans, against: str) -> np.ndarray:
     """Poses to compare with, at the stamps of the scans."""
     if against == STATED:
@@ -129,6 +140,8 @@ def _content(scans: Scans, found: Mapped, off: TrajectoryError | None) -> dict[s
         "ms_per_scan": {"median": 1e3 * float(np.median(found.took)),
                         "p95": 1e3 * float(np.quantile(found.took, 0.95)),
                         "mean": 1e3 * float(found.took[1:].mean())},
+        "fused": 0 if found.fused is None else len(found.fused.t),
+        "late": 0 if found.fused is None else found.fused.late,
         "findings": list(scans.findings),
     }  # fmt: skip
     if off is not None:
@@ -170,7 +183,8 @@ def _text(content: dict[str, Any], out: Path) -> str:
         for one in content["slips"]
     ]
     lines += [f"  - {line}" for line in content["findings"]]
-    return "\n".join([*lines, f"written: {out}/map.yaml, map.pgm, map.png, poses.csv"])
+    fused = ", fused.csv" if content["fused"] else ""
+    return "\n".join([*lines, f"written: {out}/map.yaml, map.pgm, map.png, poses.csv" + fused])
 
 
 def _slips(scans: Scans, poses: Poses) -> list[Slip]:

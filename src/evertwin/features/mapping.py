@@ -7,6 +7,7 @@ the first round has straightened is recognised better in the second.
 from __future__ import annotations
 
 import time
+from bisect import bisect_left
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
@@ -14,17 +15,20 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.errors import DataError
+from evertwin.features.fusion import Belief, Sighting
 from evertwin.features.local_map import Surface, seen
 from evertwin.features.loop_closure import loops
 from evertwin.features.occupancy import of_keyframes
 from evertwin.features.pose_graph import Edge, Optimised, optimised, turned, variance_factor, weak
 from evertwin.features.poses import Fix, Poses
 from evertwin.features.relocalisation import View, located
+from evertwin.features.scan_fit import COMMON
 from evertwin.features.scan_matcher import ScanMatcher
+from evertwin.features.stream import Stream, Turned
 from evertwin.fold import join, make_block, take
 from evertwin.signals.planar import between, compose
 from evertwin.sources.scans import Scans
-from evertwin.types import Float64, Int64, Vector
+from evertwin.types import Float64, Int64, Stamps, Vector
 
 ROUNDS = 2
 """Of looking for loops."""
@@ -50,11 +54,27 @@ class Followed(NamedTuple):
     """Time for each scan [s]."""
 
 
+class Fused(NamedTuple):
+    """The pose as it was known when wheels and gyro spoke.
+
+    >>> Fused._fields
+    ('t', 'pose', 'covariance', 'segment', 'late')
+    """
+
+    t: Stamps
+    pose: Float64[np.ndarray, "n 3"]
+    covariance: Float64[np.ndarray, "n 3 3"]
+    segment: Int64[np.ndarray, " n"]
+    """Of the map that the pose is told in, as it was when the scan came."""
+    late: int
+    """Words that came too late to be used."""
+
+
 class Mapped(NamedTuple):
     """Poses of a recording.
 
     >>> Mapped._fields
-    ('poses', 'keyframes', 'surfaces', 'loops', 'took')
+    ('poses', 'keyframes', 'surfaces', 'loops', 'took', 'fused')
     """
 
     poses: Poses
@@ -66,6 +86,8 @@ class Mapped(NamedTuple):
     """Places that were recognised."""
     took: Vector
     """Time for following each scan [s]."""
+    fused: Fused | None
+    """At each word of the wheels, as a stream would tell it."""
 
 
 def followed(scans: Scans, use_odometry: bool = True) -> Followed:
@@ -89,11 +111,65 @@ def motion_at(scans: Scans) -> Float64[np.ndarray, "n _"]:
     wheels = np.full((n, 3), np.nan) if scans.odometry is None else scans.odometry
     if scans.gyro is None:
         return np.zeros((n, 0)) if scans.odometry is None else wheels
-    t, rate = scans.gyro.t, scans.gyro.values[:, 0]
-    steps = 0.5 * (rate[1:] + rate[:-1]) * np.diff(t) * 1e-9
+    return np.column_stack([wheels, _turned_at(scans, scans.t)])
+
+
+def _turned_at(scans: Scans, t: Stamps) -> Vector:
+    """The gyro's angle at some times [rad]; NaN without one."""
+    if scans.gyro is None:
+        return np.full(len(t), np.nan)
+    known, rate = scans.gyro.t, scans.gyro.values[:, 0]
+    steps = 0.5 * (rate[1:] + rate[:-1]) * np.diff(known) * 1e-9
     angle = np.concatenate([[0.0], np.cumsum(steps)])
-    at = np.interp((scans.t - t[0]) * 1e-9, (t - t[0]) * 1e-9, angle, np.nan, np.nan)
-    return np.column_stack([wheels, at])
+    at, base = (t - known[0]) * 1e-9, (known - known[0]) * 1e-9
+    return np.asarray(np.interp(at, base, angle, np.nan, np.nan))
+
+
+def streamed(scans: Scans, poses: Poses) -> Fused | None:
+    """The fused pose at each word of the wheels, from what had arrived by then.
+
+    ``poses``: as they were followed. None without odometry of its own stamps.
+    """
+    if scans.wheels is None or scans.arrived is None:
+        return None
+    angle = _turned_at(scans, scans.wheels.t)
+    heading = np.unwrap(scans.wheels.values[:, 2])
+    wheels = [
+        Turned(int(t), np.array([*pose[:2], turn]), float(a)) for t, pose, turn, a in
+        zip(scans.wheels.t, scans.wheels.values, heading, angle, strict=True)
+    ]  # fmt: skip
+    scan = [(int(t), 1, k) for k, t in enumerate(scans.arrived)]
+    events = sorted([(int(t), 0, k) for k, t in enumerate(scans.wheels.arrived)] + scan)
+    live: Stream | None = None
+    rows, segment, late = [], -1, 0
+    for _, kind, k in events:
+        if kind == 0:
+            if live is not None:
+                live = live.moved(wheels[k])
+                rows.append((live.belief, segment))
+        elif poses.fix[k] == Fix.MATCHED:
+            if live is None or poses.segment[k] != segment:
+                segment, late = int(poses.segment[k]), late + (0 if live is None else live.late)
+                live = _begun(scans, poses, k, wheels)
+            else:
+                live = live.seen(int(scans.t[k]), Sighting(poses.sighted[k], poses.information[k]))
+    if not rows:
+        return None
+    return Fused(
+        np.array([one.t for one, _ in rows]), np.array([one.pose for one, _ in rows]),
+        np.array([one.covariance[:3, :3] + COMMON for one, _ in rows]),
+        np.array([one for _, one in rows]), late + (0 if live is None else live.late),
+    )  # fmt: skip
+
+
+def _begun(scans: Scans, poses: Poses, k: int, wheels: Sequence[Turned]) -> Stream | None:
+    """From the first scan of a map on; None where the wheels say nothing of its time."""
+    t = int(scans.t[k])
+    after = bisect_left(wheels, t, key=lambda one: one.t)
+    if after == len(wheels) or (after == 0 and wheels[0].t > t):
+        return None
+    at = wheels[max(after - 1, 0)].at(t, wheels[after])
+    return Stream.begun(Belief.at_rest(t, poses.pose[k], np.zeros((3, 3))), at)
 
 
 def mapped(scans: Scans, use_odometry: bool = True) -> Mapped:
@@ -104,12 +180,15 @@ def mapped(scans: Scans, use_odometry: bool = True) -> Mapped:
         MissingExtra: GTSAM is not installed.
     """
     poses, took = followed(scans, use_odometry)
+    fused = streamed(scans, poses)
     poses = _evened(poses)
     if not ((poses.fix != Fix.LOST) & (poses.segment == 0)).any():
         raise DataError(f"{scans.name}: no scan tells a pose: does the lidar see anything?")
     poses, anchors = found_again(scans, poses)
     one = solved(scans, poses, anchors)
-    return Mapped(_all(poses, one.keys, one.graph), one.graph.poses, one.surfaces, one.loops, took)
+    return Mapped(
+        _all(poses, one.keys, one.graph), one.graph.poses, one.surfaces, one.loops, took, fused
+    )
 
 
 class Solved(NamedTuple):
