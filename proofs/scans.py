@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from evertwin.features import scan_matcher
+from evertwin.features import scan_fit, scan_matcher
 from evertwin.features.mapping import followed, mapped
 from evertwin.features.trajectory_error import TrajectoryError, trajectory_error
 from evertwin.signals.planar import between, chained
@@ -50,7 +50,10 @@ LIDARS = {
     "a scan each 0.5 m": Sensor(apart=0.5),
     "a scan each 5 cm": Sensor(apart=0.05),
 }
-SETTINGS = ("APART", "TURNED", "FREE", "FAMILIAR", "BETTER", "ALIKE")
+SETTINGS = {
+    "APART": scan_matcher, "TURNED": scan_matcher, "FREE": scan_matcher, "FAMILIAR": scan_matcher,
+    "BETTER": scan_fit, "ALIKE": scan_fit,
+}  # fmt: skip
 
 
 def command(log: Path, out: Path, *more: str) -> dict[str, Any]:
@@ -206,15 +209,15 @@ def settings(folder: Path) -> None:
     aces = open_recording(folder / ACES).scans[0]
     assert aces.stated is not None
     scans, truth = recorded(1)
-    for name in SETTINGS:
-        usual = getattr(scan_matcher, name)
+    for name, module in SETTINGS.items():
+        usual = getattr(module, name)
         for factor in (0.5, 2.0):
-            setattr(scan_matcher, name, usual * factor)
+            setattr(module, name, usual * factor)
             line(
                 f"{name} × {factor:g}, ACES", trajectory_error(mapped(aces).poses.pose, aces.stated)
             )
             line(f"{name} × {factor:g}, floor", trajectory_error(followed(scans).poses.pose, truth))
-        setattr(scan_matcher, name, usual)
+        setattr(module, name, usual)
 
 
 def main() -> int:

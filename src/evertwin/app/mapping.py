@@ -52,7 +52,7 @@ def make_map(
         alive.say(f"following {len(scans.t)} scans")
         found = mapped(scans)
         out.mkdir(parents=True, exist_ok=True)
-        chart = of_keyframes(found.keyframes, found.surfaces, scans.lidar.mount)
+        chart = of_keyframes(found.keyframes, found.surfaces, found.lidar.mount)
         save(chart, out / "map.yaml")
         draw_map(chart, found.poses).savefig(out / "map.png", dpi=150)
         _write(found.poses, out / "poses.csv")
@@ -74,7 +74,8 @@ def only_lidar(file: Path, topics: Topics) -> Scans:
     """
     if not file.exists():
         raise DataError(f"{file}: no such file")
-    found = scans_of(open_recording(file), *topics)
+    recording = open_recording(file)
+    found = scans_of(recording, *topics)
     if not found:
         raise DataError(
             f"{file}: expected scans (LaserScan of a bag, FLASER or ROBOTLASER of a CARMEN log), "
@@ -82,7 +83,8 @@ def only_lidar(file: Path, topics: Topics) -> Scans:
         )
     others = [one.name for one in found[1:]]
     also = (f"of {found[0].name}; there is {', '.join(others)} besides",) if others else ()
-    return replace(found[0], findings=(*also, *found[0].findings))
+    cut = [note for note in recording.notes if "broke off" in note]
+    return replace(found[0], findings=(*also, *cut, *found[0].findings))
 
 
 def _write(poses: Poses, file: Path) -> None:
@@ -142,7 +144,7 @@ def _content(scans: Scans, found: Mapped, off: TrajectoryError | None) -> dict[s
                         "mean": 1e3 * float(found.took[1:].mean())},
         "fused": 0 if found.fused is None else len(found.fused.t),
         "late": 0 if found.fused is None else found.fused.late,
-        "findings": list(scans.findings),
+        "findings": list(found.findings),
     }  # fmt: skip
     if off is not None:
         relative = {f"{length:g} m": one._asdict() for length, one in off.relative.items()}

@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from bisect import bisect_left
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -25,9 +26,10 @@ from evertwin.features.relocalisation import View, located
 from evertwin.features.scan_fit import COMMON
 from evertwin.features.scan_matcher import ScanMatcher
 from evertwin.features.stream import Stream, Turned
+from evertwin.features.troubles import ASKEW, askew, mirrored, troubles, without_body
 from evertwin.fold import join, make_block, take
 from evertwin.signals.planar import between, compose
-from evertwin.sources.scans import Scans
+from evertwin.sources.scans import Lidar, Scans
 from evertwin.types import Float64, Int64, Stamps, Vector
 
 ROUNDS = 2
@@ -38,6 +40,8 @@ TOGETHER = 10
 """Keyframes that are looked for as one."""
 ROUGH = np.diag([0.1, 0.1, 0.05]) ** 2
 """Error of a place that was found in a map (m², m², rad²)."""
+OFTEN = 0.9
+"""Share of the scans that are placed, below which odometry may be in their way."""
 SURE = 0.2
 """Spread below which a place is sure [m]."""
 
@@ -74,7 +78,7 @@ class Mapped(NamedTuple):
     """Poses of a recording.
 
     >>> Mapped._fields
-    ('poses', 'keyframes', 'surfaces', 'loops', 'took', 'fused')
+    ('poses', 'keyframes', 'surfaces', 'loops', 'took', 'fused', 'lidar', 'findings')
     """
 
     poses: Poses
@@ -88,6 +92,10 @@ class Mapped(NamedTuple):
     """Time for following each scan [s]."""
     fused: Fused | None
     """At each word of the wheels, as a stream would tell it."""
+    lidar: Lidar
+    """Where it was found to look."""
+    findings: tuple[str, ...]
+    """What is odd about the scans, as sentences."""
 
 
 def followed(scans: Scans, use_odometry: bool = True) -> Followed:
@@ -179,7 +187,7 @@ def mapped(scans: Scans, use_odometry: bool = True) -> Mapped:
         DataError: no scan tells a pose.
         MissingExtra: GTSAM is not installed.
     """
-    poses, took = followed(scans, use_odometry)
+    scans, (poses, took), said = _upright(without_body(scans), use_odometry)
     fused = streamed(scans, poses)
     poses = _evened(poses)
     if not ((poses.fix != Fix.LOST) & (poses.segment == 0)).any():
@@ -187,8 +195,34 @@ def mapped(scans: Scans, use_odometry: bool = True) -> Mapped:
     poses, anchors = found_again(scans, poses)
     one = solved(scans, poses, anchors)
     return Mapped(
-        _all(poses, one.keys, one.graph), one.graph.poses, one.surfaces, one.loops, took, fused
+        _all(poses, one.keys, one.graph), one.graph.poses, one.surfaces, one.loops, took, fused,
+        scans.lidar, (*scans.findings, *troubles(scans), *said),
+    )  # fmt: skip
+
+
+def _upright(scans: Scans, use_odometry: bool) -> tuple[Scans, Followed, list[str]]:
+    """Followed; with the lidar turned to where scans and odometry together say that it looks."""
+    found = followed(scans, use_odometry)
+    wheels = scans.odometry
+    if wheels is None or not use_odometry:
+        return scans, found, []
+    said: list[str] = []
+    if mirrored(_by_scans(scans, found), wheels):
+        one = scans.lidar
+        scans = replace(scans, lidar=replace(one, start=-one.start, step=-one.step))
+        said.append("the scans turn against the odometry: the beams are taken the other way round")
+        found = followed(scans, use_odometry)
+    angle = askew(_by_scans(scans, found), wheels)
+    if angle is None or abs(angle) < ASKEW:
+        return scans, found, said
+    x, y, turn = scans.lidar.mount
+    turned = replace(scans, lidar=replace(scans.lidar, mount=(x, y, turn + angle)))
+    side = "left" if angle > 0 else "right"
+    said.append(
+        f"by its scans and odometry the lidar looks {abs(np.degrees(angle)):.0f}° further to the "
+        f"{side} than was said: taken to do so"
     )
+    return turned, followed(turned, use_odometry), said
 
 
 class Solved(NamedTuple):
@@ -224,6 +258,16 @@ def solved(scans: Scans, poses: Poses, anchors: Sequence[Edge] = ()) -> Solved:
     ]
     graph = optimised(graph.poses, [*steps, *found])
     return Solved(keys, surfaces, graph, len(found))
+
+
+def _by_scans(scans: Scans, found: Followed) -> Float64[np.ndarray, "n 3"]:
+    """Poses by the scans, without odometry where that gets in their way."""
+    share = float(np.mean(found.poses.fix == Fix.MATCHED))
+    if share < OFTEN:
+        alone = followed(scans, use_odometry=False).poses
+        if np.mean(alone.fix == Fix.MATCHED) > share:
+            return alone.sighted
+    return found.poses.sighted
 
 
 def found_again(scans: Scans, poses: Poses) -> tuple[Poses, list[Edge]]:

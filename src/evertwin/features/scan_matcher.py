@@ -69,6 +69,8 @@ PATIENCE = 5
 """Scans without a pose after which a new map is begun."""
 STANDING = 3
 """Times that a scan may come again, number by number, before the lidar is taken to be frozen."""
+MOVED = 0.02
+"""By how much the wheels go on while a lidar that repeats a scan is frozen [m, rad]."""
 BLOCKED, MOST_NEAR = 0.35, 0.8
 """A lidar most of whose beams end nearer than this is blocked [m]; and how many."""
 THROUGH = 0.2
@@ -178,9 +180,11 @@ class ScanMatcher:
         scan = seen(ranges, self.angles, self.lidar.mount)
         same = np.array_equal(ranges, state.ranges, equal_nan=True)
         state = state._replace(repeated=state.repeated + 1 if same else 0, ranges=ranges.copy())
-        near = float(np.mean(ranges[np.isfinite(ranges)] < BLOCKED)) if len(scan) else 1.0
-        telling = len(scan) >= FEW and state.repeated < STANDING and near < MOST_NEAR
         before, state = state.moved, state._replace(moved=moved.copy())
+        went = moved[:3] - before[:3]  # NaN without wheels: then nothing says that it moved
+        frozen = state.repeated >= STANDING or (same and bool(np.abs(went).max() > MOVED))
+        near = float(np.mean(ranges[np.isfinite(ranges)] < BLOCKED)) if len(scan) else 1.0
+        telling = len(scan) >= FEW and not frozen and near < MOST_NEAR
         if view is None:
             return self._begun(state, scan, telling)
         blind = _blind(moved) or _blind(before)

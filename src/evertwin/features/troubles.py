@@ -1,0 +1,127 @@
+"""What is wrong with the scans of a lidar, as sentences; and how it is mounted, by its odometry.
+
+>>> from evertwin.sources.scans import Lidar
+>>> seen = np.full((6, 20), 2.0) + 0.01 * np.arange(20)
+>>> scans = Scans("scan", np.arange(6), seen, Lidar(0.0, 0.1, 30.0))
+>>> troubles(scans)
+['scans 0 to 5 say number by number the same: a lidar at rest without noise, or a frozen one']
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from evertwin.features.scan_matcher import BLOCKED, MOST_NEAR, STANDING
+from evertwin.signals.planar import between, wrapped
+from evertwin.sources.scans import Scans
+from evertwin.types import Float64
+
+SEES = 0.1
+"""Share of the beams that must come back for a scan to see anything."""
+MOST = 5
+"""Stretches that are named."""
+LEAST = 0.05
+"""Way of a step whose direction tells [m]."""
+STRAIGHT = 0.05
+"""Turn up to which a step is one [rad]."""
+ENOUGH = 10
+"""Steps that must tell."""
+AGREE = 0.8
+"""Length of the mean of their directions as unit vectors."""
+TURNS = 0.01
+"""Turn of a step that tells [rad]."""
+BODY, SPREAD = 0.5, 0.03
+"""Beams that end nearer than this, and never elsewhere, end on the machine itself [m]."""
+ALWAYS, MANY = 0.95, 50
+"""In so large a share of the scans, of so many at least."""
+ASKEW = 0.05
+"""Angle from which on a lidar looks elsewhere than was said [rad]."""
+
+
+def troubles(scans: Scans) -> list[str]:
+    """What is wrong with scans."""
+    ranges = scans.ranges
+    finite = np.isfinite(ranges)
+    empty = finite.mean(axis=1) < SEES
+    near = (finite & (ranges < BLOCKED)).sum(axis=1) >= MOST_NEAR * np.maximum(finite.sum(1), 1)
+    same = np.zeros(len(ranges), dtype=np.bool_)
+    same[1:] = [np.array_equal(a, b, equal_nan=True) for a, b in pairwise(ranges)]
+    same &= ~empty
+    held = [(max(a - 1, 0), b) for a, b in _stretches(same) if b - a + 1 >= STANDING]
+    said = [
+        (held, "say number by number the same: a lidar at rest without noise, or a frozen one"),
+        (_stretches(near & ~empty), f"end nearer than {BLOCKED} m: the lidar is blocked"),
+        (_stretches(empty), "see nothing"),
+    ]
+    return [line for found, what in said for line in _named(found, what)]
+
+
+def _stretches(flags: np.ndarray) -> list[tuple[int, int]]:
+    """First and last of each run."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
+    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _named(found: list[tuple[int, int]], what: str) -> list[str]:
+    lines = [
+        f"scans {a} to {b} {what}" if b > a else f"scan {a}: its beams {what}" for a, b in found
+    ]
+    more = len(lines) - MOST
+    return [*lines[:MOST], f"so do those of {more} more stretches"] if more > 0 else lines
+
+
+def askew(poses: Float64[np.ndarray, "n 3"], wheels: Float64[np.ndarray, "n 3"]) -> float | None:
+    """Angle by which the lidar looks further left than was said [rad]; None: it cannot be told.
+
+    The wheels tell a step in the machine's own frame; the scans tell the same one, turned by what
+    is wrong.
+
+    >>> way = np.column_stack([0.1 * np.arange(20), np.zeros(20), np.zeros(20)])
+    >>> turned = np.column_stack([np.zeros(20), -0.1 * np.arange(20), np.zeros(20)])
+    >>> round(askew(turned, way), 3)
+    1.571
+    """
+    one, other = (between(p[:-1], p[1:]) for p in (poses, wheels))
+    far = np.minimum(np.hypot(*one[:, :2].T), np.hypot(*other[:, :2].T))
+    straight = np.maximum(np.abs(one[:, 2]), np.abs(other[:, 2])) < STRAIGHT
+    tells = (far > LEAST) & straight
+    if tells.sum() < ENOUGH:
+        return None
+    off = np.arctan2(other[tells, 1], other[tells, 0]) - np.arctan2(one[tells, 1], one[tells, 0])
+    mean = complex(np.exp(1j * off).mean())
+    return float(wrapped(np.angle([mean]))[0]) if abs(mean) > AGREE else None
+
+
+def mirrored(poses: Float64[np.ndarray, "n 3"], wheels: Float64[np.ndarray, "n 3"]) -> bool:
+    """Do the scans turn against the wheels? Then the beams run the other way round.
+
+    >>> turn = np.column_stack([np.zeros(30), np.zeros(30), 0.05 * np.arange(30)])
+    >>> mirrored(-turn, turn), mirrored(turn, turn)
+    (True, False)
+    """
+    one, other = (between(p[:-1], p[1:])[:, 2] for p in (poses, wheels))
+    tells = np.isfinite(one) & (np.abs(other) > TURNS)
+    if tells.sum() < ENOUGH:
+        return False
+    return float(one[tells] @ other[tells]) < -0.5 * float(other[tells] @ other[tells])
+
+
+def without_body(scans: Scans) -> Scans:
+    """Without the beams that always end on the machine itself."""
+    ranges, n = scans.ranges, len(scans.ranges)
+    if n < MANY:
+        return scans
+    with np.errstate(invalid="ignore"):
+        middle = np.nanmedian(np.where(np.isfinite(ranges), ranges, np.inf), axis=0)
+        held = (np.abs(ranges - middle) < SPREAD).sum(axis=0) >= ALWAYS * n
+    body = held & (middle < BODY)
+    if not body.any() or body.all():
+        return scans
+    said = (
+        f"{int(body.sum())} beams always end at {middle[body].min():.2f} to "
+        f"{middle[body].max():.2f} m: on the machine itself; left out"
+    )
+    return replace(scans, ranges=np.where(body, np.nan, ranges), findings=(*scans.findings, said))

@@ -1,0 +1,106 @@
+"""Bad scans: each is named, and none becomes a confident wrong pose."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from evertwin.features.mapping import Mapped, mapped
+from evertwin.features.poses import Fix
+from evertwin.signals.planar import between, compose
+from evertwin.sources.scans import Scans
+from planted.rooms import Sensor, recorded
+
+pytest.importorskip("gtsam", reason="the extra perception is not installed")
+SMALL = Sensor(beams=120, step=np.radians(3.0), apart=0.25)
+
+
+@pytest.fixture(scope="module")
+def drive() -> tuple[Scans, np.ndarray]:
+    return recorded(3, SMALL, laps=0.45, slip=0.05)
+
+
+def off(found: Mapped, truth: np.ndarray) -> np.ndarray:
+    """Distance of each pose from the true one [m], both from the first scan on."""
+    true = between(np.broadcast_to(truth[0], truth.shape), truth)
+    return np.asarray(np.hypot(*(found.poses.pose - true)[:, :2].T))
+
+
+def told(found: Mapped) -> str:
+    return " ".join(found.findings)
+
+
+def test_a_blocked_lidar_goes_on_by_odometry_and_is_named(drive: tuple[Scans, np.ndarray]) -> None:
+    scans, truth = drive
+    ranges, rng = scans.ranges.copy(), np.random.default_rng(0)
+    ranges[20:26] = 0.2 + 0.005 * rng.normal(size=(6, 120))
+    ranges[30:33] = np.nan
+    found = mapped(replace(scans, ranges=ranges))
+    fix = found.poses.fix
+    assert np.all(fix[20:26] == Fix.PREDICTED) and np.all(fix[30:33] == Fix.PREDICTED)
+    assert off(found, truth).max() < 0.25
+    assert "scans 20 to 25 end nearer than 0.35 m" in told(found)
+    assert "scans 30 to 32 see nothing" in told(found)
+
+
+def test_a_frozen_lidar_on_wheels_that_turn_is_not_believed(
+    drive: tuple[Scans, np.ndarray],
+) -> None:
+    scans, truth = drive
+    ranges = scans.ranges.copy()
+    ranges[21:28] = ranges[20]
+    found = mapped(replace(scans, ranges=ranges))
+    assert np.all(found.poses.fix[21:28] == Fix.PREDICTED) and off(found, truth).max() < 0.25
+    assert "scans 20 to 27 say number by number the same" in told(found)
+
+
+@pytest.mark.parametrize("turn", [-1.6, 3.1])
+def test_a_lidar_that_looks_elsewhere_than_was_said(
+    drive: tuple[Scans, np.ndarray], turn: float
+) -> None:
+    scans, truth = drive
+    lidar = replace(scans.lidar, start=scans.lidar.start - turn)
+    found = mapped(replace(scans, lidar=lidar))
+    assert off(found, truth).max() < 0.25 and "further to the" in told(found)
+    assert abs(np.angle(np.exp(1j * (found.lidar.mount[2] - turn)))) < 0.05
+
+
+def test_beams_that_run_the_other_way_round(drive: tuple[Scans, np.ndarray]) -> None:
+    scans, truth = drive
+    lidar = replace(scans.lidar, start=-scans.lidar.start, step=-scans.lidar.step)
+    found = mapped(replace(scans, lidar=lidar))
+    assert off(found, truth).max() < 0.25 and "the other way round" in told(found)
+
+
+def test_beams_that_end_on_the_machine_itself(drive: tuple[Scans, np.ndarray]) -> None:
+    scans, truth = drive
+    ranges = scans.ranges.copy()
+    ranges[:, 50:80] = 0.15
+    found = mapped(replace(scans, ranges=ranges))
+    assert off(found, truth).max() < 0.1 and "30 beams always end at 0.15" in told(found)
+
+
+def test_a_robot_that_is_carried_away_is_lost_and_found_again(
+    drive: tuple[Scans, np.ndarray],
+) -> None:
+    """From one place of its drive to one where it was before, its wheels standing."""
+    scans, truth = drive
+    n = len(scans.t)
+    order = np.concatenate([np.arange(n), np.arange(8, 30)])
+    assert scans.odometry is not None
+    onward = between(np.broadcast_to(scans.odometry[8], (22, 3)), scans.odometry[8:30])
+    wheels = compose(np.broadcast_to(scans.odometry[-1], (22, 3)), onward)
+    rng = np.random.default_rng(1)
+    both = replace(
+        scans, t=np.arange(len(order), dtype=np.int64) * 5 * 10**8,
+        ranges=scans.ranges[order] + 0.01 * rng.normal(size=(len(order), 120)),
+        odometry=np.concatenate([scans.odometry, wheels]),
+    )  # fmt: skip
+    found = mapped(both)
+    carried = found.poses.fix[n : n + 8]
+    assert Fix.LOST in carried and np.all(found.poses.fix[-10:] == Fix.MATCHED)
+    known = np.isfinite(found.poses.pose[:, 0]) & (found.poses.segment == 0)
+    assert known[-10:].all()
+    assert np.nanmax(off(found, truth[order])[known & (np.arange(len(order)) >= n)]) < 0.2
