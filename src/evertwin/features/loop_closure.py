@@ -27,7 +27,7 @@ SURELY, MOST, TURNED = 0.4, 4.0, 0.7
 """Window to either side: at least [m], at most [m], and at most [rad]."""
 ALIKE = 0.65
 """Share of a keyframe that must be explained."""
-FIRM = np.diag([0.005, 0.005, 0.001]) ** 2
+FIRM = np.diag([0.003, 0.003, 0.0007]) ** 2
 """What the surroundings themselves may be off by (m², m², rad²)."""
 EVERY = 2
 """Of so many keyframes one is tried."""

@@ -35,7 +35,7 @@ DIRECTIONS = 8
 """Kinds of walls, by where they face."""
 GRID = 512
 """Cells of the grid that it looks into, along each side."""
-COMMON = np.diag([0.0015, 0.0015, 0.0004]) ** 2
+COMMON = np.diag([0.001, 0.001, 0.0003]) ** 2
 """Error that all points of a map share (m², m², rad²)."""
 ALIKE = 5.0
 """Neighbouring beams that err together: so many count as one."""

@@ -199,7 +199,9 @@ class ScanMatcher:
         state = state._replace(belief=ahead)
         share, spread = 0.0 if fit is None else fit.share, ahead.covariance[:3, :3]
         if not (blind or state.lost or _off(spread, FAR)):
-            ring = joined(state.map, scan, ahead.pose) if telling else state.map
+            d = between(state.map.newest, ahead.pose)
+            new = math.hypot(d[0], d[1]) > 2 * APART or abs(d[2]) > 2 * TURNED
+            ring = joined(state.map, scan, ahead.pose) if telling and new else state.map
             state = state._replace(map=ring, lost=0)
             return state, _Row(ahead.pose, spread, Fix.PREDICTED, share, state.segment)
         state = state._replace(lost=state.lost + 1, step=np.zeros(3))

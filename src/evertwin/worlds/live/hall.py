@@ -89,7 +89,7 @@ class People:
     def places(self, count: int) -> Vector:
         """Anywhere in the hall, away from its walls [m], (count, 2)."""
         half = HALF - 0.8
-        return self._rng.uniform(-half, half, (count, 2)) + np.array([0.0, MIDDLE])
+        return np.asarray(self._rng.uniform(-half, half, (count, 2)) + np.array([0.0, MIDDLE]))
 
     def walk(self, count: int, dt: float) -> Vector:
         """Where the first ``count`` of them are after ``dt`` [m], (PEOPLE, 3); the others are below

@@ -41,6 +41,8 @@ SWEEP = 5
 STILL = 3
 GRAVITY = 9.81
 POSE = ("x", "y", "heading")
+CLEAR = 0.4
+"""Room around the place that it is carried to [m]."""
 GYRO, WHEELS, BEAM = 0.005, 0.004, 0.01
 """Standard deviations of the gyro [rad/s], the wheels' speed [m/s], a beam [m]."""
 DRIFT = 0.002
@@ -139,9 +141,13 @@ class LiveRobot:
         """Elsewhere, once an order."""
         carried = bool(self.knobs.of("kidnap"))
         if carried and not self._carried:
-            self._data.qpos[:2] = self._people.places(1)[0]
             self._data.qpos[2] += self._others.uniform(0.5, 2 * np.pi - 0.5)
             self._data.qvel[:] = 0.0
+            free = False
+            while not free:  # neither in a cupboard nor in somebody's arms
+                self._data.qpos[:2] = self._people.places(1)[0]
+                mujoco.mj_kinematics(self._model, self._data)
+                free = bool(self._lidar.scan(self._data).min() > CLEAR)
         self._carried = carried
 
     def _scan(self) -> Sequence[float]:
