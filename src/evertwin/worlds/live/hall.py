@@ -19,7 +19,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from evertwin.types import Vector
+from evertwin.types import Float64, Vector
 
 MIDDLE = 2.5
 """Where the middle of the hall lies ahead to the left of the start, y [m]."""
@@ -86,12 +86,12 @@ class People:
         self._rng = rng
         self._at, self._to = self.places(PEOPLE), self.places(PEOPLE)
 
-    def places(self, count: int) -> Vector:
+    def places(self, count: int) -> Float64[np.ndarray, "n 2"]:
         """Anywhere in the hall, away from its walls [m], (count, 2)."""
         half = HALF - 0.8
         return np.asarray(self._rng.uniform(-half, half, (count, 2)) + np.array([0.0, MIDDLE]))
 
-    def walk(self, count: int, dt: float) -> Vector:
+    def walk(self, count: int, dt: float) -> Float64[np.ndarray, "n 3"]:
         """Where the first ``count`` of them are after ``dt`` [m], (PEOPLE, 3); the others are below
         the floor."""
         way = self._to - self._at
