@@ -60,6 +60,9 @@ def register(app: typer.Typer) -> None:
         solid: Annotated[
             bool, typer.Option("--solid", help="Boxes down to the floor, no legs.")
         ] = False,
+        three: Annotated[
+            bool, typer.Option("--three", help="Also where one leg was never in sight.")
+        ] = False,
         origin: Annotated[
             str, typer.Option(help="Pose of the map's origin in the world: 'X Y HEADING'.")
         ] = "0 0 0",
@@ -79,5 +82,7 @@ def register(app: typer.Typer) -> None:
         if not (0 < radius <= inflation and height > 0.05 and overhang >= 0):
             raise UsageError("tables: expected 0 < radius ≤ inflation, height above 0.05 m, "
                              "overhang from 0 m")  # fmt: skip
-        asked = Asked(Inflation(radius, inflation), Plate(height, overhang, solid), pose_of(origin))
+        asked = Asked(
+            Inflation(radius, inflation), Plate(height, overhang, solid), pose_of(origin), three
+        )
         make_tables(recording, out, poses, asked, Topics(scan), as_json)

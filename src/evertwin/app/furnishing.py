@@ -50,6 +50,8 @@ class Asked(NamedTuple):
     plate: Plate
     origin: Float64[np.ndarray, " 3"]
     """Pose of the map's origin in the world that the bodies go into."""
+    three: bool = False
+    """Are three legs a table whose fourth was never in sight?"""
 
 
 def make_tables(
@@ -65,7 +67,8 @@ def make_tables(
             raise DataError(f"{poses or file}: no scan has a pose")
         lidar = compose(pose, np.broadcast_to(np.array(scans.lidar.mount), pose.shape))
         room, happened = furnished(
-            View(int(scans.t[k]), scans.ranges[k], scans.lidar, lidar[k]) for k in told
+            (View(int(scans.t[k]), scans.ranges[k], scans.lidar, lidar[k]) for k in told),
+            asked.three,
         )
         keys = _keyframes(pose, told)
         chart = of_keyframes(pose[keys], tuple(surface_of(scans, int(k)) for k in keys),

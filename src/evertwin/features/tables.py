@@ -109,6 +109,8 @@ class Room:
     """Stamp of the newest look for rectangles [ns]."""
     last: int = 0
     """Number of the newest table."""
+    three: bool = False
+    """Are three legs a table whose fourth was never in sight?"""
 
     @property
     def tables(self) -> tuple[Table, ...]:
@@ -116,9 +118,9 @@ class Room:
         return tuple(one for one in self.found if one.number)
 
 
-def furnished(views: Iterable[View]) -> tuple[Room, tuple[Happened, ...]]:
+def furnished(views: Iterable[View], three: bool = False) -> tuple[Room, tuple[Happened, ...]]:
     """The tables of a room that is seen by ``views``, in the order of time."""
-    room, happened = Room(), list[Happened]()
+    room, happened = Room(three=three), list[Happened]()
     for view in views:
         room, more = seen(room, view)
         happened += more
@@ -146,10 +148,11 @@ def _looked(room: Room, t: int) -> tuple[Room, list[Happened]]:
     """Looks for rectangles, and at what became of the tables that were known."""
     sure = room.legs.kept(room.legs.odds >= SURE)
     left = explained([one for one in candidates(sure, 4) if _is_table(one, room, t)])
-    used = frozenset[int]().union(*(one.known for one in left))
-    rest = sure.kept(~np.isin(sure.number, list(used)))
-    hidden = [one for one in candidates(rest, 3) if _is_table(one, room, t)]
-    left += [one for one in explained(hidden) if all(apart(one, other) for other in left)]
+    if room.three:
+        used = frozenset[int]().union(*(one.known for one in left))
+        rest = sure.kept(~np.isin(sure.number, list(used)))
+        hidden = [one for one in candidates(rest, 3) if _is_table(one, room, t)]
+        left += [one for one in explained(hidden) if all(apart(one, other) for other in left)]
     happened, found, gone, last = list[Happened](), list[Table](), list(room.gone), room.last
     for table in room.found:
         same = next((one for one in left if _same(one, table)), None)
