@@ -34,6 +34,11 @@ def headline(
 ) -> str:  # fmt: skip
     """The outcome in a sentence or a few."""
     known = {name: f for name, f in outputs.items() if not math.isnan(f.rms_after)}
+    if not known and champion.number:
+        return (
+            f"Version {champion.number} is live ({_shorter(champion.reason)}); no row since then "
+            "tells how much better it is."
+        )
     if not known:
         return "Nothing was predicted: no output has a measurement to be compared with."
     told = [_outcome(setup, known, champion, events, trial)]

@@ -16,6 +16,7 @@ from evertwin.fold import Event, plain
 from evertwin.loop.open_trial import OpenTrial
 from evertwin.models import Model, Parameters
 from evertwin.models.form import Form, Version
+from evertwin.signals.spoken import suited
 from evertwin.sources.tally import Tally
 from evertwin.types import Json
 
@@ -192,13 +193,17 @@ class RunResult:
         )
 
     def _lines(self) -> list[tuple[str, ...]]:
-        return [
-            (name, f.unit, f"{f.rms_before:.4g}", f"{f.rms_after:.4g}",
-             f"{100 * f.relative_rms_before:.2f} %", f"{100 * f.relative_rms_after:.2f} %")
-            for name, f in self.outputs.items()
-            # a virtual sensor has no measurement to differ from
-            if not (math.isnan(f.rms_before) and math.isnan(f.rms_after))
-        ]  # fmt: skip
+        found: list[tuple[str, ...]] = []
+        for name, f in self.outputs.items():
+            sizes = [v for v in (f.rms_before, f.rms_after) if not math.isnan(v)]
+            if not sizes:  # a virtual sensor has no measurement to differ from
+                continue
+            unit, factor = suited(max(sizes), f.unit)
+            found.append(
+                (name, unit, f"{f.rms_before * factor:.4g}", f"{f.rms_after * factor:.4g}",
+                 f"{100 * f.relative_rms_before:.2f} %", f"{100 * f.relative_rms_after:.2f} %")
+            )  # fmt: skip
+        return found
 
     def __str__(self) -> str:
         return self.text()
@@ -209,6 +214,8 @@ class RunResult:
         text = [self.headline, ""]
         text += [
             f"  {name:<10} rms {b} -> {a} {unit}   relative {rb} -> {ra}"
+            if (b, rb) != (a, ra)
+            else f"  {name:<10} rms {a} {unit}   relative {ra}   unchanged"
             for name, unit, b, a, rb, ra in self._lines()
         ]
         if before or after:
@@ -221,7 +228,7 @@ class RunResult:
             text += self._others(shown[:-MOST])
         text.append(
             f"{self.name}: {self.samples} rows in {self.seconds:.2f} s; figures are of unseen rows "
-            f"from {self.unseen_since} on; champion is version {self.champion.number} "
+            f"from {self.unseen_since} on; version {self.champion.number} is live "
             f"({self.champion.reason})"
         )
         return "\n".join(text)

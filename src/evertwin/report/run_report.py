@@ -127,7 +127,7 @@ def _checks(result: RunResult, setup: Setup) -> list[tuple[str, str]]:
     if weak:
         checks.append(("no", f"Weakly known, so not to be relied on alone: {', '.join(weak)}."))
     if result.trial is not None:
-        checks.append(("open", f"On trial, not decided yet: {result.trial}"))
+        checks.append(("open", f"Not decided yet. {result.trial}"))
     return checks
 
 

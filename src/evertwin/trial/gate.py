@@ -265,4 +265,5 @@ def figures(state: GateState) -> dict[str, Any]:
 
 
 def _change(found: Mapping[str, Any]) -> str:
-    return f"deviation {-100 * found['gain']:+.1f} %"
+    gain = 100 * found["gain"]
+    return f"{abs(gain):.1f} % {'less' if gain >= 0 else 'more'} deviation"
