@@ -151,6 +151,20 @@ def lives(site: Path, kills: int, rng: np.random.Generator) -> Iterator[Life]:
             yield forked(site, Point(how, int(rng.geometric(0.5))), LONGEST)
 
 
+def drained(served: Served, token: str) -> None:
+    """Waits until the broker has nothing more and all of it is folded: only then is what lacks at
+    the end lost, and not just on its way."""
+    calm, before = 0, -1
+    while calm < 4:
+        time.sleep(5.0)
+        status = served.ask("/api/v1/status", token=token)[1]
+        robot = status["twins"][1]
+        count = sum(one["received"] for one in robot["sources"].values())
+        still = status["ready"] and count == before and not robot["waiting"] and not robot["busy"]
+        up = all(one["state"] == "up" for one in robot["sources"].values())
+        calm, before = (calm + 1 if still and up else 0), count
+
+
 def stamps(store: SqliteStore, source: str) -> np.ndarray:
     """Of all samples of a source, in seconds."""
     found = [chunk.t for chunk in store.samples(source, -(2**62), 2**62)]
@@ -180,7 +194,8 @@ def found(name: str, folder: Path, store: Path) -> tuple[dict[str, bool], str]:
         came = {one: np.sort(stamps(kept, one)) for one in sources}
         step = 1.0 if name == "robot" else 0.1
         repeated = {one: len(t) - len(np.unique(t)) for one, t in came.items()}
-        span = {one: round((t[-1] - t[0]) / step) + 1 for one, t in came.items()}
+        last = max(t[-1] for t in came.values())  # both speak until the end
+        span = {one: round((last - t[0]) / step) + 1 for one, t in came.items()}
         missing = {one: span[one] - len(np.unique(t)) for one, t in came.items()}
         entries, doubled, wrong = kept.verify(), twice(kept), champions(kept)
     copy = bare(store, folder / f"{name}-again.db")
@@ -218,11 +233,7 @@ def main(kills: int = 100, seed: int = 1, speed: float = 10.0) -> int:
         machines[1].__exit__()
         with Served(site) as served:  # what the broker keeps comes
             token = (site.parent / "demo-store" / "token").read_text().strip()
-            count, before = -1, -2
-            while count != before:
-                time.sleep(5.0)
-                told = served.ask("/api/v1/status", token=token)[1]["twins"][1]["sources"]
-                before, count = count, sum(one["received"] for one in told.values())
+            drained(served, token)
         demands: dict[str, bool] = {}
         for twin in ("arm", "robot"):
             reached, text = found(twin, folder, site.parent / "demo-store" / f"{twin}_live.db")

@@ -111,6 +111,14 @@ class StoreDamaged(StoreError):
     """
 
 
+class StoreUnwritable(StoreError):
+    """The disk is full, or takes nothing; what was written before stands.
+
+    >>> StoreUnwritable("arm.db: database or disk is full").exit_code
+    4
+    """
+
+
 class StoreLocked(StoreError):
     """The store belongs to a running process.
 

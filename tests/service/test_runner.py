@@ -7,6 +7,7 @@ import json
 import threading
 import time
 from collections.abc import AsyncIterator, Callable
+from contextlib import closing
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ import numpy as np
 import pytest
 from fastapi import WebSocket
 
-from evertwin.errors import UsageError
+from evertwin.errors import StoreUnwritable, UsageError
 from evertwin.fold import Chunk
 from evertwin.service import runner as room
 from evertwin.service.condition import Condition
@@ -24,7 +25,9 @@ from evertwin.service.runner import Runner
 from evertwin.service.service import Service
 from evertwin.service.stream import stream
 from evertwin.sources.live.contract import Health
+from evertwin.store import SqliteStore
 from planted.serving import site
+from planted.worlds import record_robot
 
 
 class Fast:
@@ -215,3 +218,49 @@ def test_silence_is_stale_and_alarms_are_told() -> None:
     assert condition.told(failed=False, ended=False)["why"] == "a worn joint"
     condition.heard({"kind": "alarm_cleared", "reason": ""})
     assert condition.told(failed=False, ended=False)["condition"] == "good"
+
+
+def test_a_twin_whose_disk_was_full_goes_on_by_itself(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Also where it is full again when it is tried: then later; the log has it once."""
+    record_robot(tmp_path / "run.csv", "--light", "--world", "w3", "--seconds", "20", "--seed", "3")
+    file, full = site(tmp_path, "robot", speed=1000), [True]
+    keep, opening = room.AtWork.keep, room.AtWork.__init__
+
+    def refused(self: Any, chunks: Any) -> Any:
+        if full[0] and self.row > 3:
+            raise StoreUnwritable("robot.db: database or disk is full")
+        return keep(self, chunks)
+
+    def not_opened(self: Any, *given: Any) -> None:
+        if full[0] and opened:
+            full[0] = len(opened) < 2
+            opened.append(self)
+            raise StoreUnwritable("robot.db: database or disk is full")
+        opened.append(self)
+        opening(self, *given)
+
+    opened: list[Any] = []
+    monkeypatch.setattr(room.AtWork, "keep", refused)
+    monkeypatch.setattr(room.AtWork, "__init__", not_opened)
+
+    async def lives() -> dict[str, Any]:
+        service = Service(file)
+        await service.start()
+        try:
+            async with asyncio.timeout(25):
+                while service.runners["robot"].status()["state"] != "ended":
+                    await asyncio.sleep(0.05)
+            return service.runners["robot"].status()
+        finally:
+            await service.stop()
+
+    with caplog.at_level("INFO", "evertwin.service"):
+        status = asyncio.run(lives())
+    assert status["rows"] > 15 and len(opened) == 4
+    lines = [record.message for record in caplog.records if record.name == "evertwin.service"]
+    assert sum("quarantined: robot.db" in line for line in lines) == 1, lines
+    with closing(SqliteStore(tmp_path / "store" / "robot.db", read_only=True)) as store:
+        stamps = np.concatenate([chunk.t for chunk in store.samples("log", -1, 2**62)])
+    assert len(stamps) == len(np.unique(stamps)) == 21

@@ -19,12 +19,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal, TypeAlias, TypeVar
 
+from evertwin.backoff import Backoff
 from evertwin.engine import Pool
-from evertwin.errors import EvertwinError, UsageError
+from evertwin.errors import EvertwinError, StoreUnwritable, UsageError
 from evertwin.fold import Chunk, Event
 from evertwin.loop import Numbered
 from evertwin.publishers.contract import About, Kind, News, Publisher
 from evertwin.publishers.registry import open_publisher
+from evertwin.service.archiving import keep_days
 from evertwin.service.at_work import AtWork, Said, told, warm
 from evertwin.service.condition import Condition
 from evertwin.service.plan import Plan
@@ -40,8 +42,6 @@ TOGETHER = 256
 """Pieces of samples that are stored, or folded, together at most."""
 PATIENCE = 10.0
 """Seconds that what waits has at most to be folded when a twin is stopped."""
-AGAIN = 600.0
-"""Seconds from one look for older days to the next."""
 KEPT = 64
 """Messages with rows, and times as many events, that a slow reader may be behind."""
 
@@ -83,6 +83,11 @@ class Runner:
         self.work: AtWork | None = None
         self.turn = asyncio.Semaphore(1)
         """One question after the other."""
+        self.again = Backoff(1.0, 30.0)
+        self.due: float | None = None
+        """When it is tried again, because its store could not be written; None: not by itself."""
+        self._told = ""
+        """The reason that the log has."""
         self._warms = warms
         self._reader: SqliteStore | None = None
         self._thread = ThreadPoolExecutor(1, thread_name_prefix=f"twin {plan.name}")
@@ -120,7 +125,7 @@ class Runner:
             self._reading = [asyncio.create_task(self._read(source)) for source in self.sources]
             self._working = [asyncio.create_task(one) for one in (self._store(), self._fold())]
             if self.plan.entry.days is not None:
-                self._working.append(asyncio.create_task(self._archive(self.plan.entry.days)))
+                self._working.append(asyncio.create_task(keep_days(self, self.plan.entry.days)))
             LOG.info("%s: running", self.name, extra={"twin": self.name})
 
     def _opened(self) -> AtWork:
@@ -142,6 +147,9 @@ class Runner:
         """Whatever a twin raises ends that twin alone."""
         try:
             yield
+        except StoreUnwritable as error:
+            self.due = time.monotonic() + self.again.next()
+            self._quarantine(str(error))
         except EvertwinError as error:
             self._quarantine(str(error))
         except Exception as error:  # noqa: BLE001  (a model or plug-in of the user's may raise any)
@@ -149,13 +157,21 @@ class Runner:
 
     def _quarantine(self, reason: str) -> None:
         self.state, self.reason = "quarantined", reason
-        LOG.error("%s: quarantined: %s", self.name, reason, extra={"twin": self.name})
+        if reason != self._told:
+            LOG.error("%s: quarantined: %s", self.name, reason, extra={"twin": self.name})
+        self._told = reason
         for source in self.sources:
             source.close()
         for task in (*self._reading, *self._working):
             if task is not asyncio.current_task():
                 task.cancel()
         self._tell()
+
+    def anew(self) -> Runner:
+        """The same twin, to be tried again."""
+        fresh = Runner(self.plan, self.store, self.listeners, warms=False, pool=self._pool)
+        fresh.again, fresh._told, fresh.row = self.again, self._told, self.row
+        return fresh
 
     async def stop(self) -> None:
         """Sources closed, what waits folded and durable, a checkpoint kept, the store released."""
@@ -212,6 +228,8 @@ class Runner:
             async for taken in together(self._came):
                 chunks = [chunk for _, chunk, _ in taken]
                 kept = await loop.run_in_executor(self._storing, self.work.keep, chunks)
+                self.again.reset()
+                self._told = ""
                 now = time.perf_counter()
                 for source, chunk, came in taken:
                     source.committed(chunk)
@@ -272,28 +290,6 @@ class Runner:
         for listener in self.listeners:
             listener.set()
 
-    # ------------------------------------------------------------------ older days
-
-    async def _archive(self, days: int) -> None:
-        """Looks for older days again and again; what cannot be written is tried again."""
-        while True:
-            try:
-                await self.archive(days)
-            except (EvertwinError, OSError) as error:
-                LOG.error("%s: older days stay in the store: %s", self.name, error)
-            await asyncio.sleep(AGAIN)
-
-    async def archive(self, days: int) -> int:
-        """Older days go to Parquet files, written beside the work; how many went."""
-        found = await self.ask(lambda work: work.old(days))
-        for source, day, names in found:
-            reader = self.reader
-            pieces = reader.of_day(source, day)
-            written = await asyncio.to_thread(reader.archive.write, source, day, pieces, names)
-            if written is not None:
-                await self._done(partial(AtWork.archived, day=written))
-        return len(found)
-
     # ------------------------------------------------------------------ questions
 
     async def ask(self, question: Callable[[AtWork], T]) -> T:
@@ -315,7 +311,7 @@ class Runner:
         Raises:
             UsageError: it cannot be heeded, or the twin is not at work.
         """
-        return await self._done(lambda work: work.ordered(order, number, reason, person))
+        return await self.done(lambda work: work.ordered(order, number, reason, person))
 
     async def label(self, number: int, verdict: str, reason: str, person: str) -> Mapping[str, Any]:
         """What a person says to an event; the event that keeps it.
@@ -323,9 +319,10 @@ class Runner:
         Raises:
             UsageError: the log has no such event, or the twin is not at work.
         """
-        return await self._done(lambda work: work.labelled(number, verdict, reason, person))
+        return await self.done(lambda work: work.labelled(number, verdict, reason, person))
 
-    async def _done(self, work: Callable[[AtWork], tuple[Event, Said]]) -> Mapping[str, Any]:
+    async def done(self, work: Callable[[AtWork], tuple[Event, Said]]) -> Mapping[str, Any]:
+        """Something that goes into the log; the event that says it."""
         event, said = await self.ask(work)
         self._take(said)
         return told(said.events[-1][0] if said.events else 0, event)

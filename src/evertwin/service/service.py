@@ -147,8 +147,20 @@ class Service:
         while True:
             await asyncio.sleep(BEAT if beat is None else min(BEAT, beat))
             notify("WATCHDOG=1")
-            for runner in self.runners.values():
+            for runner in tuple(self.runners.values()):
                 runner.beat()
+                if runner.due is not None and runner.due < time.monotonic():
+                    runner.due = None
+                    self._tasks.append(asyncio.create_task(self._anew(runner)))
+            self._tasks = [task for task in self._tasks if not task.done()]
+
+    async def _anew(self, runner: Runner) -> None:
+        """A twin whose store could not be written is tried again; its sources go on from there."""
+        async with self._turn:
+            if self.runners.get(runner.name) is runner and self.ready:
+                await runner.stop()
+                self.runners[runner.name] = fresh = runner.anew()
+                await fresh.start()
 
     def status(self) -> dict[str, Any]:
         """How the service is, in plain values."""

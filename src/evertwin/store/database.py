@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from evertwin.errors import StoreDamaged, StoreError
+from evertwin.errors import StoreDamaged, StoreError, StoreUnwritable
 from evertwin.store.chain import Head
 
 MEMORY = ":memory:"
@@ -189,7 +189,7 @@ class Database:
         except sqlite3.OperationalError as error:
             # text that is no text has no code
             code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_CORRUPT) & 0xFF
-            kind = StoreDamaged if code in DAMAGE else StoreError
+            kind = StoreDamaged if code in DAMAGE else StoreUnwritable
             raise kind(f"{self.path}: {error}: check the disk and the folder's rights") from error
         except sqlite3.IntegrityError as error:
             raise StoreError(f"{self.path}: {error}") from error

@@ -12,7 +12,9 @@ import socket
 import sqlite3
 from pathlib import Path
 
-from evertwin.errors import StoreError, StoreLocked
+from evertwin.errors import StoreLocked, StoreUnwritable
+
+CHECK = "check the disk and the folder's rights"
 
 
 class Lock:
@@ -34,19 +36,19 @@ class Lock:
 
         Raises:
             StoreLocked: another process, or another store of this one, has it.
-            StoreError: the folder is missing or cannot be written.
+            StoreUnwritable: the folder is missing or cannot be written.
         """
         try:
             self._file = sqlite3.connect(f"{path}.lock", timeout=0, isolation_level=None)
         except sqlite3.OperationalError as error:
-            raise StoreError(f"{path}: {error}: check the folder and its rights") from error
+            raise StoreUnwritable(f"{path}: {error}: {CHECK}") from error
         try:
             self._take()
         except sqlite3.OperationalError as error:
             owner = self._owner()
             self._file.close()
             if error.sqlite_errorcode not in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
-                raise StoreError(f"{path}: {error}: check the folder and its rights") from error
+                raise StoreUnwritable(f"{path}: {error}: {CHECK}") from error
             raise StoreLocked(
                 f"{path} is open in {owner}: wait until it ends, or end it"
             ) from error
