@@ -157,7 +157,7 @@ class Runner:
 
     def _quarantine(self, reason: str) -> None:
         self.state, self.reason = "quarantined", reason
-        if reason != self._told:
+        if self.due is None or not self._told:  # one line, however often it is tried again
             LOG.error("%s: quarantined: %s", self.name, reason, extra={"twin": self.name})
         self._told = reason
         for source in self.sources:

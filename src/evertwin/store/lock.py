@@ -14,7 +14,7 @@ from pathlib import Path
 
 from evertwin.errors import StoreLocked, StoreUnwritable
 
-CHECK = "check the disk and the folder's rights"
+CHECK = "check the folder and its rights"
 
 
 class Lock:
