@@ -86,24 +86,24 @@ def calm(rows: int, first: int = 0) -> Residuals:
 def test_the_first_task_calibrates_and_no_row_after_it() -> None:
     detect = Detect.of(AnomalySpec(calibration=float("inf")), ("x",), np.array([True]), 1)
     cusum = detect.cusum.collect(detect.init().cusum, calm(3000))
-    state, alarm, failed = detect.beat(detect.init()._replace(cusum=cusum), task_end=False)
-    assert (state.cusum.calibration.ready, alarm, failed[0]) == (False, "", "")
-    state, _, _ = detect.beat(state, task_end=True)
+    state, failed = detect.beat(detect.init()._replace(cusum=cusum), task_end=False)
+    assert (state.cusum.calibration.ready, failed[0]) == (False, "")
+    state, _ = detect.beat(state, task_end=True)
     assert state.cusum.calibration.ready
     assert state.drift.calibration.ready
     known = state.cusum.calibration
-    again, _, _ = detect.beat(state, task_end=True)
+    again, _ = detect.beat(state, task_end=True)
     assert again.cusum.calibration is known
 
 
 def test_too_short_a_first_task_is_said_and_more_is_collected() -> None:
     detect = Detect.of(AnomalySpec(calibration=float("inf")), ("x",), np.array([True]), 1)
     cusum = detect.cusum.collect(detect.init().cusum, calm(300))
-    state, _, (reason, rows) = detect.beat(detect.init()._replace(cusum=cusum), task_end=True)
+    state, (reason, rows) = detect.beat(detect.init()._replace(cusum=cusum), task_end=True)
     assert "at least 1000 are needed" in reason
     assert rows == 300
     state = state._replace(cusum=detect.cusum.collect(state.cusum, calm(2000, 300)))
-    state, _, _ = detect.beat(state, task_end=True)
+    state, _ = detect.beat(state, task_end=True)
     assert state.cusum.calibration.ready
 
 
@@ -121,7 +121,7 @@ def test_a_span_calibrates_when_it_has_passed() -> None:
     spec = replace(AnomalySpec(), calibration=1999.0)
     detect = Detect.of(spec, ("x",), np.array([True]), 1)
     cusum = detect.cusum.collect(detect.init().cusum, calm(1500))
-    state, _, _ = detect.beat(detect.init()._replace(cusum=cusum))
+    state, _ = detect.beat(detect.init()._replace(cusum=cusum))
     assert not state.cusum.calibration.ready
     state = state._replace(cusum=detect.cusum.collect(state.cusum, calm(500, 1500)))
     assert detect.beat(state)[0].cusum.calibration.ready

@@ -25,12 +25,13 @@ def tasks(off: float) -> Block:
 
 
 def alarms(steps: StepsSpec | None, off: float) -> list[int]:
-    """Rows of suspicion."""
+    """Rows at which something was found that became a suspicion."""
     model = FunctionModel(lambda x, u, dt, p: (x, u), Layout.of(u="1"), Layout.of(y="1"))
     spec = TwinSpec("press", ModelSpec("given"), anomaly=AnomalySpec(steps=steps))
     with Twin(spec, model) as twin:
         twin.run([tasks(off)])
-        return [event.row for event in twin.events if event.kind == "suspected"]
+        found = [event.evidence["row"] for event in twin.events if event.kind == "suspected"]
+        return [row for row in found if isinstance(row, int)]
 
 
 @pytest.mark.parametrize("off", [0.0, 0.4])

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evertwin.errors import StoreError
+from evertwin.loop.detectors import Alarm
 from evertwin.loop.deviation import Sums, Usual
 from evertwin.loop.driver import Driver
 from evertwin.loop.follow import EMPTY
@@ -86,7 +87,7 @@ def carried(driver: Driver, store: Store, run: int, state: TwinState) -> TwinSta
     left: _HandedOn = found.state.twin
     rows, before = known.state.twin.row, left.agenda
     left.detect.cusum.calm.row[: left.detect.cusum.collected] -= rows
-    detect = left.detect._replace(told=left.detect.told - rows, pending="")
+    detect = left.detect._replace(told=left.detect.told - rows, pending=Alarm())
     agenda = state.agenda._replace(
         commissioned=before.commissioned, held=before.held,
         fitted=before.fitted - left.elapsed, since=before.since - rows, told=before.told,

@@ -18,11 +18,12 @@ from evertwin.fold import Answer, Event, Request, copy
 from evertwin.loop.contacts import in_words, remembered
 from evertwin.loop.crossing import outside
 from evertwin.loop.decision import Decision
+from evertwin.loop.detectors import Alarm
 from evertwin.loop.deviation import new_sums
 from evertwin.loop.follow import EMPTY, Follow
 from evertwin.loop.in_stream import tell_followed
 from evertwin.loop.looking import adopted, in_vain, looks, returned
-from evertwin.loop.requirement import deviates
+from evertwin.loop.requirement import alarmed, deviates
 from evertwin.loop.scores import new_scores
 from evertwin.loop.states import tried
 from evertwin.loop.succession import makes_room, opening
@@ -112,7 +113,7 @@ class Decide:
             decision.remember(open=0)  # it was asked about rows that are not the machine's own
         if contact is not None:
             watch, seen = new_sums(len(state.scores.watch.samples)), np.zeros(1, dtype=np.int64)
-            detect = state.detect._replace(pending="")
+            detect = state.detect._replace(pending=Alarm())
             scores = state.scores._replace(watch=watch, seen=seen)
             decision.state = decision.state._replace(scores=scores, detect=detect)
         if contact is not None and told.new:
@@ -129,11 +130,15 @@ class Decide:
         state, setup = decision.state, self.follow.setup
         about = looks(setup, state)
         reason, signal, evidence = deviates(setup, state, task_end)
+        alarm = state.detect.pending if alarmed(setup, state) else Alarm()
+        if alarm.kind or reason is not None:  # what is too small in a whole window is dropped
+            state = state._replace(detect=state.detect._replace(pending=Alarm()))
+            decision.state = state
         if reason is not None:
             watch, seen = new_sums(len(state.scores.watch.samples)), np.zeros(1, dtype=np.int64)
             scores = state.scores._replace(watch=watch, seen=seen)
             decision.state = state._replace(scores=scores)
-        detect, alarm, failed = setup.detect.beat(decision.state.detect, task_end)
+        detect, failed = setup.detect.beat(decision.state.detect, task_end)
         decision.state = decision.state._replace(detect=detect)
         if failed[0]:
             decision.say("not_calibrated", "", failed[0], {"rows": failed[1]})
@@ -150,11 +155,13 @@ class Decide:
             decision.remember(look=0, pace=0)
         every = state.elapsed - agenda.fitted >= setup.schedule
         due = every or again > 0 or last
-        if reason or alarm or due:
+        if reason or alarm.kind or due:
             makes_room(setup, decision)
-        free = self._free(decision.state, bool(reason or alarm), every)
-        if not reason and alarm:
-            reason = alarm
+        free = self._free(decision.state, bool(reason or alarm.kind), every)
+        if alarm.kind:
+            decision.say(alarm.kind, alarm.signal, alarm.reason, {"row": alarm.row})
+        if not reason and alarm.kind:
+            reason = alarm.reason
         elif reason and (free or not state.agenda.told):
             decision.say("suspected", signal, reason, evidence)
         if reason is not None:

@@ -31,6 +31,21 @@ QUIET = 1000
 """Rows without a further drift of an output that end an excursion."""
 
 
+class Alarm(NamedTuple):
+    """What a detector found, and nothing was decided about yet.
+
+    >>> Alarm().kind
+    ''
+    """
+
+    kind: str = ""
+    """Kind of its event; empty: there is none."""
+    signal: str = ""
+    reason: str = ""
+    row: int = 0
+    """At which it was found."""
+
+
 class DetectState(NamedTuple):
     """States of the detectors, and what was not yet acted on.
 
@@ -43,8 +58,8 @@ class DetectState(NamedTuple):
     snr: SnrState
     told: np.ndarray
     """Row of each output's newest drift, int64: one event tells of an excursion."""
-    pending: str
-    """Reason of the newest alarm since the last beat; empty: none."""
+    pending: Alarm
+    """The oldest alarm that was not yet acted on."""
     tried: int = 0
     """Calm rows at the last attempt to calibrate on a span that the twin file sets."""
 
@@ -83,7 +98,7 @@ class Detect:
     def init(self) -> DetectState:
         """Nothing calibrated."""
         told = np.full(len(self.columns), -QUIET, dtype=np.int64)
-        return DetectState(self.cusum.init(), self.drift.init(), self.snr.init(), told, "")
+        return DetectState(self.cusum.init(), self.drift.init(), self.snr.init(), told, Alarm())
 
     def step(self, state: DetectState, rows: Released) -> tuple[DetectState, tuple[Event, ...]]:
         """More rows; consumes ``state``."""
@@ -107,9 +122,13 @@ class Detect:
         if not found:
             return DetectState(cusum, drift, snr, state.told, state.pending), ()
         events = tuple(event for event in found if isinstance(event, Event))
-        alarms = [e.reason for e in events if e.kind != "not_calibrated"]
-        pending = alarms[-1] if alarms else state.pending
-        return DetectState(cusum, drift, snr, state.told, pending), events
+        alarms = [e for e in events if e.kind != "not_calibrated"]
+        pending = state.pending
+        if alarms and not pending.kind:
+            first = min(alarms, key=lambda e: e.row)
+            pending = Alarm(first.kind, first.signal, first.reason, first.row)
+        others = tuple(e for e in events if e.kind == "not_calibrated")
+        return DetectState(cusum, drift, snr, state.told, pending), others
 
     def _begins(self, told: np.ndarray, records: tuple[Record, ...]) -> tuple[Record, ...]:
         """Drifts that begin an excursion; what follows within `QUIET` rows belongs to it."""
@@ -124,13 +143,14 @@ class Detect:
 
     def quiet(self, state: DetectState) -> bool:
         """Has a beat nothing to do for the detectors until one of them alarms?"""
-        return state.cusum.calibration.ready and state.drift.calibration.ready and not state.pending
+        ready = state.cusum.calibration.ready and state.drift.calibration.ready
+        return ready and not state.pending.kind
 
     def beat(
         self, state: DetectState, task_end: bool = False
-    ) -> tuple[DetectState, str, tuple[str, int]]:
-        """At a beat: calibrations made and handed on, the reason of an alarm since the last one,
-        and why a calibration that was due failed (with its rows; empty: none did)."""
+    ) -> tuple[DetectState, tuple[str, int]]:
+        """At a beat: calibrations made and handed on, and why one that was due failed (with its
+        rows; empty: none did)."""
         failed = ("", 0)
         if self._due(state, task_end):
             cusum, reason = self.cusum.settle(state.cusum)
@@ -139,7 +159,7 @@ class Detect:
         known = state.cusum.calibration
         if known.ready and not state.drift.calibration.ready:
             state = state._replace(drift=self.drift.begin(known), snr=self.snr.begin(known))
-        return state._replace(pending=""), state.pending, failed
+        return state, failed
 
     def _due(self, state: DetectState, task_end: bool) -> bool:
         """Has the span passed? After a failure: have as many rows again come?"""

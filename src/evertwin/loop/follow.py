@@ -213,9 +213,8 @@ class Follow:
         scores, pairs, off = accumulate(state.scores, rows, watch)
         detect, found = self.setup.detect.step(state.detect, rows)
         stop = -1 if off < 0 else int(beats[off])
-        if len(beats) and detect.pending:
-            alarmed = min(event.row for event in found) + delay
-            after = beats[beats > alarmed]
+        if len(beats) and detect.pending.kind:
+            after = beats[beats > detect.pending.row + delay]
             if len(after) and (stop < 0 or after[0] < stop):
                 stop = int(after[0])
         trial, phase = state.trial, state.agenda.phase

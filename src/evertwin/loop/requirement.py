@@ -11,6 +11,20 @@ from evertwin.loop.follow import NONE
 from evertwin.loop.setup import Setup
 from evertwin.loop.twin_state import TwinState
 
+LITTLE = 1.0 / 3.0
+"""Part of the requirement that a deviation has to reach for a detector's alarm to count: that a
+residual is no longer what it was is no trouble while the twin is as true as is asked."""
+
+
+def alarmed(setup: Setup, state: TwinState) -> bool:
+    """Has a detector alarmed, about an output that is off by enough to matter?"""
+    alarm = state.detect.pending
+    if not alarm.kind or not np.isfinite(setup.requirement):
+        return bool(alarm.kind)
+    values = judged_deviation(state.scores.watch, setup.relative, state.scores.usual)
+    off = values[setup.model.outputs.index(alarm.signal)]
+    return bool(off >= LITTLE * setup.requirement)  # nothing moved: it cannot be told yet
+
 
 def deviates(
     setup: Setup, state: TwinState, task_end: bool

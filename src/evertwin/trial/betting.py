@@ -70,6 +70,8 @@ class Bets(NamedTuple):
     """Logarithm of the wealth per share."""
     serial: Float64[np.ndarray, "lengths 6"]
     """Of the relative payoffs v that are not alike: Σv, Σv², Σv·v(before), first, last, count."""
+    before: Float64[np.ndarray, "lengths shares"]
+    """Evidence of the challengers before, whose places were taken."""
 
 
 def open_bets() -> Bets:
@@ -77,24 +79,21 @@ def open_bets() -> Bets:
     k = len(LENGTHS)
     return Bets(
         np.zeros((k, 3)), np.zeros(k, dtype=np.int64), np.zeros(k), np.zeros((k, len(GRID))),
-        np.zeros((k, 6)),
+        np.zeros((k, 6)), np.zeros((k, len(GRID))),
     )  # fmt: skip
 
 
 def passed_on(bets: Bets) -> Bets:
-    """Bets on the next challenger, with the evidence so far as the wealth that they begin with:
-    evidence of stretches that follow each other multiplies. It is inflated once more with what
-    comes, which errs on the safe side."""
-    fresh = open_bets()
+    """Bets on the next challenger: evidence of stretches that follow each other multiplies."""
     inflation = np.array([_inflation(serial) for serial in bets.serial])
-    wealth = np.where(bets.wealth > 0.0, bets.wealth / inflation[:, None], bets.wealth)
-    return fresh._replace(wealth=wealth)
+    known = np.where(bets.wealth > 0.0, bets.wealth / inflation[:, None], bets.wealth)
+    return open_bets()._replace(before=bets.before + known)
 
 
 @njit(cache=True)
 def place(c: float, x: float, margin: float, lengths: Any, grid: Any, bets: Any) -> None:
     """One segment with deviations ``c`` and ``x`` goes into the bets, in place."""
-    part, blocks, square, wealth, serial = bets
+    part, blocks, square, wealth, serial, _ = bets
     for level in range(len(lengths)):
         part[level, 0] += c
         part[level, 1] += x
@@ -128,17 +127,18 @@ def place(c: float, x: float, margin: float, lengths: Any, grid: Any, bets: Any)
 @njit(cache=True)
 def evidence(bets: Any) -> float:
     """Logarithm of the e-value."""
-    _, blocks, _, wealth, serial = bets
+    _, blocks, _, wealth, serial, before = bets
     total, counted = 0.0, 0
     for level in range(len(blocks)):
         n = blocks[level]
-        if n <= WARM and not wealth[level].any():
+        if n <= WARM and not before[level].any():
             continue
         counted += 1
         inflation = _inflation(serial[level])
         for share in range(wealth.shape[1]):
             log = wealth[level, share]
-            total += math.exp(min(log / inflation if log > 0.0 else log, 600.0))
+            log = before[level, share] + (log / inflation if log > 0.0 else log)
+            total += math.exp(min(log, 600.0))
     return math.log(total / counted / wealth.shape[1]) if counted else 0.0
 
 
