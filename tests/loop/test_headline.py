@@ -80,7 +80,7 @@ def test_off_at_the_end_is_never_called_fitting() -> None:
     again while a candidate is on trial."""
     assert said(ROBOT, 0.03, 0.03).startswith("The twin is off, x by 30 mm where 10 mm is asked")
     better = said(ROBOT, 0.06, 0.03, "promoted", version=1)
-    assert "closer" in better and "still off by more than is asked: x by 30 mm" in better
+    assert "closer" in better and "still off by more than is asked, x by 30 mm" in better
 
 
 def test_within_but_suspected_says_both() -> None:

@@ -63,7 +63,7 @@ def test_an_axis_logged_in_german(written: Written, capsys: pytest.CaptureFixtur
         "Ist-Geschwindigkeit [mm/s]": 1e3 * SPEED, "Motorstrom [A]": FORCE / 50,
     }  # fmt: skip
     out, said = proposed(written(table), "drive_force", capsys)
-    assert "force: scale" in said and "not used: Soll-Position, Ist-Position" in said
+    assert "force: scale" in said and "not used: Soll-Position\n" in said
     out.write_text(out.read_text().replace('scale = "?"', "scale = 50"))
     spec = read(out)
     assert spec.moving is not None and spec.moving.channels == {"force": "speed"}
@@ -105,3 +105,18 @@ def test_an_axis_that_turns_and_wraps(written: Written, capsys: pytest.CaptureFi
 def test_a_speed_in_turns_a_minute(written: Written, capsys: pytest.CaptureFixture[str]) -> None:
     _, said = proposed(written({"n_rpm": 400 * SPEED, "M": FORCE}), "drive_force", capsys)
     assert "rpm      the name ends in rpm" in said
+
+
+def test_the_law_has_terms_of_the_place_where_a_place_is_recorded(
+    written: Written, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """So what a counterbalance does is found with what `init` writes, and named."""
+    sprung = {"position [m]": PLACE, "speed [m/s]": SPEED, "force [N]": FORCE + 900.0 * PLACE}
+    out, _ = proposed(written(sprung), "drive_force", capsys)
+    spec = read(out)
+    assert spec.tuning.ladder is not None and spec.tuning.ladder[-2:] == ("position", "spring")
+    found = Twin.open(out).fit([out.with_name("run.csv")])
+    assert found.parameters["Ks"].value == pytest.approx(900.0, rel=0.05)
+    del sprung["position [m]"]
+    out, said = proposed(written(sprung), "drive_force", capsys)
+    assert "position" not in (read(out).tuning.ladder or ()) and "no column found" not in said

@@ -100,8 +100,13 @@ def _options(kind: str, urdf: Path | None, own: Path) -> Sequence[dict[str, Any]
         raise UsageError(f"--urdf is for --model arm, got --model {kind}")
     if kind == "python":
         return [{"file": own.name, "name": "model"}]
-    if kind in ("drive", "drive_force"):
+    if kind == "drive":
         return [{}, {"rotary": True}]
+    if kind == "drive_force":  # terms of the place, where a place is recorded
+        law = "sign+direction+two_sided+stribeck+root"
+        slides, turns = f"{law}+position+spring", f"{law}+position+spring+balance"
+        return [{"law": slides}, {"law": law}, {"law": turns, "rotary": True},
+                {"law": law, "rotary": True}]  # fmt: skip
     if kind != "arm":
         return [{}]
     # a description's inertias are a start: friction alone would have to explain what they leave

@@ -18,7 +18,7 @@ from evertwin.loop.setup import Setup
 from evertwin.models import Model
 from evertwin.models.batch import Batch, mapped
 from evertwin.sync.horizon import residuals, restarts
-from evertwin.tuning import Problem
+from evertwin.tuning import Fit, Problem
 from evertwin.types import Json, Outputs, ParameterVector, Vector
 
 
@@ -128,3 +128,16 @@ def at_ends(problem: Problem, values: np.ndarray) -> list[float]:
             newest[n, k] = known[-1] if len(known) else np.nan
     rows = np.maximum(np.count_nonzero(~np.isnan(newest), axis=0), 1)
     return [float(size) for size in np.sqrt(np.nansum(np.square(newest), axis=0) / rows)]
+
+
+def falls_short(setup: Setup, problem: Problem, fit: Fit) -> str:
+    """Which output stays outside the requirement after tuning; empty where all reach it."""
+    after = [one.rms_after for one in fit.residuals]
+    if setup.at_horizon.wanted:
+        after = at_ends(problem, fit.values)
+    for k, one in enumerate(fit.residuals):
+        left = fit.moving_after[k] if setup.relative else after[k]
+        if setup.watched[k] and left > setup.requirement:
+            limit = setup.shown(k, setup.requirement)
+            return f"tuned, {one.output} is still off by {setup.shown(k, left)} (limit {limit})"
+    return ""

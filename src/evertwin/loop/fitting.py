@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, TypeAlias
 from evertwin.anomaly.verdict import branch
 from evertwin.engine import Engine
 from evertwin.fold import Block, plain
-from evertwin.loop.evaluation import Deviation, Prediction, deviations, predict
+from evertwin.loop.evaluation import Deviation, Prediction, deviations, falls_short, predict
 from evertwin.loop.feed import Data, Feed
 from evertwin.loop.friction_law import Chosen, climb_laws
 from evertwin.loop.recursive_fit import Recursion
@@ -238,7 +238,7 @@ def _unknown(work: Work, formed: Formed) -> str:
     told = branch(formed.fit, formed.problem)
     if told.evidence["dependence"]:
         return told.reason
-    return work.short(formed.problem, formed.fit)
+    return falls_short(work.setup, formed.problem, formed.fit)
 
 
 def posed(

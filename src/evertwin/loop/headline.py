@@ -78,7 +78,10 @@ def _outcome(
         )
     now, lead = _sizes(known, "off"), _lead(setup)
     off = {n: f for n, f in known.items() if f.judged > setup.requirement}
-    still = f" It is still off by more than is asked: {_off(setup, off)}." if off else ""
+    found = _nothing_better(setup, events, trial)
+    still = ""
+    if off:
+        still = f" It is still off by more than is asked, {_off(setup, off)}, and {found}."
     if champion.number and better:
         less = f" ({_pairs(setup, worse)}: worse)" if worse else ""
         return (
@@ -95,7 +98,6 @@ def _outcome(
             f"Nothing was judged, for no requirement is set: {now}{lead}. How far may it "
             "be off? Say so in [anomaly] requirement."
         )
-    found = _nothing_better(setup, events, trial)
     if off:
         return f"The twin is off, {_off(setup, off)}{lead}, and {found}."
     if math.isfinite(setup.requirement) and all(math.isnan(f.judged) for f in known.values()):
@@ -119,6 +121,9 @@ def _nothing_better(setup: Setup, events: Sequence[Event], trial: OpenTrial | No
             return f"a better version is on trial: {100 * trial.gain:.0f} % less so far"
         so_far = "worse" if trial.gain < -CLEAR else "no better"
         return f"the candidate that is on trial is {so_far} so far"
+    last = next((e for e in reversed(events) if e.kind in ("abnormal", "promoted")), None)
+    if last is not None and "number" in last.evidence:
+        return last.reason
     abnormal: list[Any] = [e.evidence.get("dependence") for e in events if e.kind == "abnormal"]
     depends = next((str(found["input"]) for found in reversed(abnormal) if found), "")
     channel = depends.removeprefix("change of ")

@@ -20,7 +20,7 @@ from evertwin.errors import DataError, ModelError, UsageError
 from evertwin.fold import plain
 from evertwin.loop.change import changed, split
 from evertwin.loop.correcting import learn, nearest
-from evertwin.loop.evaluation import at_ends, predict
+from evertwin.loop.evaluation import falls_short, predict
 from evertwin.loop.friction_law import climb_laws
 from evertwin.loop.physical import physically
 from evertwin.loop.posterior import posterior
@@ -30,6 +30,7 @@ from evertwin.loop.settled import settled
 from evertwin.loop.setup import Setup
 from evertwin.loop.states import States, amount
 from evertwin.loop.task import Task, Windows
+from evertwin.loop.unit_change import unit_change
 from evertwin.loop.versions import Versions
 from evertwin.loop.workers import setup_of
 from evertwin.machines.friction.resisting import not_physical
@@ -56,6 +57,14 @@ ENOUGH = 10
 
 def _event(kind: str, signal: str, reason: str, evidence: Mapping[str, Any]) -> dict[str, Any]:
     return {"kind": kind, "signal": signal, "reason": reason, "evidence": dict(evidence)}
+
+
+def _of_unit(output: str, number: float, name: str) -> dict[str, Any]:
+    said = (
+        f"{output} is {number:.4g} times what is predicted, as {name} would make it, or a machine "
+        "that changed so: that cannot be told from these data, and is not learned"
+    )
+    return _event("abnormal", output, said, {"number": number, "unit": name})
 
 
 def rejected(reason: str) -> dict[str, Any]:
@@ -220,6 +229,10 @@ class Work:
         if not names:
             return {"events": [], "next": self._next()}
         windows, events = self._now(version, windows, names) if held else (windows, [])
+        model = self.versions.model_of(version.form)
+        other = unit_change(self.setup, model, version.p, windows) if commissioned else None
+        if other:
+            return {"events": [*events, _of_unit(*other)]}
         problem, chosen = climb_laws(self.setup, self.problem(version, windows, names))
         problem, fit, rounds = self.tune(problem)
         if rounds and fit.converged:
@@ -318,23 +331,10 @@ class Work:
             if chosen:
                 refits[cause] = solve(problem.tuning(chosen))
         found = branch(fit, problem, refits, frozenset(self.setup.editable))
-        short = self.short(problem, fit)
+        short = falls_short(self.setup, problem, fit)
         if found.kind == "normal" and short and self._next():
             return replace(found, kind="abnormal", reason=f"{short}: the form does not reach it")
         return found
-
-    def short(self, problem: Problem, fit: Fit) -> str:
-        """Which output stays outside the requirement after tuning; empty where all reach it."""
-        setup = self.setup
-        after = [one.rms_after for one in fit.residuals]
-        if setup.at_horizon.wanted:
-            after = at_ends(problem, fit.values)
-        for k, one in enumerate(fit.residuals):
-            left = fit.moving_after[k] if setup.relative else after[k]
-            if setup.watched[k] and left > setup.requirement:
-                limit = setup.shown(k, setup.requirement)
-                return f"tuned, {one.output} is still off by {setup.shown(k, left)} (limit {limit})"
-        return ""
 
     def scale(self, problem: Problem, values: np.ndarray) -> np.ndarray:
         """Rms residual per output: what counts as 1 in a loss."""

@@ -158,6 +158,11 @@ class Draft:
         return tuple(one.name for one in outputs if one.unit == outputs[0].unit)
 
     @property
+    def ladder(self) -> tuple[str, ...]:
+        """Terms of a law that may stay out; the first is the one that every drive has."""
+        return tuple(str(self.options.get("law", "")).split("+")[1:])
+
+    @property
     def corrected(self) -> tuple[str, ...]:
         """What a moving base, or a machine of one's own, is told: drives are rarely what they are
         taken for."""

@@ -9,7 +9,7 @@ import os
 import subprocess
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -61,8 +61,10 @@ class Broker:
         listening(self.port)
 
     def stop(self, *, kill: bool = False) -> None:
-        (self.process.kill if kill else self.process.terminate)()
-        self.process.wait()
+        while self.process.poll() is None:
+            (self.process.kill if kill else self.process.terminate)()
+            with suppress(subprocess.TimeoutExpired):
+                self.process.wait(1.0)  # it misses a signal that comes as it begins to wait
 
     def publish(self, messages: list[bytes], topic: str = "robot/state") -> None:
         subprocess.run(

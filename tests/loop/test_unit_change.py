@@ -1,0 +1,53 @@
+"""A force that is one number times what it was, by a number that divides two units."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from evertwin import FunctionModel, Layout, RunResult, Twin, TwinSpec
+from evertwin.anomaly.spec import AnomalySpec
+from evertwin.config.spec import ModelSpec, PredictionSpec, Span
+from evertwin.models import Parameter, Parameters
+from evertwin.tuning.spec import TuningSpec
+
+
+def lived(number: float, *, bent: float = 0.0) -> RunResult:
+    """A tuned map whose output is ``number`` times as large in the last third."""
+    rng, n = np.random.default_rng(4), 3600
+    t = np.arange(n) * 0.025
+    u = np.sin(0.7 * t) + np.sin(0.31 * t + 1.0)
+    y = 3.0 * u + 2.0 * np.sign(u)
+    late = t >= t[2400]
+    y = np.where(late, number * y + bent * u**3, y) + 0.01 * rng.normal(size=n)
+    given = Parameters(
+        (Parameter("gain", 2.0, "1", -100.0, 100.0), Parameter("step", 1.0, "1", 0.0, 50.0))
+    )
+    model = FunctionModel(
+        lambda x, u, dt, p: (x, p[0] * u + p[1] * np.sign(u)), Layout.of(u="1"),
+        Layout.of(y="N"), parameters=given,
+    )  # fmt: skip
+    spec = TwinSpec(
+        "map", ModelSpec("given"), anomaly=AnomalySpec(requirement=0.05, window=Span(200)),
+        prediction=PredictionSpec(horizon=1.0), tuning=TuningSpec(window=Span(1600)),
+        beat=Span(80),
+    )  # fmt: skip
+    with Twin(spec, model) as twin:
+        return twin.run({"t": t, "u": u, "y": y})
+
+
+@pytest.mark.parametrize(("number", "name"), [(-1.0, "a turned sign"), (4.44822, "newtons")])
+def test_a_change_of_unit_or_sign_is_asked_back_and_not_learned(number: float, name: str) -> None:
+    result = lived(number)
+    told = [e for e in result.of_kind("abnormal") if "number" in e.evidence]
+    assert told and told[0].row > 2400 and name in told[0].reason
+    assert told[0].evidence["number"] == pytest.approx(number, rel=0.01)
+    assert all(e.row < 2400 for e in result.of_kind("promoted"))
+    assert name in result.headline and "cannot be told" in result.headline
+
+
+@pytest.mark.parametrize(("number", "bent"), [(1.3, 0.0), (4.44822, 4.0), (4.2, 0.0)])
+def test_a_machine_that_changed_is_none(number: float, bent: float) -> None:
+    """By no number of two units, or not by one number in every motion."""
+    found = lived(number, bent=bent).of_kind("abnormal")
+    assert not any("number" in e.evidence for e in found)
