@@ -88,7 +88,8 @@ def test_a_base_and_an_arm_as_rosbag_records_them(tmp_path: Path) -> None:
         async def speak() -> set[str]:
             base.open(), arm.open()
             await wait(lambda: base.health["state"] == arm.health["state"] == "up")
-            await asyncio.sleep(0.5)  # subscribers connect
+            for topic in topics[:-1]:  # to the recorder, and to who makes transforms of joints
+                await wait(lambda: ros.connected(topic) >= 1 + (topic == topics[4]), 30.0)  # noqa: B023
             start = {"x": (1.0, 1.0, 4), "y": (2.0, 2.0, 4), "heading": (0.0, 0.0, 4)}
             moved = {"x": (1.2, 1.4, 1), "y": (2.0, 2.1, 1), "heading": (0.0, 0.5, 1)}
             for t, values in ((100.0, start), (101.0, moved)):
@@ -102,7 +103,7 @@ def test_a_base_and_an_arm_as_rosbag_records_them(tmp_path: Path) -> None:
                 await wait(lambda: "another node places odom" in base.health["reason"])
             for one in (base, arm):
                 one.publish(News("x", "health", HEALTH))
-            await asyncio.sleep(0.5)
+            await asyncio.sleep(2.0)  # what was said is on its way
             own = {topic for topic, nodes in ros.state()[0].items()
                    if any(node.startswith("/evertwin") for node in nodes)}  # fmt: skip
             await base.close(), await arm.close()

@@ -69,6 +69,17 @@ class Master:
             told: Any = asked.getSystemState("/test")
         return [dict(part) for part in told[2]]
 
+    def connected(self, topic: str) -> int:
+        """Subscribers that a publisher of the topic is connected to."""
+        found = 0
+        for node in self.state()[0].get(topic, ()):
+            with xmlrpc.client.ServerProxy(self.uri) as asked:
+                told: Any = asked.lookupNode("/test", node)
+            with xmlrpc.client.ServerProxy(told[2]) as asked:
+                lines: Any = asked.getBusInfo("/test")
+            found += sum(line[2] == "o" and line[4] == topic for line in lines[2])
+        return found
+
     def says(self, topic: str, kind: str, content: str) -> Sequence[str]:
         """The command that publishes fifty times a second, stamped (``header: auto``)."""
         return ("rostopic", "pub", "-s", "-r", "50", topic, kind, content)
