@@ -7,7 +7,6 @@ the row that shows it has been drawn. Exit code 0: within 2 s each time.
 
 from __future__ import annotations
 
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -16,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from planted.serving import Served
+from proofs._chromium import chromium as found_chromium
 from proofs._verdict import NO_DATA, ended
 
 SOON = 2.0
@@ -68,14 +68,10 @@ def seconds(looks: Any, tells: Any, times: int) -> list[float]:
 
 def main(times: int = 5) -> int:
     """Exit code 0 where each fault was seen soon."""
-    chromium = shutil.which("chromium")
-    try:
-        from playwright.sync_api import sync_playwright
-    except ImportError:
-        chromium = None
-    if chromium is None:
-        sys.stdout.write("no Chromium, or no playwright: nothing to look with\n")
+    there = found_chromium()
+    if there is None:
         return NO_DATA
+    chromium, sync_playwright = there
     with tempfile.TemporaryDirectory() as name, sync_playwright() as driver:
         folder = Path(name)
         ports = ("--modbus", "127.0.0.1:0", "--opcua", "", "--control", "0")

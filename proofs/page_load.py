@@ -10,7 +10,6 @@ the machine are printed: on a machine that does other work the figures are of th
 from __future__ import annotations
 
 import os
-import shutil
 import socket
 import subprocess
 import sys
@@ -24,6 +23,7 @@ import numpy as np
 
 from planted.serving import Served, site
 from planted.worlds import record_robot
+from proofs._chromium import chromium as found_chromium
 from proofs._verdict import NO_DATA, ended
 
 FIRST, SLOPE, TILES, FRAMES, SHARE, LAG = 2.0, 5.0, 200, 30.0, 0.05, 0.020
@@ -183,14 +183,10 @@ def measured(served: Served, look: Look, process: int, minutes: float) -> dict[s
 
 def main(minutes: float = 60.0) -> int:
     """Exit code 0 where everything was reached."""
-    chromium = shutil.which("chromium")
-    try:
-        from playwright.sync_api import sync_playwright
-    except ImportError:
-        chromium = None
-    if chromium is None:
-        sys.stdout.write("no Chromium, or no playwright: nothing to look with\n")
+    there = found_chromium()
+    if there is None:
         return NO_DATA
+    chromium, sync_playwright = there
     with tempfile.TemporaryDirectory() as name, sync_playwright() as driver:
         folder = Path(name)
         length = str(int((60.0 * minutes + 300.0) * RATE))

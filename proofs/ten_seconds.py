@@ -14,7 +14,6 @@ import html
 import json
 import os
 import pty
-import shutil
 import struct
 import subprocess
 import sys
@@ -28,6 +27,7 @@ import numpy as np
 
 from planted.serving import Served
 from planted.worlds import record_robot
+from proofs._chromium import chromium as found_chromium
 from proofs._verdict import NO_DATA
 
 OUT = Path(tempfile.gettempdir()) / "tensecond"
@@ -221,14 +221,10 @@ def _until_trial(served: Served) -> None:
 
 def main(out: Path = OUT) -> int:
     """Exit code 0 where every picture was written."""
-    chromium = shutil.which("chromium")
-    try:
-        from playwright.sync_api import sync_playwright
-    except ImportError:
-        chromium = None
-    if chromium is None:
-        sys.stdout.write("no Chromium, or no playwright: nothing to look with\n")
+    there = found_chromium()
+    if there is None:
         return NO_DATA
+    chromium, sync_playwright = there
     out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as name, sync_playwright() as driver:
         folder = Path(name)

@@ -11,10 +11,10 @@ import numpy as np
 from evertwin.app.console import Alive, show
 from evertwin.app.mapping import Topics, only_lidar
 from evertwin.errors import DataError, UsageError
-from evertwin.features.cost_map import Inflation, freed, inflated, save_costs
+from evertwin.features.cost_map import Inflation, freed, inflated
 from evertwin.features.legs import View
 from evertwin.features.mapping import mapped, surface_of
-from evertwin.features.occupancy import of_keyframes
+from evertwin.features.occupancy import of_keyframes, save
 from evertwin.features.poses import Fix
 from evertwin.features.rectangles import corners
 from evertwin.features.table_bodies import Plate, bodies
@@ -77,7 +77,7 @@ def make_tables(
         chart = freed(chart, np.concatenate([*gone, np.zeros((0, 2))]))
         costs = inflated(chart, [table.shape for table in room.tables], asked.inflation)
         out.mkdir(parents=True, exist_ok=True)
-        save_costs(costs, out / "costs.yaml")
+        save(costs, out / "costs.yaml", "raw")
         _write(room.tables, out / "tables.csv")
         named = [(f"table{one.number}", one.shape, one.radius) for one in room.tables]
         world = bodies(named, asked.plate, asked.origin)

@@ -16,7 +16,6 @@ grey value the cost itself (``mode: raw``), 255 where nobody has seen.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -84,16 +83,3 @@ def freed(
         near = np.hypot(x - place[0], y - place[1]) < radius
         cells[near & (cells == OCCUPIED)] = FREE
     return chart._replace(cells=cells)
-
-
-def save_costs(costs: Occupancy, file: Path) -> None:
-    """Writes ``file`` (YAML), and the image (PGM) beside it."""
-    image = file.with_suffix(".pgm")
-    rows, columns = costs.cells.shape
-    image.write_bytes(b"P5\n%d %d\n255\n" % (columns, rows) + costs.cells[::-1].tobytes())
-    x, y = costs.origin
-    file.write_text(
-        f"image: {image.name}\nmode: raw\nresolution: {costs.resolution}\n"
-        f"origin: [{x!r}, {y!r}, 0.0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n",
-        encoding="utf-8",
-    )

@@ -115,15 +115,15 @@ def of_keyframes(
     return Occupancy(cells, RESOLUTION, (float(low[0]), float(low[1])))
 
 
-def save(drawn: Occupancy, file: Path) -> None:
-    """Writes ``file`` (YAML), and the image (PGM) beside it."""
+def save(drawn: Occupancy, file: Path, mode: str = "trinary") -> None:
+    """Writes ``file`` (YAML), and the image (PGM) beside it; ``mode``: how its cells are read."""
     image = file.with_suffix(".pgm")
     rows, columns = drawn.cells.shape
     image.write_bytes(b"P5\n%d %d\n255\n" % (columns, rows) + drawn.cells[::-1].tobytes())
     x, y = drawn.origin
     file.write_text(
-        f"image: {image.name}\nresolution: {drawn.resolution}\norigin: [{x!r}, {y!r}, 0.0]\n"
-        "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n",
+        f"image: {image.name}\nmode: {mode}\nresolution: {drawn.resolution}\n"
+        f"origin: [{x!r}, {y!r}, 0.0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n",
         encoding="utf-8",
     )
 
