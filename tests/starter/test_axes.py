@@ -114,7 +114,7 @@ def test_the_law_has_terms_of_the_place_where_a_place_is_recorded(
     sprung = {"position [m]": PLACE, "speed [m/s]": SPEED, "force [N]": FORCE + 900.0 * PLACE}
     out, _ = proposed(written(sprung), "drive_force", capsys)
     spec = read(out)
-    assert spec.tuning.ladder is not None and spec.tuning.ladder[-2:] == ("position", "spring")
+    assert spec.tuning.ladder is not None and spec.tuning.ladder[-2:] == ("root", "spring")
     found = Twin.open(out).fit([out.with_name("run.csv")])
     assert found.parameters["Ks"].value == pytest.approx(900.0, rel=0.05)
     del sprung["position [m]"]

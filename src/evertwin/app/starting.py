@@ -102,9 +102,9 @@ def _options(kind: str, urdf: Path | None, own: Path) -> Sequence[dict[str, Any]
         return [{"file": own.name, "name": "model"}]
     if kind == "drive":
         return [{}, {"rotary": True}]
-    if kind == "drive_force":  # terms of the place, where a place is recorded
+    if kind == "drive_force":  # of the place, where one is recorded; of an angle what repeats
         law = "sign+direction+two_sided+stribeck+root"
-        slides, turns = f"{law}+position+spring", f"{law}+position+spring+balance"
+        slides, turns = f"{law}+spring", f"{law}+position+spring+balance"
         return [{"law": slides}, {"law": law}, {"law": turns, "rotary": True},
                 {"law": law, "rotary": True}]  # fmt: skip
     if kind != "arm":
