@@ -65,7 +65,7 @@ POINTS = (
     ("evertwin.store.lock", "Lock._take"),
     ("evertwin.store.database", "Database._create"),
     ("evertwin.store.checkpoints", "Checkpoints.restore"),
-    ("evertwin.store.sqlite", "SqliteStore.close"),
+    ("evertwin.store.sql", "SqlStore.close"),
     ("evertwin.store.tables", "Tables.write"),
     ("evertwin.store.checkpoints", "Checkpoints.write"),
     ("evertwin.store.writer", "Writer.put"),

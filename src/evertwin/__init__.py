@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from evertwin.signals import Channel as Channel, Layout as Layout
     from evertwin.sources import check_source as check_source
     from evertwin.sources.live import check_live as check_live, open_live as open_live
-    from evertwin.store import check_store as check_store
+    from evertwin.store import check_owners as check_owners, check_store as check_store
     from evertwin.twin import Twin as Twin
 
 __getattr__ = surface(__name__)

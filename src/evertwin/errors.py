@@ -13,6 +13,7 @@ is a value of the result (see `evertwin.tuning.Fit`).
     ├── StoreError            exit code 4    a damaged or foreign store
     │   ├── StoreDamaged      exit code 4    bytes of a store were changed or are gone
     │   └── StoreLocked       exit code 75   the store belongs to a running process
+    │       └── OwnershipLost exit code 75   another node has the twin since
     └── LawBroken             exit code 101  an implementation breaks its contract
 """
 
@@ -127,6 +128,14 @@ class StoreLocked(StoreError):
     """
 
     exit_code = 75
+
+
+class OwnershipLost(StoreLocked):
+    """Another node has the twin since; what was to be written is refused.
+
+    >>> OwnershipLost("arm: token 3 is old, node 'south' has 4 since").exit_code
+    75
+    """
 
 
 class LawBroken(EvertwinError):

@@ -6,7 +6,6 @@ What is shown of a run's rows is appended once, checkpoint by checkpoint.
 from __future__ import annotations
 
 import logging
-import sqlite3
 from collections.abc import Mapping, Sequence
 from typing import Any, TypeVar
 
@@ -16,7 +15,7 @@ from evertwin.errors import StoreDamaged
 from evertwin.store.arrays import pack, unpack
 from evertwin.store.chain import SEED
 from evertwin.store.contract import Checkpoint
-from evertwin.store.database import Database
+from evertwin.store.database import Sql, Writing
 from evertwin.store.pieces import cut, joined, name_of, names_in, proof
 
 S = TypeVar("S")
@@ -29,11 +28,12 @@ QUERY = "SELECT run, row, length, chunks, shown, layout, hash FROM checkpoints W
 class Checkpoints:
     """The checkpoints of a database.
 
+    >>> from evertwin.store.database import Database
     >>> Checkpoints(Database(":memory:")).restore((0.0,)) is None
     True
     """
 
-    def __init__(self, database: Database) -> None:
+    def __init__(self, database: Sql) -> None:
         self._database = database
         found = database.query("SELECT number, run, layout FROM checkpoints")
         self._kept = {number: (run, names_in(layout)) for number, run, layout in found}
@@ -41,29 +41,31 @@ class Checkpoints:
         self._shown = (parts[-1][0] if parts else 0, *shown_proof([name for _, name in parts]))
         """Run, parts, and a hash over them."""
 
-    def write(self, db: sqlite3.Connection, checkpoint: Checkpoint, *, whole: bool) -> None:
-        """Inside a transaction; not ``whole``: a newer state follows in it and is kept."""
+    def write(self, db: Writing, checkpoint: Checkpoint, samples: int, *, whole: bool) -> None:
+        """Inside a transaction, behind so many samples; not ``whole``: a newer state follows in it
+        and is kept."""
         run = checkpoint.run
         if run != self._shown[0]:
             db.execute("DELETE FROM shown")
             self._shown = (run, *shown_proof(()))
         if checkpoint.shown:
             content = pack(checkpoint.shown)
-            db.execute("INSERT INTO shown VALUES (NULL, ?, ?, ?)", (run, content, name_of(content)))
             self._shown = (run, *shown_proof([name_of(content)], *self._shown[1:]))
+            part = (self._shown[1], run, content, name_of(content))
+            db.execute("INSERT INTO shown VALUES (?, ?, ?, ?)", part)
         if not whole:
             return
         layout, pieces = cut(checkpoint.state)
-        (length, end) = db.execute("SELECT length, hash FROM head").fetchone()
+        ((length, end),) = db.execute("SELECT length, hash FROM head")
         _, shown, proven = self._shown
-        chunks = checkpoint.chunks if checkpoint.chunks >= 0 else _samples(db)
+        chunks = checkpoint.chunks if checkpoint.chunks >= 0 else samples
         row = (run, checkpoint.row, length, chunks, shown, layout)
         there = _names(self._kept)
         fresh = [(name, piece) for name, piece in pieces.items() if name not in there]
-        db.executemany("INSERT OR REPLACE INTO pieces VALUES (?, ?)", fresh)
-        told = (*row, proof(*row, end, proven))
-        db.execute("INSERT INTO checkpoints VALUES (NULL, ?, ?, ?, ?, ?, ?, ?)", told)
-        (number,) = db.execute("SELECT max(number) FROM checkpoints").fetchone()
+        db.executemany("INSERT INTO pieces VALUES (?, ?) ON CONFLICT DO NOTHING", fresh)
+        number = max(self._kept, default=0) + 1
+        told = (number, *row, proof(*row, end, proven))
+        db.execute("INSERT INTO checkpoints VALUES (?, ?, ?, ?, ?, ?, ?, ?)", told)
         kept = {n: one for n, one in self._kept.items() if n > number - KEPT and one[0] == run}
         kept[number] = (run, set(pieces))
         gone = (there | set(pieces)) - _names(kept)
@@ -133,12 +135,6 @@ def shown_proof(names: Sequence[str], count: int = 0, before: str = "") -> tuple
     for name in names:
         count, before = count + 1, proof(before, name)
     return count, before
-
-
-def _samples(db: sqlite3.Connection) -> int:
-    """Number of the newest sample that was ever stored."""
-    found = db.execute("SELECT seq FROM sqlite_sequence WHERE name = 'samples'").fetchone()
-    return int(found[0]) if found else 0
 
 
 def _together(parts: Sequence[bytes]) -> dict[str, np.ndarray]:

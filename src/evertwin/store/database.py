@@ -7,16 +7,18 @@ from __future__ import annotations
 
 import sqlite3
 import threading
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 from evertwin.errors import StoreDamaged, StoreError, StoreUnwritable
 from evertwin.store.chain import Head
 
 MEMORY = ":memory:"
 SCHEMA = 3
+SMALL = 64 << 20
+"""Bytes of a file whose pages are all looked at when it is opened."""
 PAGE = 4096
 """Bytes of a page of the file."""
 APPLICATION = 0x45565457  # "EVTW", in the file's header
@@ -58,6 +60,85 @@ VIEWS = {
 }
 
 
+@runtime_checkable
+class Writing(Protocol):
+    """What a transaction is written by; a ``?`` stands for each value.
+
+    >>> issubclass(sqlite3.Connection, Writing)
+    True
+    """
+
+    def execute(self, text: str, values: Sequence[Any] = ..., /) -> Iterable[Any]:
+        """One statement; its rows."""
+        ...
+
+    def executemany(self, text: str, values: Iterable[Sequence[Any]], /) -> object:
+        """One statement, again and again."""
+        ...
+
+
+@runtime_checkable
+class Sql(Protocol):
+    """A database under a store: the same tables, whichever it is.
+
+    >>> isinstance(Database(MEMORY), Sql)
+    True
+    """
+
+    path: str
+    """What errors call it."""
+    now: str
+    """Its own clock, as an expression [µs]."""
+    shared: str
+    """Before the name of a table that several twins share."""
+    locked: str
+    """What a SELECT ends with whose rows nobody may change until the transaction ends."""
+
+    def query(self, text: str, values: Sequence[Any] = ()) -> list[Any]:
+        """All rows of a question.
+
+        Raises:
+            StoreDamaged: they cannot be read.
+        """
+        ...
+
+    def transaction(self) -> AbstractContextManager[Writing]:
+        """What is written inside stands whole, and durable, or not at all."""
+        ...
+
+    def samples(self) -> int:
+        """Number of the newest samples that were ever stored; 0: there were none."""
+        ...
+
+    def numbered(self, db: Writing, newest: int) -> None:
+        """Inside a transaction, before samples are written: up to a number."""
+        ...
+
+    def alone(self, db: Writing) -> None:
+        """Inside a transaction: no other process changes which tables there are."""
+        ...
+
+    def look(self, *, log: bool | None = None) -> None:
+        """Is what lies below the tables sound? Of all; ``log``: of what is small, and of the log.
+
+        Raises:
+            StoreDamaged: it is not.
+        """
+        ...
+
+    def again(self) -> Sql:
+        """A second connection."""
+        ...
+
+    def copy_to(self, path: Path) -> None:
+        """A consistent copy, as a file of SQLite."""
+        ...
+
+    def close(self) -> None:
+        """Lets go of it."""
+        ...
+
+
 class Foreign(StoreError):
     """A file that says of itself that it is no store of this evertwin.
 
@@ -73,6 +154,10 @@ class Database:
     >>> database.query("SELECT length FROM head")
     [(0,)]
     """
+
+    now = "CAST((julianday('now') - 2440587.5) * 86400e6 AS INTEGER)"
+    shared = ""
+    locked = ""  # a transaction has the whole file to itself
 
     def __init__(self, path: str, *, read_only: bool = False) -> None:
         """Opens or creates.
@@ -167,6 +252,33 @@ class Database:
             finally:
                 if self._db.in_transaction:
                     self._db.execute("ROLLBACK")
+
+    def samples(self) -> int:
+        """Number of the newest samples that were ever stored; 0: there were none."""
+        found = self.query("SELECT seq FROM sqlite_sequence WHERE name = 'samples'")
+        return int(found[0][0]) if found else 0
+
+    def numbered(self, db: Writing, newest: int) -> None:
+        """SQLite counts by itself."""
+
+    def alone(self, db: Writing) -> None:
+        """A transaction has the whole file to itself."""
+
+    def look(self, *, log: bool | None = None) -> None:
+        """The chain holds the table; what is read through the index must be all of it."""
+        if log is None or self.path == MEMORY or Path(self.path).stat().st_size <= SMALL:
+            what = "1"
+        elif log:
+            what = "log"
+        else:
+            return
+        ((said, *_), *_) = self.query(f"PRAGMA integrity_check({what})")
+        if said != "ok":
+            raise StoreDamaged(f"{self.path}: damaged: {said}")
+
+    def again(self) -> Database:
+        """A second connection to the file."""
+        return Database(self.path)
 
     def copy_to(self, path: Path) -> None:
         """A consistent copy."""

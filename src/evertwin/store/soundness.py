@@ -1,5 +1,6 @@
 """Is the log of a file what was written to it? All of it on demand, a share whenever it is opened.
 
+>>> from evertwin.store.database import Database
 >>> database = Database(":memory:")
 >>> verify(database, 0)[0], look(database, 0)
 (Head(length=0, hash='287539cfca0c...'), 0)
@@ -7,25 +8,21 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from evertwin.errors import StoreDamaged
 from evertwin.store.chain import SEED, Entry, Head, chained
-from evertwin.store.database import MEMORY, Database
+from evertwin.store.database import Sql
 
 LOOKED_AT = 20_000
 """Entries that are verified when a store is opened: the next ones, again and again around."""
-SMALL = 64 << 20
-"""Bytes of a file whose pages are all looked at then."""
 
 
-def verify(database: Database, length: int) -> tuple[Head, Head]:
+def verify(database: Sql, length: int) -> tuple[Head, Head]:
     """The end of the log, all of which matches the chain, and where it was at a ``length``.
 
     Raises:
         StoreDamaged: names the first entry that does not.
     """
-    _check_pages(database, "1")
+    database.look()
     at = there = Head()
     while part := _stored(database, at.length):
         inside = [entry for entry in part if entry.number <= length]
@@ -51,7 +48,7 @@ def as_printed(given: Head, end: Head, there: Head) -> None:
         )
 
 
-def look(database: Database, verified: int) -> int:
+def look(database: Sql, verified: int) -> int:
     """Verifies the entries whose turn it is: all of a short log, a share of a long one.
 
     Args:
@@ -71,14 +68,11 @@ def look(database: Database, verified: int) -> int:
     at = chained(_stored(database, begin), start)
     if at.length - begin < LOOKED_AT:
         _check_end(database, at)
-    if database.path == MEMORY or Path(database.path).stat().st_size <= SMALL:
-        _check_pages(database, "1")
-    elif head.length <= LOOKED_AT:
-        _check_pages(database, "log")
+    database.look(log=head.length <= LOOKED_AT)
     return at.length
 
 
-def found_head(database: Database) -> tuple[Head, int]:
+def found_head(database: Sql) -> tuple[Head, int]:
     """Where the log ends, and the position that the last look came to.
 
     Raises:
@@ -91,7 +85,7 @@ def found_head(database: Database) -> tuple[Head, int]:
     return Head(length, digest), verified
 
 
-def _stored(database: Database, after: int) -> list[Entry]:
+def _stored(database: Sql, after: int) -> list[Entry]:
     query = (
         "SELECT number, run, kind, row, content, hash FROM log WHERE number > ? "
         "ORDER BY number LIMIT ?"
@@ -99,14 +93,7 @@ def _stored(database: Database, after: int) -> list[Entry]:
     return [Entry(*fields) for fields in database.query(query, (after, LOOKED_AT))]
 
 
-def _check_pages(database: Database, what: str) -> None:
-    """The chain holds the table; what is read through the index must be all of it."""
-    ((said, *_), *_) = database.query(f"PRAGMA integrity_check({what})")
-    if said != "ok":
-        raise StoreDamaged(f"{database.path}: damaged: {said}")
-
-
-def _check_end(database: Database, at: Head) -> None:
+def _check_end(database: Sql, at: Head) -> None:
     head, _ = found_head(database)
     if at != head:
         raise StoreDamaged(

@@ -6,18 +6,21 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeAlias
 
 from evertwin.fold import Chunk
 from evertwin.store.arrays import pack
 from evertwin.store.chain import Entry
 from evertwin.store.checkpoints import Checkpoints
 from evertwin.store.contract import Batch
-from evertwin.store.database import Database
+from evertwin.store.database import Sql, Writing
 from evertwin.store.pieces import name_of, proof
 
 OLD = "number <= coalesce((SELECT min(chunks) FROM checkpoints), 9223372036854775807)"
 FORGET = f"DELETE FROM samples WHERE source = ? AND stop < ? AND {OLD}"
+Fence: TypeAlias = Callable[[Writing], None]
+"""Raises, inside a transaction, where what it would write is no longer this process's to write."""
 MOVE = "DELETE FROM samples WHERE source = ? AND stop >= ? AND stop < ? AND number <= ?"
 
 
@@ -35,35 +38,45 @@ class Job(NamedTuple):
 class Tables:
     """The tables, written batch by batch.
 
+    >>> from evertwin.store.database import Database
     >>> database = Database(":memory:")
     >>> tables = Tables(database, Checkpoints(database))
     >>> tables.write([Job((), Batch(moved=[("arm", 0, 1, 1)]))])
     """
 
-    def __init__(self, database: Database, checkpoints: Checkpoints) -> None:
+    def __init__(self, database: Sql, checkpoints: Checkpoints, fence: Fence | None = None) -> None:
         self.database = database
         self.checkpoints = checkpoints
+        self.fence = fence
         self.verified = 0
+        self.samples = database.samples()
+        """Number of the newest ones."""
 
     def write(self, jobs: list[Job]) -> None:
         """Several batches in one transaction."""
         newest = next((k for k in reversed(range(len(jobs))) if jobs[k].batch.checkpoint), -1)
         with self.database.transaction() as db:
+            if self.fence is not None:
+                self.fence(db)
             for k, (entries, batch) in enumerate(jobs):
                 if batch.chunks:
-                    db.executemany("INSERT INTO samples VALUES (NULL, ?, ?, ?, ?, ?, ?)",
-                                   (_sample(chunk) for chunk in batch.chunks))  # fmt: skip
+                    self.database.numbered(db, self.samples + len(batch.chunks))
+                    every = enumerate(batch.chunks, self.samples + 1)
+                    db.executemany("INSERT INTO samples VALUES (?, ?, ?, ?, ?, ?, ?)",
+                                   [(number, *_sample(one)) for number, one in every])  # fmt: skip
+                    self.samples += len(batch.chunks)
                 if entries:
                     db.executemany("INSERT INTO log VALUES (?, ?, ?, ?, ?, ?)", entries)
                     end = (entries[-1].number, entries[-1].hash, self.verified)
                     db.execute("UPDATE head SET length = ?, hash = ?, verified = ?", end)
                 if batch.progress is not None:
-                    db.execute("INSERT OR REPLACE INTO progress VALUES (1, ?, ?, ?, ?)",
+                    db.execute("DELETE FROM progress")
+                    db.execute("INSERT INTO progress VALUES (1, ?, ?, ?, ?)",
                                (*batch.progress, proof(*batch.progress)))  # fmt: skip
                 if batch.heard:
                     db.execute("DELETE FROM inbox WHERE number <= ?", (batch.heard,))
                 if batch.checkpoint is not None:
-                    self.checkpoints.write(db, batch.checkpoint, whole=k == newest)
+                    self.checkpoints.write(db, batch.checkpoint, self.samples, whole=k == newest)
                 if batch.forget:
                     db.executemany(FORGET, batch.forget.items())
                 if batch.moved:
