@@ -46,6 +46,12 @@ def test_a_change_of_unit_or_sign_is_asked_back_and_not_learned(number: float, n
     assert name in result.headline and "cannot be told" in result.headline
 
 
+def test_a_sensor_that_no_longer_answers_is_named_and_not_learned_from() -> None:
+    result = lived(0.0)
+    assert "no longer answers" in result.headline
+    assert all(e.row < 2400 for e in result.of_kind("promoted", "tuned"))
+
+
 @pytest.mark.parametrize(("number", "bent"), [(1.3, 0.0), (4.44822, 4.0), (4.2, 0.0)])
 def test_a_machine_that_changed_is_none(number: float, bent: float) -> None:
     """By no number of two units, or not by one number in every motion."""

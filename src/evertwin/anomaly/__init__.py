@@ -27,7 +27,17 @@ if TYPE_CHECKING:
         Seen as Seen,
         Told as Told,
     )
+    from evertwin.anomaly.kinematics import (
+        Contradiction as Contradiction,
+        Kinematics as Kinematics,
+        KinematicsState as KinematicsState,
+    )
     from evertwin.anomaly.phases import Regimes as Regimes, TaskSteps as TaskSteps
+    from evertwin.anomaly.recurrence import (
+        Place as Place,
+        Recurrence as Recurrence,
+        RecurrenceState as RecurrenceState,
+    )
     from evertwin.anomaly.residuals import Alarms as Alarms, Residuals as Residuals
     from evertwin.anomaly.snr import SnrLimit as SnrLimit, SnrState as SnrState
     from evertwin.anomaly.verdict import (

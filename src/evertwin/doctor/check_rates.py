@@ -19,12 +19,9 @@ import numpy as np
 from evertwin.doctor.examination import View
 from evertwin.doctor.finding import Finding
 from evertwin.fold.block import LARGEST
-from evertwin.loop.channels import recorded_as
-from evertwin.signals import Channel, Layout
-from evertwin.signals.units import compatible
+from evertwin.loop.channels import motions
+from evertwin.signals import Layout
 
-STEMS = (("q", "qd"), ("position", "speed"))
-"""How positions and their speeds are called; a number may follow."""
 TOLERANCE = 0.1
 """A factor that differs from 1 by less does not matter; nor does a lag that makes less of the
 speed, as a share of its rms."""
@@ -98,7 +95,7 @@ def look_rates(view: View, figures: dict[str, Any]) -> Iterator[Finding]:
     """Positions and speeds that contradict each other."""
     found: dict[tuple[str, str], Agreement] = {}
     for layout, columns in _measured(view):
-        for k, j in _pairs(view, layout):
+        for k, j in motions(view.setup.spec, layout):
             pieces = [
                 (w.dt, values[:, k], values[:, j])
                 for w, values in zip(view.windows, columns, strict=True)
@@ -117,26 +114,6 @@ def _measured(view: View) -> Iterator[tuple[Layout, list[np.ndarray]]]:
     yield view.model.outputs, [w.y for w in view.windows]
     if view.setup.static:
         yield view.model.inputs, [w.u for w in view.windows]
-
-
-def _pairs(view: View, layout: Layout) -> Iterator[tuple[int, int]]:
-    """Columns of a position and of its speed, neither of them derived."""
-    spec = view.setup.spec
-    derived = {one.name for one in spec.derive}
-
-    def is_recorded(channel: Channel) -> bool:
-        return recorded_as(spec, channel.name) not in derived
-
-    for k, channel in enumerate(layout):
-        for stem, rate in STEMS:
-            end = channel.name.removeprefix(stem)
-            name = rate + end
-            if end == channel.name or (end and not end.isdigit()) or name not in layout.names:
-                continue
-            j = layout.names.index(name)
-            both = is_recorded(channel) and is_recorded(layout.channels[j])
-            if both and compatible(f"({channel.unit})/s", layout.channels[j].unit):
-                yield k, j
 
 
 def same_motion(pieces: list[Piece], angle: bool = False) -> Agreement | None:

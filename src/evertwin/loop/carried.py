@@ -51,6 +51,8 @@ class _HandedOn(NamedTuple):
     live: Lane
     stream: Any
     detect: Any
+    kinematics: Any
+    again: Any
     trial: Any
     scores: _Scores
     agenda: Agenda
@@ -75,8 +77,8 @@ def carried(driver: Driver, store: Store, run: int, state: TwinState) -> TwinSta
         like_scores = _Scores(*(getattr(state.scores, name) for name in _Scores._fields))
         like = _HandedOn(
             0, driver.follow.lane(live, tracked=True), driver.follow.opens(live),
-            setup.detect.init(), setup.trial.init(), like_scores, Agenda(), state.watched,
-            setup.ring.init(),
+            setup.detect.init(), setup.kinematics.init(), setup.recurrence.init(),
+            setup.trial.init(), like_scores, Agenda(), state.watched, setup.ring.init(),
         )  # fmt: skip
         found = store.restore(Saved(like), run)
     except StoreError as error:
@@ -99,6 +101,7 @@ def carried(driver: Driver, store: Store, run: int, state: TwinState) -> TwinSta
     track = state.live.track._replace(**{name: getattr(old, name) for name in ARBITER})
     state = state._replace(
         live=state.live._replace(track=track), stream=left.stream, detect=detect,
+        kinematics=setup.kinematics.handed_on(left.kinematics), again=left.again,
         scores=state.scores._replace(**left.scores._asdict()), agenda=agenda,
         watched=left.watched, ring=setup.ring.handed_on(left.ring),
     )  # fmt: skip

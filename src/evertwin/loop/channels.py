@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from evertwin.config.spec import TwinSpec
 from evertwin.errors import ConfigError
 from evertwin.models import Model
+from evertwin.signals import Layout
 from evertwin.signals.units import compatible
 
 
@@ -24,6 +27,25 @@ def recorded_as(spec: TwinSpec, name: str) -> str:
     """The recorded or derived channel that is a channel of the model."""
     rule = spec.signals.get(name)
     return name if rule is None or rule.source is None else rule.source
+
+
+STEMS = (("q", "qd"), ("position", "speed"))
+"""How positions and their speeds are called; a number may follow."""
+
+
+def motions(spec: TwinSpec, layout: Layout) -> Iterator[tuple[int, int]]:
+    """Columns of a position and of its speed, both recorded, neither derived."""
+    derived = {one.name for one in spec.derive}
+    for k, channel in enumerate(layout):
+        for stem, rate in STEMS:
+            end = channel.name.removeprefix(stem)
+            name = rate + end
+            if end == channel.name or (end and not end.isdigit()) or name not in layout.names:
+                continue
+            other = layout.channels[layout.names.index(name)]
+            recorded = not derived & {recorded_as(spec, one.name) for one in (channel, other)}
+            if recorded and compatible(f"({channel.unit})/s", other.unit):
+                yield k, layout.names.index(name)
 
 
 def check_units(spec: TwinSpec, model: Model) -> None:

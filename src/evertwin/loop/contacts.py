@@ -13,9 +13,11 @@ from typing import Any
 import numpy as np
 
 from evertwin.anomaly.external import Contact, ExternalState, Seen, Told
+from evertwin.anomaly.recurrence import Place
 from evertwin.fold import Block, Mark
 from evertwin.loop.ring import Rows
 from evertwin.loop.setup import Setup
+from evertwin.loop.twin_state import TwinState
 from evertwin.models import Model, kernel_of
 from evertwin.models.kernel import Restart
 from evertwin.models.rollout import roll
@@ -24,20 +26,22 @@ from evertwin.types import Outputs, ParameterVector
 
 
 def watched(
-    setup: Setup, state: ExternalState, model: Model, p: ParameterVector, rows: Block, y: Outputs
+    setup: Setup, twin: TwinState, model: Model, p: ParameterVector, rows: Block, y: Outputs
 ) -> tuple[ExternalState, Block]:
-    """The rows, marked where something outside acts on the machine. Consumes ``state``.
+    """The rows, marked where something outside acts on the machine. Consumes ``twin.external``.
 
     Args:
         setup: of the twin.
-        state: of its observer.
+        twin: the state of all that is observed.
         model: of the champion, with its parameters ``p``.
         rows: judged rows; their marks are written.
         y: what the champion predicts of them.
     """
     if setup.external.longest == 0:
-        return state, rows
-    state, marked = setup.external.step(state, _seen(setup, model, p, rows, y))
+        return twin.external, rows
+    seen = _seen(setup, model, p, rows, y)
+    seen.r[setup.recurrence.inside(twin.again, rows.u)] = np.nan
+    state, marked = setup.external.step(twin.external, seen)
     if marked.any():
         mark = rows.mark[:, rows.u.shape[1] :]
         mark[marked[:, None] & _measured(mark)] = Mark.EXTERNAL
@@ -96,6 +100,39 @@ def remembered(rows: Rows, told: Told, on: int) -> None:
         old = rows.mark[places, nu:]
         counts = _measured(old) if mark == Mark.EXTERNAL else old == Mark.EXTERNAL
         rows.mark[places, nu:] = np.where(counts, np.uint8(mark), old)
+
+
+def recurring(
+    setup: Setup, state: TwinState, contact: Contact
+) -> tuple[TwinState, Place | None, bool]:
+    """One more contact: a place at which they come again, whose kept rows count from now on; and
+    was it at one that is known? Writes into the ring."""
+    rows = state.ring
+    first, middle = max(rows.first, rows.end - len(rows.t)), (contact.first + contact.last) // 2
+    if not first <= middle < rows.end:
+        return state, None, False
+    at = rows.u[middle % len(rows.t)]
+    if setup.recurrence.inside(state.again, at[None]).any():
+        return state, None, True
+    kept = np.arange(first, rows.end) % len(rows.t)
+    u = rows.u[kept]
+    moving = u[setup.moving(u).any(axis=1)]
+    again, place = setup.recurrence.found(setup.recurrence.met(state.again, at), moving)
+    if place is not None:
+        mark, there = rows.mark[kept], setup.recurrence.inside(again, u)
+        own = there[:, None] & (mark == Mark.EXTERNAL)
+        rows.mark[kept] = np.where(own, np.uint8(Mark.OK), mark)
+    return state._replace(again=again), place, False
+
+
+def place_in_words(setup: Setup, contact: Contact, place: Place) -> str:
+    """Where contacts come again, and what that means."""
+    channel = setup.model.inputs.channels[place.column]
+    where = f"{channel.name} is {place.low:.3g} to {place.high:.3g} {channel.unit}"
+    return (
+        f"what moves {', '.join(contact.outputs)} came {place.times} times where {where}: it is "
+        "the machine's own (worn or dirty there), or work that it does; its rows count"
+    )
 
 
 def in_words(setup: Setup, contact: Contact) -> str:

@@ -15,11 +15,12 @@ from typing import Any
 import numpy as np
 
 from evertwin.fold import Answer, Event, Request, copy
-from evertwin.loop.contacts import in_words, remembered
+from evertwin.loop.contradictions import told
 from evertwin.loop.crossing import outside
 from evertwin.loop.decision import Decision
 from evertwin.loop.detectors import Alarm
 from evertwin.loop.deviation import new_sums
+from evertwin.loop.disturbances import disturbed
 from evertwin.loop.follow import EMPTY, Follow
 from evertwin.loop.in_stream import tell_followed
 from evertwin.loop.looking import adopted, in_vain, looks, returned
@@ -46,7 +47,8 @@ class Decide:
     ) -> tuple[TwinState, list[Event], list[Request]]:
         """The decisions of one beat, in a fixed order. Consumes ``state``."""
         decision = Decision(state, [], [])
-        veto = self._external(decision)
+        contradicted = told(decision, self.follow.setup)
+        veto = disturbed(decision, self.follow.setup) or contradicted
         decision.state = self.follow.renew(decision.state, back=veto)
         stage = self.follow.following(decision.state.live.version)
         if stage is not None:
@@ -58,7 +60,9 @@ class Decide:
             self._judge_trial(decision)
         elif decision.state.agenda.phase == PROBATION:
             self._judge_probation(decision)
-        if veto:
+        if contradicted:
+            pass  # of rows that contradict each other nothing is asked
+        elif veto:
             self._look(decision, looks(self.follow.setup, decision.state, lasts=True))
         else:
             self._cross(decision)
@@ -69,8 +73,10 @@ class Decide:
         """Is nothing going on but watching, so that a beat decides only what rows bring up?"""
         agenda, detect = state.agenda, self.follow.setup.detect
         idle = agenda.phase == WATCH and not (agenda.open or agenda.retrain or agenda.again)
-        calm = not self.follow.setup.external.on(state.external)
-        idle = idle and not self.follow.setup.spec.tuning.states and state.stream == ()
+        setup = self.follow.setup
+        calm = not setup.external.on(state.external)
+        calm = calm and setup.kinematics.since(state.kinematics) < 0
+        idle = idle and not setup.spec.tuning.states and state.stream == ()
         return idle and calm and detect.quiet(state.detect) and self.follow.here(state)
 
     def watches(self, state: TwinState) -> bool:
@@ -94,35 +100,6 @@ class Decide:
             phase=WATCH, again=0, versions=max(state.agenda.versions, number + 1)
         )
         return state._replace(agenda=agenda)
-
-    # ------------------------------------------------------------------ is it the machine at all?
-
-    def _external(self, decision: Decision) -> bool:
-        """Tells of what acts from outside; its rows are learned from by nothing. True: it may be at
-        work now, so nothing is asked for."""
-        state, setup = decision.state, self.follow.setup
-        external, told = setup.external.beat(state.external)
-        on = setup.external.on(external)
-        decision.state = state._replace(external=external)
-        since = setup.external.since(external) if on else -1
-        remembered(state.ring, told, since)
-        contact = told.contact
-        first = since if contact is None or contact.last < 0 else contact.first
-        own = state.agenda.kind != "state"
-        if state.agenda.open and own and 0 <= first < state.agenda.stop:
-            decision.remember(open=0)  # it was asked about rows that are not the machine's own
-        if contact is not None:
-            watch, seen = new_sums(len(state.scores.watch.samples)), np.zeros(1, dtype=np.int64)
-            detect = state.detect._replace(pending=Alarm())
-            scores = state.scores._replace(watch=watch, seen=seen)
-            decision.state = decision.state._replace(scores=scores, detect=detect)
-        if contact is not None and told.new:
-            said = in_words(setup, contact)
-            decision.say("external", contact.outputs[0], said, contact._asdict())
-        if told.blind:
-            said = "the model has no friction for what stands: what pushes it then cannot be told"
-            decision.say("not_judged", "", said, {})
-        return on
 
     # ------------------------------------------------------------------ is the twin still true?
 

@@ -129,7 +129,9 @@ class Driver:
             live=self.follow.lane(self.champion, tracked=True),
             stream=self.follow.opens(self.champion), first=EMPTY, other=EMPTY,
             newest=setup.at_horizon.init(), waiting=setup.residual_filter.init(),
-            detect=setup.detect.init(), external=setup.external.init(), trial=setup.trial.init(),
+            detect=setup.detect.init(), external=setup.external.init(),
+            kinematics=setup.kinematics.init(), again=setup.recurrence.init(),
+            trial=setup.trial.init(),
             scores=new_scores(new_usual(ny), np.zeros(2, dtype=np.int64), 0, sizes),
             agenda=Agenda(
                 pinned=self.pinned, versions=self.versions.known, commissioned=self.champion > 0

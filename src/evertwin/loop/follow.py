@@ -13,6 +13,7 @@ import numpy as np
 
 from evertwin.fold import Block, Event, Record, copy
 from evertwin.loop.contacts import watched
+from evertwin.loop.contradictions import compared
 from evertwin.loop.in_stream import following
 from evertwin.loop.released import Released
 from evertwin.loop.scores import NEVER, accumulate
@@ -156,8 +157,9 @@ class Follow:
         track, _ = self.stages(state.live.version)
         tracked, out = track.step(state.live.track, piece)
         external, judged = watched(
-            self.setup, state.external, track.model, tracked.p, out.rows.judged(piece), out.rows.y
+            self.setup, state, track.model, tracked.p, out.rows.judged(piece), out.rows.y
         )
+        kinematics, judged = compared(self.setup, state.kinematics, judged)
         stage = self.following(state.live.version)
         stream = state.stream if stage is None else stage.step(state.stream, judged)
         known = out.rows.y if self.setup.static else None
@@ -183,12 +185,13 @@ class Follow:
             elapsed=state.elapsed + int(piece.t[-1]) - before_piece,
             row=piece.row + len(piece.t), task=int(piece.task[-1]), time=int(piece.t[-1]),
             began=began, live=live, stream=stream, first=first, other=other, newest=newest,
-            waiting=waiting, external=external,
+            waiting=waiting, external=external, kinematics=kinematics,
         )  # fmt: skip
         state, found, stop = self._judge(state, released, beats)
-        after = beats[beats >= self.setup.external.known(external)]
-        if len(after) and self.setup.external.known(external) and (stop < 0 or after[0] < stop):
-            stop = int(after[0])
+        for news in (self.setup.external.known(external), self.setup.kinematics.known(kinematics)):
+            after = beats[beats >= news]
+            if news and len(after) and (stop < 0 or after[0] < stop):
+                stop = int(after[0])
         events = _by_beat(_events(out.records), found, beats, self.setup.residual_filter.delay)
         return state, Followed(out.rows, before, judged, events, stop)
 

@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from evertwin.fold import Event
+from evertwin.loop.open_faults import open_faults
 from evertwin.loop.open_trial import OpenTrial
 from evertwin.loop.result import OutputFigures
 from evertwin.loop.setup import Setup
@@ -41,11 +42,13 @@ def headline(
         )
     if not known:
         return "Nothing was predicted: no output has a measurement to be compared with."
-    told = [_outcome(setup, known, champion, events, trial)]
+    faults = open_faults(events)
+    told = [*faults.values(), _outcome(setup, known, champion, events, trial)]
     followed = [e for e in events if e.kind == "followed"]
     if followed:
         told.append(f"{followed[-1].reason[0].upper()}{followed[-1].reason[1:]}.")
-    doubts = Counter(e.signal for e in events if e.kind in ("measurement_error", "overruled"))
+    kinds = ("measurement_error", "overruled")
+    doubts = Counter(e.signal for e in events if e.kind in kinds and e.signal not in faults)
     if doubts:
         most = [f"{signal} ({count}×)" for signal, count in doubts.most_common(FEW)]
         rest = [f"{len(doubts) - FEW} more"] if len(doubts) > FEW else []
@@ -76,7 +79,8 @@ def _outcome(
             f"Version {champion.number} is live ({why}); {rows} row{'s' * (rows != 1)} since then "
             "are too few to tell how much better it is."
         )
-    now, lead = _sizes(known, "off"), _lead(setup)
+    shares = setup.relative and setup.decides and len(known) <= FEW
+    now, lead = _sizes(known, "off", shares=shares), _lead(setup)
     off = {n: f for n, f in known.items() if f.judged > setup.requirement}
     found = _nothing_better(setup, events, trial)
     still = ""
@@ -178,7 +182,7 @@ def _sizes(some: Mapping[str, OutputFigures], *off: str, shares: bool = False) -
     verb = "".join(f"is {word} " for word in off)
     return ", ".join(
         f"{name} {verb}by {spoken(f.rms_after, f.unit)}"
-        + f" ({spoken(100 * f.judged, '1')} %)" * shares
+        + f" ({spoken(100 * f.judged, '1')} %)" * (shares and not math.isnan(f.judged))
         for name, f in some.items()
     )
 

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     import xarray
 
 DECISIONS = (
-    "promoted", "rolled_back", "superseded", "corrected", "changed", "external", "not_judged",
-    "state", "training_restarted", "model_failed", "pinned", "configured", "drift",
+    "promoted", "rolled_back", "superseded", "corrected", "changed", "external", "recurring",
+    "not_judged", "state", "training_restarted", "model_failed", "pinned", "configured", "drift",
 )  # fmt: skip
 """Kinds of event that a person reads first."""
 MOST = 12
@@ -201,7 +201,8 @@ class RunResult:
             unit, factor = suited(max(sizes), f.unit)
             found.append(
                 (name, unit, f"{f.rms_before * factor:.4g}", f"{f.rms_after * factor:.4g}",
-                 f"{100 * f.relative_rms_before:.2f} %", f"{100 * f.relative_rms_after:.2f} %")
+                 _share(f.relative_rms_before, f.relative_rms_moving_before),
+                 _share(f.relative_rms_after, f.relative_rms_moving_after))
             )  # fmt: skip
         return found
 
@@ -265,3 +266,9 @@ class RunResult:
             f"<p><b>{html.escape(self.headline)}</b></p><p>{title}</p><table>{head}{body}</table>"
             f"<table><tr><th>row<th>event<th>signal<th>reason</tr>{events}</table>"
         )
+
+
+def _share(whole: float, moving: float) -> str:
+    """Of an output's size in %; over what moves too, where that is another figure."""
+    apart = f" ({100 * moving:.2f} % moving)" if abs(moving - whole) > 0.1 * whole else ""
+    return f"{100 * whole:.2f} %{apart}"

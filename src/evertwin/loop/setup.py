@@ -10,14 +10,14 @@ from functools import cached_property
 
 import numpy as np
 
-from evertwin.anomaly import External, Regimes, TaskSteps
+from evertwin.anomaly import External, Kinematics, Recurrence, Regimes, TaskSteps
 from evertwin.config.spec import TwinSpec
 from evertwin.errors import ConfigError, UsageError
 from evertwin.fold import Beat
 from evertwin.fold.span import Span
 from evertwin.loop.alignment import low_pass
 from evertwin.loop.at_horizon import AtHorizon
-from evertwin.loop.channels import is_measured
+from evertwin.loop.channels import is_measured, motions
 from evertwin.loop.detectors import Detect
 from evertwin.loop.plausibility import arbiter_of
 from evertwin.loop.residual_filter import ResidualFilter
@@ -337,3 +337,18 @@ class Setup:
         told = self.static and rate and not self.judged_by[1].all()
         longest = self.spec.anomaly.external if told else 0.0
         return External(self.model.outputs.names, rate or 1.0, longest)
+
+    @cached_property
+    def recurrence(self) -> Recurrence:
+        """The observer of contacts that come again."""
+        return Recurrence(len(self.model.inputs))
+
+    @cached_property
+    def kinematics(self) -> Kinematics:
+        """The observer of measured positions and speeds that a static map takes as inputs."""
+        rate = self.spec.clock.rate or (self.measured_rate if self.times else None)
+        inputs = self.model.inputs
+        pairs = tuple(motions(self.spec, inputs)) if self.static and rate else ()
+        names = tuple((inputs.names[q], inputs.names[v]) for q, v in pairs)
+        columns = tuple((q, v, int(inputs.angles[q])) for q, v in pairs)
+        return Kinematics(names, columns, rate or 1.0)

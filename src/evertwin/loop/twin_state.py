@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from evertwin.anomaly import ExternalState
+from evertwin.anomaly import ExternalState, KinematicsState, RecurrenceState
 from evertwin.loop.at_horizon import Newest
 from evertwin.loop.deviation import Sums, Usual
 from evertwin.loop.released import Waiting
@@ -152,6 +152,8 @@ class TwinState(NamedTuple):
     """Rows that the residual filter holds back."""
     detect: Any
     external: ExternalState
+    kinematics: KinematicsState
+    again: RecurrenceState
     trial: Any
     scores: Scores
     agenda: Agenda

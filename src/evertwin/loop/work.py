@@ -59,14 +59,6 @@ def _event(kind: str, signal: str, reason: str, evidence: Mapping[str, Any]) -> 
     return {"kind": kind, "signal": signal, "reason": reason, "evidence": dict(evidence)}
 
 
-def _of_unit(output: str, number: float, name: str) -> dict[str, Any]:
-    said = (
-        f"{output} is {number:.4g} times what is predicted, as {name} would make it, or a machine "
-        "that changed so: that cannot be told from these data, and is not learned"
-    )
-    return _event("abnormal", output, said, {"number": number, "unit": name})
-
-
 def rejected(reason: str) -> dict[str, Any]:
     """What the answer says of work that could not be done."""
     return {"events": [_event("rejected", "", reason, {})]}
@@ -229,10 +221,13 @@ class Work:
         if not names:
             return {"events": [], "next": self._next()}
         windows, events = self._now(version, windows, names) if held else (windows, [])
+        since = {"since": windows[0].row} if windows is not task.windows else {}
         model = self.versions.model_of(version.form)
         other = unit_change(self.setup, model, version.p, windows) if commissioned else None
         if other:
-            return {"events": [*events, _of_unit(*other)]}
+            evidence = {"number": other.number}
+            said = _event("abnormal", other.output, other.said, evidence)
+            return {"events": [*events, said]} | since
         problem, chosen = climb_laws(self.setup, self.problem(version, windows, names))
         problem, fit, rounds = self.tune(problem)
         if rounds and fit.converged:
@@ -261,7 +256,7 @@ class Work:
         ):
             found = self._tuned(version, problem, fit, windows, events)
             content["candidate"] = found and found | {"reason": found["reason"] + chosen.said}
-        return content | ({"since": windows[0].row} if windows is not task.windows else {})
+        return content | since
 
     def _named(
         self, verdict: Verdict, version: Version, problem: Problem, events: list[dict[str, Any]]

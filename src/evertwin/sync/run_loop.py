@@ -28,6 +28,8 @@ SURE = 12
 """Near values in a row: of Gaussian noise, four in ten lie as near to the first."""
 MEMORY = 2000
 """Samples that the noise of the sensor is estimated from."""
+MOVED, MANY = 0.25, 200
+"""Share of an output's usual size that it has to be predicted to move, and samples that tell it."""
 
 
 @njit(**HOT)
@@ -174,18 +176,38 @@ def predicts_too_much(values: Any, room: Any, size: int) -> bool:
 
 
 @njit(**HOT)
+def enough(rules: Any, values: Any, numbers: Any, g: int, j: int, kind: int) -> float:
+    """Predicted motion that a sound sensor shows.
+
+    An error of the form widens the gate of an output that no state adopts, and a wide gate would
+    hide a frozen sensor. Where equal values never were sound, a share of its usual size does.
+    """
+    gate = rules[g, at.GATE] * np.sqrt(values[j, at.BASE])
+    known = kind == EQUAL and numbers[g, at.QUIET] == 0 and numbers[g, at.SAMPLES] >= MANY
+    if known and values[j, at.EXPECTED] > 0:
+        return float(min(gate, MOVED * np.sqrt(values[j, at.EXPECTED])))
+    return float(gate)
+
+
+@njit(**HOT)
 def is_frozen(rules: Any, memory: Any, room: Any, g: int, size: int) -> bool:
     """Is the sample one of a run while the model predicts motion beyond the noise?
 
     Of two values in turn, motion beyond twice as much: a machine may creep from one to the other.
     Equal values that leave the prediction need no motion, where the sensor's noise never let any be
-    equal.
+    equal. An output that no state adopts is `enough` on the move, and stays frozen while its run
+    lasts, though the prediction passes its value again.
     """
     values, numbers, _ = memory
     if not rules[g, at.FROZEN] > 0:
         return False
-    if numbers[g, at.CAUSE] == FROZEN and numbers[g, at.AWAY + numbers[g, at.HELD_BY]] > 0:
-        return True
+    if numbers[g, at.CAUSE] == FROZEN:
+        by = numbers[g, at.HELD_BY]
+        static = values[room[0], at.EXPECTED] > 0
+        if numbers[g, at.AWAY + by] > 0 or (
+            static and numbers[g, at.RUN + by] > needed(rules, g, by)
+        ):
+            return True
     for kind in range(2):
         if numbers[g, at.AWAY + kind] > 0 or numbers[g, at.RUN + kind] < needed(rules, g, kind):
             continue
@@ -200,9 +222,9 @@ def is_frozen(rules: Any, memory: Any, room: Any, g: int, size: int) -> bool:
             levels = 0
         for k in range(size):
             j = room[k]
-            gate = rules[g, at.GATE] * np.sqrt(values[j, at.BASE])
             noisy = levels > 0 or near_square(values, numbers, g, j) > 0
-            if noisy and abs(values[j, at.GONE + kind]) >= levels * gate:
+            moved = enough(rules, values, numbers, g, j, kind)
+            if noisy and abs(values[j, at.GONE + kind]) >= levels * moved:
                 if numbers[g, at.CAUSE] != FROZEN:
                     numbers[g, at.HELD_BY] = kind
                 return True

@@ -1,0 +1,110 @@
+"""The compiled loop of `evertwin.anomaly.kinematics`: rows through the memory of each pair."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from evertwin.compiled.functions import njit
+
+ROWS, START, AGREED, BAD, GOOD, OPEN, FIRST, SAID = range(8)
+"""Places of a pair's numbers: rows of this stretch and the first of them; stretches that agreed;
+those that did not, and those that did again, in a row; is a contradiction open, since which row,
+and was it told?"""
+GONE, WAY, POSITION, SPEED, USUAL_GONE, USUAL_WAY, XX, XY, YY = range(9)
+"""Places of a pair's figures: way by the position and by the speed in this stretch; last position
+and speed; mean square of each over stretches that agreed; Σ of squares and products of those that
+did not, after the first of them, until a contradiction was open."""
+NEWS = 0
+"""Place of the number of the row after the first since the newest beat that has news; 0: none."""
+ALIKE = 0.5
+"""Difference of the two ways that is a contradiction, as a share of the larger."""
+LEAST = 0.3
+"""Share of the usual way that a stretch has to have to say something."""
+MEMORY = 50
+"""Stretches that the usual way is remembered over."""
+KNOWN, SURE = 10, 3
+"""Stretches that must have agreed, and those in a row that open and close a contradiction."""
+
+
+@njit(cache=True)
+def differs(number: Any, figure: Any) -> int:
+    """Do the ways of a stretch contradict each other? −1: they are too short to tell."""
+    x, y = figure[GONE], figure[WAY]
+    far = x * x >= LEAST * LEAST * figure[USUAL_GONE] or y * y >= LEAST * LEAST * figure[USUAL_WAY]
+    if (x == 0.0 and y == 0.0) or not (far or number[AGREED] == 0):
+        return -1
+    return int(abs(y - x) > ALIKE * max(abs(x), abs(y)))
+
+
+@njit(cache=True)
+def judged(row: int, number: Any, figure: Any, machine: Any) -> None:
+    """The end of a stretch."""
+    x, y, differ = figure[GONE], figure[WAY], differs(number, figure)
+    if differ < 0:
+        return
+    if differ:
+        if number[BAD] == 0 and not number[OPEN]:
+            number[FIRST] = number[START]
+            figure[XX] = figure[XY] = figure[YY] = 0.0
+        elif not number[OPEN]:  # the first stretch is of before, too
+            figure[XX], figure[XY] = figure[XX] + x * x, figure[XY] + x * y
+            figure[YY] += y * y
+        number[BAD], number[GOOD] = number[BAD] + 1, 0
+        opens = number[BAD] >= SURE and number[AGREED] >= KNOWN and not number[OPEN]
+        number[OPEN] = 1 if opens else number[OPEN]
+    else:
+        opens, number[BAD], number[GOOD] = False, 0, number[GOOD] + 1
+        if not number[OPEN]:
+            number[AGREED] += 1
+            share = 1.0 / min(number[AGREED], MEMORY)
+            figure[USUAL_GONE] += (x * x - figure[USUAL_GONE]) * share
+            figure[USUAL_WAY] += (y * y - figure[USUAL_WAY]) * share
+        elif number[GOOD] >= SURE:
+            number[OPEN] = 0
+            machine[NEWS] = machine[NEWS] or row + 1
+    if opens:
+        machine[NEWS] = machine[NEWS] or row + 1
+
+
+@njit(cache=True)
+def watch(
+    row: int, dt: Any, u: Any, pairs: Any, rule: Any, state: Any, marked: Any
+) -> None:  # fmt: skip
+    """Rows through; ``marked`` where a contradiction is open.
+
+    Args:
+        row: number of the first.
+        dt: interval before each row [s], (n,).
+        u: inputs, (n, nu).
+        pairs: columns of position and speed, and 1 where the position is an angle, (np, 3).
+        rule: rows of a stretch, and the longest interval between two rows [s].
+        state: numbers (np, 8), figures (np, 9), machine (1,).
+        marked: (n,), written.
+    """
+    numbers, figures, machine = state
+    for i in range(u.shape[0]):
+        for k in range(pairs.shape[0]):
+            number, figure = numbers[k], figures[k]
+            q, v = u[i, pairs[k, 0]], u[i, pairs[k, 1]]
+            if not (np.isfinite(q) and np.isfinite(v)):
+                continue
+            if number[ROWS] == 0 or not 0.0 < dt[i] <= rule[1]:
+                number[ROWS], number[START] = 1, row + i
+                figure[GONE] = figure[WAY] = 0.0
+            else:
+                gone = q - figure[POSITION]
+                if pairs[k, 2]:
+                    gone -= 2.0 * np.pi * np.floor(gone / (2.0 * np.pi) + 0.5)
+                figure[GONE] += gone
+                figure[WAY] += 0.5 * dt[i] * (v + figure[SPEED])
+                number[ROWS] += 1
+                if number[ROWS] > rule[0]:
+                    judged(row + i, number, figure, machine)
+                    number[ROWS], number[START] = 1, row + i
+                    figure[GONE] = figure[WAY] = 0.0
+            figure[POSITION], figure[SPEED] = q, v
+            known = number[AGREED] >= KNOWN
+            doubted = known and (number[BAD] > 0 or differs(number, figure) > 0)
+            marked[i] |= number[OPEN] != 0 or doubted

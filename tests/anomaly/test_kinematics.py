@@ -1,0 +1,92 @@
+"""Positions and speeds that contradict each other, cut anywhere, and those that do not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from evertwin.anomaly.kinematics import Contradiction, Kinematics
+
+STAGE = Kinematics((("position", "speed"),), ((0, 1, 0),), rate=100.0)
+TURNS = Kinematics((("q1", "qd1"),), ((0, 1, 1),), rate=100.0)
+AT = 4000
+
+
+def motion(seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """An axis to and fro with noise and coarse steps; (n,) position and speed."""
+    rng, t = np.random.default_rng(seed), 0.01 * np.arange(8000)
+    way = np.sin(0.7 * t + rng.uniform(0, 6)) + 0.5 * np.sin(1.9 * t)
+    speed = np.gradient(way, 0.01) + rng.normal(0.0, 0.02, len(t))
+    return np.round(way + rng.normal(0.0, 1e-4, len(t)), 3), speed
+
+
+def told(
+    q: np.ndarray, v: np.ndarray, stage: Kinematics = STAGE, cut: int = 200
+) -> tuple[list[Contradiction], np.ndarray]:
+    state, found, marks = stage.init(), [], []
+    u, dt = np.stack([q, v], axis=1), np.full(len(q), 0.01)
+    for first in range(0, len(q), cut):
+        rows = slice(first, first + cut)
+        state, marked = stage.step(state, first, dt[rows], u[rows])
+        marks.append(marked)
+        if (first + cut) % 200 == 0:
+            state, some = stage.beat(state)
+            found += some
+    return found, np.concatenate(marks)
+
+
+@pytest.mark.parametrize(
+    ("which", "number", "signal"),
+    [("v", 1000.0, "speed"), ("v", 57.2958, "speed"), ("v", 0.0, "speed"), ("v", 0.001, "speed"),
+     ("q", 1000.0, "position"), ("q", 0.0, "position"), ("q", 0.01, "position")],
+)  # fmt: skip
+def test_the_channel_that_changed_is_named_with_its_factor(
+    which: str, number: float, signal: str
+) -> None:
+    for seed in range(5):
+        q, v = motion(seed)
+        (q if which == "q" else v)[AT:6000] *= number
+        (opened, closed), marks = told(q, v)
+        assert opened.signal == closed.signal == signal and opened.known
+        assert opened.open and not closed.open
+        assert opened.factor == pytest.approx(number, rel=0.1, abs=0.05 * number)
+        assert AT - 100 <= opened.first <= AT + 50 and marks[AT + 100 : 6000].all()
+        assert not marks[: AT - 100].any() and not marks[6500:].any()
+
+
+def test_of_a_turned_sign_it_cannot_be_told_which_one_it_is() -> None:
+    q, v = motion()
+    v[AT:] *= -1.0
+    (opened,), _ = told(q, v)
+    assert opened.factor == pytest.approx(-1.0, abs=0.05) and not opened.known
+    assert "which of the two is wrong cannot be told" in opened.reason
+
+
+def test_the_cuts_do_not_matter() -> None:
+    q, v = motion(3)
+    v[AT:6000] *= 25.4
+    whole, marks = told(q, v)
+    for cut in (1, 40):
+        other, marked = told(q, v, cut=cut)
+        assert other == whole and (marked == marks).all()
+
+
+def test_sound_channels_are_not_doubted() -> None:
+    for seed in range(20):
+        q, v = motion(seed)
+        v[5000:] = np.where(np.arange(5000, 8000) < 7000, 0.0, v[5000:])  # it stands for 20 s
+        q[5000:7000] = q[5000] + np.random.default_rng(seed).normal(0, 1e-3, 2000)
+        q[7000:] += q[5000] - q[7000]
+        found, marks = told(q, v)
+        assert not found and not marks.any()
+
+
+def test_an_angle_that_wraps_goes_on() -> None:
+    t = 0.01 * np.arange(4000)
+    q, v = np.mod(2.0 * t + np.pi, 2 * np.pi) - np.pi, np.full(4000, 2.0)
+    assert told(q, v, TURNS) == ([], pytest.approx(np.zeros(4000)))
+
+
+def test_what_never_agreed_is_the_doctors() -> None:
+    q, v = motion()
+    assert told(q, 1000.0 * v)[0] == []
