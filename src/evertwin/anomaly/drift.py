@@ -132,6 +132,8 @@ class Drift:
         )  # fmt: skip
         if changes == 0:
             return state, Out()
+        # a spread that falls is no trouble: the model is as near as before, or nearer
+        level[:, 1::2][level[:, 1::2] < USUAL] = np.nan
         places = np.argwhere(np.isfinite(level))
         return state, Out(records=tuple(self._event(block, level, *place) for place in places))
 

@@ -135,11 +135,11 @@ class Decide:
         if reason or alarm.kind or due:
             makes_room(setup, decision)
         free = self._free(decision.state, bool(reason or alarm.kind), every)
-        if alarm.kind:
+        if not state.agenda.told and alarm.kind:
             decision.say(alarm.kind, alarm.signal, alarm.reason, {"row": alarm.row})
         if not reason and alarm.kind:
             reason = alarm.reason
-        elif reason and (free or not state.agenda.told):
+        elif reason and not state.agenda.told:
             decision.say("suspected", signal, reason, evidence)
         if reason is not None:
             decision.remember(told=bool(reason))
