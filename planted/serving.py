@@ -42,6 +42,22 @@ def site(
     return file
 
 
+def nodes(
+    folder: Path, server: str, names: tuple[str, ...], twins: tuple[str, ...], *, lease: float,
+    speed: float = 20.0,
+) -> dict[str, Path]:  # fmt: skip
+    """The site files of nodes that share twins: a folder each, as machines have."""
+    found = {}
+    for name in names:
+        own = folder / name
+        own.mkdir()
+        (own / "run.csv").write_bytes((folder / "run.csv").read_bytes())
+        found[name] = site(own, *twins, speed=speed)
+        shared = f'[fleet]\nstore = "{server}"\nnode = "{name}"\nlease = {lease}\n'
+        found[name].write_text(found[name].read_text().replace("[http]", shared + "[http]"))
+    return found
+
+
 class Served:
     """`evertwin serve` at work; ends with the block."""
 

@@ -65,6 +65,7 @@ install_import_hook(hooked_modules(), CHECKER)
 
 
 from evertwin.compiled import functions  # noqa: E402  (the hook comes before evertwin)
+from planted.postgres import Server, programs  # noqa: E402
 
 
 def _from_module(
@@ -171,3 +172,13 @@ def own_terms(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     importlib.invalidate_caches()
     yield folder
     sys.path.remove(str(folder))
+
+
+@pytest.fixture(scope="session")
+def postgres() -> Iterator[str]:
+    """The address of a PostgreSQL server of the tests' own."""
+    if programs() is None:
+        message = "PostgreSQL is not installed (Debian: postgresql)"
+        pytest.fail(message) if in_ci() else pytest.skip(message)
+    with Server("fsync=off") as running:
+        yield running.address

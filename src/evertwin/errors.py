@@ -11,6 +11,7 @@ is a value of the result (see `evertwin.tuning.Fit`).
     ├── ModelError            exit code 5    a model that cannot be built or run
     │   └── WorkLost          exit code 5    work in a process of its own ended without a result
     ├── StoreError            exit code 4    a damaged or foreign store
+    │   ├── NoStore           exit code 4    nothing was kept yet
     │   ├── StoreDamaged      exit code 4    bytes of a store were changed or are gone
     │   └── StoreLocked       exit code 75   the store belongs to a running process
     │       └── OwnershipLost exit code 75   another node has the twin since
@@ -108,6 +109,14 @@ class StoreDamaged(StoreError):
     """Bytes of a store were changed or are gone.
 
     >>> StoreDamaged("entry 12 does not match its hash").exit_code
+    4
+    """
+
+
+class NoStore(StoreError):
+    """Nothing was kept yet.
+
+    >>> NoStore("arm.db: no such store").exit_code
     4
     """
 

@@ -59,8 +59,8 @@ class Twin:
         self.model = loop.model_of(spec, model)
         loop.check_units(spec, self.model)
         self.setup = loop.Setup(spec, self.model)
-        path = None if spec.store.path is None else Path(spec.folder) / spec.store.path
-        self.store: Store = store or opened(path, reading=reading)
+        path = spec.store.place(spec.folder)
+        self.store: Store = store or opened(path, spec.name, reading=reading)
         self._lasting = store is not None or path is not None
         self._versions = loop.Versions(self.model)
         self._live: loop.Live | None = None

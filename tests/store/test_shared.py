@@ -6,7 +6,6 @@ import itertools
 import sqlite3
 import threading
 import time
-from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
@@ -34,19 +33,8 @@ from evertwin.store.database import Database
 from evertwin.store.owners import fence
 from evertwin.store.postgres import Postgres, told
 from evertwin.store.sql import SqlStore
-from planted.postgres import Server, programs
-from tests.conftest import in_ci
 
 NAMES = (f"twin-{k}" for k in itertools.count())
-
-
-@pytest.fixture(scope="session")
-def server() -> Iterator[str]:
-    if programs() is None:
-        message = "PostgreSQL is not installed (Debian: postgresql)"
-        pytest.fail(message) if in_ci() else pytest.skip(message)
-    with Server("fsync=off") as running:
-        yield running.address
 
 
 @pytest.fixture
@@ -63,20 +51,20 @@ def chunk(first: int) -> Chunk:
     return Chunk("pose", np.arange(first, first + 3), np.full((3, 2), float(first)))
 
 
-def test_the_laws_of_a_store(server: str, twin: str) -> None:
-    check_store(lambda: SharedStore(server, twin))
+def test_the_laws_of_a_store(postgres: str, twin: str) -> None:
+    check_store(lambda: SharedStore(postgres, twin))
 
 
-def test_the_laws_of_a_store_under_a_token(server: str, twin: str) -> None:
-    with closing(Postgres(server)) as database:
+def test_the_laws_of_a_store_under_a_token(postgres: str, twin: str) -> None:
+    with closing(Postgres(postgres)) as database:
         token = SqlOwners(database).claim(twin, "north", 60.0)
-        check_store(lambda: SharedStore(server, twin, token), persistent=False)
+        check_store(lambda: SharedStore(postgres, twin, token), persistent=False)
 
 
-def test_the_laws_of_owners(server: str) -> None:
-    with closing(Postgres(server)) as database:
+def test_the_laws_of_owners(postgres: str) -> None:
+    with closing(Postgres(postgres)) as database:
         check_owners(
-            SqlOwners(database), lambda twin, token: SharedStore(server, twin, token), time.sleep
+            SqlOwners(database), lambda twin, token: SharedStore(postgres, twin, token), time.sleep
         )
 
 
@@ -96,10 +84,10 @@ def test_the_laws_of_owners_can_fail() -> None:
         check_owners(Generous(Database(":memory:")), unfair, time.sleep)
 
 
-def test_twins_do_not_see_each_other(server: str, twin: str) -> None:
+def test_twins_do_not_see_each_other(postgres: str, twin: str) -> None:
     with (
-        closing(SharedStore(server, twin)) as one,
-        closing(SharedStore(server, next(NAMES))) as other,
+        closing(SharedStore(postgres, twin)) as one,
+        closing(SharedStore(postgres, next(NAMES))) as other,
     ):
         one.commit(Batch([event(1)], chunks=[chunk(0)], checkpoint=Checkpoint(1, (1.0,))))
         other.commit(Batch([event(2), event(3)]))
@@ -108,28 +96,28 @@ def test_twins_do_not_see_each_other(server: str, twin: str) -> None:
         assert (one.chunks, other.chunks, other.restore((0.0,))) == (1, 0, None)
 
 
-def test_a_node_keeps_others_out(server: str, twin: str) -> None:
-    with closing(Postgres(server)) as database:
+def test_a_node_keeps_others_out(postgres: str, twin: str) -> None:
+    with closing(Postgres(postgres)) as database:
         owners = SqlOwners(database)
         first = owners.claim(twin, "north", 60.0)
         with pytest.raises(StoreLocked, match="node 'north' works with it"):
-            SharedStore(server, twin)
+            SharedStore(postgres, twin)
         assert first is not None and owners.release(twin, first)
-        with closing(SharedStore(server, twin)) as outside:
+        with closing(SharedStore(postgres, twin)) as outside:
             outside.commit(Batch([event(1)]))
             owners.claim(twin, "south", 60.0)
             with pytest.raises(OwnershipLost, match="token 1 is old, node 'south' has 2"):
                 outside.commit(Batch([event(2)], chunks=[chunk(0)]))
             with pytest.raises(OwnershipLost):  # what a refused write held back is never written
                 outside.flush()
-            with closing(SharedStore(server, twin, read_only=True)) as seen:
+            with closing(SharedStore(postgres, twin, read_only=True)) as seen:
                 assert (seen.read("event"), seen.chunks) == ((event(1),), 0)
             with pytest.raises(OwnershipLost):
                 outside.close()
 
 
-def test_a_claim_waits_for_a_commit_under_way(server: str, twin: str) -> None:
-    with closing(Postgres(server)) as database, closing(Postgres(server, twin)) as writing:
+def test_a_claim_waits_for_a_commit_under_way(postgres: str, twin: str) -> None:
+    with closing(Postgres(postgres)) as database, closing(Postgres(postgres, twin)) as writing:
         owners = SqlOwners(database)
         token = owners.claim(twin, "north", 0.0)
         assert token == 1
@@ -144,8 +132,11 @@ def test_a_claim_waits_for_a_commit_under_way(server: str, twin: str) -> None:
         assert claimed == [2]
 
 
-def test_samples_lie_in_a_partition_a_day(server: str, twin: str) -> None:
-    with closing(SharedStore(server, twin)) as store, closing(Postgres(server, twin)) as database:
+def test_samples_lie_in_a_partition_a_day(postgres: str, twin: str) -> None:
+    with (
+        closing(SharedStore(postgres, twin)) as store,
+        closing(Postgres(postgres, twin)) as database,
+    ):
         store.commit(Batch(chunks=[chunk(0), chunk(3)]))
         query = "SELECT tableoid::regclass::text, day::text FROM evertwin.samples WHERE twin = ?"
         ((place, day), other) = database.query(query, (twin,))
@@ -158,8 +149,8 @@ def test_samples_lie_in_a_partition_a_day(server: str, twin: str) -> None:
         assert [number for number, _ in store.read_chunks()] == [2] and store.chunks == 2
 
 
-def test_a_copy_is_a_file(server: str, twin: str, tmp_path: Path) -> None:
-    with closing(SharedStore(server, twin)) as store:
+def test_a_copy_is_a_file(postgres: str, twin: str, tmp_path: Path) -> None:
+    with closing(SharedStore(postgres, twin)) as store:
         state = (np.arange(9000.0), 7)
         checkpoint = Checkpoint(5, state, 1, shown={"row": np.arange(3)})
         store.commit(Batch([event(1), event(2)], chunks=[chunk(0)], checkpoint=checkpoint))
@@ -174,19 +165,22 @@ def test_a_copy_is_a_file(server: str, twin: str, tmp_path: Path) -> None:
         assert [number for number, _ in copy.read_chunks()] == [2, 3]
 
 
-def test_the_log_is_append_only(server: str, twin: str) -> None:
-    with closing(SharedStore(server, twin)) as store, closing(Postgres(server, twin)) as database:
+def test_the_log_is_append_only(postgres: str, twin: str) -> None:
+    with (
+        closing(SharedStore(postgres, twin)) as store,
+        closing(Postgres(postgres, twin)) as database,
+    ):
         store.commit(Batch([event(1)]))
         for change in ("UPDATE log SET row = 2", "DELETE FROM log"):
             with pytest.raises(StoreError, match="append-only"), database.transaction() as db:
                 db.execute(change)
 
 
-def test_a_reader_asks_the_owner(server: str, twin: str) -> None:
+def test_a_reader_asks_the_owner(postgres: str, twin: str) -> None:
     with pytest.raises(StoreError, match="no such store"):
-        SharedStore(server, twin, read_only=True)
-    with closing(SharedStore(server, twin)) as store:
-        with closing(SharedStore(server, twin, read_only=True)) as reader:
+        SharedStore(postgres, twin, read_only=True)
+    with closing(SharedStore(postgres, twin)) as store:
+        with closing(SharedStore(postgres, twin, read_only=True)) as reader:
             reader.ask([event(4)])
             with pytest.raises(StoreError, match="read only"):
                 reader.commit(Batch())
@@ -198,26 +192,26 @@ def test_a_reader_asks_the_owner(server: str, twin: str) -> None:
             store.repair()
 
 
-def test_a_line_that_is_cut_is_told(server: str, twin: str) -> None:
-    store = SharedStore(server, twin)
+def test_a_line_that_is_cut_is_told(postgres: str, twin: str) -> None:
+    store = SharedStore(postgres, twin)
     store.commit(Batch([event(1)]))
-    with closing(Postgres(server)) as database:
+    with closing(Postgres(postgres)) as database:
         query = "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE application_name = ?"
         database.query(query, (f"evertwin {twin}",))
     with pytest.raises(StoreUnwritable, match="check server, network, disk"):
         store.commit(Batch([event(2)]))
     with pytest.raises(StoreUnwritable):
         store.close()
-    with closing(SharedStore(server, twin)) as again:  # the lock went with the line
+    with closing(SharedStore(postgres, twin)) as again:  # the lock went with the line
         assert again.read("event") == (event(1),)
 
 
 def test_who_is_paused_in_a_transaction_is_cut(
-    server: str, twin: str, monkeypatch: pytest.MonkeyPatch
+    postgres: str, twin: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("evertwin.store.postgres.STALLED", 1.0)
     with (
-        closing(Postgres(server, twin)) as database,
+        closing(Postgres(postgres, twin)) as database,
         pytest.raises(StoreUnwritable, match="idle-in-transaction"),
         database.transaction() as db,
     ):

@@ -18,6 +18,7 @@ from evertwin.app import cli_validate
 from evertwin.app.cli_engineer import register as register_engineer
 from evertwin.app.cli_export import register as register_export
 from evertwin.app.cli_features import register as register_features
+from evertwin.app.cli_fleet import register as register_fleet
 from evertwin.app.cli_machine import register as register_machine
 from evertwin.app.cli_machine import register_demo
 from evertwin.app.cli_map import register as register_map
@@ -320,6 +321,7 @@ register_machine(app)
 register_map(app)
 register_features(app)
 register_serve(app)
+register_fleet(app)
 register_ros(app)
 
 

@@ -19,6 +19,8 @@ def store_path(twin: Path, spec: TwinSpec) -> Path:
     """
     if spec.store.path is None:
         raise UsageError(f"{twin}: keeps nothing: say [store] path = 'twin.db'")
+    if spec.store.server is not None:
+        raise UsageError(f"{twin}: keeps its store on a server: use the server's own tools")
     return Path(spec.folder) / spec.store.path
 
 

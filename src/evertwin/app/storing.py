@@ -18,7 +18,7 @@ from evertwin.signals.series import Series
 from evertwin.signals.units import si_unit
 from evertwin.sources import write
 from evertwin.sources.spec import SourceSpec
-from evertwin.store import Head, SqliteStore, restore
+from evertwin.store import Head, SqliteStore, SqlStore, looked_at, restore
 
 TASK = "task"
 """Column of an export with the number of each sample's task."""
@@ -154,8 +154,12 @@ def _path(twin: Path) -> Path:
     return twin if twin.suffix == ".db" else store_path(twin, read(twin))
 
 
-def _store(twin: Path) -> closing[SqliteStore]:
-    return closing(SqliteStore(_path(twin), read_only=True))
+def _store(twin: Path) -> closing[SqlStore]:
+    if twin.suffix != ".db":
+        spec = read(twin)
+        if spec.store.server is not None:
+            return closing(looked_at(spec.store.server, spec.name))
+    return closing(looked_at(_path(twin), ""))
 
 
 def _secret(key: Path | None) -> bytes:

@@ -140,8 +140,8 @@ class Prospect:
 
     def fleet(self, rule: IndicatorSpec, limit: Limit) -> Fleet | None:
         """What like machines tell of an indicator; None without any."""
-        own = self.basis.setup.spec.store.path
-        mine = () if own is None else (self.folder / own,)
+        own = self.basis.setup.spec.store.place(self.folder)
+        mine = (own,) if isinstance(own, Path) else ()
         files, failed = (
             files_of(names, self.folder, mine) for names in (self.rule.fleet, self.rule.failed)
         )

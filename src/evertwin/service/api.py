@@ -89,6 +89,13 @@ def _health(app: FastAPI, service: Service) -> None:
         response.status_code = 200 if service.ready else 503
         return {"ready": service.ready}
 
+    @app.get("/api/v1/fleet")
+    async def fleet() -> dict[str, Any]:
+        """Nodes, and who has which twin: age of the lease, lag; 404 where this machine is alone."""
+        if service.tending is None:
+            raise HTTPException(404, "no fleet: the site file has no [fleet] store")
+        return await service.tending.status()
+
     @app.get("/metrics")
     async def metrics() -> Response:
         """Figures for Prometheus."""

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from evertwin.errors import EvertwinError
 from evertwin.service.at_work import AtWork
+from evertwin.store import SqliteStore
 
 if TYPE_CHECKING:
     from evertwin.service.runner import Runner
@@ -40,6 +41,7 @@ async def keep_days(runner: Runner, days: int) -> None:
 async def _put_away(runner: Runner, days: int) -> None:
     for source, day, names in await runner.ask(lambda work: work.old(days)):
         reader = runner.reader
+        assert isinstance(reader, SqliteStore)  # no other has old days
         pieces = reader.of_day(source, day)
         written = await asyncio.to_thread(reader.archive.write, source, day, pieces, names)
         if written is not None:

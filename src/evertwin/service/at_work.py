@@ -22,7 +22,7 @@ from evertwin.models import Model
 from evertwin.service.plan import Plan
 from evertwin.service.scene import scene_of
 from evertwin.signals import wrap
-from evertwin.store import Estimate, Kept, SqliteStore
+from evertwin.store import Estimate, Kept, SharedStore, SqliteStore
 from evertwin.store.archive import DAY, Day
 from evertwin.store.spec import StoreSpec
 from evertwin.twin import Twin
@@ -60,19 +60,29 @@ class AtWork:
     'AtWork'
     """
 
-    def __init__(self, plan: Plan, store: Path, pool: Pool | None = None) -> None:
-        """Opens the twin with its store in a folder; what a process before left goes on. ``pool``:
-        processes for slow work, where neither the site file nor the twin file asks for others."""
+    def __init__(
+        self, plan: Plan, store: Path | str, pool: Pool | None = None, token: int | None = None
+    ) -> None:
+        """Opens the twin with its store; what a process before left goes on.
+
+        Args:
+            plan: which twin.
+            store: the folder of its file; or the server, then with the ``token`` of this node.
+            pool: processes for slow work, where neither the site file nor the twin file asks for
+                others.
+            token: what the server holds each commit against.
+        """
         assert plan.spec is not None
         workers, rule = plan.entry.workers, plan.spec.engine
         shared = pool if workers is None and rule == EngineSpec() else None
         if workers is None:
             workers = rule.workers or WORKERS
         self.spec = dataclasses.replace(
-            plan.spec, store=StoreSpec(str(store / f"{plan.name}.db")),
+            plan.spec, store=StoreSpec(str(place_of(store, plan.name))),
             engine=dataclasses.replace(rule, workers=workers),
         )  # fmt: skip
-        self.twin = Twin(self.spec, engine=None if shared is None else shared.share())
+        kept = None if token is None else SharedStore(str(store), plan.name, token)
+        self.twin = Twin(self.spec, store=kept, engine=None if shared is None else shared.share())
         self._estimates: dict[str, Estimate] = {}
         self._read = 0
         self._row = -1
@@ -269,6 +279,11 @@ class AtWork:
             self.going.rest()
         finally:
             self.twin.close()
+
+
+def place_of(store: Path | str, twin: str) -> Path | str:
+    """Where a twin's store is: a file in a folder, or a server."""
+    return store / f"{twin}.db" if isinstance(store, Path) else store
 
 
 def shown(view: View, model: Model, which: np.ndarray) -> Mapping[str, Any]:

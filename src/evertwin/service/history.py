@@ -21,7 +21,7 @@ from evertwin.loop import View
 from evertwin.models import Model
 from evertwin.service.at_work import off
 from evertwin.sources.spec import SourceSpec
-from evertwin.store import SqliteStore
+from evertwin.store import SqlStore
 
 WIDEST = 4096
 """Pixels of an answer."""
@@ -96,7 +96,7 @@ class Stored(NamedTuple):
     ('store', 'sources')
     """
 
-    store: SqliteStore
+    store: SqlStore
     sources: Sequence[SourceSpec]
 
 

@@ -13,7 +13,7 @@ import contextlib
 import logging
 import time
 from collections import deque
-from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -27,19 +27,18 @@ from evertwin.loop import Numbered
 from evertwin.publishers.contract import About, Kind, News, Publisher
 from evertwin.publishers.registry import open_publisher
 from evertwin.service.archiving import keep_days
-from evertwin.service.at_work import AtWork, Said, told, warm
+from evertwin.service.at_work import AtWork, Said, place_of, told, warm
 from evertwin.service.condition import Condition
 from evertwin.service.plan import Plan
 from evertwin.service.questions import answer
+from evertwin.service.queued import together
 from evertwin.sources.live.contract import Around, LiveSource
 from evertwin.sources.live.registry import open_live
-from evertwin.store import SqliteStore
+from evertwin.store import SqlStore, looked_at
 
 T = TypeVar("T")
 State: TypeAlias = Literal["starting", "running", "ended", "quarantined", "stopped"]
 LOG = logging.getLogger("evertwin.service")
-TOGETHER = 256
-"""Pieces of samples that are stored, or folded, together at most."""
 PATIENCE = 10.0
 """Seconds that what waits has at most to be folded when a twin is stopped."""
 KEPT = 64
@@ -54,11 +53,13 @@ class Runner:
     """
 
     def __init__(
-        self, plan: Plan, store: Path, listeners: set[asyncio.Event], *, warms: bool,
-        pool: Pool | None = None,
+        self, plan: Plan, store: Path | str, listeners: set[asyncio.Event], *, warms: bool,
+        pool: Pool | None = None, token: int | None = None,
     ) -> None:  # fmt: skip
         self.plan = plan
         self._pool = pool
+        self.token = token
+        """Under which it writes to a store that nodes share."""
         self.name = plan.name
         self.state: State = "starting"
         self.reason = ""
@@ -68,6 +69,8 @@ class Runner:
         self.row = 0
         self.condition = Condition(plan.entry.stale)
         self.busy_since: float | None = None
+        self.worked = 0.0
+        """Seconds of work in the twin's thread."""
         self.durable: deque[float] = deque(maxlen=1000)
         """Seconds from the arrival of samples until they were durable."""
         self.folded: deque[float] = deque(maxlen=1000)
@@ -89,7 +92,7 @@ class Runner:
         self._told = ""
         """The reason that the log has."""
         self._warms = warms
-        self._reader: SqliteStore | None = None
+        self._reader: SqlStore | None = None
         self._thread = ThreadPoolExecutor(1, thread_name_prefix=f"twin {plan.name}")
         self._storing = ThreadPoolExecutor(1, thread_name_prefix=f"keep {plan.name}")
         self._came: asyncio.Queue[tuple[LiveSource, Chunk, float]] = asyncio.Queue(plan.entry.queue)
@@ -131,7 +134,7 @@ class Runner:
     def _opened(self) -> AtWork:
         if self._warms:
             warm(self.plan)
-        return AtWork(self.plan, self.store, self._pool)
+        return AtWork(self.plan, self.store, self._pool, self.token)
 
     def _publish(self) -> None:
         assert self.work is not None
@@ -167,9 +170,16 @@ class Runner:
                 task.cancel()
         self._tell()
 
+    async def abandon(self, reason: str) -> None:
+        """Drops everything at once: the twin is another node's."""
+        self._quarantine(reason)
+        await self.stop()
+
     def anew(self) -> Runner:
         """The same twin, to be tried again."""
-        fresh = Runner(self.plan, self.store, self.listeners, warms=False, pool=self._pool)
+        fresh = Runner(
+            self.plan, self.store, self.listeners, warms=False, pool=self._pool, token=self.token
+        )
         fresh.again, fresh._told, fresh.row = self.again, self._told, self.row
         return fresh
 
@@ -252,8 +262,16 @@ class Runner:
     async def _inside(self, work: Callable[[], T]) -> T:
         """Something in the twin's thread."""
         self.busy_since = time.monotonic()
+
+        def done() -> T:
+            began = time.thread_time()
+            try:
+                return work()
+            finally:
+                self.worked += time.thread_time() - began
+
         try:
-            return await asyncio.get_running_loop().run_in_executor(self._thread, work)
+            return await asyncio.get_running_loop().run_in_executor(self._thread, done)
         finally:
             self.busy_since = None
 
@@ -332,14 +350,14 @@ class Runner:
         return await answer(self, kind, question)
 
     @property
-    def reader(self) -> SqliteStore:
+    def reader(self) -> SqlStore:
         """Its store to look at, from any thread, whatever the twin does meanwhile.
 
         Raises:
             StoreError: there is none yet, or it cannot be read.
         """
         if self._reader is None:
-            self._reader = SqliteStore(self.store / f"{self.name}.db", read_only=True)
+            self._reader = looked_at(place_of(self.store, self.name), self.name)
         return self._reader
 
     def events_after(self, cursor: int, most: int) -> Sequence[tuple[int, Mapping[str, Any]]]:
@@ -372,14 +390,3 @@ class Runner:
             "sources": {one.name: one.health.to_dict() for one in self.sources},
             "publishers": [dict(one.health) for one in self.publishers],
         }  # fmt: skip
-
-
-async def together(queue: asyncio.Queue[T]) -> AsyncIterator[list[T]]:
-    """All that waits in a queue, again and again; done with when the next is asked for."""
-    while True:
-        taken = [await queue.get()]
-        while len(taken) < TOGETHER and not queue.empty():
-            taken.append(queue.get_nowait())
-        yield taken
-        for _ in taken:
-            queue.task_done()

@@ -91,7 +91,10 @@ async def serve(path: Path, say: Callable[[str], None]) -> None:
     http = service.site.spec.http
     scheme, (host, port) = "https" if http.certificate else "http", line.getsockname()[:2]
     shown = f"[{host}]" if ":" in host else host
-    say(f"{scheme}://{shown}:{port}")
+    address = f"{scheme}://{shown}:{port}"
+    if service.tending is not None:
+        service.tending.address = address
+    say(address)
     if not http.user:
         say(f"token: {service.site.store / TOKEN}")
     starting = asyncio.create_task(service.start())

@@ -22,8 +22,9 @@ from evertwin.loop import work_of
 from evertwin.service.lag import Lag
 from evertwin.service.logs import Newest
 from evertwin.service.notify import beat_of, notify
-from evertwin.service.plan import Site, read_site
+from evertwin.service.plan import Plan, Site, read_site
 from evertwin.service.runner import Runner
+from evertwin.service.tending import Tending
 
 LOG = logging.getLogger("evertwin.service")
 BEAT = 1.0
@@ -59,6 +60,9 @@ class Service:
         self.log = Newest()
         self._pool: Pool | None = None
         """Processes for the slow work of all twins that do not ask for their own."""
+        fleet = self.site.spec.fleet
+        self.tending = Tending(self, fleet) if fleet.store else None
+        """As one node of several; None: all twins are this process's."""
         self._turn = asyncio.Lock()
         self._tasks: list[asyncio.Task[None]] = []
 
@@ -68,6 +72,9 @@ class Service:
         self.site.store.mkdir(parents=True, exist_ok=True)
         self._tasks = [asyncio.create_task(self.lag.watch()), asyncio.create_task(self._beat())]
         await self._follow(self.site)
+        if self.tending is not None:
+            await self.tending.step()
+            self._tasks.append(asyncio.create_task(self.tending.watch()))
         self.ready = True
         notify("READY=1")
         bad = [one.name for one in self.runners.values() if one.state == "quarantined"]
@@ -75,11 +82,11 @@ class Service:
 
     async def _follow(self, site: Site) -> dict[str, list[str]]:
         """What runs becomes what the site says."""
-        wanted = {plan.name: plan for plan in site.twins}
+        wanted = {plan.name: plan for plan in site.twins if self._own(plan.name)}
         gone = [
             runner for name, runner in self.runners.items()
             if wanted.get(name) != runner.plan or runner.state == "quarantined"
-            or runner.store != site.store
+            or runner.store != self._store(site)
         ]  # fmt: skip
         await asyncio.gather(*(runner.stop() for runner in gone))
         shares = [plan.spec for plan in site.twins if plan.spec and plan.entry.workers is None]
@@ -87,18 +94,36 @@ class Service:
             count = site.spec.workers or os.cpu_count() or 1
             self._pool = Pool(count, warm=partial(work_of, shares[0], None))
         for runner in gone:
-            del self.runners[runner.name]
-        fresh = [
-            Runner(plan, site.store, self.listeners, warms=site.spec.warm, pool=self._pool)
-            for name, plan in wanted.items() if name not in self.runners
-        ]  # fmt: skip
-        self.runners |= {runner.name: runner for runner in fresh}
+            self.runners.pop(runner.name, None)
         self.site = site
+        fresh = [self._runner(plan) for name, plan in wanted.items() if name not in self.runners]
+        self.runners |= {runner.name: runner for runner in fresh}
         await asyncio.gather(*(runner.start() for runner in fresh))
         return {
             "stopped": [one.name for one in gone if one.name not in wanted],
             "started": [one.name for one in fresh],
         }
+
+    def _own(self, twin: str) -> bool:
+        """Is it this process that runs a twin?"""
+        return self.tending is None or twin in self.tending.tokens
+
+    def _store(self, site: Site) -> Path | str:
+        return site.store if self.tending is None else self.tending.server
+
+    def _runner(self, plan: Plan) -> Runner:
+        token = None if self.tending is None else self.tending.tokens[plan.name]
+        return Runner(
+            plan, self._store(self.site), self.listeners, warms=self.site.spec.warm,
+            pool=self._pool, token=token,
+        )  # fmt: skip
+
+    async def take(self, twin: str) -> None:
+        """Starts a twin that has become this node's."""
+        for plan in self.site.twins:
+            if plan.name == twin:
+                self.runners[twin] = runner = self._runner(plan)
+                await runner.start()
 
     async def reload(self) -> Mapping[str, Any]:
         """Takes the files anew; what changed.
@@ -115,6 +140,7 @@ class Service:
                 raise
             old, new = self.site.spec.http, site.spec.http
             later = [key for key in RESTART if getattr(old, key) != getattr(new, key)]
+            later += ["fleet"] if self.site.spec.fleet != site.spec.fleet else []
             told: dict[str, Any] = await self._follow(site)
             self.error, self.reloads = "", self.reloads + 1
             LOG.info("reloaded: %s", told)
@@ -127,6 +153,8 @@ class Service:
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*(runner.stop() for runner in self.runners.values()))
+        if self.tending is not None:
+            await self.tending.end()
         if self._pool is not None:
             await asyncio.to_thread(self._pool.close)
         LOG.info("stopped")

@@ -18,6 +18,7 @@ from annotated_types import Ge, Gt, Le
 from pydantic_core import CoreSchema, core_schema
 
 from evertwin.errors import UsageError
+from evertwin.fleet import FleetSpec
 from evertwin.publishers import registry as publishers
 from evertwin.settings.form import Form
 from evertwin.settings.kinds import Duration
@@ -154,6 +155,9 @@ class TwinEntry(Section):
     """Whole days of samples (UTC, by their stamps) that stay in the store. Each older day goes to
     one Parquet file a source in the folder ``NAME.db.days`` beside it, whose hash the log keeps; it
     is read back as if it had stayed. Absent: all stay."""
+    node: str = ""
+    """The one node of a ``[fleet]`` that can run it, because its machine hangs on a line there;
+    absent: any."""
     stale: Duration | None = None
     """Silence after which what is shown is stale; absent: three times the usual time between
     samples, at least a second."""
@@ -184,8 +188,19 @@ class SiteSpec(Section):
     """Processes that twins share for slow work, from the next start on; absent: one a core."""
     http: HttpSpec = HttpSpec()
     """Where the service is reached."""
+    fleet: FleetSpec = FleetSpec()
+    """Several machines share the twins."""
     twin: tuple[TwinEntry, ...] = ()
     """The twins."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for one in self.twin:
+            if self.fleet.store and one.days is not None:
+                raise UsageError(
+                    "days: files of a node's disk: a fleet keeps its samples on the server, one "
+                    "partition a day: leave days out"
+                )
 
 
 _ABOUT = """# The site file

@@ -11,17 +11,20 @@ import shutil
 from contextlib import closing
 from pathlib import Path
 
-from evertwin.errors import StoreError
+from evertwin.errors import NoStore, StoreError
 from evertwin.store.database import MEMORY
 from evertwin.store.lock import Lock
+from evertwin.store.shared import SharedStore
+from evertwin.store.sql import SqlStore
 from evertwin.store.sqlite import SqliteStore
 
 
-def opened(path: Path | None, *, reading: bool = False) -> SqliteStore:
-    """The store at ``path``; in memory without one.
+def opened(place: Path | str | None, twin: str = "", *, reading: bool = False) -> SqlStore:
+    """The store of a twin at a place; in memory without one.
 
     Args:
-        path: its file.
+        place: its file, or a server.
+        twin: its name, by which a server knows it.
         reading: as it is, while another process may be writing: no lock is taken and nothing is
             created; where there is no store yet, an empty one in memory.
 
@@ -29,9 +32,26 @@ def opened(path: Path | None, *, reading: bool = False) -> SqliteStore:
         StoreLocked: another process has it.
         StoreError: it is no store.
     """
-    if path is None or (reading and not path.is_file()):
+    if place is None:
         return SqliteStore(MEMORY)
-    return SqliteStore(path, read_only=reading)
+    if reading:
+        try:
+            return looked_at(place, twin)
+        except NoStore:
+            return SqliteStore(MEMORY)
+    return SqliteStore(place) if isinstance(place, Path) else SharedStore(place, twin)
+
+
+def looked_at(place: Path | str, twin: str) -> SqlStore:
+    """A store to look at, while another process may be writing.
+
+    Raises:
+        NoStore: there is none yet.
+        StoreError: it cannot be read.
+    """
+    if isinstance(place, Path):
+        return SqliteStore(place, read_only=True)
+    return SharedStore(place, twin, read_only=True)
 
 
 def restore(path: Path, backup: Path) -> int:

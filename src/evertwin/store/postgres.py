@@ -30,6 +30,8 @@ SCHEMA = 1
 STALLED = 5.0
 """Seconds after which the server ends a transaction that says nothing more: a process that is
 paused inside of one keeps no lock for long."""
+PATIENCE = 1.0
+"""Seconds that what twins share is waited for: leases are to be renewed in time."""
 TABLES = """
 CREATE TABLE evertwin.head (length bigint NOT NULL, hash text NOT NULL, verified bigint NOT NULL,
     samples bigint NOT NULL, {twin}, PRIMARY KEY (twin));
@@ -145,20 +147,24 @@ class Postgres:
         self._days: set[object] = set()
         """Days whose partition is there."""
         with self._guarded():
-            plain = driver().connect(
-                server, autocommit=True, connect_timeout=5, tcp_user_timeout=int(1000 * STALLED),
-                application_name=f"evertwin {twin}".rstrip(),
-                options="-c search_path=evertwin_twin,evertwin -c synchronous_commit=on "
-                f"-c idle_in_transaction_session_timeout={STALLED:.0f}s "
-                f"-c lock_timeout={2 * STALLED:.0f}s",
-            )  # fmt: skip
-            self._db = Connection(plain)
+            self._connect()
         try:
             with self._guarded():
                 self._prepare()
         except StoreError:
             self.close()
             raise
+
+    def _connect(self) -> None:
+        waits = 2 * STALLED if self._twin else PATIENCE
+        plain = driver().connect(
+            self._server, autocommit=True, connect_timeout=5, tcp_user_timeout=int(1000 * STALLED),
+            keepalives_idle=2, keepalives_interval=1, keepalives_count=3,
+            application_name=f"evertwin {self._twin}".rstrip(),
+            options="-c search_path=evertwin_twin,evertwin -c synchronous_commit=on "
+            f"-c idle_in_transaction_session_timeout={STALLED:.0f}s -c lock_timeout={waits:.0f}s",
+        )  # fmt: skip
+        self._db = Connection(plain)
 
     def _prepare(self) -> None:
         """Create what is missing, refuse what is foreign."""
@@ -190,6 +196,11 @@ class Postgres:
                 )
             db.execute("INSERT INTO evertwin.form VALUES (?)", (SCHEMA,))
 
+    def _alive(self) -> None:
+        """A line that carries nothing of one twin is opened again when it was lost."""
+        if self._db.plain.closed and not self._twin:
+            self._connect()
+
     def query(self, text: str, values: Sequence[Any] = ()) -> list[Any]:
         """All rows of a question.
 
@@ -197,13 +208,16 @@ class Postgres:
             StoreUnwritable: the server is gone.
         """
         with self._turn, self._guarded():
+            self._alive()
             return list(self._db.execute(text, values).fetchall())
 
     @contextmanager
     def transaction(self) -> Iterator[Writing]:
         """What is written inside stands whole, and durable, or not at all."""
-        with self._turn, self._guarded(), self._db.plain.transaction():
-            yield self._db
+        with self._turn, self._guarded():
+            self._alive()
+            with self._db.plain.transaction():
+                yield self._db
 
     def samples(self) -> int:
         """Number of the newest samples that were ever stored; 0: there were none."""

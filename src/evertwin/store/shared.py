@@ -6,7 +6,7 @@
 
 from __future__ import annotations
 
-from evertwin.errors import StoreError, StoreLocked
+from evertwin.errors import NoStore, StoreError, StoreLocked
 from evertwin.store.owners import SqlOwners, fence
 from evertwin.store.postgres import Postgres
 from evertwin.store.sql import SqlStore
@@ -42,7 +42,7 @@ class SharedStore(SqlStore):
                 token = self._alone(database, twin)
             if read_only:
                 if not database.query("SELECT length FROM head"):
-                    raise StoreError(f"{database.path}: no such store")
+                    raise NoStore(f"{database.path}: no such store")
                 limit = None
             else:
                 database.begin()

@@ -16,7 +16,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from evertwin.errors import StoreDamaged, StoreError
+from evertwin.errors import NoStore, StoreDamaged, StoreError
 from evertwin.fold import Chunk, Event
 from evertwin.store.archive import DAY, Archive, day_of, edges
 from evertwin.store.archive import KIND as ARCHIVED
@@ -59,7 +59,7 @@ class SqliteStore(SqlStore):
         stored = self.path != MEMORY
         self.archive = Archive(self.path, self._archived)
         if read_only and not Path(path).is_file():
-            raise StoreError(f"{path}: no such store")
+            raise NoStore(f"{path}: no such store")
         self._lock = Lock(Path(path)) if stored and not read_only else None
         self.recovered: Event | None = None
         """What was lost, where the file was damaged when it was opened."""

@@ -1,0 +1,133 @@
+"""Two nodes as processes on one server: twins are shared out, taken over, moved and given back."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import time
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evertwin.app.cli import main
+from evertwin.config import read
+from evertwin.sources.recorded import Recorded
+from evertwin.store import SharedStore
+from evertwin.store.postgres import Postgres
+from evertwin.twin import Twin
+from planted.serving import Served, nodes
+from planted.worlds import record_robot
+
+LEASE = 1.0
+
+
+@pytest.fixture
+def hall(tmp_path: Path) -> Path:
+    file = tmp_path / "run.csv"
+    record_robot(file, "--light", "--world", "w3", "--seconds", "150", "--seed", "2")
+    return tmp_path
+
+
+def status(file: Path, capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
+    """As the command tells it."""
+    capsys.readouterr()
+    with pytest.raises(SystemExit) as done:
+        main(["fleet", "status", str(file), "--json"])
+    assert done.value.code in (0, None)
+    return dict(json.loads(capsys.readouterr().out))
+
+
+def until(ask: Callable[[], Any], seconds: float = 20.0) -> None:
+    end = time.monotonic() + seconds
+    while not ask():
+        assert time.monotonic() < end, "not so in time"
+        time.sleep(0.05)
+
+
+def owners(server: str, twins: tuple[str, ...]) -> dict[str, str]:
+    with closing(Postgres(server)) as database:
+        query = "SELECT twin, node FROM evertwin.owners WHERE until > "
+        found = dict(database.query(query + database.now))
+    return {one: found[one] for one in twins if one in found}
+
+
+@pytest.mark.slow
+def test_twins_go_on_elsewhere(
+    hall: Path, postgres: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    twins = ("fleet-a", "fleet-b")
+    files = nodes(hall, postgres, ("north", "south"), twins, lease=LEASE, speed=30.0)
+    with Served(files["north"]) as north:
+        until(lambda: len(owners(postgres, twins)) == 2)
+        with Served(files["south"]) as south:
+            until(lambda: len(status(files["south"], capsys)["nodes"]) == 2)
+            assert set(owners(postgres, twins).values()) == {"north"}  # nothing moves by itself
+            main_in(["fleet", "move", str(files["north"]), "fleet-a", "south"])
+            until(lambda: owners(postgres, twins).get("fleet-a") == "south")
+            south.until(lambda told: any(one["rows"] > 20 for one in told["twins"]))
+            told = south.ask("/api/v1/fleet")[1]
+            assert told["node"] == "south" and len(told["nodes"]) == 2
+            one = next(one for one in told["twins"] if one["twin"] == "fleet-b")
+            assert one["node"] == "north" and one["age"] < LEASE and one["token"] == 1
+            os.kill(north.process.pid, signal.SIGSTOP)
+            until(lambda: owners(postgres, twins).get("fleet-b") == "south")
+            os.kill(north.process.pid, signal.SIGCONT)
+            north.until(lambda told: not told["twins"])  # it gave up what is another's
+            main_in(["fleet", "drain", str(files["north"]), "south"])
+            until(lambda: set(owners(postgres, twins).values()) == {"north"})
+            south.kill()
+        north.until(
+            lambda told: len(told["twins"]) == 2
+            and all(one["state"] == "ended" for one in told["twins"]), 40.0,
+        )  # fmt: skip
+        assert north.end() == 0
+    spec = read(files["north"].parent / "robot1d.toml")
+    chunks = list(Recorded.of(spec.source[0], (hall / "run.csv",)).read())
+    sent = np.concatenate([chunk.t for chunk in chunks])
+    for twin in twins:
+        with closing(SharedStore(postgres, twin, read_only=True)) as store:
+            kept = np.concatenate([chunk.t for _, chunk in store.read_chunks()])
+            assert kept.tolist() == sent.tolist()  # each once, in order
+            said = [e.kind for e in store.read("event")]
+        with closing(Postgres(postgres)) as database:
+            query = "SELECT token FROM evertwin.samples WHERE twin = ? ORDER BY number"
+            tokens = [token for (token,) in database.query(query, (twin,))]
+        assert tokens == sorted(tokens) and len(set(tokens)) >= 2
+        with Twin(spec) as alone:
+            for chunk in chunks:
+                alone.push(chunk)
+            assert said == [e.kind for e in alone.events]
+
+
+def main_in(words: list[str]) -> None:
+    with pytest.raises(SystemExit) as done:
+        main(words)
+    assert done.value.code in (0, None)
+
+
+def test_what_cannot_be_meant_is_told(
+    hall: Path, postgres: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = nodes(hall, postgres, ("west",), ("fleet-c",), lease=LEASE)["west"]
+    for words, said in (
+        (["move", str(file), "nobody", "any"], "no twin 'nobody'"),
+        (["move", str(file), "nobody", "nowhere"], "no node 'nowhere'"),
+        (["drain", str(file), "nowhere"], "no node 'nowhere'"),
+    ):
+        with pytest.raises(SystemExit) as done:
+            main(["fleet", *words])
+        assert done.value.code == 2 and said in capsys.readouterr().err
+    text = file.read_text()
+    file.write_text(text.replace("workers = 0", "workers = 0\ndays = 3"))
+    with pytest.raises(SystemExit):
+        main(["fleet", "status", str(file)])
+    assert "one partition a day" in capsys.readouterr().err
+    file.write_text(text.replace(f'store = "{postgres}"', ""))
+    with pytest.raises(SystemExit):
+        main(["fleet", "status", str(file)])
+    assert "expected a server that the nodes share" in capsys.readouterr().err
