@@ -19,12 +19,13 @@ INTERVAL = {"type": "array", "prefixItems": [OPEN, OPEN], "minItems": 2, "maxIte
 LIFE = {
     "type": "object",
     "required": ["median", "interval80", "interval95", "not_before", "unit", "passed_at", "failed",
-                 "dates"],
+                 "pace", "dates"],
     "properties": {
         "median": OPEN, "interval80": INTERVAL, "interval95": INTERVAL, "not_before": OPEN,
         "unit": {"enum": ["run", "cycle", "s", "h", "d"]},
         "passed_at": {"type": ["number", "null"]},
         "failed": {"type": "boolean"},
+        "pace": {"type": ["number", "null"], "exclusiveMinimum": 0.0},
         "dates": {"type": ["object", "null"]},
     },
     "additionalProperties": False,

@@ -89,7 +89,7 @@ class IndicatorSpec(Section):
         ],
         ...,
     ] = ()  # fmt: skip
-    """Laws that are weighed against each other; absent: all."""
+    """Laws that are weighed against each other where a life is told alone; absent: all."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from evertwin.prognosis.laws import Fleet, Indicator, Life, Workload, predict_life
+from evertwin.prognosis.laws.fleet import way_of
 from evertwin.types import Float64, Vector
 
 LEVELS = 8
@@ -68,14 +69,29 @@ def course(
     if not sign * way > 0.0:
         return None
     levels, lives = [start], [replace(life, remaining=np.zeros_like(life.remaining))]
+    if fleet is not None:
+        return _by_likes(Course(np.array(levels), tuple(lives), sign), indicator, life, fleet)
     for share in np.concatenate([np.linspace(0.0, 1.0, LEVELS + 1)[1:-1], [1.0, 1.5, 2.0]]):
         level = start + float(share) * way
         there = indicator.with_(limit=replace(indicator.limit, value=level))
-        found = life if share == 1.0 else predict_life(there, laws, fleet)
+        found = life if share == 1.0 else predict_life(there, laws)
         if isinstance(found, Life):
             levels.append(level)
             lives.append(found)
     return Course(np.array(levels), tuple(lives), sign)
+
+
+def _by_likes(begun: Course, indicator: Indicator, life: Life, fleet: Fleet) -> Course | None:
+    """The course to the limit that like machines took, over the time that is left here."""
+    way = way_of(indicator)
+    if way is None:
+        return None
+    left = np.linspace(0.0, 1.0, LEVELS + 1)[1:]
+    shares = fleet.shares(way, (1.0 - left) * float(way.level[-1]))
+    shares[-1] = 1.0
+    levels = begun.levels[0] + left * (indicator.limit.value - begun.levels[0])
+    lives = tuple(replace(life, remaining=share * life.remaining) for share in shares)
+    return Course(np.append(begun.levels, levels), (*begun.lives, *lives), begun.sign)
 
 
 def _today(at: Vector, value: Vector, now: float) -> float:

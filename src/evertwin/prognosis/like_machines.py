@@ -18,7 +18,6 @@ from evertwin.errors import UsageError
 from evertwin.models import Parameters
 from evertwin.prognosis.health import indicator_of, series_of
 from evertwin.prognosis.laws import Fleet, Indicator, Limit, Maintenance, learn
-from evertwin.prognosis.laws.hypotheses import LAWS
 from evertwin.prognosis.parameter_history import History, history
 from evertwin.sources.small_table import read_table
 from evertwin.store import SqliteStore
@@ -85,7 +84,7 @@ def fleet_of(asked: Likes) -> Fleet | None:
         lived = [_named(asked, file) for file in files]
         while len(_LEARNED) >= FLEETS:
             _LEARNED.pop(next(iter(_LEARNED)))
-        _LEARNED[key] = learn(lived, asked.rule.laws or LAWS)
+        _LEARNED[key] = learn(lived)
     return _LEARNED[key]
 
 

@@ -20,6 +20,9 @@ from evertwin.prognosis.laws.alarms import Alarm
 from evertwin.prognosis.laws.calendar import UNITS, Calendar
 from evertwin.types import Json
 
+OTHER = 1.3
+"""Pace from which a machine is said to differ from its fleet."""
+
 
 @dataclass(frozen=True)
 class ComponentLife:
@@ -85,6 +88,18 @@ class ComponentLife:
             alone = len(self.work.rates) == 1
             said.append(how if alone else f"from {phase['begin']:g} {end}: {how}")
         return f"wears under the work ahead, by {self.wears.text}: " + "; ".join(said)
+
+    @property
+    def pace(self) -> str:
+        """That its like machines wear at another pace; empty where they do not."""
+        pace = self.life.pace if isinstance(self.life, Life) else None
+        if pace is None or 1.0 / OTHER < pace < OTHER:
+            return ""
+        how = f"{max(pace, 1.0 / pace):.2g} times as {'slowly' if pace > 1.0 else 'fast'} as"
+        return (
+            f"{self.component} wears {how} its like machines did: their times are taken at its own "
+            "pace, and the interval is wider"
+        )
 
     @property
     def urgency(self) -> float:
@@ -179,7 +194,8 @@ class Lives:
         """What may surprise in how the history was read."""
         told = (note for one in self.indicators for note in one.indicator.notes)
         likes = (note for one in self.indicators if one.fleet for note in one.fleet.told)
-        return tuple(dict.fromkeys((*told, *likes, *self.left_out)))
+        paces = (note for one in self.indicators if (note := one.pace))
+        return tuple(dict.fromkeys((*told, *likes, *paces, *self.left_out)))
 
     def to_dict(self) -> dict[str, Json]:
         """Plain content, ``schema: "evertwin.life/1"``."""

@@ -189,7 +189,6 @@ def machine(seed: int) -> Indicator:
 
 def test_a_fleet_narrows_the_life() -> None:
     fleet = learn([machine(k) for k in range(8)])
-    assert max(fleet.laws, key=lambda law: fleet.laws[law]) == "exponential"
     held = narrower = 0
     for seed in range(100, 106):
         early, end = machine(seed).until(40.0), lived(machine(seed))
@@ -202,20 +201,47 @@ def test_a_fleet_narrows_the_life() -> None:
 
 
 def test_running_machines_lengthen_the_life_of_a_fleet() -> None:
-    age = np.array([100.0, 400.0])
-    short = Fleet.of_lives([90.0, 100.0, 110.0])
-    long = Fleet.of_lives([90.0, 100.0, 110.0], running=[200.0, 200.0, 200.0])
-    assert long.beyond(150.0) > 3.0 * short.beyond(150.0)
-    assert long.density(age)[1] > short.density(age)[1]
+    ended = [machine(k) for k in range(4)]
+    young = [machine(k).with_(at=2.0 * machine(k).at).until(185.0) for k in range(4, 8)]
+    fleet = learn([*ended, *young])
+    assert [one.how for one in fleet.members] == [*["limit"] * 4, *["running"] * 4]
+    early = machine(100).until(60.0)
+    short, long = told(early, learn(ended)), told(early, fleet)
+    assert long.interval80[1] > short.interval80[1]
 
 
-def test_a_fleet_that_was_too_sure_widens_the_interval() -> None:
-    ranks = np.concatenate([np.full(40, 0.01), np.full(40, 0.99)])
-    fleet = Fleet(ranks=ranks, passed=np.full(80, 0.5), trust=np.ones(80))
-    cdf = np.linspace(0.0, 1.0, 101)
-    found = fleet.calibrated(cdf, 0.5)
-    assert (np.diff(found) >= 0.0).all() and found[0] == 0.0 and found[-1] == 1.0
-    assert found[10] > 0.25 and found[90] < 0.75
+@pytest.mark.parametrize("times", [0.5, 2.0])
+def test_a_fleet_of_another_pace_is_noticed_and_told_at_the_own_one(times: float) -> None:
+    def slower(one: Indicator) -> Indicator:
+        return one.with_(at=times * one.at)
+
+    fleet = learn([machine(k) for k in range(8)])
+    held = 0
+    for seed in range(100, 106):
+        part, end = machine(seed).until(60.0), lived(machine(seed))
+        assert end is not None
+        same, other = told(part, fleet), told(slower(part), fleet)
+        assert same.pace == pytest.approx(1.0, abs=0.2)
+        assert other.pace == pytest.approx(times, rel=0.25)
+        width = [np.divide(*x.interval80[::-1]) for x in (same, other)]
+        assert width[1] > width[0]
+        held += covers(other.interval80, times * (end.age - 60.0))
+    assert held >= 4
+
+
+def test_a_fleet_whose_machines_foretell_nothing_widens_the_interval() -> None:
+    def erratic(k: int) -> Indicator:
+        late = np.random.default_rng(k).uniform(1.0, 20.0)
+        level = np.r_[np.linspace(0.0, 0.5, 40), 0.5 + np.arange(1.0, 60.0 * late) / (60.0 * late)]
+        return wear(level, seed=k).with_(name=f"m{k}")
+
+    steady = learn([machine(k) for k in range(8)])
+    loose = learn([erratic(k) for k in range(8)])
+    widths = []
+    for fleet, part in ((steady, machine(100).until(60.0)), (loose, erratic(100).until(35.0))):
+        low, high = told(part, fleet).interval80
+        widths.append(high / low)
+    assert widths[1] > 2.0 * widths[0]
 
 
 def test_one_outlier_ends_no_life() -> None:

@@ -1,41 +1,68 @@
-"""What a life told from one series alone is worth: measured on wear that no law here is like.
+"""What a life told alone is worth: measured on wear that no law here is like.
 
 The laws are sure of themselves where one of them fits, and the next load, crack or plateau is in
 none of them. So they are asked of the newest `NEWEST` of the values, which say how wear goes now,
-and the width of their answer is never less than `STRANGE`: the logarithm of the remaining life is
-normal. Narrow answers are earned with a fleet.
+and what they say is corrected by how drawn wear that follows none of them went on (`LOW`, `HALF`,
+`HIGH`): from
 
-Both figures come from drawn wear that follows no law of the bank (`python -m proofs.believed
---laws seen`): of the shares and widths that were tried they lose least, and four in five of such
-lives lie inside what is told for four in five.
+* *own*: the standard deviation of the logarithm of the life that they give;
+* *lately*, *bend*: how much later the limit comes if the slope goes on changing as from the newest
+  half of the values to the newest quarter, or from all of them to the newest half.
 
->>> from evertwin.prognosis.laws.life import LEVELS
->>> told = widened(50.0 * np.exp(0.01 * (LEVELS - 0.5)))
->>> round(float(np.interp(0.9, LEVELS, told) / np.interp(0.1, LEVELS, told)), 1)
-3.6
+The ends are those that one drawn life in twenty lies beyond, so that kinds of wear that were not
+drawn have room. Narrow answers are earned with a fleet.
+
+>>> told = widened(50.0 * np.exp(0.01 * (LEVELS - 0.5)), Bend(np.nan, np.log(50.0)))
+>>> round(float(np.interp(0.5, LEVELS, told)), 6)
+50.0
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import scipy
 
 from evertwin.prognosis.laws.indicator import Indicator
 from evertwin.prognosis.laws.life import LEVELS
-from evertwin.types import Float64
+from evertwin.prognosis.laws.onset import without_covariates
+from evertwin.prognosis.laws.scaled import Problem
+from evertwin.types import Float64, Vector
 
-STRANGE = 0.5
-"""Standard deviation of the logarithm of a life by laws that do not hold."""
 NEWEST = 0.5
 """Share of the values that the laws are asked of."""
 FEWEST = 20
 """Values that are asked at least, where there are as many."""
 VACUOUS = 20.0
 """Upper over lower end of the 80 % interval from which it says nothing."""
+LOW = np.array([-1.16, 0.0, 0.26, 0.30])
+HALF = np.array([0.0, 0.0, 0.31, 0.26])
+HIGH = np.array([0.53, 0.73, 0.28, 0.31])
+"""Logarithms of what 5, 50 and 95 % of drawn lives last at most, over the median of the laws: a
+constant, and what each own, lately and bend adds (`python -m proofs.alone`)."""
+FARTHEST = 1.5
+"""A bend counts up to this logarithm."""
+NARROWEST = 0.2
+"""Least distance of an end from the median, as a logarithm."""
+BLOCKS = 60
+"""Values that slopes are told from; more are averaged."""
 
 _SCORES = scipy.special.ndtri(LEVELS)
+
+
+class Bend(NamedTuple):
+    """How a series bends.
+
+    >>> Bend(4.0, 4.2).lately
+    4.0
+    """
+
+    lately: float
+    """Logarithm of the time to the limit, by the newest quarter and half; NaN: unknown."""
+    whole: float
+    """The same by the newest half and the whole."""
 
 
 def newest(indicator: Indicator) -> Indicator:
@@ -47,16 +74,81 @@ def newest(indicator: Indicator) -> Indicator:
     return replace(life.rows(np.arange(first, len(life.at))), origin=None)
 
 
-def widened(remaining: Float64[np.ndarray, " k"]) -> Float64[np.ndarray, " k"] | None:
-    """Quantiles of the life as it is told; None where they would say nothing.
+def bent(problem: Problem) -> Bend:
+    """How a series bends."""
+    y = without_covariates(problem)
+    s = (problem.s - problem.s[0]) / (problem.s[-1] - problem.s[0])
+    start = float(np.median(y[: int(np.clip(len(y) // 8, 3, 6))]))
+    way = max(problem.limit - start, 1e-12)
+    parts = [max(int(share * len(y)), min(len(y), 6)) for share in (1.0, 0.5, 0.25)]
+    whole, half, quarter = (_line(s[-n:], (y[-n:] - start) / way) for n in parts)
+    span = problem.age * (problem.s[-1] - problem.s[0])
+    since = problem.age * (1.0 - problem.s[-1])  # time since the newest value
+    left = np.array([_onward(half, quarter, 0.125), _onward(whole, half, 0.25)]) * span - since
+    return Bend(*np.log(np.maximum(left, 1e-6 * span)).tolist())
+
+
+def _line(s: Vector, y: Vector) -> tuple[float, float]:
+    """(slope, level at age 1) by a line that no single value decides (Theil, Sen)."""
+    if len(s) > BLOCKS:
+        edges = np.linspace(0, len(s), BLOCKS + 1).astype(np.int64)
+        counts = np.diff(edges)
+        s, y = (np.add.reduceat(x, edges[:-1]) / counts for x in (s, y))
+    first, second = np.triu_indices(len(s), 1)
+    apart = s[second] - s[first]
+    steps = (y[second] - y[first])[apart > 0.0] / apart[apart > 0.0]
+    slope = float(np.median(steps)) if len(steps) else 0.0
+    return slope, float(np.median(y - slope * s)) + slope
+
+
+def _onward(before: tuple[float, float], after: tuple[float, float], apart: float) -> float:
+    """Time to the limit, 1, if the slope goes on changing so, in ages; NaN: unknown.
+
+    Args:
+        before: slope and level now by an older stretch.
+        after: by a newer one.
+        apart: ages between the middles of both.
+    """
+    if before[0] <= 0.0 or after[0] <= 0.0:
+        return np.nan
+    rate = float(np.clip(np.log(after[0] / before[0]) / apart, -4.0, 8.0))
+    straight = max(1.0 - after[1], 0.003) / after[0]
+    if abs(rate) < 1e-3:
+        return straight
+    return float(np.log1p(max(rate * straight, -0.98)) / rate)
+
+
+def known_of(
+    remaining: Float64[np.ndarray, " k"], bend: Bend
+) -> tuple[float, Float64[np.ndarray, " 4"]] | None:
+    """(median of the laws, what `LOW`, `HALF` and `HIGH` weigh); None where they give no end.
 
     Args:
         remaining: by the laws, at `LEVELS`.
+        bend: how the series bends.
     """
     low, half, high = (float(np.interp(p, LEVELS, remaining)) for p in (0.1, 0.5, 0.9))
     if not low > 0.0 or not np.isfinite(half):
         return None
-    own = np.log(high / low) / 2.56 if np.isfinite(high) else np.log(half / low) / 1.28
-    spread = float(np.hypot(STRANGE, own))
-    out: Float64[np.ndarray, " k"] = half * np.exp(spread * _SCORES)
-    return out if np.interp(0.9, LEVELS, out) <= VACUOUS * np.interp(0.1, LEVELS, out) else None
+    own = np.log(high / low) / 2.5631 if np.isfinite(high) else np.log(half / low) / 1.2816
+    bends = np.array([bend.lately, bend.whole]) - np.log(half)
+    bends = np.where(np.isfinite(bends), np.clip(bends, -FARTHEST, FARTHEST), 0.0)
+    return half, np.array([1.0, min(own, 2.0), *bends])
+
+
+def widened(remaining: Float64[np.ndarray, " k"], bend: Bend) -> Float64[np.ndarray, " k"] | None:
+    """Quantiles of the life as it is told; None where they would say nothing.
+
+    Args:
+        remaining: by the laws, at `LEVELS`.
+        bend: how the series bends.
+    """
+    found = known_of(remaining, bend)
+    if found is None:
+        return None
+    half, known = found
+    first, middle, last = LOW @ known, HALF @ known, HIGH @ known
+    below, above = (max(x, NARROWEST) / 1.2816 for x in (middle - first, last - middle))
+    if 1.2816 * (below + above) > np.log(VACUOUS):
+        return None
+    return np.asarray(half * np.exp(middle + np.where(_SCORES < 0.0, below, above) * _SCORES))

@@ -1,76 +1,127 @@
-"""What a fleet of like machines tells before the first value: lives, laws, and how far to trust.
+"""What a fleet of like machines tells: how long each still lasted from where this one is now.
 
-* **Life.** Lives that ended and ages of machines that still run give a log-normal density of the
-  life, averaged over its two parameters on a grid: few lives, a wide density.
-* **Laws.** The share of each law in the histories of the fleet, plus half a machine for each law.
-* **Interval.** Each machine of the fleet is predicted from what was known at several moments of its
-  life. Had the probability of its true life been told right, these probabilities would be even
-  between 0 and 1. A new prediction's probability p becomes G(p), the share of them below p, with
-  those weighted more that were made at a like share of the predicted life (localised conformal
-  prediction), and with an even share worth `EVEN` predictions mixed in.
+No law is needed. Each machine of the fleet is looked up at the level that this one has now, at the
+age nearest to its own among those rows. From there
 
->>> fleet = Fleet.of_lives([90.0, 100.0, 110.0])
->>> age = np.array([40.0, 100.0, 250.0])
->>> bool(np.argmax(fleet.density(age)) == 1)
-True
+* *left*: how long it still lasted; one that still runs lasts as long as the others, or longer if it
+  already has;
+* *pace*: how much later this one came to that level.
 
-* **Level.** How long each machine still lasted where its level was as it is here now, at the age
-  nearest to this one's. It needs no law; the logarithms of all quantiles are moved `LEVEL` of the
-  way to it, as loses least on drawn wear (`python -m proofs.believed --laws seen`).
+Let R and x be the logarithms of their medians over the fleet, T that of the distance to the limit
+over the slope of the newest `TANGENT` of the life. The logarithm of the remaining life is
 
-Sources: Vovk, Gammerman, Shafer, "Algorithmic Learning in a Random World" (2005); Guan, "Localized
-conformal prediction" (2023).
+    R + k·(x − δ) + δ + c·(T − R − δ) + b
+
+Where a late machine also lasts longer by as much k is 1; where the pace so far tells nothing of the
+pace to come it is 0. The fleet says what k and c are: each of its machines is asked for by the
+others at `MOMENTS` of its life, and least squares draw both from `BEFORE` towards what was seen.
+What is off there for machines about as near to their end gives b and the quantiles, with an even
+share of `EVEN` machines of spread `STRANGE` mixed in.
+
+A fleet may wear at another pace altogether. δ is what of x is that: the mean of a shift that one
+fleet in `SHIFTS` has, of a logarithm of standard deviation `SHIFT`, given how far the paces within
+the fleet lie apart. It counts in full, in the interval too, and is said (`Life.pace`).
+
+>>> ways = [Way(k * np.arange(11.0), np.arange(-10.0, 1.0), 10.0 * k) for k in (0.9, 1.0, 1.1)]
+>>> told = Fleet.of(ways).told_of(Way(2.0 * np.arange(6.0), np.arange(-10.0, -4.0), np.nan))
+>>> 8.0 < float(np.interp(0.5, LEVELS, told.remaining)) < 12.0, round(told.pace, 1)
+(True, 2.0)
+
+Source: Guan, "Localized conformal prediction" (2023), for quantiles from what is near.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 import numpy as np
 import scipy
 
-from evertwin.errors import UsageError
+from evertwin.prognosis.laws.indicator import Indicator
 from evertwin.prognosis.laws.life import LEVELS
-from evertwin.types import Float64
+from evertwin.prognosis.laws.onset import SHORT, medians, without_covariates
+from evertwin.prognosis.laws.scaled import scaled
+from evertwin.types import Float64, Vector
 
-EVEN = 30.0
-"""Predictions that the even share is worth."""
-LEAST = 3
-"""Machines that ended from which their levels tell something."""
-LEVEL = 0.7
-"""Weight of the levels of like machines beside the laws."""
-CLOSE = 0.2
-"""Standard deviation of the logarithm of a life that is added to that of such machines."""
 ALIKE = 0.03
 """Share of the way to the limit by which levels differ that are alike."""
-NEAR = 0.2
-"""Distance in the share of life that has passed at which a prediction counts less."""
-SPREADS: Float64[np.ndarray, " k"] = np.geomspace(0.03, 1.5, 24)
-"""Standard deviations of the logarithm of the life."""
+LEAST = 0.02
+"""Least share of a life that is told apart from none."""
+MOMENTS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)
+"""Shares of a life at which each machine is asked for by the others."""
+TANGENT = 0.25
+BEFORE = np.array([0.5, 0.2])
+"""k and c before anything was seen."""
+FIRM = np.array([20.0, 200.0])
+"""Questions that each is worth."""
+NEAR, NEAREST = 0.4, 12
+"""Distance in the logarithm of left over age at which a question counts less; so far that as many
+count."""
+EVEN, STRANGE = 4.0, 0.4
+SHIFTS, SHIFT = 0.5, 0.7
+DOUBT = 0.5
+"""Share of a shift by which it may be wrong."""
+APART = 0.05
+"""Least standard deviation of the logarithm of paces."""
 
 
 class Way(NamedTuple):
-    """How the level of a machine rose until its end.
+    """How the level of a machine rose, until its end or until now.
 
-    >>> Way(np.array([0.0, 5.0]), np.array([0.0, 1.0]), 5.0).left(1.0, 4.0, 0.1)
-    0.0
+    >>> Way(np.array([0.0, 4.0, 5.0]), np.array([-1.0, -0.5, -0.25]), 7.0).tangent
+    1.0
     """
 
     age: Float64[np.ndarray, " n"]
     level: Float64[np.ndarray, " n"]
-    """Towards the limit; never falls."""
+    """Distance to the limit, below 0; never falls."""
     end: float
+    """Its life; NaN while it lasts."""
 
-    def left(self, level: float, age: float, about: float) -> float:
-        """How long it still lasted at a level: at the row nearest in age of those about there."""
+    @property
+    def now(self) -> float:
+        """Its age at the last row."""
+        return float(self.age[-1])
+
+    @property
+    def tangent(self) -> float:
+        """Time to the limit if it went on as in the newest `TANGENT` of its age; 0: unknown."""
+        first = int(np.searchsorted(self.age, (1.0 - TANGENT) * self.now))
+        first = min(first, len(self.age) - 2)
+        risen = float(self.level[-1] - self.level[first]) if first >= 0 else 0.0
+        if not risen > 0.0:
+            return 0.0
+        left = max(-float(self.level[-1]), 1e-3 * abs(float(self.level[0])))
+        return left / risen * (self.now - float(self.age[first]))
+
+    def row(self, level: float, age: float, about: float) -> int:
+        """The row nearest in age of those about a level; else the first beyond it."""
         near = np.flatnonzero(np.abs(self.level - level) <= about)
         if len(near):
-            k = int(near[np.argmin(np.abs(self.age[near] - age))])
-        else:
-            k = min(int(np.searchsorted(self.level, level)), len(self.age) - 1)
-        return max(self.end - float(self.age[k]), 0.0)
+            return int(near[np.argmin(np.abs(self.age[near] - age))])
+        return min(int(np.searchsorted(self.level, level)), len(self.age) - 1)
+
+    def until(self, age: float) -> Way:
+        """What of it was known at an age."""
+        known = int(np.searchsorted(self.age, age, side="right"))
+        return Way(self.age[:known], self.level[:known], np.nan)
+
+
+def way_of(indicator: Indicator, end: float = np.nan) -> Way | None:
+    """How the level rose: medians of the newest values, as the highest one so far; None: too few.
+
+    Args:
+        indicator: its current life counts, free of covariates.
+        end: its life, on the law's clock.
+    """
+    problem = scaled(indicator, most=0)
+    if isinstance(problem, str):
+        return None
+    y = (without_covariates(problem) - problem.limit) * problem.scale
+    level = np.maximum.accumulate(medians(y, int(np.clip(len(y) // 4, 1, SHORT))))
+    return Way(problem.s * problem.age, level, end)
 
 
 class Member(NamedTuple):
@@ -101,30 +152,67 @@ class Member(NamedTuple):
         return f"{self.name} {how} at {self.age:.4g} {self.clock}"
 
 
-@dataclass(frozen=True)
-class Fleet:
-    """Prior knowledge from like machines. Build with `Fleet.of_lives` or `learn`.
+class Told(NamedTuple):
+    """What a fleet tells of one machine.
 
-    >>> Fleet().laws
-    {}
+    >>> Told(LEVELS, 1.0).pace
+    1.0
     """
 
-    centre: Float64[np.ndarray, " g"] = field(default_factory=lambda: np.zeros(0))
-    """Log-normal components of the life's density: mean of the logarithm."""
-    spread: Float64[np.ndarray, " g"] = field(default_factory=lambda: np.zeros(0))
-    share: Float64[np.ndarray, " g"] = field(default_factory=lambda: np.zeros(0))
-    laws: Mapping[str, float] = field(default_factory=dict)
-    """Prior weight of each law; empty: all alike."""
-    ranks: Float64[np.ndarray, " n"] = field(default_factory=lambda: np.zeros(0))
-    """Probabilities that predictions gave to life ending no later than it did."""
-    passed: Float64[np.ndarray, " n"] = field(default_factory=lambda: np.zeros(0))
-    """Share of the predicted life that had passed, per prediction."""
-    trust: Float64[np.ndarray, " n"] = field(default_factory=lambda: np.zeros(0))
-    """Weight of each rank, 0 to 1."""
+    remaining: Float64[np.ndarray, " k"]
+    """At `LEVELS`."""
+    pace: float
+    """How much slower the machine wears than its fleet, as a factor of time."""
+
+
+class Asked(NamedTuple):
+    """One question to a fleet, as logarithms.
+
+    >>> Asked(0.0, 0.5, 0.0, 2.0).pace
+    0.5
+    """
+
+    left: float
+    pace: float
+    tangent: float
+    """Time by the tangent over ``left``."""
+    age: float
+
+
+@dataclass(frozen=True)
+class Fleet:
+    """Like machines that ended, and others. Build with `Fleet.of`, or `learn` from histories.
+
+    >>> Fleet().told
+    ()
+    """
+
     ways: tuple[Way, ...] = ()
-    """Of each machine that ended."""
     members: tuple[Member, ...] = ()
     """Every life that it was learned from."""
+    asked: tuple[Asked, ...] = ()
+    """Each machine, asked for by the others."""
+    off: Vector = field(default_factory=lambda: np.zeros(0))
+    """By how much the truth was longer than ``left`` there; of one that still runs what is sure."""
+
+    @classmethod
+    def of(cls, ways: Sequence[Way], members: Sequence[Member] = ()) -> Fleet:
+        """From the ways of machines, at least two of which ended."""
+        asked, off = [], []
+        for k, way in enumerate(ways):
+            others = [*ways[:k], *ways[k + 1 :]]
+            if not any(np.isfinite(one.end) for one in others):
+                continue
+            whole = way.end if np.isfinite(way.end) else way.now
+            for moment in MOMENTS:
+                part = way.until(moment * whole)
+                if len(part.age) < 2 or part.now <= 0.0:
+                    continue
+                one = _ask(others, part)
+                longer = float(np.log(max(whole - part.now, LEAST * whole))) - one.left
+                asked.append(one)
+                off.append(longer if np.isfinite(way.end) else max(longer, 0.0))
+        return cls(tuple(ways), tuple(members), tuple(asked), np.array(off))
 
     @property
     def told(self) -> tuple[str, ...]:
@@ -143,100 +231,99 @@ class Fleet:
         )
         return (f"fleet: {len(ended)} ended, at {span}{rest}", *(sudden if early else ()))
 
-    @classmethod
-    def of_lives(
-        cls, ended: Sequence[float] | np.ndarray, running: Sequence[float] | np.ndarray = ()
-    ) -> Fleet:
-        """From whole lives and from the ages of machines that still run.
-
-        Raises `UsageError` unless at least two lives ended, all above 0.
-        """
-        lives = np.asarray(ended, dtype=np.float64)
-        ages = np.asarray(running, dtype=np.float64)
-        if len(lives) < 2 or np.any(lives <= 0.0) or np.any(ages < 0.0):
-            raise UsageError(
-                f"fleet: expected at least two lives above 0 that ended, got {len(lives)}"
+    def told_of(self, way: Way) -> Told:
+        """The life that remains to a machine, and how its pace differs."""
+        one = _ask(self.ways, way)
+        x, t, near = (np.array([getattr(q, name) for q in self.asked]) for name in (
+            "pace", "tangent", "left"
+        ))  # fmt: skip
+        near = near - np.array([q.age for q in self.asked])
+        k, c = self._weights(x, t)
+        apart = np.abs(near - (one.left - one.age))
+        count = min(NEAREST, len(apart)) - 1
+        width = max(NEAR, float(np.sort(apart)[count])) if len(apart) else NEAR
+        weight = np.exp(-0.5 * (apart / width) ** 2)
+        total = float(weight.sum())
+        known = total / (total + EVEN)
+        spread = float(np.hypot(APART, np.sqrt(weight @ (x * x) / total))) if total else SHIFT
+        shift, doubt = _shift(one.pace, spread)
+        low, off, high = _quantiles(self.off - k * x - c * t, weight)
+        middle = (
+            one.left + k * (one.pace - shift) + shift + known * off
+            + c * float(np.clip(one.tangent - shift, -1.0, 1.0))
+        )  # fmt: skip
+        below, above = (
+            np.hypot(
+                known * side / 1.2816 + (1.0 - known) * STRANGE, np.hypot(doubt, DOUBT * shift)
             )
-        x = np.log(lives)
-        wide = max(3.0 * float(np.std(x)), 1.0)
-        centres = np.linspace(x.mean() - wide, x.mean() + wide, 61)
-        centre, spread = (a.ravel() for a in np.meshgrid(centres, SPREADS, indexing="ij"))
-        z = (x[:, None] - centre) / spread
-        log = np.sum(-0.5 * z * z - np.log(spread), axis=0)
-        young = ages[ages > 0.0]
-        if len(young):
-            log = log + scipy.special.log_ndtr((centre - np.log(young)[:, None]) / spread).sum(
-                axis=0
-            )
-        share = np.exp(log - log.max())
-        kept = share > 1e-4
-        return cls(centre[kept], spread[kept], share[kept] / share[kept].sum())
-
-    def density(self, age: Float64[np.ndarray, " m"]) -> Float64[np.ndarray, " m"]:
-        """Density of the whole life at ``age``."""
-        z = (np.log(age)[:, None] - self.centre) / self.spread
-        whole: Float64[np.ndarray, " m"] = (np.exp(-0.5 * z * z) / self.spread) @ self.share
-        out: Float64[np.ndarray, " m"] = whole / (np.sqrt(2.0 * np.pi) * age)
-        return out
-
-    def beyond(self, age: float) -> float:
-        """Probability that a life lasts beyond ``age``."""
-        return float(
-            np.exp(scipy.special.log_ndtr((self.centre - np.log(age)) / self.spread)) @ self.share
+            for side in (off - low, high - off)
         )
+        scores = scipy.special.ndtri(LEVELS)
+        out = np.exp(middle + np.where(scores < 0.0, below, above) * scores)
+        return Told(np.asarray(out), float(np.exp(shift)))
 
-    def ending(self, age: float, left: Float64[np.ndarray, " m"]) -> Float64[np.ndarray, " m"]:
-        """Probability that a life of this age ends within ``left``; 0 where no life is known."""
-        if not self.knows_lives:
-            return np.zeros(len(left))
-        z = (self.centre - np.log(age + left)[:, None]) / self.spread
-        lasts = np.exp(scipy.special.log_ndtr(z)) @ self.share
-        out: Float64[np.ndarray, " m"] = 1.0 - lasts / max(self.beyond(age), 1e-12)
-        return np.asarray(np.clip(out, 0.0, 1.0))
+    def shares(self, way: Way, levels: Vector) -> Vector:
+        """Shares of the time that is left at which levels between now and the limit are passed."""
+        rows = []
+        for like in self.ways:
+            if not np.isfinite(like.end):
+                continue
+            k = like.row(float(way.level[-1]), way.now, ALIKE * abs(float(way.level[0])))
+            there = np.minimum(np.searchsorted(like.level, levels), len(like.age) - 1)
+            rest = max(like.end - float(like.age[k]), LEAST * like.end)
+            rows.append(np.clip((like.age[there] - like.age[k]) / rest, 0.0, 1.0))
+        return np.asarray(np.maximum.accumulate(np.median(rows, axis=0)))
 
-    @property
-    def knows_lives(self) -> bool:
-        """Whether it says anything about the life."""
-        return len(self.centre) > 0
+    def _weights(self, x: Vector, t: Vector) -> tuple[float, float]:
+        """k and c, by least squares drawn towards `BEFORE`."""
+        if not len(x):
+            return float(BEFORE[0]), float(BEFORE[1])
+        columns = np.stack([x, t], axis=1)
+        firm = np.diag(FIRM * columns.var(axis=0) + 1e-9)
+        found = np.linalg.solve(columns.T @ columns + firm, columns.T @ self.off + firm @ BEFORE)
+        return float(np.clip(found[0], 0.0, 1.0)), float(np.clip(found[1], 0.0, 1.0))
 
-    def levelled(
-        self, remaining: Float64[np.ndarray, " k"], now: tuple[float, float, float]
-    ) -> Float64[np.ndarray, " k"]:
-        """Quantiles of a life, moved `LEVEL` of the way to those of machines at this level.
 
-        Args:
-            remaining: what was predicted, at `LEVELS`.
-            now: level, age, and what two levels may differ by to be alike.
-        """
-        if len(self.ways) < LEAST:
-            return remaining
-        found = np.log([max(way.left(*now), 1e-3 * way.end) for way in self.ways])
-        middle, spread = float(np.median(found)), float(np.hypot(np.std(found), CLOSE))
-        level = middle + spread * scipy.special.ndtri(LEVELS)
-        known = np.isfinite(remaining)
-        own = np.log(np.maximum(np.where(known, remaining, 1.0), 1e-3 * np.exp(middle)))
-        out: Float64[np.ndarray, " k"] = np.exp(
-            level + (1.0 - LEVEL) * np.where(known, own - level, 0.0)
-        )
-        return np.maximum.accumulate(out)
+def _ask(ways: Sequence[Way], one: Way) -> Asked:
+    """What machines tell of one at its last row."""
+    level, age = float(one.level[-1]), one.now
+    about = ALIKE * abs(float(one.level[0]))
+    left, paces, bounds = [], [], []
+    for way in ways:
+        k = way.row(level, age, about)
+        ended = np.isfinite(way.end)
+        whole = way.end if ended else way.now
+        rest = whole - float(way.age[k])
+        if ended or float(way.level[-1]) >= level - about:
+            least = LEAST * whole
+            paces.append(np.log(max(age, least) / max(float(way.age[k]), least)))
+        if ended:
+            left.append(np.log(max(rest, LEAST * whole)))
+        elif rest > 0.0:
+            bounds.append(np.log(rest))
+    usual = float(np.median(left))
+    middle = float(np.median([*left, *(max(bound, usual) for bound in bounds)]))
+    tangent = one.tangent
+    off = float(np.clip(np.log(tangent) - middle, -1.0, 1.0)) if tangent > 0.0 else 0.0
+    return Asked(middle, float(np.median(paces)), off, float(np.log(age)))
 
-    def calibrated(
-        self, cdf: Float64[np.ndarray, " m"], passed: float
-    ) -> Float64[np.ndarray, " m"]:
-        """A distribution function corrected by the fleet's ranks.
 
-        Args:
-            cdf: what was predicted.
-            passed: share of the predicted life that has passed.
-        """
-        if not len(self.ranks):
-            return cdf
-        weight = self.trust * np.exp(-0.5 * ((self.passed - passed) / NEAR) ** 2)
-        order = np.argsort(self.ranks)
-        below = np.concatenate([[0.0], np.cumsum(weight[order])])
-        total = below[-1] + EVEN
-        grid = np.concatenate([[0.0], self.ranks[order], [1.0]])
-        # Each rank counts half below itself, so that no prediction becomes certain.
-        share = np.concatenate([[0.0], 0.5 * (below[1:] + below[:-1]), [below[-1]]])
-        out: Float64[np.ndarray, " m"] = (np.interp(cdf, grid, share) + EVEN * cdf) / total
-        return out
+def _shift(pace: float, spread: float) -> tuple[float, float]:
+    """Mean and standard deviation of what of a pace is a shift of the whole fleet."""
+    among = np.exp(-0.5 * (pace / spread) ** 2) / spread
+    wide = float(np.hypot(spread, SHIFT))
+    shifted = np.exp(-0.5 * (pace / wide) ** 2) / wide
+    chance = SHIFTS * shifted / (SHIFTS * shifted + (1.0 - SHIFTS) * among)
+    mean = pace * (SHIFT / wide) ** 2
+    square = (SHIFT * spread / wide) ** 2 + mean * mean
+    return float(chance * mean), float(np.sqrt(chance * square - (chance * mean) ** 2))
+
+
+def _quantiles(off: Vector, weight: Vector) -> tuple[float, float, float]:
+    """Weighted quantiles at 10, 50 and 90 %; the outer ones lie around the middle one."""
+    if not len(off):
+        return 0.0, 0.0, 0.0
+    order = np.argsort(off)
+    share = np.cumsum(weight[order]) - 0.5 * weight[order]
+    low, half, high = np.interp(np.array([0.1, 0.5, 0.9]) * weight.sum(), share, off[order])
+    return float(low), float(half), float(high)

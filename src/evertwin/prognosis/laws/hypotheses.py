@@ -6,7 +6,7 @@ prior. Hypotheses that the data rule out are dropped, as a line here:
 >>> from evertwin.prognosis.laws.indicator import Indicator, Limit
 >>> from evertwin.prognosis.laws.scaled import scaled
 >>> wear = Indicator.of("wear", "mm", Limit(2.0), np.arange(11.0), np.linspace(0.0, 1.0, 11) ** 2)
->>> looks = every_look(scaled(wear), ("linear", "power"), Fleet())
+>>> looks = every_look(scaled(wear), ("linear", "power"))
 >>> [x.family.law for x in looks], len(looks[0].weight)
 (['linear', 'power'], 0)
 
@@ -30,7 +30,6 @@ from evertwin.errors import UsageError
 from evertwin.prognosis.laws import jumps
 from evertwin.prognosis.laws.bank import Posterior, evaluate
 from evertwin.prognosis.laws.clocks import Clocks, Form
-from evertwin.prognosis.laws.fleet import Fleet
 from evertwin.prognosis.laws.scaled import Problem
 from evertwin.types import Float64, Int64
 
@@ -247,28 +246,22 @@ class Look(NamedTuple):
                     self.posterior.take(index), self.weight[index], self.node[index])  # fmt: skip
 
 
-def every_look(problem: Problem, laws: Sequence[str], prior: Fleet) -> tuple[Look, ...]:
+def every_look(problem: Problem, laws: Sequence[str]) -> tuple[Look, ...]:
     """All families, closed in and pruned."""
     wanted = [law for law in laws if law != "gamma"]
     looks = [look(problem, family) for family in (families(wanted) if wanted else ())]
     jump = jump_look(problem) if "gamma" in laws else None
-    return kept([*looks, jump] if jump is not None else looks, prior)
+    return kept([*looks, jump] if jump is not None else looks)
 
 
-def kept(looks: Sequence[Look], prior: Fleet) -> tuple[Look, ...]:
-    """With the fleet's weights of the laws, and without hypotheses that the data rule out."""
-    known = [x._replace(weight=x.weight + log_share(prior, x.family.label)) for x in looks]
-    best = max((float(x.weight.max(initial=-np.inf)) for x in known), default=0.0)
-    return tuple(x.take(np.flatnonzero(x.weight > best - KEPT)) for x in known)
-
-
-def log_share(prior: Fleet, law: str) -> float:
-    """Logarithm of the law's prior weight, relative to all laws alike."""
-    return float(np.log(len(prior.laws) * prior.laws[law])) if law in prior.laws else 0.0
+def kept(looks: Sequence[Look]) -> tuple[Look, ...]:
+    """Without hypotheses that the data rule out."""
+    best = max((float(x.weight.max(initial=-np.inf)) for x in looks), default=0.0)
+    return tuple(x.take(np.flatnonzero(x.weight > best - KEPT)) for x in looks)
 
 
 def sharpened(
-    problem: Problem, looks: Sequence[Look], share: Float64[np.ndarray, " h"], prior: Fleet
+    problem: Problem, looks: Sequence[Look], share: Float64[np.ndarray, " h"]
 ) -> tuple[Look, ...]:
     """Families that matter, on nodes over the part that holds the probability."""
     out, old, at = [], [], 0
@@ -281,7 +274,7 @@ def sharpened(
         whole = np.zeros(len(x.family.first) * len(x.family.onset))
         whole[x.node] = part
         out.append(at_nodes(problem, x.family.sharper(whole)))
-    return (*old, *kept(out, prior))
+    return (*old, *kept(out))
 
 
 def look(problem: Problem, family: Family) -> Look:

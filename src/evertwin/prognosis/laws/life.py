@@ -174,6 +174,8 @@ class Life:
     """Whether it ended by what was said then, not by its limit."""
     calendar: Calendar | None = None
     """Where that clock counts from 1970."""
+    pace: float | None = None
+    """How much slower it wears than its like machines, as a factor of time; None: told alone."""
 
     @classmethod
     def of(
@@ -278,6 +280,7 @@ class Life:
             "unit": self.unit,
             "passed_at": self.passed,
             "failed": self.failed,
+            "pace": self.pace,
             "dates": self.dates(),
         }
 

@@ -2,7 +2,7 @@
 
 A planner looks at a component at some moment of its life, at no special one: before any data its
 life T, in ages, has the density 1/T² beyond now (the share of life that has passed is even between
-0 and 1), or that of a fleet of like machines. The flat prior of the growth b that the bank uses is
+0 and 1). The flat prior of the growth b that the bank uses is
 turned into this one by the factor
 
     ρ(T) = p(T)·|dT/db| = p(T)·G(T)²/(D·G'(T))
@@ -18,14 +18,14 @@ probability lies at infinity.
 >>> t = np.arange(50.0)
 >>> wear = Indicator.of("wear", "mm", Limit(1.0), t, 0.01 * t + 0.01 * rng.standard_normal(50))
 >>> problem = scaled(wear)
->>> found = mixture(problem, every_look(problem, ("linear",), Fleet()), COARSE, uninformed)
+>>> found = mixture(problem, every_look(problem, ("linear",)), COARSE)
 >>> round(found.laws["linear"], 3), bool(found.cdf[-1] > 0.99)
 (1.0, True)
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -33,7 +33,6 @@ import scipy
 
 from evertwin.prognosis.laws import jumps
 from evertwin.prognosis.laws.bank import Posterior, without_growth
-from evertwin.prognosis.laws.fleet import Fleet
 from evertwin.prognosis.laws.hypotheses import Look
 from evertwin.prognosis.laws.passage import path, process
 from evertwin.prognosis.laws.scaled import Problem
@@ -44,8 +43,6 @@ COARSE: Float64[np.ndarray, " m"] = np.concatenate([[0.0], np.logspace(-4.0, 3.0
 FINE = 140
 """Nodes over the part that holds the probability."""
 TAIL = 2e-4
-
-Density = Callable[[np.ndarray], np.ndarray]
 
 
 class Mixture(NamedTuple):
@@ -61,24 +58,8 @@ class Mixture(NamedTuple):
     share: Float64[np.ndarray, " h"]
     """Probability of each hypothesis."""
     laws: dict[str, float]
-    unknown: float
-    """Probability that wear has not begun."""
     passed: float
     """Probability that the limit is passed already."""
-
-
-def uninformed(age: np.ndarray) -> np.ndarray:
-    """1/T²: any share of the life may have passed."""
-    out: np.ndarray = 1.0 / (age * age)
-    return out
-
-
-def density_of(prior: Fleet, age: float) -> Density:
-    """Density of the life in ages now, given that it lasts until now."""
-    if not prior.knows_lives:
-        return uninformed
-    beyond = max(prior.beyond(age), 1e-12)
-    return lambda ages: prior.density(ages * age) * age / beyond
 
 
 def fine_nodes(cdf: Float64[np.ndarray, " m"]) -> Float64[np.ndarray, " fine"]:
@@ -91,9 +72,7 @@ def fine_nodes(cdf: Float64[np.ndarray, " m"]) -> Float64[np.ndarray, " fine"]:
     return np.concatenate([[0.0], np.geomspace(low, max(high, low * 1.001), FINE)])
 
 
-def mixture(
-    problem: Problem, looks: Sequence[Look], nodes: Float64[np.ndarray, " m"], density: Density
-) -> Mixture:
+def mixture(problem: Problem, looks: Sequence[Look], nodes: Float64[np.ndarray, " m"]) -> Mixture:
     """The posterior distribution of the remaining life on ``nodes``."""
     middle = 1.0 + 0.5 * (nodes[1:] + nodes[:-1])
     still = no_onset(problem)
@@ -101,8 +80,7 @@ def mixture(
     top = max(float(weight.max(initial=-np.inf)), still)
     mass = np.concatenate(
         [
-            np.diff(first_passage(problem, x, nodes), axis=1)
-            * life_prior(problem, x, middle, density)
+            np.diff(first_passage(problem, x, nodes), axis=1) * life_prior(problem, x, middle)
             for x in looks
         ]
     )
@@ -119,7 +97,6 @@ def mixture(
         np.concatenate([[0.0], np.cumsum(part.sum(axis=0))]) / total,
         share,
         laws,
-        none / total,
         float((scale * ahead).sum() / max(float(scale.sum()), 1e-300)),
     )
 
@@ -147,14 +124,14 @@ def already(posterior: Posterior, limit: float) -> np.ndarray:
 
 
 def life_prior(
-    problem: Problem, x: Look, age: Float64[np.ndarray, " m"], density: Density
+    problem: Problem, x: Look, age: Float64[np.ndarray, " m"]
 ) -> Float64[np.ndarray, "h m"]:
     """p(T)·|dT/db| at each age, the factor of the module."""
     if x.family.law == "gamma":  # its own prior is 1/T² already
-        return np.tile(density(age) * age * age, (len(x.q), 1))
+        return np.ones((len(x.q), len(age)))
     distance = np.maximum(problem.limit - x.posterior.level, 1e-3)[:, None]
     clock, slope = x.clocks.at(age), x.clocks.slope(age)
-    factor = density(age) * clock * clock / (distance * np.maximum(slope, 1e-300))
+    factor = clock * clock / (age * age * distance * np.maximum(slope, 1e-300))
     if x.family.label == "two-phase":
         factor = factor / age
     out: Float64[np.ndarray, "h m"] = factor * x.family.support(x.clocks, age)
