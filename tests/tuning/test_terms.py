@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evertwin.errors import UsageError
+from evertwin import Twin, TwinSpec
+from evertwin.config import spec as config
+from evertwin.errors import ConfigError, UsageError
 from evertwin.fold import make_block
 from evertwin.machines.arm import Arm
 from evertwin.machines.drive import Drive
@@ -109,3 +111,14 @@ def test_a_law_that_is_simulated_is_climbed_too() -> None:
         problem = Problem(plain, tuple(windows), prior=start)
         bent.append(climb_terms(problem, plain.rungs()).taken[0])
     assert bent == [(), ("direction",)]
+
+
+def test_a_ladder_of_terms_that_the_law_lacks_is_refused_when_the_twin_is_opened() -> None:
+    def spec(law: str) -> TwinSpec:
+        model = config.ModelSpec("drive_force", options={"law": law})
+        return TwinSpec("axis", model, tuning=config.TuningSpec(ladder=("stribek",)))
+
+    with pytest.raises(ConfigError, match="no term 'stribek': did you mean 'stribeck'"):
+        Twin(spec("sign+stribeck"))
+    with pytest.raises(ConfigError, match="no term 'stribek': it has none that may stay out"):
+        Twin(spec("sign"))

@@ -7,6 +7,7 @@ from typing import Any
 
 from evertwin.config.spec import TwinSpec
 from evertwin.errors import UsageError
+from evertwin.loop.friction_law import check_ladder
 from evertwin.machines.catalog import located, machine
 from evertwin.models import Model, Parameter, Parameters
 from evertwin.models.configured import configured
@@ -18,9 +19,11 @@ def model_of(spec: TwinSpec, given: Model | None = None) -> Model:
 
     Raises:
         UsageError: no such model, parameter or channel.
-        ConfigError: a model in Python that is not where the file says.
+        ConfigError: a model in Python that is not where the file says, or a ladder of terms that
+            its law does not have.
     """
     model = given or _built(spec)
+    check_ladder(spec, model)
     for name in spec.signals:
         (model.inputs + model.outputs).index(name)
     return configured(

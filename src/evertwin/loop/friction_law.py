@@ -12,11 +12,13 @@ from itertools import pairwise
 from types import MappingProxyType
 from typing import NamedTuple, Protocol, runtime_checkable
 
-from evertwin.errors import ConfigError
+from evertwin.config import TwinSpec
+from evertwin.errors import ConfigError, nearest
 from evertwin.fold import Block, take
 from evertwin.loop.setup import Setup
 from evertwin.loop.windows import apart
 from evertwin.machines.friction import Rung
+from evertwin.models import Model
 from evertwin.tuning import Problem
 from evertwin.tuning.terms import climb_terms
 
@@ -60,26 +62,37 @@ class Chosen(NamedTuple):
         return "".join(f"; {name} {cause}" for name, cause in self.causes.items())
 
 
+def check_ladder(spec: TwinSpec, model: Model) -> None:
+    """Has the model's law each term that the twin file's ladder names?
+
+    Raises:
+        ConfigError: one is not there; with the nearest that is.
+    """
+    there = dict.fromkeys(rung.name for rung in _rungs(model))
+    for name in spec.tuning.ladder:
+        if name in there:
+            continue
+        raise ConfigError(
+            f"[tuning] ladder: the model's law has no term {name!r}: "
+            + (nearest(name, there) if there else "it has none that may stay out")
+        )
+
+
+def _rungs(model: Model) -> tuple[Rung, ...]:
+    return model.rungs() if isinstance(model, Laddered) else ()
+
+
 def climb_laws(setup: Setup, problem: Problem) -> tuple[Problem, Chosen]:
     """The problem with the terms that pay, and the law of each joint (or output, without joints).
 
     A term that already has a value stays. Without ``[tuning] ladder`` every term of the model takes
     part, and so does a term that the ladder does not name. A single task is cut into parts, so that
     there is something to hold out.
-
-    Raises:
-        ConfigError: the twin file names a term that the model's law does not have.
     """
     order, model = setup.spec.tuning.ladder, problem.model
     if not order:
         return problem, Chosen()
-    rungs = model.rungs() if isinstance(model, Laddered) else ()
-    for name in order:
-        if name not in {rung.name for rung in rungs}:
-            there = ", ".join(dict.fromkeys(rung.name for rung in rungs)) or "none"
-            raise ConfigError(
-                f"[tuning] ladder: the model's law has no term {name!r}; it has {there}"
-            )
+    rungs = _rungs(model)
     start = dict(zip(problem.names, problem.start.tolist(), strict=True))
     tried = [
         rung

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from evertwin.tuning.closed import ClosedForm as ClosedForm, Solution as Solution
     from evertwin.tuning.fit import Fit as Fit, Residual as Residual
     from evertwin.tuning.following import Following as Following, FollowingState as FollowingState
+    from evertwin.tuning.form_error import carried as carried
     from evertwin.tuning.identifiability import Gate as Gate, connected as connected, gate as gate
     from evertwin.tuning.iteration import (
         Iterated as Iterated,

@@ -148,8 +148,11 @@ class Fit:
     def _table(self) -> list[tuple[str, ...]]:
         rows: list[tuple[str, ...]] = []
         for j, name in enumerate(self.names):
-            half = (self.interval95[j, 1] - self.interval95[j, 0]) / 2
+            low, high = self.interval95[j].tolist()
+            half = (high - low) / 2
             shown = f"± {half:.3g}" if math.isfinite(half) else "unknown"
+            if abs((low + high) / 2 - self.values[j]) > 0.05 * half:
+                shown = f"{low:.4g} to {high:.4g}"  # not about the value
             value, unit = f"{self.values[j]:.5g}", self.units[j]
             rows.append((name, value, shown, unit, self.verdict[j], self.reasons[j]))
         return rows

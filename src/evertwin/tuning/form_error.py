@@ -1,0 +1,313 @@
+"""Intervals that carry the error of the form: what a number is, should another one change.
+
+An interval from the residual's scatter assumes that the form is right. Where it is not, a number
+makes up for what the form lacks, and more rows make it more certain of the wrong value. So the
+residual of a static map is asked whether a coefficient changes with an input (or in time): column
+times shape (`evertwin.tuning.shapes`), greedily, each accepted only where it pays for having been
+chosen among all. If none is, the form stands and so do the intervals.
+
+What is accepted is only *like* the truth. The fit is then taken again with all shapes of the
+accepted kinds beside the tuned parameters, each with a prior of `LIKE` of what was found, and what
+they take from a parameter is marginalised out (Kennedy and O'Hagan 2001, on a dictionary). The
+interval says where the number lies if the form may be wrong in this way. It need not hold the value
+that predicts best in the wrong form; then the reason says so, and the number is weak.
+
+>>> from evertwin.fold import make_block
+>>> from evertwin.machines.drive import DriveForce
+>>> from evertwin.tuning import solve
+>>> rng, t = np.random.default_rng(0), np.arange(4000) * 0.01
+>>> v = np.sin(0.7 * t) * np.sin(0.13 * t)
+>>> a = np.gradient(v, t)
+>>> force = 2.0 * a + 5.0 * np.sign(v) + 4.0 * np.sign(v) * np.abs(v) ** 0.6
+>>> y = (force + rng.normal(0.0, 0.2, 4000))[:, None]
+>>> rows = make_block(t=(t * 1e9).astype(np.int64), u=np.stack([v, a], axis=1), y=y)
+>>> problem = Problem(DriveForce(), (rows,), ("mass", "Fv", "Fc"))
+>>> plain = solve(problem)
+>>> told = carried(problem, plain)
+>>> [low < 5.0 < high for low, high in (plain.interval("Fc"), told.interval("Fc"))]
+[False, True]
+>>> told.reasons[2].split(";")[0]
+'the form of force does not hold (Fc by speed)'
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+
+from evertwin.tuning.assemble import sizes_of, student
+from evertwin.tuning.autocorrelation import Correlation, Series
+from evertwin.tuning.fit import Fit
+from evertwin.tuning.identifiability import grade
+from evertwin.tuning.problem import Problem
+from evertwin.tuning.sensitivity import Sensitivity
+from evertwin.tuning.shapes import shapes
+from evertwin.types import Float64, Vector
+
+Columns = Float64[np.ndarray, "n m"]
+Widths = Float64[np.ndarray, " m"]
+LIKE = 0.3
+"""How far a shape that was found may be from the true one, as a part of what it explains."""
+TERMS = 6
+"""Shapes that are accepted at most, for one output."""
+INPUTS = 4
+"""Inputs that are looked at closely."""
+FEW = 50
+"""Rows below which nothing is asked."""
+ROWS, COARSE, CELLS = 4000, 800, 4_000_000
+"""Rows that shapes are chosen on; that inputs are chosen on; rows times shapes at most."""
+OWN = 1e-4
+"""Part of a shape that the columns do not have, squared, from which it counts."""
+TIME = "time"
+
+
+class Term(NamedTuple):
+    """A coefficient that changes with an input.
+
+    >>> Term(0, "speed", 3, "size").input
+    'speed'
+    """
+
+    column: int
+    """Of the output's columns."""
+    input: str
+    shape: int
+    kind: str
+
+
+@dataclass(frozen=True)
+class _Output:
+    """One output's rows."""
+
+    columns: Columns
+    at: np.ndarray
+    """Which tuned parameter each column belongs to."""
+    r: Series
+    """What is left of it."""
+    inputs: Mapping[str, Series]
+
+    def thinned(self, rows: int) -> _Output:
+        """Every so many rows, at most so many in all."""
+        step = -(-len(self.r) // max(rows, 1))
+        inputs = {name: u[::step] for name, u in self.inputs.items()}
+        return _Output(self.columns[::step], self.at, self.r[::step], inputs)
+
+    def only(self, names: Sequence[str]) -> _Output:
+        """With these inputs."""
+        return replace(self, inputs={name: self.inputs[name] for name in names})
+
+    def candidates(self) -> tuple[list[Term], Columns]:
+        """Every column times every shape of every input, each of unit length."""
+        terms, found = list[Term](), list[np.ndarray]()
+        for name, u in self.inputs.items():
+            kinds, values = shapes(u)
+            for a in range(self.columns.shape[1]):
+                terms += [Term(a, name, s, kind) for s, kind in enumerate(kinds)]
+                found.append(self.columns[:, a : a + 1] * values)
+        whole = np.concatenate(found, axis=1) if found else np.empty((len(self.r), 0))
+        length = np.sqrt(np.square(whole).sum(axis=0))
+        return terms, whole / np.where(length > 0, length, 1.0)
+
+
+class _Marginal(NamedTuple):
+    """What an output tells of its parameters once the shapes have taken theirs."""
+
+    information: Float64[np.ndarray, "m m"]
+    side: Widths
+    rows: float
+    """Effective rows beyond what is paid for."""
+
+
+def carried(problem: Problem, fit: Fit) -> Fit:
+    """The fit with intervals that hold where the form does not. Values stay.
+
+    Args:
+        problem: what was tuned; of a model with states the fit comes back as it is.
+        fit: its outcome.
+    """
+    model = problem.model
+    free = np.array([verdict != "not" for verdict in fit.verdict])
+    if len(model.states) or not free.any() or not fit.converged:
+        return fit
+    acting = problem.sensitivity(fit.values)
+    if not acting.finite:
+        return fit
+    outputs = [_rows_of(problem, fit, acting, o, free) for o in range(len(fit.outputs))]
+    found = [_chosen(one) for one in outputs]
+    if not any(found):
+        return fit
+    k = len(fit.names)
+    information = np.diag(problem.information)
+    side, rows = problem.information * (problem.start - fit.values), np.full(k, np.inf)
+    for one, terms in zip(outputs, found, strict=True):
+        if not len(one.r) or not len(one.at):
+            continue
+        told = _marginal(one, terms)
+        information[np.ix_(one.at, one.at)] += told.information
+        side[one.at] += told.side
+        rows[one.at] = np.minimum(rows[one.at], told.rows)
+    inverse = _inverted(information[np.ix_(free, free)])
+    centre, half = fit.values.copy(), np.full(k, np.inf)
+    centre[free] += inverse @ side[free]
+    half[free] = student(rows[free]) * np.sqrt(np.maximum(inverse.diagonal(), 0.0))
+    sizes = sizes_of(problem, acting, fit.values)
+    return _told(fit, _said(fit, outputs, found), centre, half, sizes)
+
+
+def _rows_of(
+    problem: Problem, fit: Fit, acting: Sensitivity, output: int, free: np.ndarray
+) -> _Output:
+    columns, at = acting.of(output)
+    r = problem.residuals(fit.values)[:, output]
+    acts = free[at] & acting.acts[output][at]
+    rows = problem.rows
+    known = rows.used[:, output] & np.isfinite(r) & np.isfinite(rows.u).all(axis=1)
+    inputs = {TIME: np.cumsum(rows.dt)[known]}
+    for name, u in zip(problem.model.inputs.names, rows.u.T, strict=True):
+        # a machine's place is the sum of its speed, whether or not the model takes it
+        inputs |= {name: u[known], f"the sum of {name}": np.nancumsum(u * rows.dt)[known]}
+    return _Output(columns[known][:, acts], at[acts], r[known], inputs)
+
+
+def _chosen(one: _Output) -> list[Term]:
+    """The terms that pay for having been chosen among all."""
+    if len(one.r) < FEW or not len(one.at) or not np.any(one.r):
+        return []
+    near = one.thinned(COARSE)
+    if len(one.inputs) > INPUTS:
+        best = {n: _best(near.only([n])) for n in one.inputs}
+        one = one.only(sorted(best, key=lambda name: -best[name])[:INPUTS])
+    count = len(near.only(list(one.inputs)).candidates()[0])
+    if not count:
+        return []
+    one = one.thinned(min(ROWS, max(CELLS // count, COARSE)))
+    terms, columns = one.candidates()
+    left, r = _apart(one, columns)
+    border = 2.0 * np.log(len(terms)) + np.log(len(r))
+    accepted = list[Term]()
+    for _ in range(TERMS):
+        gains, length = _gains(left, r)
+        b = int(np.argmax(gains))
+        unit = left[:, b] / np.sqrt(length[b]) if length[b] > 0 else left[:, b]
+        after = r - unit * (unit @ r)
+        noise = float(after @ after) / len(r) * _memory(after)
+        if not gains[b] > border * noise:
+            break
+        accepted.append(terms[b])
+        left, r = left - np.outer(unit, unit @ left), after
+    return accepted
+
+
+def _best(one: _Output) -> float:
+    """The most that one shape explains."""
+    _, columns = one.candidates()
+    return float(_gains(*_apart(one, columns))[0].max(initial=0.0))
+
+
+def _apart(one: _Output, columns: Columns) -> tuple[Columns, Series]:
+    """What the output's own columns leave of others, and of the residual."""
+    basis = np.linalg.qr(_scaled(one.columns)[0])[0]
+    return columns - basis @ (basis.T @ columns), one.r - basis @ (basis.T @ one.r)
+
+
+def _gains(left: Columns, r: Series) -> tuple[Widths, Widths]:
+    """(what each column explains of the squares of r, the columns' squared lengths)."""
+    length = np.square(left).sum(axis=0)
+    own = length > OWN
+    gains = np.where(own, np.square(left.T @ r) / np.where(own, length, 1.0), 0.0)
+    return gains, length
+
+
+def _memory(r: Series) -> float:
+    """How many rows count as one for the mean of a slow column: 1 + 2 Σ ρ, at least 1."""
+    (rho,) = Correlation.of(r[:, None]).memory
+    return max(1.0 + 2.0 * float(rho[1:].sum()), 1.0)
+
+
+def _scaled(columns: Columns) -> tuple[Columns, Widths]:
+    size = np.sqrt(np.square(columns).sum(axis=0))
+    size[size == 0] = 1.0
+    return columns / size, size
+
+
+def _marginal(one: _Output, terms: Sequence[Term]) -> _Marginal:
+    """Information and side of the output's parameters; the shapes' share taken out."""
+    own, size = _scaled(one.columns)
+    extra, prior, paid = np.empty((len(one.r), 0)), np.empty(0), own.shape[1] + len(terms)
+    r = one.r
+    if terms:
+        every, columns = one.only(list(dict.fromkeys(t.input for t in terms))).candidates()
+        taken = [every.index(term) for term in terms]
+        both = np.concatenate([own, columns[:, taken]], axis=1)
+        theta = np.linalg.lstsq(both, one.r, rcond=1e-10)[0]
+        r = one.r - both @ theta
+        found = dict[tuple[int, str, str], np.ndarray]()
+        for term, column, by in zip(
+            terms, columns[:, taken].T, theta[own.shape[1] :].tolist(), strict=True
+        ):
+            kind = (term.column, term.input, term.kind)
+            found[kind] = found.get(kind, np.zeros(len(r))) + by * column
+        amount = {kind: float(np.linalg.norm(column)) for kind, column in found.items()}
+        like = [j for j, t in enumerate(every) if (t.column, t.input, t.kind) in found]
+        like = taken + [j for j in like if j not in taken]
+        extra = columns[:, like]
+        kinds = [(every[j].column, every[j].input, every[j].kind) for j in like]
+        prior = np.array([1.0 / (LIKE * amount[kind]) ** 2 for kind in kinds])
+        prior[: len(taken)] = 0.0
+    memory = _memory(r)
+    noise = max(float(r @ r) / max(len(r) - paid, 1), 1e-300) * memory
+    middle = extra.T @ extra / noise + np.diag(prior)
+    across = own.T @ extra / noise
+    lost = across @ _inverted(middle)
+    information = own.T @ own / noise - lost @ across.T
+    side = own.T @ one.r / noise - lost @ (extra.T @ one.r / noise)
+    rows = max(len(r) / memory - paid, 1.0)
+    return _Marginal(information * size[:, None] * size, side * size, rows)
+
+
+def _inverted(matrix: Float64[np.ndarray, "k k"]) -> Float64[np.ndarray, "k k"]:
+    """Inverse of a matrix without negative directions, whatever the units."""
+    size = np.sqrt(np.maximum(matrix.diagonal(), 0.0))
+    size[size == 0] = 1.0
+    unit = matrix / np.outer(size, size)
+    return np.asarray(scipy.linalg.pinvh(unit, rtol=1e-12) / np.outer(size, size))
+
+
+def _said(fit: Fit, outputs: Sequence[_Output], found: Sequence[Sequence[Term]]) -> dict[int, str]:
+    """Which parameters act on an output whose form is wrong, and what is said of it."""
+    said: dict[int, str] = {}
+    for one, terms, name in zip(outputs, found, fit.outputs, strict=True):
+        parts = [f"{fit.names[one.at[t.column]]} by {t.input}" for t in terms]
+        if parts:
+            changes = ", ".join(dict.fromkeys(parts))
+            for k in one.at.tolist():
+                said.setdefault(k, f"the form of {name} does not hold ({changes})")
+    return said
+
+
+def _told(fit: Fit, said: Mapping[int, str], centre: Vector, half: Vector, sizes: Vector) -> Fit:
+    """The fit with the intervals of the parameters that something is said of."""
+    interval95, verdict, reasons = fit.interval95.copy(), [*fit.verdict], [*fit.reasons]
+    for k, why in said.items():
+        low, high = float(centre[k] - half[k]), float(centre[k] + half[k])
+        interval95[k] = low, high
+        (word,), (wide,) = grade([""], half[k : k + 1] / sizes[k])
+        value = float(fit.values[k])
+        parts = [fit.reasons[k], why]
+        if not low <= value <= high:
+            parts.append(
+                f"with that left free {centre[k]:.4g} ± {half[k]:.2g}; {value:.4g} only predicts "
+                "best in this form"
+            )
+        elif low <= 0.0 <= high:
+            parts.append("not told from zero")
+        else:
+            parts.append(wide)
+            word = word if word == fit.verdict[k] else "weak"
+        verdict[k] = word if parts[-1] == wide else "weak"
+        reasons[k] = "; ".join(filter(None, parts))
+    return replace(fit, interval95=interval95, verdict=tuple(verdict), reasons=tuple(reasons))
