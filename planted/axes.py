@@ -128,7 +128,7 @@ def motion(rng: np.random.Generator) -> Motion:
     width = max(round(rng.uniform(0.1, 0.3) * rate), 3)
     window = scipy.signal.windows.hann(2 * width + 1)
     v = np.convolve(v, window / window.sum(), "same")
-    q = np.cumsum(v) / rate
+    q = scipy.integrate.cumulative_trapezoid(v, t, initial=0.0)
     q -= 0.5 * (q.max() + q.min())
     return Motion(t, q, v, np.gradient(v, t), float(np.abs(v).max()), float(np.ptp(q)))
 
@@ -155,3 +155,23 @@ def drawn(effect: str, seed: int) -> Axis:
     own = dict(zip(known, (1.96 * noise * spread).tolist(), strict=False))
     columns = {"t": m.t, "position": m.q, "speed": m.v, "acceleration": m.a, "force": force}
     return Axis(columns, {n: numbers[n] for n in shared}, {n: own[n] for n in shared}, m.top)
+
+
+def kept(how: str, rows: int, seed: int) -> np.ndarray:
+    """Which rows of a recording are left: "random 5 %", "bursts" and "gap" are lost, or several.
+
+    >>> int(kept("gap", 1000, 0).sum()), bool(kept("random 20 %, bursts", 1000, 0)[:2].all())
+    (900, True)
+    """
+    rng, stays = np.random.default_rng([7, seed]), np.ones(rows, dtype=np.bool_)
+    for one in how.split(", "):
+        if one.startswith("random"):
+            stays &= rng.random(rows) > float(one.split()[1]) / 100.0
+        elif one == "bursts":
+            for start in rng.integers(10, rows - 60, 12).tolist():
+                stays[start : start + rng.integers(5, 50)] = False
+        else:
+            start = int(rng.integers(rows // 4, rows // 2))
+            stays[start : start + rows // 10] = False
+    stays[:2] = True
+    return stays

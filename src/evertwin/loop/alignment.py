@@ -36,6 +36,8 @@ from evertwin.sync.horizon import nanoseconds
 
 QUIET = ("task_shifted",)
 """Notes of the alignment that are no event of the machine."""
+WIDE = ("filter", "derivative", "slope")
+"""Operations that look at neighbouring rows."""
 AT_ROW, HELD = "", "held "
 """Before the name of a column: the value at the row, or the one held over its interval."""
 
@@ -87,6 +89,7 @@ class Alignment:
         align = Align(
             held, measured, tuple(feeds), lines,
             clock.gap, clock.rate, recorded={n: n.removeprefix(HELD) for n in columns.inputs},
+            cut=any(one.op in WIDE for one in operations),
         )  # fmt: skip
         span = tuple(
             nanoseconds(edge) if np.isfinite(edge) else int(np.sign(edge)) * 2**62

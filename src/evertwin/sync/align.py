@@ -11,7 +11,8 @@ What a row holds:
 
 * a command (``hold``) acts from its stamp on, so a row's input is the newest one before its
   interval; it is marked held where it is older than the row before;
-* a measured input (``lines``) is the one at the row, interpolated where its source has none;
+* a measured input (``lines``) is the one at the row, interpolated where its source has none; where
+  rows are cut at holes, it is marked late in a hole of its source: a lost sample or more;
 * a number beyond `LARGEST` is no measurement: it counts as infinite;
 * an output is there only where it was measured at that stamp (on a grid: interpolated).
 
@@ -131,6 +132,9 @@ class Align:
     jump: float = float("inf")
     """Stamps further than this behind or ahead of all others [s] are kept out; when a source goes
     on like that, its clock was set anew and is followed."""
+    cut: bool = False
+    """Does a grid start anew behind a hole too (`evertwin.sync.align_loop.CUT`)? For rows that are
+    differentiated or filtered: a straight line is no motion."""
     depth: int = 4096
     """Samples per source that may wait."""
     recorded: Mapping[str, str] = field(default_factory=dict)
@@ -186,7 +190,7 @@ class Align:
         width = max(len(feed.channels) for feed in self.feeds)
         clock = np.zeros(11, dtype=np.int64)
         clock[[loop.TASK, loop.NOW]] = NEVER
-        sources = np.zeros((ns, 13), dtype=np.int64)
+        sources = np.zeros((ns, 14), dtype=np.int64)
         sources[:, loop.NEWEST] = NEVER
         waiting = np.zeros((ns, self.depth), dtype=np.int64), np.zeros((ns, self.depth, width))
         known = np.full(nc, NEVER), np.full(nc, np.nan), np.full(nc, NEVER)
@@ -239,7 +243,18 @@ class Align:
             found = np.empty((NOTES + len(self.feeds), 6), dtype=np.int64)
             extent = np.zeros(2, dtype=np.int64)
             start = loop.push(
-                s, start, t, v, chunk.task, *self._plan, *state, *rows, found, extent, *self._times
+                s,
+                start,
+                t,
+                v,
+                chunk.task,
+                *self._plan,
+                *state,
+                *rows,
+                found,
+                extent,
+                *self._times,
+                self.cut and self.rate is not None,
             )
             given, said = extent.tolist()
             if given:

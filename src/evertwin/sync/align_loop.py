@@ -14,6 +14,7 @@ from evertwin.compiled.functions import njit
 from evertwin.compiled.memory import borrowed
 from evertwin.fold.block import LARGEST
 from evertwin.sync.horizon_loop import NEVER, wrapped
+from evertwin.sync.pace_loop import is_hole, is_over, paced
 
 SLACK, TIMEOUT = 0, 1
 """Settings per source [ns]."""
@@ -22,10 +23,11 @@ SOURCE, COLUMN, HOW, TURNS = range(4)
 HOLD, LINE, MEASURED = range(3)
 (
     HEAD, COUNT, NEWEST, OFFSET, QUIET, RUN, RUN_FIRST, RUN_LAST, RUN_COUNT, RUN_OTHERS, LATE,
-    REPEATED, TIMELY,
-) = range(13)  # fmt: skip
+    REPEATED, TIMELY, PACE,
+) = range(14)  # fmt: skip
 """Memory per source: ring, newest stamp, offset of its clock, is it silent?, the run of samples
-that were not folded (kind, first and last stamp, number, timely samples at its start), counters."""
+that were not folded (kind, first and last stamp, number, timely samples at its start), counters,
+its usual interval (where rows are cut at holes)."""
 ROW, LAST, TASK, BEGUN, ANEW, SHIFT, NOW, GRID, STEP, PENDING, FORCED = range(11)
 """Memory of the clock: next row's number, last row's stamp, task, has a row left?, does the next
 one start anew?, shift of this task, newest tick, first stamp and number of the grid's next row, is
@@ -36,7 +38,7 @@ MOVE = 10 * 10**9
 """Distance that a task keeps whose stamps had to be shifted [ns]."""
 RESYNC = 8
 """Samples in a row off by more than the longest jump, after which a clock is set anew."""
-OK, ABSENT, HELD, ERROR = 0, 1, 2, 6
+OK, ABSENT, HELD, UNSEEN, ERROR = 0, 1, 2, 3, 6
 TICK, FINISH = -1, -2
 
 
@@ -192,8 +194,8 @@ def consume(channels: Any, sources: Any, times: Any, values: Any, known: Any, un
 @njit(cache=True, error_model="numpy")
 def between(
     channels: Any, sources: Any, times: Any, values: Any, known: Any, k: int, stamp: int, gap: int
-) -> float:
-    """Channel ``k`` on the line to its next finite sample that waits; NaN without one."""
+) -> Any:
+    """(channel ``k`` on the line to its next finite sample that waits, its mark); NaN without."""
     known_t, known_v, _ = known
     s, depth = channels[k, SOURCE], times.shape[1]
     for m in range(sources[s, COUNT]):
@@ -202,11 +204,12 @@ def between(
         if np.isfinite(value):
             width = times[s, place] - known_t[k]
             if width > gap:
-                return np.nan
+                return np.nan, ABSENT
             step = wrapped(value - known_v[k], channels[k, TURNS] > 0)
             reached = known_v[k] + step * ((stamp - known_t[k]) / width)
-            return float(wrapped(reached, channels[k, TURNS] > 0))
-    return np.nan
+            level = UNSEEN if is_hole(sources[s, PACE], width) else HELD
+            return float(wrapped(reached, channels[k, TURNS] > 0)), level
+    return np.nan, ABSENT
 
 
 @njit(cache=True, error_model="numpy")
@@ -239,8 +242,8 @@ def emit(
         elif broken_t[k] == stamp:
             level = ERROR
         elif known_t[k] != NEVER and (how == LINE or (how == MEASURED and grid)):
-            value = between(channels, sources, times, values, known, k, stamp, gap)
-            level = HELD if how == LINE else OK
+            value, level = between(channels, sources, times, values, known, k, stamp, gap)
+            level = level if how == LINE else OK
         if how != MEASURED and value != value and known_t[k] != NEVER:
             value, level = known_v[k], max(HELD, level if level == ERROR else HELD)
         if value != value and level != ERROR:
@@ -269,9 +272,10 @@ def quiet(plan: Any, clock: Any, sources: Any, notes: Any) -> None:
 @njit(cache=True, error_model="numpy")
 def release(
     plan: Any, channels: Any, clock: Any, sources: Any, times: Any, values: Any, known: Any,
-    rows: Any, notes: Any, gap: int, period: float, everything: bool,
+    rows: Any, notes: Any, rule: Any, everything: bool,
 ) -> bool:  # fmt: skip
     """Lets rows leave; False if the output is full."""
+    gap, period, cut = rule
     extent, capacity, depth = notes[1], rows[1].shape[0], times.shape[1]
     while True:
         stamp = oldest(sources, times)
@@ -281,7 +285,7 @@ def release(
         if period > 0:
             if clock[BEGUN] == 0 or clock[ANEW] == 1:
                 clock[GRID], clock[STEP] = stamp, 0
-            elif stamp - clock[LAST] > gap:
+            elif is_over(stamp - clock[LAST], gap, cut, sources[:, PACE]):
                 # Nothing was measured: no rows; the grid starts again behind the gap.
                 clock[GRID], clock[STEP], clock[ANEW] = stamp, 0, 1
             following = clock[GRID] + int(np.rint(clock[STEP] * period))
@@ -321,7 +325,7 @@ def push(
     s: int, start: int, t: Any, v: Any, task: int, settings: Any, wiring: Any, counters: Any,
     memory: Any, ring_t: Any, ring_v: Any, known_t: Any, known_v: Any, broken_t: Any, number: Any,
     row_t: Any, dt: Any, u: Any, y: Any, mark: Any, tasks: Any, new: Any, found: Any, extent: Any,
-    gap: int, period: float, jump: int,
+    gap: int, period: float, jump: int, cut: bool,
 ) -> int:  # fmt: skip
     """Samples from ``start`` on, until the output is full; gives the next one.
 
@@ -332,11 +336,12 @@ def push(
     known = borrowed(known_t), borrowed(known_v), borrowed(broken_t)
     notes = borrowed(found), borrowed(extent)
     heads = borrowed(number), borrowed(row_t), borrowed(dt), borrowed(u)
+    rule = gap, period, cut
     rows = (*heads, borrowed(y), borrowed(mark), borrowed(tasks), borrowed(new))
     room = found.shape[0] - 8 - sources.shape[0]
     if s == FINISH:
         done = release(
-            plan, channels, clock, sources, times, values, known, rows, notes, gap, period, True
+            plan, channels, clock, sources, times, values, known, rows, notes, rule, True
         )
         for k in range(sources.shape[0] if done else 0):
             end_run(notes, clock, sources, k)
@@ -353,16 +358,18 @@ def push(
             else:
                 if task > clock[TASK]:
                     if not release(
-                        plan, channels, clock, sources, times, values, known, rows, notes, gap,
-                        period, True,
+                        plan, channels, clock, sources, times, values, known, rows, notes, rule,
+                        True,
                     ):  # fmt: skip
                         return int(i)
                     open_task(clock, sources, known, notes, task, t[i])
                 stamp = t[i] + sources[s, OFFSET] + clock[SHIFT]
+                if cut and sources[s, NEWEST] != NEVER:
+                    sources[s, PACE] = paced(sources[s, PACE], stamp - sources[s, NEWEST])
                 accept(plan, clock, sources, times, values, notes, s, stamp, v, i, jump)
         clock[PENDING] = 1
         done = release(
-            plan, channels, clock, sources, times, values, known, rows, notes, gap, period, False
+            plan, channels, clock, sources, times, values, known, rows, notes, rule, False
         )
         if not done or extent[1] > room:
             return int(i)

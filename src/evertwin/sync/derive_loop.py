@@ -35,7 +35,7 @@ have left, rows before it, stamp of the last row that left, has one of this task
 HELD_INPUT, LINE_INPUT, STEP_INPUT, OUTPUT = range(4)
 """How a column becomes a channel of the model: as it is and held already, measured at the row, the
 newest before the interval, an output."""
-OK, ABSENT, HELD, ERROR = 0, 1, 2, 6
+OK, ABSENT, HELD, UNSEEN, ERROR = 0, 1, 2, 3, 6
 
 Counters = Int64[np.ndarray, " counters"]
 
@@ -272,6 +272,14 @@ def compute(program: Program, ring: Lines, memory: Memory, base: int, n: int, cl
             for c in sources:
                 if c >= 0:
                     level = max(level, ring.mark[at, c])
+            if code == FILTER and level == UNSEEN:
+                level = HELD  # it was measured around the hole
+            elif code in (DERIVATIVE, SLOPE):
+                first = max(j - h, 0) if code == DERIVATIVE else min(max(j - h, 0), n - 2 * h - 1)
+                last = min(j + h, n - 1) if code == DERIVATIVE else first + 2 * h
+                for i in range(max(first, 0), last + 1):
+                    if ring.mark[(base + i) % depth, sources[0]] == UNSEEN:
+                        level = max(level, UNSEEN)
             ring.v[at, raw + k] = value
             if value == value:
                 ring.mark[at, raw + k] = OK if level == ABSENT else level
@@ -287,7 +295,7 @@ def compute(program: Program, ring: Lines, memory: Memory, base: int, n: int, cl
 def emit(program: Program, ring: Lines, memory: Memory, counters: Counters, room: Room, at: int,
          place: int, before: int, compared: bool) -> None:  # fmt: skip
     """One row as the model takes it. ``before``: place of the row before, −1 without one."""
-    nu = room.u.shape[1]
+    nu, raw = room.u.shape[1], ring.v.shape[1] - program.code.shape[0]
     for k in range(program.table.shape[0]):
         c, how = program.table[k, 0], program.table[k, 1]
         source = before if how == STEP_INPUT and before >= 0 else place
@@ -301,6 +309,8 @@ def emit(program: Program, ring: Lines, memory: Memory, counters: Counters, room
                 value, level = np.nan, max(level, ABSENT)
             room.y[at, k - nu], room.mark[at, k] = value, level
             continue
+        if level == UNSEEN and c < raw:
+            level = HELD  # a value on a line will do, a slope of it will not
         if value != value and memory.newest[k] == memory.newest[k]:
             value, level = memory.newest[k], max(level, HELD)
         memory.newest[k] = value
