@@ -21,6 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from planted.fresh import FRESH
 from planted.unseen import UNSEEN
 
 FINE = 4000
@@ -56,7 +57,9 @@ def kind_of(law: str, rng: np.random.Generator) -> Kind:
 
 def stranger(kind: Kind, rng: np.random.Generator) -> Stranger:
     """One component of a kind."""
-    level = (LEVELS | dict(UNSEEN))[kind.law](np.linspace(0.0, 4.0, 4 * FINE + 1), rng)
+    level = (LEVELS | dict(UNSEEN) | dict(FRESH))[kind.law](
+        np.linspace(0.0, 4.0, 4 * FINE + 1), rng
+    )
     if not (level >= 1.0).any():
         return stranger(kind, rng)
     end = int(np.argmax(level >= 1.0))

@@ -2,8 +2,9 @@
 
 `Twin.life` on `twins/wear.toml`, nothing set.
 
-1. *Strangers*: N (100 by default) series of each law of `planted/unseen.py` (``--laws seen``: of
-   `planted/unlike.py`), at 30, 50, 70 and 90 % of their lives, alone and with a fleet of 16 like
+1. *Strangers*: N (100 by default) series of each law of `planted/fresh.py` (``--laws drawn``: of
+   `planted/unlike.py` and `planted/unseen.py`, which widths alone were measured on), at 30, 50, 70
+   and 90 % of their lives, alone and with a fleet of 16 like
    machines (``--shifted``: also with one whose lives are half or twice as long). Counted: answers,
    how many 80 % intervals hold the truth, how many truths lie above the lower end, and the CRPS (in
    whole lives) beside dummies at the same moments: the mean life less the age, the fleet's lives
@@ -30,6 +31,7 @@ from typing import Any
 import numpy as np
 
 from evertwin.prognosis.laws import Life
+from planted.fresh import FRESH
 from planted.histories import Columns, Told, until
 from planted.unlike import LEVELS as LAWS
 from planted.unlike import Stranger, kind_of, stranger
@@ -42,7 +44,7 @@ FLEET = 16
 EACH = 4
 """Strangers that share a fleet."""
 HEALTHY = 12.0
-EVERY = (*LAWS, *UNSEEN)
+EVERY = (*LAWS, *UNSEEN, *FRESH)
 
 
 def strangers(law: str, told: tuple[int, int, bool]) -> dict[str, list[Row]]:
@@ -288,13 +290,14 @@ def main() -> int:
     parser.add_argument("series", nargs="?", type=int, default=100)
     parser.add_argument("--only", choices=("strangers", "bearings", "cells", "femto"))
     parser.add_argument("--draws", type=int, default=2, help="of the cells' fleet")
-    parser.add_argument("--laws", default="unseen", help="unseen, seen, or one of them")
+    parser.add_argument("--laws", default="fresh", help="fresh, drawn, or one of them")
     parser.add_argument("--shifted", action="store_true", help="fleets of half and twice the life")
     parser.add_argument("--seed", type=int, default=3)
     told = parser.parse_args()
     demands: dict[str, bool] = {}
     if told.only in (None, "strangers"):
-        laws = {"seen": tuple(LAWS), "unseen": tuple(UNSEEN)}.get(told.laws, (told.laws,))
+        known = {"fresh": tuple(FRESH), "drawn": (*LAWS, *UNSEEN)}
+        laws = known.get(told.laws, (told.laws,))
         demands |= every(laws, (told.series, told.seed, told.shifted))
     if "EVERTWIN_DATA" in os.environ and told.only in (None, "bearings"):
         demands |= bearings()

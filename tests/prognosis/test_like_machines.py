@@ -10,7 +10,9 @@ import pytest
 from evertwin import Twin, TwinSpec
 from evertwin.config import spec
 from evertwin.errors import UsageError
+from evertwin.prognosis.course import course
 from evertwin.prognosis.laws import Life
+from evertwin.prognosis.laws.hypotheses import LAWS
 from evertwin.prognosis.like_machines import files_of
 from evertwin.prognosis.lone_series import Series, life_of_series
 from evertwin.store import Batch, Checkpoint, Estimate, SqliteStore
@@ -75,6 +77,33 @@ def test_the_stores_of_several_twins_are_a_fleet(tmp_path: Path) -> None:
     assert "fleet: 3 ended, at 89" in str(found) and "own.db" not in str(found)
     told = found.components["wear"].life
     assert isinstance(told, Life) and abs(told.median - 40.0) < 8.0
+
+
+def test_a_fleet_of_another_pace_is_said_and_the_course_is_its_own(tmp_path: Path) -> None:
+    fleet = tuple(
+        grown(tmp_path / f"{k}.csv", life, int(life) + 5, k)
+        for k, life in enumerate((46.0, 48.0, 50.0, 52.0, 54.0))
+    )
+    own = grown(tmp_path / "own.csv", 100.0, 50, 9)
+    found = life_of_series(Series(own, 2.0, column="wear", fleet=fleet))
+    one = found.components["wear"]
+    assert isinstance(one.life, Life) and one.life.pace == pytest.approx(1.9, abs=0.25)
+    assert one.life.interval80[0] < 50.0 < one.life.interval80[1]
+    assert (
+        f"wear takes {one.life.pace:.2g} times as long as its like machines did for the same wear"
+        in str(found)
+    )
+    assert one.sentence.endswith(", by like machines")
+    way = course(one.indicator, one.life, LAWS, one.fleet)
+    assert way is not None and way.levels[-1] == pytest.approx(2.0)
+    passed = way.times((0.5,))[:, 0]
+    assert passed[0] == 0.0 and (np.diff(passed) >= 0.0).all()
+    assert passed[4] == pytest.approx(0.5 * one.life.median, rel=0.3)
+    assert passed[-1] == pytest.approx(one.life.median)
+    alike = grown(tmp_path / "alike.csv", 50.0, 25, 10)
+    assert "times as long" not in str(
+        life_of_series(Series(alike, 2.0, column="wear", fleet=fleet))
+    )
 
 
 def test_lives_before_a_replacement_count_too(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 
 from evertwin.prognosis.laws import Fleet, Indicator, Life, Workload, predict_life
 from evertwin.prognosis.laws.fleet import way_of
+from evertwin.prognosis.laws.scaled import steady
 from evertwin.types import Float64, Vector
 
 LEVELS = 8
@@ -64,7 +65,9 @@ def course(
     if not known.any() or not np.isfinite(life.median) or life.median <= 0.0:
         return None
     sign, limit = indicator.limit.sign, indicator.limit.value
-    start = _today(own.at[known][-RECENT:], own.value[known][-RECENT:], float(own.at[-1]))
+    at = own.at[known][-RECENT:]
+    slope, level = steady(at, own.value[known][-RECENT:])
+    start = level + slope * float(own.at[-1] - at[-1])
     way = limit - start
     if not sign * way > 0.0:
         return None
@@ -92,12 +95,3 @@ def _by_likes(begun: Course, indicator: Indicator, life: Life, fleet: Fleet) -> 
     levels = begun.levels[0] + left * (indicator.limit.value - begun.levels[0])
     lives = tuple(replace(life, remaining=share * life.remaining) for share in shares)
     return Course(np.append(begun.levels, levels), (*begun.lives, *lives), begun.sign)
-
-
-def _today(at: Vector, value: Vector, now: float) -> float:
-    """The level now, by a line that no single value decides (Theil, Sen)."""
-    first, second = np.triu_indices(len(at), 1)
-    apart = at[second] - at[first]
-    slopes = (value[second] - value[first])[apart > 0.0] / apart[apart > 0.0]
-    slope = float(np.median(slopes)) if len(slopes) else 0.0
-    return float(np.median(value + slope * (now - at)))

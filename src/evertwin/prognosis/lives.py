@@ -95,10 +95,9 @@ class ComponentLife:
         pace = self.life.pace if isinstance(self.life, Life) else None
         if pace is None or 1.0 / OTHER < pace < OTHER:
             return ""
-        how = f"{max(pace, 1.0 / pace):.2g} times as {'slowly' if pace > 1.0 else 'fast'} as"
         return (
-            f"{self.component} wears {how} its like machines did: their times are taken at its own "
-            "pace, and the interval is wider"
+            f"{self.component} takes {pace:.2g} times as long as its like machines did for the "
+            "same wear: their times are scaled to that, and the interval is wider"
         )
 
     @property
@@ -128,7 +127,7 @@ def said(life: Life | NotEnough) -> str:
         return f"life is over: {'it failed' if life.failed else 'the limit was passed'} at {when}"
     low, high = life.interval80
     ends = f"{high:.4g}" if high < float("inf") else "without end"
-    law = f", law {life.law}" if life.law else ""
+    law = f", law {life.law}" if life.law else ", by like machines" if life.pace else ""
     if told is not None:
         first, half, last, surely = (
             told.said(life.now + x, zone=x == life.median)

@@ -28,8 +28,8 @@ import scipy
 from evertwin.prognosis.laws.indicator import Indicator
 from evertwin.prognosis.laws.life import LEVELS
 from evertwin.prognosis.laws.onset import without_covariates
-from evertwin.prognosis.laws.scaled import Problem
-from evertwin.types import Float64, Vector
+from evertwin.prognosis.laws.scaled import Problem, steady
+from evertwin.types import Float64
 
 NEWEST = 0.5
 """Share of the values that the laws are asked of."""
@@ -46,8 +46,6 @@ FARTHEST = 1.5
 """A bend counts up to this logarithm."""
 NARROWEST = 0.2
 """Least distance of an end from the median, as a logarithm."""
-BLOCKS = 60
-"""Values that slopes are told from; more are averaged."""
 
 _SCORES = scipy.special.ndtri(LEVELS)
 
@@ -81,24 +79,11 @@ def bent(problem: Problem) -> Bend:
     start = float(np.median(y[: int(np.clip(len(y) // 8, 3, 6))]))
     way = max(problem.limit - start, 1e-12)
     parts = [max(int(share * len(y)), min(len(y), 6)) for share in (1.0, 0.5, 0.25)]
-    whole, half, quarter = (_line(s[-n:], (y[-n:] - start) / way) for n in parts)
+    whole, half, quarter = (steady(s[-n:], (y[-n:] - start) / way) for n in parts)
     span = problem.age * (problem.s[-1] - problem.s[0])
     since = problem.age * (1.0 - problem.s[-1])  # time since the newest value
     left = np.array([_onward(half, quarter, 0.125), _onward(whole, half, 0.25)]) * span - since
     return Bend(*np.log(np.maximum(left, 1e-6 * span)).tolist())
-
-
-def _line(s: Vector, y: Vector) -> tuple[float, float]:
-    """(slope, level at age 1) by a line that no single value decides (Theil, Sen)."""
-    if len(s) > BLOCKS:
-        edges = np.linspace(0, len(s), BLOCKS + 1).astype(np.int64)
-        counts = np.diff(edges)
-        s, y = (np.add.reduceat(x, edges[:-1]) / counts for x in (s, y))
-    first, second = np.triu_indices(len(s), 1)
-    apart = s[second] - s[first]
-    steps = (y[second] - y[first])[apart > 0.0] / apart[apart > 0.0]
-    slope = float(np.median(steps)) if len(steps) else 0.0
-    return slope, float(np.median(y - slope * s)) + slope
 
 
 def _onward(before: tuple[float, float], after: tuple[float, float], apart: float) -> float:

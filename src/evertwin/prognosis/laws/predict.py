@@ -35,12 +35,12 @@ import numpy as np
 from evertwin.errors import UsageError
 from evertwin.prognosis.laws.alone import bent, newest, widened
 from evertwin.prognosis.laws.fleet import Fleet, Member, Way, way_of
-from evertwin.prognosis.laws.hypotheses import LAWS, every_look, families, look, sharpened
+from evertwin.prognosis.laws.hypotheses import LAWS, every_look, sharpened
 from evertwin.prognosis.laws.indicator import Indicator
 from evertwin.prognosis.laws.life import Life, NotEnough, Onset, Workload, quantiles
 from evertwin.prognosis.laws.mixture import COARSE, fine_nodes, mixture
 from evertwin.prognosis.laws.onset import SHARE, find_onset
-from evertwin.prognosis.laws.scaled import Problem, noise_of, scaled
+from evertwin.prognosis.laws.scaled import Problem, noise_of, scaled, steady
 
 FAR = 20.0
 """A median beyond so many ages is no answer: growth is not told from none."""
@@ -163,10 +163,8 @@ def not_begun(indicator: Indicator, problem: Problem) -> NotEnough:
     )
 
 
-AROUND = 8
-"""Values around a crossing at which the level is looked at."""
-MEMORY = 100
-"""Values before it that it is filtered over."""
+AROUND = 5
+"""Values before and after a crossing that tell when it was."""
 
 
 class End(NamedTuple):
@@ -185,7 +183,7 @@ def lived(indicator: Indicator) -> End | None:
     """Age at which it failed, or the level, freed of noise, passed the limit; None: neither.
 
     A single value beyond the limit ends no life: the two that follow it must lie there as well.
-    The level is that of a Wiener process with noise, filtered over the values before.
+    Where a line through the values around them passes the limit is the end.
     """
     life = indicator.since_replaced()
     good = np.flatnonzero(np.isfinite(life.value))
@@ -200,25 +198,11 @@ def lived(indicator: Indicator) -> End | None:
         return End(float(np.interp(failed, life.at, clock)) - origin, failed=True)
     if not kept.any():
         return None
-    near = range(max(first - AROUND, 1), min(first + AROUND + 1, len(good)))
-    gap = np.array([_level(life, good[max(0, k - MEMORY) : k + 1]) for k in near])
-    at = clock[good[near.start : near.stop]]
-    after = np.flatnonzero(gap > 0.0)
-    if not len(after) or after[0] == 0:
-        return End(float(clock[good[first]]) - origin)
-    k = int(after[0])
-    age = at[k - 1] + (at[k] - at[k - 1]) * -gap[k - 1] / (gap[k] - gap[k - 1]) - origin
-    return End(float(age))
-
-
-def _level(life: Indicator, rows: np.ndarray) -> float:
-    """The filtered level at the last of some rows, less the limit."""
-    problem = scaled(replace(life.rows(rows), origin=None, maintenance=()))
-    if isinstance(problem, str):
-        return float(-life.distance()[rows[-1]])
-    found = look(problem, families(("wiener",))[0])
-    weight = np.exp(found.weight - found.weight.max())
-    return float(weight @ found.posterior.now / weight.sum() - problem.limit) * problem.scale
+    near = good[max(first - AROUND, 0) : first + AROUND + 1]
+    at = clock[near]
+    slope, gap = steady(at, -life.distance()[near])
+    end = at[-1] - gap / slope if slope > 0.0 else clock[good[first]]
+    return End(float(np.clip(end, at[0], at[-1])) - origin)
 
 
 def learn(histories: Sequence[Indicator]) -> Fleet:

@@ -20,7 +20,7 @@ import numpy as np
 
 from evertwin.compiled.functions import njit
 from evertwin.prognosis.laws.indicator import Indicator
-from evertwin.types import Float64
+from evertwin.types import Float64, Vector
 
 LEAST = 6
 """Values at different times that a prediction needs."""
@@ -32,6 +32,9 @@ REACH = 3
 """Neighbours on each side with which a value is compared."""
 APART = 3.0
 """Robust standard deviations from which a value loses weight."""
+
+BLOCKS = 60
+"""Values that a slope is told from; more are averaged."""
 
 
 class Problem(NamedTuple):
@@ -87,6 +90,24 @@ def scaled(indicator: Indicator, most: int = MOST) -> Problem | str:
         y, s, omega, fixed, base, (limit - middle) / scale, age, float(life.at[-1]), scale
     )
     return thinned(problem, most) if 0 < most < len(y) else problem
+
+
+def steady(at: Vector, y: Vector) -> tuple[float, float]:
+    """(slope, level at the last value) of a line that no single value decides (Theil, Sen).
+
+    >>> steady(np.array([0.0, 1.0, 2.0, 3.0]), np.array([1.0, 3.0, 40.0, 7.0]))
+    (2.0, 7.0)
+    """
+    last = float(at[-1])
+    if len(at) > BLOCKS:
+        edges = np.linspace(0, len(at), BLOCKS + 1).astype(np.int64)
+        counts = np.diff(edges)
+        at, y = (np.add.reduceat(x, edges[:-1]) / counts for x in (at, y))
+    first, second = np.triu_indices(len(at), 1)
+    apart = at[second] - at[first]
+    slopes = (y[second] - y[first])[apart > 0.0] / apart[apart > 0.0]
+    slope = float(np.median(slopes)) if len(slopes) else 0.0
+    return slope, float(np.median(y + slope * (last - at)))
 
 
 def noise(sigma: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
