@@ -14,6 +14,7 @@ from evertwin.surface import surface
 if TYPE_CHECKING:
     from evertwin.tuning.advice import advise as advise
     from evertwin.tuning.closed import ClosedForm as ClosedForm, Solution as Solution
+    from evertwin.tuning.collinear import told_apart as told_apart
     from evertwin.tuning.fit import Fit as Fit, Residual as Residual
     from evertwin.tuning.following import Following as Following, FollowingState as FollowingState
     from evertwin.tuning.form_error import carried as carried

@@ -31,22 +31,26 @@ MOST = 3
 """Changes named at most."""
 
 
-def advise(model: Model, names: Sequence[str], u: Inputs) -> tuple[str, ...]:
+def advise(
+    model: Model, names: Sequence[str], u: Inputs, wider: float = 2.0, least: float = NULL
+) -> tuple[str, ...]:
     """The extra motion that would determine ``names``, in words; empty if nothing helps.
 
     Args:
         model: any model; simulated freely from its initial state.
         names: parameters that the rows do not determine, with those they are entangled with.
         u: inputs seen, (n, nu).
+        wider: how far beyond the values seen a larger one may lie.
+        least: singular value of unit columns from which a direction is determined.
     """
     seen = u[np.isfinite(u).all(axis=1)][:: max(1, len(u) // ROWS)]
     if not len(seen):
         return ()
     rows = _sensitivity(model, names, seen)
     said: list[str] = []
-    options = {text: _sensitivity(model, names, v) for text, v in _changes(model, seen)}
+    options = {text: _sensitivity(model, names, v) for text, v in _changes(model, seen, wider)}
     for _ in range(MOST):
-        if _determined(rows) or not options:
+        if _determined(rows, least) or not options:
             break
         best = max(options, key=lambda text: _score(np.concatenate([rows, options[text]])))
         gained = np.concatenate([rows, options.pop(best)])
@@ -54,10 +58,10 @@ def advise(model: Model, names: Sequence[str], u: Inputs) -> tuple[str, ...]:
             break
         rows = gained
         said.append(best)
-    return tuple(said) if _determined(rows) else ()
+    return tuple(said) if _determined(rows, least) else ()
 
 
-def _changes(model: Model, u: Inputs) -> Iterator[tuple[str, Inputs]]:
+def _changes(model: Model, u: Inputs, wider: float) -> Iterator[tuple[str, Inputs]]:
     """Changed inputs, each with its description."""
     for c, channel in enumerate(model.inputs):
         low, high = float(u[:, c].min()), float(u[:, c].max())
@@ -72,9 +76,10 @@ def _changes(model: Model, u: Inputs) -> Iterator[tuple[str, Inputs]]:
                 other[:, c] = np.clip(-u[:, c], channel.low, channel.high)
                 yield f"{channel.name} in both directions {here}", other
             wide = u.copy()
-            factor = np.where(np.arange(len(u)) % 2, 0.3, 2.0)
+            factor = np.where(np.arange(len(u)) % 2, 0.3, wider)
             wide[:, c] = np.clip(factor * u[:, c], channel.low, channel.high)
-            yield f"{channel.name} over a wider range {here}", wide
+            much = "wider" if wider <= 2.0 else "much wider"
+            yield f"{channel.name} over a {much} range {here}", wide
         if low == high != 0.0:
             both = u.copy()
             both[:, c] *= np.linspace(-2.0, 2.0, len(u))
@@ -107,11 +112,11 @@ def _score(rows: Any) -> float:
     return float(np.log(np.maximum(np.linalg.eigvalsh(_unit(rows).T @ _unit(rows)), 1e-8)).sum())
 
 
-def _determined(rows: Any) -> bool:
+def _determined(rows: Any, least: float) -> bool:
     """The gate's rule on directions."""
     unit = _unit(rows)
     values, vectors = np.linalg.eigh(unit.T @ unit)
-    if values[0] < NULL**2:
+    if values[0] < least**2:
         return False
     for value, vector in zip(values, vectors.T, strict=True):
         z2 = np.square(unit @ vector)

@@ -62,6 +62,8 @@ ROWS, COARSE, CELLS = 4000, 800, 4_000_000
 """Rows that shapes are chosen on; that inputs are chosen on; rows times shapes at most."""
 OWN = 1e-4
 """Part of a shape that the columns do not have, squared, from which it counts."""
+SAID = 2
+"""Terms that are named, the ones that explain most."""
 TIME = "time"
 
 
@@ -129,15 +131,13 @@ def carried(problem: Problem, fit: Fit) -> Fit:
         problem: what was tuned; of a model with states the fit comes back as it is.
         fit: its outcome.
     """
-    model = problem.model
     free = np.array([verdict != "not" for verdict in fit.verdict])
-    if len(model.states) or not free.any() or not fit.converged:
+    if len(problem.model.states) or not free.any() or not fit.converged:
         return fit
     acting = problem.sensitivity(fit.values)
     if not acting.finite:
         return fit
-    outputs = [_rows_of(problem, fit, acting, o, free) for o in range(len(fit.outputs))]
-    found = [_chosen(one) for one in outputs]
+    outputs, found = _asked(problem, fit, acting, free)
     if not any(found):
         return fit
     k = len(fit.names)
@@ -156,6 +156,21 @@ def carried(problem: Problem, fit: Fit) -> Fit:
     half[free] = student(rows[free]) * np.sqrt(np.maximum(inverse.diagonal(), 0.0))
     sizes = sizes_of(problem, acting, fit.values)
     return _told(fit, _said(fit, outputs, found), centre, half, sizes)
+
+
+def wrong_outputs(problem: Problem, fit: Fit) -> np.ndarray:
+    """Places of the outputs whose residual tells that a coefficient changes with an input."""
+    acting, free = problem.sensitivity(fit.values), np.ones(len(fit.names), dtype=np.bool_)
+    _, found = _asked(problem, fit, acting, free)
+    return np.flatnonzero([bool(terms) for terms in found])
+
+
+def _asked(
+    problem: Problem, fit: Fit, acting: Sensitivity, free: np.ndarray
+) -> tuple[list[_Output], list[list[Term]]]:
+    """Every output's rows, and the terms that pay there."""
+    outputs = [_rows_of(problem, fit, acting, o, free) for o in range(len(fit.outputs))]
+    return outputs, [_chosen(one) for one in outputs]
 
 
 def _rows_of(
@@ -283,7 +298,7 @@ def _said(fit: Fit, outputs: Sequence[_Output], found: Sequence[Sequence[Term]])
     for one, terms, name in zip(outputs, found, fit.outputs, strict=True):
         parts = [f"{fit.names[one.at[t.column]]} by {t.input}" for t in terms]
         if parts:
-            changes = ", ".join(dict.fromkeys(parts))
+            changes = ", ".join(list(dict.fromkeys(parts))[:SAID])
             for k in one.at.tolist():
                 said.setdefault(k, f"the form of {name} does not hold ({changes})")
     return said

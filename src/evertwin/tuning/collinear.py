@@ -1,0 +1,141 @@
+"""Of parameters that act alike on the rows one is kept: the simpler.
+
+Only a combination of collinear parameters is told, so the gate refuses them all, and a fit that
+puts all of them back predicts no better than before. Here one of them after the other stays as it
+was, from the last on: what starts at zero may stay out, and a law names its simple terms first.
+What is kept then makes up for the others, and the reasons say so.
+
+Where the form is wrong, *nearly* collinear parameters (`NEAR`) are no better told: each takes up
+what the form lacks, large against the other. A right form tells them by the part that differs.
+
+>>> from evertwin.fold import make_block
+>>> from evertwin.models import FunctionModel, Parameters
+>>> from evertwin.signals import Layout
+>>> law = FunctionModel(lambda x, u, dt, p: ([], [p[0] * u[0] + p[1] * 2.0 * u[0]]),
+...     Layout.of(z="m"), Layout.of(force="N"),
+...     parameters=Parameters.of(a=(1.0, "1"), b=(0.0, "1")))
+>>> z = np.linspace(-1.0, 1.0, 60)[:, None]
+>>> noise = np.random.default_rng(0).normal(0.0, 0.01, (60, 1))
+>>> problem = Problem(law, (make_block(t=np.arange(60), u=z, y=3.0 * z + noise),))
+>>> solve(problem).verdict, told_apart(problem, solve(problem)).verdict
+(('not', 'not'), ('identifiable', 'not'))
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from evertwin.tuning.advice import advise
+from evertwin.tuning.fit import Fit
+from evertwin.tuning.form_error import wrong_outputs
+from evertwin.tuning.problem import Problem
+from evertwin.tuning.sensitivity import Spectrum
+from evertwin.tuning.solver import solve
+
+NEAR = 1.0 / 30.0
+"""Part of a column that the simpler ones do not have, below which a wrong form decides about it:
+the inverse of the condition index from which collinearity harms (Belsley, Kuh, Welsch 1980)."""
+FAR = 20.0
+"""How far beyond the values seen a motion is looked for that tells them."""
+
+
+class Alike(NamedTuple):
+    """A parameter that stays, since a simpler one acts like it.
+
+    >>> Alike("b", "a", 0.0).beside
+    'a'
+    """
+
+    name: str
+    beside: str
+    part: float
+    """Of its effect, what the simpler ones do not have."""
+
+
+def told_apart(problem: Problem, fit: Fit) -> Fit:
+    """The fit with one of each group of collinear parameters; of models with a state as it is."""
+    if len(problem.model.states) or fit.names != problem.names or not fit.converged:
+        return fit
+    found, stays = fit, dict[str, Alike]()
+    while len(found.names) > 1:
+        alike = _last(problem, found)
+        if alike is None:
+            break
+        stays[alike.name] = alike
+        problem = problem.tuning(tuple(n for n in found.names if n != alike.name))
+        found = solve(problem)
+    return _whole(problem, fit, found, stays) if stays else fit
+
+
+def _last(problem: Problem, fit: Fit) -> Alike | None:
+    """The least simple parameter that a simpler one acts like."""
+    acting = problem.sensitivity(fit.values)
+    if not acting.finite:
+        return None
+    optional = problem.start == 0
+    order = np.lexsort((np.arange(len(fit.names)), optional))
+    told = _parts(Spectrum.of(acting.information(fit.noise)), order)
+    refused = np.array(["collinear" in reason for reason in fit.reasons])
+    near = np.array([0.0 < part < NEAR for part, _ in told]) & ~refused
+    if not refused.any() and near.any():
+        wrong = wrong_outputs(problem, fit)
+        refused = near & acting.acts[wrong].any(axis=0)
+    mine = [k for k in order.tolist() if refused[k] and told[k][1] >= 0]
+    if not mine:
+        return None
+    part, beside = told[mine[-1]]
+    return Alike(fit.names[mine[-1]], fit.names[beside], part)
+
+
+def _parts(spectrum: Spectrum, order: np.ndarray) -> list[tuple[float, int]]:
+    """(what the columns before it in the ``order`` leave of each, the most like it; −1: none)."""
+    vectors = spectrum.vectors * np.sqrt(spectrum.squares)
+    found = [(1.0, -1)] * len(order)
+    for place, k in enumerate(order.tolist()):
+        before = order[:place]
+        if not place or not spectrum.length[k] > 0:
+            continue
+        by = np.linalg.lstsq(vectors[before].T, vectors[k], rcond=1e-12)[0]
+        left = float(np.linalg.norm(vectors[k] - by @ vectors[before]))
+        like = np.abs(vectors[before] @ vectors[k])
+        found[k] = (left, int(before[int(np.argmax(like))]))
+    return found
+
+
+def _whole(problem: Problem, fit: Fit, found: Fit, stays: Mapping[str, Alike]) -> Fit:
+    """The fit of all parameters: those that stay, as they were."""
+    at = np.array([fit.names.index(name) for name in found.names])
+    k = len(fit.names)
+    values, interval = fit.start.copy(), np.tile([-np.inf, np.inf], (k, 1))
+    sigma, covariance = np.full(k, np.inf), np.zeros((k, k))
+    np.fill_diagonal(covariance, np.inf)
+    values[at], interval[at], sigma[at] = found.values, found.interval95, found.sigma
+    covariance[np.ix_(at, at)] = found.covariance
+    verdict, reasons = ["not"] * k, [""] * k
+    for j, place in enumerate(at.tolist()):
+        verdict[place], reasons[place] = found.verdict[j], found.reasons[j]
+    for name, alike in stays.items():
+        place, needs = fit.names.index(name), _needs(problem, alike)
+        reasons[place] = (
+            f"collinear: on these rows {alike.beside} acts like it (all but {100 * alike.part:.2g} "
+            f"%), so it stays as it was; {needs}"
+        )
+        kept = fit.names.index(alike.beside)
+        note = f"told with {name} = {fit.start[place]:g}"
+        reasons[kept] = "; ".join(filter(None, (reasons[kept], note)))
+    return replace(
+        found, names=fit.names, units=fit.units, values=values, start=fit.start, sigma=sigma,
+        interval95=interval, covariance=covariance, verdict=tuple(verdict),
+        reasons=tuple(reasons),
+        message=f"{found.message}; {', '.join(stays)} as before: others act alike",
+    )  # fmt: skip
+
+
+def _needs(problem: Problem, alike: Alike) -> str:
+    told = problem.model, (alike.beside, alike.name), problem.rows.u
+    needs = advise(*told, least=NEAR) or advise(*told, FAR, NEAR)
+    return f"needs {' and '.join(needs)}" if needs else "no motion that was tried tells them apart"
