@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import time
 from collections.abc import Callable
@@ -16,6 +17,8 @@ import pytest
 
 from evertwin.app.cli import main
 from evertwin.config import read
+from evertwin.service.plan import read_site
+from evertwin.sources.live.mqtt_spec import MqttSettings
 from evertwin.sources.recorded import Recorded
 from evertwin.store import SharedStore
 from evertwin.store.postgres import Postgres
@@ -29,7 +32,7 @@ LEASE = 1.0
 @pytest.fixture
 def hall(tmp_path: Path) -> Path:
     file = tmp_path / "run.csv"
-    record_robot(file, "--light", "--world", "w3", "--seconds", "150", "--seed", "2")
+    record_robot(file, "--light", "--world", "w3", "--seconds", "100", "--seed", "2")
     return tmp_path
 
 
@@ -61,7 +64,7 @@ def test_twins_go_on_elsewhere(
     hall: Path, postgres: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     twins = ("fleet-a", "fleet-b")
-    files = nodes(hall, postgres, ("north", "south"), twins, lease=LEASE, speed=30.0)
+    files = nodes(hall, postgres, ("north", "south"), twins, lease=LEASE, speed=20.0)
     with Served(files["north"]) as north:
         until(lambda: len(owners(postgres, twins)) == 2)
         with Served(files["south"]) as south:
@@ -97,7 +100,9 @@ def test_twins_go_on_elsewhere(
         with closing(Postgres(postgres)) as database:
             query = "SELECT token FROM evertwin.samples WHERE twin = ? ORDER BY number"
             tokens = [token for (token,) in database.query(query, (twin,))]
-        assert tokens == sorted(tokens) and len(set(tokens)) >= 2
+            query = "SELECT token FROM evertwin.owners WHERE twin = ?"
+            ((newest,),) = database.query(query, (twin,))
+        assert tokens == sorted(tokens) and newest >= 3  # taken over, and given back
         with Twin(spec) as alone:
             for chunk in chunks:
                 alone.push(chunk)
@@ -131,3 +136,16 @@ def test_what_cannot_be_meant_is_told(
     with pytest.raises(SystemExit):
         main(["fleet", "status", str(file)])
     assert "expected a server that the nodes share" in capsys.readouterr().err
+
+
+def test_a_session_at_a_broker_goes_with_the_twin(hall: Path) -> None:
+    file = nodes(hall, "postgresql://e@127.0.0.1/x", ("east",), ("fleet-d",), lease=LEASE)["east"]
+    mqtt = 'protocol = "mqtt"\ntopic = "hall"\n'
+    text = re.sub(r'protocol = "replay"\nfiles.*\nspeed.*\n', mqtt, file.read_text())
+    for written, client in ((text, "evertwin-fleet-d-log"), (text + 'client = "own"\n', "own")):
+        file.write_text(written)
+        ((source,),) = [plan.sources for plan in read_site(file).twins]
+        assert isinstance(source, MqttSettings) and source.client == client
+    file.write_text(re.sub(r"\[fleet\]\n(.+\n){3}", "", text))
+    ((source,),) = [plan.sources for plan in read_site(file).twins]
+    assert isinstance(source, MqttSettings) and source.client == ""

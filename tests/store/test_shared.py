@@ -6,12 +6,13 @@ import itertools
 import sqlite3
 import threading
 import time
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from evertwin.app.cli import main
 from evertwin.errors import (
     LawBroken,
     OwnershipLost,
@@ -33,6 +34,8 @@ from evertwin.store.database import Database
 from evertwin.store.owners import fence
 from evertwin.store.postgres import Postgres, told
 from evertwin.store.sql import SqlStore
+from evertwin.twin import Twin
+from planted.serving import TWINS
 
 NAMES = (f"twin-{k}" for k in itertools.count())
 
@@ -218,6 +221,32 @@ def test_who_is_paused_in_a_transaction_is_cut(
         db.execute("SELECT 1")
         time.sleep(1.3)
         db.execute("SELECT 1")
+
+
+def test_a_twin_file_names_the_server(
+    postgres: str, twin: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "cart.toml"
+    text = (TWINS / "robot1d.toml").read_text().replace('name = "robot1d"', f'name = "{twin}"', 1)
+    file.write_text(text + f'\n[store]\npath = "{postgres}"\n')
+    with Twin.open(file) as first:
+        first.promote(0, "to see", "anna")
+        with pytest.raises(StoreLocked, match="open in another process"):
+            Twin.open(file)
+        with Twin.open(file, reading=True) as seen:  # another process asks
+            seen.pin(0, "as it is")
+            assert [e.kind for e in seen.events] == ["configured", "promoted"]
+    with Twin.open(file) as again:
+        assert again.pinned and [e.kind for e in again.events][-1] == "pinned"
+    for words, said in (
+        (["events", str(file)], "to see"), (["store", "verify", str(file)], "all of them sound"),
+        (["store", "backup", str(file), str(tmp_path / "copy.db")], "4 entries"),
+        (["store", "repair", str(file)], "use the server's own tools"),
+    ):  # fmt: skip
+        with suppress(SystemExit):
+            main(words)
+        out, err = capsys.readouterr()
+        assert said in out + err
 
 
 def test_no_server(twin: str) -> None:

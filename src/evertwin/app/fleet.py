@@ -41,8 +41,8 @@ def show_fleet(site: Path, as_json: bool) -> None:
         where = twin["node"] if twin["state"] == "owned" else "(nobody)"
         age = "" if twin["age"] is None else f"lease {twin['age']:.1f} s old  "
         lag = "" if twin["lag"] is None else f"lag {twin['lag']:.3f} s  "
-        wish = f"wanted at {twin['wanted']}" if twin["wanted"] else ""
-        lines.append(f"  {twin['twin']:<16} {where:<16} {age}{lag}{wish}".rstrip())
+        wish = f"wanted at {twin['wanted']}  " if twin["wanted"] else ""
+        lines.append(f"  {twin['twin']:<16} {where:<16} {age}{lag}{wish}{twin['reason']}".rstrip())
     show(found, "\n".join(lines) or "no node yet", as_json)
 
 

@@ -30,7 +30,8 @@ def fleet_told(owners: Owners, members: Members, lease: float) -> dict[str, Any]
 
     Returns:
         ``nodes``: name, address, whether it is alive and drains, twins, their cost [s/s];
-        ``twins``: name, node, state (owned, free), token, age of the lease [s], lag [s], row.
+        ``twins``: name, node, state (owned, free), token, age of the lease [s], lag [s], row,
+        reason (why its node does not run it).
 
     Raises:
         StoreUnwritable: the store cannot be reached.
@@ -52,5 +53,5 @@ def _twin(held: Held, lease: float) -> dict[str, Any]:
         "twin": held.twin, "node": held.node, "state": "owned" if owned else "free",
         "token": held.token, "age": round(lease - held.left, 3) if owned else None,
         "lag": said.get("lag"), "row": said.get("row"), "cost": said.get("cost"),
-        "wanted": held.wanted,
+        "wanted": held.wanted, "reason": said.get("reason", ""),
     }  # fmt: skip

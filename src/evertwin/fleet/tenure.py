@@ -50,6 +50,8 @@ class Told(NamedTuple):
     lag: float = 0.0
     """Seconds from the arrival of a sample until what the twin says of it is durable."""
     row: int = 0
+    reason: str = ""
+    """Why it does not run, where it is quarantined."""
     pinned: str = ""
     """The node that alone can run it; empty: any."""
 

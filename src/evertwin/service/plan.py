@@ -23,6 +23,7 @@ from evertwin.settings.notes import Path as Place
 from evertwin.settings.section import Section
 from evertwin.sources.live import registry as sources
 from evertwin.sources.live.contract import LiveSettings
+from evertwin.sources.live.mqtt_spec import MqttSettings
 
 S = TypeVar("S", bound=Section)
 
@@ -85,7 +86,16 @@ def read_site(path: str | Path) -> Site:
                 f"{document.name}:{document.line(('twin', k))}: twin {plan.name!r} is there twice: "
                 "give one of them another name"
             )
-    return Site(file, spec, tuple(plans))
+    return Site(file, spec, tuple(map(_shared, plans)) if spec.fleet.store else tuple(plans))
+
+
+def _shared(plan: Plan) -> Plan:
+    """A twin that moves keeps its names at brokers: the next owner gets what the last one left."""
+    sources = tuple(
+        dataclasses.replace(one, client=one.client or f"evertwin-{plan.name}-{one.source}")
+        if isinstance(one, MqttSettings) else one for one in plan.sources
+    )  # fmt: skip
+    return dataclasses.replace(plan, sources=sources)
 
 
 def _plan(folder: Path, entry: TwinEntry, document: Document, k: int) -> Plan:

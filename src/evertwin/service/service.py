@@ -152,6 +152,8 @@ class Service:
         self.ready = False
         for task in self._tasks:
             task.cancel()
+        if self.tending is not None:
+            await self.tending.rest()
         await asyncio.gather(*(runner.stop() for runner in self.runners.values()))
         if self.tending is not None:
             await self.tending.end()

@@ -48,6 +48,8 @@ class Tending:
         self._turns: dict[str, asyncio.Lock] = {}
         """A twin is started or stopped, never both."""
         self._tasks: set[asyncio.Task[None]] = set()
+        self._leaving: set[str] = set()
+        self._ends = False
 
     @property
     def server(self) -> str:
@@ -75,7 +77,7 @@ class Tending:
         for twin, runner in tuple(runners.items()):
             if self.tokens.get(twin) != runner.token:
                 self._later(self._drop(twin))
-        for twin in step.leave:
+        for twin in set(step.leave) - self._leaving:
             self._later(self._leave(twin))
         for twin in self.tokens.keys() - runners.keys():
             self._later(self._begin(twin))
@@ -116,7 +118,9 @@ class Tending:
                 cost += weight * (max(runner.worked - worked, 0.0) / (now - at) - cost)
             self._cost[plan.name] = now, runner.worked, cost
             lag = sorted(runner.folded)[len(runner.folded) // 2] if runner.folded else 0.0
-            found[plan.name] = Told(round(cost, 4), round(lag, 4), runner.row, plan.entry.node)
+            found[plan.name] = Told(
+                round(cost, 4), round(lag, 4), runner.row, runner.reason, plan.entry.node
+            )
         return found
 
     def _later(self, work: Any) -> None:
@@ -127,7 +131,7 @@ class Tending:
     async def _begin(self, twin: str) -> None:
         async with self._turns.setdefault(twin, asyncio.Lock()):
             token = self.tokens.get(twin)
-            if token is not None and twin not in self._service.runners:
+            if token is not None and twin not in self._service.runners and not self._ends:
                 LOG.info("%s: taken under token %d", twin, token, extra={"twin": twin})
                 await self._service.take(twin)
 
@@ -141,12 +145,14 @@ class Tending:
                 await runner.abandon("its lease could not be renewed: others may have it")
 
     async def _leave(self, twin: str) -> None:
+        self._leaving.add(twin)
         async with self._turns.setdefault(twin, asyncio.Lock()):
             runner = self._service.runners.pop(twin, None)
             if runner is not None:
                 await runner.stop()
             if self.tenure is not None and twin in self.tokens:
                 await asyncio.get_running_loop().run_in_executor(self._thread, self._release, twin)
+        self._leaving.discard(twin)
 
     def _release(self, twin: str) -> None:
         assert self.tenure is not None
@@ -155,9 +161,13 @@ class Tending:
         except StoreUnwritable as error:
             LOG.warning("fleet: %s: its lease ends by itself", error)
 
+    async def rest(self) -> None:
+        """Nothing more is taken; what was begun is done."""
+        self._ends = True
+        await asyncio.gather(*self._tasks)
+
     async def end(self) -> None:
         """Every twin was stopped: others may have them at once."""
-        await asyncio.gather(*self._tasks)
         if self.tenure is not None:
             await asyncio.get_running_loop().run_in_executor(self._thread, self.tenure.end)
         self._thread.shutdown(wait=False)
