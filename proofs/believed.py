@@ -4,18 +4,18 @@
 
 1. *Strangers*: N (100 by default) series of each law of `planted/fresh.py` (``--laws drawn``: of
    `planted/unlike.py` and `planted/unseen.py`, which widths alone were measured on), at 30, 50, 70
-   and 90 % of their lives, alone and with a fleet of 16 like
-   machines (``--shifted``: also with one whose lives are half or twice as long). Counted: answers,
-   how many 80 % intervals hold the truth, how many truths lie above the lower end, and the CRPS (in
-   whole lives) beside dummies at the same moments: the mean life less the age, the fleet's lives
-   beyond this age, how long like machines still lasted at this level, always 0. `failure_due` with
-   more than 5 times its lead left is counted.
+   and 90 % of their lives, alone and with a fleet of 16 like machines (``--shifted``: also with one
+   whose lives are half or twice as long). Counted: answers, how many 80 % intervals hold the truth,
+   how many truths lie above the lower end, and the CRPS (in whole lives) beside dummies at the same
+   moments: the mean life less the age, the fleet's lives beyond this age, how long like machines
+   still lasted at this level, always 0. `failure_due` with more than 5 times its lead left is
+   counted.
 2. *Bearings* (needs EVERTWIN_DATA): every channel of `bearing_ims1` and `bearing_ims2`, asked every
    4 h; the limit is three times the median of the first day. A channel is healthy until 12 h before
    its rig stops. The peer warns at a median of 12 values over 1.3 times that of the first 48 h.
    `bearing_femto`: a limit of 20 g, each with the five others, which failed with their last row.
-3. *Cells*: 13 of `battery_fleet`, 30 others as fleet, ends at 0.93 Ah; alone and with the fleet;
-   `battery` alone.
+3. *Cells*: 13 of `battery_fleet`, 30 others as fleet, ends at 0.93 Ah; each cell alone; `battery`
+   alone.
 """
 
 from __future__ import annotations
@@ -200,10 +200,10 @@ def cells(draws: int) -> dict[str, bool]:
         ways = [(known[name]["cycle"], known[name]["wear"]) for name in ended]
         likes = Likes(np.array(list(ended.values())), ways)
         with Told([known[n] for n in order[:30]], **rule) as fleet, Told(**rule) as alone:
-            twins = {"fleet": fleet} | ({} if draw else {"alone": alone})
             for name in order[30:]:
-                for kind, twin in twins.items():
-                    found[kind] += asked_of(twin, known[name], ends[name], likes)
+                found["fleet"] += asked_of(fleet, known[name], ends[name], likes)
+            for name in order if draw == 0 else ():
+                found["alone"] += asked_of(alone, known[name], ends[name], likes)
     every = {kind: line(f"cells {kind}", found[kind]) for kind in found}
     late = [cut for cut in CUTS if cut >= 0.5]
     return {
