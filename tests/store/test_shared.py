@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import itertools
 import sqlite3
+import subprocess
+import sys
 import threading
 import time
 from contextlib import closing, suppress
@@ -15,6 +17,7 @@ import pytest
 from evertwin.app.cli import main
 from evertwin.errors import (
     LawBroken,
+    MissingExtra,
     OwnershipLost,
     StoreError,
     StoreLocked,
@@ -32,7 +35,7 @@ from evertwin.store import (
 )
 from evertwin.store.database import Database
 from evertwin.store.owners import fence
-from evertwin.store.postgres import Postgres, told
+from evertwin.store.postgres import Postgres, driver, told
 from evertwin.store.sql import SqlStore
 from evertwin.twin import Twin
 from planted.serving import TWINS
@@ -259,3 +262,23 @@ def test_a_local_store_needs_no_table_of_owners(tmp_path: Path) -> None:
     SqliteStore(tmp_path / "a.db").close()
     with closing(sqlite3.connect(tmp_path / "a.db")) as file:
         assert not file.execute("SELECT 1 FROM sqlite_master WHERE name = 'owners'").fetchall()
+
+
+def test_a_local_twin_loads_nothing_of_it() -> None:
+    program = (
+        "import sys; from evertwin import Twin; Twin('twins/robot1d.toml').close(); "
+        "print([one for one in sys.modules if one.startswith(('psycopg', 'evertwin.fleet')) "
+        "or one in ('evertwin.store.postgres', 'evertwin.store.shared')])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, cwd=TWINS.parent
+    )
+    assert done.stdout.strip() == "[]", done.stderr
+
+
+def test_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "psycopg", None)
+    driver.cache_clear()
+    with pytest.raises(MissingExtra, match=r"pip install 'evertwin\[fleet\]'"):
+        SharedStore("postgresql://127.0.0.1:1/plant", "arm")
+    driver.cache_clear()

@@ -11,10 +11,10 @@ import shutil
 from contextlib import closing
 from pathlib import Path
 
+import evertwin.store as room  # what speaks with a server is loaded where there is one
 from evertwin.errors import NoStore, StoreError
 from evertwin.store.database import MEMORY
 from evertwin.store.lock import Lock
-from evertwin.store.shared import SharedStore
 from evertwin.store.sql import SqlStore
 from evertwin.store.sqlite import SqliteStore
 
@@ -39,7 +39,7 @@ def opened(place: Path | str | None, twin: str = "", *, reading: bool = False) -
             return looked_at(place, twin)
         except NoStore:
             return SqliteStore(MEMORY)
-    return SqliteStore(place) if isinstance(place, Path) else SharedStore(place, twin)
+    return SqliteStore(place) if isinstance(place, Path) else room.SharedStore(place, twin)
 
 
 def looked_at(place: Path | str, twin: str) -> SqlStore:
@@ -51,7 +51,7 @@ def looked_at(place: Path | str, twin: str) -> SqlStore:
     """
     if isinstance(place, Path):
         return SqliteStore(place, read_only=True)
-    return SharedStore(place, twin, read_only=True)
+    return room.SharedStore(place, twin, read_only=True)
 
 
 def restore(path: Path, backup: Path) -> int:
