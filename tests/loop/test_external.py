@@ -89,7 +89,7 @@ def test_friction_that_grows_is_followed_as_before() -> None:
     _, said = folded(AXIS, rows(wear=8.0), 1000)
     unwatched = replace(AXIS, anomaly=replace(AXIS.anomaly, external=0.0))
     assert "external" not in kinds(said) and "tuned" in kinds(said)
-    assert kinds(folded(unwatched, rows(wear=8.0), 1000)[1]) == kinds(said)
+    assert set(kinds(folded(unwatched, rows(wear=8.0), 1000)[1])) == set(kinds(said))
 
 
 def test_a_contact_survives_a_break() -> None:

@@ -15,7 +15,8 @@ from collections.abc import Callable
 import numpy as np
 
 from evertwin.fold import Block, take
-from evertwin.tuning import Problem, solve
+from evertwin.loop.settled import settled
+from evertwin.tuning import Problem
 from evertwin.types import Inputs, Outputs, PerOutput, Vector
 
 BLOCKS, ROWS = 384, 10
@@ -71,6 +72,15 @@ def likely(residual: Outputs) -> int:
     return len(residual) - (m - best - 1) * size if len(gain) and gain[best] > CLEAR else 0
 
 
+def suddenly(windows: Windows, pose: Callable[[Windows], Problem]) -> Windows:
+    """The rows behind the place from which on the residual is larger; none where there is no such
+    place. Whether it is the machine that changed there is for a search on them to tell.
+    """
+    whole = pose(windows)
+    place = likely(_residuals(whole, whole.start))
+    return split(windows, place)[1] if place else ()
+
+
 def changed(windows: Windows, pose: Callable[[Windows], Problem]) -> int:
     """Position of the first row of the machine as it is now; 0: it is the same in all rows.
 
@@ -82,7 +92,9 @@ def changed(windows: Windows, pose: Callable[[Windows], Problem]) -> int:
     place = likely(_residuals(whole, whole.start))
     if not place:
         return 0
-    values = solve(pose(split(windows, place)[1])).values
+    fitted = settled(pose(split(windows, place)[1]))
+    values = whole.start.copy()
+    values[[whole.names.index(name) for name in fitted.names]] = fitted.values
     start, fit = (np.square(_residuals(whole, v)) for v in (whole.start, values))
     size = _mean(start)
     # the row from which on the fit is the better one, summed over all rows

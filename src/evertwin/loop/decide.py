@@ -135,7 +135,7 @@ class Decide:
         if reason or alarm.kind or due:
             makes_room(setup, decision)
         free = self._free(decision.state, bool(reason or alarm.kind), every)
-        if not state.agenda.told and alarm.kind:
+        if alarm.kind:
             decision.say(alarm.kind, alarm.signal, alarm.reason, {"row": alarm.row})
         if not reason and alarm.kind:
             reason = alarm.reason

@@ -19,7 +19,7 @@ from evertwin.models import Model
 from evertwin.models.batch import Batch, mapped
 from evertwin.sync.horizon import residuals, restarts
 from evertwin.tuning import Fit, Problem
-from evertwin.types import Json, Outputs, ParameterVector, Vector
+from evertwin.types import Json, Outputs, ParameterVector, PerOutput, Vector
 
 
 @dataclass(frozen=True)
@@ -141,3 +141,22 @@ def falls_short(setup: Setup, problem: Problem, fit: Fit) -> str:
             limit = setup.shown(k, setup.requirement)
             return f"tuned, {one.output} is still off by {setup.shown(k, left)} (limit {limit})"
     return ""
+
+
+def sizes(setup: Setup, problem: Problem, values: Vector) -> PerOutput:
+    """Rms residual per output: what counts as 1 in a loss, unless the twin file says."""
+    given = setup.spec.prediction.scale
+    residual = problem.residuals(values)
+    names = problem.model.outputs.names
+    # an output that nothing measures has no rows
+    rows = np.maximum(np.count_nonzero(~np.isnan(residual), axis=0), 1)
+    rms = np.sqrt(np.nansum(np.square(residual), axis=0) / rows)
+    found = [given.get(n, float(rms[k])) for k, n in enumerate(names)]
+    return np.array([size if np.isfinite(size) and size > 0 else 1.0 for size in found])
+
+
+def left(setup: Setup, model: Model, p: ParameterVector, windows: Sequence[Block]) -> PerOutput:
+    """Rms residual per output of a version; NaN where nothing was measured."""
+    found = np.concatenate([predict(setup, model, p, window).residual for window in windows])
+    rows = np.count_nonzero(np.isfinite(found), axis=0)
+    return np.asarray(np.sqrt(np.nansum(found**2, axis=0) / np.where(rows, rows, np.nan)))

@@ -212,7 +212,7 @@ class Follow:
         if len(rows.row) == 0:
             return state, (), -1
         delay = self.setup.residual_filter.delay
-        watch = self.setup.watch(beats - delay) if len(beats) else NEVER
+        watch = self.setup.watch(beats - delay, state.agenda.held) if len(beats) else NEVER
         scores, pairs, off = accumulate(state.scores, rows, watch)
         detect, found = self.setup.detect.step(state.detect, rows)
         stop = -1 if off < 0 else int(beats[off])

@@ -32,7 +32,8 @@ def deviates(
     """Reason, output, evidence; (None, …) when it is too early to say, ("", …) when it is not."""
     watch = state.scores.watch
     samples = max(watch.samples.tolist(), default=0)
-    enough = samples >= setup.least if task_end else setup.watch(NONE).enough(state.scores)
+    rule = setup.watch(NONE, state.agenda.held)
+    enough = samples >= setup.least if task_end else rule.enough(state.scores)
     if not np.isfinite(setup.requirement) or not enough:
         return None, "", {}
     values = judged_deviation(watch, setup.relative, state.scores.usual)

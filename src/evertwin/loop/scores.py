@@ -30,7 +30,7 @@ def new_scores(usual: Usual, updates: np.ndarray, row: int, scale: np.ndarray) -
 class Watch(NamedTuple):
     """When the champion's deviation is judged, and against what.
 
-    >>> Watch(np.array([10]), 5, 3, 0.1, False, np.array([True])).limit
+    >>> Watch(np.array([10]), 5, 3, 0.1, False, np.array([True]), False).limit
     0.1
     """
 
@@ -45,29 +45,43 @@ class Watch(NamedTuple):
     relative: bool
     outputs: Bool[np.ndarray, " ny"]
     """Outputs that are held to it."""
+    held: bool
+    """Was the champion within it before? Then what cannot be within it any more is told at once; of
+    one that never was, the more rows tell the more."""
 
     def enough(self, scores: Scores) -> bool:
         """Is there enough to judge it?"""
-        if int(scores.seen[0]) < self.rows:
+        if max(scores.watch.samples.tolist(), default=0) < min(self.least, self.rows):
             return False
-        return max(scores.watch.samples.tolist(), default=0) >= min(self.least, self.rows)
+        whole = int(scores.seen[0]) >= self.rows
+        early = self.held and exceeds(scores.watch, scores.seen, scores.usual, self)
+        return whole or bool(early)
+
+
+@njit(cache=True)
+def exceeds(sums: Any, seen: Any, usual: Any, watch: Any) -> bool:
+    """Is an output off by more than the limit over the rows of a window, were those perfect that
+    have not come yet?"""
+    residual, _, samples = sums
+    whole = max(1.0, watch.rows / seen[0])
+    for k in range(samples.shape[0]):
+        if watch.outputs[k] and samples[k] > 0:
+            base = mean_square(k, sums, usual) if watch.relative else 1.0
+            if residual[k] > watch.limit * watch.limit * base * samples[k] * whole:
+                return True
+    return False
 
 
 @njit(cache=True)
 def judged(sums: Any, seen: Any, usual: Any, watch: Watch) -> bool:
     """May the twin go on? Then sums that were enough to say so begin anew."""
     residual, measured, samples = sums
-    if seen[0] < watch.rows or samples.max() < min(watch.least, watch.rows):
+    if samples.max() < min(watch.least, watch.rows) or not np.isfinite(watch.limit):
         return True
-    if not np.isfinite(watch.limit):
-        return True
-    for k in range(samples.shape[0]):
-        if not watch.outputs[k] or samples[k] == 0:
-            continue
-        base = mean_square(k, sums, usual) if watch.relative else 1.0
-        if residual[k] > watch.limit * watch.limit * base * samples[k]:
-            return False
-    residual[:], measured[:], samples[:], seen[:] = 0.0, 0.0, 0, 0
+    if (watch.held or seen[0] >= watch.rows) and exceeds(sums, seen, usual, watch):
+        return False
+    if seen[0] >= watch.rows:
+        residual[:], measured[:], samples[:], seen[:] = 0.0, 0.0, 0, 0
     return True
 
 
@@ -113,7 +127,7 @@ def _accumulate(
     return count, -1
 
 
-NEVER = Watch(np.zeros(0, np.int64), 1, 1, np.inf, False, np.zeros(0, np.bool_))
+NEVER = Watch(np.zeros(0, np.int64), 1, 1, np.inf, False, np.zeros(0, np.bool_), False)
 """Nothing is judged on the way."""
 
 

@@ -225,9 +225,9 @@ class Setup:
             self.model.outputs.index(name)
         return np.array([name in names for name in self.model.outputs.names])
 
-    def watch(self, beats: np.ndarray) -> Watch:
-        """How the champion is judged before the rows ``beats``."""
-        return Watch(beats, self.enough, FEW, self.requirement, self.relative, self.watched)
+    def watch(self, beats: np.ndarray, held: bool) -> Watch:
+        """How the champion is judged before the rows ``beats``; if it ``held`` before, sooner."""
+        return Watch(beats, self.enough, FEW, self.requirement, self.relative, self.watched, held)
 
     @cached_property
     def enough(self) -> int:

@@ -18,9 +18,9 @@ from evertwin.config.spec import TwinSpec
 from evertwin.correction.improve import TooFew
 from evertwin.errors import DataError, ModelError, UsageError
 from evertwin.fold import plain
-from evertwin.loop.change import changed, split
+from evertwin.loop.change import changed, split, suddenly
 from evertwin.loop.correcting import learn, nearest
-from evertwin.loop.evaluation import falls_short, predict
+from evertwin.loop.evaluation import falls_short, left, sizes
 from evertwin.loop.friction_law import climb_laws
 from evertwin.loop.physical import physically
 from evertwin.loop.posterior import posterior
@@ -59,6 +59,14 @@ def _event(kind: str, signal: str, reason: str, evidence: Mapping[str, Any]) -> 
     return {"kind": kind, "signal": signal, "reason": reason, "evidence": dict(evidence)}
 
 
+def _changed(new: Windows) -> dict[str, Any]:
+    """Of the rows since then."""
+    said = f"the machine changed at {called(new[0].row)}: rows before it are left out"
+    rows = sum(len(block.t) for block in new)
+    evidence = {"row": new[0].row, "time": int(new[0].t[0]), "rows": rows}
+    return _event("changed", "", said, evidence)
+
+
 def rejected(reason: str) -> dict[str, Any]:
     """What the answer says of work that could not be done."""
     return {"events": [_event("rejected", "", reason, {})]}
@@ -90,7 +98,7 @@ class Work:
         """What the answer says, in plain values; what cannot be done is an event in it."""
         try:
             if task.kind == "correct":
-                content = self.correct(task.version, task.windows)
+                content = self.correct(task)
             else:
                 task, content = self._stated(task)
                 content = content or (self.fit(task) if task.kind == "fit" else {})
@@ -131,19 +139,13 @@ class Work:
         the rival; much better than one on trial, whose evidence would be lost."""
         found = content.get("candidate")
         if found is not None:
-            old = self._left(self.versions.model_of(rival.form), rival.p, task.windows)
-            new = self._left(*self._made(task.version, found), task.windows)
+            old = left(self.setup, self.versions.model_of(rival.form), rival.p, task.windows)
+            new = left(self.setup, *self._made(task.version, found), task.windows)
             gain = MUCH if rival.number != task.version.number else self.setup.trial.margin
             if np.nanmean(new / old) <= 1.0 - gain:
                 return content
         keys = ("next", "lacking", "fit" if task.kind == "fit" else "")
         return {"events": []} | {k: content[k] for k in keys if k in content}
-
-    def _left(self, model: Model, p: ParameterVector, windows: Windows) -> np.ndarray:
-        """Rms residual per output; NaN where nothing was measured."""
-        found = np.concatenate([predict(self.setup, model, p, w).residual for w in windows])
-        rows = np.count_nonzero(np.isfinite(found), axis=0)
-        return np.asarray(np.sqrt(np.nansum(found**2, axis=0) / np.where(rows, rows, np.nan)))
 
     # ------------------------------------------------------------------ tuning
 
@@ -205,7 +207,7 @@ class Work:
             found = states.find(task.windows)
         if found is None:
             return task, {}
-        scale = self.scale(found.problem, found.fit.values)
+        scale = sizes(self.setup, found.problem, found.fit.values)
         reason, windows = f"{found.name}: {found.said}", found.problem.windows
         candidate = self._candidate(version.form, found.values, scale, reason, windows)
         candidate |= {"brief": 0.0 if task.kind == "refine" else HALF, "begins": found.row}
@@ -283,9 +285,7 @@ class Work:
         rows = sum(len(block.t) for block in new)
         if rows < ENOUGH * len(names):
             raise TooFew(f"the machine has changed, {rows} rows ago")
-        said = f"the machine changed at {called(new[0].row)}: rows before it are left out"
-        evidence = {"row": new[0].row, "time": int(new[0].t[0]), "rows": rows}
-        return new, [_event("changed", "", said, evidence)]
+        return new, [_changed(new)]
 
     def _helps(self, verdict: Verdict, fit: Fit) -> bool:
         """The form is wrong, and none may be learned: is tuning the better half all the same?
@@ -312,7 +312,7 @@ class Work:
             followed, newest, _ = Recursion.after(self.setup, problem, fit).learned(windows)
             values |= dict(zip(followed, newest.tolist(), strict=True))
         # what was not off counts little: it would hide how much another output gains
-        before, after = (self.scale(problem, values) for values in (fit.start, fit.values))
+        before, after = (sizes(self.setup, problem, values) for values in (fit.start, fit.values))
         after = np.clip(after, LEAST * before, before)
         scale = after / np.sqrt(np.maximum(1.0 - (after / before) ** 2, LITTLE))
         return self._candidate(version.form, values, scale, reason, windows)
@@ -331,24 +331,25 @@ class Work:
             return replace(found, kind="abnormal", reason=f"{short}: the form does not reach it")
         return found
 
-    def scale(self, problem: Problem, values: np.ndarray) -> np.ndarray:
-        """Rms residual per output: what counts as 1 in a loss."""
-        given = self.setup.spec.prediction.scale
-        residual = problem.residuals(values)
-        names = problem.model.outputs.names
-        # an output that nothing measures has no rows
-        rows = np.maximum(np.count_nonzero(~np.isnan(residual), axis=0), 1)
-        rms = np.sqrt(np.nansum(np.square(residual), axis=0) / rows)
-        found = [given.get(n, float(rms[k])) for k, n in enumerate(names)]
-        return np.array([size if np.isfinite(size) and size > 0 else 1.0 for size in found])
-
     # ------------------------------------------------------------------ correction
 
     def _next(self) -> str | None:
         return "correct" if self.setup.spec.correction.terms else None
 
-    def correct(self, version: Version, windows: Windows) -> dict[str, Any]:
-        """Searches for terms on top of the version's form."""
+    def correct(self, task: Task) -> dict[str, Any]:
+        """Searches for terms on top of the version's form: of one that held, on the rows since it
+        suddenly did not, if that pays; a form for both machines is one for neither."""
+        version, windows, names = task.version, task.windows, self.editable(task.version)
+        if task.held and names:
+            new = suddenly(windows, lambda rows: self.problem(version, rows, names))
+            if sum(len(block.t) for block in new) >= ENOUGH * len(names):
+                content = self._corrected(version, new)
+                if content["candidate"]:
+                    content["events"].insert(0, _changed(new))
+                    return content | {"since": new[0].row}
+        return self._corrected(version, windows)
+
+    def _corrected(self, version: Version, windows: Windows) -> dict[str, Any]:
         base: Model = self.setup.model
         found, starts = self._half(version, windows), [version]
         if found:
