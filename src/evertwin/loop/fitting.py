@@ -29,7 +29,7 @@ from evertwin.loop.workers import far_of
 from evertwin.models import Model, Parameters
 from evertwin.models.form import Form, Version
 from evertwin.sources.tally import Tally
-from evertwin.tuning import Fit, Problem, carried, told_apart
+from evertwin.tuning import Fit, Problem, carried, repeated, told_apart
 from evertwin.tuning.interrupt import Interrupt
 from evertwin.types import Json
 
@@ -230,7 +230,7 @@ def tune(
         work = Work(setup, versions)
         formed = with_terms(setup, work, version, problem)
         told = told_apart(formed.problem, formed.fit)
-        formed = replace(formed, fit=carried(formed.problem, told))
+        formed = replace(formed, fit=repeated(formed.problem, carried(formed.problem, told)))
         unknown = _unknown(work, formed) if chosen.laws or formed.search else ""
     return Tuned(setup, base, version, formed, chosen, unknown, tasks, feed)
 

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
         RecursiveRows as RecursiveRows,
         RecursiveState as RecursiveState,
     )
+    from evertwin.tuning.repeats import repeated as repeated
     from evertwin.tuning.schedule import (
         Schedule as Schedule,
         weights_from_growth as weights_from_growth,

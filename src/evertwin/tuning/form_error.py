@@ -62,6 +62,9 @@ ROWS, COARSE, CELLS = 4000, 800, 4_000_000
 """Rows that shapes are chosen on; that inputs are chosen on; rows times shapes at most."""
 OWN = 1e-4
 """Part of a shape that the columns do not have, squared, from which it counts."""
+FAR = 0.05
+"""Part of a number's size that its value may lie beside its interval's middle, and be told all the
+same."""
 SAID = 2
 """Terms that are named, the ones that explain most."""
 TIME = "time"
@@ -313,7 +316,8 @@ def _told(fit: Fit, said: Mapping[int, str], centre: Vector, half: Vector, sizes
         (word,), (wide,) = grade([""], half[k : k + 1] / sizes[k])
         value = float(fit.values[k])
         parts = [fit.reasons[k], why]
-        if not low <= value <= high:
+        off = not low <= value <= high
+        if off:
             parts.append(
                 f"with that left free {centre[k]:.4g} ± {half[k]:.2g}; {value:.4g} only predicts "
                 "best in this form"
@@ -322,7 +326,8 @@ def _told(fit: Fit, said: Mapping[int, str], centre: Vector, half: Vector, sizes
             parts.append("not told from zero")
         else:
             parts.append(wide)
-            word = word if word == fit.verdict[k] else "weak"
-        verdict[k] = word if parts[-1] == wide else "weak"
+        far = off and abs(value - float(centre[k])) > FAR * sizes[k]
+        sure = word == "identifiable" and not far and not low <= 0.0 <= high
+        verdict[k] = fit.verdict[k] if sure else "weak"
         reasons[k] = "; ".join(filter(None, parts))
     return replace(fit, interval95=interval95, verdict=tuple(verdict), reasons=tuple(reasons))
