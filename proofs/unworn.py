@@ -15,13 +15,18 @@ from dataclasses import replace
 
 from evertwin import Twin
 from evertwin.config.spec import IndicatorSpec, PrognosisSpec, StoreSpec
-from evertwin.prognosis.laws import Life
+from evertwin.prognosis.laws import Indicator, Life
 from planted.twins import shipped
 from proofs._verdict import ended, no_data
 from proofs.seasons import COMMISSIONED, date, files
 
 LIMIT, SPEED = 1.5, 0.5
 """Share of the friction when commissioned, at this speed [rad/s]."""
+
+
+def newest(told: Indicator) -> str:
+    """The newest value with its standard deviation; nothing where none could be told yet."""
+    return f"{told.value[-1]:.2f}±{told.sigma[-1]:.2f}" if len(told.value) else "-"
 
 
 def main() -> int:
@@ -52,7 +57,7 @@ def main() -> int:
                 found = twin.life()
             told = {n: c for n, c in found.components.items() if isinstance(c.life, Life)}
             lives, alarms = lives + len(told), alarms + len(found.alarms) + len(found.held)
-            values = " ".join(f"{c.indicator.value[-1]:6.2f}" for c in found.components.values())
+            values = " ".join(newest(one.indicator) for one in found.components.values())
             said = "; ".join(f"{n} {one.sentence}" for n, one in told.items()) or "no life"
             print(f"{file.stem:26} {values}  {len(found.alarms)} alarms  {said}", flush=True)
     print(f"{lives} lives and {alarms} alarms in {6 * len(rest)} answers")
