@@ -33,6 +33,7 @@ from typing import Any
 import numpy as np
 import paho.mqtt.client as paho
 
+from evertwin.errors import StoreError
 from evertwin.store import SharedStore
 from evertwin.store.postgres import Postgres
 from planted.postgres import Server
@@ -250,7 +251,11 @@ def replayed(server: str, twin: str, folder: Path) -> bool:
     bare(file, copy)
     words = ["-m", "proofs.replay_live", "fold", str(twin_file), str(copy)]
     done = subprocess.run([sys.executable, *words], check=False)
-    return done.returncode == 0 and end_of(copy) == end_of(file)
+    try:
+        return done.returncode == 0 and end_of(file) == end_of(copy)
+    except StoreError as error:
+        print(f"{twin}: {error}")
+        return False
 
 
 def suffered(

@@ -36,6 +36,7 @@ from evertwin.config import read
 from evertwin.config.spec import ChannelSpec, SourceSpec
 from evertwin.engine import InProcess
 from evertwin.engine.contract import Job
+from evertwin.errors import StoreError
 from evertwin.fold import Answer, Chunk, Request
 from evertwin.loop import Feed, Live
 from evertwin.signals.units import si_unit
@@ -124,7 +125,10 @@ def lived(seconds: float, speed: float, seed: int, folder: Path) -> dict[str, Pa
 def end_of(store: Path) -> End:
     """Of the newest checkpoint."""
     with closing(sqlite3.connect(store)) as db:
-        return End(*db.execute(NEWEST).fetchone())
+        found = db.execute(NEWEST).fetchone()
+    if found is None:
+        raise StoreError(f"{store.name}: has no checkpoint")
+    return End(*found)
 
 
 def bare(store: Path, copy: Path, samples: Iterable[Chunk] | None = None) -> Path:
