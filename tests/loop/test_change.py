@@ -7,6 +7,12 @@ import pytest
 
 from evertwin import Twin, TwinSpec
 from evertwin.config.spec import AnomalySpec, ModelSpec, PredictionSpec, Span, TuningSpec
+from evertwin.fold import Block, make_block
+from evertwin.loop.change import changed
+from evertwin.machines.mobile import Robot1D
+from evertwin.models.corrected import build
+from evertwin.models.form import Form, Term
+from evertwin.tuning import Problem
 
 SPEC = TwinSpec(
     "cart", ModelSpec("robot1d"), beat=Span(seconds=10.0), prediction=PredictionSpec(horizon=5.0),
@@ -42,3 +48,17 @@ def test_a_machine_that_stays_has_not_changed() -> None:
             result = twin.run(drive(seed, 1.1))
         assert "changed" not in {e.kind for e in result.events}
         assert [e.kind for e in result.events].count("promoted") == 1
+
+
+def test_numbers_that_tell_the_same_hide_no_change() -> None:
+    """A correction's gain beside the model's own: no row tells the one from the other."""
+    model = build(Robot1D(), Form((Term("law", "v"),)))
+    names = ("gain", "law.v.gain")
+    prior = model.parameters.with_values({"law.v.gain": 1.1})
+    run = drive(0, 0.6, 2000)
+    rows = make_block(run["t"].astype(np.int64) * 10**9, run["v"][:, None], run["x"][:, None])
+
+    def pose(windows: tuple[Block, ...]) -> Problem:
+        return Problem(model, windows, names, 5.0, prior=prior)
+
+    assert abs(changed((rows,), pose) - CHANGE) <= 5
