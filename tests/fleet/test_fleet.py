@@ -20,13 +20,21 @@ from evertwin.config import read
 from evertwin.service.plan import read_site
 from evertwin.sources.live.mqtt_spec import MqttSettings
 from evertwin.sources.recorded import Recorded
-from evertwin.store import SharedStore
-from evertwin.store.postgres import Postgres
+from evertwin.store import SharedStore, SqlOwners
+from evertwin.store.postgres import Postgres, driver
 from evertwin.twin import Twin
 from planted.serving import Served, nodes
 from planted.worlds import record_robot
 
 LEASE = 1.0
+
+
+@pytest.fixture(scope="module")
+def postgres(postgres: str) -> str:
+    """A database of these tests' own: others say of their twins what no node would."""
+    with closing(driver().connect(postgres, autocommit=True)) as db:
+        db.execute("CREATE DATABASE hall")
+    return f"{postgres.rsplit('/', 1)[0]}/hall"
 
 
 @pytest.fixture
@@ -55,6 +63,7 @@ def until(ask: Callable[[], Any], seconds: float = 20.0) -> None:
 def owners(server: str, twins: tuple[str, ...]) -> dict[str, str]:
     with closing(Postgres(server)) as database:
         query = "SELECT twin, node FROM evertwin.owners WHERE until > "
+        SqlOwners(database)  # the table is there, even if no node has started yet
         found = dict(database.query(query + database.now))
     return {one: found[one] for one in twins if one in found}
 

@@ -282,3 +282,25 @@ def test_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(MissingExtra, match=r"pip install 'evertwin\[fleet\]'"):
         SharedStore("postgresql://127.0.0.1:1/plant", "arm")
     driver.cache_clear()
+
+
+def test_nodes_that_start_at_once_make_the_tables_once(postgres: str) -> None:
+    for _ in range(3):
+        name = f"fresh{next(NAMES).replace('-', '_')}"
+        with closing(driver().connect(postgres, autocommit=True)) as db:
+            db.execute(f"CREATE DATABASE {name}")
+        server, opened, failed = f"{postgres.rsplit('/', 1)[0]}/{name}", [], []
+
+        def start(server: str = server, opened: list = opened, failed: list = failed) -> None:
+            try:
+                with closing(SharedStore(server, next(NAMES))) as store:
+                    opened.append(store)
+            except StoreError as error:
+                failed.append(error)
+
+        threads = [threading.Thread(target=start) for _ in range(8)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert len(opened) == 8, failed

@@ -117,6 +117,16 @@ def _translated(text: str) -> str:
     return text.replace("%", "%%").replace("?", "%s")
 
 
+def _is_there(db: Writing, table: str) -> bool:
+    """Is a table of ours there, as the newest transaction left it?
+
+    ``to_regclass`` may answer from what this connection knew before it waited for a lock.
+    """
+    query = "SELECT EXISTS (SELECT FROM pg_tables WHERE schemaname = 'evertwin' AND tablename = ?)"
+    ((there,),) = db.execute(query, (table,))
+    return bool(there)
+
+
 class Postgres:
     """A connection, for one twin. Its users take turns.
 
@@ -168,8 +178,7 @@ class Postgres:
 
     def _prepare(self) -> None:
         """Create what is missing, refuse what is foreign."""
-        found = self._db.execute("SELECT to_regclass('evertwin.form') IS NOT NULL").fetchone()
-        if not found[0]:
+        if not _is_there(self._db, "form"):
             self._create()
         (schema,) = self._db.execute("SELECT schema FROM evertwin.form").fetchone()
         if schema != SCHEMA:
@@ -183,8 +192,7 @@ class Postgres:
     def _create(self) -> None:
         with self.transaction() as db:
             self.alone(db)
-            ((there,),) = db.execute("SELECT to_regclass('evertwin.form') IS NOT NULL")
-            if there:  # another process was faster
+            if _is_there(db, "form"):  # another process was faster
                 return
             db.execute("CREATE SCHEMA IF NOT EXISTS evertwin")
             db.execute("CREATE SCHEMA IF NOT EXISTS evertwin_twin")
@@ -231,12 +239,13 @@ class Postgres:
         if today not in self._days:
             self.alone(db)
             for day in (today, today + timedelta(days=1)):
-                part = f"evertwin.samples_{day:%Y%m%d}"
-                ((there,),) = db.execute("SELECT to_regclass(?) IS NOT NULL", (part,))
-                if not there:
-                    db.execute(f"CREATE TABLE {part} (LIKE evertwin.samples INCLUDING DEFAULTS)")
+                part = f"samples_{day:%Y%m%d}"
+                if not _is_there(db, part):
                     db.execute(
-                        f"ALTER TABLE evertwin.samples ATTACH PARTITION {part} FOR VALUES "
+                        f"CREATE TABLE evertwin.{part} (LIKE evertwin.samples INCLUDING DEFAULTS)"
+                    )
+                    db.execute(
+                        f"ALTER TABLE evertwin.samples ATTACH PARTITION evertwin.{part} FOR VALUES "
                         f"FROM ('{day}') TO ('{day + timedelta(days=1)}')"
                     )
             self._days.add(today)
