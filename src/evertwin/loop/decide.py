@@ -135,14 +135,13 @@ class Decide:
         if reason or alarm.kind or due:
             makes_room(setup, decision)
         free = self._free(decision.state, bool(reason or alarm.kind), every)
-        if alarm.kind:
-            decision.say(alarm.kind, alarm.signal, alarm.reason, {"row": alarm.row})
-        if not reason and alarm.kind:
-            reason = alarm.reason
-        elif reason and not state.agenda.told:
+        if reason and not state.agenda.told:
             decision.say("suspected", signal, reason, evidence)
+        elif alarm.kind and not state.agenda.told:
+            decision.say(alarm.kind, alarm.signal, alarm.reason, {"row": alarm.row})
         if reason is not None:
             decision.remember(told=bool(reason))
+        reason = reason or alarm.reason or reason
         if (reason or due) and free:
             trial = decision.state.agenda.phase == TRIAL
             again = 0 if trial else again or (state.row if reason and not last else 0)
