@@ -12,14 +12,17 @@ ROWS, START, AGREED, BAD, GOOD, OPEN, FIRST, SAID = range(8)
 """Places of a pair's numbers: rows of this stretch and the first of them; stretches that agreed;
 those that did not, and those that did again, in a row; is a contradiction open, since which row,
 and was it told?"""
-GONE, WAY, POSITION, SPEED, USUAL_GONE, USUAL_WAY, XX, XY, YY = range(9)
+GONE, WAY, POSITION, SPEED, USUAL_GONE, USUAL_WAY, XX, XY, YY, ROUGH, SPAN = range(11)
 """Places of a pair's figures: way by the position and by the speed in this stretch; last position
 and speed; mean square of each over stretches that agreed; Σ of squares and products of those that
-did not, after the first of them, until a contradiction was open."""
+did not, after the first of them, until a contradiction was open. Of this stretch Σ of the changes
+of the speed from row to row, and its length [s]."""
 NEWS = 0
 """Place of the number of the row after the first since the newest beat that has news; 0: none."""
 ALIKE = 0.5
 """Difference of the two ways that is a contradiction, as a share of the larger."""
+CLEAR = 5.0
+"""Times what the changes of the speed would come to, were they its noise, that a way has to be."""
 LEAST = 0.3
 """Share of the usual way that a stretch has to have to say something."""
 MEMORY = 50
@@ -32,6 +35,10 @@ KNOWN, SURE = 10, 3
 def differs(number: Any, figure: Any) -> int:
     """Do the ways of a stretch contradict each other? −1: they are too short to tell."""
     x, y = figure[GONE], figure[WAY]
+    rows = max(number[ROWS], 1)
+    noise = figure[ROUGH] * figure[SPAN] / (rows * np.sqrt(rows))
+    if max(abs(x), abs(y)) <= CLEAR * noise:
+        return -1
     far = x * x >= LEAST * LEAST * figure[USUAL_GONE] or y * y >= LEAST * LEAST * figure[USUAL_WAY]
     if (x == 0.0 and y == 0.0) or not (far or number[AGREED] == 0):
         return -1
@@ -69,6 +76,13 @@ def judged(row: int, number: Any, figure: Any, machine: Any) -> None:
 
 
 @njit(cache=True)
+def begun(row: int, number: Any, figure: Any) -> None:
+    """A stretch begins."""
+    number[ROWS], number[START] = 1, row
+    figure[GONE] = figure[WAY] = figure[ROUGH] = figure[SPAN] = 0.0
+
+
+@njit(cache=True)
 def watch(
     row: int, dt: Any, u: Any, pairs: Any, rule: Any, state: Any, marked: Any
 ) -> None:  # fmt: skip
@@ -80,7 +94,7 @@ def watch(
         u: inputs, (n, nu).
         pairs: columns of position and speed, and 1 where the position is an angle, (np, 3).
         rule: rows of a stretch, and the longest interval between two rows [s].
-        state: numbers (np, 8), figures (np, 9), machine (1,).
+        state: numbers (np, 8), figures (np, 11), machine (1,).
         marked: (n,), written.
     """
     numbers, figures, machine = state
@@ -91,19 +105,19 @@ def watch(
             if not (np.isfinite(q) and np.isfinite(v)):
                 continue
             if number[ROWS] == 0 or not 0.0 < dt[i] <= rule[1]:
-                number[ROWS], number[START] = 1, row + i
-                figure[GONE] = figure[WAY] = 0.0
+                begun(row + i, number, figure)
             else:
                 gone = q - figure[POSITION]
                 if pairs[k, 2]:
                     gone -= 2.0 * np.pi * np.floor(gone / (2.0 * np.pi) + 0.5)
                 figure[GONE] += gone
                 figure[WAY] += 0.5 * dt[i] * (v + figure[SPEED])
+                figure[ROUGH] += abs(v - figure[SPEED])
+                figure[SPAN] += dt[i]
                 number[ROWS] += 1
                 if number[ROWS] > rule[0]:
                     judged(row + i, number, figure, machine)
-                    number[ROWS], number[START] = 1, row + i
-                    figure[GONE] = figure[WAY] = 0.0
+                    begun(row + i, number, figure)
             figure[POSITION], figure[SPEED] = q, v
             known = number[AGREED] >= KNOWN
             doubted = known and (number[BAD] > 0 or differs(number, figure) > 0)

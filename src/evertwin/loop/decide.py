@@ -54,7 +54,10 @@ class Decide:
         if stage is not None:
             tell_followed(decision, stage, task_end=task_end)
             decision.state = self.follow.loosened(decision.state) if task_end else decision.state
-        if answer is not None:
+        doubted = self.follow.setup.kinematics.doubted(decision.state.kinematics) >= 0
+        if answer is not None and doubted:
+            decision.remember(open=0)  # it may be of rows that contradict each other
+        elif answer is not None:
             self._answered(decision, answer)
         if decision.state.agenda.phase == TRIAL:
             self._judge_trial(decision)
