@@ -105,6 +105,13 @@ def test_contradictions_of_a_sensor_are_counted() -> None:
     assert "contradicted each other at x (2×)" in text and "acted on the machine 1 time" in text
 
 
+def test_a_place_at_which_contacts_come_again_is_named() -> None:
+    with Twin(ROBOT) as twin:
+        events = [Event(9, 0, "recurring", "x", "what moves x came 4 times", {})]
+        text = headline(twin.setup, figures(0.004, 0.004), twin.champion, events, None)
+    assert text.endswith("What moves x came 4 times.")
+
+
 @pytest.mark.parametrize(
     ("gain", "told"), [(0.94, "94 % less so far"), (0.0, "no better so far"), (-6.46, "worse so")]
 )

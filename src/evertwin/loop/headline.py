@@ -60,6 +60,7 @@ def headline(
     if contacts:
         times = f"{contacts} time{'s' * (contacts > 1)}"
         told.append(f"Something outside acted on the machine {times}; it was not learned.")
+    told += [f"{e.reason[0].upper()}{e.reason[1:]}." for e in events if e.kind == "recurring"][-1:]
     return " ".join(told)
 
 
