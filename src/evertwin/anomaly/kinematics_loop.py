@@ -83,9 +83,7 @@ def begun(row: int, number: Any, figure: Any) -> None:
 
 
 @njit(cache=True)
-def watch(
-    row: int, dt: Any, u: Any, pairs: Any, rule: Any, state: Any, marked: Any
-) -> None:  # fmt: skip
+def watch(row: int, dt: Any, u: Any, pairs: Any, rule: Any, state: Any, marked: Any) -> None:
     """Rows through; ``marked`` where a contradiction is open.
 
     Args:

@@ -13,7 +13,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from evertwin.store.database import Sql
-from evertwin.store.owners import SECOND
+from evertwin.store.owners import SECOND, shared_table
 
 TABLE = """CREATE TABLE IF NOT EXISTS {shared}nodes (
     node text PRIMARY KEY, address text NOT NULL, until bigint NOT NULL, drains integer NOT NULL)"""
@@ -49,10 +49,7 @@ class Members:
 
     def __init__(self, database: Sql) -> None:
         self._db = database
-        self._table = f"{database.shared}nodes"
-        with database.transaction() as db:
-            database.alone(db)
-            db.execute(TABLE.format(shared=database.shared))
+        self._table = shared_table(database, "nodes", TABLE)
 
     def beat(self, node: str, address: str, lease: float) -> bool:
         """A node is alive for so many seconds from now; is it to give up its twins?"""

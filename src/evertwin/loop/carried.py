@@ -52,7 +52,7 @@ class _HandedOn(NamedTuple):
     stream: Any
     detect: Any
     kinematics: Any
-    again: Any
+    recurrence: Any
     trial: Any
     scores: _Scores
     agenda: Agenda
@@ -101,7 +101,7 @@ def carried(driver: Driver, store: Store, run: int, state: TwinState) -> TwinSta
     track = state.live.track._replace(**{name: getattr(old, name) for name in ARBITER})
     state = state._replace(
         live=state.live._replace(track=track), stream=left.stream, detect=detect,
-        kinematics=setup.kinematics.handed_on(left.kinematics), again=left.again,
+        kinematics=setup.kinematics.handed_on(left.kinematics), recurrence=left.recurrence,
         scores=state.scores._replace(**left.scores._asdict()), agenda=agenda,
         watched=left.watched, ring=setup.ring.handed_on(left.ring),
     )  # fmt: skip

@@ -40,7 +40,7 @@ def watched(
     if setup.external.longest == 0:
         return twin.external, rows
     seen = _seen(setup, model, p, rows, y)
-    seen.r[setup.recurrence.inside(twin.again, rows.u)] = np.nan
+    seen.r[setup.recurrence.inside(twin.recurrence, rows.u)] = np.nan
     state, marked = setup.external.step(twin.external, seen)
     if marked.any():
         mark = rows.mark[:, rows.u.shape[1] :]
@@ -112,17 +112,17 @@ def recurring(
     if not first <= middle < rows.end:
         return state, None, False
     at = rows.u[middle % len(rows.t)]
-    if setup.recurrence.inside(state.again, at[None]).any():
+    if setup.recurrence.inside(state.recurrence, at[None]).any():
         return state, None, True
     kept = np.arange(first, rows.end) % len(rows.t)
     u = rows.u[kept]
     moving = u[setup.moving(u).any(axis=1)]
-    again, place = setup.recurrence.found(setup.recurrence.met(state.again, at), moving)
+    recurrence, place = setup.recurrence.found(setup.recurrence.met(state.recurrence, at), moving)
     if place is not None:
-        mark, there = rows.mark[kept], setup.recurrence.inside(again, u)
+        mark, there = rows.mark[kept], setup.recurrence.inside(recurrence, u)
         own = there[:, None] & (mark == Mark.EXTERNAL)
         rows.mark[kept] = np.where(own, np.uint8(Mark.OK), mark)
-    return state._replace(again=again), place, False
+    return state._replace(recurrence=recurrence), place, False
 
 
 def place_in_words(setup: Setup, contact: Contact, place: Place) -> str:

@@ -329,11 +329,16 @@ class Setup:
         phases = self.steps.parts * (1 if self.regimes is None else self.regimes[1].count)
         return Detect.of(self.spec.anomaly, self.model.outputs.names, self.watched, phases)
 
+    @property
+    def known_rate(self) -> float | None:
+        """Rows per second, where the file or the stamps tell."""
+        return self.spec.clock.rate or (self.measured_rate if self.times else None)
+
     @cached_property
     def external(self) -> External:
         """The observer of contacts: of a static map, where the rate of its rows is known and the
         speed of what moves: friction that changed comes and goes with its direction."""
-        rate = self.spec.clock.rate or (self.measured_rate if self.times else None)
+        rate = self.known_rate
         told = self.static and rate and not self.judged_by[1].all()
         longest = self.spec.anomaly.external if told else 0.0
         return External(self.model.outputs.names, rate or 1.0, longest)
@@ -346,7 +351,7 @@ class Setup:
     @cached_property
     def kinematics(self) -> Kinematics:
         """The observer of measured positions and speeds that a static map takes as inputs."""
-        rate = self.spec.clock.rate or (self.measured_rate if self.times else None)
+        rate = self.known_rate
         inputs = self.model.inputs
         pairs = tuple(motions(self.spec, inputs)) if self.static and rate else ()
         names = tuple((inputs.names[q], inputs.names[v]) for q, v in pairs)

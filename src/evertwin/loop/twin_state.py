@@ -153,7 +153,7 @@ class TwinState(NamedTuple):
     detect: Any
     external: ExternalState
     kinematics: KinematicsState
-    again: RecurrenceState
+    recurrence: RecurrenceState
     trial: Any
     scores: Scores
     agenda: Agenda

@@ -100,6 +100,14 @@ class Owners(Protocol):
         ...
 
 
+def shared_table(database: Sql, name: str, text: str) -> str:
+    """A table that all twins share, made where it is not there; its name for statements."""
+    with database.transaction() as db:
+        database.alone(db)
+        db.execute(text.format(shared=database.shared))
+    return f"{database.shared}{name}"
+
+
 class SqlOwners:
     """In a table of the database that has the stores (`Owners` says what each method does).
 
@@ -110,10 +118,7 @@ class SqlOwners:
 
     def __init__(self, database: Sql) -> None:
         self._db = database
-        self._table = f"{database.shared}owners"
-        with database.transaction() as db:
-            database.alone(db)
-            db.execute(TABLE.format(shared=database.shared))
+        self._table = shared_table(database, "owners", TABLE)
 
     def claim(self, twin: str, node: str, lease: float) -> int | None:
         """A token for a twin that nobody has; None: a lease of it lasts."""

@@ -243,19 +243,9 @@ class Align:
             found = np.empty((NOTES + len(self.feeds), 6), dtype=np.int64)
             extent = np.zeros(2, dtype=np.int64)
             start = loop.push(
-                s,
-                start,
-                t,
-                v,
-                chunk.task,
-                *self._plan,
-                *state,
-                *rows,
-                found,
-                extent,
-                *self._times,
+                s, start, t, v, chunk.task, *self._plan, *state, *rows, found, extent, *self._times,
                 self.cut and self.rate is not None,
-            )
+            )  # fmt: skip
             given, said = extent.tolist()
             if given:
                 parts.append(Rows(*[column[:given] for column in rows]))
