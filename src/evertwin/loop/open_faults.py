@@ -25,5 +25,6 @@ def open_faults(events: Sequence[Event]) -> Mapping[str, str]:
         lasts = event.evidence.get("open", event.evidence.get("end") == event.row)
         if event.kind == "measurement_error" and lasts and event.evidence.get("cause") != "vote":
             first = event.evidence.get("first", event.evidence.get("onset"))
-            found[signal] = f"{signal} has been in error since row {first}: {event.reason}."
+            known = " Its first rows are in the figures." if "known" in event.evidence else ""
+            found[signal] = f"{signal} has been in error since row {first}: {event.reason}.{known}"
     return found
