@@ -326,17 +326,3 @@ def _version(version: Any) -> Mapping[str, Any]:
         "number": version.number, "hash": version.hash, "parent": version.parent,
         "reason": version.reason, "row": version.row,
     }  # fmt: skip
-
-
-def warm(plan: Plan) -> None:
-    """Compiles what a twin needs, by rows of zeros through a copy that keeps nothing."""
-    assert plan.spec is not None
-    spec = dataclasses.replace(
-        plan.spec, store=StoreSpec(), engine=dataclasses.replace(plan.spec.engine, workers=0)
-    )
-    rate = spec.clock.rate or 10.0
-    with Twin(spec) as twin:
-        for piece in range(4):
-            stamps = ((np.arange(50) + 50 * piece) / rate * 1e9).astype(np.int64)
-            for one in spec.source:
-                twin.push(Chunk(one.name, stamps, np.zeros((50, len(one.channels)))))

@@ -27,11 +27,12 @@ from evertwin.loop import Numbered
 from evertwin.publishers.contract import About, Kind, News, Publisher
 from evertwin.publishers.registry import open_publisher
 from evertwin.service.archiving import keep_days
-from evertwin.service.at_work import AtWork, Said, place_of, told, warm
+from evertwin.service.at_work import AtWork, Said, place_of, told
 from evertwin.service.condition import Condition
 from evertwin.service.plan import Plan
 from evertwin.service.questions import answer
 from evertwin.service.queued import together
+from evertwin.service.warming import warm
 from evertwin.sources.live.contract import Around, LiveSource
 from evertwin.sources.live.registry import open_live
 from evertwin.store import SqlStore, looked_at

@@ -20,7 +20,7 @@ from evertwin.compiled.functions import OBSERVE, STEP, CFunction, cfunc, njit
 from evertwin.compiled.memory import carray, room
 from evertwin.models.kernel import ANEW
 from evertwin.models.terms.contract import CorrectionTerm, Place
-from evertwin.models.terms.registry import kind
+from evertwin.models.terms.registry import KINDS, kind
 
 # Header: length, inner step, inner observe, inner context, nu, nx inner, nx, np, ny, terms.
 HEADER = 10
@@ -74,6 +74,18 @@ def address(plan: np.ndarray, kinds: Sequence[CorrectionTerm]) -> None:
             for role, function in found
         ]
         at += int(plan[at])
+
+
+def ready() -> None:
+    """Every kind of the package, and what applies it, as machine code: no first correction waits
+    for a compiler."""
+    for own in map(kind, KINDS):
+        for role in _SIGNATURES:
+            function = getattr(own.functions, role)
+            if function is not None:
+                _compiled(own.kind, role, function).__index__()
+    for function in (step, adopt):
+        function.__index__()
 
 
 @cache
