@@ -13,6 +13,7 @@ from evertwin.anomaly import external_loop
 from evertwin.config.spec import AnomalySpec, CorrectionSpec, Span, TuningSpec
 from evertwin.fold import Answer, Event, Request, copy, make_block
 from evertwin.loop.configured_model import model_of
+from evertwin.loop.detectors import Alarm
 from evertwin.loop.driver import Driver
 from evertwin.loop.follow import EMPTY
 from evertwin.loop.setup import Setup
@@ -206,12 +207,48 @@ def test_a_deviation_asks_for_a_fit() -> None:
     assert done.state.scores.watch.samples.sum() == 0
 
 
+def test_a_fit_looks_at_what_the_deviation_was_found_on() -> None:
+    judged = AnomalySpec(requirement=0.01, window=Span(98))
+    bench = Bench(anomaly=judged, tuning=TuningSpec(window=Span(40)))
+    assert bench.setup.window("fit") == 98
+
+
 def test_too_few_rows_say_nothing_before_the_task_ends() -> None:
     rule = AnomalySpec(requirement=0.01, relative=False, window=Span(98))
     bench = Bench(anomaly=rule)
     bench.state.scores.watch.residual[:] = 1.0
     assert bench.beat(copy(bench.state)).kinds == []
     assert bench.beat(bench.state, end=True).kinds == ["suspected"]
+
+
+@pytest.mark.parametrize(
+    ("square", "seen", "kinds", "kept"),
+    [
+        # grown from 4 to 6 mm, where 10 mm are asked and 5 mm count
+        (0.006**2, 20, [], True),
+        # 8 mm: over a quarter of a window too little, over a half enough
+        (0.008**2, 10, [], True),
+        (0.008**2, 25, ["drift"], False),
+        # a whole window behind it was as before
+        (0.004**2, 40, [], False),
+    ],
+)
+def test_an_alarm_counts_where_the_deviation_grew(
+    square: float, seen: int, kinds: list[str], kept: bool
+) -> None:
+    rule = AnomalySpec(requirement=0.01, relative=False, window=Span(40))
+    bench = Bench(rows=400, anomaly=rule)
+    scores, detect = bench.state.scores, bench.state.detect
+    for sums, rows, size in ((scores.watch, seen, square), (scores.live_moving, 300, 0.004**2)):
+        sums.residual[:], sums.samples[:] = rows * size, rows
+    for now, all_rows in zip(scores.watch, scores.live_moving, strict=True):
+        all_rows += now
+    scores.seen[:] = seen
+    alarm = Alarm("drift", "x", "its mean moved", bench.state.row - seen)
+    state = bench.state._replace(detect=detect._replace(pending=alarm))
+    done = bench.beat(state)
+    assert done.kinds == kinds
+    assert (done.state.detect.pending.kind == "drift") == kept
 
 
 def test_a_schedule_asks_without_suspicion() -> None:

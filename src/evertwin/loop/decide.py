@@ -18,13 +18,12 @@ from evertwin.fold import Answer, Event, Request, copy
 from evertwin.loop.contradictions import told
 from evertwin.loop.crossing import outside
 from evertwin.loop.decision import Decision
-from evertwin.loop.detectors import Alarm
 from evertwin.loop.deviation import new_sums
 from evertwin.loop.disturbances import disturbed
 from evertwin.loop.follow import EMPTY, Follow
 from evertwin.loop.in_stream import tell_followed
 from evertwin.loop.looking import adopted, in_vain, looks, returned
-from evertwin.loop.requirement import alarmed, deviates
+from evertwin.loop.requirement import deviates, heard
 from evertwin.loop.scores import new_scores
 from evertwin.loop.states import tried
 from evertwin.loop.succession import makes_room, opening
@@ -110,10 +109,8 @@ class Decide:
         state, setup = decision.state, self.follow.setup
         about = looks(setup, state)
         reason, signal, evidence = deviates(setup, state, task_end)
-        alarm = state.detect.pending if alarmed(setup, state) else Alarm()
-        if alarm.kind or reason is not None:  # what is too small in a whole window is dropped
-            state = state._replace(detect=state.detect._replace(pending=Alarm()))
-            decision.state = state
+        alarm, state = heard(setup, state, whole=reason is not None)
+        decision.state = state
         if reason is not None:
             watch, seen = new_sums(len(state.scores.watch.samples)), np.zeros(1, dtype=np.int64)
             scores = state.scores._replace(watch=watch, seen=seen)

@@ -17,7 +17,7 @@ from evertwin.engine import Engine
 from evertwin.fold import Block, plain
 from evertwin.loop.evaluation import Deviation, Prediction, deviations, falls_short, predict
 from evertwin.loop.feed import Data, Feed
-from evertwin.loop.friction_law import Chosen, climb_laws
+from evertwin.loop.friction_law import Chosen, climb_laws, joined
 from evertwin.loop.recursive_fit import Recursion
 from evertwin.loop.screening import screened
 from evertwin.loop.setup import Setup
@@ -29,7 +29,7 @@ from evertwin.loop.workers import far_of
 from evertwin.models import Model, Parameters
 from evertwin.models.form import Form, Version
 from evertwin.sources.tally import Tally
-from evertwin.tuning import Fit, Problem, carried, repeated, told_apart
+from evertwin.tuning import Fit, Problem, carried, moved, repeated, told_apart
 from evertwin.tuning.interrupt import Interrupt
 from evertwin.types import Json
 
@@ -230,7 +230,8 @@ def tune(
         work = Work(setup, versions)
         formed = with_terms(setup, work, version, problem)
         told = told_apart(formed.problem, formed.fit)
-        formed = replace(formed, fit=repeated(formed.problem, carried(formed.problem, told)))
+        sure = repeated(formed.problem, carried(formed.problem, told))
+        formed = replace(formed, fit=moved(formed.problem, sure, joined(formed.problem)))
         unknown = _unknown(work, formed) if chosen.laws or formed.search else ""
     return Tuned(setup, base, version, formed, chosen, unknown, tasks, feed)
 

@@ -82,6 +82,17 @@ def _rungs(model: Model) -> tuple[Rung, ...]:
     return model.rungs() if isinstance(model, Laddered) else ()
 
 
+def joined(problem: Problem) -> Mapping[str, tuple[str, ...]]:
+    """Parameters of each term of the law that is tuned, by what it is called."""
+    model = problem.model
+    several = len(model.outputs.names) > 1
+    return {
+        f"{rung.name} of {model.outputs.names[rung.output]}" if several else rung.name: rung.add
+        for rung in _rungs(model)
+        if set(rung.add) <= set(problem.names)
+    }
+
+
 def climb_laws(setup: Setup, problem: Problem) -> tuple[Problem, Chosen]:
     """The problem with the terms that pay, and the law of each joint (or output, without joints).
 

@@ -6,24 +6,43 @@ from typing import Any
 
 import numpy as np
 
-from evertwin.loop.deviation import judged_deviation
+from evertwin.loop.detectors import Alarm
+from evertwin.loop.deviation import Sums, judged_deviation
 from evertwin.loop.follow import NONE
 from evertwin.loop.setup import Setup
 from evertwin.loop.twin_state import TwinState
 
-LITTLE = 1.0 / 3.0
-"""Part of the requirement that a deviation has to reach for a detector's alarm to count: that a
+LITTLE = 0.5
+"""Part of the requirement that a deviation has to grow by for a detector's alarm to count: that a
 residual is no longer what it was is no trouble while the twin is as true as is asked."""
 
 
-def alarmed(setup: Setup, state: TwinState) -> bool:
-    """Has a detector alarmed, about an output that is off by enough to matter?"""
-    alarm = state.detect.pending
-    if not alarm.kind or not np.isfinite(setup.requirement):
-        return bool(alarm.kind)
-    values = judged_deviation(state.scores.watch, setup.relative, state.scores.usual)
-    off = values[setup.model.outputs.index(alarm.signal)]
-    return bool(off >= LITTLE * setup.requirement)  # nothing moved: it cannot be told yet
+def heard(setup: Setup, state: TwinState, *, whole: bool) -> tuple[Alarm, TwinState]:
+    """The detectors' alarm if it matters, and the state without it; it is dropped, too, if it did
+    not matter in a ``whole`` window behind it."""
+    alarm, begins = state.detect.pending, state.row - int(state.scores.seen[0])
+    matters = bool(alarm.kind) and _matters(setup, state, alarm)
+    if matters or (whole and alarm.row <= begins):
+        state = state._replace(detect=state.detect._replace(pending=Alarm()))
+    return alarm if matters else Alarm(), state
+
+
+def _matters(setup: Setup, state: TwinState, alarm: Alarm) -> bool:
+    """Has the deviation over a window grown by enough, were the rows as before that have not come
+    yet? Squares are compared."""
+    if not np.isfinite(setup.requirement):
+        return True
+    scores, k = state.scores, setup.model.outputs.index(alarm.signal)
+    if scores.watch.samples[k] == 0:  # nothing moved: it cannot be told yet
+        return False
+    past = Sums(*(a - b for a, b in zip(scores.live_moving, scores.watch, strict=True)))
+    now, before = (
+        judged_deviation(sums, setup.relative, scores.usual)[k] for sums in (scores.watch, past)
+    )
+    grown = now**2 - (before**2 if past.samples[k] else 0.0)
+    rows = setup.watch(NONE, state.agenda.held).rows
+    whole = max(1.0, rows / int(scores.seen[0]))
+    return bool(grown >= whole * (LITTLE * setup.requirement) ** 2)
 
 
 def deviates(

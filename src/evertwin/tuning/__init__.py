@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         Iteration as Iteration,
         Round as Round,
     )
+    from evertwin.tuning.omitted import moved as moved
     from evertwin.tuning.problem import Problem as Problem
     from evertwin.tuning.recursive import (
         Recursive as Recursive,

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import html
 import math
+from collections import Counter
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,6 +27,9 @@ import numpy as np
 from evertwin.fold import plain
 from evertwin.tuning.statistics import Dependence
 from evertwin.types import Float64, Json, ParameterVector, Vector
+
+SHORT = 40
+"""Characters of a reason that may stand in every row of a table."""
 
 
 @dataclass(frozen=True)
@@ -147,6 +151,7 @@ class Fit:
 
     def _table(self) -> list[tuple[str, ...]]:
         rows: list[tuple[str, ...]] = []
+        reasons, _ = self._told()
         for j, name in enumerate(self.names):
             low, high = self.interval95[j].tolist()
             half = (high - low) / 2
@@ -154,8 +159,17 @@ class Fit:
             if abs((low + high) / 2 - self.values[j]) > 0.05 * half:
                 shown = f"{low:.4g} to {high:.4g}"  # not about the value
             value, unit = f"{self.values[j]:.5g}", self.units[j]
-            rows.append((name, value, shown, unit, self.verdict[j], self.reasons[j]))
+            rows.append((name, value, shown, unit, self.verdict[j], reasons[j]))
         return rows
+
+    def _told(self) -> tuple[list[str], list[str]]:
+        """Reasons per parameter, and what several of them share, which stands once: as "[1]"."""
+        parts = [reason.split("; ") if reason else [] for reason in self.reasons]
+        counts = Counter(part for one in parts for part in dict.fromkeys(one))
+        shared = [part for part, count in counts.items() if count > 1 and len(part) > SHORT]
+        marks = {part: f"[{n}]" for n, part in enumerate(shared, 1)}
+        told = ["; ".join(marks.get(part, part) for part in dict.fromkeys(one)) for one in parts]
+        return told, [f"{mark} {part}" for part, mark in marks.items()]
 
     def __str__(self) -> str:
         """A table of parameters, then of outputs."""
@@ -163,6 +177,7 @@ class Fit:
         for name, value, half, unit, verdict, reason in self._table():
             tail = f"  {reason}" if reason else ""
             lines.append(f"  {name:<12} {value:>10} {half:<12} {unit:<8} {verdict}{tail}")
+        lines += [f"  {told}" for told in self._told()[1]]
         for name, before, after in zip(
             self.outputs, self.deviation_before, self.deviation_after, strict=True
         ):
@@ -176,6 +191,7 @@ class Fit:
             "<tr>" + "".join(f"<td>{html.escape(cell)}" for cell in row) + "</tr>"
             for row in self._table()
         )
+        shared = "".join(f"<p>{html.escape(told)}</p>" for told in self._told()[1])
         rows = "".join(
             f"<tr><td>{html.escape(name)}<td>{100 * before:.2f} %<td>{100 * after:.2f} %</tr>"
             for name, before, after in zip(
@@ -184,6 +200,6 @@ class Fit:
         )
         return (
             f"<p>{html.escape(self.method)}: {html.escape(self.message)}</p>"
-            f"<table>{head}{body}</table>"
+            f"<table>{head}{body}</table>{shared}"
             f"<table><tr><th>output<th>deviation before<th>after</tr>{rows}</table>"
         )
