@@ -16,10 +16,13 @@ import os
 import subprocess
 import sys
 import threading
+from collections import Counter
 from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
+from types import CodeType, FunctionType
 from typing import Any
 
+import jaxtyping
 import numpy as np
 import pytest
 from jaxtyping import install_import_hook
@@ -55,6 +58,32 @@ def hooked_modules() -> list[str]:
     ]
 
 
+OFTEN = 10
+"""So many times a function that stands in another one is checked anew."""
+
+
+def at_first(checked: Callable[..., Any]) -> Callable[..., Any]:
+    """A decorator that leaves functions in functions alone after a while.
+
+    They are made with each call, and a check takes a hundred times as long to make as they do.
+    """
+    made: Counter[CodeType] = Counter()
+
+    def decorator(**options: Any) -> Callable[[Any], Any]:
+        check = checked(**options)
+
+        def told(it: Any) -> Any:
+            if isinstance(it, FunctionType) and "<locals>" in it.__qualname__:
+                made[it.__code__] += 1
+                if made[it.__code__] > OFTEN:
+                    return it
+            return check(it)
+
+        return told
+
+    return decorator
+
+
 # An int is welcome where a float is expected, as PEP 484 has it. A hint that cannot be checked at
 # run time leaves that one function unchecked.
 CHECKER = (
@@ -62,6 +91,7 @@ CHECKER = (
     "warning_cls_on_decorator_exception=beartype.roar.BeartypeClawDecorWarning))"
 )
 install_import_hook(hooked_modules(), CHECKER)
+jaxtyping.jaxtyped = at_first(jaxtyping.jaxtyped)  # type: ignore[assignment]
 
 
 from evertwin.compiled import functions  # noqa: E402  (the hook comes before evertwin)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
@@ -48,7 +48,10 @@ class Source:
 
     name: str
     text: str
-    tree: ast.Module
+
+    @cached_property
+    def tree(self) -> ast.Module:
+        return ast.parse(self.text)
 
     @property
     def public(self) -> bool:
@@ -61,8 +64,7 @@ def sources() -> tuple[Source, ...]:
 
 
 def read(path: Path) -> Source:
-    text = path.read_text(encoding="utf-8")
-    return Source(path.relative_to(PACKAGE).as_posix(), text, ast.parse(text))
+    return Source(path.relative_to(PACKAGE).as_posix(), path.read_text(encoding="utf-8"))
 
 
 @dataclass(frozen=True)
@@ -381,7 +383,7 @@ def test_constraints_are_names_and_versions_only() -> None:
 def test_the_budgets_are_able_to_fail() -> None:
     text = "def f(a, b: int):\n    try:\n        print(a)\n    except Exception:\n        pass\n"
     tree = ast.parse(text)
-    (function,) = functions(Source("x.py", text, tree))
+    (function,) = functions(Source("x.py", text))
     assert body_lines(function.node) == 4
     assert [a.arg for a in function.arguments if a.annotation is None] == ["a"]
     assert [caught(h) for _, h in handlers(tree)] == [{"Exception"}]

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import os
 import re
+import resource
 import shutil
 import subprocess
 import sys
@@ -134,6 +135,12 @@ def check(block: Block, folder: Path, home: Path) -> str:
     return f"FAILED: {found}" if found else "ok"
 
 
+def processor() -> float:
+    """Seconds that blocks have computed."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
 def main(arguments: list[str]) -> int:
     """Exit code 0 if every block ended as its page says."""
     pages = [Path(a).resolve() for a in arguments] or [
@@ -146,12 +153,14 @@ def main(arguments: list[str]) -> int:
             if (ROOT / "twins").is_dir():
                 shutil.copytree(ROOT / "twins", Path(place) / "twins")
             for block in blocks(page):
-                start = time.monotonic()
+                start, spent = time.monotonic(), processor()
                 verdict = check(block, Path(place), Path(home))
                 word = verdict.split(":")[0]
                 counts[word] = counts.get(word, 0) + 1
                 if word != "shown":
-                    print(f"{block.where}: {verdict}, {time.monotonic() - start:.1f} s", flush=True)
+                    took = f"{time.monotonic() - start:.1f} s"
+                    print(f"{block.where}: {verdict}, {took}, of a processor "
+                          f"{processor() - spent:.1f} s", flush=True)  # fmt: skip
     print("documentation:", ", ".join(f"{n} {word}" for word, n in sorted(counts.items())))
     return 1 if counts.get("FAILED") else 0
 

@@ -12,6 +12,7 @@ import ast
 import re
 import sys
 from collections.abc import Iterator
+from functools import cached_property
 from pathlib import Path
 
 PACKAGE = Path(__file__).parent.parent / "src" / "evertwin"
@@ -55,6 +56,12 @@ class Module:
             imports = re.findall(r"from ([\w.]+) import (\w+)", node.value)
             self.texts += [f"{module}:{name}" for module, name in imports]
 
+    @cached_property
+    def named(self) -> set[str]:
+        """Whatever it could use of others, by its name there."""
+        taken = {there for _, _, there in self.imported} | {name for _, name in self.attributes}
+        return taken | {text.rpartition(":")[2] for text in self.texts}
+
     @staticmethod
     def _imports(node: ast.AST) -> bool:
         calls = (part for part in ast.walk(node) if isinstance(part, ast.Call))
@@ -67,6 +74,8 @@ class Module:
 
     def uses(self, module: str, name: str) -> bool:
         """Does this module use what another one defines?"""
+        if name not in self.named:
+            return False
 
         def hands_on(source: str) -> bool:
             return f"{module}.".startswith(f"{source}.")

@@ -29,7 +29,7 @@ def modelica(folder: Path) -> Model:
 
 
 def mujoco(folder: Path) -> Model:
-    return MuJoCo.from_text(MUJOCO.format(step=0.01), parameters=KNOBS)
+    return MuJoCo.from_text(MUJOCO.format(step=1 / RATE), parameters=KNOBS)
 
 
 KINDS = {

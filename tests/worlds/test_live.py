@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,14 +16,15 @@ import pytest
 from asyncua import Client as OpcUaClient
 from asyncua import ua
 from paho.mqtt.client import Client as MqttClient
-from paho.mqtt.client import MQTTMessage
-from paho.mqtt.enums import CallbackAPIVersion
+from paho.mqtt.client import MQTTMessage, MQTTMessageInfo
+from paho.mqtt.enums import CallbackAPIVersion, MQTTErrorCode
 from pymodbus.client import ModbusTcpClient
 
 from evertwin.app.machines import Common, LiveMachine, arm_options, robot_options, told
 from evertwin.errors import DataError, UsageError
 from evertwin.service.plan import read_site
 from evertwin.worlds.live.modbus import Registers
+from evertwin.worlds.live.mqtt import MqttPublisher
 from evertwin.worlds.live.orders import Knob, Knobs
 from evertwin.worlds.live.robot import LiveRobot
 from evertwin.worlds.live.sensors import Sensors, faults
@@ -70,7 +72,7 @@ def registers(arm: dict[str, str]) -> Iterator[Callable[[], Columns]]:
         yield read
 
 
-def until(condition: Callable[[], bool], seconds: float = 5.0) -> None:
+def until(condition: Callable[[], bool], seconds: float = 20.0) -> None:
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "it did not happen"
@@ -296,3 +298,23 @@ def test_each_sensor_lies_in_its_way() -> None:
     assert sensors.give({"y": 4.0})["y"] == 4.0
     knobs.tell("load=3", 3.0)
     assert knobs.turned() == {"load": 3.0, "factor.x": 1000.0}
+
+
+def test_what_the_broker_did_not_take_holds_up_no_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A queue that was full: the broker in this process has to be let go of all the same."""
+    publisher = MqttPublisher("robot")
+    refused = MQTTMessageInfo(1)
+    refused.rc = MQTTErrorCode.MQTT_ERR_QUEUE_SIZE
+    monkeypatch.setattr(MqttClient, "is_connected", lambda self: True)
+    monkeypatch.setattr(MqttClient, "publish", lambda self, *_, **__: refused)
+    publisher.say("pose", {"x": 1.0})
+    publisher.close()
+
+
+def test_a_machine_that_does_not_end_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    deaf = "import signal, time; signal.signal(15, signal.SIG_IGN)"
+    deaf += "; print('{}', flush=True); time.sleep(60)"
+    monkeypatch.setattr(LiveMachine, "command", lambda *_: [sys.executable, "-c", deaf])
+    monkeypatch.setattr("evertwin.app.machines.ENDING", 0.2)
+    with LiveMachine("robot", []) as machine:
+        assert machine.reached() == {}

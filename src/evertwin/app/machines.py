@@ -19,6 +19,8 @@ from evertwin.ros.spec import Place
 
 LATE = 5.0
 """Seconds that a machine may take to answer an order."""
+ENDING = 10.0
+"""Seconds in which a machine that is told to end ends by itself."""
 
 
 class Common(NamedTuple):
@@ -81,6 +83,10 @@ class LiveMachine:
     def __exit__(self, *_: object) -> None:
         with self._process:  # waits, and closes its pipes
             self._process.terminate()
+            try:
+                self._process.wait(ENDING)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
 
     def reached(self) -> dict[str, str]:
         """What is reached where, once it speaks.

@@ -12,6 +12,7 @@ import secrets
 import time
 from collections import deque
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 
 from paho.mqtt.client import Client, MQTTMessageInfo
 from paho.mqtt.enums import CallbackAPIVersion
@@ -82,6 +83,7 @@ class MqttPublisher:
         if self._client.is_connected():
             self._send()
             if self._newest is not None:
-                self._newest.wait_for_publish(LAST)
+                with suppress(RuntimeError, ValueError):  # not taken: nothing to wait for
+                    self._newest.wait_for_publish(LAST)
         self._client.disconnect()
         self._client.loop_stop()
