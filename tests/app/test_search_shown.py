@@ -11,6 +11,8 @@ import pytest
 from evertwin import Twin
 from evertwin.app.console import Search
 
+from .conftest import Command
+
 
 def test_the_bar_fills_as_the_cost_falls() -> None:
     search = Search()
@@ -36,6 +38,20 @@ def test_a_terminal_shows_the_cost(call: object, monkeypatch: pytest.MonkeyPatch
     assert "evaluations, cost" in done.err
     assert "Ctrl-C keeps it" in done.err
     assert "evaluations, cost" not in done.out
+
+
+def test_a_second_way_is_shown_beside(call: Command, folder: Path) -> None:
+    words = ("fit", "robot.toml", "--train", "robot.csv", "--check", "--beside")
+    alike = call(*words, "robot.toml")
+    assert "contradict" not in alike.out and "gain" in alike.out.split("\n\n")[-1]
+    # 1.2 times the way: so much larger is the gain
+    text = (folder / "robot.toml").read_text()
+    text = text.replace('unit = "cm" }', 'unit = "cm", scale = 1.2 }').replace("robot.db", "o.db")
+    (folder / "other.toml").write_text(text)
+    told = call(*words, "other.toml", "--json")
+    (gain,) = told.json["beside"]["parameters"]
+    assert gain["contradict"] and told.code == 1
+    assert gain["there"]["value"] == pytest.approx(1.2 * gain["here"]["value"], rel=0.02)
 
 
 def test_ctrl_c_ends_a_fit_and_judges_the_best(folder: Path) -> None:

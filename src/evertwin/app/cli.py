@@ -150,6 +150,9 @@ def fit(
     keep: Annotated[
         bool, typer.Option("--keep", help="Keep what is found as a version of the twin.")
     ] = False,
+    beside: Annotated[
+        Path | None, typer.Option(help="Twin file whose fit to the same is shown beside.")
+    ] = None,
 ) -> None:
     """Tune the parameters on recordings and judge them on others; nothing goes live.
 
@@ -157,7 +160,7 @@ def fit(
     """
     from evertwin.app.commands import fit_twin
 
-    fit_twin(twin, (train, test or []), (as_json, check, keep), workers)
+    fit_twin(twin, (train, test or []), (as_json, check, keep), workers, beside)
 
 
 @app.command()

@@ -17,6 +17,7 @@ from evertwin.loop.result import RunResult
 from evertwin.models.form import Version
 from evertwin.sources.merging import Excerpt
 from evertwin.twin import Twin
+from evertwin.types import Json
 
 Files = Sequence[Path] | None
 FINDINGS = (
@@ -79,9 +80,12 @@ def _went_on(result: RunResult) -> Iterator[str]:
 
 def fit_twin(
     twin: Path, data: tuple[Sequence[Path], Sequence[Path]], flags: tuple[bool, bool, bool],
-    workers: int | None,
+    workers: int | None, other: Path | None = None,
 ) -> None:  # fmt: skip
-    """``evertwin fit``; ``data``: to learn from, to be judged on; ``flags``: JSON, check, keep."""
+    """``evertwin fit``; ``data``: to learn from, to be judged on; ``flags``: JSON, check, keep;
+    ``other``: a twin file whose fit to the same recordings is shown beside."""
+    from evertwin.tuning.routes import Route, beside, shown
+
     search, (train, test), (as_json, check, keep) = Search(), data, flags
     with Twin.open(twin, reading=not keep) as opened:
         if keep:
@@ -92,12 +96,20 @@ def fit_twin(
         result = opened.fit(_files(train), tests, search, workers)
         search.close()
         version = opened.keep(result) if keep else None
-        told = {} if version is None else {"version": version.number}
-        show(result.to_dict() | told, str(result), as_json)
+        told: dict[str, Json] = {} if version is None else {"version": version.number}
+        text, routes = str(result), tuple[Route, ...]()
+        if other is not None:
+            with Twin.open(other, reading=True) as second:
+                there = second.fit(_files(train), (), Search(), workers)
+            routes = beside(result.fit, there.fit)
+            told["beside"] = {"name": there.name, "parameters": [one.to_dict() for one in routes]}
+            text += "\n\n" + shown(routes, (result.name, there.name))
+        show(result.to_dict() | told, text, as_json)
     if version is not None:
         said = f"kept as version {version.number}: evertwin model promote {twin} {version.number}"
         typer.echo(f"{said} makes it live", err=True)
     unsure = not result.fit.converged or "not" in result.fit.verdict
+    unsure = unsure or any(one.contradict for one in routes)
     if check and (unsure or any(one.finding for one in result.left_out)):
         raise typer.Exit(1)
 
