@@ -106,6 +106,25 @@ def test_a_push_on_a_standing_axis_is_known_while_it_lasts() -> None:
     assert told.contact is not None and not told.new and 300 <= told.contact.last < 340
 
 
+@pytest.mark.parametrize(("held", "tells"), [(3, True), (0, False)])
+def test_a_push_that_sets_a_standing_axis_in_motion_is_no_error_of_that_motion(
+    held: int, tells: bool
+) -> None:
+    """Ten rows a second: half a second is five. What is beyond friction where the axis stands,
+    pushed aside, is no error of a motion; and its edge, 200 times the noise, is no noise."""
+    rows = swings()
+    v, r, moving = rows.v.copy(), rows.r.copy(), rows.moving.copy()
+    v[2000:2500, 0], r[2000:2500, 0], moving[2000:2500, 0] = 0.0, 0.0, False
+    r[2298, 0] = 1.5
+    for first, way in ((2300, 1.0), (2302 + held, -1.0)):
+        v[first : first + 2, 0], moving[first : first + 2, 0] = way, True
+    r[2300 : 2302 + held, 0] = -20.0
+    half = np.where(moving, 0.0, FRICTION)
+    slow = rows._replace(t=10 * rows.t, v=v, r=r, half=half, moving=moving)
+    contact, _ = found(slow, External(("a", "b"), RATE / 10))
+    assert (contact is not None and contact.outputs == ("a",)) == tells
+
+
 def test_what_friction_holds_is_not_told_and_without_one_nothing_is() -> None:
     push = np.zeros(3000)
     push[100:300] = 3.9

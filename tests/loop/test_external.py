@@ -17,9 +17,11 @@ from evertwin.config.spec import (
     TuningSpec,
     TwinSpec,
 )
-from evertwin.fold import Block, Mark, copy, load, make_block, save, take
+from evertwin.fold import Block, Event, Mark, copy, load, make_block, save, take
 from evertwin.fold.state import equal
 from evertwin.loop.configured_model import model_of
+from evertwin.loop.contacts import unsure
+from evertwin.loop.ring import Ring
 from evertwin.models.spec import ParameterSpec
 
 from .test_strides import folded
@@ -105,3 +107,20 @@ def test_without_a_rate_or_with_a_state_nothing_is_looked_for() -> None:
         assert twin.setup.external.longest == 0.0
     with Twin(TwinSpec("cart", ModelSpec("robot1d"), clock=ClockSpec(rate=100.0))) as twin:
         assert twin.setup.external.longest == 0.0
+
+
+@pytest.mark.parametrize(("marked", "kind"), [(6, "not_judged"), (2, "measurement_error")])
+def test_a_failed_vote_accuses_no_sensor_where_something_outside_acts(
+    marked: int, kind: str
+) -> None:
+    """Rows 4 to 9, of which the ring holds the first three."""
+    rows = make_block(t=range(12), u=np.zeros((12, 1)), y=np.zeros((12, 1)))
+    rows.mark[4 : 4 + marked, 1] = Mark.EXTERNAL
+    before, here = take(rows, 0, 7), take(rows, 7, 12)
+    ring = Ring(capacity=5, nu=1, ny=1)
+    told = Event(10, 10, "measurement_error", "tau", "", {"cause": "vote", "onset": 4, "end": 9})
+    frozen = Event(
+        10, 10, "measurement_error", "tau", "", {"cause": "frozen", "onset": 4, "end": 9}
+    )
+    found = unsure((told, frozen), ring.push(ring.init(), before), here)
+    assert [event.kind for event in found] == [kind, "measurement_error"]

@@ -246,3 +246,27 @@ def test_who_has_no_cookie_may_only_look(shown: Shown) -> None:
     cookie = next(iter(shown.context.cookies()))
     assert cookie["httpOnly"] and cookie["sameSite"] == "Strict"
     assert re.fullmatch(r"[0-9a-f]{40}", cookie["value"])
+
+
+def test_a_fleet_shows_who_runs_what_and_how_late(shown: Shown) -> None:
+    """What runs nowhere first; names of others are text."""
+    free = {"twin": HOSTILE, "node": "south", "state": "free", "age": None, "lag": None, "row": 7,
+            "wanted": "", "reason": ""}  # fmt: skip
+    owned = {**free, "twin": "arm", "node": "north", "state": "owned", "age": 1.2, "lag": 3.4}
+    node = {"node": "north", "alive": True, "drains": False, "twins": 1, "cost": 0.074}
+    told = {"lease": 5.0, "nodes": [node], "twins": [owned, free]}
+
+    def shares(route: Any) -> None:
+        answer = route.fetch()
+        route.fulfill(response=answer, json={**answer.json(), "fleet": True})
+
+    shown.page.route("**/api/v1/status", shares)
+    shown.page.route("**/api/v1/fleet", lambda route: route.fulfill(json=told))
+    page = shown.go("")
+    page.wait_for_selector("#nodes table")
+    rows = page.locator("#nodes table").first.locator("tbody tr").all_inner_texts()
+    page.unroute_all()
+    assert [row.split("\t")[:4] for row in rows] == [
+        [HOSTILE, "nowhere: it is free", "–", "–"], ["arm", "north", "1.2 of 5 s", "3.4 s"],
+    ]  # fmt: skip
+    assert page.evaluate("window.hit") is None

@@ -14,11 +14,12 @@ from evertwin.compiled.functions import njit
 
 RESIDUAL, BEYOND, MOVES = range(3)
 """Columns of the ring of the newest rows."""
-RUN, WAY, SORT, SINCE, COUNT, SEEN, OPEN, PART, BEGAN, NEED, SIDE, NUMBERS = range(12)
+RUN, WAY, SORT, SINCE, COUNT, SEEN, OPEN, PART, BEGAN, NEED, SIDE, RESTS, NUMBERS = range(13)
 """Places of an output's numbers, and how many. Its motion: rows in one direction, the direction,
 the sort (0 slow, else the direction), row since which; Σ of `BEYOND`; moving rows seen. Off: on
 which side now, was it in this excursion, sort where it came into it, must it still be seen calm, on
-which side was it last?"""
+which side was it last, rows of it at rest: what began with a motion but is there at rest, beyond
+friction, too is no part of that motion. A push begins one."""
 (
     SQUARE, BASE, NEAR, SLOW, NOISE, HOLD, USUAL, LEVEL, ROWS, EDGE, TOLD, ALIKE, EXPECTED, FIGURES,
 ) = range(14)  # fmt: skip
@@ -129,7 +130,7 @@ def opened(row: int, k: int, stamp: int, ring: Any, state: Any) -> None:
         if machine[OURS] and not machine[NEWS]:
             machine[NEWS] = row + 1
     if not number[PART]:
-        number[BEGAN], figure[LEVEL], figure[ROWS] = number[SORT], 0.0, 0.0
+        number[BEGAN], figure[LEVEL], figure[ROWS], number[RESTS] = number[SORT], 0.0, 0.0, 0
     for m in range(n):
         if ring[BEYOND, m, k] == number[OPEN] and m != machine[NEXT] % n:
             figure[LEVEL] += abs(ring[RESIDUAL, m, k])
@@ -231,14 +232,15 @@ def watch(
             limit = limit_of(number, figure, times, rule)
             if not moving[i, k] and machine[BLIND] >= 0:  # below: it was said
                 machine[BLIND] = max(machine[BLIND] + (1 if limit == np.inf else -1), 0)
-            last = ring[RESIDUAL, (machine[NEXT] - 1) % n, k]
-            if x == x and last == last:
-                figure[NOISE] += (abs(x - last) - figure[NOISE]) / rule[4]
             side, base = 0, figure[BASE] if number[SORT] != 0 else 0.0
             if x == x and abs(x) > limit:
                 side = 1 if x > 0.0 else -1
                 if side * (x - base) <= limit:
                     side = 0
+            before = (machine[NEXT] - 1) % n
+            step = abs(x - ring[RESIDUAL, before, k])
+            if step == step and side == 0 and ring[BEYOND, before, k] == 0.0:
+                figure[NOISE] += (step - figure[NOISE]) / rule[3]  # a push is no noise
             ring[RESIDUAL, place, k], ring[BEYOND, place, k] = x, side
             ring[MOVES, place, k] = moving[i, k]
             number[COUNT] += side
@@ -249,6 +251,9 @@ def watch(
                 if side == number[OPEN]:
                     figure[LEVEL] += abs(x)
                     figure[ROWS] += 1.0
+                    number[RESTS] += 0 if moving[i, k] else 1
+                    if 2 * number[RESTS] > n:
+                        machine[LATE] = 0
                 if 4 * abs(number[COUNT]) <= n:
                     closed(row + i, k, ring, state)
         settled(row + i, t[i], rule[0], n, state)

@@ -31,7 +31,7 @@ from evertwin.service.runner import Runner
 from evertwin.service.service import Service
 
 SHOWN = ("suspected", "tuned", "corrected", "promoted", "measurement_error", "drift",
-         "rolled_back", "changed", "rejected", "abnormal")  # fmt: skip
+         "rolled_back", "changed", "rejected", "abnormal", "external", "recurring")  # fmt: skip
 """Kinds of events that are told."""
 TOLERANCE = 0.02
 """A robot's twin that is off by more [m] adopts the measured pose: a position update."""

@@ -8,13 +8,15 @@ beyond; by how much more is decided in `evertwin.anomaly.external`.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from evertwin.anomaly.external import Contact, ExternalState, Seen, Told
 from evertwin.anomaly.recurrence import Place
-from evertwin.fold import Block, Mark
+from evertwin.fold import Block, Event, Mark
 from evertwin.loop.ring import Rows
 from evertwin.loop.setup import Setup
 from evertwin.loop.twin_state import TwinState
@@ -100,6 +102,36 @@ def remembered(rows: Rows, told: Told, on: int) -> None:
         old = rows.mark[places, nu:]
         counts = _measured(old) if mark == Mark.EXTERNAL else old == Mark.EXTERNAL
         rows.mark[places, nu:] = np.where(counts, np.uint8(mark), old)
+
+
+def unsure(events: Sequence[Event], ring: Rows, rows: Block) -> tuple[Event, ...]:
+    """What a vote told of a sensor, where something outside was at work on most of the rows that it
+    was told of: which of both it was is not told by their disagreement.
+
+    Args:
+        events: of the arbiter.
+        ring: the rows before ``rows``.
+        rows: judged.
+    """
+    return tuple(_doubted(one, ring, rows) if _voted(one) else one for one in events)
+
+
+def _voted(event: Event) -> bool:
+    return event.kind == "measurement_error" and event.evidence.get("cause") == "vote"
+
+
+def _doubted(event: Event, ring: Rows, rows: Block) -> Event:
+    found: Any = event.evidence
+    first, last, nu = found["onset"], found["end"], rows.u.shape[1]
+    before = np.arange(max(first, ring.end - len(ring.t), ring.first), min(last + 1, rows.row))
+    marks = np.concatenate([
+        ring.mark[before % len(ring.t), nu:],
+        rows.mark[max(first - rows.row, 0) : max(last + 1 - rows.row, 0), nu:],
+    ])  # fmt: skip
+    if 2 * int((marks == Mark.EXTERNAL).any(axis=1).sum()) <= len(marks):
+        return event
+    said = "far off and back again while something outside seems to act: it, or the sensor"
+    return replace(event, kind="not_judged", reason=said)
 
 
 def recurring(

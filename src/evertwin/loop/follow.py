@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evertwin.fold import Block, Event, Record, copy
-from evertwin.loop.contacts import watched
+from evertwin.loop.contacts import unsure, watched
 from evertwin.loop.contradictions import compared
 from evertwin.loop.in_stream import following
 from evertwin.loop.released import Released
@@ -192,7 +192,8 @@ class Follow:
             after = beats[beats >= news]
             if news and len(after) and (stop < 0 or after[0] < stop):
                 stop = int(after[0])
-        events = _by_beat(_events(out.records), found, beats, self.setup.residual_filter.delay)
+        told = unsure(_events(out.records), state.ring, judged)
+        events = _by_beat(told, found, beats, self.setup.residual_filter.delay)
         return state, Followed(out.rows, before, judged, events, stop)
 
     def keep(self, state: TwinState, judged: Block) -> TwinState:

@@ -196,7 +196,8 @@ class Service:
         """How the service is, in plain values."""
         return {
             "schema": "evertwin.service/1", "site": self.site.spec.name, "ready": self.ready,
-            "began": self.began, "reloads": self.reloads, "error": self.error,
+            "fleet": self.tending is not None, "began": self.began, "reloads": self.reloads,
+            "error": self.error,
             "lag": {"p99": self.lag.share(0.99), "worst": self.lag.worst},
             "twins": [runner.status() for runner in self.runners.values()],
         }  # fmt: skip

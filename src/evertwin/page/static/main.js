@@ -77,6 +77,7 @@ async function poll() {
   try {
     const status = await ask("/api/v1/status");
     context.twins = status.twins;
+    context.shared = status.fleet;
     if (context.site !== status.site) {
       context.site = status.site;
       header(place());

@@ -1,7 +1,8 @@
 // All twins: what needs attention first.
 
-import { h, put } from "../dom.js";
+import { h, put, table } from "../dom.js";
 import { age, CONDITIONS, conditionOf, count, sign } from "../words.js";
+import { ask } from "../wire.js";
 
 const ORDER = Object.keys(CONDITIONS);
 
@@ -12,12 +13,28 @@ export function open() {
   const search = h("input", { type: "search", id: "search", placeholder: "name or reason", oninput: () => update(last) });
   let last = { twins: [] };
 
+  const nodes = h("section", { class: "card", id: "nodes", hidden: true });
+  let asked = 0;
+
+  /** Who runs which twin, where several machines share them; every other second. */
+  async function share(context) {
+    nodes.hidden = !context.shared;
+    if (!context.shared || Date.now() - asked < 2000) return;
+    asked = Date.now();
+    try {
+      put(nodes, shared(await ask("/api/v1/fleet")));
+    } catch (error) {
+      put(nodes, h("p", {}, `Who runs which twin is not known: ${error.message}`));
+    }
+  }
+
   function update(context) {
     last = context;
-    const asked = search.value.trim().toLowerCase();
+    share(context);
+    const wish = search.value.trim().toLowerCase();
     const known = context.twins.map((twin) => [twin, conditionOf(twin)]);
     known.sort(([a, x], [b, y]) => ORDER.indexOf(x) - ORDER.indexOf(y) || a.name.localeCompare(b.name));
-    const seen = known.filter(([twin]) => !asked || `${twin.name} ${twin.why} ${twin.headline}`.toLowerCase().includes(asked));
+    const seen = known.filter(([twin]) => !wish || `${twin.name} ${twin.why} ${twin.headline}`.toLowerCase().includes(wish));
     const bad = known.filter(([, condition]) => condition !== "good");
     put(summary, known.length ? (bad.length ? `${count(bad.length, "twin needs", "twins need")} attention, ${known.length - bad.length} good.` : `All ${known.length} good.`) : "No twins yet.");
     for (const name of tiles.keys()) if (!seen.some(([twin]) => twin.name === name)) tiles.delete(name);
@@ -30,8 +47,18 @@ export function open() {
     while (list.children.length > wanted.length) list.lastChild.remove();
   }
 
-  const element = h("section", {}, h("div", { class: "row" }, h("h1", {}, "Fleet"), h("div", { class: "grow" }, summary), h("label", {}, "Search ", search)), list);
+  const element = h("section", {}, h("div", { class: "row" }, h("h1", {}, "Fleet"), h("div", { class: "grow" }, summary), h("label", {}, "Search ", search)), list, nodes);
   return { element, update };
+}
+
+/** Twins and nodes of a fleet: what runs nowhere comes first, then what is furthest behind. */
+function shared(told) {
+  const old = (seconds) => (seconds === null || seconds === undefined ? "–" : seconds < 10 ? `${seconds.toFixed(1)} s` : age(seconds));
+  const twins = [...told.twins].sort((a, b) => (a.state === "owned") - (b.state === "owned") || (b.lag ?? 0) - (a.lag ?? 0) || a.twin.localeCompare(b.twin));
+  const where = (one) => (one.state === "owned" ? one.node : "nowhere: it is free");
+  return [h("h2", {}, `${count(told.twins.length, "twin")} on ${count(told.nodes.length, "node")}`),
+    table("Twins", ["Twin", "Runs on", "Lease age", "Behind by", "Row", "Reason"], twins.map((one) => [one.twin, where(one), one.age === null ? "–" : `${one.age.toFixed(1)} of ${age(told.lease)}`, old(one.lag), one.row ?? "–", one.reason || (one.wanted ? `is to go to ${one.wanted}` : "")])),
+    table("Nodes", ["Node", "State", "Twins", "Share of a core"], told.nodes.map((one) => [one.node, !one.alive ? "does not answer" : one.drains ? "gives its twins away" : "alive", one.twins, `${(100 * one.cost).toFixed(1)} %`]))];
 }
 
 function tile(twin) {
