@@ -19,6 +19,7 @@ from evertwin.config.spec import (
     AnomalySpec,
     ArbiterSpec,
     ModelSpec,
+    MovingSpec,
     PredictionSpec,
     Span,
     StoreSpec,
@@ -130,6 +131,21 @@ def test_the_first_picture_shows_a_typical_stretch_and_angles_the_short_way() ->
     assert below.get_ylabel() == "off by [°]"
     off = np.asarray(below.get_lines()[0].get_ydata())
     assert len(off) == 100 and 1.0 < np.abs(off).max() < 90.0 and np.abs(np.diff(off)).max() < 1.0
+
+
+def test_the_first_picture_leaves_out_what_stands() -> None:
+    t = 0.1 * np.arange(1200)
+    v = np.where(np.sin(t) > 0.5, 0.2, 0.0)
+    stands = TwinSpec(
+        "axis", ModelSpec("robot1d"), moving=MovingSpec(above=0.01, channels={"x": "v"})
+    )
+    with Twin(stands) as axis:
+        found = axis.run({"t": t, "v": v, "x": np.cumsum(0.02 * v)})
+    figure = draw_improvement(found, rows=1200)
+    assert figure is not None
+    moving = found.trace["moving"][:, 0]
+    shown = np.isfinite(np.asarray(figure.axes[1].get_lines()[0].get_ydata()))
+    assert 300 < moving.sum() < 500 and np.array_equal(shown, moving[-len(shown) :])
 
 
 def test_two_versions_are_compared(twin: Twin, result: RunResult) -> None:

@@ -158,7 +158,9 @@ class Observer:
         now = as_is(driver.versions, state)
         parameters: Parameters = model.parameters.with_values(now.p)
         outputs = figures(self.setup, state)
-        trial = open_trial(driver.setup, driver.versions, state)
+        trial, trace = open_trial(driver.setup, driver.versions, state), self.trace.columns()
+        if trace:
+            trace["moving"] = self.setup.moving(trace["input"])
         return RunResult(
             name=self.setup.spec.name, samples=state.row, seconds=seconds,
             outputs=outputs, position_updates=updates(state),
@@ -167,7 +169,7 @@ class Observer:
             versions=tuple(driver.versions),
             model=model,
             models={v.form: driver.versions.model(v.number) for v in driver.versions},
-            trace=self.trace.columns(), rounds=tuple(self.rounds),
+            trace=trace, rounds=tuple(self.rounds),
             trial=trial, headline=headline(self.setup, outputs, champion, self.events, trial),
         )  # fmt: skip
 

@@ -98,15 +98,17 @@ def draw_improvement(result: RunResult, rows: int = 300, wide: float = 9.0) -> F
         return None
     measured, angle = trace["measured"][:, k, None], outputs.angles[k : k + 1]
     off = {v: wrap(measured - trace[v][:, k, None], angle)[:, 0] for v in ("first", "predicted")}
+    turned = trace["predicted"][:, k] + off["predicted"]
+    for one in off.values():  # of what stands nothing is judged
+        one[~trace["moving"][:, k]] = np.nan
     at = _typical(np.stack(list(off.values())), np.flatnonzero(unseen), rows)
     figure, (above, below) = _figure(2, 2.2, wide)
-    t, live = _seconds(trace)[at], trace["predicted"][at, k]
-    above.plot(t, live + off["predicted"][at], ".", ms=3, color=MEASURED, label="measured")
+    t = _seconds(trace)[at]
+    above.plot(t, turned[at], ".", ms=3, color=MEASURED, label="measured")
     versions = [("first", "as configured", UPDATE, "--"), ("predicted", "live", PREDICTED, "-")]
     unit, factor = suited(result.outputs[name].rms_before, outputs.units[k])
     for column, label, colour, style in versions if gains[name] != 1.0 else versions[1:]:
-        predicted = live + off["predicted"][at] - off[column][at]
-        above.plot(t, predicted, style, lw=1.1, color=colour, label=label)
+        above.plot(t, turned[at] - off[column][at], style, lw=1.1, color=colour, label=label)
         below.plot(t, factor * off[column][at], style, lw=1.1, color=colour, label=label)
     below.axhline(0.0, color=MEASURED, lw=0.6)
     above.set_ylabel(f"{name} [{outputs.units[k]}]")
@@ -117,13 +119,20 @@ def draw_improvement(result: RunResult, rows: int = 300, wide: float = 9.0) -> F
 
 
 def _typical(off: np.ndarray, places: np.ndarray, rows: int) -> np.ndarray:
-    """Of stretches of so many places the one whose rms are nearest to those of all; the newest."""
+    """Of stretches of so many places the one whose rms are nearest to those of all, and of which as
+    much is known; the newest."""
     starts = range(max(len(places) - rows, 0), -1, -max(rows // 4, 1))
-    square = off**2
+    square, known = np.nan_to_num(off**2), np.isfinite(off)
+
+    def told(one: np.ndarray) -> np.ndarray:
+        count = known[:, one].sum(axis=1)
+        size = square[:, one].sum(axis=1) / np.maximum(count, 1)
+        return np.concatenate([size + TINY, (count + 1) / len(one)])
+
+    whole = told(places)
 
     def strange(start: int) -> float:
-        part, whole = (square[:, p].mean(axis=1) for p in (places[start : start + rows], places))
-        return float(np.abs(np.log((part + TINY) / (whole + TINY))).sum())
+        return float(np.abs(np.log(told(places[start : start + rows]) / whole)).sum())
 
     best = min(starts, key=strange)
     return places[best : best + rows]
