@@ -145,6 +145,7 @@ def test_the_first_picture_leaves_out_what_stands() -> None:
     assert figure is not None
     moving = found.trace["moving"][:, 0]
     shown = np.isfinite(np.asarray(figure.axes[1].get_lines()[0].get_ydata()))
+    assert figure.axes[0].get_xlim() == figure.axes[1].get_xlim()
     assert 300 < moving.sum() < 500 and np.array_equal(shown, moving[-len(shown) :])
 
 

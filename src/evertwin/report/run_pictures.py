@@ -111,6 +111,7 @@ def draw_improvement(result: RunResult, rows: int = 300, wide: float = 9.0) -> F
         above.plot(t, turned[at] - off[column][at], style, lw=1.1, color=colour, label=label)
         below.plot(t, factor * off[column][at], style, lw=1.1, color=colour, label=label)
     below.axhline(0.0, color=MEASURED, lw=0.6)
+    below.set_xlim(above.get_xlim())  # one time axis, though rows that stand are in one alone
     above.set_ylabel(f"{name} [{outputs.units[k]}]")
     below.set_ylabel(f"off by [{unit}]")
     below.set_xlabel("time [s]")
