@@ -12,7 +12,6 @@ from evertwin import RunResult, Twin, TwinSpec
 from evertwin.config.spec import AnomalySpec, ModelSpec, MovingSpec, ParameterSpec, Span, TuningSpec
 from evertwin.errors import UsageError
 from evertwin.fold import make_block
-from evertwin.loop.setup import Setup
 from evertwin.models.form import Version
 from evertwin.tuning.spec import StateSpec
 
@@ -112,11 +111,20 @@ def test_a_state_has_a_cause_and_a_number_of_it() -> None:
     with pytest.raises(UsageError, match="causes has none"):
         TuningSpec(states={"load": StateSpec("mass")})
     tuning = replace(SPEC.tuning, states={"load": StateSpec("Fc")})
-    with (
-        Twin(replace(SPEC, tuning=tuning)) as twin,
-        pytest.raises(UsageError, match=r"none of the parameters of causes\.load: mass"),
-    ):
-        _ = Setup(twin.spec, twin.model).causes
+    with pytest.raises(UsageError, match=r"none of the parameters of causes\.load: mass"):
+        Twin(replace(SPEC, tuning=tuning))
+
+
+@pytest.mark.parametrize(
+    ("key", "named"),
+    [("once", ("base*",)), ("causes", {"wear": ("base*",)}), ("editable", ("b*",))],
+)
+def test_a_pattern_that_fits_no_parameter_is_refused_before_a_row_comes(
+    key: str, named: Any
+) -> None:
+    tuning = replace(SPEC.tuning, states={}, **{key: named})
+    with pytest.raises(UsageError, match=rf"\[tuning\] {key}.*no parameter matches 'b.*there are"):
+        Twin(replace(SPEC, tuning=tuning))
 
 
 def test_numbers_that_are_tuned_once_stay_when_the_twin_has_held() -> None:

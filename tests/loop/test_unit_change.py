@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -57,3 +59,37 @@ def test_a_machine_that_changed_is_none(number: float, bent: float) -> None:
     """By no number of two units, or not by one number in every motion."""
     found = lived(number, bent=bent).of_kind("abnormal")
     assert not any("number" in e.evidence for e in found)
+
+
+def test_an_input_that_changed_its_unit_is_named_and_no_output_is_called_frozen() -> None:
+    """A pump: head and power of speed and flow; the flow is in l/min for m³/h in the last third."""
+    rng, n = np.random.default_rng(7), 1800
+    speed = 0.5 + 0.5 * np.repeat(rng.uniform(size=90), 20)
+    flow = 40.0 * speed * np.repeat(rng.uniform(0.3, 1.0, 60), 30)
+    head = 5.2 * speed**2 - 0.0021 * flow**2 + rng.normal(0.0, 0.02, n)
+    power = 6.6 * speed**3 + 0.11 * flow * speed**2 + rng.normal(0.0, 0.04, n)
+    flow = np.where(np.arange(n) < 1200, flow, flow * 1000.0 / 60.0)
+
+    def step(x: Any, u: Any, dt: float, p: Any) -> tuple[Any, Any]:
+        s, q = u
+        return x, [p[0] * s * s - p[1] * q * q, p[2] * s**3 + p[3] * q * s * s]
+
+    given = Parameters.of(a=(5.0, "1"), b=(0.002, "1"), c=(6.0, "1"), d=(0.1, "1"))
+    model = FunctionModel(
+        step, Layout.of(speed="1", flow="1"), Layout.of(head="1", power="1"), parameters=given
+    )
+    spec = TwinSpec(
+        "pump", ModelSpec("given"), anomaly=AnomalySpec(requirement=0.05, window=Span(100)),
+        prediction=PredictionSpec(horizon=1.0), tuning=TuningSpec(window=Span(600)),
+        beat=Span(50),
+    )  # fmt: skip
+    with Twin(spec, model) as twin:
+        result = twin.run(
+            {"t": 0.1 * np.arange(n), "speed": speed, "flow": flow, "head": head, "power": power}
+        )
+    told = [e for e in result.of_kind("abnormal") if "number" in e.evidence]
+    assert told and {e.signal for e in told} == {"flow"}
+    assert told[-1].evidence["number"] == pytest.approx(1000.0 / 60.0, rel=0.01)
+    assert "flow looks 16.67 times too large" in result.headline
+    assert "no longer answers" not in result.headline
+    assert all(e.row < 1200 for e in result.of_kind("promoted"))

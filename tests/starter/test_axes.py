@@ -120,3 +120,12 @@ def test_the_law_has_terms_of_the_place_where_a_place_is_recorded(
     del sprung["position [m]"]
     out, said = proposed(written(sprung), "drive_force", capsys)
     assert "position" not in (read(out).tuning.ladder or ()) and "no column found" not in said
+
+
+@pytest.mark.parametrize("heading", ["drum_angle_deg", "drumAngleDeg"])
+def test_a_heading_that_ends_in_degrees_is_no_way_in_millimetres(
+    heading: str, written: Written, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _, said = proposed(written({heading: 4000.0 * PLACE, "load_Nm": FORCE}), "drive_force", capsys)
+    assert "the name ends in deg" in said and "the name ends in nm" in said
+    assert "mm " not in said

@@ -188,7 +188,7 @@ def _columns(
             there = ", ".join(sorted(recorded | {one.name for one in operations}))
             raise ConfigError(
                 f"channel {name!r} is neither recorded nor derived: there are {there}; name it in "
-                f"[source.channels] or [[derive]], or say [signals.{name}] source = …"
+                f"[source.channels] or [[derive]], or say [signals.{name}] from = …"
             )
     lines = [name for name in of_inputs if name not in of_outputs]
     return _Columns((*held, *lines), tuple(of_outputs))

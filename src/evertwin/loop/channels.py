@@ -67,5 +67,5 @@ def check_units(spec: TwinSpec, model: Model) -> None:
             raise ConfigError(
                 f"source {source.name!r}: channel {name!r} is in '{told.unit}', and the model's "
                 f"{channel.name!r} in '{channel.unit}': correct the unit in [source.channels], or "
-                f"say [signals.{channel.name}] source = …"
+                f"say [signals.{channel.name}] from = …"
             )

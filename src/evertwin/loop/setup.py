@@ -41,8 +41,16 @@ SEGMENT = 1.0
 """Length of a segment of a static map, and of a free run, when no horizon is given [s]."""
 
 
-def matching(names: tuple[str, ...], patterns: tuple[str, ...], what: str) -> tuple[str, ...]:
+def matching(
+    names: tuple[str, ...], patterns: tuple[str, ...], what: str = "parameter", key: str = ""
+) -> tuple[str, ...]:
     """The ``names`` that match one of the ``patterns``, in their own order.
+
+    Args:
+        names: what there is.
+        patterns: ``*`` matches any text.
+        what: they are called.
+        key: of ``[tuning]``, where the patterns stand.
 
     >>> matching(("Fc1", "Fc2", "Bm1"), ("Fc*",), "parameter")
     ('Fc1', 'Fc2')
@@ -52,13 +60,17 @@ def matching(names: tuple[str, ...], patterns: tuple[str, ...], what: str) -> tu
     """
     for pattern in patterns:
         if not fnmatch.filter(names, pattern):
-            raise UsageError(f"no {what} matches {pattern!r}: there are {', '.join(names)}")
+            where = f"[tuning] {key}: " if key else ""
+            raise UsageError(f"{where}no {what} matches {pattern!r}: there are {', '.join(names)}")
     return tuple(n for n in names if any(fnmatch.fnmatchcase(n, p) for p in patterns))
 
 
 @dataclass(frozen=True)
 class Setup:
     """A twin's frozen parts.
+
+    Raises:
+        UsageError: a pattern of `[tuning]` matches no parameter.
 
     >>> Setup.__name__
     'Setup'
@@ -69,6 +81,9 @@ class Setup:
     """The base model, with the twin file's parameters."""
     measured_rate: float | None = None
     """Rows per second of the data, for times where ``[clock]`` gives no rate."""
+
+    def __post_init__(self) -> None:
+        _ = self.editable, self.causes, self.weights, self.once  # a pattern without a parameter
 
     def at(self, rate: float | None) -> Setup:
         """The same for data of so many rows per second, unless ``[clock]`` says how many."""
@@ -274,9 +289,8 @@ class Setup:
     def editable(self) -> tuple[str, ...]:
         """Names of the base model's parameters that may be tuned."""
         names, given = self.model.parameters.names, self.spec.tuning.editable
-        return (
-            self.model.parameters.editable if given is None else matching(names, given, "parameter")
-        )
+        own = self.model.parameters.editable
+        return own if given is None else matching(names, given, key="editable")
 
     @cached_property
     def weights(self) -> dict[str, float]:
@@ -285,7 +299,7 @@ class Setup:
         return {
             name: float(weight)
             for pattern, weight in weights.items()
-            for name in matching(names, (pattern,), "parameter")
+            for name in matching(names, (pattern,), key="weights")
         }
 
     @cached_property
@@ -293,7 +307,7 @@ class Setup:
         """Cause → its parameters."""
         names = self.model.parameters.names
         found = {
-            cause: matching(names, patterns, "parameter")
+            cause: matching(names, patterns, key=f"causes.{cause}")
             for cause, patterns in self.spec.tuning.causes.items()
         }
         for name, state in self.spec.tuning.states.items():
@@ -307,7 +321,8 @@ class Setup:
     @cached_property
     def once(self) -> frozenset[str]:
         """Names of the parameters that stay once the twin has held its requirement."""
-        return frozenset(matching(self.model.parameters.names, self.spec.tuning.once, "parameter"))
+        names, given = self.model.parameters.names, self.spec.tuning.once
+        return frozenset(matching(names, given, key="once"))
 
     @cached_property
     def trial(self) -> Trial:

@@ -228,7 +228,7 @@ class Work:
         other = unit_change(self.setup, model, version.p, windows) if commissioned else None
         if other:
             evidence = {"number": other.number}
-            said = _event("abnormal", other.output, other.said, evidence)
+            said = _event("abnormal", other.channel, other.said, evidence)
             return {"events": [*events, said]} | since
         problem, chosen = climb_laws(self.setup, self.problem(version, windows, names))
         problem, fit, rounds = self.tune(problem)
@@ -305,7 +305,8 @@ class Work:
             events.append(_event("rejected", "", f"outside: {', '.join(missed)}", {}))
         if missed or not fit.converged or not np.any(fit.values != fit.start):
             return None
-        reason = f"tuned {', '.join(fit.identifiable)}"
+        moved = np.flatnonzero(fit.values != fit.start).tolist()
+        reason = f"tuned {', '.join(fit.identifiable or (fit.names[k] for k in moved))}"
         events.append(_event("tuned", "", reason, fit.to_dict(timing=False)))
         values = dict(zip(fit.names, fit.values.tolist(), strict=True))
         if self.setup.spec.tuning.method == "recursive":

@@ -7,8 +7,9 @@
 Nothing is evaluated: a text that is longer, deeper or of a higher power than any unit needs is no
 unit. ``Nm`` and its relatives are written without a sign between, and are taken apart here.
 
->>> factors("J/(kg·K)"), factors("m s⁻²"), factors("kNm")
-((('J', 1.0), ('kg', -1.0), ('K', -1.0)), (('m', 1.0), ('s', -2.0)), (('kN', 1.0), ('m', 1.0)))
+>>> factors("J/(kg·K)"), factors("m s⁻²"), factors("kNm"), factors("m3/h")[0]
+((('J', 1.0), ('kg', -1.0), ('K', -1.0)), (('m', 1.0), ('s', -2.0)), (('kN', 1.0), ('m', 1.0)), \
+('m', 3.0))
 >>> factors("9^999999999"), factors("m,s")
 (None, None)
 """
@@ -45,6 +46,8 @@ _SPELT: dict[str, Factors] = {
 }  # fmt: skip
 _NEWTONS = re.compile(r"([Mkcmµμu]?N)(mm|ms|m|s)")
 """``kNm`` and ``Nms``, which elsewhere are a yarn's fineness."""
+_RAISED_BASE = re.compile(r"([kcdmµμ]?m|s|ft|in)([2-4])")
+"""``m3`` and ``s2``, as headings write them."""
 _ARMS: dict[str, Factors] = {
     "mm": (("mm", 1.0),), "ms": (("m", 1.0), ("s", 1.0)), "m": (("m", 1.0),), "s": (("s", 1.0),),
 }  # fmt: skip
@@ -134,6 +137,9 @@ def _spelt(symbol: str) -> Factors:
     newtons = _NEWTONS.fullmatch(symbol)
     if newtons is not None:
         return (newtons[1], 1.0), *_ARMS[newtons[2]]
+    raised = _RAISED_BASE.fullmatch(symbol)
+    if raised is not None:
+        return ((raised[1], float(raised[2])),)
     return _SPELT.get(symbol, ((symbol, 1.0),))
 
 

@@ -19,7 +19,7 @@ from evertwin.sources.description import ColumnInfo
 from evertwin.sources.names import unit_problem
 from evertwin.starter.proposal import ASK, Answer, Match
 from evertwin.starter.seen import Seen
-from evertwin.starter.words import WHEEL, role, same_kind, words
+from evertwin.starter.words import WHEEL, role, said_unit, same_kind, words
 
 _SYNONYMS = (
     {"v", "speed", "velocity", "vel", "linear", "forward"},
@@ -38,10 +38,6 @@ _SYNONYMS = (
 _DRIVING = {"vir", "voltage", "volt", "u", "current", "cur", "i", "torque"}
 """What drives a force, times a constant."""
 _EFFORTS, _DRIVES = {"N": "", "Nm": "torque"}, ("A", "V", "Nm")
-_ENDS = (
-    ("deg", "deg"), ("rad", "rad"), ("mm", "mm"), ("cm", "cm"), ("mps", "m/s"), ("rpm", "rpm"),
-)  # fmt: skip
-"""Last word of a name → unit."""
 _QUATERNION = {"orientation", "quaternion"}
 _LEAST = 0.45
 _RANGES = (
@@ -121,10 +117,8 @@ def sole(
 
 
 def _stated(column: ColumnInfo) -> str:
-    """The unit that the file or, for what can be nothing else, the name states; or none."""
-    if column.unit and not unit_problem(column.unit):
-        return column.unit
-    return "rpm" if words(column.name)[-1:] == ["rpm"] else ""
+    """The unit that the file or the name states, where it is one; or none."""
+    return column.unit if not unit_problem(column.unit) else ""
 
 
 def _measures(unit: str, channel: Channel) -> bool:
@@ -135,16 +129,14 @@ def _measures(unit: str, channel: Channel) -> bool:
 
 def unit_of(wanted: str, column: ColumnInfo) -> tuple[str, Answer, str]:
     """Unit of a column that feeds a channel in ``wanted``, its scale, and why."""
+    said, named = words(column.name), column.unit == said_unit(column.name)
     if column.unit and unit_problem(column.unit):
         return wanted, ASK, f"the file says {column.unit!r}: how many {wanted} is one?"
     if column.unit and not same_kind(column.unit, wanted):
-        return wanted, ASK, f"the file says {column.unit}: how many {wanted} is one?"
+        who = "name" if named else "file"
+        return wanted, ASK, f"the {who} says {column.unit}: how many {wanted} is one?"
     if column.unit:
-        return column.unit, 1.0, "stated by the file"
-    said = words(column.name)
-    for word, unit in _ENDS:
-        if said[-1:] == [word] and same_kind(unit, wanted):
-            return unit, 1.0, f"the name ends in {word}"
+        return column.unit, 1.0, f"the name ends in {said[-1]}" if named else "stated by the file"
     if wanted in _EFFORTS and not (_DRIVING - {_EFFORTS[wanted]}).isdisjoint(said):
         what = "force" if wanted == "N" else "torque"
         return wanted, ASK, f"drives the {what}: how many {wanted} is one?"

@@ -19,7 +19,7 @@ from evertwin.sources.description import ColumnInfo, Info, TableInfo
 from evertwin.sources.info import inspect
 from evertwin.sources.recording import open_recording
 from evertwin.sources.stamps import NO_STAMP, to_ns
-from evertwin.starter.words import quantity, words
+from evertwin.starter.words import quantity, said_unit, words
 from evertwin.types import Float64, Vector
 
 ROWS = 50_000
@@ -71,8 +71,9 @@ def _numbers(table: TableInfo) -> tuple[ColumnInfo, ...]:
     clocks = {clock.column for clock in table.clocks}
     clocks |= set() if table.time is None else {table.time.column}
     return tuple(
-        c for c in table.columns if c.kind in ("number", "boolean") and c.name not in clocks
-    )
+        c if c.unit else replace(c, unit=said_unit(c.name))
+        for c in table.columns if c.kind in ("number", "boolean") and c.name not in clocks
+    )  # fmt: skip
 
 
 def look(files: Sequence[Path]) -> tuple[tuple[Seen, ...], tuple[Info, ...]]:

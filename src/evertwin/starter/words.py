@@ -58,6 +58,28 @@ _JOINED = re.compile(r"(set|cmd|ref|des|act|meas)(vel|pos|speed|angle|torque|cur
 _AXIS = re.compile(r"(v)([xyz])")
 
 
+ENDS = {
+    "deg": "deg", "rad": "rad", "mm": "mm", "cm": "cm", "mps": "m/s", "rpm": "rpm", "dps": "deg/s",
+    "nm": "Nm", "pct": "%", "percent": "%", "deg c": "degC", "celsius": "degC", "bar": "bar",
+    "kpa": "kPa", "kw": "kW",
+}  # fmt: skip
+"""Last words of a heading that can be nothing but its unit."""
+
+
+def said_unit(name: str) -> str:
+    """The unit that a heading ends in, or none.
+
+    >>> said_unit("ax1_deg"), said_unit("chamberDegC"), said_unit("rpm"), said_unit("bar")
+    ('deg', 'degC', 'rpm', '')
+    """
+    said = words(name)
+    for count in (2, 1):
+        end = " ".join(said[-count:])
+        if end in ENDS and (len(said) > count or end == "rpm"):
+            return ENDS[end]
+    return ""
+
+
 def words(name: str) -> list[str]:
     """The words and numbers of a heading, in lower case and English."""
     spaced = english(re.sub(r"([a-z])([A-Z])", r"\1 \2", name))

@@ -137,7 +137,7 @@ class Derive:
             raise ConfigError(
                 f"channel {name!r} is neither recorded nor derived: there are "
                 f"{', '.join(dict.fromkeys(known))}; name it in [source.channels] or [[derive]], "
-                f"or say [signals.{name}] source = …"
+                f"or say [signals.{name}] from = …"
             )
         return before - 1 - known[::-1].index(name)
 

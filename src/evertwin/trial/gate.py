@@ -198,7 +198,7 @@ class Trial:
         worst = float(np.max(state.harm[1::2] - state.harm[::2], initial=0.0))
         return (
             Check("segments", segments >= self.segments, float(segments), float(self.segments)),
-            Check("time", segments >= self.least, seconds, self.duration),
+            Check("time", seconds >= self.duration * (1.0 - 1e-9), seconds, self.duration),
             Check("gain", gain >= self.margin, gain, self.margin),
             Check("evidence", value >= 1 / self.alpha, value, 1 / self.alpha),
             Check("safety", not unsafe(state.harm), worst, 0.0),
