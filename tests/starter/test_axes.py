@@ -127,5 +127,5 @@ def test_a_heading_that_ends_in_degrees_is_no_way_in_millimetres(
     heading: str, written: Written, capsys: pytest.CaptureFixture[str]
 ) -> None:
     _, said = proposed(written({heading: 4000.0 * PLACE, "load_Nm": FORCE}), "drive_force", capsys)
-    assert "the name ends in deg" in said and "the name ends in nm" in said
+    assert "the name ends in deg" in said and "the only one in Nm" in said
     assert "mm " not in said
