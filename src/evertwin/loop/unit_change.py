@@ -20,6 +20,7 @@ from evertwin.loop.task import Windows
 from evertwin.models import Model
 from evertwin.models.batch import mapped
 from evertwin.signals import Channel
+from evertwin.tuning.assemble import rms
 from evertwin.types import Inputs, Outputs, ParameterVector, Vector
 
 UNITS = {
@@ -117,7 +118,7 @@ def _of_input(
     u, dt, y = u[rows], dt[rows], y[rows][:, setup.watched]
     if not np.isfinite(y).any(axis=0).all():
         return None
-    scale = np.sqrt(np.nanmean(np.square(y), axis=0))
+    scale = rms(y)
 
     def off(inputs: Inputs) -> float:
         left = (y - mapped(model, inputs, dt, p)[:, setup.watched]) / scale
@@ -149,7 +150,7 @@ def _of_input(
 
 def _since(deviation: Outputs) -> int:
     """Row from which the deviation is most clearly of another size than before; 0: too few rows."""
-    size = np.sqrt(np.nanmean(np.square(deviation), axis=0))
+    size = rms(deviation)
     square = np.nansum(np.square(deviation / np.where(size > 0, size, 1.0)), axis=1) + 1e-12
     n, total = len(square), np.cumsum(square)
     if n < 2 * LEAST:
@@ -173,9 +174,9 @@ def _reached(
         found.append(predict(setup, model, p, window._replace(u=u)))
     left = np.concatenate([one.residual for one in found])[first:, setup.watched]
     y = np.concatenate([one.measured for one in found])[first:, setup.watched]
-    off = np.sqrt(np.nanmean(np.square(left), axis=0))
+    off = rms(left)
     if setup.relative:
-        off /= np.sqrt(np.nanmean(np.square(y), axis=0))
+        off /= rms(y)
     return bool((off <= setup.requirement).all())
 
 
