@@ -90,7 +90,11 @@ def robots(folder: Path, twins: int, seconds: float) -> bool:
     file = site(folder, *names, speed=10.0, workers=1)
     shared = "\n".join(line for line in file.read_text().splitlines() if line != "workers = 1")
     file.write_text(shared)  # all share the service's processes
-    first, last = measured(folder, file, seconds)
+    try:
+        first, last = measured(folder, file, seconds)
+    except OSError as error:
+        print(f"{twins} robots at 10 Hz: the service does not answer: {error}")
+        return False
     share = told(f"{twins} robots at 10 Hz", first, last, twins)
     whole = last.rows - first.rows >= 0.95 * 10 * twins * (last.at - first.at)
     return share <= SHARE and last.memory <= MEMORY and whole
