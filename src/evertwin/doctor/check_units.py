@@ -4,28 +4,36 @@ Where predicted and measured changes do not agree, each channel (and each set of
 same unit) is multiplied in turn by the factors that wrong units make, and by −1. The one that
 brings prediction and measurement together best is named, applied, and the search goes on with the
 rest. Lags are looked for only where units agree.
+
+What a number of a static map takes up that may be tuned tells nothing: a mass that nobody stated is
+no wrong unit, and no lag. So its numbers are tuned first, with a turned sign and at each lag anew.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from evertwin.doctor.examination import View, changes
 from evertwin.doctor.finding import Finding
+from evertwin.errors import DataError, ModelError, UsageError
 from evertwin.fold import Block, take
 from evertwin.loop.channels import recorded_as
+from evertwin.loop.physical import physically
+from evertwin.loop.work import Work
 from evertwin.models import roll
 from evertwin.models.function import kernel_of
 from evertwin.signals import Layout
 from evertwin.signals.delay import Lag
 from evertwin.sync.horizon import restarts, trusted
 from evertwin.sync.lag import SharedLag, shared_lag
-from evertwin.types import Vector
+from evertwin.tuning import solve
+from evertwin.types import ParameterVector, Vector
 
 FACTORS: tuple[tuple[float, str], ...] = (
     (-1.0, "-1 (the sign is reversed)"),
@@ -53,21 +61,23 @@ class _Suspect:
     y: tuple[int, ...]
 
 
+_Factor: TypeAlias = tuple[_Suspect, float]
+
+
 def look_units(view: View, figures: dict[str, Any]) -> list[Finding]:
     """Channels whose unit or sign does not fit the model."""
-    found = list(_ranges(view))
+    found, applied = list(_ranges(view)), tuple[_Factor, ...]()
     window = _liveliest(view)
-    at_start = _mismatch(view, window)
+    at_start = _mismatch(view, view.version.p, window)
     figures["mismatch"] = dict(zip(view.model.outputs.names, at_start.tolist(), strict=True))
     for _ in range(4):
-        before = _mismatch(view, window)
-        if not (before > WRONG).any():
-            break
-        best = _best(view, window, before)
+        p = _numbers(view, partial(_scaled, by=applied))
+        before = _mismatch(view, p, _scaled(window, applied))
+        best = _best(view, p, (window, applied), before) if (before > WRONG).any() else []
         if not best:
             break
         found.append(_told(view, best, before))
-        window = _scaled(window, best[0].suspect, best[0].factor)
+        applied = (*applied, (best[0].suspect, best[0].factor))
     return found
 
 
@@ -156,15 +166,33 @@ def _liveliest(view: View) -> Block:
     return best._replace(y=np.where(np.isfinite(best.y), best.y, np.nan))
 
 
-def _mismatch(view: View, window: Block) -> Vector:
+def _numbers(
+    view: View, change: Callable[[Block], Block] = lambda window: window
+) -> ParameterVector:
+    """The version's, or what the rows tune those of a static map to, once changed; held to resist,
+    and in bounds, they take up no sign."""
+    work, p = Work(view.setup, view.versions), view.version.p
+    if len(view.model.initial(p)):
+        return p
+    windows = tuple(change(window) for window in view.some(view.judged))
+    try:
+        names = work.editable(view.version)
+        problem = work.problem(view.version, windows, names)
+        return physically(problem, lambda one: (solve(one), {}))[0].p if names else p
+    except (DataError, ModelError, UsageError):  # `look_tuning` says why
+        return p
+
+
+def _mismatch(view: View, p: ParameterVector, window: Block) -> Vector:
     with np.errstate(all="ignore"):
-        return changes(view.model, view.version.p, window, view.horizon).mismatch
+        return changes(view.model, p, window, view.horizon).mismatch
 
 
-def _scaled(window: Block, suspect: _Suspect, factor: float) -> Block:
+def _scaled(window: Block, by: tuple[_Factor, ...]) -> Block:
     u, y = window.u.copy(), window.y.copy()
-    u[:, suspect.u] *= factor
-    y[:, suspect.y] *= factor
+    for suspect, factor in by:
+        u[:, suspect.u] *= factor
+        y[:, suspect.y] *= factor
     return window._replace(u=u, y=y)
 
 
@@ -182,15 +210,19 @@ def _suspects(inputs: Layout, outputs: Layout) -> list[_Suspect]:
     return out
 
 
-def _best(view: View, window: Block, before: Vector) -> list[_Hypothesis]:
+def _best(
+    view: View, p: ParameterVector, rows: tuple[Block, tuple[_Factor, ...]], before: Vector
+) -> list[_Hypothesis]:
     """What removes most, and what explains it as well; empty where nothing removes enough."""
-    wrong = before > WRONG
+    (window, applied), wrong = rows, before > WRONG
     found = []
     for suspect in _suspects(view.model.inputs, view.model.outputs):
         if suspect.y and not wrong[list(suspect.y)].all():
             continue
         for factor, said in FACTORS:
-            after = _mismatch(view, _scaled(window, suspect, factor))
+            by = (*applied, (suspect, factor))
+            q = _numbers(view, partial(_scaled, by=by)) if factor < 0 else p
+            after = _mismatch(view, q, _scaled(window, by))
             helped = (after < BETTER * before) & wrong
             if helped.any() and (after <= before + 0.1).all():
                 found.append(_Hypothesis(suspect, factor, said, after))
@@ -206,11 +238,7 @@ def look_lags(view: View, figures: dict[str, Any]) -> Iterator[Finding]:
     """How late each output is after its prediction by a free run."""
     window = max(view.judged, key=lambda one: len(one.t))
     window = take(window, 0, min(len(window.t), 20_000))
-    model, p = view.model, view.version.p
-    kernel = kernel_of(model)
-    x0 = model.initial(p)
-    _, free = roll(kernel, x0, window.u, window.dt, p, restarts(window, math.inf, x0))
-    shared = shared_lag(window, free, model.outputs, _longest(window))
+    shared = _lag(view, window, np.zeros(len(view.model.outputs)))
     lags = {name: one for name, one in shared.lags.items() if math.isfinite(one.seconds)}
     figures["lag"], figures["shared_lag"] = lags, stated(shared)
     late = {name: one for name, one in lags.items() if _matters(one, view.step)}
@@ -229,6 +257,43 @@ def look_lags(view: View, figures: dict[str, Any]) -> Iterator[Finding]:
         "as a false table",
         {name: {"seconds": o.seconds, "sigma": o.sigma} for name, o in late.items()},
     )  # fmt: skip
+
+
+def _lag(view: View, window: Block, known: Vector) -> SharedLag:
+    """How late it is, ``known`` [s] per output included: until what is left is less than a row."""
+    model, outputs = view.model, view.model.outputs
+    p = _numbers(view, partial(_earlier, seconds=known))
+    x0 = model.initial(p)
+    _, free = roll(kernel_of(model), x0, window.u, window.dt, p, restarts(window, math.inf, x0))
+    shared = shared_lag(_earlier(window, known), free, outputs, _longest(window))
+    more = np.array([_left(shared.lags.get(name), view.step) for name in outputs.names])
+    if len(x0) == 0 and more.any() and np.abs(known + more).max() < _longest(window):
+        return _lag(view, window, known + more)
+    if not known.any():
+        return shared
+    before = dict(zip(outputs.names, known.tolist(), strict=True))
+    lags = {
+        name: replace(one, seconds=one.seconds + before[name], sigma=max(one.sigma, view.step / 2))
+        for name, one in shared.lags.items()  # less than half a row was not looked for
+    }
+    # of several outputs with lags of their own there is no shared one
+    whole = (
+        shared.seconds + before[outputs.names[0]] if len(set(before.values())) == 1 else math.nan
+    )
+    return replace(shared, lags=lags, seconds=whole)
+
+
+def _left(found: Lag | None, step: float) -> float:
+    return found.seconds if found is not None and _matters(found, step) else 0.0
+
+
+def _earlier(window: Block, seconds: Vector) -> Block:
+    """The window, its measurements moved to so much earlier."""
+    if not seconds.any():
+        return window
+    t = (window.t - window.t[0]) * 1e-9
+    y = [np.interp(t + s, t, column) for column, s in zip(window.y.T, seconds, strict=True)]
+    return window._replace(y=np.stack(y, axis=1))
 
 
 def _matters(found: Lag, step: float) -> bool:

@@ -1,0 +1,51 @@
+"""A static map whose numbers nobody stated: what a mass takes up is no unit, and no lag."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from evertwin import Twin, TwinSpec
+from evertwin.config.spec import ModelSpec, MovingSpec
+from evertwin.doctor import Diagnosis
+
+RATE = 200
+
+
+def examined(sign: float = 1.0, late: float = 0.0) -> Diagnosis:
+    """An axis of 50 kg, of which the twin believes 1 kg; what its force sensor does."""
+    t = np.arange(30 * RATE) / RATE
+    v = 0.3 * np.sin(1.3 * t) + 0.2 * np.sin(3.1 * t)
+    a = np.gradient(v, t)
+    force = 50.0 * a + 100.0 * v + 20.0 * np.tanh(v / 0.003)
+    force = sign * np.interp(t - late, t, force)
+    noise = np.random.default_rng(0).normal(0.0, 0.8, len(t))
+    spec = TwinSpec(
+        "axis", ModelSpec("drive_force", {"law": "sign"}),
+        moving=MovingSpec(above=0.01, channels={"force": "speed"}),
+    )  # fmt: skip
+    with Twin(spec) as twin:
+        return twin.doctor({"t": t, "speed": v, "acceleration": a, "force": force + noise})
+
+
+def told(found: Diagnosis) -> list[str]:
+    return [one.kind for one in found.findings if one.kind in ("unit", "sign", "lag")]
+
+
+def test_a_mass_that_nobody_stated_is_no_unit_and_no_lag() -> None:
+    assert told(examined()) == []
+
+
+def test_a_turned_sign_is_told_whatever_the_numbers() -> None:
+    found = examined(sign=-1.0)
+    assert told(found) == ["sign"]
+    (one,) = (one for one in found.findings if one.kind == "sign")
+    assert "force times -1" in one.reason
+
+
+@pytest.mark.parametrize("late", [0.02, 0.05])
+def test_a_lag_is_not_taken_up_by_the_numbers(late: float) -> None:
+    found = examined(late=late)
+    assert told(found) == ["lag"]
+    (one,) = (one for one in found.findings if one.kind == "lag")
+    assert one.evidence["force"]["seconds"] == pytest.approx(late, abs=0.005)
