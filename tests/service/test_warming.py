@@ -30,6 +30,7 @@ def test_neither_rows_nor_a_first_correction_wait_for_a_compiler(
     late = (gate_loop.run, betting.evidence, scores.exceeds)
     for one in late:
         monkeypatch.setattr(one, "_ready", None)
+        monkeypatch.setattr(one, "_patience", 0.0)  # as if no test had called it
     asked: list[str] = []
     monkeypatch.setattr(kernel, "_compiled", lambda *it: asked.append(it[0]) or kernel.step)
     warm(read_site(site(tmp_path, "one")).twins[0])
