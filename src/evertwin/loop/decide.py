@@ -201,9 +201,10 @@ class Decide:
     ) -> None:
         state, setup = decision.state, self.follow.setup
         number = state.agenda.asked + 1
-        size = setup.window(kind)
+        scheduled = detail.get("reason") == "scheduled"
+        size = setup.rows(setup.spec.tuning.window) if scheduled else setup.window(kind)
         first = max(state.agenda.since, state.row - size, state.ring.first)
-        enough = setup.least if detail.get("reason") == "scheduled" else setup.enough
+        enough = setup.least if scheduled else setup.enough
         if kind == "fit" and state.row >= enough:
             first = max(first, 0)  # it tells of the machine in this run: its history
         window = (first, state.row)
