@@ -83,6 +83,12 @@ def test_off_at_the_end_is_never_called_fitting() -> None:
     assert "closer" in better and "still off by more than is asked, x by 30 mm" in better
 
 
+def test_contacts_that_come_again_and_again_are_doubted() -> None:
+    few, many = (said(ROBOT, 0.004, 0.004, *["external"] * n) for n in (9, 10))
+    assert "may be the machine's own" not in few
+    assert "acted on the machine 10 times" in many and "may be the machine's own" in many
+
+
 def test_within_but_suspected_says_both() -> None:
     text = said(ROBOT, 0.004, 0.004, "drift")
     assert text.startswith("Over all rows the twin is within what is asked: x is off by 4 mm")

@@ -27,6 +27,8 @@ SHORT = 30
 """Rows since a version went live below which they do not tell how good it is."""
 MANY = 6
 """Numbers, or parts of a form, that are told one by one."""
+OFTEN = 10
+"""Contacts in a run from which on it is said that they may be none."""
 
 
 def headline(
@@ -60,6 +62,11 @@ def headline(
     if contacts:
         times = f"{contacts} time{'s' * (contacts > 1)}"
         told.append(f"Something outside acted on the machine {times}; it was not learned.")
+    if contacts >= OFTEN:
+        told.append(
+            "So often it may be the machine's own: dry friction that jumped to a multiple looks "
+            "the same ([anomaly] external = 0 lets it be tuned)."
+        )
     told += [f"{e.reason[0].upper()}{e.reason[1:]}." for e in events if e.kind == "recurring"][-1:]
     return " ".join(told)
 
