@@ -84,7 +84,7 @@ def fit_twin(
 ) -> None:  # fmt: skip
     """``evertwin fit``; ``data``: to learn from, to be judged on; ``flags``: JSON, check, keep;
     ``other``: a twin file whose fit to the same recordings is shown beside."""
-    from evertwin.tuning.routes import Route, beside, shown
+    from evertwin.tuning import Route, beside, shown
 
     search, (train, test), (as_json, check, keep) = Search(), data, flags
     with Twin.open(twin, reading=not keep) as opened:
@@ -95,15 +95,16 @@ def fit_twin(
         tests = [files] if files and len(opened.spec.source) > 1 else files
         result = opened.fit(_files(train), tests, search, workers)
         search.close()
-        version = opened.keep(result) if keep else None
-        told: dict[str, Json] = {} if version is None else {"version": version.number}
-        text, routes = str(result), tuple[Route, ...]()
-        if other is not None:
+        told, text, routes = dict[str, Json](), str(result), tuple[Route, ...]()
+        if other is not None:  # before anything is kept: its file may be wrong
             with Twin.open(other, reading=True) as second:
-                there = second.fit(_files(train), (), Search(), workers)
+                there = second.fit(_files(train), (), search, workers)
+            search.close()
             routes = beside(result.fit, there.fit)
             told["beside"] = {"name": there.name, "parameters": [one.to_dict() for one in routes]}
             text += "\n\n" + shown(routes, (result.name, there.name))
+        version = opened.keep(result) if keep else None
+        told |= {} if version is None else {"version": version.number}
         show(result.to_dict() | told, text, as_json)
     if version is not None:
         said = f"kept as version {version.number}: evertwin model promote {twin} {version.number}"

@@ -50,6 +50,8 @@ WRONG, BETTER = 0.6, 0.5
 """Mismatch from which units are doubted, and the share of it that a factor must remove."""
 ROWS = 3000
 """Rows that factors are tried on."""
+ROUNDS = 5
+"""Times that numbers are tuned anew at a lag that was found."""
 
 
 @dataclass(frozen=True)
@@ -238,7 +240,7 @@ def look_lags(view: View, figures: dict[str, Any]) -> Iterator[Finding]:
     """How late each output is after its prediction by a free run."""
     window = max(view.judged, key=lambda one: len(one.t))
     window = take(window, 0, min(len(window.t), 20_000))
-    shared = _lag(view, window, np.zeros(len(view.model.outputs)))
+    shared = _lag(view, window)
     lags = {name: one for name, one in shared.lags.items() if math.isfinite(one.seconds)}
     figures["lag"], figures["shared_lag"] = lags, stated(shared)
     late = {name: one for name, one in lags.items() if _matters(one, view.step)}
@@ -259,28 +261,40 @@ def look_lags(view: View, figures: dict[str, Any]) -> Iterator[Finding]:
     )  # fmt: skip
 
 
-def _lag(view: View, window: Block, known: Vector) -> SharedLag:
-    """How late it is, ``known`` [s] per output included: until what is left is less than a row."""
-    model, outputs = view.model, view.model.outputs
-    p = _numbers(view, partial(_earlier, seconds=known))
-    x0 = model.initial(p)
-    _, free = roll(kernel_of(model), x0, window.u, window.dt, p, restarts(window, math.inf, x0))
-    shared = shared_lag(_earlier(window, known), free, outputs, _longest(window))
-    more = np.array([_left(shared.lags.get(name), view.step) for name in outputs.names])
-    if len(x0) == 0 and more.any() and np.abs(known + more).max() < _longest(window):
-        return _lag(view, window, known + more)
+def _lag(view: View, window: Block) -> SharedLag:
+    """How late it is: where numbers are tuned at each lag anew, until what is left is no row."""
+    names = view.model.outputs.names
+    shared, known = _lag_at(view, window, np.zeros(len(names))), np.zeros(len(names))
+    if len(view.model.initial(view.version.p)):
+        return shared
+    for _ in range(ROUNDS):
+        more = np.array([_left(shared.lags.get(name), view.step) for name in names])
+        if not more.any():
+            break
+        after = _lag_at(view, window, known + more)
+        left = np.array([_left(after.lags.get(name), view.step) for name in names])
+        if np.abs(left).max() > np.abs(more).max():
+            break  # no lag that numbers had taken up a part of: it moves away
+        shared, known = after, known + more
     if not known.any():
         return shared
-    before = dict(zip(outputs.names, known.tolist(), strict=True))
+    before = dict(zip(names, known.tolist(), strict=True))
     lags = {
         name: replace(one, seconds=one.seconds + before[name], sigma=max(one.sigma, view.step / 2))
         for name, one in shared.lags.items()  # less than half a row was not looked for
     }
     # of several outputs with lags of their own there is no shared one
-    whole = (
-        shared.seconds + before[outputs.names[0]] if len(set(before.values())) == 1 else math.nan
-    )
+    whole = shared.seconds + before[names[0]] if len(set(before.values())) == 1 else math.nan
     return replace(shared, lags=lags, seconds=whole)
+
+
+def _lag_at(view: View, window: Block, known: Vector) -> SharedLag:
+    """How much later than ``known`` [s] per output."""
+    model, earlier = view.model, partial(_earlier, seconds=known)
+    p = _numbers(view, earlier)
+    x0 = model.initial(p)
+    _, free = roll(kernel_of(model), x0, window.u, window.dt, p, restarts(window, math.inf, x0))
+    return shared_lag(earlier(window), free, model.outputs, _longest(window))
 
 
 def _left(found: Lag | None, step: float) -> float:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
         RecursiveState as RecursiveState,
     )
     from evertwin.tuning.repeats import repeated as repeated
-    from evertwin.tuning.routes import Route as Route, beside as beside
+    from evertwin.tuning.routes import Route as Route, beside as beside, shown as shown
     from evertwin.tuning.schedule import (
         Schedule as Schedule,
         weights_from_growth as weights_from_growth,
