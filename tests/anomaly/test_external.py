@@ -125,6 +125,36 @@ def test_a_push_that_sets_a_standing_axis_in_motion_is_no_error_of_that_motion(
     assert (contact is not None and contact.outputs == ("a",)) == tells
 
 
+def short_moves(since: int, n: int = 6000) -> Seen:
+    """A second of rest, then a move, to and fro; friction that grew ``since``: the axis is held by
+    more than it was, breaks loose late, and moves against more."""
+    t, rng = np.arange(n), np.random.default_rng(0)
+    way = np.where(t // 200 % 2 == 0, 1.0, -1.0)
+    moves, loads = t % 200 >= 100, (t % 200 >= 70) & (t >= since)
+    v = np.where(moves, way * 0.2, 0.0)
+    r = np.where(moves, rng.normal(0.0, 0.1, n), 0.0)
+    r += np.where(loads, way * np.where(moves, 0.8, 2.5), 0.0)
+    half = np.where(moves, 0.0, FRICTION)
+    columns = (a[:, None] for a in (r, half, v, moves))
+    return Seen(0, t * 10**7, *columns, np.full((n, 1), np.nan))
+
+
+def test_what_holds_before_each_motion_and_in_it_is_the_machines_own() -> None:
+    rows, stage, since = short_moves(3000), External(("a",), RATE), 3000
+    state, told = stage.init(), []
+    for a in range(0, 6000, 100):
+        state, _ = stage.step(state, Seen(a, *(column[a : a + 100] for column in rows[1:])))
+        state, beat = stage.beat(state)
+        told += [(a, beat)]
+    own = [(a, beat.own) for a, beat in told if beat.own is not None]
+    assert len(own) == 1 and own[0][1].output == "a"
+    assert since - 200 <= own[0][1].first < since + 200 and own[0][0] <= since + 800
+    contacts = [a for a, beat in told if beat.contact is not None]
+    assert contacts and since <= min(contacts) and max(contacts) < own[0][0]
+    later = Seen(6000, *(column[4000:] for column in rows[1:]))
+    assert not stage.step(state, later._replace(t=later.t + 20 * 10**9))[1].any()
+
+
 def test_what_friction_holds_is_not_told_and_without_one_nothing_is() -> None:
     push = np.zeros(3000)
     push[100:300] = 3.9

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evertwin.config.spec import AnomalySpec, ModelSpec, PredictionSpec, TwinSpec
+from evertwin.config.spec import AnomalySpec, ModelSpec, MovingSpec, PredictionSpec, TwinSpec
 from evertwin.correction.spec import CorrectionSpec
 from evertwin.errors import UsageError
 from evertwin.fold import Event
@@ -150,3 +150,26 @@ def test_sizes_as_a_person_says_them() -> None:
     assert spoken(0.00012, "m") == "0.12 mm" and spoken(250.0, "N") == "250 N"
     assert both(1.2, 0.04, "m") == ("1.2 m", "0.04 m") and spoken(np.nan, "m") == "unknown"
     assert spoken(0.5, "1") == "0.5"
+
+
+def test_contacts_that_were_the_machines_own_are_not_counted() -> None:
+    def event(row: int, kind: str, first: int) -> Event:
+        return Event(row, 0, kind, "x", "it is the machine's own", {"first": first})
+
+    told = [event(50, "external", 40), event(90, "external", 80), event(99, "recurring", 70)]
+    with Twin(ROBOT) as twin:
+        one = headline(twin.setup, figures(0.004, 0.004), twin.champion, told, None)
+        three = [*told, event(150, "external", 140), event(160, "external", 150)]
+        more = headline(twin.setup, figures(0.004, 0.004), twin.champion, three, None)
+    assert "acted on the machine 1 time;" in one and one.endswith("It is the machine's own.")
+    assert "acted on the machine 3 times;" in more
+
+
+def test_of_what_moves_the_rows_that_move_are_told() -> None:
+    some = {
+        "x": replace(figures(0.030, 0.020)["x"], rms_moving_before=0.029, rms_moving_after=0.004)
+    }
+    with Twin(replace(ROBOT, moving=MovingSpec(channels={"x": "v"}, above=0.01))) as twin:
+        champion = replace(twin.champion, number=1, reason="tuned gain")
+        text = headline(twin.setup, some, champion, [], None)
+    assert "4 mm instead of 29 mm (rms while it moves, predicted 1 s ahead)" in text

@@ -83,7 +83,7 @@ def test_books_are_plain_sums_wherever_rows_are_cut(cuts: list[int]) -> None:
     np.testing.assert_allclose(
         books.live_moving.measured, np.where(moving, rows.measured**2, 0.0).sum(axis=0)
     )
-    both = known & ~np.isnan(rows.other)
+    both = moving & ~np.isnan(rows.other)
     size = np.array([1.0, 2.0])
     count = both.reshape(10, -1).sum(axis=1)
     squares = [np.where(both, (r / size) ** 2, 0.0) for r in (rows.live, rows.other)]

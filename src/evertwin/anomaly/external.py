@@ -3,7 +3,8 @@
 What sets it apart is when it comes and goes:
 
 * moving, it sets in and ends while the motion goes on as before; what belongs to the model begins
-  and ends with a motion, a direction or a speed, or stays;
+  and ends with a motion, a direction or a speed, or stays. Where one motion after the other begins
+  off, it is the machine;
 * standing, friction holds up to a limit, the one way and the other. What is beyond is not held by
   the machine. The limit is the model's own: the outputs of a motion just begun each way, and once
   more their distance, since friction at rest is up to twice that of motion.
@@ -103,10 +104,22 @@ class Contact(NamedTuple):
     """Rows; −1: it goes on."""
 
 
+class Own(NamedTuple):
+    """One motion after the other began off: so is the machine.
+
+    >>> Own("tau1", 40).first
+    40
+    """
+
+    output: str
+    first: int
+    """Row since which no motion began calm."""
+
+
 class Told(NamedTuple):
     """What a beat has to say.
 
-    >>> Told(None, False, -1, False).lasts
+    >>> Told(None, False, -1, None, False).lasts
     -1
     """
 
@@ -115,6 +128,8 @@ class Told(NamedTuple):
     """Was it not told at a beat before?"""
     lasts: int
     """First row of what was taken for one and lasts; −1: there is none."""
+    own: Own | None
+    """What turned out to be the machine's own."""
     blind: bool
     """Was there a standing output, for long, of which no friction is known?"""
 
@@ -201,12 +216,16 @@ class External:
         contact, machine = self.found(state), state.machine
         goes_on = contact is not None and contact.last < 0
         lasts = machine[loop.STATE] == loop.LASTS and machine[loop.NEWS] > 0
-        blind = machine[loop.BLIND] > self.rule[1]
+        blind, own = machine[loop.BLIND] > self.rule[1], None
+        if machine[loop.OWN]:
+            own = Own(self.names[machine[loop.WHOSE]], int(machine[loop.OWN]) - 1)
+            if contact is not None and contact.first >= own.first:
+                contact = None
         told = Told(
             contact, contact is not None and not machine[loop.SAID],
-            self.since(state) if lasts else -1, bool(blind),
+            self.since(state) if lasts else -1, own, bool(blind),
         )  # fmt: skip
-        machine[loop.SAID] = goes_on
+        machine[loop.SAID], machine[loop.OWN] = goes_on, 0
         machine[loop.FOUND], machine[loop.NEWS], state.figures[:, loop.TOLD] = 0, 0, 0.0
         machine[loop.BLIND] = -(2**62) if blind else machine[loop.BLIND]
         return state, told

@@ -14,12 +14,14 @@ from evertwin.compiled.functions import njit
 
 RESIDUAL, BEYOND, MOVES = range(3)
 """Columns of the ring of the newest rows."""
-RUN, WAY, SORT, SINCE, COUNT, SEEN, OPEN, PART, BEGAN, NEED, SIDE, RESTS, NUMBERS = range(13)
+(
+    RUN, WAY, SORT, SINCE, CALM, COUNT, SEEN, OPEN, PART, BEGAN, NEED, SIDE, RESTS, NUMBERS,
+) = range(14)  # fmt: skip
 """Places of an output's numbers, and how many. Its motion: rows in one direction, the direction,
-the sort (0 slow, else the direction), row since which; Σ of `BEYOND`; moving rows seen. Off: on
-which side now, was it in this excursion, sort where it came into it, must it still be seen calm, on
-which side was it last, rows of it at rest: what began with a motion but is there at rest, beyond
-friction, too is no part of that motion. A push begins one."""
+the sort (0 slow, else the direction), row since which, that of the last one that began calm; Σ of
+`BEYOND`; moving rows seen. Off: on which side now, was it in this excursion, sort where it came
+into it, must it still be seen calm, on which side was it last, rows of it at rest: what began with
+a motion but is there at rest, beyond friction, too is no part of that motion. A push begins one."""
 (
     SQUARE, BASE, NEAR, SLOW, NOISE, HOLD, USUAL, LEVEL, ROWS, EDGE, TOLD, ALIKE, EXPECTED, FIGURES,
 ) = range(14)  # fmt: skip
@@ -28,12 +30,15 @@ mean over a window and that one's mean square. Mean step from row to row; widest
 was slow; share of motions that began calm. Of the rows that are off in this excursion Σ residual
 and number, and how far the first are from those before; mean level of what was found. Moving: mean
 product of measured and expected, mean square of what was expected."""
-NEXT, STATE, START, STAMP, OURS, LATE, FOUND, FIRST, LAST, SAID, BLIND, NEWS, SHARP = range(13)
+(
+    NEXT, STATE, START, STAMP, OURS, LATE, FOUND, FIRST, LAST, SAID, BLIND, NEWS, SHARP, OWN,
+    WHOSE, PLACES,
+) = range(16)  # fmt: skip
 """Places of the machine's numbers: rows so far, `IDLE` …, row and stamp of the excursion's start,
 may it come from outside, did it begin with a motion, is one found, its rows, was it told at a beat,
 rows at which a standing output had no friction to judge by, row after the first since the newest
-beat at which there was something for the next (0: none), did an output go off at once?"""
-PLACES = 13
+beat at which there was something for the next (0: none), did an output go off at once, row after
+that since which each motion was off (0: it is not so) and of which output, and how many places."""
 IDLE, ON, ENDS, LASTS = range(4)
 FAR = 2.0
 """Measured over expected from which, or from whose inverse, a model is out of scale."""
@@ -43,8 +48,9 @@ SMOOTH = 4.0
 """Times the rms of its mean over a window that is off: errors of a model are smooth."""
 SURELY = 5.0
 """Times the mean step that a friction must be: smaller ones are not known."""
-MOSTLY = 0.6
-"""Share of motions that have to begin calm for one that does not to be out of the ordinary."""
+MOSTLY, SELDOM = 0.6, 0.45
+"""Share of motions that have to begin calm for one that does not to be out of the ordinary; the one
+below which it is the machine: what holds it at rest before it breaks loose is no push either."""
 AT_ONCE = 0.5
 """Part of its level that an output reaches within half a window, where a motion goes on."""
 
@@ -72,8 +78,9 @@ def weigh(x: float, expected: float, number: Any, figure: Any, rule: Any) -> Non
 
 
 @njit(cache=True)
-def moved(row: int, moves: bool, v: float, half: float, number: Any, figure: Any, n: int) -> None:
+def moved(row: int, moves: bool, v: float, half: float, k: int, n: int, state: Any) -> None:
     """The sort of motion of an output, and the friction that may hold it."""
+    number, figure, machine = state[0][k], state[1][k], state[2]
     way = 0
     if moves:
         way = -1 if v < 0.0 else 1
@@ -87,7 +94,13 @@ def moved(row: int, moves: bool, v: float, half: float, number: Any, figure: Any
     elif sort != 0:
         figure[HOLD] = 0.0
     if sort != 0 and row - number[SINCE] == n:
-        figure[USUAL] += ((0.0 if number[OPEN] else 1.0) - figure[USUAL]) / 4.0
+        before, calm = figure[USUAL], number[OPEN] == 0
+        figure[USUAL] += ((1.0 if calm else 0.0) - before) / 4.0
+        if calm:
+            number[CALM] = number[SINCE]
+        elif figure[USUAL] < SELDOM <= before:
+            machine[OWN], machine[WHOSE], machine[OURS] = number[CALM] + 1, k, 0
+            machine[NEWS] = machine[NEWS] or row + 1
 
 
 @njit(cache=True)
@@ -125,7 +138,9 @@ def opened(row: int, k: int, stamp: int, ring: Any, state: Any) -> None:
     elif machine[STATE] == IDLE:
         machine[STATE], machine[START], machine[STAMP] = ON, row - age, stamp
         machine[LATE], machine[SAID], machine[SHARP] = 0 if calm else 1, 0, 0
-        machine[OURS] = 1 if calm or figure[USUAL] >= MOSTLY else 0
+        moves = calm and number[SORT] != 0
+        usual = figure[USUAL] >= (SELDOM if calm else MOSTLY)
+        machine[OURS] = 1 if moves or usual else 0
         numbers[:, PART], numbers[:, NEED] = 0, 0
         if machine[OURS] and not machine[NEWS]:
             machine[NEWS] = row + 1
@@ -228,7 +243,7 @@ def watch(
                 learned(old, number, figure, rule)
             if moving[i, k]:
                 weigh(x, expected[i, k], number, figure, rule)
-            moved(row + i, moving[i, k], v[i, k], half[i, k], number, figure, n)
+            moved(row + i, moving[i, k], v[i, k], half[i, k], k, n, state)
             limit = limit_of(number, figure, times, rule)
             if not moving[i, k] and machine[BLIND] >= 0:  # below: it was said
                 machine[BLIND] = max(machine[BLIND] + (1 if limit == np.inf else -1), 0)

@@ -92,6 +92,8 @@ def remembered(rows: Rows, told: Told, on: int) -> None:
     marks: list[tuple[int, int, Any]] = []
     if told.lasts >= 0:
         marks.append((told.lasts, rows.end, Mark.OK))
+    if told.own is not None:
+        marks.append((told.own.first, rows.end, Mark.OK))
     if told.contact is not None and told.contact.last >= 0:
         marks.append((told.contact.first, told.contact.last + 1, Mark.EXTERNAL))
     if on >= 0:
@@ -102,6 +104,12 @@ def remembered(rows: Rows, told: Told, on: int) -> None:
         old = rows.mark[places, nu:]
         counts = _measured(old) if mark == Mark.EXTERNAL else old == Mark.EXTERNAL
         rows.mark[places, nu:] = np.where(counts, np.uint8(mark), old)
+
+
+def kept_out(rows: Rows, first: int) -> bool:
+    """Is a kept row since ``first`` taken for one of something outside?"""
+    places = np.arange(max(first, rows.end - len(rows.t), rows.first), rows.end) % len(rows.t)
+    return bool((rows.mark[places] == Mark.EXTERNAL).any())
 
 
 def unsure(events: Sequence[Event], ring: Rows, rows: Block) -> tuple[Event, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from evertwin.anomaly import Contact
-from evertwin.loop.contacts import in_words, place_in_words, recurring, remembered
+from evertwin.loop.contacts import in_words, kept_out, place_in_words, recurring, remembered
 from evertwin.loop.decision import Decision
 from evertwin.loop.detectors import Alarm
 from evertwin.loop.deviation import new_sums
@@ -19,6 +19,13 @@ def disturbed(decision: Decision, setup: Setup) -> bool:
     on = setup.external.on(external)
     decision.state = state._replace(external=external)
     since = setup.external.since(external) if on else -1
+    if told.own is not None and kept_out(state.ring, told.own.first):
+        name, first = told.own
+        said = (
+            f"what seemed to act on {name} from outside since row {first} comes with one motion "
+            "after the other: it is the machine's own; its rows count"
+        )
+        decision.say("recurring", name, said, told.own._asdict())
     remembered(state.ring, told, since)
     contact = told.contact
     first = since if contact is None or contact.last < 0 else contact.first

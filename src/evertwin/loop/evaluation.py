@@ -146,7 +146,7 @@ def falls_short(setup: Setup, problem: Problem, fit: Fit) -> str:
 def sizes(setup: Setup, problem: Problem, values: Vector) -> PerOutput:
     """Rms residual per output: what counts as 1 in a loss, unless the twin file says."""
     given = setup.spec.prediction.scale
-    residual = problem.residuals(values)
+    residual = np.where(problem.rows.used, problem.residuals(values), np.nan)
     names = problem.model.outputs.names
     # an output that nothing measures has no rows
     rows = np.maximum(np.count_nonzero(~np.isnan(residual), axis=0), 1)
@@ -156,7 +156,8 @@ def sizes(setup: Setup, problem: Problem, values: Vector) -> PerOutput:
 
 
 def left(setup: Setup, model: Model, p: ParameterVector, windows: Sequence[Block]) -> PerOutput:
-    """Rms residual per output of a version; NaN where nothing was measured."""
-    found = np.concatenate([predict(setup, model, p, window).residual for window in windows])
+    """Rms residual per output of a version, of rows that move; NaN where nothing was measured."""
+    seen = [predict(setup, model, p, window) for window in windows]
+    found = np.concatenate([np.where(one.moving, one.residual, np.nan) for one in seen])
     rows = np.count_nonzero(np.isfinite(found), axis=0)
     return np.asarray(np.sqrt(np.nansum(found**2, axis=0) / np.where(rows, rows, np.nan)))

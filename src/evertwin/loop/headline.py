@@ -58,28 +58,37 @@ def headline(
             f"Measurement and model contradicted each other at {', '.join(most + rest)}: the "
             "events say which was believed."
         )
-    contacts = sum(e.kind == "external" for e in events)
+    contacts = _contacts(events)
     if contacts:
         times = f"{contacts} time{'s' * (contacts > 1)}"
         told.append(f"Something outside acted on the machine {times}; it was not learned.")
     if contacts >= OFTEN:
         told.append(
-            "So often it may be the machine's own: dry friction that jumped to a multiple looks "
-            "the same ([anomaly] external = 0 lets it be tuned)."
+            "So often it may be the machine's own ([anomaly] external = 0 lets it be tuned)."
         )
     told += [f"{e.reason[0].upper()}{e.reason[1:]}." for e in events if e.kind == "recurring"][-1:]
     return " ".join(told)
+
+
+def _contacts(events: Sequence[Event]) -> int:
+    """How often something outside acted, without what turned out to be the machine's own."""
+    found: list[int] = []
+    for event in events:
+        first: Any = event.evidence.get("first", math.inf)
+        if event.kind == "external":
+            found.append(first)
+        elif event.kind == "recurring":
+            found = [one for one in found if one < first]
+    return len(found)
 
 
 def _outcome(
     setup: Setup, known: Mapping[str, OutputFigures], champion: Version,
     events: Sequence[Event], trial: OpenTrial | None,
 ) -> str:  # fmt: skip
-    changed = {
-        name: f for name, f in known.items() if f.rms_after != f.rms_before and f.rms_before > 0
-    }
-    better = {n: f for n, f in changed.items() if f.rms_after < (1.0 - CLEAR) * f.rms_before}
-    worse = {n: f for n, f in changed.items() if f.rms_after > (1.0 + CLEAR) * f.rms_before}
+    changed = {name: f for name, f in known.items() if f.after != f.before and f.before > 0}
+    better = {n: f for n, f in changed.items() if f.after < (1.0 - CLEAR) * f.before}
+    worse = {n: f for n, f in changed.items() if f.after > (1.0 + CLEAR) * f.before}
     why = _shorter(champion.reason)
     rows = max(f.rows for f in known.values())
     if champion.number and changed and rows < SHORT:
@@ -161,8 +170,9 @@ def _off(setup: Setup, off: Mapping[str, OutputFigures]) -> str:
 
 
 def _lead(setup: Setup) -> str:
+    of = "rms" if setup.spec.moving is None else "rms while it moves"
     static = setup.static or not math.isfinite(setup.horizon)
-    return " (rms)" if static else f" (rms, predicted {setup.horizon:g} s ahead)"
+    return f" ({of})" if static else f" ({of}, predicted {setup.horizon:g} s ahead)"
 
 
 def _pairs(setup: Setup, some: Mapping[str, OutputFigures]) -> str:
@@ -170,12 +180,12 @@ def _pairs(setup: Setup, some: Mapping[str, OutputFigures]) -> str:
     if len(some) > FEW:
         after, before = (
             _range([getattr(f, which) for f in some.values()])
-            for which in ("relative_rms_after", "relative_rms_before")
+            for which in ("relative_rms_moving_after", "relative_rms_moving_before")
         )
         return f"{_span(some)} are off by {after} of their size instead of {before}"
     told = []
     for name, f in some.items():
-        first, last = both(f.rms_before, f.rms_after, f.unit)
+        first, last = both(f.before, f.after, f.unit)
         told.append(f"{name} is off by {last} instead of {first}")
     return ", ".join(told)
 
@@ -183,13 +193,13 @@ def _pairs(setup: Setup, some: Mapping[str, OutputFigures]) -> str:
 def _sizes(some: Mapping[str, OutputFigures], *off: str, shares: bool = False) -> str:
     """Sizes, with the words between a name and its size; ``shares``: as judged in % too."""
     if len(some) > FEW:
-        share = _range([f.relative_rms_after for f in some.values()])
+        share = _range([f.relative_rms_moving_after for f in some.values()])
         return " ".join(
             (_span(some), *(f"are {word}" for word in off), f"by {share} of their size")
         )
     verb = "".join(f"is {word} " for word in off)
     return ", ".join(
-        f"{name} {verb}by {spoken(f.rms_after, f.unit)}"
+        f"{name} {verb}by {spoken(f.after, f.unit)}"
         + f" ({spoken(100 * f.judged, '1')} %)" * (shares and not math.isnan(f.judged))
         for name, f in some.items()
     )

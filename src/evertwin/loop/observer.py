@@ -188,18 +188,18 @@ def figures(setup: Setup, state: TwinState) -> dict[str, OutputFigures]:
     first, first_moving = (
         (scores.live, scores.live_moving) if alone else (scores.first, scores.first_moving)
     )
-    pairs = [
-        [deviation(sums, relative=relative) for sums in (first, scores.live)]
-        for relative in (False, True)
-    ]
-    moving = [deviation(sums, relative=True) for sums in (first_moving, scores.live_moving)]
+    pairs, moving = (
+        [[deviation(sums, relative=relative) for sums in both] for relative in (False, True)]
+        for both in ((first, scores.live), (first_moving, scores.live_moving))
+    )
     judged = judged_deviation(scores.live_moving, setup.relative, scores.usual)
     judged = np.where(setup.watched & setup.decides, judged, np.nan)
     return {
         channel.name: OutputFigures(
             channel.unit, float(pairs[0][0][k]), float(pairs[0][1][k]), float(pairs[1][0][k]),
-            float(pairs[1][1][k]), float(moving[0][k]), float(moving[1][k]),
+            float(pairs[1][1][k]), float(moving[1][0][k]), float(moving[1][1][k]),
             int(scores.live.samples[k]), int(scores.live_moving.samples[k]), float(judged[k]),
+            float(moving[0][0][k]), float(moving[0][1][k]),
         )
         for k, channel in enumerate(setup.model.outputs)
     }  # fmt: skip

@@ -52,6 +52,18 @@ class OutputFigures:
     moving: int
     judged: float = math.nan
     """What the requirement is compared with, of the last champion; NaN: it is not judged."""
+    rms_moving_before: float = math.nan
+    rms_moving_after: float = math.nan
+
+    @property
+    def before(self) -> float:
+        """Rms of the rows that move; of all where none does."""
+        return self.rms_before if math.isnan(self.rms_moving_before) else self.rms_moving_before
+
+    @property
+    def after(self) -> float:
+        """The same, of the last champion."""
+        return self.rms_after if math.isnan(self.rms_moving_after) else self.rms_moving_after
 
 
 @dataclass(frozen=True)

@@ -110,7 +110,7 @@ def _accumulate(
                 sums[s][0][k] += r * r
                 sums[s][1][k] += y * y
                 sums[s][2][k] += 1
-            if a == a and c == c:
+            if a == a and c == c and moving[i, k]:
                 pair[0] += (a / scale[k]) * (a / scale[k])
                 pair[1] += (c / scale[k]) * (c / scale[k])
                 pair[2] += 1.0
@@ -136,8 +136,8 @@ def accumulate(
 ) -> tuple[Scores, np.ndarray, int]:
     """The scores with more rows, and the paired losses of the segments that ended, (m, 2).
 
-    Consumes ``scores``. A loss is the mean of (residual / scale)² over the segment's rows and
-    outputs at which both versions have one. Last: the first of ``watch``'s beats at which the
+    Consumes ``scores``. A loss is the mean of (residual / scale)² over the segment's moving rows
+    and outputs at which both versions have one. Last: the first of ``watch``'s beats at which the
     champion is off by more than its limit, where the rows after it were left; −1: there is none.
     """
     pairs = np.empty((len(rows.end), 2))

@@ -84,8 +84,8 @@ def draw_improvement(result: RunResult, rows: int = 300, wide: float = 9.0) -> F
     there are none. ``wide``: of the picture [in].
     """
     gains = {
-        name: f.rms_after / f.rms_before
-        for name, f in result.outputs.items() if f.rms_before > 0 and f.rms_after >= 0
+        name: f.after / f.before
+        for name, f in result.outputs.items() if f.before > 0 and f.after >= 0
     }  # fmt: skip
     if not gains:
         return None
@@ -106,7 +106,7 @@ def draw_improvement(result: RunResult, rows: int = 300, wide: float = 9.0) -> F
     t = _seconds(trace)[at]
     above.plot(t, turned[at], ".", ms=3, color=MEASURED, label="measured")
     versions = [("first", "as configured", UPDATE, "--"), ("predicted", "live", PREDICTED, "-")]
-    unit, factor = suited(result.outputs[name].rms_before, outputs.units[k])
+    unit, factor = suited(result.outputs[name].before, outputs.units[k])
     for column, label, colour, style in versions if gains[name] != 1.0 else versions[1:]:
         above.plot(t, turned[at] - off[column][at], style, lw=1.1, color=colour, label=label)
         below.plot(t, factor * off[column][at], style, lw=1.1, color=colour, label=label)

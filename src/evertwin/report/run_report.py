@@ -97,10 +97,10 @@ def _gains(result: RunResult) -> list[tuple[str, str]]:
         if math.isnan(one.rms_after):
             told.append((name, "no row to tell it by"))
             continue
-        first, last = both(one.rms_before, one.rms_after, one.unit)
-        less = 1.0 - one.rms_after / one.rms_before if one.rms_before > 0.0 else 0.0
+        first, last = both(one.before, one.after, one.unit)
+        less = 1.0 - one.after / one.before if one.before > 0.0 else 0.0
         change = f"{abs(less):.0%} {'less' if less > 0.0 else 'more'}"
-        told.append((name, f"unchanged: off by {last}" if one.rms_after == one.rms_before
+        told.append((name, f"unchanged: off by {last}" if one.after == one.before
                      else f"{change}: {first} → {last}"))  # fmt: skip
     return told
 

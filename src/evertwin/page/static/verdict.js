@@ -25,8 +25,10 @@ function changed(about) {
 
 /** [text, share] of each output that is clearly better or worse. */
 export function gains(figures) {
-  return Object.entries(figures ?? {}).filter(([, f]) => f.rms_before > 0 && Math.abs(1 - f.rms_after / f.rms_before) > CLEAR)
-    .map(([name, f]) => ({ name, share: 1 - f.rms_after / f.rms_before, text: `${name} ${quantity(f.rms_before, f.unit)} → ${quantity(f.rms_after, f.unit)}` }))
+  return Object.entries(figures ?? {})
+    .map(([name, f]) => [name, f.unit, ...(f.rms_moving_before > 0 ? [f.rms_moving_before, f.rms_moving_after] : [f.rms_before, f.rms_after])])
+    .filter(([, , was, is]) => was > 0 && Math.abs(1 - is / was) > CLEAR)
+    .map(([name, unit, was, is]) => ({ name, share: 1 - is / was, text: `${name} ${quantity(was, unit)} → ${quantity(is, unit)}` }))
     .sort((a, b) => b.share - a.share);
 }
 
