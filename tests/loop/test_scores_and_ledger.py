@@ -56,6 +56,7 @@ def released(seed: int = 0, n: int = 100, ny: int = 2) -> Released:
     return Released(
         np.arange(n), np.arange(n) * 10**7, np.zeros(n, dtype=np.int64), rng.normal(size=(n, ny)),
         values(), values(), values(), rng.random((n, ny)) < 0.5, np.arange(n) % 10 == 9,
+        np.arange(n) % 17 == 3,
     )  # fmt: skip
 
 
@@ -75,15 +76,17 @@ def test_books_are_plain_sums_wherever_rows_are_cut(cuts: list[int]) -> None:
         books, found, _ = accumulate(books, part(rows, where))
         pairs.append(found)
     known = ~np.isnan(rows.live)
+    assert books.watch.samples.tolist() == (known & rows.moving).sum(axis=0).tolist()
+    known &= ~rows.outside[:, None]
     moving = known & rows.moving
     assert books.live.samples.tolist() == known.sum(axis=0).tolist()
-    assert books.watch.samples.tolist() == moving.sum(axis=0).tolist()
-    np.testing.assert_allclose(books.live.residual, np.nansum(rows.live**2, axis=0))
-    np.testing.assert_allclose(books.first.residual, np.nansum(rows.first**2, axis=0))
+    inside = ~rows.outside
+    np.testing.assert_allclose(books.live.residual, np.nansum(rows.live[inside] ** 2, axis=0))
+    np.testing.assert_allclose(books.first.residual, np.nansum(rows.first[inside] ** 2, axis=0))
     np.testing.assert_allclose(
         books.live_moving.measured, np.where(moving, rows.measured**2, 0.0).sum(axis=0)
     )
-    both = moving & ~np.isnan(rows.other)
+    both = ~np.isnan(rows.live) & rows.moving & ~np.isnan(rows.other)
     size = np.array([1.0, 2.0])
     count = both.reshape(10, -1).sum(axis=1)
     squares = [np.where(both, (r / size) ** 2, 0.0) for r in (rows.live, rows.other)]
@@ -184,22 +187,32 @@ def test_without_a_filter_rows_pass() -> None:
     assert stage.flush(state)[1] is None
 
 
+@pytest.mark.parametrize("low", [LOW, None], ids=["filtered", "as they are"])
+@pytest.mark.parametrize("hold", [0, 4])
 @settings(max_examples=20, deadline=None)
 @given(CUTS)
-def test_filtered_rows_leave_when_those_behind_them_have_come(cuts: list[int]) -> None:
-    whole, stage = released(2), ResidualFilter(LOW, 2)
+def test_rows_leave_when_those_behind_them_have_come(
+    low: Symmetric | None, hold: int, cuts: list[int]
+) -> None:
+    """At row 40 it is known that something outside acts: it may since ``hold`` rows, and what is
+    filtered with these rows is no version's either."""
+    whole, stage = released(2), ResidualFilter(low, 2, hold)
+    whole = whole._replace(outside=whole.row == 40)
     state, found = stage.init(), []
     for where in pieces(cuts):
         state, out = stage.step(state, part(whole, where))
         found.append(out)
-        assert sum(len(o.row) for o in found) == max(where.stop - LOW.delay, 0)
+        assert sum(len(o.row) for o in found) == max(where.stop - stage.delay, 0)
     state, last = stage.flush(state)
-    assert last is not None
-    columns = [np.concatenate(c) for c in zip(*found, last, strict=True)]
-    out = Released(*columns)
+    found += [last] if last else []
+    out = Released(*(np.concatenate(c) for c in zip(*found, strict=True)))
     assert out.row.tolist() == whole.row.tolist()
-    np.testing.assert_array_equal(out.live, LOW.smooth(whole.live))
+    np.testing.assert_array_equal(out.live, whole.live if low is None else low.smooth(whole.live))
     np.testing.assert_array_equal(out.moving, whole.moving)
+    near = 0 if low is None else low.delay
+    assert np.flatnonzero(out.outside).tolist() == list(
+        range(max(40 - hold - near, 0), min(41 + near, len(whole.row)))
+    )
     assert stage.flush(state)[1] is None and equal(state, stage.init())
 
 
@@ -234,7 +247,8 @@ def test_detectors_begin_silent_and_tell_a_shift() -> None:
         at = slice(start, start + 100)
         rows = Released(
             np.arange(n)[at], (np.arange(n) * 10**9)[at], np.zeros(100, np.int64), live[at],
-            live[at], live[at], live[at], np.ones((100, 2), np.bool_), np.zeros(100, np.bool_),
+            live[at], live[at], live[at], np.ones((100, 2), np.bool_),
+            *(np.zeros(100, np.bool_) for _ in range(2)),
         )  # fmt: skip
         state, _ = stage.step(state, rows)
         state, _ = stage.beat(state)

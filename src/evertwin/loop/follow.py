@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from evertwin.fold import Block, Event, Record, copy
+from evertwin.fold import Block, Event, Mark, Record, copy
 from evertwin.loop.contacts import unsure, watched
 from evertwin.loop.contradictions import compared
 from evertwin.loop.in_stream import following
@@ -176,7 +176,7 @@ class Follow:
             np.arange(piece.row, piece.row + len(piece.t)), piece.t,
             self.setup.phase(judged.u, piece.t, began), piece.y, a.residual,
             none if b is None else b.residual, none if c is None else c.residual,
-            self.setup.moving(judged.u), a.end,
+            self.setup.moving(judged.u), a.end, (judged.mark == Mark.EXTERNAL).any(axis=1),
         )  # fmt: skip
         newest, rows = self.setup.at_horizon.step(state.newest, rows)
         waiting, released = self.setup.residual_filter.step(state.waiting, rows)

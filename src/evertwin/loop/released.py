@@ -13,7 +13,7 @@ class Released(NamedTuple):
     """Rows that are ready to be judged; filtered where the twin has a filter.
 
     >>> Released._fields
-    ('row', 't', 'phase', 'measured', 'live', 'first', 'other', 'moving', 'end')
+    ('row', 't', 'phase', 'measured', 'live', 'first', 'other', 'moving', 'end', 'outside')
     """
 
     row: np.ndarray
@@ -31,6 +31,8 @@ class Released(NamedTuple):
     """True where the output counts as moving, (n, ny)."""
     end: Bools
     """A segment ends with this row, (n,)."""
+    outside: Bools
+    """Something outside may act on it, (n,): it counts in no figure."""
 
 
 class Waiting(NamedTuple):
@@ -49,3 +51,4 @@ class Waiting(NamedTuple):
     """measured, live, first, other side by side, (capacity, 4·ny)."""
     moving: np.ndarray
     end: np.ndarray
+    outside: np.ndarray

@@ -1,7 +1,8 @@
 """The scores of the loop: one compiled pass over released rows.
 
 For each row: deviations of the champion and of the first champion, all and moving, and the paired
-loss of champion and challenger, which is handed on where a segment ends.
+loss of champion and challenger, which is handed on where a segment ends. No figure is of rows in
+which something outside acts; a loss is, since it may be a load that is on trial.
 """
 
 from __future__ import annotations
@@ -89,7 +90,7 @@ def judged(sums: Any, seen: Any, usual: Any, watch: Watch) -> bool:
 def _accumulate(
     number: Any, rows: Any, sums: Any, seen: Any, usual: Any, losses: Any, watch: Watch
 ) -> tuple[int, int]:
-    measured, live, first, other, moving, end = rows
+    measured, live, first, other, moving, end, outside = rows
     pair, scale, pairs = losses
     count, beat = 0, 0
     for i in range(live.shape[0]):
@@ -103,7 +104,7 @@ def _accumulate(
             if a == a and moving[i, k]:
                 usual[0][k] += y * y
                 usual[1][k] += 1
-            for s in range(5):
+            for s in range(1 if outside[i] else 5):  # what watches forgets a contact
                 r = b if s == 2 or s == 4 else a
                 if r != r or ((s == 0 or s >= 3) and not moving[i, k]):
                     continue

@@ -136,7 +136,8 @@ class Setup:
     def residual_filter(self) -> ResidualFilter:
         """The filter over released rows."""
         low = None if self.spec.filter is None else low_pass(self.spec)
-        return ResidualFilter(low, len(self.model.outputs))
+        hold = self.external.window - 1 if self.external.longest > 0.0 else 0
+        return ResidualFilter(low, len(self.model.outputs), hold)
 
     @cached_property
     def smooth_window(self) -> Callable[[np.ndarray], np.ndarray] | None:
