@@ -125,6 +125,27 @@ def test_a_push_that_sets_a_standing_axis_in_motion_is_no_error_of_that_motion(
     assert (contact is not None and contact.outputs == ("a",)) == tells
 
 
+@pytest.mark.parametrize(("expected", "tells"), [(30.0, True), (-30.0, False)])
+def test_a_motion_that_the_actuator_brakes_was_begun_by_a_push(
+    expected: float, tells: bool
+) -> None:
+    """Ten rows a second: a standing axis is pushed into motion, and moves back when let go. It is
+    told though no motion has been seen calm since; not where a braking torque is what is expected.
+    The push does not make the model one that is out of scale."""
+    rows = swings()
+    v, r, moving = rows.v.copy(), rows.r.copy(), rows.moving.copy()
+    size = np.where(moving, 5.0 * v, 0.0)
+    v[2000:2500, 0], r[2000:2500, 0], moving[2000:2500, 0], size[2000:2500, 0] = 0.0, 0.0, False, 0
+    v[2300:2304, 0], r[2300:2304, 0], size[2300:2304, 0] = 1.0, -200.0, expected
+    v[2304:2307, 0], moving[2300:2307, 0] = -1.0, True
+    half = np.where(moving, 0.0, FRICTION)
+    pushed = rows._replace(t=10 * rows.t, v=v, r=r, half=half, moving=moving, expected=size)
+    stage = External(("a", "b"), RATE / 10)
+    state, _ = stage.step(stage.init(), Seen(0, *(column[:2320] for column in pushed[1:])))
+    contact = stage.found(state)
+    assert (contact is not None and contact.outputs == ("a",)) == tells
+
+
 def short_moves(since: int, n: int = 6000) -> Seen:
     """A second of rest, then a move, to and fro; friction that grew ``since``: the axis is held by
     more than it was, breaks loose late, and moves against more."""

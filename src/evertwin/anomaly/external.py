@@ -5,6 +5,7 @@ What sets it apart is when it comes and goes:
 * moving, it sets in and ends while the motion goes on as before; what belongs to the model begins
   and ends with a motion, a direction or a speed, or stays. Where one motion after the other begins
   off, it is the machine;
+* one that begins a motion has the actuator brake what the model expects it to drive;
 * standing, friction holds up to a limit, the one way and the other. What is beyond is not held by
   the machine. The limit is the model's own: the outputs of a motion just begun each way, and once
   more their distance, since friction at rest is up to twice that of motion.

@@ -35,13 +35,15 @@ product of measured and expected, mean square of what was expected."""
     WHOSE, PLACES,
 ) = range(16)  # fmt: skip
 """Places of the machine's numbers: rows so far, `IDLE` …, row and stamp of the excursion's start,
-may it come from outside, did it begin with a motion, is one found, its rows, was it told at a beat,
-rows at which a standing output had no friction to judge by, row after the first since the newest
-beat at which there was something for the next (0: none), did an output go off at once, row after
-that since which each motion was off (0: it is not so) and of which output, and how many places."""
+may it come from outside, did it begin with a motion (−1: it began that motion), is one found, its
+rows, was it told at a beat, rows at which a standing output had no friction to judge by, row after
+the first since the newest beat at which there was something for the next (0: none), did an output
+go off at once, row after that since which each motion was off (0: it is not so) and of which
+output, and how many places."""
 IDLE, ON, ENDS, LASTS = range(4)
-FAR = 2.0
-"""Measured over expected from which, or from whose inverse, a model is out of scale."""
+FAR, FARTHEST = 2.0, 1.5
+"""Measured over expected from which, or from whose inverse, a model is out of scale; the part of
+what was expected that a row counts as off at most: a contact is not a matter of scale."""
 LARGE = 9.0
 """Times the mean square that a row counts at most: one contact does not hide the next."""
 SMOOTH = 4.0
@@ -73,7 +75,8 @@ def weigh(x: float, expected: float, number: Any, figure: Any, rule: Any) -> Non
     """How large a moving output is, and was expected."""
     memory, square = min(max(number[SEEN], 1), rule[2]), expected * expected
     if square == square and x == x:
-        figure[ALIKE] += (square + x * expected - figure[ALIKE]) / memory
+        by = min(max(x * expected, -FARTHEST * square), FARTHEST * square)
+        figure[ALIKE] += (square + by - figure[ALIKE]) / memory
         figure[EXPECTED] += (square - figure[EXPECTED]) / memory
 
 
@@ -121,8 +124,8 @@ def limit_of(number: Any, figure: Any, times: float, rule: Any) -> float:
 
 
 @njit(cache=True)
-def opened(row: int, k: int, stamp: int, ring: Any, state: Any) -> None:
-    """An output has gone off: an excursion begins, or it joins one."""
+def opened(row: int, k: int, stamp: int, driven: bool, ring: Any, state: Any) -> None:
+    """An output has gone off: an excursion begins, or it joins one. ``driven``: its motion is."""
     numbers, figures, machine = state
     number, figure, n = numbers[k], figures[k], ring.shape[1]
     age = 0
@@ -137,9 +140,9 @@ def opened(row: int, k: int, stamp: int, ring: Any, state: Any) -> None:
             machine[OURS] = 0
     elif machine[STATE] == IDLE:
         machine[STATE], machine[START], machine[STAMP] = ON, row - age, stamp
-        machine[LATE], machine[SAID], machine[SHARP] = 0 if calm else 1, 0, 0
+        machine[LATE], machine[SAID], machine[SHARP] = 0 if calm else -1 if driven else 1, 0, 0
         moves = calm and number[SORT] != 0
-        usual = figure[USUAL] >= (SELDOM if calm else MOSTLY)
+        usual = figure[USUAL] >= (SELDOM if calm or driven else MOSTLY)
         machine[OURS] = 1 if moves or usual else 0
         numbers[:, PART], numbers[:, NEED] = 0, 0
         if machine[OURS] and not machine[NEWS]:
@@ -184,7 +187,7 @@ def closed(row: int, k: int, ring: Any, state: Any) -> None:
     numbers, figures, machine = state
     number, n = numbers[k], ring.shape[1]
     level = AT_ONCE * figures[k, LEVEL] / figures[k, ROWS]
-    if machine[LATE]:
+    if machine[LATE] > 0:
         total, rows = summed(ring[RESIDUAL, :, k])
         at_once = rows > 0 and abs(total) < level * rows
     else:
@@ -192,7 +195,7 @@ def closed(row: int, k: int, ring: Any, state: Any) -> None:
     if at_once:
         machine[SHARP] = 1
     number[OPEN] = 0
-    number[NEED] = 1 if row - number[SINCE] < n else 0
+    number[NEED] = 1 if row - number[SINCE] < n and machine[LATE] >= 0 else 0
 
 
 @njit(cache=True)
@@ -206,7 +209,7 @@ def settled(row: int, stamp: int, longest: int, n: int, state: Any) -> None:
         machine[STATE], machine[NEWS] = LASTS, machine[NEWS] or row + 1
     if machine[STATE] == ON and not off:
         waits = (numbers[:, NEED] != 0).any()
-        told = machine[OURS] and machine[SHARP] and not (waits and machine[LATE])
+        told = machine[OURS] and machine[SHARP] and not (waits and machine[LATE] > 0)
         machine[STATE] = ENDS if told else IDLE
         machine[LAST] = row
     if machine[STATE] != ENDS:
@@ -261,14 +264,17 @@ def watch(
             number[COUNT] += side
             if number[OPEN] == 0 and 2 * abs(number[COUNT]) > n:
                 number[OPEN] = 1 if number[COUNT] > 0 else -1
-                opened(row + i, k, t[i], ring, state)
+                e = expected[i, k] if number[WAY] * expected[i, k] > 0.0 else 0.0
+                # the actuator brakes a motion that it is expected to drive
+                driven = number[WAY] * (x + e) < -limit and e != 0.0
+                opened(row + i, k, t[i], driven, ring, state)
             if number[OPEN] != 0:
                 if side == number[OPEN]:
                     figure[LEVEL] += abs(x)
                     figure[ROWS] += 1.0
                     number[RESTS] += 0 if moving[i, k] else 1
                     if 2 * number[RESTS] > n:
-                        machine[LATE] = 0
+                        machine[LATE] = min(machine[LATE], 0)
                 if 4 * abs(number[COUNT]) <= n:
                     closed(row + i, k, ring, state)
         settled(row + i, t[i], rule[0], n, state)

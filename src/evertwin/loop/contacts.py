@@ -113,22 +113,31 @@ def kept_out(rows: Rows, first: int) -> bool:
 
 
 def unsure(events: Sequence[Event], ring: Rows, rows: Block) -> tuple[Event, ...]:
-    """What a vote told of a sensor, where something outside was at work on most of the rows that it
-    was told of: which of both it was is not told by their disagreement.
+    """What a vote, or a factor, told of a sensor, where something outside was at work on most of
+    the rows that it was told of: which of both it was is not told by them.
 
     Args:
         events: of the arbiter.
         ring: the rows before ``rows``.
         rows: judged.
     """
-    return tuple(_doubted(one, ring, rows) if _voted(one) else one for one in events)
+    said = "far off and back again while something outside seems to act: it, or the sensor"
+    return tuple(
+        replace(event, kind="not_judged", reason=said) if doubted else event
+        for event in events
+        for doubted in (_blames(event) and _outside(event, ring, rows),)
+        if not doubted or event.kind == "measurement_error"
+    )
 
 
-def _voted(event: Event) -> bool:
-    return event.kind == "measurement_error" and event.evidence.get("cause") == "vote"
+def _blames(event: Event) -> bool:
+    """Does it say of a sensor what something outside looks like, too, or that this is over?"""
+    told = event.kind in ("measurement_error", "measurement_restored")
+    return told and event.evidence.get("cause") in ("vote", "factor")
 
 
-def _doubted(event: Event, ring: Rows, rows: Block) -> Event:
+def _outside(event: Event, ring: Rows, rows: Block) -> bool:
+    """Was something outside at work on most of the rows that an event is of?"""
     found: Any = event.evidence
     first, last, nu = found["onset"], found["end"], rows.u.shape[1]
     before = np.arange(max(first, ring.end - len(ring.t), ring.first), min(last + 1, rows.row))
@@ -136,10 +145,7 @@ def _doubted(event: Event, ring: Rows, rows: Block) -> Event:
         ring.mark[before % len(ring.t), nu:],
         rows.mark[max(first - rows.row, 0) : max(last + 1 - rows.row, 0), nu:],
     ])  # fmt: skip
-    if 2 * int((marks == Mark.EXTERNAL).any(axis=1).sum()) <= len(marks):
-        return event
-    said = "far off and back again while something outside seems to act: it, or the sensor"
-    return replace(event, kind="not_judged", reason=said)
+    return 2 * int((marks == Mark.EXTERNAL).any(axis=1).sum()) > len(marks)
 
 
 def recurring(
