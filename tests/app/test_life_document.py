@@ -198,5 +198,12 @@ def test_init_of_a_recording_hints_at_wear_where_it_may_be(folder: Path, call: C
     fast = [f"{0.01 * k},{np.sin(k):.4f},{np.cos(k):.4f}" for k in range(40)]
     (folder / "axis.csv").write_text("t,u,y\n" + "\n".join(fast) + "\n")
     assert "life" not in call("init", "axis.csv", "-o", "axis.toml").err
-    none = call("init", "axis.csv")
-    assert none.code == 2 and "--out" in none.err
+    again = call("init", "axis.csv")  # writes axis.toml, which is there
+    assert again.code == 2 and "axis.toml: exists already" in again.err
+
+
+def test_a_limit_is_in_the_unit_of_the_heading(folder: Path, call: Command) -> None:
+    rows = [f"{k},{12.0 - 0.2 * k + 0.01 * np.sin(9 * k):.3f}" for k in range(30)]
+    (folder / "pad.csv").write_text("cycle,thickness [mm]\n" + "\n".join(rows) + "\n")
+    told = call("life", "pad.csv", "--limit", "3", "--below")
+    assert told.code == 0 and "limit 3 mm" in told.out, told.err

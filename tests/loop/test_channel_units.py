@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from evertwin.config import TwinSpec
-from evertwin.config.spec import ChannelSpec, DeriveSpec, ModelSpec, SourceSpec
+from evertwin.config.spec import AnomalySpec, ChannelSpec, DeriveSpec, ModelSpec, SourceSpec
 from evertwin.errors import ConfigError
 from evertwin.models import FunctionModel, Parameters
 from evertwin.signals import Layout
@@ -35,3 +37,13 @@ def test_alike_units_and_pure_numbers_pass(unit: str) -> None:
 def test_what_is_scaled_or_derived_anew_may_be_written_in_any_unit() -> None:
     opened("A", scale=3.0).close()
     opened("m", derive=(DeriveSpec(name="v", op="derivative", source=("v",)),)).close()
+
+
+def test_a_requirement_that_measures_something_else_is_refused() -> None:
+    asked = AnomalySpec.prepare({"requirement": "1 V"})
+    with pytest.raises(ConfigError, match=r"requirement is in 'V', and output 'x' in 'm'"):
+        Twin(TwinSpec("cart", ModelSpec("robot1d"), anomaly=AnomalySpec(0.01, unit=asked["unit"])))
+    base = TwinSpec("base", ModelSpec("differential"), anomaly=AnomalySpec(0.01, unit="cm"))
+    with pytest.raises(ConfigError, match=r"'heading' in 'rad'.*outputs = \['x', 'y'\]"):
+        Twin(base)
+    Twin(replace(base, anomaly=AnomalySpec(0.01, unit="cm", outputs=("x", "y")))).close()

@@ -57,7 +57,7 @@ def test_few_rows_since_a_version_went_live_tell_nothing_of_it() -> None:
     with Twin(ROBOT) as twin:
         champion = replace(twin.champion, number=1, reason="tuned gain")
         text = headline(twin.setup, few, champion, [], None)
-    assert "4 rows since then are too few" in text and "closer" not in text
+    assert "4 predictions since then are too few" in text and "closer" not in text
 
 
 def test_within_the_requirement_nothing_was_changed() -> None:
@@ -173,3 +173,23 @@ def test_of_what_moves_the_rows_that_move_are_told() -> None:
         champion = replace(twin.champion, number=1, reason="tuned gain")
         text = headline(twin.setup, some, champion, [], None)
     assert "4 mm instead of 29 mm (rms while it moves, predicted 1 s ahead)" in text
+
+
+def test_a_load_is_told_and_what_seemed_to_act_meanwhile_is_not() -> None:
+    told = [
+        Event(20, 0, "suspected", "x", "off", {}),
+        Event(30, 0, "external", "x", "", {"first": 12}),
+        Event(40, 0, "recurring", "x", "it is the machine's own", {"first": 8}),
+        Event(50, 0, "state", "load", "carries 2 kg since row 10", {"version": 1, "row": 10}),
+    ]
+    with Twin(ROBOT) as twin:
+        text = headline(twin.setup, figures(0.004, 0.004), twin.champion, told, None)
+    assert text.startswith("The twin fits its machine, and nothing else was changed")
+    assert text.endswith("Carries 2 kg since row 10.")
+
+
+def test_what_no_limit_is_asked_of_is_named() -> None:
+    some = figures(0.004, 0.004) | {"heading": replace(figures(0.1, 0.1)["x"], judged=np.nan)}
+    with Twin(ROBOT) as twin:
+        text = headline(twin.setup, some, twin.champion, [], None)
+    assert text.endswith("No limit is asked of heading.")

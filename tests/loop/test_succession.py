@@ -8,6 +8,11 @@ import pytest
 from evertwin import FunctionModel, Layout, Twin, TwinSpec
 from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import ModelSpec
+from evertwin.loop.decision import Decision
+from evertwin.loop.driver import Driver
+from evertwin.loop.succession import makes_room
+from evertwin.loop.twin_state import PROBATION, WATCH
+from evertwin.loop.versions import Versions
 from evertwin.trial import Trial
 from evertwin.trial.betting import evidence, open_bets, passed_on
 
@@ -69,3 +74,23 @@ def test_an_alarm_counts_where_the_twin_is_off_by_a_part_of_what_is_asked(
         found = [e for e in twin.events if e.kind in ("suspected", "drift")]
     assert bool(found) is told
     assert all(e.row >= 4000 for e in found)
+
+
+def test_a_probation_in_which_nothing_tells_both_apart_ends_where_the_twin_deviates() -> None:
+    """Live since row 0; then a current in mA: as far off by the version before."""
+
+    def phase(losses: np.ndarray) -> int:
+        with Twin(TwinSpec("cart", ModelSpec("robot1d"))) as twin:
+            setup, state = (
+                twin.setup,
+                Driver(twin.setup, Versions(twin.setup.model), lambda row, said: None).init(),
+            )
+            trial, _ = setup.probation.step(setup.probation.init(), losses)
+            agenda = state.agenda._replace(phase=PROBATION)
+            decision = Decision(state._replace(trial=trial, agenda=agenda), [], [])
+            makes_room(setup, decision)
+        return int(decision.state.agenda.phase)
+
+    noise = np.random.default_rng(5).uniform(0.9, 1.1, (12, 2)) ** 2
+    assert phase(1e6 * noise) == WATCH
+    assert phase(noise * (1.1, 1.0)) == PROBATION

@@ -48,6 +48,8 @@ class AnomalySpec(Section):
     """Largest deviation: relative to the rms of the measurement, or in the output's unit."""
     relative: bool = True
     """Is ``requirement`` a share? By default true for a bare number, false with a unit."""
+    unit: str = ""
+    """Of ``requirement``, whose text says it; outputs that are watched must measure the same."""
     snr: Annotated[float, Ge(0.0)] = 0.0
     """Signal-to-noise threshold; 0: not used."""
     false_alarms_per_month: Positive = 1.0
@@ -83,4 +85,4 @@ class AnomalySpec(Section):
             return table
         if table.get("relative") is True:
             raise UsageError(f"requirement {value!r} has a unit, so it is not relative")
-        return {"relative": False, **table}
+        return {"relative": False, "unit": unit, **table}

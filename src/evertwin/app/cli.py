@@ -182,7 +182,7 @@ def info(
 def init(
     files: Annotated[list[Path], typer.Argument(help="Recordings.", metavar="FILE...")],
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", help="Twin file to write; none for wear alone.")
+        Path | None, typer.Option("-o", "--out", help="Twin file to write; else FILE.toml, here.")
     ] = None,
     model: Annotated[str, typer.Option(help=KINDS)] = "python",
     urdf: Annotated[Path | None, typer.Option(help="Description of an arm.")] = None,

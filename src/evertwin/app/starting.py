@@ -37,8 +37,7 @@ def write_starter(
     if wear is not None and wear.alone:
         _name_life(files[0], wear, as_json)
         return
-    if out is None:
-        raise UsageError("--out: expected the twin file to write, as in -o twin.toml")
+    out = Path(f"{files[0].stem}.toml") if out is None else out
     if out.exists() and not force:
         raise UsageError(f"{out}: exists already: choose another name, or say --force")
     kind, urdf = model

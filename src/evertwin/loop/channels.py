@@ -49,11 +49,21 @@ def motions(spec: TwinSpec, layout: Layout) -> Iterator[tuple[int, int]]:
 
 
 def check_units(spec: TwinSpec, model: Model) -> None:
-    """Does each channel measure what the model takes or gives? A pure number may be anything.
+    """Does each channel measure what the model takes or gives, and is the requirement one of what
+    is watched? A pure number may be anything.
 
     Raises:
         ConfigError: names the channel and both units.
     """
+    asked, watched = spec.anomaly.unit, spec.anomaly.outputs or model.outputs.names
+    fit = [one.name for one in model.outputs if not asked or compatible(asked, one.unit)]
+    for channel in model.outputs:
+        if channel.name in set(watched) - set(fit) and channel.unit != "1":
+            hint = f"[anomaly] outputs = {fit}" if fit else "a bare number is a share"
+            raise ConfigError(
+                f"[anomaly] requirement is in '{asked}', and output {channel.name!r} in "
+                f"'{channel.unit}': correct its unit ({hint})"
+            )
     derived = {one.name for one in spec.derive}
     for channel in (*model.inputs, *model.outputs):
         name = recorded_as(spec, channel.name)

@@ -23,8 +23,9 @@ CLEAR = 0.03
 """Share by which a deviation has to fall, or rise, to be called better, or worse."""
 FEW = 3
 """Outputs that are named one by one."""
-SHORT = 30
-"""Rows since a version went live below which they do not tell how good it is."""
+SHORT, FEWER = 30, 10
+"""Rows since a version went live below which they do not tell how good it is; predictions, where
+each counts once, at its horizon."""
 MANY = 6
 """Numbers, or parts of a form, that are told one by one."""
 OFTEN = 10
@@ -46,9 +47,10 @@ def headline(
         return "Nothing was predicted: no output has a measurement to be compared with."
     faults = open_faults(events)
     told = [*faults.values(), _outcome(setup, known, champion, events, trial)]
-    followed = [e for e in events if e.kind == "followed"]
-    if followed:
-        told.append(f"{followed[-1].reason[0].upper()}{followed[-1].reason[1:]}.")
+    told += [
+        f"{e.reason[0].upper()}{e.reason[1:]}."
+        for kind in ("state", "followed") for e in _last(events, kind)
+    ]  # fmt: skip
     kinds = ("measurement_error", "overruled")
     doubts = Counter(e.signal for e in events if e.kind in kinds and e.signal not in faults)
     if doubts:
@@ -58,7 +60,7 @@ def headline(
             f"Measurement and model contradicted each other at {', '.join(most + rest)}: the "
             "events say which was believed."
         )
-    contacts = _contacts(events)
+    contacts, own = _contacts(events)
     if contacts:
         times = f"{contacts} time{'s' * (contacts > 1)}"
         told.append(f"Something outside acted on the machine {times}; it was not learned.")
@@ -66,20 +68,32 @@ def headline(
         told.append(
             "So often it may be the machine's own ([anomaly] external = 0 lets it be tuned)."
         )
-    told += [f"{e.reason[0].upper()}{e.reason[1:]}." for e in events if e.kind == "recurring"][-1:]
+    told += [f"{e.reason[0].upper()}{e.reason[1:]}." for e in own[-1:]]
     return " ".join(told)
 
 
-def _contacts(events: Sequence[Event]) -> int:
-    """How often something outside acted, without what turned out to be the machine's own."""
-    found: list[int] = []
+def _last(events: Sequence[Event], kind: str) -> list[Event]:
+    """The last event of a kind, if there is one."""
+    return [e for e in events if e.kind == kind][-1:]
+
+
+def _contacts(events: Sequence[Event]) -> tuple[int, list[Event]]:
+    """How often something outside acted, and what came again and again: without what turned out to
+    be the machine's own, a load, or a unit."""
+    found, own = list[float](), list[Event]()
     for event in events:
-        first: Any = event.evidence.get("first", math.inf)
+        known: Any = event.evidence
         if event.kind == "external":
-            found.append(first)
+            found.append(known.get("first", event.row))
         elif event.kind == "recurring":
-            found = [one for one in found if one < first]
-    return len(found)
+            found = [one for one in found if one < known.get("first", math.inf)]
+            own.append(event)
+        elif event.kind == "state":
+            found = [one for one in found if one < known["row"]]
+            own = [one for one in own if one.row < known["row"]]
+        elif event.kind == "abnormal" and "number" in known:
+            return 0, []
+    return len(found), own
 
 
 def _outcome(
@@ -91,10 +105,11 @@ def _outcome(
     worse = {n: f for n, f in changed.items() if f.after > (1.0 + CLEAR) * f.before}
     why = _shorter(champion.reason)
     rows = max(f.rows for f in known.values())
-    if champion.number and changed and rows < SHORT:
+    one, short = ("prediction", FEWER) if setup.at_horizon.wanted else ("row", SHORT)
+    if champion.number and changed and rows < short:
         return (
-            f"Version {champion.number} is live ({why}); {rows} row{'s' * (rows != 1)} since then "
-            "are too few to tell how much better it is."
+            f"Version {champion.number} is live ({why}); {rows} {one}{'s' * (rows != 1)} since "
+            "then are too few to tell how much better it is."
         )
     shares = setup.relative and setup.decides and len(known) <= FEW
     now, lead = _sizes(known, "off", shares=shares), _lead(setup)
@@ -123,10 +138,14 @@ def _outcome(
         return f"The twin is off, {_off(setup, off)}{lead}, and {found}."
     if math.isfinite(setup.requirement) and all(math.isnan(f.judged) for f in known.values()):
         return f"Nothing was judged, for nothing moved that is held to a requirement: {now}{lead}."
-    doubts = [e for e in events if e.kind in ("suspected", "drift", "abnormal")]
+    named = max((e.row for e in events if e.kind == "state"), default=-1)
+    kinds = ("suspected", "drift", "abnormal")
+    doubts = [e for e in events if e.kind in kinds and e.row > named]
     if not doubts:
-        more = "nothing else" if any(e.kind == "followed" for e in events) else "nothing"
-        return f"The twin fits its machine, and {more} was changed: {now}{lead}."
+        more = "nothing else" if named >= 0 or _last(events, "followed") else "nothing"
+        free = [name for name, f in known.items() if math.isnan(f.judged)]
+        rest = f" No limit is asked of {', '.join(free)}." if free else ""
+        return f"The twin fits its machine, and {more} was changed: {now}{lead}.{rest}"
     times = f"{len(doubts)} time{'s' * (len(doubts) > 1)}"
     return (
         f"Over all rows the twin is within what is asked: {now}{lead}; but it was suspected "

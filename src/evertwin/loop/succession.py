@@ -53,7 +53,8 @@ def opening(setup: Setup, state: TwinState, candidate: Mapping[str, Any]) -> Ope
 
 def makes_room(setup: Setup, decision: Decision) -> None:
     """What goes on ends where the live version deviates: the trial of a challenger that has long
-    gained next to nothing; the probation of a version that has been better than the one before."""
+    gained next to nothing; the probation of a version that has been better than the one before, or
+    of which nothing tells it apart: to go back would not help."""
     state, gate = decision.state, setup.trial
     phase, pinned = state.agenda.phase, state.agenda.pinned
     if phase == TRIAL and not pinned:
@@ -67,7 +68,8 @@ def makes_room(setup: Setup, decision: Decision) -> None:
             decision.remember(phase=WATCH)
     elif phase == PROBATION:
         kept, evidence = setup.probation.verdict(state.trial)
-        proven = evidence["deviation_live"] < (1.0 - gate.margin) * evidence["deviation_other"]
-        if kept is None and proven and evidence["segments"] >= setup.probation.segments:
+        stays = evidence["deviation_live"] < (1.0 - gate.margin) * evidence["deviation_other"]
+        stays |= abs(evidence["gain"]) < gate.margin
+        if kept is None and stays and evidence["segments"] >= setup.probation.segments:
             decision.state = state._replace(other=EMPTY)
             decision.remember(phase=WATCH)

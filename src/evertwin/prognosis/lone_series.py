@@ -52,6 +52,7 @@ class Series:
 
     file: Path
     limit: float
+    """In the unit that the heading of the values gives."""
     direction: Direction = "above"
     column: str = ""
     """Of the values; empty: the only one there is."""
@@ -74,7 +75,10 @@ def life_of_series(asked: Series) -> Lives:
     """
     table = read_table(asked.file)
     column, clock = asked.column or _column(table), asked.clock or _clock(table)
-    rule = IndicatorSpec(column, parameter=column, limit=asked.limit, direction=asked.direction)
+    rule = IndicatorSpec(
+        column, parameter=column, limit=asked.limit, direction=asked.direction,
+        unit=table.written.get(column, ""),
+    )  # fmt: skip
     limit = Limit(asked.limit, asked.direction)
     own = indicator_of(rule, of_table(rule, table, clock), limit, clock, None)
     check_limit(own, f"{table.name}:{table.lines[0]}")

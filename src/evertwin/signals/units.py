@@ -7,6 +7,8 @@ is done by `pint`; angles count as dimensionless radians.
 (0.05, 'm/s')
 >>> to_si(20.0, "degC"), si_unit("Nm")
 (293.15, 'Nm')
+>>> round(to_si(180.0, "grad"), 6), round(to_si(200.0, "gon"), 6)
+(3.141593, 3.141593)
 """
 
 from __future__ import annotations
@@ -53,6 +55,10 @@ def _parse(unit: str) -> Any:
     return registry.Unit(registry.UnitsContainer(units))
 
 
+_DEGREES = {"grad", "Grad", "grados", "gradi", "graus", "degré", "degrés"}
+"""What headings call degrees. Pint's ``grad`` is the 400th part of a turn, written ``gon``."""
+
+
 @lru_cache(4096)
 def _name(symbol: str, unit: str) -> str:
     """What pint calls one symbol: the only text of a unit that it is given."""
@@ -60,7 +66,7 @@ def _name(symbol: str, unit: str) -> str:
 
     registry = _registry()
     try:
-        name = str(registry.get_name(symbol))
+        name = "degree" if symbol in _DEGREES else str(registry.get_name(symbol))
     except pint.errors.PintError:
         raise _unknown(unit) from None
     if registry._units[name].is_logarithmic:

@@ -63,6 +63,8 @@ class Table:
     """Of these, columns whose dates name a zone."""
     lines: tuple[int, ...] = ()
     """Line of each row in the file."""
+    written: Mapping[str, str] = field(default_factory=dict)
+    """The same units as the headings write them."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -182,9 +184,10 @@ def parse(lines: Iterable[str], name: str) -> Table:
             text[head] = tuple(cells)
         else:
             numbers[head] = _si(values, unit, f"{name}:{rows[0][0]}: {head}")
-    units = {head: si_unit(unit) for head, unit in heads if unit and head in numbers}
+    written = {head: unit for head, unit in heads if unit and head in numbers}
+    units = {head: si_unit(unit) for head, unit in written.items()}
     places = tuple(number for number, _ in rows[1:])
-    return Table(name, numbers, text, units, frozenset(dates), frozenset(zoned), places)
+    return Table(name, numbers, text, units, frozenset(dates), frozenset(zoned), places, written)
 
 
 def _rows(lines: list[str]) -> tuple[list[tuple[int, list[str]]], bool]:
