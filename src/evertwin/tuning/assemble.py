@@ -64,6 +64,10 @@ def rms(values: Outputs) -> PerOutput:
     return np.asarray(np.sqrt(mean))
 
 
+ALIKE = 1.01
+"""Times what a search leaves that the same may leave with what it did not tell put back."""
+
+
 class Squares(NamedTuple):
     """Sums of squares per output over the rows that count and are predicted, (ny,) each.
 
@@ -158,11 +162,13 @@ def assemble(problem: Problem, outcome: Outcome, acting: Sensitivity, began: flo
     values = outcome.values
     if "not" in verdicts:
         free = np.array([verdict != "not" for verdict in verdicts])
-        values = np.where(free, values, start)
+        back = np.where(free, values, start)
         wide = ~free & np.array([not reason for reason in refused])
         if wide.any():
-            values = _followed(problem, acting, sigma, values, free)
-        left = squares(problem, problem.residuals(values))
+            back = _followed(problem, acting, sigma, back, free)
+        there = squares(problem, problem.residuals(back))
+        if not len(problem.model.states) or _weighed(there, sigma) <= ALIKE**2 * _weighed(left, sigma):
+            values, left = back, there
         correlation = Correlation.of(left.r)
         covariance[~free, :], covariance[:, ~free] = 0.0, 0.0
         covariance[~free, ~free] = np.inf
@@ -196,6 +202,12 @@ def assemble(problem: Problem, outcome: Outcome, acting: Sensitivity, began: flo
         message=outcome.message,
         seconds=time.perf_counter() - began,
     )
+
+
+def _weighed(found: Squares, sigma: PerOutput) -> float:
+    """Sum of squares of a residual over outputs in units of their noise; infinite if it diverged."""
+    total = float(np.nansum(found.left / np.square(sigma)))
+    return total if tuple(found.rows) == found.counted else np.inf
 
 
 def _doubted(
@@ -292,7 +304,7 @@ def _covariance(
     """
     sigma, spectrum = told
     inverse, parts, rows = propagated(
-        tuple(spectrum), 1e-6, sigma, acting.columns, acting.at, acting.used, acting.blocks,
+        tuple(spectrum), 1e-13 if len(problem.model.states) else 1e-6, sigma, acting.columns, acting.at, acting.used, acting.blocks,
         correlation.rows, correlation.short, correlation.reach,
     )  # fmt: skip
     for o, reach in enumerate(correlation.reach.tolist()):

@@ -50,6 +50,8 @@ from evertwin.types import Float64, Int64, Outputs, ParameterVector, PerOutput, 
 Loss: TypeAlias = Literal["linear", "soft_l1", "huber", "cauchy", "arctan"]
 Moving: TypeAlias = Callable[[Any], Any]
 """``moving(u (n, nu)) -> bool (n, ny)``: which rows count as moving, per output."""
+VAGUE = 10.0
+"""Standard deviation of a prior that nobody gave, in natural sizes."""
 SHARED = ("parameters", "_p", "rows", "restart", "batch", "parts")
 """What does not depend on which parameters are tuned."""
 
@@ -149,8 +151,15 @@ class Problem:
 
     @cached_property
     def information(self) -> Vector:
-        """What the prior knows: 1/σ² of each tuned parameter, 0 without a prior, (k,)."""
-        return np.asarray(1.0 / np.square(self._sigma))
+        """What the prior knows: 1/σ² of each tuned parameter, 0 without a prior, (k,).
+
+        A number of a model with a state has a start near enough for `VAGUE`: a valley without a
+        floor gets one, and an interval counts what the rows leave open.
+        """
+        sigma = self._sigma
+        if len(self.model.states):
+            sigma = np.where((self.start != 0.0) & np.isinf(sigma), VAGUE * self.sizes, sigma)
+        return np.asarray(1.0 / np.square(sigma))
 
     @property
     def _sigma(self) -> Vector:
