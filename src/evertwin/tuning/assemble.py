@@ -19,9 +19,10 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
+from evertwin.models.kernel import ANEW
 from evertwin.tuning.advice import advise
 from evertwin.tuning.autocorrelation import Correlation, effective
-from evertwin.tuning.closed import summed
+from evertwin.tuning.closed import dense, summed
 from evertwin.tuning.fit import Fit, Residual
 from evertwin.tuning.gram import combined
 from evertwin.tuning.identifiability import gate, grade
@@ -155,20 +156,17 @@ def assemble(problem: Problem, outcome: Outcome, acting: Sensitivity, began: flo
     if any(held) or len(spectrum.squares) < len(sizes) or problem.information.any():
         spectrum = Spectrum.of(acting.information(sigma) + np.diag(problem.information))
     correlation = Correlation.of(left.r)
-    covariance, quantile = _covariance(problem, acting, correlation, (sigma, spectrum))
+    covariance, quantile = _covariance(
+        problem, outcome.values, acting, correlation, (sigma, spectrum)
+    )
     half = quantile * np.sqrt(covariance.diagonal())
     verdicts, reasons = grade(refused, half / sizes)
     verdicts, reasons = _doubted(problem, outcome.values, half, (verdicts, reasons))
     values = outcome.values
     if "not" in verdicts:
         free = np.array([verdict != "not" for verdict in verdicts])
-        back = np.where(free, values, start)
         wide = ~free & np.array([not reason for reason in refused])
-        if wide.any():
-            back = _followed(problem, acting, sigma, back, free)
-        there = squares(problem, problem.residuals(back))
-        if not len(problem.model.states) or _weighed(there, sigma) <= ALIKE**2 * _weighed(left, sigma):
-            values, left = back, there
+        values, left = _put_back(problem, acting, sigma, (values, left), (free, wide))
         correlation = Correlation.of(left.r)
         covariance[~free, :], covariance[:, ~free] = 0.0, 0.0
         covariance[~free, ~free] = np.inf
@@ -184,7 +182,7 @@ def assemble(problem: Problem, outcome: Outcome, acting: Sensitivity, began: flo
         covariance=covariance,
         verdict=verdicts,
         reasons=_reasons(problem, reasons, outcome.at_bound),
-        p=problem.full(values),
+        p=problem.full(values)[: len(problem.model.parameters)],
         cost=0.5 * float((left.left / sigma / sigma).sum()),
         outputs=problem.model.outputs.names,
         deviation_before=before.relative,
@@ -204,10 +202,26 @@ def assemble(problem: Problem, outcome: Outcome, acting: Sensitivity, began: flo
     )
 
 
-def _weighed(found: Squares, sigma: PerOutput) -> float:
-    """Sum of squares of a residual over outputs in units of their noise; infinite if it diverged."""
-    total = float(np.nansum(found.left / np.square(sigma)))
-    return total if tuple(found.rows) == found.counted else np.inf
+def _put_back(
+    problem: Problem, acting: Sensitivity, sigma: PerOutput, found: tuple[Vector, Squares],
+    which: tuple[np.ndarray, np.ndarray],
+) -> tuple[Vector, Squares]:  # fmt: skip
+    """Values and their residual with all at its start that is not ``which`` (free, wide).
+
+    The valley of a model with a state is curved, so that what is free does not make up for that in
+    one step: where it would explain less, all stays as the search found it.
+    """
+    (values, left), (free, wide) = found, which
+    back = np.where(free, values, problem.start)
+    if wide.any():
+        back = _followed(problem, acting, sigma, back, free)
+    there = squares(problem, problem.residuals(back))
+    if not len(problem.model.states):
+        return back, there
+    one, two = (float(np.nansum(r.left / np.square(sigma))) for r in (there, left))
+    # what runs away is predicted on fewer rows
+    better = tuple(there.rows) == there.counted and one <= ALIKE**2 * two
+    return (back, there) if better else found
 
 
 def _doubted(
@@ -294,7 +308,7 @@ def _cure(problem: Problem, names: list[str]) -> str:
 
 
 def _covariance(
-    problem: Problem, acting: Sensitivity, correlation: Correlation,
+    problem: Problem, values: Vector, acting: Sensitivity, correlation: Correlation,
     told: tuple[PerOutput, Spectrum],
 ) -> tuple[Float64[np.ndarray, "k k"], Vector]:  # fmt: skip
     """Covariance and Student's quantile per parameter, with the residual's own autocorrelation.
@@ -303,8 +317,10 @@ def _covariance(
         told: noise of each output, and the information with the prior's.
     """
     sigma, spectrum = told
+    # a valley of a model with a state is as wide as its prior: it is counted, not left out
+    least = 1e-13 if len(problem.model.states) else 1e-6
     inverse, parts, rows = propagated(
-        tuple(spectrum), 1e-13 if len(problem.model.states) else 1e-6, sigma, acting.columns, acting.at, acting.used, acting.blocks,
+        tuple(spectrum), least, sigma, acting.columns, acting.at, acting.used, acting.blocks,
         correlation.rows, correlation.short, correlation.reach,
     )  # fmt: skip
     for o, reach in enumerate(correlation.reach.tolist()):
@@ -316,7 +332,25 @@ def _covariance(
     if problem.scale is not None:
         rows[:] = np.inf
     covariance, degrees = combined(parts, inverse, problem.information, rows, acting.paid)
+    if len(problem.model.states):
+        covariance += _by_starts(problem, values, acting, sigma, inverse)
     return covariance, student(degrees)
+
+
+def _by_starts(
+    problem: Problem, values: Vector, acting: Sensitivity, sigma: PerOutput,
+    inverse: Float64[np.ndarray, "k k"],
+) -> Float64[np.ndarray, "k k"]:  # fmt: skip
+    """What the noise of the measured starts adds: all that a start leads to errs by one number."""
+    columns = dense(acting.columns, acting.at, len(values))
+    columns = np.where(acting.used[:, :, None], columns, 0.0)
+    opens = np.flatnonzero(problem.restart.code == ANEW)
+    added = np.zeros_like(inverse)
+    for change in problem.by_starts(values, sigma):
+        pull = np.where(acting.used, change, 0.0) / sigma**2
+        sides = np.add.reduceat(np.einsum("iok,io->ik", columns, pull), opens, axis=0)
+        added += (sides @ inverse).T @ (sides @ inverse)
+    return added
 
 
 def student(degrees: Vector) -> Vector:

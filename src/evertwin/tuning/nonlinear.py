@@ -192,7 +192,7 @@ def _again(objective: Objective, best: Any) -> Any:
     left = squares(problem, problem.residuals(objective.residual_values(best.x)))
     objective.weight = 1.0 / noise_of(problem, left, np.full(count, len(best.x) / count))
     objective.best = np.inf, best.x  # costs of other weights do not compare
-    return _run(objective, best.x, DULL / max(np.count_nonzero(problem.rows.used), 1))
+    return _run(objective, best.x, DULL / max(int(np.count_nonzero(problem.rows.used)), 1))
 
 
 def _rounds(problem: Problem) -> int:
