@@ -218,7 +218,7 @@ def _put_back(
     there = squares(problem, problem.residuals(back))
     if not len(problem.model.states):
         return back, there
-    one, two = (float(np.nansum(r.left / np.square(sigma))) for r in (there, left))
+    one, two = (float(np.nansum(r.left / sigma / sigma)) for r in (there, left))
     # what runs away is predicted on fewer rows
     better = tuple(there.rows) == there.counted and one <= ALIKE**2 * two
     return (back, there) if better else found
@@ -347,7 +347,7 @@ def _by_starts(
     opens = np.flatnonzero(problem.restart.code == ANEW)
     added = np.zeros_like(inverse)
     for change in problem.by_starts(values, sigma):
-        pull = np.where(acting.used, change, 0.0) / sigma**2
+        pull = np.where(acting.used, change, 0.0) / sigma / sigma  # the square of a tiny one is 0
         sides = np.add.reduceat(np.einsum("iok,io->ik", columns, pull), opens, axis=0)
         added += (sides @ inverse).T @ (sides @ inverse)
     return added
