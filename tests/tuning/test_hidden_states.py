@@ -51,6 +51,7 @@ def test_what_a_valley_leaves_open_does_not_spoil_the_fit() -> None:
     assert named["upper_area"] == named["upper_outlet"] == "not"
     assert fit["upper_outlet"] ** 2 / fit["upper_area"] == pytest.approx(0.012**2 / 0.6, rel=0.2)
     assert "upper_area" in fit.reasons[fit.names.index("upper_outlet")]
+    assert "a valley: other values of upper_area, upper_outlet" in fit.message
     assert fit.converged
     assert fit.evaluations < 200  # along a valley nothing is gained
 
@@ -79,3 +80,36 @@ def test_each_recording_has_its_own_hidden_start() -> None:
     for k, upper in enumerate(starts):
         own = started(MODEL, fit.p, (fit.names, fit.values), k)
         assert own[4] == pytest.approx(upper, abs=0.05)
+
+
+def test_what_hangs_on_a_bent_valley_is_not_identifiable() -> None:
+    """Of a and b only the sum is told; where they are equal no small step moves the loss."""
+
+    def step(x: Any, u: Any, dt: float, p: Any) -> tuple[list[float], list[float]]:
+        level = x[0] + dt * ((p[0] + p[1]) * u[0] - p[2] / (p[0] * p[1]) * x[0])
+        return [level], [level]
+
+    layouts = Layout.of(u="1"), Layout.of(y="1"), Layout.of(y="1")
+    model = FunctionModel(step, *layouts, Parameters.of(a=(1.0, "1"), b=(1.0, "1"), k=(0.4, "1")))
+    rng = np.random.default_rng(0)
+    u, dt = rng.uniform(-1.0, 1.0, (150, 1)), np.r_[0.0, np.full(149, 1.0)]
+    _, y = model.simulate(np.zeros(1), u, dt, np.array([0.5, 1.5, 0.15]))
+    rows = make_block(t=np.arange(150) * 10**9, u=u, y=y + rng.normal(0.0, NOISE, y.shape))
+    fit = solve(Problem(model, (rows,)))
+    assert fit["k"] / (fit["a"] * fit["b"]) == pytest.approx(0.2, rel=0.05)
+    low, high = fit.interval("k")
+    assert low < 0.15 < high
+    assert "identifiable" not in fit.verdict
+
+
+def test_a_recording_on_which_nothing_tells_its_start_is_fitted_all_the_same() -> None:
+    windows = (
+        recorded(0, 1.0, 0.4, 80),
+        recorded(1, 0.2, 0.7, 80)._replace(u=np.full((80, 1), np.nan)),
+    )
+    names = own_names(MODEL, ("outlet", "upper_start"), len(windows))
+    prior = MODEL.parameters.with_values(np.r_[TRUTH[:4], 0.5])
+    fit = solve(Problem(MODEL, windows, names, prior=prior))
+    assert fit["upper_start"] == pytest.approx(1.0, abs=0.05)
+    assert fit.verdict[2] == "not"
+    assert fit["upper_start of recording 2"] == 0.5

@@ -307,7 +307,8 @@ class Work:
         if missed or not fit.converged or not np.any(fit.values != fit.start):
             return None
         moved = np.flatnonzero(fit.values != fit.start).tolist()
-        reason = f"tuned {', '.join(fit.identifiable or (fit.names[k] for k in moved))}"
+        told = fit.identifiable or tuple(fit.names[k] for k in moved)
+        reason = f"tuned {', '.join(name for name in told if name in version.names)}"
         events.append(_event("tuned", "", reason, fit.to_dict(timing=False)))
         values = dict(zip(fit.names, fit.values.tolist(), strict=True))
         # a later recording's own start is no number of the machine

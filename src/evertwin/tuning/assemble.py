@@ -25,11 +25,12 @@ from evertwin.tuning.autocorrelation import Correlation, effective
 from evertwin.tuning.closed import dense, summed
 from evertwin.tuning.fit import Fit, Residual
 from evertwin.tuning.gram import combined
-from evertwin.tuning.identifiability import gate, grade
+from evertwin.tuning.identifiability import WEAK, gate, grade
 from evertwin.tuning.problem import Problem
 from evertwin.tuning.sensitivity import Sensitivity, Spectrum
 from evertwin.tuning.statistics import depends, spread, whiteness
 from evertwin.tuning.statistics_loop import LONG, propagated, tally
+from evertwin.tuning.valleys import bends, valley
 from evertwin.types import Float64, Outputs, PerOutput, Vector
 
 
@@ -171,6 +172,8 @@ def assemble(problem: Problem, outcome: Outcome, acting: Sensitivity, began: flo
         covariance[~free, :], covariance[:, ~free] = 0.0, 0.0
         covariance[~free, ~free] = np.inf
         half[~free] = np.inf
+    stateful = len(problem.model.states) > 0
+    said = valley(problem.names, verdicts, values != start) if stateful else ""
     items = [problem.parameters.items[place] for place in problem.places.tolist()]
     return Fit(
         names=problem.names,
@@ -197,7 +200,7 @@ def assemble(problem: Problem, outcome: Outcome, acting: Sensitivity, began: flo
         evaluations=outcome.evaluations,
         method=outcome.method,
         converged=outcome.converged,
-        message=outcome.message,
+        message=outcome.message + said,
         seconds=time.perf_counter() - began,
     )
 
@@ -218,10 +221,11 @@ def _put_back(
     there = squares(problem, problem.residuals(back))
     if not len(problem.model.states):
         return back, there
-    one, two = (float(np.nansum(r.left / sigma / sigma)) for r in (there, left))
+    before = squares(problem, problem.first)
+    one, two, first = (float(np.nansum(r.left / sigma / sigma)) for r in (there, left, before))
     # what runs away is predicted on fewer rows
-    better = tuple(there.rows) == there.counted and one <= ALIKE**2 * two
-    return (back, there) if better else found
+    alike = tuple(there.rows) == there.counted and one <= min(ALIKE**2 * two, first)
+    return (back, there) if alike else found
 
 
 def _doubted(
@@ -235,6 +239,9 @@ def _doubted(
         if half[k] >= abs(value):
             words[k] = "weak"
             why[k] = f"not told from zero: {value - half[k]:.3g} to {value + half[k]:.3g}"
+        elif len(problem.model.states) and half[k] > WEAK * abs(value):
+            words[k] = "weak"  # a start that was far too large is no measure of it
+            why[k] = f"its 95 % interval is ± {100 * half[k] / abs(value):.0f} % of its value"
         elif value < 0 and problem.parameters.items[place].resists:
             words[k] = "weak"
             why[k] = "negative, so it would drive: the rows or the form mislead it"
@@ -301,7 +308,8 @@ def _reasons(
 
 
 def _cure(problem: Problem, names: list[str]) -> str:
-    needs = advise(problem.model, names, problem.rows.u)
+    own = [name for name in names if name in problem.model.parameters.names]
+    needs = advise(problem.model, own, problem.rows.u) if own else ()
     if needs:
         return f"needs {' and '.join(needs)}"
     return f"no motion tells them apart: fix one of {', '.join(names)}" if len(names) > 1 else ""
@@ -334,6 +342,7 @@ def _covariance(
     covariance, degrees = combined(parts, inverse, problem.information, rows, acting.paid)
     if len(problem.model.states):
         covariance += _by_starts(problem, values, acting, sigma, inverse)
+        covariance += np.diag(np.square(bends(problem, values, acting, sigma)))
     return covariance, student(degrees)
 
 

@@ -136,7 +136,7 @@ def _check_knobs(problem: Problem, acting: Sensitivity) -> None:
     told = np.logical_or.reduce(acting.acts, axis=0)
     if not told.all():
         model = problem.model
-        own = model.model.parameters.names if isinstance(model, Corrected) else problem.names
+        own = (model.model if isinstance(model, Corrected) else model).parameters.names
         silent = tuple(problem.names[j] for j in np.flatnonzero(~told).tolist())
         connected(model, tuple(name for name in silent if name in own), problem.rows.u)
 
