@@ -306,13 +306,12 @@ class Work:
             events.append(_event("rejected", "", f"outside: {', '.join(missed)}", {}))
         if missed or not fit.converged or not np.any(fit.values != fit.start):
             return None
-        moved = np.flatnonzero(fit.values != fit.start).tolist()
-        told = fit.identifiable or tuple(fit.names[k] for k in moved)
+        moved = np.flatnonzero(fit.values != fit.start)
+        told = fit.identifiable or np.array(fit.names)[moved].tolist()
         reason = f"tuned {', '.join(name for name in told if name in version.names)}"
         events.append(_event("tuned", "", reason, fit.to_dict(timing=False)))
-        values = dict(zip(fit.names, fit.values.tolist(), strict=True))
-        # a later recording's own start is no number of the machine
-        values = {name: value for name, value in values.items() if name in version.names}
+        pairs = zip(fit.names, fit.values.tolist(), strict=True)  # without recordings' own starts
+        values = {name: value for name, value in pairs if name in version.names}
         if self.setup.spec.tuning.method == "recursive":
             followed, newest, _ = Recursion.after(self.setup, problem, fit).learned(windows)
             values |= dict(zip(followed, newest.tolist(), strict=True))
