@@ -21,7 +21,7 @@ from evertwin.loop.friction_law import Chosen, climb_laws, joined
 from evertwin.loop.recursive_fit import Recursion
 from evertwin.loop.screening import screened
 from evertwin.loop.setup import Setup
-from evertwin.loop.term_search import Formed, check_initials, initials, own_start, with_terms
+from evertwin.loop.term_search import Formed, check_initials, own_start, with_terms
 from evertwin.loop.versions import Versions
 from evertwin.loop.windows import starts, windows_of
 from evertwin.loop.work import Work
@@ -29,7 +29,16 @@ from evertwin.loop.workers import far_of
 from evertwin.models import Model, Parameters
 from evertwin.models.form import Form, Version
 from evertwin.sources.tally import Tally
-from evertwin.tuning import Fit, Problem, carried, moved, repeated, told_apart
+from evertwin.tuning import (
+    Fit,
+    Problem,
+    carried,
+    initials,
+    moved,
+    repeated,
+    started,
+    told_apart,
+)
 from evertwin.tuning.interrupt import Interrupt
 from evertwin.types import Json
 
@@ -205,13 +214,17 @@ class Tuned:
         return screened(self.setup, self.base, self.version.p, self.feed.blocks(data))
 
     def judged(self, blocks: tuple[Block, ...], own: bool = True) -> Judged:
-        """Predictions of tasks; with ``own`` each starts from parameters of its own."""
+        """Predictions of tasks; ``own``: not learned from, so each finds the start it had."""
         setup, model, found = self.setup, self.model, self.formed.fit
         names, blocks = model.parameters.names, starts(setup, blocks)
         if own and setup.spec.tuning.method == "recursive":
             recursion = Recursion.after(setup, self.formed.problem, found)
             return Judged([recursion.predict(b) for b in blocks], [{} for _ in blocks])
-        used = [own_start(setup, model, found.p, b) if own else found.p for b in blocks]
+        fitted = found.names, found.values
+        used = [
+            own_start(setup, model, found.p, b) if own else started(model, found.p, fitted, k)
+            for k, b in enumerate(blocks)
+        ]
         seen = [predict(setup, model, p, b) for p, b in zip(used, blocks, strict=True)]
         return Judged(seen, [dict(zip(names, p.tolist(), strict=True)) for p in used])
 

@@ -4,7 +4,7 @@ Terms are sought on top of the version as it is, before its numbers are tuned: n
 tuned for a form without the term have already bent to make up for it. Then everything is tuned
 together; a term stays only if the tuned form leaves less than the tuned version without it.
 Parameters that a model calls its ``initials`` are the state before a recording that nothing
-measures: they belong to the recording, so every other one gets its own.
+measures: they belong to the recording, so each one gets its own.
 """
 
 from __future__ import annotations
@@ -26,22 +26,11 @@ from evertwin.models import Model
 from evertwin.models.corrected import Corrected, build
 from evertwin.models.form import Form, Version
 from evertwin.models.terms.rows import Rows
-from evertwin.tuning import Fit, Problem, solve
+from evertwin.tuning import Fit, Problem, initials, own_names, solve
 from evertwin.types import Json, ParameterVector
 
 GAIN = 0.05
 """Least relative fall of the tuned residual that the terms must bring."""
-
-
-def initials(model: Model) -> tuple[str, ...]:
-    """Parameters of a model that belong to a recording; none where it names none.
-
-    >>> from evertwin.machines.thermal import ThermalBox
-    >>> initials(ThermalBox())
-    ('heater_start',)
-    """
-    found: tuple[str, ...] = getattr(model, "initials", ())
-    return found
 
 
 @dataclass(frozen=True)
@@ -60,17 +49,17 @@ class Formed:
 
 
 def check_initials(setup: Setup, model: Model, tasks: tuple[Block, ...]) -> None:
-    """Refuses what would share one start between recordings.
+    """Refuses what would share one start where each needs its own.
 
     Raises:
-        DataError: several recordings to learn from.
+        DataError: several recordings to learn the form from.
         ConfigError: windows inside a recording.
     """
-    names = ", ".join(initials(model))
-    if names and len(tasks) > 1:
+    names, rule = ", ".join(initials(model)), setup.spec.correction
+    if names and len(tasks) > 1 and rule.in_fit and rule.terms:
         raise DataError(
-            f"fit: expected one recording to learn from, got {len(tasks)}: {names} are the state "
-            "before a recording, so each recording would need its own"
+            f"fit: expected one recording to learn a form from ([correction] in_fit), got "
+            f"{len(tasks)}: {names} are the state before a recording, so each would need its own"
         )
     if names and setup.spec.tuning.cut is not None:
         raise ConfigError(
@@ -100,8 +89,9 @@ def with_terms(setup: Setup, work: Work, version: Version, problem: Problem) -> 
     known = dict(zip(problem.model.parameters.names, fit.p.tolist(), strict=True))
     tried = []
     for start in _starts(setup, problem, proposal, horizon):
+        names = own_names(model, work.tunable(model), len(problem.windows))
         wider = replace(
-            problem, model=model, editable=work.tunable(model),
+            problem, model=model, editable=names,
             prior=model.parameters.with_values(start | known),
             settings=replace(
                 problem.settings, far=formed_far(problem.settings.far, setup.spec, proposal.form)

@@ -38,7 +38,7 @@ from evertwin.models import Model
 from evertwin.models.corrected import Corrected
 from evertwin.models.form import Form, Version
 from evertwin.trial import admit
-from evertwin.tuning import Fit, Iteration, Problem, Schedule, Settings, solve
+from evertwin.tuning import Fit, Iteration, Problem, Schedule, Settings, own_names, solve
 from evertwin.types import Json, ParameterVector
 
 LEAST = 0.05
@@ -153,7 +153,8 @@ class Work:
         """The tuning problem of a version on a window."""
         model = self.versions.model_of(version.form)
         return Problem(
-            model, windows, names, self.setup.horizon, None, self.setup.smooth_window,
+            model, windows, own_names(model, names, len(windows)), self.setup.horizon, None,
+            self.setup.smooth_window,
             model.parameters.with_values(version.p), self.setup.spec.tuning.loss,
             self.setup.moving if self.setup.spec.moving is not None else None,
             self.setup.spec.moving is not None and self.setup.spec.moving.tune,
@@ -305,10 +306,12 @@ class Work:
             events.append(_event("rejected", "", f"outside: {', '.join(missed)}", {}))
         if missed or not fit.converged or not np.any(fit.values != fit.start):
             return None
-        moved = np.flatnonzero(fit.values != fit.start).tolist()
-        reason = f"tuned {', '.join(fit.identifiable or (fit.names[k] for k in moved))}"
+        moved = np.flatnonzero(fit.values != fit.start)
+        told = fit.identifiable or np.array(fit.names)[moved].tolist()
+        reason = f"tuned {', '.join(name for name in told if name in version.names)}"
         events.append(_event("tuned", "", reason, fit.to_dict(timing=False)))
-        values = dict(zip(fit.names, fit.values.tolist(), strict=True))
+        pairs = zip(fit.names, fit.values.tolist(), strict=True)  # without recordings' own starts
+        values = {name: value for name, value in pairs if name in version.names}
         if self.setup.spec.tuning.method == "recursive":
             followed, newest, _ = Recursion.after(self.setup, problem, fit).learned(windows)
             values |= dict(zip(followed, newest.tolist(), strict=True))
@@ -354,7 +357,7 @@ class Work:
         base: Model = self.setup.model
         found, starts = self._half(version, windows), [version]
         if found:
-            starts.append(replace(version, values=tuple(found[0].full(found[1].values).tolist())))
+            starts.append(replace(version, values=tuple(found[1].p.tolist())))
         proposals = [learn(self.setup, base, start, windows) for start in starts]
         proposal = nearest(self.versions, proposals, windows, self.setup.horizon)
         evidence = proposal.evidence()

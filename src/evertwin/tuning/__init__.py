@@ -26,6 +26,11 @@ if TYPE_CHECKING:
     )
     from evertwin.tuning.omitted import moved as moved
     from evertwin.tuning.problem import Problem as Problem
+    from evertwin.tuning.recordings import (
+        initials as initials,
+        own_names as own_names,
+        started as started,
+    )
     from evertwin.tuning.recursive import (
         Recursive as Recursive,
         RecursiveRows as RecursiveRows,

@@ -19,16 +19,18 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
+from evertwin.models.kernel import ANEW
 from evertwin.tuning.advice import advise
 from evertwin.tuning.autocorrelation import Correlation, effective
-from evertwin.tuning.closed import summed
+from evertwin.tuning.closed import dense, summed
 from evertwin.tuning.fit import Fit, Residual
 from evertwin.tuning.gram import combined
-from evertwin.tuning.identifiability import gate, grade
+from evertwin.tuning.identifiability import WEAK, gate, grade
 from evertwin.tuning.problem import Problem
 from evertwin.tuning.sensitivity import Sensitivity, Spectrum
 from evertwin.tuning.statistics import depends, spread, whiteness
 from evertwin.tuning.statistics_loop import LONG, propagated, tally
+from evertwin.tuning.valleys import bends, valley
 from evertwin.types import Float64, Outputs, PerOutput, Vector
 
 
@@ -62,6 +64,10 @@ def rms(values: Outputs) -> PerOutput:
     count = known.sum(axis=0)
     mean = np.divide(total, count, out=np.full(len(count), np.nan), where=count > 0)
     return np.asarray(np.sqrt(mean))
+
+
+ALIKE = 1.01
+"""Times what a search leaves that the same may leave with what it did not tell put back."""
 
 
 class Squares(NamedTuple):
@@ -151,22 +157,23 @@ def assemble(problem: Problem, outcome: Outcome, acting: Sensitivity, began: flo
     if any(held) or len(spectrum.squares) < len(sizes) or problem.information.any():
         spectrum = Spectrum.of(acting.information(sigma) + np.diag(problem.information))
     correlation = Correlation.of(left.r)
-    covariance, quantile = _covariance(problem, acting, correlation, (sigma, spectrum))
+    covariance, quantile = _covariance(
+        problem, outcome.values, acting, correlation, (sigma, spectrum)
+    )
     half = quantile * np.sqrt(covariance.diagonal())
     verdicts, reasons = grade(refused, half / sizes)
     verdicts, reasons = _doubted(problem, outcome.values, half, (verdicts, reasons))
     values = outcome.values
     if "not" in verdicts:
         free = np.array([verdict != "not" for verdict in verdicts])
-        values = np.where(free, values, start)
         wide = ~free & np.array([not reason for reason in refused])
-        if wide.any():
-            values = _followed(problem, acting, sigma, values, free)
-        left = squares(problem, problem.residuals(values))
+        values, left = _put_back(problem, acting, sigma, (values, left), (free, wide))
         correlation = Correlation.of(left.r)
         covariance[~free, :], covariance[:, ~free] = 0.0, 0.0
         covariance[~free, ~free] = np.inf
         half[~free] = np.inf
+    stateful = len(problem.model.states) > 0
+    said = valley(problem.names, verdicts, values != start) if stateful else ""
     items = [problem.parameters.items[place] for place in problem.places.tolist()]
     return Fit(
         names=problem.names,
@@ -178,7 +185,7 @@ def assemble(problem: Problem, outcome: Outcome, acting: Sensitivity, began: flo
         covariance=covariance,
         verdict=verdicts,
         reasons=_reasons(problem, reasons, outcome.at_bound),
-        p=problem.full(values),
+        p=problem.full(values)[: len(problem.model.parameters)],
         cost=0.5 * float((left.left / sigma / sigma).sum()),
         outputs=problem.model.outputs.names,
         deviation_before=before.relative,
@@ -193,9 +200,32 @@ def assemble(problem: Problem, outcome: Outcome, acting: Sensitivity, began: flo
         evaluations=outcome.evaluations,
         method=outcome.method,
         converged=outcome.converged,
-        message=outcome.message,
+        message=outcome.message + said,
         seconds=time.perf_counter() - began,
     )
+
+
+def _put_back(
+    problem: Problem, acting: Sensitivity, sigma: PerOutput, found: tuple[Vector, Squares],
+    which: tuple[np.ndarray, np.ndarray],
+) -> tuple[Vector, Squares]:  # fmt: skip
+    """Values and their residual with all at its start that is not ``which`` (free, wide).
+
+    The valley of a model with a state is curved, so that what is free does not make up for that in
+    one step: where it would explain less, all stays as the search found it.
+    """
+    (values, left), (free, wide) = found, which
+    back = np.where(free, values, problem.start)
+    if wide.any():
+        back = _followed(problem, acting, sigma, back, free)
+    there = squares(problem, problem.residuals(back))
+    if not len(problem.model.states):
+        return back, there
+    before = squares(problem, problem.first)
+    one, two, first = (float(np.nansum(r.left / sigma / sigma)) for r in (there, left, before))
+    # what runs away is predicted on fewer rows
+    alike = tuple(there.rows) == there.counted and one <= min(ALIKE**2 * two, first)
+    return (back, there) if alike else found
 
 
 def _doubted(
@@ -209,6 +239,9 @@ def _doubted(
         if half[k] >= abs(value):
             words[k] = "weak"
             why[k] = f"not told from zero: {value - half[k]:.3g} to {value + half[k]:.3g}"
+        elif len(problem.model.states) and half[k] > WEAK * abs(value):
+            words[k] = "weak"  # a start that was far too large is no measure of it
+            why[k] = f"its 95 % interval is ± {100 * half[k] / abs(value):.0f} % of its value"
         elif value < 0 and problem.parameters.items[place].resists:
             words[k] = "weak"
             why[k] = "negative, so it would drive: the rows or the form mislead it"
@@ -275,14 +308,15 @@ def _reasons(
 
 
 def _cure(problem: Problem, names: list[str]) -> str:
-    needs = advise(problem.model, names, problem.rows.u)
+    own = [name for name in names if name in problem.model.parameters.names]
+    needs = advise(problem.model, own, problem.rows.u) if own else ()
     if needs:
         return f"needs {' and '.join(needs)}"
     return f"no motion tells them apart: fix one of {', '.join(names)}" if len(names) > 1 else ""
 
 
 def _covariance(
-    problem: Problem, acting: Sensitivity, correlation: Correlation,
+    problem: Problem, values: Vector, acting: Sensitivity, correlation: Correlation,
     told: tuple[PerOutput, Spectrum],
 ) -> tuple[Float64[np.ndarray, "k k"], Vector]:  # fmt: skip
     """Covariance and Student's quantile per parameter, with the residual's own autocorrelation.
@@ -291,8 +325,10 @@ def _covariance(
         told: noise of each output, and the information with the prior's.
     """
     sigma, spectrum = told
+    # a valley of a model with a state is as wide as its prior: it is counted, not left out
+    least = 1e-13 if len(problem.model.states) else 1e-6
     inverse, parts, rows = propagated(
-        tuple(spectrum), 1e-6, sigma, acting.columns, acting.at, acting.used, acting.blocks,
+        tuple(spectrum), least, sigma, acting.columns, acting.at, acting.used, acting.blocks,
         correlation.rows, correlation.short, correlation.reach,
     )  # fmt: skip
     for o, reach in enumerate(correlation.reach.tolist()):
@@ -304,7 +340,26 @@ def _covariance(
     if problem.scale is not None:
         rows[:] = np.inf
     covariance, degrees = combined(parts, inverse, problem.information, rows, acting.paid)
+    if len(problem.model.states):
+        covariance += _by_starts(problem, values, acting, sigma, inverse)
+        covariance += np.diag(np.square(bends(problem, values, acting, sigma)))
     return covariance, student(degrees)
+
+
+def _by_starts(
+    problem: Problem, values: Vector, acting: Sensitivity, sigma: PerOutput,
+    inverse: Float64[np.ndarray, "k k"],
+) -> Float64[np.ndarray, "k k"]:  # fmt: skip
+    """What the noise of the measured starts adds: all that a start leads to errs by one number."""
+    columns = dense(acting.columns, acting.at, len(values))
+    columns = np.where(acting.used[:, :, None], columns, 0.0)
+    opens = np.flatnonzero(problem.restart.code == ANEW)
+    added = np.zeros_like(inverse)
+    for change in problem.by_starts(values, sigma):
+        pull = np.where(acting.used, change, 0.0) / sigma / sigma  # the square of a tiny one is 0
+        sides = np.add.reduceat(np.einsum("iok,io->ik", columns, pull), opens, axis=0)
+        added += (sides @ inverse).T @ (sides @ inverse)
+    return added
 
 
 def student(degrees: Vector) -> Vector:

@@ -34,6 +34,16 @@ from evertwin.types import PerOutput, Vector
 __all__ = ["Objective", "Settings", "least_squares", "search"]
 
 
+ROUNDS, SETTLED = 5, 0.1
+"""Most searches, each with the noise that the one before left; its change that ends them."""
+
+
+ROUGH = 1e-3
+"""Relative change of the cost that ends a search that is repeated anyway."""
+DULL = 0.01
+"""Change of the cost that no row would notice, once rows are weighed by their noise."""
+
+
 class _Stop(ArithmeticError):
     """The caller has had enough; never leaves this module."""
 
@@ -159,10 +169,13 @@ def search(objective: Objective, method: str) -> Outcome:
     try:
         with objective.interrupt:
             for z in _starts(objective):
-                results.append(_run(objective, z))
+                results.append(_run(objective, z, ROUGH if _rounds(problem) > 2 else 0.0))
                 results.sort(key=lambda result: float(result.cost))
             for _ in range(_rounds(problem)):
+                before = objective.weight
                 results = [_again(objective, results[0])]
+                if np.allclose(objective.weight, before, rtol=SETTLED):
+                    break
     except _Stop:
         z = objective.best[1]
         return Outcome(
@@ -179,7 +192,7 @@ def _again(objective: Objective, best: Any) -> Any:
     left = squares(problem, problem.residuals(objective.residual_values(best.x)))
     objective.weight = 1.0 / noise_of(problem, left, np.full(count, len(best.x) / count))
     objective.best = np.inf, best.x  # costs of other weights do not compare
-    return _run(objective, best.x)
+    return _run(objective, best.x, DULL / max(int(np.count_nonzero(problem.rows.used)), 1))
 
 
 def _rounds(problem: Problem) -> int:
@@ -188,7 +201,9 @@ def _rounds(problem: Problem) -> int:
         return 0
     if problem.loss != "linear":
         return 2
-    return int(len(problem.model.outputs) + np.count_nonzero(problem.information) > 1)
+    if problem.information.any():
+        return ROUNDS  # what a prior weighs hangs on the noise, which was the whole deviation first
+    return int(len(problem.model.outputs) > 1)
 
 
 def _outcome(objective: Objective, best: Any, method: str) -> Outcome:
@@ -236,7 +251,8 @@ def _starts(objective: Objective) -> list[Vector]:
     return [inside, *(low + points * (high - low))]
 
 
-def _run(objective: Objective, z: Vector) -> Any:
+def _run(objective: Objective, z: Vector, dull: float) -> Any:
+    """One search; ``dull``: relative change of the cost that ends it, at least."""
     settings, (low, high) = objective.settings, objective.bounds
     # SciPy wants a start strictly inside: one on a bound is moved by a millionth of its size.
     margin = np.minimum(1e-6, 0.25 * (high - low))
@@ -248,6 +264,6 @@ def _run(objective: Objective, z: Vector) -> Any:
         loss=objective.problem.loss,
         max_nfev=settings.evaluations,
         xtol=settings.tolerance,
-        ftol=settings.tolerance,
+        ftol=max(settings.tolerance, dull),
         gtol=1e-12,
     )

@@ -23,6 +23,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -37,19 +38,34 @@ from evertwin.models import (
     Restart,
 )
 from evertwin.models.batch import Batch
+from evertwin.models.kernel import ANEW
 from evertwin.signals import wrap
 from evertwin.sync.horizon import restarts
 from evertwin.tuning.closed import dense, slots
 from evertwin.tuning.far import far_runs
 from evertwin.tuning.gram import residual
+from evertwin.tuning.recordings import extended, places
 from evertwin.tuning.rows import Filter, Rows, joined, prepared, smooth
 from evertwin.tuning.sensitivity import Sensitivity
 from evertwin.tuning.settings import Settings
-from evertwin.types import Float64, Int64, Outputs, ParameterVector, PerOutput, Vector
+from evertwin.types import (
+    Float64,
+    Inputs,
+    Int64,
+    Intervals,
+    OutputRuns,
+    Outputs,
+    ParameterVector,
+    ParameterVectors,
+    PerOutput,
+    Vector,
+)
 
 Loss: TypeAlias = Literal["linear", "soft_l1", "huber", "cauchy", "arctan"]
 Moving: TypeAlias = Callable[[Any], Any]
 """``moving(u (n, nu)) -> bool (n, ny)``: which rows count as moving, per output."""
+VAGUE = 10.0
+"""Standard deviation of a prior that nobody gave, in natural sizes."""
 SHARED = ("parameters", "_p", "rows", "restart", "batch", "parts")
 """What does not depend on which parameters are tuned."""
 
@@ -119,13 +135,14 @@ class Problem:
 
     @cached_property
     def parameters(self) -> Parameters:
-        """All parameters of the model with start values, bounds and priors."""
-        given = self.prior
-        if given is None:
-            return self.model.parameters
+        """All parameters with start values, bounds and priors: of the model, then `recordings`."""
+        given = self.model.parameters if self.prior is None else self.prior
+        found = extended(self.model.parameters, self.model, len(self.windows))
+        if given.names == found.names:
+            return given
         if given.names != self.model.parameters.names:
             raise UsageError("prior: expected the model's parameters in the model's order")
-        return given
+        return extended(given, self.model, len(self.windows))
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -149,8 +166,15 @@ class Problem:
 
     @cached_property
     def information(self) -> Vector:
-        """What the prior knows: 1/σ² of each tuned parameter, 0 without a prior, (k,)."""
-        return np.asarray(1.0 / np.square(self._sigma))
+        """What the prior knows: 1/σ² of each tuned parameter, 0 without a prior, (k,).
+
+        A number of a model with a state has a start near enough for `VAGUE`: a valley without a
+        floor gets one, and an interval counts what the rows leave open.
+        """
+        sigma = self._sigma
+        if len(self.model.states):
+            sigma = np.where((self.start != 0.0) & np.isinf(sigma), VAGUE * self.sizes, sigma)
+        return np.asarray(1.0 / np.square(sigma))
 
     @property
     def _sigma(self) -> Vector:
@@ -204,7 +228,7 @@ class Problem:
         return columns if self.filter is None else smooth(self.filter, columns, self.rows.segments)
 
     def full(self, values: Vector) -> ParameterVector:
-        """All parameters with the tuned ones replaced by ``values`` (k,)."""
+        """All `parameters` with the tuned ones replaced by ``values`` (k,)."""
         p = self._p.copy()
         p[self.places] = values
         return p
@@ -219,17 +243,27 @@ class Problem:
 
     def predictions(self, points: Sequence[Vector]) -> list[Outputs]:
         """`predict` at several points at once."""
-        model = self.model
         if self.linear or self._rowwise:
             return [self._linear_prediction(values) for values in points]
         rows, p = self.rows, np.stack([self.full(values) for values in points])
-        restart = self.restart._replace(x0=model.initial(p[0]))
-        far = self.settings.far
-        if far is not None and len(points) > 1:
-            runs = far_runs(far, rows.u, rows.dt, p, restart)
-        else:
-            runs = self.batch.run(rows.u, rows.dt, p, restart)
-        return [np.asarray(self.smooth(y)) for y in runs]
+        runs = [self._runs(p[:, at], rows.u[a:b], rows.dt[a:b], a) for a, b, at in self._recordings]
+        return [np.asarray(self.smooth(y)) for y in joined(runs, 1)]
+
+    def _runs(self, p: ParameterVectors, u: Inputs, dt: Intervals, first: int) -> OutputRuns:
+        here, far = slice(first, first + len(u)), self.settings.far
+        restart = Restart(self.restart.y[here], self.restart.code[here], self.model.initial(p[0]))
+        if far is not None and len(p) > 1:
+            return far_runs(far, u, dt, p, restart)
+        return self.batch.run(u, dt, p, restart)
+
+    @cached_property
+    def _recordings(self) -> list[tuple[int, int, Int64[np.ndarray, " np"]]]:
+        """(first row, end, places of the parameters) of what begins with the same numbers."""
+        edges = np.cumsum([0, *(len(window.t) for window in self.windows)]).tolist()
+        own = [places(self.parameters, self.model, self.names, k) for k in range(len(edges) - 1)]
+        if all(np.array_equal(at, own[0]) for at in own):
+            return [(0, edges[-1], own[0])]
+        return [(a, b, at) for (a, b), at in zip(pairwise(edges), own, strict=True)]
 
     @cached_property
     def _rowwise(self) -> bool:
@@ -285,6 +319,20 @@ class Problem:
                 moved = runs[2 * j + 1] - runs[2 * j]
             out[:, :, j] = wrap(moved, self.model.outputs.angles) / change
         return out
+
+    def by_starts(self, values: Vector, sizes: PerOutput) -> list[Outputs]:
+        """How predictions (n, ny) change where the start of one output after the other moves.
+
+        Args:
+            sizes: how far each output's measured start moves, (ny,).
+        """
+        found, here, (y, code, x0) = [], self.predict(values), self.restart
+        for k, size in enumerate(sizes.tolist()):
+            moved, there = self.tuning(self.names), y.copy()
+            there[code == ANEW, k] += size
+            moved.__dict__["restart"] = Restart(there, code, x0)
+            found.append(wrap(moved.predict(values) - here, self.model.outputs.angles))
+        return found
 
     def steps(self, values: Vector) -> Vector:
         """Step of the differences for each parameter, (k,)."""

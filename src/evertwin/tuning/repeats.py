@@ -76,6 +76,8 @@ def repeated(problem: Problem, fit: Fit) -> Fit:
         half = np.hypot((high - low) / 2.0, student(np.array([count - 1.0]))[0] * tau)
         interval95[k] = (low + high) / 2.0 - half, (low + high) / 2.0 + half
         (word,), (wide,) = grade([""], np.array([half / sizes[k]]))
+        if abs(low + high) / 2.0 <= half:
+            word, wide = "weak", wide or "not told from zero"
         said = f"differs by ± {tau:.2g} (1 σ) among {count} {kind}"
         reasons[k] = "; ".join(filter(None, (fit.reasons[k], said, wide)))
         verdict[k] = fit.verdict[k] if word == "identifiable" else "weak"

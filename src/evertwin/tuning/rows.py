@@ -71,9 +71,9 @@ def _counts(block: Block, stateful: bool) -> Bool[np.ndarray, "n ny"]:
     return np.asarray(counts)
 
 
-def joined(arrays: Sequence[Any]) -> Any:
+def joined(arrays: Sequence[Any], axis: int = 0) -> Any:
     """Arrays one after another; a single one as it is."""
-    return np.ascontiguousarray(arrays[0] if len(arrays) == 1 else np.concatenate(arrays))
+    return np.ascontiguousarray(arrays[0] if len(arrays) == 1 else np.concatenate(arrays, axis))
 
 
 def prepared(

@@ -13,7 +13,6 @@ import numpy as np
 import scipy
 
 from evertwin.errors import DataError
-from evertwin.models import Parameters
 from evertwin.models.corrected import Corrected
 from evertwin.tuning.assemble import Outcome, assemble, noise_of, sizes_of, squares
 from evertwin.tuning.closed import ClosedForm
@@ -44,16 +43,14 @@ def solve(
     """
     began = time.perf_counter()
     if p0 is not None:
-        problem = replace(problem, prior=_started(problem.parameters, p0))
+        problem = replace(
+            problem, prior=(problem.prior or problem.model.parameters).with_values(p0)
+        )
     # a simulation that runs away is infinite, not an accident: the fit says that it diverged
     with np.errstate(over="ignore", invalid="ignore"):
         if problem.linear and problem.loss == "linear":
             return _linear(problem, began)
         return _search(problem, settings or problem.settings, began)
-
-
-def _started(parameters: Parameters, p0: ParameterVector) -> Parameters:
-    return parameters.with_values(p0)
 
 
 def _linear(problem: Problem, began: float) -> Fit:
@@ -139,7 +136,7 @@ def _check_knobs(problem: Problem, acting: Sensitivity) -> None:
     told = np.logical_or.reduce(acting.acts, axis=0)
     if not told.all():
         model = problem.model
-        own = model.model.parameters.names if isinstance(model, Corrected) else problem.names
+        own = (model.model if isinstance(model, Corrected) else model).parameters.names
         silent = tuple(problem.names[j] for j in np.flatnonzero(~told).tolist())
         connected(model, tuple(name for name in silent if name in own), problem.rows.u)
 
