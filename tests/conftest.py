@@ -60,7 +60,7 @@ def hooked_modules() -> list[str]:
     ]
 
 
-OFTEN = 50
+OFTEN = 20
 """So many calls of a function are checked in each test."""
 _calls: Counter[int] = Counter()
 _made: Counter[int] = Counter()
