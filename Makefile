@@ -11,11 +11,12 @@ FIND := for p in python3.11 python3.12 python3.13 python3.14 python3; do \
 	&& { command -v $$p; break; }; done
 PYTHON ?= $(shell $(FIND))
 NEEDS := pyproject.toml constraints.txt
-# Compiled on all processors afterwards; pip does it on one. What is broken Python is a template.
+# Compiled on all processors afterwards; pip does it on one. What is broken Python is a template. Nobody
+# imports the tests of others.
 define INSTALL
 $(BIN)/python tools/alive.py installing $(BIN)/python -m pip install --no-compile -c constraints.txt -e
 endef
-COMPILE := $(BIN)/python tools/alive.py compiling $(BIN)/python -m compileall -qq -j 0 .venv/lib || true
+COMPILE := $(BIN)/python tools/alive.py compiling $(BIN)/python -m compileall -qq -j 0 -x '/tests?/' .venv/lib || true
 
 .PHONY: help venv demo test kernels lint types reference docs notebooks bench coverage prove
 .PHONY: wheel clean

@@ -5,7 +5,11 @@ from __future__ import annotations
 import importlib.metadata
 import re
 import shutil
+from functools import cached_property
 from pathlib import Path
+from typing import Any
+
+from sphinx.domains.python import PythonDomain
 
 import evertwin
 
@@ -42,6 +46,31 @@ PACKAGE = Path(evertwin.__path__[0])
 HIDE = "   :no-members:\n"
 """A package only re-exports: each name is documented where it is defined."""
 API = Path(__file__).parent / "reference" / "api"
+
+
+class Names(PythonDomain):
+    """Looks for a short name among those that end in it: Sphinx goes through all for each hint."""
+
+    near: dict[str, Any] | None = None
+
+    @cached_property
+    def ends(self) -> dict[str, dict[str, Any]]:
+        """All names by their last part; first asked when all are known."""
+        found: dict[str, dict[str, Any]] = {}
+        for name, entry in super().objects.items():
+            found.setdefault(name.rpartition(".")[2], {})[name] = entry
+        return found
+
+    @property
+    def objects(self) -> dict[str, Any]:  # type: ignore[override]
+        return super().objects if self.near is None else self.near
+
+    def find_obj(self, env: Any, modname: str, classname: str, name: str, *more: Any) -> Any:
+        self.near = self.ends.get(name.removesuffix("()").rpartition(".")[2], {})
+        try:
+            return super().find_obj(env, modname, classname, name, *more)
+        finally:
+            self.near = None
 
 
 def escape(line: str) -> str:
@@ -105,5 +134,6 @@ def write_api(app: object) -> None:
 
 def setup(app: object) -> None:
     """Register the steps."""
+    app.add_domain(Names, override=True)  # type: ignore[attr-defined]
     app.connect("autodoc-process-docstring", as_rst)  # type: ignore[attr-defined]
     app.connect("builder-inited", write_api)  # type: ignore[attr-defined]

@@ -9,7 +9,9 @@ off.
 from __future__ import annotations
 
 import ast
+import dataclasses
 import doctest
+import functools
 import importlib
 import inspect
 import os
@@ -19,7 +21,7 @@ import threading
 from collections import Counter
 from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
-from types import CodeType, FunctionType
+from types import FunctionType
 from typing import Any
 
 import jaxtyping
@@ -58,26 +60,48 @@ def hooked_modules() -> list[str]:
     ]
 
 
-OFTEN = 10
-"""So many times a function that stands in another one is checked anew."""
+OFTEN = 20
+"""So many calls of a function are checked in each test."""
+_calls: Counter[int] = Counter()
+_made: Counter[int] = Counter()
 
 
 def at_first(checked: Callable[..., Any]) -> Callable[..., Any]:
-    """A decorator that leaves functions in functions alone after a while.
+    """A decorator whose functions are checked in the first calls of each test.
 
-    They are made with each call, and a check takes a hundred times as long to make as they do.
+    Checks of all calls took half of the time of long tests. Each check is made when it is first
+    needed: making it takes a thousand times as long as making a function, so those in functions,
+    which are made with each call, are left alone after a while.
     """
-    made: Counter[CodeType] = Counter()
+
+    def seldom(it: FunctionType, check: Callable[[Any], Any]) -> Callable[..., Any]:
+        key, checked = id(it.__code__), None
+
+        @functools.wraps(it)
+        def told(*arguments: Any, **named: Any) -> Any:
+            nonlocal checked
+            if _calls[key] >= OFTEN:
+                return it(*arguments, **named)
+            _calls[key] += 1
+            checked = checked or check(it)
+            return checked(*arguments, **named)
+
+        return told
 
     def decorator(**options: Any) -> Callable[[Any], Any]:
         check = checked(**options)
 
         def told(it: Any) -> Any:
-            if isinstance(it, FunctionType) and "<locals>" in it.__qualname__:
-                made[it.__code__] += 1
-                if made[it.__code__] > OFTEN:
+            if dataclasses.is_dataclass(it) and isinstance(start := it.__init__, FunctionType):
+                it.__init__ = seldom(start, check)  # type: ignore[misc]
+                return it
+            if not isinstance(it, FunctionType):
+                return check(it)
+            if "<locals>" in it.__qualname__:
+                _made[id(it.__code__)] += 1
+                if _made[id(it.__code__)] > OFTEN:
                     return it
-            return check(it)
+            return seldom(it, check)
 
         return told
 
@@ -135,6 +159,7 @@ def in_ci() -> bool:
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
     """Lines are counted where tests are short: counting takes as long again as the test itself."""
+    _calls.clear()
     if not item.get_closest_marker("slow") or "COVERAGE_PROCESS_CONFIG" not in os.environ:
         return (yield)
     counting = sys.gettrace(), threading.gettrace(), os.environ.pop("COVERAGE_PROCESS_CONFIG")

@@ -22,7 +22,6 @@ from __future__ import annotations
 
 import difflib
 import os
-import ssl
 from collections.abc import Iterable
 
 
@@ -172,6 +171,8 @@ def reason_of(error: BaseException) -> str:
     >>> reason_of(TimeoutError()), reason_of(ConnectionRefusedError(111, "Connection refused"))
     ('no answer in time', 'Connection refused')
     """
+    import ssl  # every command loads this file
+
     if isinstance(error, TimeoutError) and not str(error):
         return "no answer in time"
     if isinstance(error, ssl.SSLCertVerificationError):

@@ -33,7 +33,8 @@ that predicts best in the wrong form; then the reason says so, and the number is
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -49,6 +50,7 @@ from evertwin.tuning.shapes import shapes
 from evertwin.types import Float64, Vector
 
 Columns = Float64[np.ndarray, "n m"]
+Basis = Float64[np.ndarray, "n b"]
 Widths = Float64[np.ndarray, " m"]
 LIKE = 0.3
 """How far a shape that was found may be from the true one, as a part of what it explains."""
@@ -84,6 +86,25 @@ class Term(NamedTuple):
     kind: str
 
 
+@dataclass(frozen=True, eq=False)
+class _Input:
+    """An input's rows, shared by the outputs that know the same ones."""
+
+    u: Series
+    _thinned: dict[int, _Input] = field(default_factory=dict)
+
+    def every(self, step: int) -> _Input:
+        """Every so many rows."""
+        if step not in self._thinned:
+            self._thinned[step] = self if step == 1 else _Input(self.u[::step])
+        return self._thinned[step]
+
+    @cached_property
+    def shapes(self) -> tuple[tuple[str, ...], Columns]:
+        """The kinds, and their values."""
+        return shapes(self.u)
+
+
 @dataclass(frozen=True)
 class _Output:
     """One output's rows."""
@@ -93,12 +114,17 @@ class _Output:
     """Which tuned parameter each column belongs to."""
     r: Series
     """What is left of it."""
-    inputs: Mapping[str, Series]
+    inputs: Mapping[str, _Input]
+
+    @property
+    def basis(self) -> Basis:
+        """Its columns, made orthonormal."""
+        return np.asarray(np.linalg.qr(_scaled(self.columns)[0])[0])
 
     def thinned(self, rows: int) -> _Output:
         """Every so many rows, at most so many in all."""
         step = -(-len(self.r) // max(rows, 1))
-        inputs = {name: u[::step] for name, u in self.inputs.items()}
+        inputs = {name: one.every(step) for name, one in self.inputs.items()}
         return _Output(self.columns[::step], self.at, self.r[::step], inputs)
 
     def only(self, names: Sequence[str]) -> _Output:
@@ -108,8 +134,8 @@ class _Output:
     def candidates(self) -> tuple[list[Term], Columns]:
         """Every column times every shape of every input, each of unit length."""
         terms, found = list[Term](), list[np.ndarray]()
-        for name, u in self.inputs.items():
-            kinds, values = shapes(u)
+        for name, one in self.inputs.items():
+            kinds, values = one.shapes
             for a in range(self.columns.shape[1]):
                 terms += [Term(a, name, s, kind) for s, kind in enumerate(kinds)]
                 found.append(self.columns[:, a : a + 1] * values)
@@ -172,23 +198,32 @@ def _asked(
     problem: Problem, fit: Fit, acting: Sensitivity, free: np.ndarray
 ) -> tuple[list[_Output], list[list[Term]]]:
     """Every output's rows, and the terms that pay there."""
-    outputs = [_rows_of(problem, fit, acting, o, free) for o in range(len(fit.outputs))]
+    residuals, shared = problem.residuals(fit.values), dict[bytes, Mapping[str, _Input]]()
+    outputs = list[_Output]()
+    for o, r in enumerate(residuals.T):
+        columns, at = acting.of(o)
+        acts = free[at] & acting.acts[o][at]
+        known = _known(problem, o, r)
+        if known.tobytes() not in shared:
+            shared[known.tobytes()] = _inputs(problem, known)
+        inputs = shared[known.tobytes()]
+        outputs.append(_Output(columns[known][:, acts], at[acts], r[known], inputs))
     return outputs, [_chosen(one) for one in outputs]
 
 
-def _rows_of(
-    problem: Problem, fit: Fit, acting: Sensitivity, output: int, free: np.ndarray
-) -> _Output:
-    columns, at = acting.of(output)
-    r = problem.residuals(fit.values)[:, output]
-    acts = free[at] & acting.acts[output][at]
+def _known(problem: Problem, output: int, r: Series) -> np.ndarray:
     rows = problem.rows
-    known = rows.used[:, output] & np.isfinite(r) & np.isfinite(rows.u).all(axis=1)
-    inputs = {TIME: np.cumsum(rows.dt)[known]}
+    return np.asarray(rows.used[:, output] & np.isfinite(r) & np.isfinite(rows.u).all(axis=1))
+
+
+def _inputs(problem: Problem, known: np.ndarray) -> Mapping[str, _Input]:
+    rows = problem.rows
+    inputs = {TIME: _Input(np.cumsum(rows.dt)[known])}
     for name, u in zip(problem.model.inputs.names, rows.u.T, strict=True):
         # a machine's place is the sum of its speed, whether or not the model takes it
-        inputs |= {name: u[known], f"the sum of {name}": np.nancumsum(u * rows.dt)[known]}
-    return _Output(columns[known][:, acts], at[acts], r[known], inputs)
+        way = _Input(np.nancumsum(u * rows.dt)[known])
+        inputs |= {name: _Input(u[known]), f"the sum of {name}": way}
+    return inputs
 
 
 def _chosen(one: _Output) -> list[Term]:
@@ -197,14 +232,15 @@ def _chosen(one: _Output) -> list[Term]:
         return []
     near = one.thinned(COARSE)
     if len(one.inputs) > INPUTS:
-        best = {n: _best(near.only([n])) for n in one.inputs}
+        basis = near.basis
+        best = {n: _best(near.only([n]), basis) for n in one.inputs}
         one = one.only(sorted(best, key=lambda name: -best[name])[:INPUTS])
-    count = len(near.only(list(one.inputs)).candidates()[0])
+    count = len(near.at) * sum(len(near.inputs[name].shapes[0]) for name in one.inputs)
     if not count:
         return []
     one = one.thinned(min(ROWS, max(CELLS // count, COARSE)))
     terms, columns = one.candidates()
-    left, r = _apart(one, columns)
+    left, r = _apart(one, one.basis, columns)
     border = 2.0 * np.log(len(terms)) + np.log(len(r))
     accepted = list[Term]()
     for _ in range(TERMS):
@@ -220,15 +256,14 @@ def _chosen(one: _Output) -> list[Term]:
     return accepted
 
 
-def _best(one: _Output) -> float:
+def _best(one: _Output, basis: Basis) -> float:
     """The most that one shape explains."""
     _, columns = one.candidates()
-    return float(_gains(*_apart(one, columns))[0].max(initial=0.0))
+    return float(_gains(*_apart(one, basis, columns))[0].max(initial=0.0))
 
 
-def _apart(one: _Output, columns: Columns) -> tuple[Columns, Series]:
+def _apart(one: _Output, basis: Basis, columns: Columns) -> tuple[Columns, Series]:
     """What the output's own columns leave of others, and of the residual."""
-    basis = np.linalg.qr(_scaled(one.columns)[0])[0]
     return columns - basis @ (basis.T @ columns), one.r - basis @ (basis.T @ one.r)
 
 
