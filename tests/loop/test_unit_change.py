@@ -61,6 +61,35 @@ def test_a_machine_that_changed_is_none(number: float, bent: float) -> None:
     assert not any("number" in e.evidence for e in found)
 
 
+@pytest.mark.parametrize(("crossed", "named"), [((1, 0, 2), True), ((0, 1, 2), False)])
+def test_outputs_that_changed_places_are_named_and_not_learned(
+    crossed: tuple[int, ...], named: bool
+) -> None:
+    """Three torques of their own motions; from the last third on the first two are crossed."""
+    rng, n = np.random.default_rng(9), 3600
+    t = np.arange(n) * 0.025
+    u = np.stack([np.sin(w * t) + np.sin(2.3 * w * t + w) for w in (0.7, 0.9, 1.3)], axis=1)
+    y = u * (3.0, 5.0, 2.0) + 0.01 * rng.normal(size=u.shape)
+    y[2400:] = y[2400:][:, crossed] if named else y[2400:] * (1.2, 1.0, 1.0)
+    model = FunctionModel(
+        lambda x, u, dt, p: (x, p * u), Layout.of(a="1", b="1", c="1"),
+        Layout.of(ta="Nm", tb="Nm", tc="Nm"), parameters=Parameters.of(
+            pa=(2.5, "1"), pb=(5.5, "1"), pc=(2.2, "1")),
+    )  # fmt: skip
+    spec = TwinSpec(
+        "arm",
+        ModelSpec("given"),
+        anomaly=AnomalySpec(requirement=0.05, window=Span(200)),
+        tuning=TuningSpec(window=Span(1600)),
+        beat=Span(80),
+    )
+    columns = dict(zip(("a", "b", "c", "ta", "tb", "tc"), np.hstack([u, y]).T, strict=True))
+    with Twin(spec, model) as twin:
+        result = twin.run({"t": t, **columns})
+    assert ("ta is what tb would be, tb is what ta would be" in result.headline) == named
+    assert any(e.row >= 2400 for e in result.of_kind("tuned", "promoted")) == (not named)
+
+
 def test_an_input_that_changed_its_unit_is_named_and_no_output_is_called_frozen() -> None:
     """A pump: head and power of speed and flow; the flow is in l/min for m³/h in the last third."""
     rng, n = np.random.default_rng(7), 1800

@@ -1,4 +1,4 @@
-"""Has a sensor changed its unit or its sign, since when the rows are of the machine as it is now?
+"""Has a sensor changed its unit, sign or place, since when the rows are of the machine as it is?
 
 A static map predicts forces from motion. If they become one number times as large, in every motion
 and by a number that divides two units, then no friction and no mass explains it: all of them would
@@ -15,6 +15,7 @@ import numpy as np
 
 from evertwin.correction.improve import TooFew
 from evertwin.loop.evaluation import predict
+from evertwin.loop.exchanged import exchanged
 from evertwin.loop.setup import Setup
 from evertwin.loop.task import Windows
 from evertwin.models import Model
@@ -69,8 +70,8 @@ class SensorChange(NamedTuple):
 def unit_change(
     setup: Setup, model: Model, p: ParameterVector, windows: Windows
 ) -> SensorChange | None:
-    """An output that is one number times what is predicted, or no longer answers; an input that is
-    one number times what it was; None: none is.
+    """Outputs that have changed places; one that is one number times what is predicted, or does
+    not answer any more; an input that is one number times what it was; None: none is.
 
     Of static maps alone: a state adopts what is measured, and the arbiter answers for it.
 
@@ -84,6 +85,9 @@ def unit_change(
     y = np.concatenate([one.measured for one in found])
     expected = np.concatenate([one.measured - one.residual for one in found])
     u = np.concatenate([window.u for window in windows])
+    crossed = _crossed(setup, y, expected, moving)
+    if crossed is not None:
+        return crossed
     for k in np.flatnonzero(setup.watched).tolist():
         rows = np.isfinite(y[:, k]) & np.isfinite(expected[:, k]) & moving[:, k]
         a, b = y[rows, k], expected[rows, k]
@@ -98,6 +102,27 @@ def unit_change(
             if part == 1.0:  # in a few motions much is one number times as large
                 raise TooFew(f"{len(y)} rows do not tell a change of unit from another")
     return _of_input(setup, model, p, windows, (y - expected, None))
+
+
+def _crossed(
+    setup: Setup, y: Outputs, expected: Outputs, moving: np.ndarray
+) -> SensorChange | None:
+    """Outputs that have changed places since the deviation has been what it is.
+
+    Raises:
+        TooFew: it looks so, on fewer rows than a deviation is judged on.
+    """
+    names, first = setup.model.outputs.names, _since((y - expected)[:, setup.watched])
+    rows = first + np.flatnonzero(moving[first:].any(axis=1))
+    looks = exchanged(y[rows], expected[rows], setup.model.outputs.units)
+    moved = [k for k, other in enumerate(looks) if k != other]
+    if not moved:
+        return None
+    if len(y) - first < setup.enough:
+        raise TooFew(f"{len(y) - first} rows do not tell crossed outputs from others")
+    said = ", ".join(f"{names[k]} is what {names[looks[k]]} would be" for k in moved)
+    cause = "as crossed cables or columns would make it, so nothing is learned"
+    return SensorChange(names[moved[0]], 1.0, f"{said}, {cause}")
 
 
 def _of_input(
