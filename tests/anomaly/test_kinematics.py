@@ -51,7 +51,17 @@ def test_the_channel_that_changed_is_named_with_its_factor(
         assert opened.open and not closed.open
         assert opened.factor == pytest.approx(number, rel=0.1, abs=0.05 * number)
         assert AT - 100 <= opened.first <= AT + 50 and marks[AT + 100 : 6000].all()
-        assert not marks[: AT - 100].any() and not marks[6500:].any()
+        assert not marks[: AT - 100].any() and not marks[7000:].any()
+
+
+def test_a_speed_that_stands_is_not_sound_again_where_the_motion_is_as_fast() -> None:
+    """To and fro at 0.5 m/s, two seconds each way; the speed stays at that of one way, with noise."""
+    rng, t = np.random.default_rng(2), 0.01 * np.arange(8000)
+    v = np.where(t % 4.0 < 2.0, 0.5, -0.5)
+    q = np.cumsum(v) * 0.01
+    v[AT:] = 0.5
+    (opened,), marks = told(q, v + rng.normal(0.0, 0.01, len(t)))
+    assert opened.open and marks[AT + 400 :].all()
 
 
 def test_of_a_turned_sign_it_cannot_be_told_which_one_it_is() -> None:

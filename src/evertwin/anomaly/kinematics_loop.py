@@ -27,8 +27,9 @@ LEAST = 0.3
 """Share of the usual way that a stretch has to have to say something."""
 MEMORY = 50
 """Stretches that the usual way is remembered over."""
-KNOWN, SURE = 10, 3
-"""Stretches that must have agreed, and those in a row that open and close a contradiction."""
+KNOWN, SURE, BACK = 10, 3, 10
+"""Stretches that must have agreed, those in a row that open a contradiction, and that close it: what
+stands for good is met by a motion that is just as fast for a while."""
 
 
 @njit(cache=True)
@@ -68,7 +69,7 @@ def judged(row: int, number: Any, figure: Any, machine: Any) -> None:
             share = 1.0 / min(number[AGREED], MEMORY)
             figure[USUAL_GONE] += (x * x - figure[USUAL_GONE]) * share
             figure[USUAL_WAY] += (y * y - figure[USUAL_WAY]) * share
-        elif number[GOOD] >= SURE:
+        elif number[GOOD] >= BACK:
             number[OPEN] = 0
             machine[NEWS] = machine[NEWS] or row + 1
     if opens:

@@ -19,7 +19,8 @@ def disturbed(decision: Decision, setup: Setup) -> bool:
     on = setup.external.on(external)
     decision.state = state._replace(external=external)
     since = setup.external.since(external) if on else -1
-    if told.own is not None and kept_out(state.ring, told.own.first):
+    doubted = setup.kinematics.doubted(state.kinematics)
+    if told.own is not None and doubted < 0 and kept_out(state.ring, told.own.first):
         name, first = told.own
         said = (
             f"what seemed to act on {name} from outside since row {first} comes with one motion "
@@ -34,7 +35,6 @@ def disturbed(decision: Decision, setup: Setup) -> bool:
         decision.remember(open=0)  # it was asked about rows that are not the machine's own
     if contact is not None:
         forget(decision)
-        doubted = setup.kinematics.doubted(state.kinematics)
         if not 0 <= doubted <= max(contact.last, first):
             _tell(decision, setup, contact, new=told.new)
     if told.blind:
