@@ -55,7 +55,7 @@ def test_the_channel_that_changed_is_named_with_its_factor(
 
 
 def test_a_speed_that_stands_is_not_sound_again_where_the_motion_is_as_fast() -> None:
-    """To and fro at 0.5 m/s, two seconds each way; the speed stays at that of one way, with noise."""
+    """To and fro at 0.5 m/s, two seconds each way; the speed stays at one of them, with noise."""
     rng, t = np.random.default_rng(2), 0.01 * np.arange(8000)
     v = np.where(t % 4.0 < 2.0, 0.5, -0.5)
     q = np.cumsum(v) * 0.01

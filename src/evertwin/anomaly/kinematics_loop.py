@@ -28,7 +28,7 @@ LEAST = 0.3
 MEMORY = 50
 """Stretches that the usual way is remembered over."""
 KNOWN, SURE, BACK = 10, 3, 10
-"""Stretches that must have agreed, those in a row that open a contradiction, and that close it: what
+"""Stretches that must have agreed, those in a row that open a contradiction, that close it: what
 stands for good is met by a motion that is just as fast for a while."""
 
 
