@@ -49,3 +49,26 @@ def test_a_lag_is_not_taken_up_by_the_numbers(late: float) -> None:
     assert told(found) == ["lag"]
     (one,) = (one for one in found.findings if one.kind == "lag")
     assert one.evidence["force"]["seconds"] == pytest.approx(late, abs=0.005)
+
+
+def lifted(sign: float) -> list[str]:
+    """A lift whose load pulls all the time; its law has terms that no moving row tells apart."""
+    t = np.arange(30 * RATE) / RATE
+    v = 3.0 * np.sin(1.3 * t) + 2.0 * np.sin(3.1 * t)
+    a = np.gradient(v, t)
+    torque = sign * (0.3 * a + 0.3 * v + 2.0 * np.tanh(v / 0.03) + 25.0)
+    noise = np.random.default_rng(0).normal(0.0, 0.2, len(t))
+    spec = TwinSpec(
+        "lift", ModelSpec("drive_force", {"law": "sign+two_sided", "rotary": True}),
+        moving=MovingSpec(above=0.1, channels={"torque": "speed"}, tune=True),
+    )  # fmt: skip
+    with Twin(spec) as twin:
+        return told(twin.doctor({"t": t, "speed": v, "acceleration": a, "torque": torque + noise}))
+
+
+def test_a_load_that_pulls_all_the_time_is_no_turned_sensor() -> None:
+    assert lifted(1.0) == []
+
+
+def test_a_load_that_pulls_all_the_time_hides_no_turned_sensor() -> None:
+    assert lifted(-1.0) == ["sign"]

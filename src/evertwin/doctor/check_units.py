@@ -180,7 +180,9 @@ def _numbers(
     try:
         names = work.editable(view.version)
         problem = work.problem(view.version, windows, names)
-        return physically(problem, lambda one: (told_apart(one, solve(one)), {}))[0].p if names else p
+        return (
+            physically(problem, lambda one: (told_apart(one, solve(one)), {}))[0].p if names else p
+        )
     except (DataError, ModelError, UsageError):  # `look_tuning` says why
         return p
 
