@@ -54,9 +54,9 @@ def test_a_lag_is_not_taken_up_by_the_numbers(late: float) -> None:
 def lifted(sign: float) -> list[str]:
     """A lift whose load pulls all the time, and which hangs far from where its angle is zero; its
     law has terms that no moving row tells apart."""
-    t = np.arange(30 * RATE) / RATE
+    t = np.arange(3000) / 100
     v = 3.0 * np.sin(1.3 * t) + 2.0 * np.sin(3.1 * t)
-    a, angle = np.gradient(v, t), 20.0 + np.cumsum(v) / RATE
+    a, angle = np.gradient(v, t), 20.0 + np.cumsum(v) / 100
     torque = sign * (0.3 * a + 0.3 * v + 2.0 * np.tanh(v / 0.03) + 25.0)
     noise = np.random.default_rng(0).normal(0.0, 0.2, len(t))
     spec = TwinSpec(
