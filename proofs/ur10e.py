@@ -72,7 +72,12 @@ def sign_law() -> None:
     """Part 1."""
     print("1. sign law, trained on the 30 s run of 10 Feb and the 50 s run of 12 Feb")
     known = files("identification")
-    plain = {"ladder": (), "causes": {}, "editable": ("Ia*", "Fv*", "Fc*", "offset*", "*_link.*")}
+    plain = {
+        "ladder": (),
+        "causes": {},
+        "states": {},
+        "editable": ("Ia*", "Fv*", "Fc*", "offset*", "*_link.*"),
+    }
     train = [file for file in known if file.stem in PAIR]
     test = [file for file in known if file.stem not in PAIR]
     result = fitted(train, test, model=options(law="sign"), tuning=plain)

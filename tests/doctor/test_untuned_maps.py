@@ -49,3 +49,28 @@ def test_a_lag_is_not_taken_up_by_the_numbers(late: float) -> None:
     assert told(found) == ["lag"]
     (one,) = (one for one in found.findings if one.kind == "lag")
     assert one.evidence["force"]["seconds"] == pytest.approx(late, abs=0.005)
+
+
+def lifted(sign: float) -> list[str]:
+    """A lift whose load pulls all the time, and which hangs far from where its angle is zero; its
+    law has terms that no moving row tells apart."""
+    t = np.arange(3000) / 100
+    v = 3.0 * np.sin(1.3 * t) + 2.0 * np.sin(3.1 * t)
+    a, angle = np.gradient(v, t), 20.0 + np.cumsum(v) / 100
+    torque = sign * (0.3 * a + 0.3 * v + 2.0 * np.tanh(v / 0.03) + 25.0)
+    noise = np.random.default_rng(0).normal(0.0, 0.2, len(t))
+    spec = TwinSpec(
+        "lift", ModelSpec("drive_force", {"law": "sign+two_sided+spring", "rotary": True}),
+        moving=MovingSpec(above=0.1, channels={"torque": "speed"}, tune=True),
+    )  # fmt: skip
+    columns = {"t": t, "speed": v, "acceleration": a, "position": angle, "torque": torque + noise}
+    with Twin(spec) as twin:
+        return told(twin.doctor(columns))
+
+
+def test_a_load_that_pulls_all_the_time_is_no_turned_sensor() -> None:
+    assert lifted(1.0) == []
+
+
+def test_a_load_that_pulls_all_the_time_hides_no_turned_sensor() -> None:
+    assert lifted(-1.0) == ["sign"]

@@ -82,6 +82,20 @@ def test_a_fit_that_would_push_is_held_where_friction_resists(tmp_path: Path) ->
         assert held["Fc3"] == pytest.approx(free["Fc3"], rel=1e-6)
 
 
+def test_a_term_that_a_fit_turns_round_stays_out() -> None:
+    rng, axis = np.random.default_rng(0), DriveForce("sign+stribeck")
+    v = rng.uniform(-1.0, 1.0, (600, 1))
+    u, truth = np.concatenate([v, 0.0 * v], axis=1), {"Fc": 8.0, "Fv": 5.0, "Fs": -3.0}
+    p = axis.parameters.with_values(truth).values
+    y = axis.simulate(np.zeros(0), u, np.zeros(600), p)[1] + rng.normal(0, 0.05, v.shape)
+    rows = make_block(t=np.arange(600) * 10**8, u=u, y=y)
+    problem = Problem(axis, (rows,), ("Fv", "Fc", "Fs"))
+    fit, _ = physically(problem, lambda one: (solve(one), {}))
+    assert solve(problem)["Fs"] < -2.5 and fit["Fs"] == 0.0 and not fit.at_bound
+    k = fit.names.index("Fs")
+    assert fit.verdict[k] == "weak" and "stribeck is no such effect" in fit.reasons[k]
+
+
 def test_what_cannot_be_held_is_refused_with_its_reason(tmp_path: Path) -> None:
     fixed = {'value = "{10, 10, 8, 2, 2, 2}"': 'value = "{-18.4, 10, 8, 2, 2, 2}"'}
     with opened(tmp_path, '["Fc*"]', fixed) as twin:

@@ -34,4 +34,5 @@ def test_a_negative_coulomb_friction_is_doubted(coulomb: float, verdict: str) ->
 def test_simple_laws_resist_and_rich_ones_only_in_sum() -> None:
     simple = {item.name: item.resists for item in Law().parameters()}
     assert simple == {"Fv": True, "Fc": True, "offset": False}
-    assert not any(item.resists for item in Law.parse("tanh+stribeck").parameters())
+    rich = {item.name for item in Law.parse("tanh+stribeck").parameters() if item.resists}
+    assert rich == {"Fs"}

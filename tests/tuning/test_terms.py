@@ -71,6 +71,21 @@ def test_a_term_whose_place_a_later_one_takes_leaves_again() -> None:
     assert ascent.taken == ((), (), (), ("balance",), (), ())
 
 
+@pytest.mark.parametrize(("planted", "taken"), [(4.0, ("stribeck",)), (-4.0, ())])
+def test_what_sticks_less_at_rest_is_no_stribeck_effect(planted: float, taken: Any) -> None:
+    arm = Arm.of("ur5_like", law="tanh+stribeck")
+    p = arm.parameters.with_values({"Fc1": 8.0, "Fs1": planted}).values
+    problem = Problem(arm, tuple(recording(arm, p, seed) for seed in range(4)))
+    assert climb_terms(problem, arm.rungs()).taken[0] == taken
+
+
+def test_a_term_that_turns_another_round_joins_only_where_it_pays_alone() -> None:
+    arm = Arm.of("ur5_like", law="tanh+stribeck+root")
+    p = arm.parameters.with_values({"Fr1": 6.0, "Fv1": 1.0, "Fc2": 5.0, "Fs2": 3.0}).values
+    problem = Problem(arm, tuple(recording(arm, p, seed) for seed in range(4)))
+    assert climb_terms(problem, arm.rungs()[::-1]).taken[:2] == (("root",), ("stribeck",))
+
+
 def test_misuse_is_refused() -> None:
     arm, problem = planted()
     with pytest.raises(UsageError, match="at least 2 windows"):

@@ -32,7 +32,7 @@ from evertwin.signals import Layout
 from evertwin.signals.delay import Lag
 from evertwin.sync.horizon import restarts, trusted
 from evertwin.sync.lag import SharedLag, shared_lag
-from evertwin.tuning import solve
+from evertwin.tuning import solve, told_apart
 from evertwin.types import ParameterVector, Vector
 
 FACTORS: tuple[tuple[float, str], ...] = (
@@ -180,7 +180,9 @@ def _numbers(
     try:
         names = work.editable(view.version)
         problem = work.problem(view.version, windows, names)
-        return physically(problem, lambda one: (solve(one), {}))[0].p if names else p
+        return (
+            physically(problem, lambda one: (told_apart(one, solve(one)), {}))[0].p if names else p
+        )
     except (DataError, ModelError, UsageError):  # `look_tuning` says why
         return p
 

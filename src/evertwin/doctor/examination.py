@@ -168,16 +168,21 @@ class Changes:
 
 
 def changes(model: Model, p: ParameterVector, window: Block, horizon: float) -> Changes:
-    """Measured and predicted changes over a horizon; of a static map the values themselves."""
+    """Measured and predicted changes over a horizon; of a static map those from what is measured
+    on average: a constant, such as a weight that is held, would hide how all else is mistaken."""
     kernel = kernel_of(model)
     x0 = model.initial(p)
     plan = restarts(window, horizon, x0)
     _, y = roll(kernel, x0, window.u, window.dt, p, plan)
-    base = np.zeros_like(window.y)
-    if len(x0):
-        base = _held(plan.y)
+    base = _held(plan.y) if len(x0) else _average(window.y)
     angles = model.outputs.angles
     return Changes(wrap(window.y - base, angles), wrap(y - base, angles))
+
+
+def _average(y: Outputs) -> Outputs:
+    """Of each output, at all rows; zero where nothing is measured, (n, ny)."""
+    count = np.count_nonzero(np.isfinite(y), axis=0)
+    return np.broadcast_to(np.nansum(y, axis=0) / np.maximum(count, 1), y.shape)
 
 
 def _held(adopted: Outputs) -> Outputs:

@@ -21,9 +21,13 @@ from evertwin.machines.friction import Rung
 from evertwin.models import Model
 from evertwin.tuning import Problem
 from evertwin.tuning.terms import climb_terms
+from evertwin.tuning.unseen import held_out
+from evertwin.types import PerOutput
 
 PARTS = 4
 """Parts that a single task is cut into."""
+MOST = 2 / 3
+"""Share of the rows from which on a task is cut as if it were the only one."""
 
 
 @runtime_checkable
@@ -93,6 +97,35 @@ def joined(problem: Problem) -> Mapping[str, tuple[str, ...]]:
     }
 
 
+def nested(setup: Setup, problem: Problem) -> tuple[tuple[str, ...], ...]:
+    """What may be tuned without a new term: numbers of no term that may stay out of a law (the
+    others stay as they are), then all of the law as it is. None where the ladder tries none."""
+    tried = _tried(setup, problem)
+    without = (_rungs(problem.model), tried) if tried else ()
+    found = []
+    for rungs in without:
+        out = {name for rung in rungs for name in rung.add}
+        found.append(tuple(name for name in problem.names if name not in out))
+    return tuple(dict.fromkeys(names for names in found if names))
+
+
+def unseen(problem: Problem) -> PerOutput:
+    """The error on held-out tasks, or parts of the only one, as the ladder is climbed by."""
+    return held_out(replace(problem, windows=_folds(apart(problem.windows))))
+
+
+def _tried(setup: Setup, problem: Problem) -> list[Rung]:
+    """Terms of the ladder that have no value yet, in its order."""
+    rungs = _rungs(problem.model)
+    start = dict(zip(problem.names, problem.start.tolist(), strict=True))
+    return [
+        rung
+        for name in setup.spec.tuning.ladder or ()
+        for rung in rungs
+        if rung.name == name and not any(start.get(added) for added in rung.add)
+    ]
+
+
 def climb_laws(setup: Setup, problem: Problem) -> tuple[Problem, Chosen]:
     """The problem with the terms that pay, and the law of each joint (or output, without joints).
 
@@ -100,22 +133,12 @@ def climb_laws(setup: Setup, problem: Problem) -> tuple[Problem, Chosen]:
     part, and so does a term that the ladder does not name. A single task is cut into parts, so that
     there is something to hold out.
     """
-    order, model = setup.spec.tuning.ladder, problem.model
-    if not order:
-        return problem, Chosen()
-    rungs = _rungs(model)
-    start = dict(zip(problem.names, problem.start.tolist(), strict=True))
-    tried = [
-        rung
-        for name in order
-        for rung in rungs
-        if rung.name == name and not any(start.get(added) for added in rung.add)
-    ]
+    model, tried = problem.model, _tried(setup, problem)
     if not tried:
         return problem, Chosen()
     ascent = climb_terms(replace(problem, windows=_folds(apart(problem.windows))), tried)
     assert isinstance(model, Laddered)
-    joints = getattr(model, "joints", model.outputs.names)
+    rungs, joints = model.rungs(), getattr(model, "joints", model.outputs.names)
     laws = {joint: model.law_name(k, ascent.taken[k]) for k, joint in enumerate(joints)}
     causes = {joint: _causes(rungs, k, ascent.taken[k]) for k, joint in enumerate(joints)}
     told = {joint: cause for joint, cause in causes.items() if cause}
@@ -128,9 +151,14 @@ def _causes(rungs: Sequence[Rung], output: int, taken: Sequence[str]) -> str:
 
 
 def _folds(windows: tuple[Block, ...]) -> tuple[Block, ...]:
-    """The tasks; or parts of the only one."""
-    if len(windows) > 1:
+    """The tasks; where one holds most of the rows, what the others tell alone is too little to try
+    it on: it is cut into parts."""
+    rows = sum(len(window.t) for window in windows)
+    if max(len(window.t) for window in windows) <= MOST * rows:
         return windows
-    n = len(windows[0].t)
-    edges = [n * k // PARTS for k in range(PARTS + 1)]
-    return tuple(take(windows[0], a, b) for a, b in pairwise(edges) if b > a)
+    found = list[Block]()
+    for window in windows:
+        n, parts = len(window.t), max(1, round(PARTS * len(window.t) / rows))
+        edges = [n * k // parts for k in range(parts + 1)]
+        found += [take(window, a, b) for a, b in pairwise(edges) if b > a]
+    return tuple(found)

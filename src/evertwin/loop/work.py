@@ -21,13 +21,13 @@ from evertwin.fold import plain
 from evertwin.loop.change import changed, split, suddenly
 from evertwin.loop.correcting import learn, nearest
 from evertwin.loop.evaluation import falls_short, left, sizes
-from evertwin.loop.friction_law import climb_laws
 from evertwin.loop.physical import physically
 from evertwin.loop.posterior import posterior
 from evertwin.loop.recursive_fit import Recursion
 from evertwin.loop.ring import called
 from evertwin.loop.settled import settled
 from evertwin.loop.setup import Setup
+from evertwin.loop.simplest import law_now
 from evertwin.loop.states import States, amount
 from evertwin.loop.task import Task, Windows
 from evertwin.loop.unit_change import unit_change
@@ -231,7 +231,8 @@ class Work:
             evidence = {"number": other.number}
             said = _event("abnormal", other.channel, other.said, evidence)
             return {"events": [*events, said]} | since
-        problem, chosen = climb_laws(self.setup, self.problem(version, windows, names))
+        posed = self.problem(version, windows, names)
+        problem, chosen = law_now(self.setup, posed, self.tune if commissioned else None)
         problem, fit, rounds = self.tune(problem)
         if rounds and fit.converged:
             verdict = Verdict("normal", "", f"tuned by rounds: {fit.message}")
@@ -306,9 +307,8 @@ class Work:
             events.append(_event("rejected", "", f"outside: {', '.join(missed)}", {}))
         if missed or not fit.converged or not np.any(fit.values != fit.start):
             return None
-        moved = np.flatnonzero(fit.values != fit.start)
-        told = fit.identifiable or np.array(fit.names)[moved].tolist()
-        reason = f"tuned {', '.join(name for name in told if name in version.names)}"
+        told = [name for name in fit.moved if name.removesuffix(" (weak)") in version.names]
+        reason = f"tuned {', '.join(told)}"
         events.append(_event("tuned", "", reason, fit.to_dict(timing=False)))
         pairs = zip(fit.names, fit.values.tolist(), strict=True)  # without recordings' own starts
         values = {name: value for name, value in pairs if name in version.names}

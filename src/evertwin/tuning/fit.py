@@ -110,6 +110,13 @@ class Fit:
         pairs = zip(self.names, self.verdict, strict=True)
         return tuple(name for name, verdict in pairs if verdict == "identifiable")
 
+    @property
+    def moved(self) -> tuple[str, ...]:
+        """What was tuned, in words: the identifiable ones, then what else moved and how sure."""
+        rest = zip(self.names, self.verdict, self.values != self.start, strict=True)
+        others = [(name, word) for name, word, on in rest if on and word != "identifiable"]
+        return (*self.identifiable, *(f"{n} (weak)" if w == "weak" else n for n, w in others))
+
     def __getitem__(self, name: str) -> float:
         return float(self.values[self.names.index(name)])
 

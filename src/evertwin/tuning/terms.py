@@ -4,8 +4,10 @@ Where a term that is not tuned is a zero, the variants of a law are subsets of o
 parameters. All windows but a fold are solved, the fold is scored, in turn; of a linear model the
 rows are summed once per window, and every candidate is a small system. A term stays if the
 held-out error of its own output falls by more than ``gain`` (2 %) and the others' together do not
-rise; else it is left out for good. Terms are tried in the order given. At the end a term whose
-place a later one has taken, since without it the error rises by less, leaves again.
+rise; else it is left out for good. So does not one whose number resists, but is tuned to zero or
+below: it takes up another effect than the one that its term is called by. Terms are tried in the
+order given. At the end a term whose place a later one has taken, since without it the error rises
+by less, leaves again.
 
 >>> import numpy as np
 >>> from evertwin.fold import make_block
@@ -42,8 +44,9 @@ from evertwin.errors import UsageError
 from evertwin.models import LinearModel
 from evertwin.tuning.closed import ClosedForm, Sums, summed
 from evertwin.tuning.problem import Problem
+from evertwin.tuning.solver import solve
 from evertwin.tuning.unseen import held_out
-from evertwin.types import Float64
+from evertwin.types import Float64, Vector
 
 Term: TypeAlias = tuple[str, tuple[str, ...], int] | tuple[str, tuple[str, ...], int, str]
 """(name, parameters that join, output that they are for[, what it means])."""
@@ -120,6 +123,11 @@ class _Folds:
             count += fold.rows
         return np.asarray(np.sqrt(np.maximum(total, 0.0) / np.maximum(count, 1.0)))
 
+    def values(self, names: tuple[str, ...]) -> Vector:
+        """What all rows tune ``names`` to, (k,)."""
+        plan = ClosedForm.of(self.model, names, self.problem.parameters)
+        return plan.solve_sums(_added(self.folds)).values
+
 
 class _Refits:
     """The same for outputs that are not linear in their parameters: every fold is a search."""
@@ -130,6 +138,12 @@ class _Refits:
     def score(self, names: tuple[str, ...]) -> Score:
         """Held-out rms residual of each output with only ``names`` tuned, (ny,)."""
         return held_out(replace(self.problem, editable=names), self.folds)
+
+    def values(self, names: tuple[str, ...]) -> Vector:
+        """What all rows tune ``names`` to, (k,)."""
+        found = solve(replace(self.problem, editable=names))
+        known = dict(zip(found.names, found.values.tolist(), strict=True))
+        return np.array([known[name] for name in names])
 
 
 def _added(parts: Sequence[Sums]) -> Sums:
@@ -171,24 +185,54 @@ def climb_terms(
     here, steps = rows.score(names), []
     joined: list[Term] = []
     for one in terms:
-        term, add, output = one[:3]
-        wider = tuple(name for name in problem.names if name in names or name in add)
-        there = rows.score(wider)
-        pays = bool(there[output] < (1.0 - gain) * here[output]) and _together(there, here)
-        steps.append(Step(term, outputs[output], float(here[output]), float(there[output]), pays))
+        output, before = one[2], here
+        wider, there = _joining(rows, names, one[1])
+        pays = _pays(there, here, output, gain)
+        if pays and (wrong := _wrong(rows, wider, [*joined, one])):
+            # what it turned round leaves with it: it has to pay without
+            wider = tuple(n for n in wider if not any(n in other[1] for other in wrong))
+            there = rows.score(wider)
+            pays = one not in wrong and _pays(there, here, output, gain)
+            pays = pays and not _wrong(rows, wider, [*joined, one])
+            joined = [other for other in joined if not (pays and other in wrong)]
         if pays:
             names, here = wider, there
             joined.append(one)
+        after = float(there[output])
+        steps.append(Step(one[0], outputs[output], float(before[output]), after, pays))
     for one in tuple(joined):
         add, output = one[1:3]
         less = tuple(name for name in names if name not in add)
-        if sum(other[2] == output for other in joined) > 1:
+        rest = [other for other in joined if other is not one]
+        if any(other[2] == output for other in rest):
             there = rows.score(less)
-            if here[output] >= (1.0 - gain) * there[output]:
-                names, here = less, there
-                joined.remove(one)
+            kept = _wrong(rows, less, rest)
+            if here[output] >= (1.0 - gain) * there[output] and not kept:
+                names, here, joined = less, there, rest
     taken = tuple(tuple(one[0] for one in joined if one[2] == k) for k in range(len(outputs)))
     return Ascent(names, taken, tuple(steps))
+
+
+def _joining(
+    rows: _Folds | _Refits, names: tuple[str, ...], add: Sequence[str]
+) -> tuple[tuple[str, ...], Score]:
+    wider = tuple(name for name in rows.problem.names if name in names or name in add)
+    return wider, rows.score(wider)
+
+
+def _pays(there: Score, here: Score, output: int, gain: float) -> bool:
+    return bool(there[output] < (1.0 - gain) * here[output]) and _together(there, here)
+
+
+def _wrong(rows: _Folds | _Refits, names: tuple[str, ...], joined: Sequence[Term]) -> list[Term]:
+    """Terms that joined with a number below zero that physics knows above it: what they take up is
+    another effect than the one that they are called by."""
+    items = rows.problem.parameters
+    asked = {n for _, add, *_ in joined for n in add if n in names and items[n].resists}
+    if not asked:
+        return []
+    known = dict(zip(names, rows.values(names).tolist(), strict=True))
+    return [one for one in joined if any(n in asked and known[n] <= 0.0 for n in one[1])]
 
 
 def _together(there: Score, here: Score) -> bool:

@@ -17,7 +17,7 @@ def slope(width: float, load: float, T: float, k: Numbers) -> float:
 
 LOAD = FrictionTerm(
     "load",
-    (Coefficient("Fl", "1", "1", feature, slope),),
+    (Coefficient("Fl", "1", "1", feature, slope, resists=True),),
     reads=("load",),
     cause="rubs more the more it carries",
 )

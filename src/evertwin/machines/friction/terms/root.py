@@ -19,7 +19,7 @@ def slope(width: float, load: float, T: float, k: Numbers) -> float:
 
 ROOT = FrictionTerm(
     "root",
-    (Coefficient("Fr", "N*m*s**0.5", "N*s**0.5/m**0.5", feature, slope),),
+    (Coefficient("Fr", "N*m*s**0.5", "N*s**0.5/m**0.5", feature, slope, resists=True),),
     confused_with=("viscous", "coulomb"),
     cause="a lubricant's film grows with speed",
 )

@@ -25,7 +25,7 @@ def slope(width: float, load: float, T: float, k: Numbers) -> float:
 
 STRIBECK = FrictionTerm(
     "stribeck",
-    (Coefficient("Fs", "Nm", "N", feature, slope),),
+    (Coefficient("Fs", "Nm", "N", feature, slope, resists=True),),
     (Shape("vs", 0.2, "rad/s", "m/s"),),
     confused_with=("viscous", "coulomb"),
     cause="sticks at rest more than it slides",
