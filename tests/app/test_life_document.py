@@ -165,6 +165,7 @@ def test_a_fleet_is_named_on_the_command_line(folder: Path, call: Command) -> No
         return told
 
     alone, fleet = interval(), interval("--fleet", "[abcd].csv")
+    assert interval("--fleet", *(f"{name}.csv" for name in "abcd")) == fleet  # as a shell spells it
     assert fleet[0] < 51.0 < fleet[1] and np.ptp(fleet) < 0.5 * np.ptp(alone)
 
 

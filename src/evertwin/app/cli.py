@@ -364,11 +364,11 @@ def _command(error: Exception) -> str:
 
 
 def _spread(words: list[str]) -> list[str]:
-    """``--data A B C`` is ``--data A --data B --data C``; so are --train and --test."""
+    """``--data A B C`` is ``--data A --data B --data C``; so with all that takes several."""
     out: list[str] = []
     option = ""
     for word in words:
-        if word in ("--data", "--train", "--test"):
+        if word in ("--data", "--train", "--test", "--fleet", "--failed"):
             option = word
             continue
         if word.startswith("-") and len(word) > 1:
