@@ -12,6 +12,8 @@ from evertwin.errors import DataError
 from evertwin.fold import Block, make_block, take
 from evertwin.machines.mobile import Robot1D
 from evertwin.models.corrected import Corrected
+from evertwin.models.form import Term
+from evertwin.models.terms.registry import kind
 
 ROBOT = Robot1D()
 P = ROBOT.parameters.values
@@ -87,3 +89,10 @@ def test_too_few_rows_are_refused() -> None:
     table = learn_table(ROBOT, P, (rows,), SarsaSettings("v"))
     with pytest.raises(DataError, match="at least 12"):
         refine_law(ROBOT, P, (take(rows, 0, 8),), table, 1.0)
+
+
+def test_a_gain_of_nothing_is_told_as_no_answer() -> None:
+    """The sign of a command may be turned: the best that a law without negative gain can do."""
+    law, term = kind("law"), Term("law", "w")
+    said = [law.say(term, (gain, 0.0, 1e9), "rad/s", {}) for gain in (1e-16, 0.9)]
+    assert said == ["w: no answer to it (or its sign is turned)", "w: gain 0.9"]

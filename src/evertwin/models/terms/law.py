@@ -28,6 +28,8 @@ from evertwin.types import Vector
 
 UNBOUNDED = 1e9
 """A cap that never acts."""
+DEAF = 0.02
+"""Gain up to which a machine does not answer to a command; a turned sign ends there, too."""
 THRESHOLDS = 12
 """Start thresholds that are tried for a dead zone."""
 
@@ -81,7 +83,8 @@ class Law(CorrectionTerm):
             threshold = told("threshold", values[0], unit, intervals)
             said.append(f"start threshold {threshold} ({term.variant})")
         gain, offset, cap = values[-3:]
-        said.append(f"gain {told('gain', gain, '', intervals)}")
+        answers = f"gain {told('gain', gain, '', intervals)}"
+        said.append(answers if gain > DEAF else "no answer to it (or its sign is turned)")
         capped = cap < UNBOUNDED
         if abs(offset) > (5e-3 * cap if capped else 0.0):
             said.append(f"offset {told('offset', offset, unit, intervals)}")
