@@ -36,8 +36,6 @@ __all__ = ["Objective", "Settings", "least_squares", "search"]
 
 ROUNDS, SETTLED = 5, 0.1
 """Most searches, each with the noise that the one before left; its change that ends them."""
-
-
 ROUGH = 1e-3
 """Relative change of the cost that ends a search that is repeated anyway."""
 DULL = 0.01
@@ -254,8 +252,9 @@ def _starts(objective: Objective) -> list[Vector]:
 def _run(objective: Objective, z: Vector, dull: float) -> Any:
     """One search; ``dull``: relative change of the cost that ends it, at least."""
     settings, (low, high) = objective.settings, objective.bounds
-    # SciPy wants a start strictly inside: one on a bound is moved by a millionth of its size.
-    margin = np.minimum(1e-6, 0.25 * (high - low))
+    # SciPy wants a start strictly inside, and its first step is about as long as the start is off
+    # zero and its bound: one on a bound is moved, further where a short step would end the search.
+    margin = np.minimum(0.01 if dull == ROUGH else 1e-6, 0.25 * (high - low))
     return scipy.optimize.least_squares(
         objective,
         np.clip(z, low + margin, high - margin),
