@@ -13,7 +13,7 @@ from typing import Any
 
 from evertwin.fold import Event
 from evertwin.loop.open_faults import open_faults
-from evertwin.loop.open_trial import OpenTrial
+from evertwin.loop.open_trial import OpenTrial, shorter
 from evertwin.loop.result import OutputFigures
 from evertwin.loop.setup import Setup
 from evertwin.models.form import Version
@@ -26,8 +26,6 @@ FEW = 3
 SHORT, FEWER = 30, 10
 """Rows since a version went live below which they do not tell how good it is; predictions, where
 each counts once, at its horizon."""
-MANY = 6
-"""Numbers, or parts of a form, that are told one by one."""
 OFTEN = 10
 """Contacts in a run from which on it is said that they may be none."""
 
@@ -40,17 +38,14 @@ def headline(
     known = {name: f for name, f in outputs.items() if not math.isnan(f.rms_after)}
     if not known and champion.number:
         return (
-            f"Version {champion.number} is live ({_shorter(champion.reason)}); no row since then "
+            f"Version {champion.number} is live ({shorter(champion.reason)}); no row since then "
             "tells how much better it is."
         )
     if not known:
         return "Nothing was predicted: no output has a measurement to be compared with."
     faults = open_faults(events)
     told = [*faults.values(), _outcome(setup, known, champion, events, trial)]
-    told += [
-        f"{e.reason[0].upper()}{e.reason[1:]}."
-        for kind in ("state", "followed") for e in _last(events, kind)
-    ]  # fmt: skip
+    told += map(_sentence, (*_last(events, "state"), *_last(events, "followed")))
     kinds = ("measurement_error", "overruled")
     doubts = Counter(e.signal for e in events if e.kind in kinds and e.signal not in faults)
     if doubts:
@@ -68,8 +63,12 @@ def headline(
         told.append(
             "So often it may be the machine's own ([anomaly] external = 0 lets it be tuned)."
         )
-    told += [f"{e.reason[0].upper()}{e.reason[1:]}." for e in own[-1:]]
+    told += map(_sentence, own[-1:])
     return " ".join(told)
+
+
+def _sentence(event: Event) -> str:
+    return f"{event.reason[0].upper()}{event.reason[1:]}."
 
 
 def _last(events: Sequence[Event], kind: str) -> list[Event]:
@@ -103,7 +102,7 @@ def _outcome(
     changed = {name: f for name, f in known.items() if f.after != f.before and f.before > 0}
     better = {n: f for n, f in changed.items() if f.after < (1.0 - CLEAR) * f.before}
     worse = {n: f for n, f in changed.items() if f.after > (1.0 + CLEAR) * f.before}
-    why = _shorter(champion.reason)
+    why = shorter(champion.reason)
     rows = max(f.rows for f in known.values())
     one, short = ("prediction", FEWER) if setup.at_horizon.wanted else ("row", SHORT)
     if champion.number and changed and rows < short:
@@ -219,7 +218,7 @@ def _sizes(some: Mapping[str, OutputFigures], *off: str, shares: bool = False) -
     verb = "".join(f"is {word} " for word in off)
     return ", ".join(
         f"{name} {verb}by {spoken(f.after, f.unit)}"
-        + f" ({spoken(100 * f.judged, '1')} %)" * (shares and not math.isnan(f.judged))
+        + f" ({100 * f.judged:.3g} %)" * (shares and not math.isnan(f.judged))
         for name, f in some.items()
     )
 
@@ -232,13 +231,3 @@ def _span(some: Mapping[str, OutputFigures]) -> str:
 def _range(shares: Sequence[float]) -> str:
     low, high = (spoken(100 * bound(shares), "1") for bound in (min, max))
     return f"{low} %" if low == high else f"{low} to {high} %"
-
-
-def _shorter(reason: str) -> str:
-    """What a version was made of, without the end of long lists."""
-    tuned, *parts = reason.split("; ")
-    names = tuned.removeprefix("tuned ").split(", ")
-    if tuned.startswith("tuned ") and len(names) > MANY:
-        tuned = f"tuned {len(names)} numbers ({', '.join(names[:FEW])} …)"
-    rest = [f"and {len(parts) - MANY} more"] if len(parts) > MANY else []
-    return "; ".join([tuned, *parts[:MANY], *rest])

@@ -10,6 +10,9 @@ from evertwin.loop.versions import Versions
 from evertwin.trial import Check
 from evertwin.trial.gate import figures
 
+FEW, MANY = 3, 6
+"""Numbers that stand for more than so many; parts of a form that are told one by one."""
+
 
 @dataclass(frozen=True)
 class OpenTrial:
@@ -48,7 +51,7 @@ class OpenTrial:
         if self.more is not None:
             pace = f"at this pace {self.more} more segments, {self.seconds:.3g} s"
         return (
-            f"version {self.version} ({self.reason}) is on trial since {since}: deviation "
+            f"version {self.version} ({shorter(self.reason)}) is on trial since {since}: deviation "
             f"{-100 * self.gain:+.1f} % over {self.segments} segments, e-value {self.e_value:.3g}; "
             f"missing: {lacks or 'nothing'}; {pace}"
         )
@@ -69,3 +72,17 @@ def open_trial(setup: Setup, versions: Versions, state: TwinState) -> OpenTrial 
         version.number, version.reason, since, found["segments"], found["gain"],
         found["e_value"], missing, more, None if more is None else more * pace, why,
     )  # fmt: skip
+
+
+def shorter(reason: str) -> str:
+    """What a version was made of, without the end of long lists.
+
+    >>> shorter("tuned a, b, c, d, e, f, g; a spring pulls on it")
+    'tuned 7 numbers (a, b, c …); a spring pulls on it'
+    """
+    tuned, *parts = reason.split("; ")
+    names = tuned.removeprefix("tuned ").split(", ")
+    if tuned.startswith("tuned ") and len(names) > MANY:
+        tuned = f"tuned {len(names)} numbers ({', '.join(names[:FEW])} …)"
+    rest = [f"and {len(parts) - MANY} more"] if len(parts) > MANY else []
+    return "; ".join([tuned, *parts[:MANY], *rest])

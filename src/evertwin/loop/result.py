@@ -13,7 +13,7 @@ import numpy as np
 
 from evertwin.errors import MissingExtra
 from evertwin.fold import Event, plain
-from evertwin.loop.open_trial import OpenTrial
+from evertwin.loop.open_trial import OpenTrial, shorter
 from evertwin.models import Model, Parameters
 from evertwin.models.form import Form, Version
 from evertwin.signals.spoken import suited
@@ -242,7 +242,7 @@ class RunResult:
         text.append(
             f"{self.name}: {self.samples} rows in {self.seconds:.2f} s; figures are of unseen rows "
             f"from {self.unseen_since} on; version {self.champion.number} is live "
-            f"({self.champion.reason})"
+            f"({shorter(self.champion.reason)})"
         )
         return "\n".join(text)
 
