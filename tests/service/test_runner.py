@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 import threading
 import time
 from collections.abc import AsyncIterator, Callable
@@ -209,16 +210,16 @@ def test_a_slow_reader_gets_the_newest_and_is_told(
 
 
 def test_silence_is_stale_and_alarms_are_told() -> None:
-    condition = Condition(stale=0.01)
-    condition.came(1)
-    assert not condition.told(failed=False, ended=False)["stale"]
+    condition = Condition({"log": math.inf}, stale=0.01)
+    condition.came("log")
+    assert not condition.told(failed=False)["stale"]
     time.sleep(0.02)
-    assert condition.told(failed=False, ended=False)["condition"] == "check"
-    condition.came(1)
+    assert condition.told(failed=False)["condition"] == "check"
+    condition.came("log")
     condition.heard({"kind": "alarm", "reason": "a worn joint"})
-    assert condition.told(failed=False, ended=False)["why"] == "a worn joint"
+    assert condition.told(failed=False)["why"] == "a worn joint"
     condition.heard({"kind": "alarm_cleared", "reason": ""})
-    assert condition.told(failed=False, ended=False)["condition"] == "good"
+    assert condition.told(failed=False)["condition"] == "good"
 
 
 def test_a_twin_whose_disk_was_full_goes_on_by_itself(

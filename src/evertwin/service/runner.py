@@ -31,7 +31,8 @@ from evertwin.service.at_work import AtWork, Said, place_of, told
 from evertwin.service.condition import Condition
 from evertwin.service.plan import Plan
 from evertwin.service.questions import answer
-from evertwin.service.queued import together
+from evertwin.service.queued import at_rest, together
+from evertwin.service.silence import Silence
 from evertwin.service.warming import warm
 from evertwin.sources.live.contract import Around, LiveSource
 from evertwin.sources.live.registry import open_live
@@ -40,8 +41,6 @@ from evertwin.store import SqlStore, looked_at
 T = TypeVar("T")
 State: TypeAlias = Literal["starting", "running", "ended", "quarantined", "stopped"]
 LOG = logging.getLogger("evertwin.service")
-PATIENCE = 10.0
-"""Seconds that what waits has at most to be folded when a twin is stopped."""
 KEPT = 64
 """Messages with rows, and times as many events, that a slow reader may be behind."""
 
@@ -68,7 +67,9 @@ class Runner:
         self.dropped = 0
         """Samples that were dropped because too many waited."""
         self.row = 0
-        self.condition = Condition(plan.entry.stale)
+        timeouts = {} if plan.spec is None else {s.name: s.timeout for s in plan.spec.source}
+        self._silence = Silence(timeouts, time.monotonic())
+        self.condition = Condition(timeouts, plan.entry.stale)
         self.busy_since: float | None = None
         self.worked = 0.0
         """Seconds of work in the twin's thread."""
@@ -96,7 +97,9 @@ class Runner:
         self._reader: SqlStore | None = None
         self._thread = ThreadPoolExecutor(1, thread_name_prefix=f"twin {plan.name}")
         self._storing = ThreadPoolExecutor(1, thread_name_prefix=f"keep {plan.name}")
-        self._came: asyncio.Queue[tuple[LiveSource, Chunk, float]] = asyncio.Queue(plan.entry.queue)
+        self._came: asyncio.Queue[tuple[LiveSource | None, Chunk, float]] = asyncio.Queue(
+            plan.entry.queue
+        )
         self._kept: asyncio.Queue[tuple[Numbered, float]] = asyncio.Queue(plan.entry.queue)
         """Stored, not folded yet."""
         self._open = 0
@@ -127,7 +130,8 @@ class Runner:
             self._publish()
             self.state = "running"
             self._reading = [asyncio.create_task(self._read(source)) for source in self.sources]
-            self._working = [asyncio.create_task(one) for one in (self._store(), self._fold())]
+            every = (self._store(), self._fold(), self._wait())
+            self._working = [asyncio.create_task(one) for one in every]
             if self.plan.entry.days is not None:
                 self._working.append(asyncio.create_task(keep_days(self, self.plan.entry.days)))
             LOG.info("%s: running", self.name, extra={"twin": self.name})
@@ -190,7 +194,7 @@ class Runner:
             source.close()
         running = self.state == "running"
         if running and self._reading:
-            await self._rest()
+            await at_rest(self._reading, (self._came, self._kept), self._working)
         self.state = self.state if self.state == "quarantined" else "stopped"
         for publisher in self.publishers:
             await publisher.close()
@@ -202,20 +206,6 @@ class Runner:
         self._thread.shutdown(wait=False)
         self._storing.shutdown(wait=False)
         self._tell()
-
-    async def _rest(self) -> None:
-        """What came is stored and folded; what takes too long is stored, or comes again."""
-
-        async def drained() -> None:
-            await asyncio.wait(self._reading)
-            await self._came.join()
-            await self._kept.join()
-
-        resting = asyncio.create_task(drained())
-        first = asyncio.FIRST_COMPLETED
-        await asyncio.wait({resting, *self._working}, timeout=PATIENCE, return_when=first)
-        for task in (resting, *self._reading, *self._working):
-            task.cancel()
 
     # ------------------------------------------------------------------ samples
 
@@ -229,7 +219,15 @@ class Runner:
                     self._open -= 1
                 self._open += 1
                 await self._came.put((source, chunk, time.perf_counter()))
-                self.condition.came(len(chunk.t))
+                self._silence.came(chunk, time.monotonic())
+                self.condition.came(chunk.source)
+
+    async def _wait(self) -> None:
+        """For sources that stay away, no longer than the twin file says."""
+        with self._guarded():
+            async for tick in self._silence.ticks():
+                self._open += 1
+                await self._came.put((None, tick, time.perf_counter()))
 
     async def _store(self) -> None:
         """What came, into the store, whatever the twin does meanwhile."""
@@ -243,7 +241,8 @@ class Runner:
                 self._told = ""
                 now = time.perf_counter()
                 for source, chunk, came in taken:
-                    source.committed(chunk)
+                    if source is not None:
+                        source.committed(chunk)
                     self.durable.append(now - came)
                 for one, (_, _, came) in zip(kept, taken, strict=True):
                     await self._kept.put((one, came))
@@ -378,10 +377,11 @@ class Runner:
 
     def status(self) -> dict[str, Any]:
         """How it is, in plain values."""
-        ended = self.sources and all(one.health.state == "ended" for one in self.sources)
+        over = {one.name for one in self.sources if one.health.state == "ended"}
+        ended = self.sources and len(over) == len(self.sources)
         state = "ended" if self.state == "running" and ended and not self._open else self.state
         busy = 0.0 if self.busy_since is None else time.monotonic() - self.busy_since
-        how = self.condition.told(failed=state == "quarantined", ended=state == "ended")
+        how = self.condition.told(failed=state == "quarantined", over=over)
         about = {} if self.work is None else self.work.about
         return {
             "name": self.name, "state": state, "reason": self.reason, **how, "rows": self.row,

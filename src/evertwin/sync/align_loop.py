@@ -313,7 +313,7 @@ def open_task(clock: Any, sources: Any, known: Any, notes: Any, task: int, stamp
     """Another task: nothing is held over from the one before, and stamps lie behind it."""
     known_t, known_v, broken_t = known
     known_t[:], known_v[:], broken_t[:] = NEVER, np.nan, NEVER
-    sources[:, NEWEST], clock[SHIFT] = NEVER, 0
+    sources[:, NEWEST], clock[SHIFT], clock[NOW] = NEVER, 0, NEVER
     if clock[ROW] > 0 and stamp <= clock[LAST]:
         clock[SHIFT] = clock[LAST] + MOVE - stamp
         tell(notes, clock, 0, SHIFTED, (stamp, stamp + clock[SHIFT], clock[SHIFT]))
@@ -351,7 +351,7 @@ def push(
             return int(i)
         if clock[PENDING] == 0:
             if s < 0:
-                clock[NOW] = max(clock[NOW], t[i])
+                clock[NOW] = max(clock[NOW], t[i] + clock[SHIFT])
                 quiet(plan, clock, sources, notes)
             elif task < clock[TASK]:
                 refuse(notes, clock, sources, s, IS_LATE, t[i])

@@ -24,6 +24,8 @@ from evertwin.worlds.live.voices import Voice
 
 BEHIND = 0.5
 """Seconds that a machine may be late before its clock is no longer held to ours."""
+LOOK = 0.1
+"""Seconds after which an order for another pace is heeded at the latest."""
 
 
 class Planned(NamedTuple):
@@ -114,10 +116,12 @@ class Life:
     async def _speak(self, samples: Samples) -> None:
         loop = asyncio.get_running_loop()
         for several in samples:
-            due, now = self._pace.due(several[0].t), loop.time()
-            if now > due + BEHIND:
-                self._pace.slip(several[0].t, now)
-            await asyncio.sleep(max(due - now, 0.0))
+            late = loop.time() - self._pace.due(several[0].t)
+            if late > BEHIND:
+                self._pace.slip(several[0].t, loop.time())
+            await asyncio.sleep(0.0)
+            while (early := self._pace.due(several[0].t) - loop.time()) > 0.0:
+                await asyncio.sleep(min(early, LOOK))
             for one in several:
                 await self._voice.say(one._replace(t=self._start + one.t))
             self._told()  # what was planned, or lasted long enough

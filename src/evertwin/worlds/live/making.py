@@ -14,7 +14,7 @@ from evertwin.worlds.live.life import Planned, Samples
 from evertwin.worlds.live.orders import Knob
 from evertwin.worlds.live.robot import LiveRobot
 
-SPEEDS = (0.1, 1000.0)
+SPEEDS = (0.001, 1000.0)
 
 
 def parser(says: str | None) -> argparse.ArgumentParser:
