@@ -243,7 +243,8 @@ def test_all_columns_are_simulated_at_once(robot: Compiled, run: Any) -> None:
     fields = {name: getattr(robot, name) for name in robot.__dataclass_fields__}
     fit = solve(Problem(Counting(**fields), (run(robot, 1.2, 1),), horizon=1.0))
     assert fit["gain"] == solve(Problem(robot, (run(robot, 1.2, 1),), horizon=1.0))["gain"]
-    assert set(sizes) == {1, 2}  # a residual; a column beside its centre, or the two ends of one
+    # a residual; a column beside its centre, or the two ends of one; both, by the noise of starts
+    assert set(sizes) == {1, 2, 3}
 
 
 def test_the_problem_may_say_how_hard_to_search(robot: Compiled, run: Any) -> None:

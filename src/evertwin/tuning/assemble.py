@@ -26,6 +26,7 @@ from evertwin.tuning.closed import dense, summed
 from evertwin.tuning.fit import Fit, Residual
 from evertwin.tuning.gram import combined
 from evertwin.tuning.identifiability import WEAK, gate, grade
+from evertwin.tuning.noisy_starts import widened_by
 from evertwin.tuning.problem import Problem
 from evertwin.tuning.sensitivity import Sensitivity, Spectrum
 from evertwin.tuning.statistics import depends, spread, whiteness
@@ -343,6 +344,9 @@ def _covariance(
     if len(problem.model.states):
         covariance += _by_starts(problem, values, acting, sigma, inverse)
         covariance += np.diag(np.square(bends(problem, values, acting, sigma)))
+        whole = acting.information(sigma) + np.diag(problem.information)
+        wider = widened_by(problem, values, whole, sigma)
+        covariance = covariance if wider is None else wider @ covariance @ wider.T
     return covariance, student(degrees)
 
 
@@ -355,7 +359,7 @@ def _by_starts(
     columns = np.where(acting.used[:, :, None], columns, 0.0)
     opens = np.flatnonzero(problem.restart.code == ANEW)
     added = np.zeros_like(inverse)
-    for change in problem.by_starts(values, sigma):
+    for (change,) in problem.by_starts([values], sigma, anew=True):
         pull = np.where(acting.used, change, 0.0) / sigma / sigma  # the square of a tiny one is 0
         sides = np.add.reduceat(np.einsum("iok,io->ik", columns, pull), opens, axis=0)
         added += (sides @ inverse).T @ (sides @ inverse)

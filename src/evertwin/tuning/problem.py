@@ -20,7 +20,7 @@ measured, not trusted or not predicted is left out.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -320,19 +320,24 @@ class Problem:
             out[:, :, j] = wrap(moved, self.model.outputs.angles) / change
         return out
 
-    def by_starts(self, values: Vector, sizes: PerOutput) -> list[Outputs]:
-        """How predictions (n, ny) change where the start of one output after the other moves.
+    def by_starts(
+        self, points: Sequence[Vector], sizes: PerOutput, *, anew: bool = False
+    ) -> Iterator[list[Outputs]]:
+        """How predictions (n, ny) at several points change where the measured starts of one output
+        after the other move.
 
         Args:
-            sizes: how far each output's measured start moves, (ny,).
+            points: values of the tuned parameters, (k,) each.
+            sizes: how far each output's starts move, (ny,).
+            anew: only where all begins anew, not where a measurement is adopted on the way.
         """
-        found, here, (y, code, x0) = [], self.predict(values), self.restart
+        here, (y, code, x0) = self.predictions(points), self.restart
         for k, size in enumerate(sizes.tolist()):
             moved, there = self.tuning(self.names), y.copy()
-            there[code == ANEW, k] += size
+            there[(code == ANEW) | (not anew), k] += size
             moved.__dict__["restart"] = Restart(there, code, x0)
-            found.append(wrap(moved.predict(values) - here, self.model.outputs.angles))
-        return found
+            angles = self.model.outputs.angles
+            yield [wrap(a - b, angles) for a, b in zip(moved.predictions(points), here)]
 
     def steps(self, values: Vector) -> Vector:
         """Step of the differences for each parameter, (k,)."""

@@ -20,6 +20,7 @@ from evertwin.tuning.fit import Fit
 from evertwin.tuning.gram import FINE, solved
 from evertwin.tuning.identifiability import connected, gate
 from evertwin.tuning.mixed import project, separable
+from evertwin.tuning.noisy_starts import without_noise
 from evertwin.tuning.nonlinear import least_squares
 from evertwin.tuning.problem import Problem
 from evertwin.tuning.sensitivity import Sensitivity
@@ -124,6 +125,9 @@ def _search(problem: Problem, settings: Settings, began: float) -> Fit:
         outcome = least_squares(problem, settings, free)
     if not np.isfinite(problem.residuals(outcome.values)[problem.rows.used]).all():
         return _diverged(problem, outcome, began)
+    left = squares(problem, problem.residuals(outcome.values))
+    noise = noise_of(problem, left, acting.paid)
+    outcome = outcome._replace(values=without_noise(problem, outcome.values, free, noise))
     end = problem.sensitivity(outcome.values)
     return assemble(problem, outcome._replace(held=held), end, began)
 
