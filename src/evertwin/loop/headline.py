@@ -36,18 +36,16 @@ def headline(
 ) -> str:  # fmt: skip
     """The outcome in a sentence or a few."""
     known = {name: f for name, f in outputs.items() if not math.isnan(f.rms_after)}
-    doubted = _of_a_sensor(events)
-    if doubted and not known:
-        return f"Nothing was judged: {doubted}."
-    if not known and champion.number:
-        return (
+    doubted, faults = _of_a_sensor(events), open_faults(events)
+    if known:
+        outcome = _outcome(setup, known, champion, events, trial)
+    elif champion.number:
+        outcome = (
             f"Version {champion.number} is live ({shorter(champion.reason)}); no row since then "
             "tells how much better it is."
         )
-    if not known:
-        return "Nothing was predicted: no output has a measurement to be compared with."
-    faults = open_faults(events)
-    outcome = _outcome(setup, known, champion, events, trial)
+    else:
+        outcome = "Nothing was predicted: no output has a measurement to be compared with."
     told = [*faults.values(), outcome]
     if doubted and doubted not in outcome:
         told.insert(0, f"{doubted[0].upper()}{doubted[1:]}.")
