@@ -25,7 +25,7 @@ from evertwin.fold import Block, Mark, take
 from evertwin.loop.channels import recorded_as
 from evertwin.loop.setup import Setup
 from evertwin.loop.task import Windows
-from evertwin.loop.unit_change import PARTS, UNITS, SensorChange, since_change
+from evertwin.loop.unit_change import UNITS, SensorChange, since_change
 from evertwin.loop.unlike import Changes, changes
 from evertwin.models import Model
 from evertwin.signals import Channel, wrap
@@ -45,6 +45,8 @@ LEFT = 0.1
 """Largest share of the squared mismatch that a reading may leave."""
 ALIKE = 1.5
 """What leaves so many times as much explains it as well."""
+PARTS = (1.0, 0.7, 0.5, 0.35, 0.25)
+"""Shares of the rows, the newest, of which one may be of one reading alone."""
 ROWS = 2000
 """Newest rows that are looked at."""
 FEW = 6
