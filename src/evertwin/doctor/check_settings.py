@@ -255,7 +255,8 @@ def _undetermined(view: View, fit: Fit, u: np.ndarray) -> Iterator[Finding]:
             groups.setdefault((verdict, reason), []).append(name)
     model = _live(view)
     for (verdict, reason), names in groups.items():
-        motion = advise(model, names, u)
+        own = [name for name in names if name in model.parameters.names]  # not recordings' starts
+        motion = advise(model, own, u) if own else ()
         step = (
             "record " + ", then ".join(motion)
             if motion
