@@ -19,6 +19,7 @@ from evertwin.config.spec import (
     TwinSpec,
 )
 from evertwin.doctor import Diagnosis, Finding
+from evertwin.fold import make_block
 from evertwin.models import FunctionModel, Parameter, Parameters
 from evertwin.signals import Layout
 from evertwin.twin import Twin
@@ -193,3 +194,25 @@ def test_what_spoils_most_comes_first_and_what_is_alike_stands_together() -> Non
     assert lines[-1].startswith("and 3 less important (--all): at_bound (at_bound6); weak (weak0)")
     every = Diagnosis("robot", 10, found, {}).text(len(found))
     assert "weak, 2 times: reason 0 (rows); also weak3" in every
+
+
+def test_starts_of_several_recordings_that_cannot_be_told_are_named() -> None:
+    """The lower level is measured, so its start acts on nothing."""
+    model = FunctionModel(
+        lambda x, u, dt, p: ([x[0] + dt * (u[0] - p[0] * x[0])],) * 2, Layout.of(u="1"),
+        Layout.of(y="m"), Layout.of(y="m"),
+        Parameters((Parameter("leak", 0.1, "1/s", 0.01, 1.0), Parameter("first", 0.1, "m"))),
+        ("first",),
+    )  # fmt: skip
+    rng, t = np.random.default_rng(1), 0.1 * np.arange(400)
+    u = np.repeat(rng.uniform(0.0, 1.0, 10), 40)
+    y = 0.1 + np.concatenate([[0.0], np.cumsum(0.1 * (u[:-1] - 0.1))])
+    rows = [
+        make_block(
+            t=np.int64(1e9 * (t + 100.0 * k)), u=u[:, None], y=y[:, None], row=400 * k, task=k
+        )
+        for k in range(2)
+    ]
+    with Twin(TwinSpec("tank", ModelSpec("given"), prediction=PredictionSpec(2.0)), model) as twin:
+        found = twin.doctor(rows).of_kind("not_identifiable")
+    assert any("first of recording 2" in str(one) for one in found)

@@ -81,29 +81,50 @@ class Alive:
 
 
 class Progress:
-    """Rows and time on stderr, only on a terminal.
+    """Rows and time on stderr, only on a terminal; where none come for `SILENT`, for how long.
 
     >>> Progress().shown
     0
     """
 
+    SILENT = 2.0
+    """Seconds without a row from which it is said that work on a candidate goes on."""
+
     def __init__(self) -> None:
-        self._began = time.perf_counter()
+        self._began = self._heard = time.perf_counter()
         self._live = sys.stderr.isatty()
+        self._line = "the first rows"
+        self._width = 0
+        self._ended = threading.Event()
         self.shown = 0
+        if self._live:
+            threading.Thread(target=self._tick, daemon=True).start()
 
     def __call__(self, rows: int, seconds: float) -> None:
         """``rows`` so far, ``seconds`` of data."""
+        self._heard = time.perf_counter()
         self.shown += 1
+        rate = rows / max(self._heard - self._began, 1e-9)
+        self._line = f"{rows:,} rows, {seconds:,.0f} s of data"
         if self._live:
-            rate = rows / max(time.perf_counter() - self._began, 1e-9)
-            line = f"\r{rows:,} rows, {seconds:,.0f} s of data, {rate:,.0f} rows/s"
-            typer.echo(line, err=True, nl=False)
+            self._show(f"{self._line}, {rate:,.0f} rows/s")
 
     def close(self) -> None:
         """Ends the line."""
-        if self._live and self.shown:
+        self._ended.set()
+        if self._width:
             typer.echo("", err=True)
+
+    def _tick(self) -> None:
+        """Slow work (a fit, a search for a correction) brings no row for a while."""
+        while not self._ended.wait(1.0):
+            silent = time.perf_counter() - self._heard
+            if silent > self.SILENT:
+                self._show(f"{self._line}; at work on what they tell for {silent:.0f} s")
+
+    def _show(self, line: str) -> None:
+        typer.echo(f"\r{line:<{self._width}}", err=True, nl=False)
+        self._width = len(line)
 
 
 class Search:

@@ -6,9 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from evertwin.doctor.examination import View, changes
+from evertwin.doctor.examination import View
 from evertwin.doctor.finding import Finding
 from evertwin.fold import Event, Mark
+from evertwin.loop.unlike import changes
 from evertwin.sources.tally import Tally
 from evertwin.sync.horizon import residuals
 

@@ -18,12 +18,13 @@ import numpy as np
 
 from evertwin.correction.command_effect import command_effects
 from evertwin.correction.sarsa_settings import findings
-from evertwin.doctor.examination import View, changes
+from evertwin.doctor.examination import View
 from evertwin.doctor.finding import Finding
 from evertwin.errors import DataError, ModelError, UsageError
 from evertwin.fold import Block
 from evertwin.loop.correcting import sarsa_settings
 from evertwin.loop.setup import Setup
+from evertwin.loop.unlike import changes
 from evertwin.loop.versions import Versions
 from evertwin.loop.work import Work
 from evertwin.models import Model
@@ -254,7 +255,8 @@ def _undetermined(view: View, fit: Fit, u: np.ndarray) -> Iterator[Finding]:
             groups.setdefault((verdict, reason), []).append(name)
     model = _live(view)
     for (verdict, reason), names in groups.items():
-        motion = advise(model, names, u)
+        own = [name for name in names if name in model.parameters.names]  # not recordings' starts
+        motion = advise(model, own, u) if own else ()
         step = (
             "record " + ", then ".join(motion)
             if motion

@@ -19,12 +19,14 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from evertwin.doctor.examination import View, changes
+from evertwin.doctor.examination import View
 from evertwin.doctor.finding import Finding
 from evertwin.errors import DataError, ModelError, UsageError
 from evertwin.fold import Block, take
 from evertwin.loop.channels import recorded_as
+from evertwin.loop.misread import likeliest
 from evertwin.loop.physical import physically
+from evertwin.loop.unlike import changes
 from evertwin.loop.work import Work
 from evertwin.models import roll
 from evertwin.models.function import kernel_of
@@ -70,9 +72,10 @@ def look_units(view: View, figures: dict[str, Any]) -> list[Finding]:
     """Channels whose unit or sign does not fit the model."""
     found, applied = list(_ranges(view)), tuple[_Factor, ...]()
     window = _liveliest(view)
+    found += _exchanged(view, window)
     at_start = _mismatch(view, view.version.p, window)
     figures["mismatch"] = dict(zip(view.model.outputs.names, at_start.tolist(), strict=True))
-    for _ in range(4):
+    for _ in range(0 if "exchanged" in {one.kind for one in found} else 4):
         p = _numbers(view, partial(_scaled, by=applied))
         before = _mismatch(view, p, _scaled(window, applied))
         best = _best(view, p, (window, applied), before) if (before > WRONG).any() else []
@@ -81,6 +84,21 @@ def look_units(view: View, figures: dict[str, Any]) -> list[Finding]:
         found.append(_told(view, best, before))
         applied = (*applied, (best[0].suspect, best[0].factor))
     return found
+
+
+def _exchanged(view: View, window: Block) -> Iterator[Finding]:
+    """Columns that have changed places, of a model with states: they explain all that is off."""
+    if view.setup.static:
+        return
+    best = likeliest(view.setup, view.model, view.version.p, [window])
+    if best and best[0].exchanged:
+        yield Finding(
+            "exchanged", best[0].channels[0],
+            f"{', or '.join(one.said for one in best)}: so they fit the model",
+            "[source.channels]",
+            f"exchange the columns of {' and '.join(best[0].channels)}, if that is confirmed",
+            {"hypotheses": [one.channels for one in best]},
+        )  # fmt: skip
 
 
 class _Hypothesis(NamedTuple):

@@ -14,13 +14,9 @@ from evertwin.fold.block import first
 from evertwin.loop.feed import Data, Feed
 from evertwin.loop.setup import Setup
 from evertwin.loop.versions import Versions
-from evertwin.models import Model, roll
+from evertwin.models import Model
 from evertwin.models.form import Version
-from evertwin.models.function import kernel_of
-from evertwin.signals import wrap
 from evertwin.sources.tally import Tally
-from evertwin.sync.horizon import restarts
-from evertwin.types import Outputs, ParameterVector, Vector
 
 MOST = 20_000
 """Rows that are tuned and compared on."""
@@ -142,56 +138,3 @@ def view(setup: Setup, versions: Versions, number: int, data: Data) -> View:
         events += [record for record in out.records if isinstance(record, Event)]
     seen = windows, tuple(judged), tuple(events), feed.left_out, tuple(feed.samples(data))
     return View(setup, versions, version, *seen)
-
-
-@dataclass(frozen=True)
-class Changes:
-    """Changes since the last restart from the measurement, measured and predicted.
-
-    >>> Changes(np.ones((1, 1)), np.ones((1, 1))).mismatch.tolist()
-    [0.0]
-    """
-
-    measured: Outputs
-    """(n, ny); NaN where unknown."""
-    predicted: Outputs
-
-    @cached_property
-    def mismatch(self) -> Vector:
-        """Rms of the difference over the larger rms, per output: 0 equal, 1 unrelated, (ny,)."""
-        known = np.isfinite(self.measured) & np.isfinite(self.predicted)
-        a = np.where(known, self.measured, 0.0)
-        b = np.where(known, self.predicted, 0.0)
-        size = np.sqrt(np.maximum((a**2).sum(axis=0), (b**2).sum(axis=0)))
-        left = np.sqrt(((a - b) ** 2).sum(axis=0))
-        return np.asarray(np.divide(left, size, out=np.zeros(len(size)), where=size > 0))
-
-
-def changes(model: Model, p: ParameterVector, window: Block, horizon: float) -> Changes:
-    """Measured and predicted changes over a horizon; of a static map those from what is measured
-    on average: a constant, such as a weight that is held, would hide how all else is mistaken."""
-    kernel = kernel_of(model)
-    x0 = model.initial(p)
-    plan = restarts(window, horizon, x0)
-    _, y = roll(kernel, x0, window.u, window.dt, p, plan)
-    base = _held(plan.y) if len(x0) else _average(window.y)
-    angles = model.outputs.angles
-    return Changes(wrap(window.y - base, angles), wrap(y - base, angles))
-
-
-def _average(y: Outputs) -> Outputs:
-    """Of each output, at all rows; zero where nothing is measured, (n, ny)."""
-    count = np.count_nonzero(np.isfinite(y), axis=0)
-    return np.broadcast_to(np.nansum(y, axis=0) / np.maximum(count, 1), y.shape)
-
-
-def _held(adopted: Outputs) -> Outputs:
-    """What the prediction of every row started from: adopted at an earlier row, (n, ny)."""
-    out = np.empty_like(adopted)
-    for k in range(adopted.shape[1]):
-        known = np.where(np.isnan(adopted[:, k]), -1, np.arange(len(adopted)))
-        newest = np.maximum.accumulate(known)
-        out[:, k] = np.where(newest < 0, np.nan, adopted[newest, k])
-    out[1:] = out[:-1].copy()
-    out[0] = np.nan
-    return out

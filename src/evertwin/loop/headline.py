@@ -36,15 +36,19 @@ def headline(
 ) -> str:  # fmt: skip
     """The outcome in a sentence or a few."""
     known = {name: f for name, f in outputs.items() if not math.isnan(f.rms_after)}
-    if not known and champion.number:
-        return (
+    doubted, faults = _of_a_sensor(events), open_faults(events)
+    if known:
+        outcome = _outcome(setup, known, champion, events, trial)
+    elif champion.number:
+        outcome = (
             f"Version {champion.number} is live ({shorter(champion.reason)}); no row since then "
             "tells how much better it is."
         )
-    if not known:
-        return "Nothing was predicted: no output has a measurement to be compared with."
-    faults = open_faults(events)
-    told = [*faults.values(), _outcome(setup, known, champion, events, trial)]
+    else:
+        outcome = "Nothing was predicted: no output has a measurement to be compared with."
+    told = [*faults.values(), outcome]
+    if doubted and doubted not in outcome:
+        told.insert(0, f"{doubted[0].upper()}{doubted[1:]}.")
     told += map(_sentence, (*_last(events, "state"), *_last(events, "followed")))
     kinds = ("measurement_error", "overruled")
     doubts = Counter(e.signal for e in events if e.kind in kinds and e.signal not in faults)
@@ -74,6 +78,12 @@ def _sentence(event: Event) -> str:
 def _last(events: Sequence[Event], kind: str) -> list[Event]:
     """The last event of a kind, if there is one."""
     return [e for e in events if e.kind == kind][-1:]
+
+
+def _of_a_sensor(events: Sequence[Event]) -> str:
+    """What was said last of a channel that is not what it was, or is said to be; else nothing."""
+    last = next((e for e in reversed(events) if e.kind in ("abnormal", "promoted")), None)
+    return last.reason if last is not None and "number" in last.evidence else ""
 
 
 def _contacts(events: Sequence[Event]) -> tuple[int, list[Event]]:
@@ -160,9 +170,9 @@ def _nothing_better(setup: Setup, events: Sequence[Event], trial: OpenTrial | No
             return f"a better version is on trial: {100 * trial.gain:.0f} % less so far"
         so_far = "worse" if trial.gain < -CLEAR else "no better"
         return f"the candidate that is on trial is {so_far} so far"
-    last = next((e for e in reversed(events) if e.kind in ("abnormal", "promoted")), None)
-    if last is not None and "number" in last.evidence:
-        return last.reason
+    doubted = _of_a_sensor(events)
+    if doubted:
+        return doubted
     abnormal: list[Any] = [e.evidence.get("dependence") for e in events if e.kind == "abnormal"]
     depends = next((str(found["input"]) for found in reversed(abnormal) if found), "")
     channel = depends.removeprefix("change of ")

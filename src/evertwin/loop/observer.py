@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, TypeAlias
 
@@ -24,8 +25,8 @@ from evertwin.tuning.iteration import Round
 
 Progress: TypeAlias = Callable[[int, float], None]
 """``progress(rows so far, seconds of data so far)``."""
-OFTEN = 100_000
-"""Rows between two reports of progress."""
+OFTEN = 0.2
+"""Seconds between two reports of progress."""
 PIECES, ROWS = 16, 8192
 """Pieces, and rows in them, that are put into the trace at once."""
 NEWEST = 4096
@@ -54,7 +55,7 @@ class Observer:
         self.knowledge: dict[tuple[str, float], dict[str, Any]] = {}
         self.rounds: list[dict[str, Any]] = []
         self._progress = progress
-        self._told = 0
+        self._told = 0.0
         self._seconds = 0.0
 
     def restore(self, records: Iterable[Record], shown: Mapping[str, np.ndarray]) -> None:
@@ -72,8 +73,8 @@ class Observer:
             self._collect()
         if self._progress is not None:
             self._seconds += float(piece.dt.sum())
-            if state.row - self._told >= OFTEN:
-                self._told = state.row
+            if time.monotonic() - self._told >= OFTEN:
+                self._told = time.monotonic()
                 self._progress(state.row, self._seconds)
 
     @property

@@ -112,7 +112,7 @@ def _crossed(
     Raises:
         TooFew: it looks so, on fewer rows than a deviation is judged on.
     """
-    names, first = setup.model.outputs.names, _since((y - expected)[:, setup.watched])
+    names, first = setup.model.outputs.names, since_change((y - expected)[:, setup.watched])
     rows = first + np.flatnonzero(moving[first:].any(axis=1))
     looks = exchanged(y[rows], expected[rows], setup.model.outputs.units)
     moved = [k for k, other in enumerate(looks) if k != other]
@@ -137,7 +137,7 @@ def _of_input(
         TooFew: it looks so, on fewer rows than a deviation is judged on.
     """
     deviation, rival = beside
-    first = _since(deviation[:, setup.watched])
+    first = since_change(deviation[:, setup.watched])
     u, dt, y = (np.concatenate([getattr(w, n) for w in windows]) for n in ("u", "dt", "y"))
     rows = np.unique(np.linspace(first, len(u) - 1, SPREAD).round().astype(int))
     u, dt, y = u[rows], dt[rows], y[rows][:, setup.watched]
@@ -173,7 +173,7 @@ def _of_input(
     ))  # fmt: skip
 
 
-def _since(deviation: Outputs) -> int:
+def since_change(deviation: Outputs) -> int:
     """Row from which the deviation is most clearly of another size than before; 0: too few rows."""
     size = rms(deviation)
     square = np.nansum(np.square(deviation / np.where(size > 0, size, 1.0)), axis=1) + 1e-12

@@ -18,13 +18,14 @@ from evertwin.config.spec import TwinSpec
 from evertwin.correction.improve import TooFew
 from evertwin.errors import DataError, ModelError, UsageError
 from evertwin.fold import plain
+from evertwin.loop.answering import changed_since, event, of_a_sensor, rejected
 from evertwin.loop.change import changed, split, suddenly
 from evertwin.loop.correcting import learn, nearest
 from evertwin.loop.evaluation import falls_short, left, sizes
+from evertwin.loop.misread import misread
 from evertwin.loop.physical import physically
 from evertwin.loop.posterior import posterior
 from evertwin.loop.recursive_fit import Recursion
-from evertwin.loop.ring import called
 from evertwin.loop.settled import settled
 from evertwin.loop.setup import Setup
 from evertwin.loop.simplest import law_now
@@ -53,23 +54,6 @@ HALF = 0.5
 tried all the same; and that a state which came or went takes away on unseen rows."""
 ENOUGH = 10
 """Rows a parameter behind a change that a fit needs."""
-
-
-def _event(kind: str, signal: str, reason: str, evidence: Mapping[str, Any]) -> dict[str, Any]:
-    return {"kind": kind, "signal": signal, "reason": reason, "evidence": dict(evidence)}
-
-
-def _changed(new: Windows) -> dict[str, Any]:
-    """Of the rows since then."""
-    said = f"the machine changed at {called(new[0].row)}: rows before it are left out"
-    rows = sum(len(block.t) for block in new)
-    evidence = {"row": new[0].row, "time": int(new[0].t[0]), "rows": rows}
-    return _event("changed", "", said, evidence)
-
-
-def rejected(reason: str) -> dict[str, Any]:
-    """What the answer says of work that could not be done."""
-    return {"events": [_event("rejected", "", reason, {})]}
 
 
 def work_of(spec: TwinSpec, rate: float | None) -> Work:
@@ -125,7 +109,7 @@ class Work:
         if wrong:
             content["candidate"] = None
             said, evidence = f"not physical: {wrong}", {"values": found["values"]}
-            content["events"].append(_event("rejected", "", said, evidence))
+            content["events"].append(event("rejected", "", said, evidence))
 
     def _made(self, version: Version, found: dict[str, Any]) -> tuple[Model, ParameterVector]:
         """The model of a candidate, and its parameters."""
@@ -226,11 +210,12 @@ class Work:
         windows, events = self._now(version, windows, names) if held else (windows, [])
         since = {"since": windows[0].row} if windows is not task.windows else {}
         model = self.versions.model_of(version.form)
-        other = unit_change(self.setup, model, version.p, windows) if commissioned else None
-        if other:
-            evidence = {"number": other.number}
-            said = _event("abnormal", other.channel, other.said, evidence)
-            return {"events": [*events, said]} | since
+        if commissioned:
+            other = unit_change(self.setup, model, version.p, windows) or misread(
+                self.setup, model, version.p, windows
+            )
+            if other:
+                return {"events": [*events, of_a_sensor(other)]} | since
         posed = self.problem(version, windows, names)
         problem, chosen = law_now(self.setup, posed, self.tune if commissioned else None)
         problem, fit, rounds = self.tune(problem)
@@ -240,12 +225,16 @@ class Work:
             verdict = Verdict("normal", "", "tuned the share of the parameters whose turn it is")
         else:
             verdict = self.verdict(problem, fit)
+        if verdict.kind == "abnormal" and not commissioned:
+            other = misread(self.setup, model, version.p, windows, fit.p)
+            if other:
+                return {"events": [*events, of_a_sensor(other)]} | since
         events += [
-            _event("not_identifiable", name, fit.reasons[k], {"verdict": fit.verdict[k]})
+            event("not_identifiable", name, fit.reasons[k], {"verdict": fit.verdict[k]})
             for k, name in enumerate(fit.names)
             if fit.verdict[k] == "not"
         ]
-        events.append(_event(verdict.kind, verdict.cause, verdict.reason, verdict.evidence))
+        events.append(event(verdict.kind, verdict.cause, verdict.reason, verdict.evidence))
         part = explained(fit, fit.noise)
         if waits and verdict.kind == "normal" and part < MUCH:
             raise TooFew(f"tuning explains {100 * part:.0f} % of the deviation so far")
@@ -287,7 +276,7 @@ class Work:
         rows = sum(len(block.t) for block in new)
         if rows < ENOUGH * len(names):
             raise TooFew(f"the machine has changed, {rows} rows ago")
-        return new, [_changed(new)]
+        return new, [changed_since(new)]
 
     def _helps(self, verdict: Verdict, fit: Fit) -> bool:
         """The form is wrong, and none may be learned: is tuning the better half all the same?
@@ -304,12 +293,12 @@ class Work:
         checks = admit(fit.values, *problem.bounds)
         missed = [check.name for check in checks if not check.passed]
         if missed:
-            events.append(_event("rejected", "", f"outside: {', '.join(missed)}", {}))
+            events.append(event("rejected", "", f"outside: {', '.join(missed)}", {}))
         if missed or not fit.converged or not np.any(fit.values != fit.start):
             return None
         told = [name for name in fit.moved if name.removesuffix(" (weak)") in version.names]
         reason = f"tuned {', '.join(told)}"
-        events.append(_event("tuned", "", reason, fit.to_dict(timing=False)))
+        events.append(event("tuned", "", reason, fit.to_dict(timing=False)))
         pairs = zip(fit.names, fit.values.tolist(), strict=True)  # without recordings' own starts
         values = {name: value for name, value in pairs if name in version.names}
         if self.setup.spec.tuning.method == "recursive":
@@ -344,12 +333,17 @@ class Work:
         """Searches for terms on top of the version's form: of one that held, on the rows since it
         suddenly did not, if that pays; a form for both machines is one for neither."""
         version, windows, names = task.version, task.windows, self.editable(task.version)
+        if task.commissioned:
+            model = self.versions.model_of(version.form)
+            other = misread(self.setup, model, version.p, windows)
+            if other:
+                return {"events": [of_a_sensor(other)]}
         if task.held and names:
             new = suddenly(windows, lambda rows: self.problem(version, rows, names))
             if sum(len(block.t) for block in new) >= ENOUGH * len(names):
                 content = self._corrected(version, new)
                 if content["candidate"]:
-                    content["events"].insert(0, _changed(new))
+                    content["events"].insert(0, changed_since(new))
                     return content | {"since": new[0].row}
         return self._corrected(version, windows)
 
@@ -362,13 +356,13 @@ class Work:
         proposal = nearest(self.versions, proposals, windows, self.setup.horizon)
         evidence = proposal.evidence()
         if not proposal.found:
-            events = [_event("rejected", "", "no correction pays on unseen rows", evidence)]
+            events = [event("rejected", "", "no correction pays on unseen rows", evidence)]
             tuned = found and self._tuned(version, *found, windows, events)
             return {"events": events, "candidate": tuned}
         reason = "; ".join(proposal.describes)
         values = dict(zip(proposal.names, proposal.p.tolist(), strict=True))
         return {
-            "events": [_event("corrected", "", reason, evidence)],
+            "events": [event("corrected", "", reason, evidence)],
             "lacking": len(proposal.unseen),
             "fit": posterior(self.setup, self.versions.model_of(proposal.form), proposal, windows),
             "candidate": self._candidate(proposal.form, values, proposal.scale, reason, windows),

@@ -134,7 +134,8 @@ def is_factor(
     """Do the rows of an output say that it is ``f`` times what is expected beside?
 
     For 1: do they say that it moves as the model does? Where a model ``starts``, its place is not
-    known; a noise that is not known either leaves factors that no machine could have.
+    known, and off the line is what it does wrong as well: only what is off from row to row is
+    noise. A noise that is not known either leaves factors that no machine could have.
     """
     xx, noise = account[j, at.XX], account[j, at.BESIDE_NOISE]
     gate, size = rules[g, at.GATE], abs(f)
@@ -146,6 +147,7 @@ def is_factor(
         return False
     if f == 1.0:
         return True
+    rest = min(rest, account[j, at.SCATTER]) if starts else rest
     heard = 0.5 * rest * (1.0 - 1.0 / (size * size)) / noise - (rows - 2) * math.log(size)
     if starts:
         return bool(heard > COMMON if noise < np.inf else max(size, 1.0 / size) > UNHEARD)
@@ -180,6 +182,7 @@ def outcome(
         back = back and abs(wrapped(y[j] - expected, angle)) <= near
         apart = abs(wrapped(predicted[j] + values[j, at.OFFSET] - expected, angle))
         off = abs(wrapped(y[j] - predicted[j] - values[j, at.OFFSET], angle))
+        account[j, at.SCATTER] += 0.5 * off * off
         away = away or (apart > 2.0 * near and off > 0.5 * apart)
         far = far or apart > 2.0 * near
         alone = alone or (numbers[g, at.CONTEST] == 0 and off > near)

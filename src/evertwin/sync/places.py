@@ -62,12 +62,12 @@ they told?"""
 
 (
     BESIDE_OFF, BESIDE_NOISE, BESIDE_FROM, BESIDE_AFTER, BESIDE_PATH, BESIDE_LAG, MEAN_X,
-    MEAN_Y, XX, XY, YY,
-) = range(11)  # fmt: skip
+    MEAN_Y, XX, XY, YY, SCATTER,
+) = range(12)  # fmt: skip
 """Account per output in which a believed sample was an error: what measurements were off the state
 beside, variance of the noise, output at which it began, output now, way between,
 how far the state had followed before; means and products
-of expected (X) and measured (Y)."""
+of expected (X) and measured (Y); half the squares of the innovations since."""
 OWNER, SINCE, SINCE_AT, WEIGHED, HOW, TRUSTED = range(6)
 """The account, integers: its group + 1, 0: none; first row and stamp; rows weighed since; how it
 began; samples of the group that were trusted before it."""

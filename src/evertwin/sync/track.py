@@ -94,7 +94,7 @@ class TrackState(NamedTuple):
     """Task of the last row, has a row come?"""
     beside: StateVector
     """State as it would be without what was believed last, see `evertwin.sync.beside_loop`."""
-    account: Float64[np.ndarray, "ny 11"]
+    account: Float64[np.ndarray, "ny 12"]
     matter: Int64[np.ndarray, " six"]
 
     @property
@@ -207,7 +207,7 @@ class Track:
             np.zeros((at.LEARN, ny)), np.zeros((vote, ny)), np.zeros((vote, ny)),
             np.zeros((vote, ng), dtype=np.int64), np.zeros((vote, ng), dtype=np.int64),
             np.zeros((vote, ny)), np.zeros((nu, 5)), np.zeros((nu, 5), dtype=np.int64),
-            np.zeros(2, dtype=np.int64), x0.copy(), np.zeros((ny, 11)),
+            np.zeros(2, dtype=np.int64), x0.copy(), np.zeros((ny, 12)),
             np.zeros(6, dtype=np.int64),
         )  # fmt: skip
 
