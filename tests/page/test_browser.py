@@ -134,7 +134,7 @@ def test_each_view_is_whole_in_light_and_dark_and_on_a_tablet(shown: Shown, plac
 def picture(page: Any, place: str) -> None:
     """Of the documentation, where somebody asks for new ones."""
     folder = os.environ.get("EVERTWIN_PICTURES")
-    if not folder or not place.endswith(("live", "improvement")):
+    if not folder or not place.endswith(("live", "improvement", "events")):
         return
     page.evaluate("document.documentElement.classList.replace('dark', 'light')")
     page.evaluate("document.querySelector('#top .brand').textContent = 'evertwin · hall'")
@@ -193,6 +193,26 @@ def test_an_order_changes_the_next_rows_and_hostile_words_are_text(shown: Shown)
     shown.go("")
     assert HOSTILE in page.inner_text("#top")
     assert page.evaluate("window.hit") is None and page.query_selector("main img") is None
+
+
+def test_a_label_acts_and_what_it_changed_stands_beside_the_event(shown: Shown) -> None:
+    shown.awake()
+    page, served = shown.go("twin/robot/events"), shown.served
+    served.until(lambda status: status["twins"][0]["rows"] > 120)
+    page.reload()
+    number = served.ask("/api/v1/twins/robot/events?last=500")[1]["events"][0]["number"]
+    page.click(f"#event-{number}")
+    page.fill("#person", "ada")
+    page.fill("#reason", HOSTILE)
+    page.fill("#first", "20")
+    page.fill("#last", "39")
+    page.click("#say-faulty")
+    page.wait_for_selector(".did", timeout=30_000)
+    assert "20 rows leave the window of fits (row 20 to row 39)" in page.inner_text(".did")
+    events = served.ask("/api/v1/twins/robot/events?last=500")[1]["events"]
+    (said,) = [e for e in events if e["kind"] == "heeded"]
+    assert said["evidence"]["event"] == number and page.evaluate("window.hit") is None
+    picture(page, "twin/robot/events")
 
 
 def test_it_goes_on_by_itself_where_the_service_was_killed(shown: Shown) -> None:

@@ -15,9 +15,10 @@ from functools import partial
 from evertwin.engine import Engine
 from evertwin.fold import Answer, Request
 from evertwin.loop.in_stream import as_is
+from evertwin.loop.said import rejected
 from evertwin.loop.task import Task
 from evertwin.loop.twin_state import TwinState
-from evertwin.loop.work import Work, rejected
+from evertwin.loop.work import Work
 
 
 @dataclass
@@ -50,7 +51,7 @@ class SlowWork:
         rival = self.work.versions[agenda.rival] if agenda.rival else None
         task = Task(
             agenda.kind, version, rows, agenda.tunings, agenda.held, agenda.again > 0, rival,
-            agenda.commissioned,
+            agenda.commissioned, agenda.cause,
         )  # fmt: skip
         self.engine.submit(request, partial(self.work.content, task))
 

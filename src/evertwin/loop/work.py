@@ -21,10 +21,11 @@ from evertwin.fold import plain
 from evertwin.loop.change import changed, split, suddenly
 from evertwin.loop.correcting import learn, nearest
 from evertwin.loop.evaluation import falls_short, left, sizes
+from evertwin.loop.named_cause import named_first
 from evertwin.loop.physical import physically
 from evertwin.loop.posterior import posterior
 from evertwin.loop.recursive_fit import Recursion
-from evertwin.loop.ring import called
+from evertwin.loop.said import changed_at, event, rejected
 from evertwin.loop.settled import settled
 from evertwin.loop.setup import Setup
 from evertwin.loop.simplest import law_now
@@ -53,23 +54,6 @@ HALF = 0.5
 tried all the same; and that a state which came or went takes away on unseen rows."""
 ENOUGH = 10
 """Rows a parameter behind a change that a fit needs."""
-
-
-def _event(kind: str, signal: str, reason: str, evidence: Mapping[str, Any]) -> dict[str, Any]:
-    return {"kind": kind, "signal": signal, "reason": reason, "evidence": dict(evidence)}
-
-
-def _changed(new: Windows) -> dict[str, Any]:
-    """Of the rows since then."""
-    said = f"the machine changed at {called(new[0].row)}: rows before it are left out"
-    rows = sum(len(block.t) for block in new)
-    evidence = {"row": new[0].row, "time": int(new[0].t[0]), "rows": rows}
-    return _event("changed", "", said, evidence)
-
-
-def rejected(reason: str) -> dict[str, Any]:
-    """What the answer says of work that could not be done."""
-    return {"events": [_event("rejected", "", reason, {})]}
 
 
 def work_of(spec: TwinSpec, rate: float | None) -> Work:
@@ -125,7 +109,7 @@ class Work:
         if wrong:
             content["candidate"] = None
             said, evidence = f"not physical: {wrong}", {"values": found["values"]}
-            content["events"].append(_event("rejected", "", said, evidence))
+            content["events"].append(event("rejected", "", said, evidence))
 
     def _made(self, version: Version, found: dict[str, Any]) -> tuple[Model, ParameterVector]:
         """The model of a candidate, and its parameters."""
@@ -217,21 +201,24 @@ class Work:
 
     def fit(self, task: Task) -> dict[str, Any]:
         """Tunes, and judges what the residual of the tuned model still says."""
-        _, version, windows, tunings, held, waits, _, commissioned = task
-        names = self.due(version, tunings)
+        version, windows, commissioned = task.version, task.windows, task.commissioned
+        names = self.due(version, task.tunings)
         if commissioned:
             names = tuple(n for n in names if n not in self.setup.once)
         if not names:
             return {"events": [], "next": self._next()}
-        windows, events = self._now(version, windows, names) if held else (windows, [])
+        windows, events = self._now(version, windows, names) if task.held else (windows, [])
         since = {"since": windows[0].row} if windows is not task.windows else {}
         model = self.versions.model_of(version.form)
         other = unit_change(self.setup, model, version.p, windows) if commissioned else None
         if other:
             evidence = {"number": other.number}
-            said = _event("abnormal", other.channel, other.said, evidence)
+            said = event("abnormal", other.channel, other.said, evidence)
             return {"events": [*events, said]} | since
         posed = self.problem(version, windows, names)
+        named = named_first(self, task, posed, events)
+        if named:
+            return named | since
         problem, chosen = law_now(self.setup, posed, self.tune if commissioned else None)
         problem, fit, rounds = self.tune(problem)
         if rounds and fit.converged:
@@ -241,13 +228,13 @@ class Work:
         else:
             verdict = self.verdict(problem, fit)
         events += [
-            _event("not_identifiable", name, fit.reasons[k], {"verdict": fit.verdict[k]})
+            event("not_identifiable", name, fit.reasons[k], {"verdict": fit.verdict[k]})
             for k, name in enumerate(fit.names)
             if fit.verdict[k] == "not"
         ]
-        events.append(_event(verdict.kind, verdict.cause, verdict.reason, verdict.evidence))
+        events.append(event(verdict.kind, verdict.cause, verdict.reason, verdict.evidence))
         part = explained(fit, fit.noise)
-        if waits and verdict.kind == "normal" and part < MUCH:
+        if task.waits and verdict.kind == "normal" and part < MUCH:
             raise TooFew(f"tuning explains {100 * part:.0f} % of the deviation so far")
         content: dict[str, Any] = {
             "events": events, "fit": fit.to_dict(timing=False), "tuned": True, **rounds,
@@ -258,7 +245,7 @@ class Work:
         elif part >= self.setup.trial.margin and (  # less would not be worth a switch
             verdict.kind == "normal" or self._helps(verdict, fit)
         ):
-            found = self._tuned(version, problem, fit, windows, events)
+            found = self.tuned(version, problem, fit, windows, events)
             content["candidate"] = found and found | {"reason": found["reason"] + chosen.said}
         return content | since
 
@@ -270,7 +257,7 @@ class Work:
         if not names:
             return None
         problem, fit, _ = self.tune(problem.tuning(names))
-        return self._tuned(version, problem, fit, problem.windows, events)
+        return self.tuned(version, problem, fit, problem.windows, events)
 
     def _now(
         self, version: Version, windows: Windows, names: tuple[str, ...]
@@ -287,7 +274,7 @@ class Work:
         rows = sum(len(block.t) for block in new)
         if rows < ENOUGH * len(names):
             raise TooFew(f"the machine has changed, {rows} rows ago")
-        return new, [_changed(new)]
+        return new, [changed_at(new)]
 
     def _helps(self, verdict: Verdict, fit: Fit) -> bool:
         """The form is wrong, and none may be learned: is tuning the better half all the same?
@@ -296,7 +283,7 @@ class Work:
         """
         return not verdict.cause and not fit.at_bound and explained(fit, fit.noise) >= HALF
 
-    def _tuned(
+    def tuned(
         self, version: Version, problem: Problem, fit: Fit, windows: Windows,
         events: list[dict[str, Any]],
     ) -> dict[str, Any] | None:  # fmt: skip
@@ -304,12 +291,12 @@ class Work:
         checks = admit(fit.values, *problem.bounds)
         missed = [check.name for check in checks if not check.passed]
         if missed:
-            events.append(_event("rejected", "", f"outside: {', '.join(missed)}", {}))
+            events.append(event("rejected", "", f"outside: {', '.join(missed)}", {}))
         if missed or not fit.converged or not np.any(fit.values != fit.start):
             return None
         told = [name for name in fit.moved if name.removesuffix(" (weak)") in version.names]
         reason = f"tuned {', '.join(told)}"
-        events.append(_event("tuned", "", reason, fit.to_dict(timing=False)))
+        events.append(event("tuned", "", reason, fit.to_dict(timing=False)))
         pairs = zip(fit.names, fit.values.tolist(), strict=True)  # without recordings' own starts
         values = {name: value for name, value in pairs if name in version.names}
         if self.setup.spec.tuning.method == "recursive":
@@ -349,7 +336,7 @@ class Work:
             if sum(len(block.t) for block in new) >= ENOUGH * len(names):
                 content = self._corrected(version, new)
                 if content["candidate"]:
-                    content["events"].insert(0, _changed(new))
+                    content["events"].insert(0, changed_at(new))
                     return content | {"since": new[0].row}
         return self._corrected(version, windows)
 
@@ -362,13 +349,13 @@ class Work:
         proposal = nearest(self.versions, proposals, windows, self.setup.horizon)
         evidence = proposal.evidence()
         if not proposal.found:
-            events = [_event("rejected", "", "no correction pays on unseen rows", evidence)]
-            tuned = found and self._tuned(version, *found, windows, events)
+            events = [event("rejected", "", "no correction pays on unseen rows", evidence)]
+            tuned = found and self.tuned(version, *found, windows, events)
             return {"events": events, "candidate": tuned}
         reason = "; ".join(proposal.describes)
         values = dict(zip(proposal.names, proposal.p.tolist(), strict=True))
         return {
-            "events": [_event("corrected", "", reason, evidence)],
+            "events": [event("corrected", "", reason, evidence)],
             "lacking": len(proposal.unseen),
             "fit": posterior(self.setup, self.versions.model_of(proposal.form), proposal, windows),
             "candidate": self._candidate(proposal.form, values, proposal.scale, reason, windows),
