@@ -14,12 +14,30 @@ from typing import Any
 
 import pytest
 
-from planted.serving import Served, site
-from planted.worlds import record_robot
+from planted.serving import TWINS, Served, site
+from planted.worlds import record_arm, record_robot
 
 pytestmark = pytest.mark.system
 HOSTILE = '"><img src=x onerror="window.hit=1"><script>window.hit=1</script>'
+GHOST = """async () => {
+  const { exceeds, leaning } = await import("/static/scene.js");
+  const joints = ["a", "b"].map((output) => ({ output, position: [0, 0, 1], slides: false }));
+  const held = (r) => ({ residual: Array(30).fill(r), measured: Array(30).fill(-20) });
+  const turned = (a, b) => leaning(joints, [0, 0], exceeds(joints, { a: held(a), b: held(b) }, 29));
+  const degrees = (one) => one.map((v) => Math.round((v * 1800) / Math.PI) / 10);
+  return [turned(0, null), turned(2, -90)].map(degrees);
+}"""
 VIEWS = ("live", "improvement", "events", "signals", "life", "engineering", "faults")
+ARM = """
+[[twin]]
+file = "arm.toml"
+workers = 0
+[[twin.source]]
+source = "controller"
+protocol = "replay"
+files = ["cycle-0000.csv", "cycle-0001.csv"]
+speed = 2
+"""
 SHOWN = "document.documentElement.dataset.up"
 ROWS = "(({row, outputs}) => [[...row], [...outputs.x.measured]])(window.evertwin.feed.rows)"
 
@@ -37,6 +55,8 @@ class Shown:
         self.file = site(folder, "robot", speed=25, http=f"port = {free_port()}")
         text = self.file.read_text().replace('name = "hall"', f"name = '{HOSTILE}'")
         self.file.write_text(text)
+        with self.file.open("a") as more:
+            more.write(ARM)
         self.served = Served(self.file)
         words = [
             sys.executable, "-m", "evertwin", "page", "--service", self.served.address, "--port",
@@ -90,6 +110,8 @@ def shown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shown]:
     playwright = pytest.importorskip("playwright.sync_api")
     folder = tmp_path_factory.mktemp("page")
     record_robot(folder / "run.csv", "--light", "--world", "w3", "--seconds", "3000", "--seed", "2")
+    record_arm(folder, "--cycles", "2", "--seed", "3")
+    shutil.copy(TWINS / "arm.toml", folder)
     with playwright.sync_playwright() as driver:
         browser = driver.chromium.launch(
             executable_path=chromium, args=["--no-sandbox", "--enable-unsafe-swiftshader"]
@@ -256,6 +278,21 @@ def test_the_past_is_drawn_without_a_seam(shown: Shown) -> None:
     assert "x" in page.inner_text("figure.chart .legend") and page.query_selector(".legend output")
     page.keyboard.press("Escape")
     page.click("#pause")
+
+
+def test_the_ghost_of_an_arm_goes_where_the_torques_differ(shown: Shown) -> None:
+    """The twin thinks half of the joints' friction: its simulated arm runs ahead of the machine."""
+    shown.served.until(lambda status: status["twins"][1]["rows"] > 150)
+    page = shown.go("twin/arm/live")
+    page.wait_for_selector("canvas.scene")
+    page.wait_for_function(
+        "() => /Ghost: turned most/.test(document.querySelector('#leans').textContent)"
+    )
+    calm, off = page.evaluate(GHOST)
+    assert calm == [0, 0], "as predicted: the ghost stands in the machine"
+    assert off == [5, -30], "10 % of the usual torque; far more than is drawn"
+    picture(page, "twin/arm/arm_live")
+    assert "of its usual torque" in page.inner_text("#leans")
 
 
 def test_who_has_no_cookie_may_only_look(shown: Shown) -> None:

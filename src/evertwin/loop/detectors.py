@@ -151,7 +151,7 @@ class Detect:
         if self.calibration > 0 and not state.cusum.calibration.ready:
             return state._replace(cusum=self.cusum.collect(state.cusum, seen)), ()
         if state.drift.calibration.ready:  # since a beat, so that where rows are cut cannot matter
-            state = state._replace(watched=state.watched + len(rows.row))
+            state = state._replace(watched=state.watched + len(seen.row))
         cusum, a = self.cusum.step(state.cusum, seen)
         drift, b = self.drift.step(state.drift, seen)
         snr, found = state.snr, a.records + self._begins(state, b.records)

@@ -164,7 +164,7 @@ class AtWork:
         self._looked = self.row
         said, found = self.going.outcome
         return {
-            "trial": plain(self.going.trial), "headline": said,
+            "trial": plain(self.going.trial), "headline": said, "judged": self.going.judged,
             "figures": {name: plain(dataclasses.asdict(one)) for name, one in found.items()},
         }  # fmt: skip
 

@@ -14,8 +14,14 @@ function wrong(about, events, promoted) {
   if (found) return promoted ? found.reason.replace(" is off by ", " was off by ") : found.reason;
   const lies = newest(events, ["measurement_error"]);
   if (lies && !newest(events.filter((e) => e.number > lies.number), ["measurement_restored"])) return `A measurement was refused: ${lies.reason}`;
-  return about.condition === "out_of_specification" ? about.why : "Nothing: predictions stay within what is asked.";
+  return about.condition === "out_of_specification" ? about.why : WRONG[about.judged] ?? WRONG.held;
 }
+
+const WRONG = {
+  held: "Nothing: predictions stay within what is asked.", "not yet": "Nothing is known yet: more rows that move have to come.",
+  "nothing asked": "Nothing is asked: the twin file names no [anomaly] requirement.",
+};
+const UNJUDGED = { "not yet": "Too few rows that move have come to judge it.", "nothing asked": "No largest deviation is asked, so none is judged." };
 
 function changed(about) {
   const champion = about.versions?.find((one) => one.number === about.champion);
@@ -55,7 +61,9 @@ export function trust(about, promoted) {
   const unsure = weak.length ? ` Weakly known: ${weak.join(", ")}.` : "";
   if (!promoted) return about.champion
     ? ["With care", "weak", `${over}How it went live lies further back than the events that are shown.${unsure}`]
-    : [over || !rows ? "Not yet" : "Yes", over || !rows ? "weak" : "good", over || (rows ? `As configured it stays within what is asked, over ${count(rows, "row")}.` : "Nothing has been compared yet.")];
+    : over || !rows || (about.judged ?? "held") !== "held"
+      ? ["Not yet", "weak", over || (!rows ? "Nothing has been compared yet." : UNJUDGED[about.judged])]
+      : ["Yes", "good", `As configured it stays within what is asked, over ${count(rows, "row")}.`];
   const { gain, segments } = promoted.evidence ?? {};
   const evidence = gain > 0 ? `${Math.round(100 * gain)} % less deviation over ${segments} stretches that neither had seen` : promoted.reason;
   if (promoted.evidence?.person) return ["By hand", "weak", `${over}Promoted by ${promoted.evidence.person}, not by its trial.${unsure}`];
