@@ -16,6 +16,8 @@ import pytest
 
 from planted.serving import TWINS, Served, site
 from planted.worlds import record_arm, record_robot
+from tests.service.test_adding import cart
+from tests.sources.live.test_modbus import server
 
 pytestmark = pytest.mark.system
 HOSTILE = '"><img src=x onerror="window.hit=1"><script>window.hit=1</script>'
@@ -156,7 +158,7 @@ def test_each_view_is_whole_in_light_and_dark_and_on_a_tablet(shown: Shown, plac
 def picture(page: Any, place: str) -> None:
     """Of the documentation, where somebody asks for new ones."""
     folder = os.environ.get("EVERTWIN_PICTURES")
-    if not folder or not place.endswith(("live", "improvement", "events")):
+    if not folder or not place.endswith(("live", "improvement", "events", "add")):
         return
     page.evaluate("document.documentElement.classList.replace('dark', 'light')")
     page.evaluate("document.querySelector('#top .brand').textContent = 'evertwin · hall'")
@@ -293,6 +295,32 @@ def test_the_ghost_of_an_arm_goes_where_the_torques_differ(shown: Shown) -> None
     assert off == [5, -30], "10 % of the usual torque; far more than is drawn"
     picture(page, "twin/arm/arm_live")
     assert "of its usual torque" in page.inner_text("#leans")
+
+
+def test_a_machine_is_added_from_its_registers_to_a_twin_file(shown: Shown) -> None:
+    with server(cart) as port:
+        page = shown.go("add")
+        page.select_option("#protocol", "modbus")
+        page.fill("#port", str(port))
+        page.click("#look")
+        page.wait_for_selector(".heard:has-text('float32')")
+        page.click("#stop")
+        page.select_option("#kind", "robot1d")
+        for row, words in enumerate([("0:float32", "v", "cm/s"), ("2:float32", "x", "cm")]):
+            for key, word in zip(("place", "name", "unit"), words, strict=True):
+                page.fill(f"tbody tr:nth-child({row + 1}) .{key}", word)
+        page.fill("#seconds", "2")
+        page.click("#try")
+        page.wait_for_selector("#site-file", timeout=60_000)
+        picture(page, "add")
+    assert 'kind = "robot1d"' in page.inner_text("#twin-file")
+    assert 'x = { address = 2, type = "float32" }' in page.inner_text("#site-file")
+    assert page.inner_text("tbody tr:nth-child(1) .value").startswith("20")
+    assert "off by" in page.inner_text("#found table")
+    answer = shown.context.browser.new_context().request.post(
+        f"{shown.address}/api/v1/draft", data={"protocol": "modbus"}
+    )
+    assert answer.status == 401, "who may only look makes the service ask no machine"
 
 
 def test_who_has_no_cookie_may_only_look(shown: Shown) -> None:

@@ -387,7 +387,8 @@ class Runner:
             "name": self.name, "state": state, "reason": self.reason, **how, "rows": self.row,
             "champion": about.get("champion"), "pinned": about.get("pinned"),
             "versions": len(about.get("versions", ())), "waiting": self.waiting,
-            "headline": about.get("headline", ""), "dropped": self.dropped, "busy": round(busy, 3),
+            "headline": about.get("headline", ""), "judged": about.get("judged"),
+            "dropped": self.dropped, "busy": round(busy, 3),
             "sources": {one.name: one.health.to_dict() for one in self.sources},
             "publishers": [dict(one.health) for one in self.publishers],
         }  # fmt: skip

@@ -10,7 +10,7 @@ const newest = (events, kinds, before = Infinity) => events.findLast((e) => kind
 
 /** What was off before the live version came, or is off now. */
 function wrong(about, events, promoted) {
-  const found = newest(events, ["suspected", "abnormal", "drift"], promoted?.number);
+  const found = (promoted && newest(events, ["suspected"], promoted.number)) || newest(events, ["suspected", "abnormal", "drift"], promoted?.number);
   if (found) return promoted ? found.reason.replace(" is off by ", " was off by ") : found.reason;
   const lies = newest(events, ["measurement_error"]);
   if (lies && !newest(events.filter((e) => e.number > lies.number), ["measurement_restored"])) return `A measurement was refused: ${lies.reason}`;
@@ -34,7 +34,7 @@ export function gains(figures) {
   return Object.entries(figures ?? {})
     .map(([name, f]) => [name, f.unit, ...(f.rms_moving_before > 0 ? [f.rms_moving_before, f.rms_moving_after] : [f.rms_before, f.rms_after])])
     .filter(([, , was, is]) => was > 0 && Math.abs(1 - is / was) > CLEAR)
-    .map(([name, unit, was, is]) => ({ name, share: 1 - is / was, text: `${name} ${quantity(was, unit)} → ${quantity(is, unit)}` }))
+    .map(([name, unit, was, is]) => ({ name, share: 1 - is / was, text: `${name} ${quantity(was, unit, is)} → ${quantity(is, unit)}` }))
     .sort((a, b) => b.share - a.share);
 }
 

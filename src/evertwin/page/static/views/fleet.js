@@ -70,11 +70,12 @@ function tile(twin) {
     const old = condition === "stale" ? `STALE for ${age(now.age)}` : name;
     const why = now.reason || now.why || (now.state === "ended" ? "its sources have ended" : "");
     const meta = `newest sample ${now.age !== null && now.age >= 1 ? `${age(now.age)} ago` : age(now.age)} · version ${now.champion ?? "–"}${now.pinned ? " pinned" : ""} · ${count(now.rows, "row")}`;
-    const key = [old, why, now.headline, meta, now.label].join("|");
+    const key = [old, why, now.headline, meta, now.label, now.judged].join("|");
     if (key === drawn) return;
     drawn = key;
     link.className = `tile ${look}`;
-    put(parts.head, sign(condition), h("b", {}, now.name), h("span", {}, old), now.label && h("span", { class: "tag" }, now.label));
+    put(parts.head, sign(condition), h("b", {}, now.name), h("span", {}, old), now.label && h("span", { class: "tag" }, now.label),
+      now.judged === "not yet" && condition === "good" && !now.champion && h("span", { class: "tag weak" }, "not judged yet"));
     put(parts.why, why);
     put(parts.told, now.headline ?? "");
     put(parts.meta, meta);

@@ -207,7 +207,7 @@ class Live {
     const said = {
       arm: "Solid: at the measured angles; a joint goes from green to red as its torque differs from the predicted one. Ghost: where the simulated arm goes from there with the measured torques, one degree for each 2 % of a joint's usual torque (mean of the newest 20 rows). While both agree it stands in the machine.",
       base: "Solid: as measured. Ghost: as simulated. Line: the path. Crosses: the simulation took over the measured pose.",
-      line: "Solid: as measured. Ghost: as simulated.",
+      line: "Solid: as measured. Ghost: as simulated. Line: the path. Crosses: the simulation took over the measured place.",
       none: "This model does not say what its machine looks like.",
     }[this.looks.kind];
     if (this.looks.kind === "none") return put(this.solid, h("p", { class: "quiet" }, said));
@@ -243,7 +243,7 @@ class Live {
       const [m, p] = [pose("measured", j), pose("predicted", j)];
       if (known(m)) path.points.push([m[0], m[1], 0.02]);
       if (!known(m) || !known(p) || !TAKEN.includes(rows.outputs.x.update[j])) continue;
-      const e = 0.06;
+      const e = Math.max(0.06, 0.006 * this.scene.distance);
       adopted.points.push([m[0] - e, m[1] - e, 0.04], [m[0] + e, m[1] + e, 0.04], [m[0] - e, m[1] + e, 0.04], [m[0] + e, m[1] - e, 0.04]);
     }
     const [low, high] = [0, 1].map((axis) => path.points.map((p) => p[axis])).map((v) => [Math.min(...v), Math.max(...v)]);
@@ -251,10 +251,12 @@ class Live {
       this.scene.centre = [(low[0] + low[1]) / 2, (high[0] + high[1]) / 2, 0];
       this.scene.distance = Math.max(this.scene.distance, 1.9 * Math.max(low[1] - low[0], high[1] - high[0]), 3);
     }
-    const things = [floor(Math.ceil(this.scene.distance / 3), 1, this.scene.centre.map(Math.round)), path, adopted];
+    const step = 10 ** Math.floor(Math.log10(Math.max(this.scene.distance / 5, 1))); // a grid, not a grey plane
+    const size = Math.max(0.25, 0.025 * this.scene.distance); // it is seen beside a long path, too
+    const things = [floor(step * Math.ceil(this.scene.distance / 3 / step), step, this.scene.centre.map((v) => step * Math.round(v / step))), path, adopted];
     const [m, p] = [pose("measured", k), pose("predicted", k)];
-    if (known(m)) things.push(...robot(m, 0.25));
-    if (known(p)) things.push(...robot(p, 0.28, true));
+    if (known(m)) things.push(...robot(m, size));
+    if (known(p)) things.push(...robot(p, 1.12 * size, true));
     this.scene.draw(things.filter((one) => !one.points || one.points.length));
     return undefined;
   }
