@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from evertwin import Twin, TwinSpec
-from evertwin.config.spec import AnomalySpec, ModelSpec, PredictionSpec, TuningSpec
+from evertwin.config.spec import AnomalySpec, ModelSpec, PredictionSpec, StoreSpec, TuningSpec
 from evertwin.errors import UsageError
 from evertwin.fold import Answer, Block, make_block, take
 from evertwin.fold.span import Span
@@ -24,6 +25,8 @@ from evertwin.loop.work import Work
 from evertwin.models import FunctionModel, Parameters
 from evertwin.signals import Layout
 from evertwin.store import SqliteStore
+
+from .machines import robot
 
 SPEC = TwinSpec(
     "axis", ModelSpec("function"), beat=Span(20), prediction=PredictionSpec(horizon=1.0),
@@ -93,6 +96,7 @@ def test_rows_that_are_left_out_are_in_no_window_and_cut_it() -> None:
     assert ring.leave_out(state, 10, 34) == 5 and ring.leave_out(state, 60, 64) == 5
     found = ring.between(state, 0, 80)
     assert [(b.row, len(b.t)) for b in found] == [(35, 25), (65, 15)]
+    assert ring.leave_out(state, 10**30, 10**31) == ring.leave_out(state, -(10**31), -3) == 0
     later = ring.push(state, block._replace(row=80))
     assert sum(len(b.t) for b in ring.between(later, 0, 160)) == 50, "new rows take their place"
 
@@ -157,6 +161,12 @@ def test_a_wrong_cause_is_said_so_and_all_is_tuned() -> None:
     content = worked("load", np.array([6.0, 2.0, 3.0]))
     told = next(e for e in content["events"] if e["kind"] == "heeded")
     assert "load, which was named, explains" in told["reason"] and "all is tuned" in told["reason"]
+    assert abs(content["candidate"]["values"]["Fc"] - 6.0) < 0.1
+
+
+def test_a_cause_that_the_twin_file_has_no_longer_stops_no_fit() -> None:
+    content = worked("rust", np.array([6.0, 2.0, 3.0]))
+    assert "no cause 'rust'" in content["events"][0]["reason"]
     assert abs(content["candidate"]["values"]["Fc"] - 6.0) < 0.1
 
 
@@ -330,3 +340,22 @@ def test_what_cannot_be_meant_is_refused() -> None:
         assert kept.evidence == {
             "event": event, "kind": "configured", "verdict": "acknowledged", "person": "ada"
         }  # fmt: skip
+
+
+def test_a_label_from_another_process_is_heeded_at_the_next_beat(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("evertwin.loop.run_log.SECONDS", 0.0)
+    spec = replace(robot().spec, store=StoreSpec("a.db"), folder=str(tmp_path))
+
+    def day() -> Iterator[Block]:
+        yield take(robot().rows, 0, 72)
+        with Twin(spec, reading=True) as other:
+            other.label(
+                Label(first(other, "configured"), "faulty", "unplugged", "ada", rows=(9, 18))
+            )
+        yield take(robot().rows, 72, 100)
+
+    with Twin(spec) as kept:
+        (said,) = kept.run(day()).of_kind("heeded")
+        assert said.row == 75 and "10 rows leave the window of fits" in said.reason

@@ -84,12 +84,12 @@ class Shown:
         self.page.wait_for_function(f"() => {SHOWN} === 'yes'")
         return self.page
 
-    def awake(self) -> None:
-        """The recording lasts for two minutes: it begins anew where others have taken so long."""
-        if self.served.twin("robot")["rows"] < 1500:
+    def awake(self, twin: str = "robot", rows: int = 1500) -> None:
+        """A recording lasts for a minute or two: it begins anew where others have taken so long."""
+        if self.served.twin(twin)["rows"] < rows:
             return
         self.served.end()
-        for kept in (self.file.parent / "store").glob("robot.db*"):
+        for kept in (self.file.parent / "store").glob(f"{twin}.db*"):
             kept.unlink()
         self.served = Served(self.file)
         self.served.until(lambda status: status["twins"][0]["rows"] > 30)
@@ -284,6 +284,7 @@ def test_the_past_is_drawn_without_a_seam(shown: Shown) -> None:
 
 def test_the_ghost_of_an_arm_goes_where_the_torques_differ(shown: Shown) -> None:
     """The twin thinks half of the joints' friction: its simulated arm runs ahead of the machine."""
+    shown.awake("arm", 400)
     shown.served.until(lambda status: status["twins"][1]["rows"] > 150)
     page = shown.go("twin/arm/live")
     page.wait_for_selector("canvas.scene")

@@ -46,7 +46,7 @@ def _mistaken(follow: Follow, decision: Decision, told: Any) -> list[str]:
     changed, state = list[str](), decision.state
     if told.get("alarm", {}).get("detector") == "snr":
         changed.append("its limit is one of the twin file: [anomaly] snr")
-    elif "alarm" in told:
+    elif "alarm" in told and told["signal"] in follow.setup.detect.cusum.names:
         detect = follow.setup.detect
         found, sentence = detect.mistaken(state.detect, told["signal"], told["alarm"])
         decision.state = state._replace(detect=found)

@@ -55,7 +55,11 @@ def named_first(
     if not task.cause:
         return None
     there = posed.model.parameters.names
-    names = tuple(name for name in tunable(work.setup, task.cause) if name in there)
+    try:
+        names = tuple(name for name in tunable(work.setup, task.cause) if name in there)
+    except UsageError as error:  # the twin file is another one since it was named
+        events.append(event("heeded", task.cause, f"{error}: all is tuned", {"cause": task.cause}))
+        return None
     problem, fit, rounds = work.tune(posed.tuning(names))
     part, short = explained(fit, fit.noise), falls_short(work.setup, problem, fit)
     said = f"{task.cause}, which was named, explains {100 * part:.0f} % of the deviation"

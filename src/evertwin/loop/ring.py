@@ -94,9 +94,8 @@ class Ring:
     def leave_out(self, rows: Rows, first: int, last: int) -> int:
         """Rows ``first`` to ``last`` are in no window any more; how many of them are kept. Consumes
         ``rows``."""
-        places = np.arange(
-            max(first, rows.end - self.capacity, rows.first), min(last + 1, rows.end)
-        )
+        start = min(max(first, rows.end - self.capacity, rows.first), rows.end)
+        places = np.arange(start, max(min(last + 1, rows.end), start))
         rows.out[places % self.capacity] = True
         return len(places)
 

@@ -46,7 +46,7 @@ class Said(BaseModel):
     """
 
     model_config = ConfigDict(extra="forbid")
-    event: int = Field(ge=1)
+    event: int = Field(ge=1, le=2**53)
     """Its number in the log."""
     verdict: Verdict
     reason: str = Field(min_length=1, max_length=500)

@@ -6,6 +6,9 @@ import { ask } from "../wire.js";
 
 const ORDER = Object.keys(CONDITIONS);
 
+/** Did somebody acknowledge or shelve what it is out by? Then others need attention first. */
+const said = (twin) => ["acknowledged", "shelved"].includes(twin.label);
+
 export function open() {
   const tiles = new Map();
   const list = h("ul", { class: "tiles" });
@@ -33,7 +36,7 @@ export function open() {
     share(context);
     const wish = search.value.trim().toLowerCase();
     const known = context.twins.map((twin) => [twin, conditionOf(twin)]);
-    known.sort(([a, x], [b, y]) => ORDER.indexOf(x) - ORDER.indexOf(y) || a.name.localeCompare(b.name));
+    known.sort(([a, x], [b, y]) => ORDER.indexOf(x) - ORDER.indexOf(y) || said(a) - said(b) || a.name.localeCompare(b.name));
     const seen = known.filter(([twin]) => !wish || `${twin.name} ${twin.why} ${twin.headline}`.toLowerCase().includes(wish));
     const bad = known.filter(([, condition]) => condition !== "good");
     put(summary, known.length ? (bad.length ? `${count(bad.length, "twin needs", "twins need")} attention, ${known.length - bad.length} good.` : `All ${known.length} good.`) : "No twins yet.");
