@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 _RUNAWAY = np.errstate(over="ignore", invalid="ignore")  # runs away to infinity: told by marks
 
 
-class Twin:
+class Twin(loop.ByHand):
     """A model that is kept true to its machine.
 
     >>> import numpy as np
@@ -374,27 +374,3 @@ class Twin:
         """A new version of what `fit` has found, its terms included; nothing goes live."""
         values = {item.name: item.value for item in found.parameters}
         return self._ledger.keep(found.form, values, reason)
-
-    # ------------------------------------------------------------------ the operator's hand
-
-    def promote(self, number: int, reason: str = "by hand", person: str = "") -> Event:
-        """Makes a version live, whatever the gate says; an event tells so.
-
-        A run at work heeds it at its next beat, also one in another process (``reading``).
-
-        Raises:
-            UsageError: there is no such version, or another one is pinned.
-        """
-        return self._ledger.promote(number, reason, person)
-
-    def rollback(self, reason: str = "by hand", person: str = "") -> Event:
-        """Makes the champion before the present one live again.
-
-        Raises:
-            UsageError: there was none before, or the present one is pinned.
-        """
-        return self._ledger.roll_back(reason, person)
-
-    def pin(self, number: int | None, reason: str = "by hand", person: str = "") -> Event:
-        """Keeps a version live until it is unpinned (None): no promotion happens."""
-        return self._ledger.pin(number, reason, person)

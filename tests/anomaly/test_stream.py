@@ -152,7 +152,7 @@ def test_compiled_and_plain_loops_agree_bit_for_bit(module: Any) -> None:
             state = _CUSUM.begin(known)
             return [
                 known.ar, known.sigma, known.limit, 1.5, 8.0, 100,
-                state.past, state.sums, state.seen,
+                state.past, state.sums, state.seen, state.height, state.peak,
             ]  # fmt: skip
         if module is snr:
             state = _SNR.begin(known)

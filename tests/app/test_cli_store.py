@@ -133,3 +133,14 @@ def test_a_twin_that_is_looked_at_keeps_no_version(ran: Path) -> None:
         pytest.raises(UsageError, match="open to look at"),
     ):
         twin.keep(twin.fit(ran.parent / "robot.csv"))
+
+
+def test_a_label_is_said_from_the_command_line(call: Command, ran: Path) -> None:
+    listed = call("events", "robot.toml", "--kind", "suspected", "--json").json["events"]
+    number = str(listed[0]["number"])
+    said = call("label", "robot.toml", number, "faulty", "--reason", "unplugged", "--rows", "3:9")
+    assert said.code == 0 and "suspected: faulty: unplugged" in said.out
+    for words in (("nonsense",), ("faulty", "--rows", "nine"), ("cause", "--cause", "rust")):
+        wrong = call("label", "robot.toml", number, *words, "--reason", "x")
+        assert wrong.code == 2 and wrong.err.startswith("evertwin: "), wrong.err
+    assert "no cause 'rust'" in wrong.err

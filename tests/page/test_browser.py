@@ -14,12 +14,32 @@ from typing import Any
 
 import pytest
 
-from planted.serving import Served, site
-from planted.worlds import record_robot
+from planted.serving import TWINS, Served, site
+from planted.worlds import record_arm, record_robot
+from tests.service.test_adding import cart
+from tests.sources.live.test_modbus import server
 
 pytestmark = pytest.mark.system
 HOSTILE = '"><img src=x onerror="window.hit=1"><script>window.hit=1</script>'
+GHOST = """async () => {
+  const { exceeds, leaning } = await import("/static/scene.js");
+  const joints = ["a", "b"].map((output) => ({ output, position: [0, 0, 1], slides: false }));
+  const held = (r) => ({ residual: Array(30).fill(r), measured: Array(30).fill(-20) });
+  const turned = (a, b) => leaning(joints, [0, 0], exceeds(joints, { a: held(a), b: held(b) }, 29));
+  const degrees = (one) => one.map((v) => Math.round((v * 1800) / Math.PI) / 10);
+  return [turned(0, null), turned(2, -90)].map(degrees);
+}"""
 VIEWS = ("live", "improvement", "events", "signals", "life", "engineering", "faults")
+ARM = """
+[[twin]]
+file = "arm.toml"
+workers = 0
+[[twin.source]]
+source = "controller"
+protocol = "replay"
+files = ["cycle-0000.csv", "cycle-0001.csv"]
+speed = 2
+"""
 SHOWN = "document.documentElement.dataset.up"
 ROWS = "(({row, outputs}) => [[...row], [...outputs.x.measured]])(window.evertwin.feed.rows)"
 
@@ -37,6 +57,8 @@ class Shown:
         self.file = site(folder, "robot", speed=25, http=f"port = {free_port()}")
         text = self.file.read_text().replace('name = "hall"', f"name = '{HOSTILE}'")
         self.file.write_text(text)
+        with self.file.open("a") as more:
+            more.write(ARM)
         self.served = Served(self.file)
         words = [
             sys.executable, "-m", "evertwin", "page", "--service", self.served.address, "--port",
@@ -62,12 +84,12 @@ class Shown:
         self.page.wait_for_function(f"() => {SHOWN} === 'yes'")
         return self.page
 
-    def awake(self) -> None:
-        """The recording lasts for two minutes: it begins anew where others have taken so long."""
-        if self.served.twin("robot")["rows"] < 1500:
+    def awake(self, twin: str = "robot", rows: int = 1500) -> None:
+        """A recording lasts for a minute or two: it begins anew where others have taken so long."""
+        if self.served.twin(twin)["rows"] < rows:
             return
         self.served.end()
-        for kept in (self.file.parent / "store").glob("robot.db*"):
+        for kept in (self.file.parent / "store").glob(f"{twin}.db*"):
             kept.unlink()
         self.served = Served(self.file)
         self.served.until(lambda status: status["twins"][0]["rows"] > 30)
@@ -90,6 +112,8 @@ def shown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shown]:
     playwright = pytest.importorskip("playwright.sync_api")
     folder = tmp_path_factory.mktemp("page")
     record_robot(folder / "run.csv", "--light", "--world", "w3", "--seconds", "3000", "--seed", "2")
+    record_arm(folder, "--cycles", "2", "--seed", "3")
+    shutil.copy(TWINS / "arm.toml", folder)
     with playwright.sync_playwright() as driver:
         browser = driver.chromium.launch(
             executable_path=chromium, args=["--no-sandbox", "--enable-unsafe-swiftshader"]
@@ -134,7 +158,7 @@ def test_each_view_is_whole_in_light_and_dark_and_on_a_tablet(shown: Shown, plac
 def picture(page: Any, place: str) -> None:
     """Of the documentation, where somebody asks for new ones."""
     folder = os.environ.get("EVERTWIN_PICTURES")
-    if not folder or not place.endswith(("live", "improvement")):
+    if not folder or not place.endswith(("live", "improvement", "events", "add")):
         return
     page.evaluate("document.documentElement.classList.replace('dark', 'light')")
     page.evaluate("document.querySelector('#top .brand').textContent = 'evertwin · hall'")
@@ -195,6 +219,26 @@ def test_an_order_changes_the_next_rows_and_hostile_words_are_text(shown: Shown)
     assert page.evaluate("window.hit") is None and page.query_selector("main img") is None
 
 
+def test_a_label_acts_and_what_it_changed_stands_beside_the_event(shown: Shown) -> None:
+    shown.awake()
+    page, served = shown.go("twin/robot/events"), shown.served
+    served.until(lambda status: status["twins"][0]["rows"] > 120)
+    page.reload()
+    number = served.ask("/api/v1/twins/robot/events?last=500")[1]["events"][0]["number"]
+    page.click(f"#event-{number}")
+    page.fill("#person", "ada")
+    page.fill("#reason", HOSTILE)
+    page.fill("#first", "20")
+    page.fill("#last", "39")
+    page.click("#say-faulty")
+    page.wait_for_selector(".did", timeout=30_000)
+    assert "20 rows leave the window of fits (row 20 to row 39)" in page.inner_text(".did")
+    events = served.ask("/api/v1/twins/robot/events?last=500")[1]["events"]
+    (said,) = [e for e in events if e["kind"] == "heeded"]
+    assert said["evidence"]["event"] == number and page.evaluate("window.hit") is None
+    picture(page, "twin/robot/events")
+
+
 def test_it_goes_on_by_itself_where_the_service_was_killed(shown: Shown) -> None:
     shown.awake()
     page = shown.go("twin/robot/live")
@@ -236,6 +280,48 @@ def test_the_past_is_drawn_without_a_seam(shown: Shown) -> None:
     assert "x" in page.inner_text("figure.chart .legend") and page.query_selector(".legend output")
     page.keyboard.press("Escape")
     page.click("#pause")
+
+
+def test_the_ghost_of_an_arm_goes_where_the_torques_differ(shown: Shown) -> None:
+    """The twin thinks half of the joints' friction: its simulated arm runs ahead of the machine."""
+    shown.awake("arm", 400)
+    shown.served.until(lambda status: status["twins"][1]["rows"] > 150)
+    page = shown.go("twin/arm/live")
+    page.wait_for_selector("canvas.scene")
+    page.wait_for_function(
+        "() => /Ghost: turned most/.test(document.querySelector('#leans').textContent)"
+    )
+    calm, off = page.evaluate(GHOST)
+    assert calm == [0, 0], "as predicted: the ghost stands in the machine"
+    assert off == [5, -30], "10 % of the usual torque; far more than is drawn"
+    picture(page, "twin/arm/arm_live")
+    assert "of its usual torque" in page.inner_text("#leans")
+
+
+def test_a_machine_is_added_from_its_registers_to_a_twin_file(shown: Shown) -> None:
+    with server(cart) as port:
+        page = shown.go("add")
+        page.select_option("#protocol", "modbus")
+        page.fill("#port", str(port))
+        page.click("#look")
+        page.wait_for_selector(".heard:has-text('float32')")
+        page.click("#stop")
+        page.select_option("#kind", "robot1d")
+        for row, words in enumerate([("0:float32", "v", "cm/s"), ("2:float32", "x", "cm")]):
+            for key, word in zip(("place", "name", "unit"), words, strict=True):
+                page.fill(f"tbody tr:nth-child({row + 1}) .{key}", word)
+        page.fill("#seconds", "2")
+        page.click("#try")
+        page.wait_for_selector("#site-file", timeout=60_000)
+        picture(page, "add")
+    assert 'kind = "robot1d"' in page.inner_text("#twin-file")
+    assert 'x = { address = 2, type = "float32" }' in page.inner_text("#site-file")
+    assert page.inner_text("tbody tr:nth-child(1) .value").startswith("20")
+    assert "off by" in page.inner_text("#found table")
+    answer = shown.context.browser.new_context().request.post(
+        f"{shown.address}/api/v1/draft", data={"protocol": "modbus"}
+    )
+    assert answer.status == 401, "who may only look makes the service ask no machine"
 
 
 def test_who_has_no_cookie_may_only_look(shown: Shown) -> None:

@@ -52,7 +52,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from evertwin.anomaly.residuals import Residuals
-from evertwin.anomaly.run_length import alarms, limit_for, run_length
+from evertwin.anomaly.run_length import alarms, limit_for, run_length, steepness
 from evertwin.errors import UsageError
 from evertwin.types import Float64, Tasks, Vector
 
@@ -159,6 +159,8 @@ class Calibration(NamedTuple):
     """Standard deviation of the innovations of the standardised residual, (ny,)."""
     limit: Vector
     """Limit of the CUSUM in standard deviations, (ny,)."""
+    steep: Vector
+    """θ: by how much the logarithm of its run length grows with the limit, (ny,)."""
     interval: float
     """Median interval from sample to sample [s]."""
     ready: bool
@@ -181,7 +183,7 @@ def blank(phases: int, outputs: int, orders: int) -> Calibration:
     shape = (phases + 1, outputs)
     return Calibration(
         np.zeros(shape), np.ones(shape), np.zeros((outputs, orders)), np.ones(outputs),
-        np.full(outputs, np.inf), 0.0, False,
+        np.full(outputs, np.inf), np.ones(outputs), 0.0, False,
     )  # fmt: skip
 
 
@@ -230,6 +232,7 @@ def _fit(rows: Residuals, calm: Calm, phases: int) -> tuple[Calibration, str]:
         cut = np.clip(e / found.sigma[j], -calm.clip, calm.clip)
         rng = np.random.default_rng(calm.seed)
         found.limit[j] = limit_for(cut, 0.5 * calm.shift, target, rng)
+        found.steep[j] = steepness(cut, 0.5 * calm.shift)[1]
     return found._replace(interval=min(intervals, default=0.0)), reason
 
 

@@ -27,7 +27,7 @@ from evertwin.anomaly.residuals import Alarms, Residuals
 from evertwin.compiled.functions import njit
 from evertwin.errors import UsageError
 from evertwin.fold import Event, Out
-from evertwin.types import Float64, Int64
+from evertwin.types import Float64, Int64, Vector
 
 
 class CusumState(NamedTuple):
@@ -47,13 +47,17 @@ class CusumState(NamedTuple):
     calm: Residuals
     """Rows collected for calibrating, up to a fixed capacity."""
     collected: int
+    height: Float64[np.ndarray, "ny 2"]
+    """Up and down of the newest excursion, as the sums were without an alarm."""
+    peak: Vector
+    """Largest of them, (ny,)."""
 
 
 @njit(cache=True)
 def watch(
     r: Any, phase: Any, mean: Any, scale: Any, ar: Any, sigma: Any, limit: Any, k: float,
-    clip: float, quiet: int, past: Any, sums: Any, seen: Any, alarm: Any, statistic: Any,
-    begins: Any,
+    clip: float, quiet: int, past: Any, sums: Any, seen: Any, height: Any, peak: Any, alarm: Any,
+    statistic: Any, begins: Any,
 ) -> int:  # fmt: skip
     """How many excursions start, marked in ``begins``. Rows through whitening and CUSUM."""
     orders, started = ar.shape[1], 0
@@ -80,10 +84,16 @@ def watch(
             sums[j, 0] = max(0.0, sums[j, 0] + e - k)
             sums[j, 1] = max(0.0, sums[j, 1] - e - k)
             statistic[i, j] = max(sums[j, 0], sums[j, 1]) / limit[j]
+            if seen[j, 1] >= 0:
+                height[j, 0] = max(0.0, height[j, 0] + e - k)
+                height[j, 1] = max(0.0, height[j, 1] - e - k)
+                peak[j] = max(peak[j], height[j, 0], height[j, 1])
             if statistic[i, j] > 1.0:
                 alarm[i, j] = 1 if sums[j, 0] > sums[j, 1] else -1
                 if seen[j, 1] < 0:
                     begins[i, j] = True
+                    height[j, :] = sums[j, :]
+                    peak[j] = max(sums[j, 0], sums[j, 1])
                     started += 1
                 sums[j, :] = 0.0
                 seen[j, 1] = 0
@@ -122,6 +132,7 @@ class Cusum:
             blank(self.phases, ny, self.calm.orders), np.zeros((ny, self.calm.orders)),
             np.zeros((ny, 2)), np.tile(seen, (ny, 1)),
             Residuals(empty, empty.copy(), np.zeros((self.capacity, ny)), empty.copy()), 0,
+            np.zeros((ny, 2)), np.zeros(ny),
         )  # fmt: skip
 
     def begin(self, calibration: Calibration) -> CusumState:
@@ -177,7 +188,7 @@ class Cusum:
         started = watch(
             part.r, part.phase, known.mean, known.scale, known.ar, known.sigma, known.limit,
             0.5 * self.calm.shift, self.calm.clip, self.quiet, state.past, state.sums, state.seen,
-            rows.alarm[at:], rows.statistic[at:], begins,
+            state.height, state.peak, rows.alarm[at:], rows.statistic[at:], begins,
         )  # fmt: skip
         for i, j in np.argwhere(begins).tolist() if started else ():
             word = "above" if rows.alarm[at + i, j] > 0 else "below"

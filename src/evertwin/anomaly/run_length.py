@@ -69,9 +69,8 @@ def limit_for(e: Vector, k: float, target: float, rng: np.random.Generator) -> f
 
     ``k`` is lessened by two standard errors of the mean of ``e``, since zero is only estimated.
     """
-    k = max(k - 2.0 * _unsure(e), 0.0)
+    k, theta = steepness(e, k)
     reached = float(alarms(e, k, np.zeros(0), np.zeros(0, dtype=np.int64)))
-    theta = min(_cramer(e, k), _cramer(-e, k))
     stream = _drawn(e, rng)
     worst = float(alarms(stream, k, np.zeros(0), np.zeros(0, dtype=np.int64)))
     levels, counts = np.linspace(worst / LEVELS, worst, LEVELS), np.zeros(LEVELS, dtype=np.int64)
@@ -81,6 +80,12 @@ def limit_for(e: Vector, k: float, target: float, rng: np.random.Generator) -> f
     near = near if near.any() else counts == counts.max()
     c = float(np.median(np.log(lengths[near]) - theta * levels[near]))
     return max((float(np.log(target)) - c) / theta, reached)
+
+
+def steepness(e: Vector, k: float) -> tuple[float, float]:
+    """``k`` lessened by what of the mean is not known, and θ of the steeper side with it."""
+    k = max(k - 2.0 * _unsure(e), 0.0)
+    return k, min(_cramer(e, k), _cramer(-e, k))
 
 
 def _cramer(e: Vector, k: float) -> float:

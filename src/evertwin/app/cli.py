@@ -19,6 +19,7 @@ from evertwin.app.cli_engineer import register as register_engineer
 from evertwin.app.cli_export import register as register_export
 from evertwin.app.cli_features import register as register_features
 from evertwin.app.cli_fleet import register as register_fleet
+from evertwin.app.cli_label import register as register_label
 from evertwin.app.cli_machine import register as register_machine
 from evertwin.app.cli_machine import register_demo
 from evertwin.app.cli_map import register as register_map
@@ -314,6 +315,7 @@ def model_pin(
 
 
 register_prognosis(app)
+register_label(app)
 
 
 cli_validate.register(app)

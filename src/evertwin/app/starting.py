@@ -18,7 +18,7 @@ from evertwin.loop.configured_model import model_of
 from evertwin.machines.catalog import machine
 from evertwin.prognosis.lone_series import Wear, wear_in
 from evertwin.sources.names import unit_problem
-from evertwin.starter import Draft, look, mapped
+from evertwin.starter import Draft, look, mapped, options_of
 
 
 def write_starter(
@@ -45,7 +45,7 @@ def write_starter(
     seen, told = look(files)
     drafts = [
         Draft(out, kind, options, built, seen, mapped(built, seen))
-        for options in _options(kind, urdf, own)
+        for options in options_of(kind, urdf, own)
         for built in (None if kind == "python" else machine(kind, options),)
     ]
     draft = min(drafts, key=lambda one: len(one.questions))
@@ -91,22 +91,3 @@ def _odd_units(draft: Draft) -> Iterator[str]:
                 f"{seen.files[0].name}: column {match.column!r}: the unit {problem}: {draft.out} "
                 f"takes its numbers as '{match.unit}'"
             )
-
-
-def _options(kind: str, urdf: Path | None, own: Path) -> Sequence[dict[str, Any]]:
-    """Options of the model; several to choose from by what the columns answer."""
-    if urdf is not None and kind != "arm":
-        raise UsageError(f"--urdf is for --model arm, got --model {kind}")
-    if kind == "python":
-        return [{"file": own.name, "name": "model"}]
-    if kind == "drive":
-        return [{}, {"rotary": True}]
-    if kind == "drive_force":  # of the place, where one is recorded; of an angle what repeats
-        law = "sign+direction+two_sided+stribeck+root"
-        slides, turns = f"{law}+spring", f"{law}+position+spring+balance"
-        return [{"law": slides}, {"law": law}, {"law": turns, "rotary": True},
-                {"law": law, "rotary": True}]  # fmt: skip
-    if kind != "arm":
-        return [{}]
-    # a description's inertias are a start: friction alone would have to explain what they leave
-    return [{"urdf": "ur5_like" if urdf is None else str(urdf), "law": "tanh+load", "base": True}]

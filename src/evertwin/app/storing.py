@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
@@ -27,9 +28,11 @@ TASK = "task"
 def show_events(twin: Path, kind: str | None, as_json: bool) -> None:
     """``evertwin events``."""
     with _store(twin) as store:
-        found = [e for e in store.read("event") if isinstance(e, Event) and kind in (None, e.kind)]
-    lines = [f"row {e.row:>8}  {e.kind:<18} {e.signal:<8} {e.reason}" for e in found]
-    show({"schema": "evertwin.events/1", "events": found}, "\n".join(lines), as_json)
+        logged = [(entry.number, store.record(entry)) for entry in store.entries(kinds=("event",))]
+    found = [(n, e) for n, e in logged if isinstance(e, Event) and kind in (None, e.kind)]
+    lines = [f"{n:>6}  row {e.row:>8}  {e.kind:<18} {e.signal:<8} {e.reason}" for n, e in found]
+    events = [{"number": n, **dataclasses.asdict(e)} for n, e in found]
+    show({"schema": "evertwin.events/1", "events": events}, "\n".join(lines), as_json)
 
 
 def show_head(twin: Path, key: Path | None, as_json: bool) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from evertwin.surface import surface
 
 if TYPE_CHECKING:
+    from evertwin.loop.by_hand import ByHand as ByHand
     from evertwin.loop.channels import check_units as check_units
     from evertwin.loop.comparison import Comparison as Comparison, compare as compare
     from evertwin.loop.configured_model import model_of as model_of
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
         posed as posed,
     )
     from evertwin.loop.kpi import Kpi as Kpi, kpi_of as kpi_of
+    from evertwin.loop.label import Label as Label
     from evertwin.loop.ledger import Ledger as Ledger
     from evertwin.loop.live import Live as Live, View as View
     from evertwin.loop.observer import Observer as Observer, Progress as Progress

@@ -21,6 +21,7 @@ from evertwin.loop.decision import Decision
 from evertwin.loop.deviation import new_sums
 from evertwin.loop.disturbances import disturbed
 from evertwin.loop.follow import EMPTY, Follow
+from evertwin.loop.heeding import heed
 from evertwin.loop.in_stream import tell_followed
 from evertwin.loop.looking import adopted, in_vain, looks, returned
 from evertwin.loop.requirement import deviates, heard
@@ -85,11 +86,17 @@ class Decide:
         """Was the live correction learned for a range of other inputs?"""
         return len(state.watched) > 0 and bool(self.follow.versions[state.live.version].form.terms)
 
-    def order(self, state: TwinState, said: Event) -> TwinState:
+    def order(self, state: TwinState, said: Event) -> tuple[TwinState, tuple[Event, ...]]:
         """What an operator said takes effect; the log has it already. Consumes ``state``.
 
-        What was on trial ends; an open request is not answered any more.
+        Of a switch what was on trial ends; an open request is not answered any more. Of a label
+        an event says what it changed.
         """
+        if said.kind == "labelled":
+            return heed(self.follow, state, said)
+        return self._switched_by(state, said), ()
+
+    def _switched_by(self, state: TwinState, said: Event) -> TwinState:
         number: Any = said.evidence["version"]
         state = state._replace(agenda=state.agenda._replace(pinned=bool(
             said.evidence.get("pinned", state.agenda.pinned))))  # fmt: skip
@@ -138,7 +145,7 @@ class Decide:
         if reason and not state.agenda.told:
             decision.say("suspected", signal, reason, evidence)
         elif alarm.kind and not state.agenda.told:
-            decision.say(alarm.kind, alarm.signal, alarm.reason, {"row": alarm.row})
+            decision.say(alarm.kind, alarm.signal, alarm.reason, alarm.evidence)
         if reason is not None:
             decision.remember(told=bool(reason))
         reason = reason or alarm.reason
@@ -229,7 +236,7 @@ class Decide:
         for event in content.get("events", ()):
             decision.say(event["kind"], event["signal"], event["reason"], event["evidence"])
         if content.get("tuned"):
-            decision.remember(tunings=agenda.tunings + 1)
+            decision.remember(tunings=agenda.tunings + 1, cause="")
         candidate = content.get("candidate")
         if candidate is None or "brief" not in candidate:
             decision.remember(since=max(agenda.since, int(content.get("since", agenda.since))))
@@ -336,7 +343,7 @@ class Decide:
         return state._replace(
             live=lane, stream=follow.goes_on(state, number), first=first, other=other,
             scores=scores, agenda=state.agenda._replace(held=False, told=False, open=0),
-            trial=follow.setup.probation.init(), detect=follow.setup.detect.init(),
+            trial=follow.setup.probation.init(), detect=follow.setup.detect.anew(state.detect),
             external=follow.setup.external.init(),
             # what waits is of the version that goes
             newest=follow.setup.at_horizon.init(), waiting=follow.setup.residual_filter.init(),

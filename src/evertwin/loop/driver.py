@@ -233,9 +233,10 @@ class Driver:
 
     def beat(self, state: TwinState, *, task_end: bool, ended: bool = False) -> TwinState:
         """The decisions before the next row; if none comes (``ended``), answers are waited for."""
-        for order in self.outside.heed(state.row):
-            state = self.decide.order(state, order)
         said: list[Record] = []
+        for order in self.outside.heed(state.row):
+            state, found = self.decide.order(state, order)
+            said += found
         if task_end:
             state, found = self.follow.end_task(state)
             said += found

@@ -15,6 +15,7 @@ from typing import Any
 
 from evertwin.errors import StoreDamaged, StoreError, UsageError
 from evertwin.fold import Answer, Event, Record
+from evertwin.loop.label import ACTS, Label
 from evertwin.loop.versions import Versions
 from evertwin.machines.friction.resisting import not_physical
 from evertwin.models.form import Form, Version
@@ -187,7 +188,7 @@ class Ledger:
         batch = self.batch(events, 0)
         if batch:
             self.commit(Batch(batch))
-        self.orders += [e for e in events if e.kind in ORDERS]
+        self.orders += [e for e in events if e.kind in ORDERS or _acts(e)]
 
     def keep(self, form: Form, values: Mapping[str, float], reason: str) -> Version:
         """A version of what was found outside of any run, its parent the live one; nothing more.
@@ -209,7 +210,7 @@ class Ledger:
             return
         events = [replace(event, row=self.row) for event in asked if self._can(event)]
         self.commit(Batch(events, heard=last))
-        self.orders += [e for e in events if e.kind in ORDERS]
+        self.orders += [e for e in events if e.kind in ORDERS or _acts(e)]
 
     def _can(self, event: Event) -> bool:
         """Does an order name a version that there is? What cannot be heeded is dropped."""
@@ -278,19 +279,36 @@ class Ledger:
         said = f"version {chosen} pinned: {reason}" if number is not None else f"unpinned: {reason}"
         return self._ordered("pinned", said, evidence, person)
 
-    def label(self, number: int, verdict: str, reason: str, person: str = "") -> Event:
-        """Keeps what a person says to an event of the log.
+    def label(self, said: Label) -> Event:
+        """Keeps what a person says to an event of the log; a run heeds what acts.
 
         Raises:
-            UsageError: there is no such event.
+            UsageError: there is no such event, or it is about no rows where some are called faulty.
         """
-        (entry,) = self.store.entries(number - 1, most=1) or (None,)
+        number = said.event
+        (entry,) = (self.store.entries(number - 1, most=1) if number > 0 else ()) or (None,)
         if entry is None or entry.number != number or entry.kind != "event":
             raise UsageError(f"label: the log has no event {number}")
         about = self.store.record(entry)
         assert isinstance(about, Event)
-        evidence = {"event": number, "kind": about.kind, "verdict": verdict}
-        return self._ordered("labelled", f"{about.kind}: {verdict}: {reason}", evidence, person)
+        since = [one.ended["rows"] for one in self.runs if one.ended and one.number >= entry.run]
+        evidence = dict(said.evidence(about, sum(since)))
+        named = f"{said.verdict} {said.cause}".rstrip()
+        return self._ordered("labelled", f"{about.kind}: {named}: {said.reason}", evidence, "")
+
+    def labels(self, run: Begun, position: int) -> list[Event]:
+        """Labels from between a run and the one before it, which it heeds first; none that it had
+        heeded when the log was at ``position``."""
+        before = max((one.last for one in self.runs if one.number < run.number), default=0)
+        found = list[Event]()
+        for entry in self.store.entries(before, ("event",)):
+            record = self.store.record(entry)
+            assert isinstance(record, Event)
+            if entry.run == 0 and entry.number < run.position and _acts(record):
+                found.append(record)
+            if entry.run == run.number and entry.number <= position and record.kind == "heeded":
+                return []
+        return found
 
     def archived(self, day: Day) -> Event:
         """Names a file of samples in the log; they leave the store with it."""
@@ -366,3 +384,8 @@ class Ledger:
         """Tasks of the runs before a run, and the time within them [ns]."""
         ended = [one.ended for one in self.runs if one.ended is not None and one.number < run]
         return sum(e["tasks"] for e in ended), sum(e["elapsed"] for e in ended)
+
+
+def _acts(event: Event) -> bool:
+    """Is it a label that a run heeds?"""
+    return event.kind == "labelled" and event.evidence["verdict"] in ACTS

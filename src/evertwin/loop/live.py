@@ -339,6 +339,14 @@ class Live:
         return headline(setup, found, champion, events, self.trial), found
 
     @property
+    def judged(self) -> str:
+        """Has the live version been found within what is asked: ``held``, ``not yet``, or
+        ``nothing asked``?"""
+        if not np.isfinite(self.setup.requirement):
+            return "nothing asked"
+        return "held" if self._state is not None and self._state.agenda.held else "not yet"
+
+    @property
     def trial(self) -> OpenTrial | None:
         """The challenger that is on trial, if one is."""
         if self._run is None or self._state is None:

@@ -63,5 +63,8 @@ def deviates(
     name = setup.model.outputs.names[worst]
     shown = [setup.shown(k, values[k]) for k in range(len(values))]
     limit = setup.shown(worst, setup.requirement)
-    evidence = {"deviation": values, "limit": setup.requirement, "rows": samples}
+    first = state.row - int(state.scores.seen[0])
+    evidence = {
+        "deviation": values, "limit": setup.requirement, "rows": samples, "first": first,
+    }  # fmt: skip
     return f"{name} is off by {shown[worst]} (limit {limit})", name, evidence

@@ -35,6 +35,8 @@ class Rows(NamedTuple):
     mark: np.ndarray
     task: np.ndarray
     gap: np.ndarray
+    out: np.ndarray
+    """Rows that a person called faulty: they are in no window."""
     first: int = 0
     """Number of the first row there ever was; rows of runs before have numbers below 0."""
 
@@ -61,7 +63,7 @@ class Ring:
         return Rows(
             0, np.zeros(n, np.int64), np.zeros(n), np.zeros((n, self.nu)), np.zeros((n, self.ny)),
             np.zeros((n, self.nu + self.ny), np.uint8), np.zeros(n, np.int64),
-            np.zeros(n, np.bool_),
+            np.zeros(n, np.bool_), np.zeros(n, np.bool_),
         )  # fmt: skip
 
     def push(self, rows: Rows, block: Block) -> Rows:
@@ -71,8 +73,9 @@ class Ring:
         while source < n:
             place = (block.row + source) % capacity
             count = min(n - source, capacity - place)
-            for ring, new in zip(rows[1:-1], block[1:], strict=True):
+            for ring, new in zip(rows[1:-2], block[1:], strict=True):
                 ring[place : place + count] = new[source : source + count]
+            rows.out[place : place + count] = False
             source += count
         return rows._replace(end=block.row + n)
 
@@ -88,20 +91,29 @@ class Ring:
         kept.task[:] -= kept.task[-1] + 1
         return kept
 
+    def leave_out(self, rows: Rows, first: int, last: int) -> int:
+        """Rows ``first`` to ``last`` are in no window any more; how many of them are kept. Consumes
+        ``rows``."""
+        start = min(max(first, rows.end - self.capacity, rows.first), rows.end)
+        places = np.arange(start, max(min(last + 1, rows.end), start))
+        rows.out[places % self.capacity] = True
+        return len(places)
+
     def between(self, rows: Rows, start: int, stop: int) -> tuple[Block, ...]:
-        """Copies of the kept rows with numbers in [start, stop), task by task."""
+        """Copies of the kept rows with numbers in [start, stop), task by task, without those that
+        are left out: predictions begin anew behind them."""
         first = max(start, rows.end - self.capacity, rows.first)
         if stop <= first:
             return ()
         places = np.arange(first, stop) % self.capacity
-        return split(Block(first, *(column[places] for column in rows[1:-1])))
+        return split(Block(first, *(column[places] for column in rows[1:-2])), rows.out[places])
 
 
-def split(block: Block) -> tuple[Block, ...]:
-    """The block's tasks, each a window of its own."""
-    opens = np.flatnonzero(np.diff(block.task)) + 1
+def split(block: Block, out: np.ndarray) -> tuple[Block, ...]:
+    """The block's tasks, each a window of its own, and the pieces that ``out`` cuts them into."""
+    opens = np.flatnonzero((np.diff(block.task) != 0) | (np.diff(out) != 0)) + 1
     edges: Any = [0, *opens.tolist(), len(block.t)]
-    return tuple(take(block, a, b) for a, b in pairwise(edges))
+    return tuple(take(block, a, b) for a, b in pairwise(edges) if not out[a])
 
 
 def called(row: int) -> str:

@@ -2,8 +2,9 @@
 
 After a crash the fold goes on from a checkpoint and says again what it had said since. The log has
 it already: each record is compared with the entry at its place, and passed over. What slow work had
-answered is taken from the log. What was said from outside meanwhile (promote, roll back, pin) is
-heeded where it stands: at the first beat from its row on, after everything before it was said.
+answered is taken from the log. What was said from outside meanwhile (promote, roll back, pin,
+label) is heeded where it stands: at the first beat from its row on, after everything before it was
+said. A label from between two runs is heeded by the later one, at its first beat.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from evertwin.models.form import Version
 from evertwin.store import Batch, Checkpoint, Entry, Kept, Progress
 from evertwin.store.kinds import encode, kind_of, row_of
 
-HEEDED = ("promoted", "rolled_back", "pinned")
+HEEDED = ("promoted", "rolled_back", "pinned", "labelled")
 SECONDS = 0.2
 """Time from one look at what other processes ask for to the next."""
 
@@ -43,11 +44,15 @@ class RunLog:
     ['configured', 'started', 'drift']
     """
 
-    def __init__(self, ledger: Ledger, run: Begun, tail: Sequence[Entry], prints: Prints) -> None:
-        """Repeats a run: ``tail`` is the log behind the fold's place."""
+    def __init__(
+        self, ledger: Ledger, run: Begun, tail: Sequence[Entry], prints: Prints,
+        labels: Sequence[Event] = (),
+    ) -> None:  # fmt: skip
+        """Repeats a run: ``tail`` is the log behind the fold's place, ``labels`` what was said
+        before the run and is not heeded yet."""
         self.ledger = ledger
         self.run = run
-        self.orders: deque[Event] = deque()
+        self.orders: deque[Event] = deque(labels)
         """Said from outside, not yet heeded."""
         self._tail = deque(tail)
         self._prints = prints
@@ -67,7 +72,8 @@ class RunLog:
             "tasks_before": tasks, "elapsed_before": elapsed, **evidence,
         }  # fmt: skip
         ledger.orders.clear()  # the run begins with what they say
-        log = cls(ledger, Begun(number, ledger.store.head.length + 1, known), (), prints)
+        run = Begun(number, ledger.store.head.length + 1, known)
+        log = cls(ledger, run, (), prints, ledger.labels(run, 0))
         log._begins = True
         return log
 
@@ -84,7 +90,7 @@ class RunLog:
         ledger.versions.rewind(known)
         ledger.kept = known
         ledger.orders.clear()
-        log = cls(ledger, run, tail, prints)
+        log = cls(ledger, run, tail, prints, ledger.labels(run, position))
         log._begins = after is None
         return log
 

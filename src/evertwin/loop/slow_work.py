@@ -51,7 +51,7 @@ class SlowWork:
         rival = self.work.versions[agenda.rival] if agenda.rival else None
         task = Task(
             agenda.kind, version, rows, agenda.tunings, agenda.held, agenda.again > 0, rival,
-            agenda.commissioned,
+            agenda.commissioned, agenda.cause,
         )  # fmt: skip
         self.engine.submit(request, partial(self.work.content, task))
 

@@ -14,7 +14,8 @@ class Task(NamedTuple):
     """What a request asks for, with all that the answer follows from.
 
     >>> Task._fields
-    ('kind', 'version', 'windows', 'tunings', 'held', 'waits', 'rival', 'commissioned')
+    ('kind', 'version', 'windows', 'tunings', 'held', 'waits', 'rival', 'commissioned',
+    'cause')
     """
 
     kind: str
@@ -33,3 +34,5 @@ class Task(NamedTuple):
     """A candidate has to surpass it: what is on trial meanwhile, or what is live."""
     commissioned: bool = False
     """Do numbers that are tuned once stay?"""
+    cause: str = ""
+    """Cause that a person named, which is tried first."""

@@ -23,6 +23,7 @@ from evertwin.loop.change import changed, split, suddenly
 from evertwin.loop.correcting import learn, nearest
 from evertwin.loop.evaluation import falls_short, left, sizes
 from evertwin.loop.misread import misread
+from evertwin.loop.named_cause import named_first
 from evertwin.loop.physical import physically
 from evertwin.loop.posterior import posterior
 from evertwin.loop.recursive_fit import Recursion
@@ -201,13 +202,13 @@ class Work:
 
     def fit(self, task: Task) -> dict[str, Any]:
         """Tunes, and judges what the residual of the tuned model still says."""
-        _, version, windows, tunings, held, waits, _, commissioned = task
-        names = self.due(version, tunings)
+        version, windows, commissioned = task.version, task.windows, task.commissioned
+        names = self.due(version, task.tunings)
         if commissioned:
             names = tuple(n for n in names if n not in self.setup.once)
         if not names:
             return {"events": [], "next": self._next()}
-        windows, events = self._now(version, windows, names) if held else (windows, [])
+        windows, events = self._now(version, windows, names) if task.held else (windows, [])
         since = {"since": windows[0].row} if windows is not task.windows else {}
         model = self.versions.model_of(version.form)
         if commissioned:
@@ -217,6 +218,9 @@ class Work:
             if other:
                 return {"events": [*events, of_a_sensor(other)]} | since
         posed = self.problem(version, windows, names)
+        named = named_first(self, task, posed, events)
+        if named:
+            return named | since
         problem, chosen = law_now(self.setup, posed, self.tune if commissioned else None)
         problem, fit, rounds = self.tune(problem)
         if rounds and fit.converged:
@@ -236,7 +240,7 @@ class Work:
         ]
         events.append(event(verdict.kind, verdict.cause, verdict.reason, verdict.evidence))
         part = explained(fit, fit.noise)
-        if waits and verdict.kind == "normal" and part < MUCH:
+        if task.waits and verdict.kind == "normal" and part < MUCH:
             raise TooFew(f"tuning explains {100 * part:.0f} % of the deviation so far")
         content: dict[str, Any] = {
             "events": events, "fit": fit.to_dict(timing=False), "tuned": True, **rounds,
@@ -247,7 +251,7 @@ class Work:
         elif part >= self.setup.trial.margin and (  # less would not be worth a switch
             verdict.kind == "normal" or self._helps(verdict, fit)
         ):
-            found = self._tuned(version, problem, fit, windows, events)
+            found = self.tuned(version, problem, fit, windows, events)
             content["candidate"] = found and found | {"reason": found["reason"] + chosen.said}
         return content | since
 
@@ -259,7 +263,7 @@ class Work:
         if not names:
             return None
         problem, fit, _ = self.tune(problem.tuning(names))
-        return self._tuned(version, problem, fit, problem.windows, events)
+        return self.tuned(version, problem, fit, problem.windows, events)
 
     def _now(
         self, version: Version, windows: Windows, names: tuple[str, ...]
@@ -285,7 +289,7 @@ class Work:
         """
         return not verdict.cause and not fit.at_bound and explained(fit, fit.noise) >= HALF
 
-    def _tuned(
+    def tuned(
         self, version: Version, problem: Problem, fit: Fit, windows: Windows,
         events: list[dict[str, Any]],
     ) -> dict[str, Any] | None:  # fmt: skip
@@ -357,7 +361,7 @@ class Work:
         evidence = proposal.evidence()
         if not proposal.found:
             events = [event("rejected", "", "no correction pays on unseen rows", evidence)]
-            tuned = found and self._tuned(version, *found, windows, events)
+            tuned = found and self.tuned(version, *found, windows, events)
             return {"events": events, "candidate": tuned}
         reason = "; ".join(proposal.describes)
         values = dict(zip(proposal.names, proposal.p.tolist(), strict=True))

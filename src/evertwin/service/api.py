@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from evertwin.errors import DataError, EvertwinError, StoreError, UsageError
 from evertwin.fold import plain
+from evertwin.loop.label import Label, Verdict
 from evertwin.service.api_look import Count, found_at, in_time, looks
 from evertwin.service.metrics import exposition
 from evertwin.service.runner import Runner
@@ -37,19 +38,23 @@ class Order(BaseModel):
     """Who says so, where the token belongs to nobody in particular."""
 
 
-class Label(BaseModel):
+class Said(BaseModel):
     """What a person says to an event.
 
-    >>> Label(event=7, verdict="false alarm", reason="the door was open").event
+    >>> Said(event=7, verdict="false alarm", reason="the door was open").event
     7
     """
 
     model_config = ConfigDict(extra="forbid")
-    event: int = Field(ge=1)
+    event: int = Field(ge=1, le=2**53)
     """Its number in the log."""
-    verdict: Literal["acknowledged", "shelved", "false alarm", "true"]
+    verdict: Verdict
     reason: str = Field(min_length=1, max_length=500)
     person: str = Field(default="", max_length=100)
+    cause: str = Field(default="", max_length=100)
+    """With the verdict cause: which one."""
+    rows: tuple[int, int] | None = None
+    """With the verdict faulty: the first and the last one; None: those of the event."""
 
 
 def create_app(service: Service) -> FastAPI:
@@ -178,7 +183,7 @@ def _samples(runner: Runner, source: str, span: tuple[float, float], limit: int)
             "whole": left > 0}  # fmt: skip
 
 
-def _person(told: Order | Label, request: Request) -> str:
+def _person(told: Order | Said, request: Request) -> str:
     """Who says it: the user, or, where the token belongs to nobody in particular, as named."""
     user = str(request.scope["state"]["user"])
     return told.person or user if user == "token" else user
@@ -197,11 +202,10 @@ def _operate(app: FastAPI, service: Service) -> None:
         return await in_time(runner.order(what, number, told.reason, person))
 
     @app.post("/api/v1/twins/{name}/labels")
-    async def label(name: str, told: Label, request: Request) -> Any:
-        """What a person says to an event, kept in the log."""
-        person = _person(told, request)
-        runner = found_at(service, name)
-        return await in_time(runner.label(told.event, told.verdict, told.reason, person))
+    async def label(name: str, told: Said, request: Request) -> Any:
+        """What a person says to an event, kept in the log; what acts is heeded at the next beat."""
+        said = Label(**{**told.model_dump(), "person": _person(told, request)})
+        return await in_time(found_at(service, name).label(said))
 
     @app.post("/api/v1/twins/{name}/whatif")
     async def whatif(name: str, scenario: Annotated[dict[str, Any], Body()]) -> Any:

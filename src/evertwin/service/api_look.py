@@ -19,6 +19,7 @@ from fastapi import FastAPI, HTTPException, Query
 from pydantic import BaseModel, ConfigDict, Field
 
 from evertwin.errors import UsageError, reason_of
+from evertwin.service.adding import Machine, added, kinds
 from evertwin.service.compared import Pair, compared
 from evertwin.service.engineered import engineered
 from evertwin.service.history import WIDEST, Span, Stored, looked_back
@@ -71,6 +72,8 @@ async def in_time(work: Any, patience: float = PATIENCE) -> Any:
 
 def looks(app: FastAPI, service: Service) -> None:
     """Adds the routes."""
+    busy = asyncio.Semaphore(1)
+    """One look at a machine after the other."""
 
     @app.get("/api/v1/twins/{name}/history")
     async def history(
@@ -111,7 +114,22 @@ def looks(app: FastAPI, service: Service) -> None:
     @app.post("/api/v1/look")
     async def looked(at: Look) -> dict[str, list[str]]:
         """What a machine says that no twin file knows yet, decoded side by side."""
-        return {"lines": await _look(at)}
+        async with busy:
+            return {"lines": await _look(at)}
+
+    @app.get("/api/v1/kinds")
+    async def known() -> Mapping[str, Any]:
+        """Models that a machine may be added with, and the names and units that each takes."""
+        return await asyncio.to_thread(kinds)
+
+    @app.post("/api/v1/draft")
+    async def draft(asked: Machine) -> Mapping[str, Any]:
+        """A machine is sampled for some seconds: its twin file, its entry in the site file, and how
+        far the twin is off. Nothing is kept."""
+        host = urlsplit(asked.url).hostname if asked.protocol == "opcua" else asked.host
+        await _allowed(host)
+        async with busy:
+            return await added(asked)
 
 
 async def _history(runner: Runner, span: Span, signals: Sequence[str]) -> Mapping[str, Any]:
@@ -138,6 +156,15 @@ def may_be_asked(host: str) -> bool:
     return not any(one.is_link_local or one.is_multicast or one.is_unspecified for one in plain)
 
 
+async def _allowed(host: str | None) -> None:
+    try:
+        allowed = bool(host) and await asyncio.to_thread(may_be_asked, str(host))
+    except OSError as error:
+        raise HTTPException(502, f"host: {reason_of(error)}") from error
+    if not allowed:
+        raise HTTPException(400, "host: expected one that a machine may have")
+
+
 async def _look(at: Look) -> list[str]:
     form = sources.settings_of(at.protocol)
     given: dict[str, Any] = {"host": at.host, "port": at.port, "url": at.url}
@@ -145,8 +172,7 @@ async def _look(at: Look) -> list[str]:
     chosen = {name: value for name, value in given.items() if value and name in named}
     host = urlsplit(at.url).hostname if at.url else at.host
     try:
-        if not host or not await asyncio.to_thread(may_be_asked, host):
-            raise HTTPException(400, "host: expected one that a machine may have")
+        await _allowed(host)
         settings = form(source="look", protocol=at.protocol, **chosen)
         return await look(settings, Around())
     except (LineDown, OSError, TimeoutError) as error:

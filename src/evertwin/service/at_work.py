@@ -17,7 +17,7 @@ import numpy as np
 from evertwin.engine import EngineSpec, Pool
 from evertwin.errors import DataError
 from evertwin.fold import Block, Chunk, Event, make_block, plain
-from evertwin.loop import Numbered, View
+from evertwin.loop import Label, Numbered, View
 from evertwin.models import Model
 from evertwin.service.plan import Plan
 from evertwin.service.scene import scene_of
@@ -164,7 +164,7 @@ class AtWork:
         self._looked = self.row
         said, found = self.going.outcome
         return {
-            "trial": plain(self.going.trial), "headline": said,
+            "trial": plain(self.going.trial), "headline": said, "judged": self.going.judged,
             "figures": {name: plain(dataclasses.asdict(one)) for name, one in found.items()},
         }  # fmt: skip
 
@@ -215,6 +215,7 @@ class AtWork:
             "outputs": [{"name": c.name, "unit": c.unit} for c in self.twin.model.outputs],
             "inputs": [{"name": c.name, "unit": c.unit} for c in self.twin.model.inputs],
             "versions": [_version(one) for one in self.twin.versions],
+            "causes": self.twin.causes,
             "parameters": [
                 {"name": item.name, "value": plain(item.value), "unit": item.unit,
                  "learned": stated.get(item.name) != item.value,
@@ -248,13 +249,13 @@ class AtWork:
             event = self.twin.pin(number, reason, person)
         return event, Said(None, 0, self._news(), self.row)
 
-    def labelled(self, number: int, verdict: str, reason: str, person: str) -> tuple[Event, Said]:
+    def labelled(self, said: Label) -> tuple[Event, Said]:
         """What a person says to an event.
 
         Raises:
-            UsageError: the log has no such event.
+            UsageError: as `Twin.label`.
         """
-        event = self.going.ledger.label(number, verdict, reason, person)
+        event = self.twin.label(said)
         return event, Said(None, 0, self._news(), self.row)
 
     def old(self, days: int) -> Sequence[tuple[str, str, Sequence[str]]]:

@@ -23,7 +23,7 @@ from evertwin.backoff import Backoff
 from evertwin.engine import Pool
 from evertwin.errors import EvertwinError, StoreUnwritable, UsageError
 from evertwin.fold import Chunk, Event
-from evertwin.loop import Numbered
+from evertwin.loop import Label, Numbered
 from evertwin.publishers.contract import About, Kind, News, Publisher
 from evertwin.publishers.registry import open_publisher
 from evertwin.service.archiving import keep_days
@@ -331,13 +331,13 @@ class Runner:
         """
         return await self.done(lambda work: work.ordered(order, number, reason, person))
 
-    async def label(self, number: int, verdict: str, reason: str, person: str) -> Mapping[str, Any]:
+    async def label(self, said: Label) -> Mapping[str, Any]:
         """What a person says to an event; the event that keeps it.
 
         Raises:
-            UsageError: the log has no such event, or the twin is not at work.
+            UsageError: as `Twin.label`, or the twin is not at work.
         """
-        return await self.done(lambda work: work.labelled(number, verdict, reason, person))
+        return await self.done(lambda work: work.labelled(said))
 
     async def done(self, work: Callable[[AtWork], tuple[Event, Said]]) -> Mapping[str, Any]:
         """Something that goes into the log; the event that says it."""
@@ -387,7 +387,8 @@ class Runner:
             "name": self.name, "state": state, "reason": self.reason, **how, "rows": self.row,
             "champion": about.get("champion"), "pinned": about.get("pinned"),
             "versions": len(about.get("versions", ())), "waiting": self.waiting,
-            "headline": about.get("headline", ""), "dropped": self.dropped, "busy": round(busy, 3),
+            "headline": about.get("headline", ""), "judged": about.get("judged"),
+            "dropped": self.dropped, "busy": round(busy, 3),
             "sources": {one.name: one.health.to_dict() for one in self.sources},
             "publishers": [dict(one.health) for one in self.publishers],
         }  # fmt: skip

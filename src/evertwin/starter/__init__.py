@@ -9,6 +9,7 @@ from evertwin.surface import surface
 if TYPE_CHECKING:
     from evertwin.starter.draft import Draft as Draft
     from evertwin.starter.mapping import mapped as mapped
+    from evertwin.starter.options import options_of as options_of
     from evertwin.starter.proposal import (
         Derivation as Derivation, Match as Match, Proposal as Proposal,
     )  # fmt: skip

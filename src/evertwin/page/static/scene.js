@@ -287,6 +287,31 @@ export function arm(joints, tool, q, off, ghost = false) {
   return things;
 }
 
+/** Rows that a difference is the mean of, radians of the ghost for all of a joint's usual torque, and the largest share. */
+export const LEAN = { rows: 20, each: (50 * Math.PI) / 180, most: 0.6 };
+
+/** By what share of its usual torque (rms of the rows that are here) each joint's measured torque exceeds the predicted one. */
+export function exceeds(joints, outputs, k) {
+  return joints.map(({ output }) => {
+    const { residual, measured } = outputs[output] ?? { residual: [], measured: [] };
+    const known = (column) => column.filter((v) => v !== null && v !== undefined);
+    const newest = known(residual.slice(Math.max(0, k + 1 - LEAN.rows), k + 1));
+    const all = known(measured);
+    const usual = Math.sqrt(all.reduce((sum, v) => sum + v * v, 0) / all.length);
+    return newest.length && usual > 0 ? newest.reduce((sum, v) => sum + v, 0) / newest.length / usual : 0;
+  });
+}
+
+/**
+ * Where a simulated arm goes that is let go from the measured pose and driven by the measured torques: in the direction
+ * in which they exceed the predicted ones. How far depends on how long; here each joint turns by one degree for each 2 %
+ * of its usual torque, so that the small joints, which little would turn round and round, are drawn as the large ones.
+ */
+export function leaning(joints, q, shares) {
+  const reach = Math.max(...joints.map((j) => Math.hypot(...j.position)), 0.1);
+  return joints.map(({ slides }, j) => q[j] + LEAN.each * Math.max(-LEAN.most, Math.min(LEAN.most, shares[j])) * (slides ? reach : 1));
+}
+
 /** A round robot seen from above, with its nose; `size` [m]. */
 export function robot([x, y, heading], size, ghost = false) {
   const colour = ghost ? GHOST : MACHINE;

@@ -10,12 +10,18 @@ const newest = (events, kinds, before = Infinity) => events.findLast((e) => kind
 
 /** What was off before the live version came, or is off now. */
 function wrong(about, events, promoted) {
-  const found = newest(events, ["suspected", "abnormal", "drift"], promoted?.number);
+  const found = (promoted && newest(events, ["suspected"], promoted.number)) || newest(events, ["suspected", "abnormal", "drift"], promoted?.number);
   if (found) return promoted ? found.reason.replace(" is off by ", " was off by ") : found.reason;
   const lies = newest(events, ["measurement_error"]);
   if (lies && !newest(events.filter((e) => e.number > lies.number), ["measurement_restored"])) return `A measurement was refused: ${lies.reason}`;
-  return about.condition === "out_of_specification" ? about.why : "Nothing: predictions stay within what is asked.";
+  return about.condition === "out_of_specification" ? about.why : WRONG[about.judged] ?? WRONG.held;
 }
+
+const WRONG = {
+  held: "Nothing: predictions stay within what is asked.", "not yet": "Nothing is known yet: more rows that move have to come.",
+  "nothing asked": "Nothing is asked: the twin file names no [anomaly] requirement.",
+};
+const UNJUDGED = { "not yet": "Too few rows that move have come to judge it.", "nothing asked": "No largest deviation is asked, so none is judged." };
 
 function changed(about) {
   const champion = about.versions?.find((one) => one.number === about.champion);
@@ -28,7 +34,7 @@ export function gains(figures) {
   return Object.entries(figures ?? {})
     .map(([name, f]) => [name, f.unit, ...(f.rms_moving_before > 0 ? [f.rms_moving_before, f.rms_moving_after] : [f.rms_before, f.rms_after])])
     .filter(([, , was, is]) => was > 0 && Math.abs(1 - is / was) > CLEAR)
-    .map(([name, unit, was, is]) => ({ name, share: 1 - is / was, text: `${name} ${quantity(was, unit)} → ${quantity(is, unit)}` }))
+    .map(([name, unit, was, is]) => ({ name, share: 1 - is / was, text: `${name} ${quantity(was, unit, is)} → ${quantity(is, unit)}` }))
     .sort((a, b) => b.share - a.share);
 }
 
@@ -55,7 +61,9 @@ export function trust(about, promoted) {
   const unsure = weak.length ? ` Weakly known: ${weak.join(", ")}.` : "";
   if (!promoted) return about.champion
     ? ["With care", "weak", `${over}How it went live lies further back than the events that are shown.${unsure}`]
-    : [over || !rows ? "Not yet" : "Yes", over || !rows ? "weak" : "good", over || (rows ? `As configured it stays within what is asked, over ${count(rows, "row")}.` : "Nothing has been compared yet.")];
+    : over || !rows || (about.judged ?? "held") !== "held"
+      ? ["Not yet", "weak", over || (!rows ? "Nothing has been compared yet." : UNJUDGED[about.judged])]
+      : ["Yes", "good", `As configured it stays within what is asked, over ${count(rows, "row")}.`];
   const { gain, segments } = promoted.evidence ?? {};
   const evidence = gain > 0 ? `${Math.round(100 * gain)} % less deviation over ${segments} stretches that neither had seen` : promoted.reason;
   if (promoted.evidence?.person) return ["By hand", "weak", `${over}Promoted by ${promoted.evidence.person}, not by its trial.${unsure}`];

@@ -92,7 +92,7 @@ export const KINDS = {
   promoted: "improved", rolled_back: "taken back", suspected: "suspected", normal: "explained", abnormal: "form is wrong",
   tuned: "tuned", corrected: "corrected", rejected: "no better", drift: "drift", measurement_error: "sensor error",
   measurement_restored: "sensor restored", external: "pushed", alarm: "alarm", alarm_cleared: "alarm over",
-  labelled: "labelled", pinned: "pinned", configured: "configured", started: "started", changed: "machine changed",
+  labelled: "labelled", heeded: "label acted", pinned: "pinned", configured: "configured", started: "started", changed: "machine changed",
   not_identifiable: "cannot be told", not_valid: "no trusted sample", valid: "trusted again", overruled: "measurement believed",
   not_calibrated: "limits not known yet", gate_widened: "gate widened", superseded: "overtaken", recovered: "store recovered",
 };

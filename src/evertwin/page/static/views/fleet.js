@@ -6,6 +6,9 @@ import { ask } from "../wire.js";
 
 const ORDER = Object.keys(CONDITIONS);
 
+/** Did somebody acknowledge or shelve what it is out by? Then others need attention first. */
+const said = (twin) => ["acknowledged", "shelved"].includes(twin.label);
+
 export function open() {
   const tiles = new Map();
   const list = h("ul", { class: "tiles" });
@@ -33,7 +36,7 @@ export function open() {
     share(context);
     const wish = search.value.trim().toLowerCase();
     const known = context.twins.map((twin) => [twin, conditionOf(twin)]);
-    known.sort(([a, x], [b, y]) => ORDER.indexOf(x) - ORDER.indexOf(y) || a.name.localeCompare(b.name));
+    known.sort(([a, x], [b, y]) => ORDER.indexOf(x) - ORDER.indexOf(y) || said(a) - said(b) || a.name.localeCompare(b.name));
     const seen = known.filter(([twin]) => !wish || `${twin.name} ${twin.why} ${twin.headline}`.toLowerCase().includes(wish));
     const bad = known.filter(([, condition]) => condition !== "good");
     put(summary, known.length ? (bad.length ? `${count(bad.length, "twin needs", "twins need")} attention, ${known.length - bad.length} good.` : `All ${known.length} good.`) : "No twins yet.");
@@ -70,11 +73,12 @@ function tile(twin) {
     const old = condition === "stale" ? `STALE for ${age(now.age)}` : name;
     const why = now.reason || now.why || (now.state === "ended" ? "its sources have ended" : "");
     const meta = `newest sample ${now.age !== null && now.age >= 1 ? `${age(now.age)} ago` : age(now.age)} · version ${now.champion ?? "–"}${now.pinned ? " pinned" : ""} · ${count(now.rows, "row")}`;
-    const key = [old, why, now.headline, meta, now.label].join("|");
+    const key = [old, why, now.headline, meta, now.label, now.judged].join("|");
     if (key === drawn) return;
     drawn = key;
     link.className = `tile ${look}`;
-    put(parts.head, sign(condition), h("b", {}, now.name), h("span", {}, old), now.label && h("span", { class: "tag" }, now.label));
+    put(parts.head, sign(condition), h("b", {}, now.name), h("span", {}, old), now.label && h("span", { class: "tag" }, now.label),
+      now.judged === "not yet" && condition === "good" && !now.champion && h("span", { class: "tag weak" }, "not judged yet"));
     put(parts.why, why);
     put(parts.told, now.headline ?? "");
     put(parts.meta, meta);

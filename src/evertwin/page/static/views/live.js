@@ -2,13 +2,17 @@
 
 import { Axis, Chart, fromPixels, fromRows } from "../chart.js";
 import { h, put, table } from "../dom.js";
-import { arm, floor, robot, Scene } from "../scene.js";
+import { arm, exceeds, floor, leaning, robot, Scene } from "../scene.js";
 import { verdict } from "../verdict.js";
-import { age, clock, quantity } from "../words.js";
+import { age, clock, number, quantity } from "../words.js";
 import { ask, of } from "../wire.js";
 
 const SPANS = [["30 s", 30], ["2 min", 120], ["10 min", 600], ["1 h", 3600], ["8 h", 28800]];
 const FRAME = 100;
+/** What became of a measurement (`update`): the simulation took it over. */
+const TAKEN = [1, 3];
+/** Share of its usual torque from which a joint is red. */
+const RED = 0.2;
 const kept = new Map();
 
 export function open({ twin, context }) {
@@ -201,15 +205,17 @@ class Live {
       return put(this.solid, h("p", { class: "quiet" }, error.message));
     }
     const said = {
-      arm: "Follows the measured angles. This model predicts torques at the measured pose, so its ghost would stand where the arm stands; instead each joint goes from green to red as its torque leaves the band.",
-      base: "Solid: as measured. Ghost: as simulated. Line: the path. Crosses: off by more than is allowed, so the simulation took over the measured pose.",
-      line: "Solid: as measured. Ghost: as simulated.",
+      arm: "Solid: at the measured angles; a joint goes from green to red as its torque differs from the predicted one. Ghost: where the simulated arm goes from there with the measured torques, one degree for each 2 % of a joint's usual torque (mean of the newest 20 rows). While both agree it stands in the machine.",
+      base: "Solid: as measured. Ghost: as simulated. Line: the path. Crosses: the simulation took over the measured pose.",
+      line: "Solid: as measured. Ghost: as simulated. Line: the path. Crosses: the simulation took over the measured place.",
       none: "This model does not say what its machine looks like.",
     }[this.looks.kind];
     if (this.looks.kind === "none") return put(this.solid, h("p", { class: "quiet" }, said));
     const big = this.looks.kind === "arm";
-    this.scene = new Scene({ centre: big ? [0, 0, 0.35] : [0, 0, 0], distance: big ? 2.3 : 9, tilt: big ? 0.3 : 1.1, turn: big ? -0.7 : 0, label: `${this.twin}: the machine and its simulated ghost; arrow keys turn it` });
-    put(this.solid, h("h2", {}, "Machine and ghost"), this.scene.canvas, h("p", { class: "quiet" }, h("small", {}, said)));
+    const reach = big ? this.looks.joints.reduce((sum, one) => sum + Math.hypot(...one.position), 0) : 0;
+    this.scene = new Scene({ centre: [0, 0, 0.3 * reach], distance: big ? 1.5 * reach : 9, tilt: big ? 0.3 : 1.1, turn: big ? -0.7 : 0, label: `${this.twin}: the machine and its simulated ghost; arrow keys turn it` });
+    this.leans = h("p", { class: "quiet", id: "leans" });
+    put(this.solid, h("h2", {}, "Machine and ghost"), this.scene.canvas, big && this.leans, h("p", { class: "quiet" }, h("small", {}, said)));
     this.fresh = true;
     return undefined;
   }
@@ -220,8 +226,13 @@ class Live {
     if (this.looks.kind === "arm") {
       const { joints, tool } = this.looks;
       const q = joints.map((one) => rows.inputs[one.input]?.[k] ?? 0);
-      const off = joints.map((one) => beyond(rows.outputs[one.output], k));
-      return this.scene.draw([floor(1, 0.25), ...arm(joints, tool, q, off)]);
+      const shares = exceeds(joints, rows.outputs, k);
+      const most = shares.reduce((a, b, j) => (Math.abs(b) > Math.abs(shares[a]) ? j : a), 0);
+      const percent = `${number(Math.abs(100 * shares[most]))} % of its usual torque ${shares[most] > 0 ? "above" : "below"} what is predicted`;
+      put(this.leans, Math.abs(shares[most]) < 0.02 ? "Ghost: in the machine; no torque differs by 2 %." : `Ghost: turned most by ${joints[most].output}: ${percent}.`);
+      const off = shares.map((v) => Math.abs(v) / RED);
+      const simulated = leaning(joints, q, shares);
+      return this.scene.draw([floor(1, 0.25), ...arm(joints, tool, q, off), ...arm(joints, tool, simulated, [], true)]);
     }
     const pose = (key, j) => ["x", "y", "heading"].map((name) => (this.looks.pose.includes(name) ? rows.outputs[name]?.[key][j] : 0));
     const known = (p) => p.every((v) => v !== null && v !== undefined);
@@ -231,8 +242,8 @@ class Live {
     for (let j = from; j <= k; j += 1) {
       const [m, p] = [pose("measured", j), pose("predicted", j)];
       if (known(m)) path.points.push([m[0], m[1], 0.02]);
-      if (!known(m) || !known(p) || !(Math.hypot(m[0] - p[0], m[1] - p[1]) > this.looks.tolerance)) continue;
-      const e = 0.06;
+      if (!known(m) || !known(p) || !TAKEN.includes(rows.outputs.x.update[j])) continue;
+      const e = Math.max(0.06, 0.006 * this.scene.distance);
       adopted.points.push([m[0] - e, m[1] - e, 0.04], [m[0] + e, m[1] + e, 0.04], [m[0] - e, m[1] + e, 0.04], [m[0] + e, m[1] - e, 0.04]);
     }
     const [low, high] = [0, 1].map((axis) => path.points.map((p) => p[axis])).map((v) => [Math.min(...v), Math.max(...v)]);
@@ -240,27 +251,15 @@ class Live {
       this.scene.centre = [(low[0] + low[1]) / 2, (high[0] + high[1]) / 2, 0];
       this.scene.distance = Math.max(this.scene.distance, 1.9 * Math.max(low[1] - low[0], high[1] - high[0]), 3);
     }
-    const things = [floor(Math.ceil(this.scene.distance / 3), 1, this.scene.centre.map(Math.round)), path, adopted];
+    const step = 10 ** Math.floor(Math.log10(Math.max(this.scene.distance / 5, 1))); // a grid, not a grey plane
+    const size = Math.max(0.25, 0.025 * this.scene.distance); // it is seen beside a long path, too
+    const things = [floor(step * Math.ceil(this.scene.distance / 3 / step), step, this.scene.centre.map((v) => step * Math.round(v / step))), path, adopted];
     const [m, p] = [pose("measured", k), pose("predicted", k)];
-    if (known(m)) things.push(...robot(m, 0.25));
-    if (known(p)) things.push(...robot(p, 0.28, true));
+    if (known(m)) things.push(...robot(m, size));
+    if (known(p)) things.push(...robot(p, 1.12 * size, true));
     this.scene.draw(things.filter((one) => !one.points || one.points.length));
     return undefined;
   }
-}
-
-/** How far the newest rows of an output are beyond their band: 0 inside, 1 at twice its width. */
-function beyond(output, k) {
-  if (!output) return 0;
-  let sum = 0;
-  let n = 0;
-  for (let j = Math.max(0, k - 20); j <= k; j += 1) {
-    const [r, sigma] = [output.residual[j], output.sigma[j]];
-    if (r === null || !sigma) continue;
-    sum += (r / sigma) ** 2;
-    n += 1;
-  }
-  return n ? Math.max(0, Math.sqrt(sum / n) / 2 - 0.5) : 0;
 }
 
 /** The service's log, in a pane that is asked for only while it is open. */

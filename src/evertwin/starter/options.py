@@ -1,0 +1,32 @@
+"""Which options of a model a first twin file tries."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from evertwin.errors import UsageError
+
+
+def options_of(kind: str, urdf: Path | None, own: Path) -> Sequence[dict[str, Any]]:
+    """Options of the model; several to choose from by what the columns answer.
+
+    >>> options_of("drive", None, Path("model.py"))
+    [{}, {'rotary': True}]
+    """
+    if urdf is not None and kind != "arm":
+        raise UsageError(f"--urdf is for --model arm, got --model {kind}")
+    if kind == "python":
+        return [{"file": own.name, "name": "model"}]
+    if kind == "drive":
+        return [{}, {"rotary": True}]
+    if kind == "drive_force":  # of the place, where one is recorded; of an angle what repeats
+        law = "sign+direction+two_sided+stribeck+root"
+        slides, turns = f"{law}+spring", f"{law}+position+spring+balance"
+        return [{"law": slides}, {"law": law}, {"law": turns, "rotary": True},
+                {"law": law, "rotary": True}]  # fmt: skip
+    if kind != "arm":
+        return [{}]
+    # a description's inertias are a start: friction alone would have to explain what they leave
+    return [{"urdf": "ur5_like" if urdf is None else str(urdf), "law": "tanh+load", "base": True}]

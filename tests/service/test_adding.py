@@ -1,0 +1,106 @@
+"""A machine that nobody has described yet: sampled, and a first twin of it."""
+
+from __future__ import annotations
+
+import asyncio
+import struct
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from fastapi import HTTPException
+from pydantic import ValidationError
+
+from evertwin.config import read
+from evertwin.errors import UsageError
+from evertwin.loop.configured_model import model_of
+from evertwin.service.adding import Column, Machine, added, first_twin, kinds, roles
+from evertwin.service.site import SITE
+from evertwin.sources.live.registry import read_settings
+from tests.sources.live.test_modbus import server
+
+BEGAN = time.monotonic()
+
+
+def cart(asked: bytes) -> bytes:
+    """A cart that drives 20 % faster than it is told: command [cm/s] and place [cm] as floats."""
+    t = time.monotonic() - BEGAN
+    first, count = struct.unpack(">HH", asked[8:12])
+    memory = struct.pack(">ff", 20.0, 20.0 * 1.2 * t).ljust(200, b"\0")
+    content = memory[2 * first : 2 * (first + count)]
+    return (
+        asked[:4]
+        + struct.pack(">HBBB", 3 + len(content), asked[6], asked[7], len(content))
+        + content
+    )
+
+
+def machine(port: int, **changes: Any) -> Machine:
+    columns = [Column(place="0:float32", name="v", unit="cm/s"),
+               Column(place="2:float32", name="x", unit="cm")]  # fmt: skip
+    told: dict[str, Any] = {
+        "protocol": "modbus", "port": port, "kind": "robot1d", "columns": columns, "seconds": 2.0,
+        "name": "cart", **changes,
+    }  # fmt: skip
+    return Machine(**told)
+
+
+def test_registers_become_a_twin_that_says_how_far_it_is_off(tmp_path: Path) -> None:
+    with server(cart) as port:
+        asked = machine(port)
+        found = asyncio.run(added(asked))
+    assert found["rows"] >= 10 and found["newest"]["v"] == pytest.approx(20.0)
+    assert found["questions"] == []
+    ((output, off),) = [(one["output"], one["rms"]) for one in found["residual"]]
+    assert output == "x" and 0.002 < off < 0.5, "20 % of 20 cm/s, from prediction to prediction"
+    (tmp_path / "cart.toml").write_text(found["twin"])
+    spec = read(tmp_path / "cart.toml")
+    assert model_of(spec, None).outputs.names == ("x",)
+    assert spec.source[0].channels["x"].unit == "cm" and spec.source[0].name == "log"
+    (entry,) = SITE.parse('schema = 1\nname = "hall"\n' + found["site"]).twin
+    assert read_settings(asked.table).registers["x"].address == 2  # type: ignore[attr-defined]
+    assert entry.file.endswith("cart.toml")
+
+
+def test_what_is_not_said_yet_is_asked() -> None:
+    t = 0.1 * np.arange(50)
+    found = first_twin("cart", "robot1d", [("v", "m/s")], t, np.full((50, 1), 0.2))
+    assert any("x" in one for one in found["questions"]) and found["residual"] == []
+
+
+def test_every_kind_tells_its_roles() -> None:
+    assert {"arm", "drive", "robot1d"} <= set(kinds())
+    assert not {"python", "fmu", "mujoco", "modelica", "table"} & set(kinds()), "they need files"
+    assert {"name": "tau1", "unit": "Nm", "side": "output"} in roles("arm")
+
+
+def test_a_machine_that_is_not_there_is_said_so() -> None:
+    with pytest.raises(HTTPException) as told:
+        asyncio.run(added(machine(9, seconds=0.5)))
+    assert told.value.status_code == 502
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"kind": "python"}, {"seconds": 1e9}, {"name": "../../etc/passwd"}, {"protocol": "file"},
+        {"columns": []}, {"columns": [{"place": "0\nfile = 'x'", "name": "v", "unit": "m"}]},
+        {"columns": [{"place": "0", "name": 'v = 1"', "unit": "m"}]},
+    ],
+)  # fmt: skip
+def test_nothing_but_a_machine_can_be_asked_for(changes: dict[str, Any]) -> None:
+    with pytest.raises(ValidationError):
+        machine(502, **changes)
+
+
+@pytest.mark.parametrize(
+    "column",
+    [("eight", "v", "m/s"), ("8", "v", "bogus"), ("8:float99", "v", "m/s"), ("8", "t", "m")],
+)
+def test_what_cannot_be_read_so_is_refused(column: tuple[str, str, str]) -> None:
+    named = dict(zip(("place", "name", "unit"), column, strict=True))
+    both = [named, {"place": "2", "name": "x", "unit": "m"}]
+    with pytest.raises(UsageError):
+        asyncio.run(added(machine(502, columns=both)))
