@@ -24,13 +24,14 @@ from planted.unlike import Kind, Stranger, kind_of, stranger
 from planted.unseen import UNSEEN
 from proofs._verdict import ended
 
-MOMENTS = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+MOMENTS = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 EACH = 4
 """Series of one kind of machine."""
 NEAR = 0.15
-WEIGHED = {0.05: (0, 2, 3), 0.5: (2, 3), 0.95: (0, 1, 2, 3)}
-"""What counts for each quantile: a constant, own, lately, bend. The median of a straight line
-stays; the lower end does not lean on the laws' own width, as ends that come suddenly look calm."""
+WEIGHED = {0.03: (0, 2, 3, 4, 5), 0.5: (2, 3, 4, 5), 0.9: (0, 1, 2, 3, 4, 5)}
+"""What counts for each quantile: a constant, own, lately, bend, young, rush. The median of a
+straight line stays; the lower end does not lean on the laws' own width, as sudden ends look
+calm."""
 
 
 def asked(kind: Kind, one: Stranger, moment: float) -> tuple[float, np.ndarray] | None:
@@ -39,7 +40,7 @@ def asked(kind: Kind, one: Stranger, moment: float) -> tuple[float, np.ndarray] 
     side = "above" if kind.limit > kind.new else "below"
     history = Indicator.of("wear", "1", Limit(kind.limit, side), one.at[seen], one.value[seen])
     lately = newest(history)
-    whole, recent = scaled(history), scaled(lately)
+    whole, recent = scaled(history, most=0), scaled(lately)
     if isinstance(whole, str) or isinstance(recent, str) or find_onset(history) is None:
         return None
     life = by_laws(lately, recent)
@@ -84,7 +85,7 @@ def main() -> int:
     weight = 1.0 / np.bincount(laws)[laws]
     demands = {}
     for (level, names), standing in zip(WEIGHED.items(), (LOW, HALF, HIGH), strict=True):
-        new = np.zeros(4)
+        new = np.zeros(6)
         new[list(names)] = quantile(columns[:, list(names)], y, weight * len(y), level)
         print(f"{level:4.0%}  {np.round(new, 2).tolist()}  standing {standing.tolist()}")
         demands[f"the quantile at {level:.0%}"] = bool(np.max(np.abs(new - standing)) <= NEAR)

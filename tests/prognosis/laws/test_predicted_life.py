@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy
 
 from evertwin.prognosis.laws import (
     Fleet,
@@ -16,6 +17,8 @@ from evertwin.prognosis.laws import (
     learn,
     predict_life,
 )
+from evertwin.prognosis.laws.alone import Bend, widened
+from evertwin.prognosis.laws.life import LEVELS
 from evertwin.prognosis.laws.predict import by_laws, lived
 from evertwin.prognosis.laws.scaled import scaled
 from planted.metrics import covers
@@ -292,6 +295,35 @@ def test_a_life_told_alone_is_as_wide_as_strangers_need() -> None:
     assert alone.interval80[1] / alone.interval80[0] > 3.5
     assert np.ptp(laws.interval80) < 0.2 * np.ptp(alone.interval80)
     assert alone.median == pytest.approx(31.0, rel=0.1)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_line_is_told_where_it_ends_and_not_much_later(seed: int) -> None:
+    life = predict_life(wear(np.arange(200.0) / 400.0, noise=0.005, seed=seed))
+    assert isinstance(life, Life)
+    assert life.median == pytest.approx(201.0, rel=0.05)
+    assert life.interval80[1] < 1.6 * 201.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_knee_just_seen_brings_the_end_nearer(seed: int) -> None:
+    k = np.arange(200.0)
+    life = predict_life(wear(0.002 * (k + 4.0 * np.maximum(k - 186.0, 0.0)), 0.005, seed))
+    assert isinstance(life, Life)
+    left = (1.0 - 0.002 * (199.0 + 4.0 * 13.0)) / 0.01  # as steep as since the knee
+    assert covers(life.interval80, left)
+    assert life.interval80[1] < 250.0
+
+
+def test_a_life_far_beyond_the_age_is_doubted_as_it_is_unsure() -> None:
+    unsure = 300.0 * np.exp(0.5 * scipy.special.ndtri(LEVELS))
+    young, old = (
+        widened(unsure, Bend(np.nan, np.nan, float(np.log(age)), np.inf)) for age in (60.0, 600.0)
+    )
+    assert young is not None
+    assert old is not None
+    assert young[len(young) // 2] < 0.85 * old[len(old) // 2] == pytest.approx(0.85 * 300.0)
+    assert young[-1] < old[-1]
 
 
 def test_a_life_without_growth_is_not_told() -> None:

@@ -96,12 +96,12 @@ def from_problem(
     if onset is None:
         return not_begun(indicator, problem)
     lately = newest(indicator)
-    recent = scaled(lately)
+    recent, whole = scaled(lately), scaled(indicator, most=0)
     newer = found if isinstance(recent, str) else by_laws(lately, recent, laws)
     newer = found if isinstance(newer, NotEnough) or newer.passed is not None else newer
     if isinstance(newer, NotEnough):
         return newer
-    remaining = widened(newer.remaining, bent(problem))
+    remaining = widened(newer.remaining, bent(problem if isinstance(whole, str) else whole))
     return (
         not_begun(indicator, problem) if remaining is None else replace(newer, remaining=remaining)
     )
