@@ -44,14 +44,24 @@ def run(place: Path) -> RunResult:
     """Runs the twin, and fits it; writes `configured_K.csv`, `run_K.csv`, `fit_K.csv`."""
     about: Any = json.loads((place / "machine.json").read_text())
     train, test = (sorted(place.glob(f"{part}_*.csv")) for part in ("train", "test"))
+    learned = [str(file) for file in train]
     with Twin.open(twin_file(place)) as twin:
-        result = twin.run([str(file) for file in train])
-        fitted = twin.keep(twin.fit([str(file) for file in train])).number
-        for method, number in (("configured", 0), ("run", twin.champion.number), ("fit", fitted)):
-            rows = place / "rows.mat"
-            twin.export(rows, "mat", number, [str(file) for file in test])
-            _saved(place, method, test, scipy.io.loadmat(rows), about)
+        result = twin.run(learned)
+        numbers = {"configured": 0, "run": twin.champion.number}
+        _predicted(place, twin, numbers, test, about)
+    with Twin.open(place / "twin.toml") as twin:  # a fit begins with what the run began with
+        _predicted(place, twin, {"fit": twin.keep(twin.fit(learned)).number}, test, about)
     return result
+
+
+def _predicted(
+    place: Path, twin: Twin, numbers: dict[str, int], test: list[Path], about: Any
+) -> None:
+    """What versions of a twin predict, by method."""
+    for method, number in numbers.items():
+        rows = place / "rows.mat"
+        twin.export(rows, "mat", number, [str(file) for file in test])
+        _saved(place, method, test, scipy.io.loadmat(rows), about)
 
 
 def _saved(place: Path, method: str, test: list[Path], rows: Any, about: Any) -> None:

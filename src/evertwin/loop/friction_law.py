@@ -6,7 +6,7 @@ stands on. The twin file says in which order terms are tried (``[tuning] ladder`
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from types import MappingProxyType
@@ -18,12 +18,15 @@ from evertwin.fold import Block, take
 from evertwin.loop.setup import Setup
 from evertwin.loop.windows import apart
 from evertwin.machines.friction import Rung
+from evertwin.machines.friction.resisting import pushes
 from evertwin.models import Model
 from evertwin.tuning import Problem
 from evertwin.tuning.terms import climb_terms
 from evertwin.tuning.unseen import held_out
 from evertwin.types import PerOutput
 
+ENOUGH = 1000
+"""Rows of a task that are asked whether friction resists."""
 PARTS = 4
 """Parts that a single task is cut into."""
 MOST = 2 / 3
@@ -136,13 +139,26 @@ def climb_laws(setup: Setup, problem: Problem) -> tuple[Problem, Chosen]:
     model, tried = problem.model, _tried(setup, problem)
     if not tried:
         return problem, Chosen()
-    ascent = climb_terms(replace(problem, windows=_folds(apart(problem.windows))), tried)
+    few = tuple(_thinned(window) for window in problem.windows)
+
+    def pushing(values: Mapping[str, float]) -> Collection[str]:
+        p = problem.parameters.with_values(values).values[: len(model.parameters)]
+        return {name for push in pushes(model, p, few) for name in push.negative}
+
+    folded = replace(problem, windows=_folds(apart(problem.windows)))
+    ascent = climb_terms(folded, tried, wrong=pushing)
     assert isinstance(model, Laddered)
     rungs, joints = model.rungs(), getattr(model, "joints", model.outputs.names)
     laws = {joint: model.law_name(k, ascent.taken[k]) for k, joint in enumerate(joints)}
     causes = {joint: _causes(rungs, k, ascent.taken[k]) for k, joint in enumerate(joints)}
     told = {joint: cause for joint, cause in causes.items() if cause}
     return problem.tuning(ascent.names), Chosen(laws, told)
+
+
+def _thinned(window: Block) -> Block:
+    """About `ENOUGH` of its rows."""
+    every = max(len(window.t) // ENOUGH, 1)
+    return Block(window.row, *(column[::every] for column in window[1:]))
 
 
 def _causes(rungs: Sequence[Rung], output: int, taken: Sequence[str]) -> str:

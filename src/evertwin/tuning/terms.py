@@ -4,8 +4,9 @@ Where a term that is not tuned is a zero, the variants of a law are subsets of o
 parameters. All windows but a fold are solved, the fold is scored, in turn; of a linear model the
 rows are summed once per window, and every candidate is a small system. A term stays if the
 held-out error of its own output falls by more than ``gain`` (2 %) and the others' together do not
-rise; else it is left out for good. So does not one whose number resists, but is tuned to zero or
-below: it takes up another effect than the one that its term is called by. Terms are tried in the
+rise; else it is left out for good. So is one whose number resists, but is tuned to zero or
+below, or is told to be ``wrong``: it takes up another effect than the one that its term is called
+by. Terms are tried in the
 order given. At the end a term whose place a later one has taken, since without it the error rises
 by less, leaves again.
 
@@ -34,8 +35,9 @@ by less, leaves again.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
@@ -51,6 +53,8 @@ from evertwin.types import Float64, Vector
 Term: TypeAlias = tuple[str, tuple[str, ...], int] | tuple[str, tuple[str, ...], int, str]
 """(name, parameters that join, output that they are for[, what it means])."""
 Score: TypeAlias = Float64[np.ndarray, " ny"]
+Wrong: TypeAlias = Callable[[Mapping[str, float]], Collection[str]]
+"""Which of these numbers no machine has."""
 WORSE = 1.001
 """What the other outputs together may lose."""
 
@@ -159,8 +163,9 @@ def _squares(sums: Sums, delta: Float64[np.ndarray, "ny m"]) -> Score:
 
 
 def climb_terms(
-    problem: Problem, terms: Sequence[Term], gain: float = 0.02, folds: int | None = None
-) -> Ascent:
+    problem: Problem, terms: Sequence[Term], gain: float = 0.02, folds: int | None = None,
+    wrong: Wrong | None = None,
+) -> Ascent:  # fmt: skip
     """Climbs.
 
     Args:
@@ -169,6 +174,7 @@ def climb_terms(
         terms: in the order in which they are tried.
         gain: least relative fall of the output's held-out error that counts.
         folds: number of folds over the windows; default: one window each.
+        wrong: asked of the numbers of a term that would pay, with all others that are tuned.
 
     Raises:
         UsageError: fewer than two windows, or a parameter that does not start at zero.
@@ -179,6 +185,7 @@ def climb_terms(
     if len(problem.windows) < 2:
         raise UsageError("ladder of terms: expected at least 2 windows (tasks), got 1")
     rows = (_Folds if problem.linear else _Refits)(problem, folds)
+    unknown = partial(_wrong, rows, wrong or (lambda _: ()))
     outputs = problem.model.outputs.names
     optional = {name for _, add, *_ in terms for name in add}
     names = tuple(name for name in problem.names if name not in optional)
@@ -188,13 +195,13 @@ def climb_terms(
         output, before = one[2], here
         wider, there = _joining(rows, names, one[1])
         pays = _pays(there, here, output, gain)
-        if pays and (wrong := _wrong(rows, wider, [*joined, one])):
+        if pays and (turned := unknown(wider, [*joined, one])):
             # what it turned round leaves with it: it has to pay without
-            wider = tuple(n for n in wider if not any(n in other[1] for other in wrong))
+            wider = tuple(n for n in wider if not any(n in other[1] for other in turned))
             there = rows.score(wider)
-            pays = one not in wrong and _pays(there, here, output, gain)
-            pays = pays and not _wrong(rows, wider, [*joined, one])
-            joined = [other for other in joined if not (pays and other in wrong)]
+            pays = one not in turned and _pays(there, here, output, gain)
+            pays = pays and not unknown(wider, [*joined, one])
+            joined = [other for other in joined if not (pays and other in turned)]
         if pays:
             names, here = wider, there
             joined.append(one)
@@ -206,7 +213,7 @@ def climb_terms(
         rest = [other for other in joined if other is not one]
         if any(other[2] == output for other in rest):
             there = rows.score(less)
-            kept = _wrong(rows, less, rest)
+            kept = unknown(less, rest)
             if here[output] >= (1.0 - gain) * there[output] and not kept:
                 names, here, joined = less, there, rest
     taken = tuple(tuple(one[0] for one in joined if one[2] == k) for k in range(len(outputs)))
@@ -224,15 +231,18 @@ def _pays(there: Score, here: Score, output: int, gain: float) -> bool:
     return bool(there[output] < (1.0 - gain) * here[output]) and _together(there, here)
 
 
-def _wrong(rows: _Folds | _Refits, names: tuple[str, ...], joined: Sequence[Term]) -> list[Term]:
-    """Terms that joined with a number below zero that physics knows above it: what they take up is
-    another effect than the one that they are called by."""
+def _wrong(
+    rows: _Folds | _Refits, wrong: Wrong, names: tuple[str, ...], joined: Sequence[Term]
+) -> list[Term]:
+    """Terms that joined with a number below zero that physics knows above it, or one that no
+    machine has: what they take up is another effect than the one that they are called by."""
     items = rows.problem.parameters
-    asked = {n for _, add, *_ in joined for n in add if n in names and items[n].resists}
+    asked = {n for _, add, *_ in joined for n in add if n in names}
     if not asked:
         return []
     known = dict(zip(names, rows.values(names).tolist(), strict=True))
-    return [one for one in joined if any(n in asked and known[n] <= 0.0 for n in one[1])]
+    out = {n for n in asked if items[n].resists and known[n] <= 0.0} | set(wrong(known))
+    return [one for one in joined if not out.isdisjoint(one[1])]
 
 
 def _together(there: Score, here: Score) -> bool:

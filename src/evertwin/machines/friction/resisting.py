@@ -28,6 +28,7 @@ from evertwin.types import Inputs, Outputs, ParameterVector, Vector
 
 LIMIT = 1e-9
 """Share of the largest power of friction that counts as none."""
+SPEEDS = ("m/s", "rad/s")
 WITHIN = 200
 """Rows that stand for a machine that was not seen."""
 
@@ -107,7 +108,8 @@ def not_physical(model: Model, p: ParameterVector, windows: Sequence[Block] = ()
     Args:
         model: of a version, corrected or not.
         p: its parameters, (np,).
-        windows: rows that it was made from; without any: rows within the limits of its channels.
+        windows: rows that it was made from, taken both ways; without any: rows within the limits of
+            its channels.
     """
     return "; ".join(map(str, pushes(model, p, windows)))
 
@@ -118,7 +120,20 @@ def pushes(model: Model, p: ParameterVector, windows: Sequence[Block] = ()) -> t
         return pushing(model, within(model.inputs), within(model.outputs), p)
     u, y = (np.concatenate([getattr(w, name) for w in windows]) for name in ("u", "y"))
     known = np.isfinite(u).all(axis=1)
-    return pushing(model, u[known], y[known], p)
+    u, y = u[known], y[known]
+    # the machine will go the other way as fast as it went this way
+    u, y = (np.concatenate([rows, turned(of, rows)])
+            for of, rows in ((model.inputs, u), (model.outputs, y)))  # fmt: skip
+    return pushing(model, u, y, p)
+
+
+def turned(layout: Layout, rows: Inputs) -> Inputs:
+    """Rows with their speeds turned.
+
+    >>> turned(Layout.of(q="rad", qd="rad/s"), np.array([[1.0, 2.0]])).tolist()
+    [[1.0, -2.0]]
+    """
+    return rows * np.where([channel.unit in SPEEDS for channel in layout], -1.0, 1.0)
 
 
 def within(layout: Layout) -> Inputs:
