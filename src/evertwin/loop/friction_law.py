@@ -12,21 +12,29 @@ from itertools import pairwise
 from types import MappingProxyType
 from typing import NamedTuple, Protocol, runtime_checkable
 
+import numpy as np
+
 from evertwin.config import TwinSpec
 from evertwin.errors import ConfigError, nearest
 from evertwin.fold import Block, take
 from evertwin.loop.setup import Setup
 from evertwin.loop.windows import apart
 from evertwin.machines.friction import Rung
-from evertwin.machines.friction.resisting import pushes
+from evertwin.machines.friction.resisting import Resisting, pushes
 from evertwin.models import Model
 from evertwin.tuning import Problem
-from evertwin.tuning.terms import climb_terms
+from evertwin.tuning.terms import climb_terms, folded
 from evertwin.tuning.unseen import held_out
 from evertwin.types import PerOutput
 
 ENOUGH = 1000
 """Rows of a task that are asked whether friction resists."""
+FASTEST = 0.99
+"""Quantile of a drive's speeds that stands for its fastest."""
+SHARES = np.geomspace(0.01, 0.5, 12)
+"""Of the fastest speed, at which what is within a term may fall."""
+CLOSER = np.geomspace(0.75, 1.33, 5)
+"""Then of the one of these that was best."""
 PARTS = 4
 """Parts that a single task is cut into."""
 MOST = 2 / 3
@@ -139,20 +147,57 @@ def climb_laws(setup: Setup, problem: Problem) -> tuple[Problem, Chosen]:
     model, tried = problem.model, _tried(setup, problem)
     if not tried:
         return problem, Chosen()
+    plain, problem = problem, _shaped(problem, tried)
     few = tuple(_thinned(window) for window in problem.windows)
 
     def pushing(values: Mapping[str, float]) -> Collection[str]:
         p = problem.parameters.with_values(values).values[: len(model.parameters)]
         return {name for push in pushes(model, p, few) for name in push.negative}
 
-    folded = replace(problem, windows=_folds(apart(problem.windows)))
-    ascent = climb_terms(folded, tried, wrong=pushing)
+    parts = replace(problem, windows=_folds(apart(problem.windows)))
+    ascent = climb_terms(parts, tried, wrong=pushing)
     assert isinstance(model, Laddered)
-    rungs, joints = model.rungs(), getattr(model, "joints", model.outputs.names)
+    joints = getattr(model, "joints", model.outputs.names)
     laws = {joint: model.law_name(k, ascent.taken[k]) for k, joint in enumerate(joints)}
-    causes = {joint: _causes(rungs, k, ascent.taken[k]) for k, joint in enumerate(joints)}
+    causes = {joint: _causes(problem, k, ascent.taken[k]) for k, joint in enumerate(joints)}
     told = {joint: cause for joint, cause in causes.items() if cause}
+    out = [r for r in tried if r.name not in ascent.taken[r.output]]
+    stay = {name: plain.parameters[name].value for rung in out for name, _ in rung.shape}
+    problem = replace(problem, prior=problem.parameters.with_values(stay)) if stay else problem
     return problem.tuning(ascent.names), Chosen(laws, told)
+
+
+def _shaped(problem: Problem, tried: Sequence[Rung]) -> Problem:
+    """The problem with the speeds inside of its terms, where nobody has said them, at those shares
+    of a drive's fastest with which the term leaves least on unseen rows: what creeps for one drive
+    is fast for another."""
+    model, items = problem.model, problem.parameters
+    open_ = [r for r in tried if r.shape and all(items[n].value == x for n, x in r.shape)]
+    if not (open_ and problem.linear and isinstance(model, Resisting)):
+        return problem
+    u, y = (np.concatenate([getattr(w, name) for w in problem.windows]) for name in ("u", "y"))
+    drives = model.rubbed(u, y, items.values)
+    if len(drives) != len(model.outputs.names):
+        return problem
+    fastest = [float(np.nanquantile(np.abs(drive.speed), FASTEST)) for drive in drives]
+    others = {name for rung in tried if rung not in open_ for name in rung.add}
+    names = tuple(name for name in problem.names if name not in others)
+    shaped = replace(problem, editable=names, windows=_folds(apart(problem.windows)))
+    least = np.full(len(fastest), np.inf)
+    best = {name: fastest[rung.output] for rung in open_ for name, _ in rung.shape}
+    for shares in (SHARES, CLOSER):
+        about = dict(best)
+        for share in shares.tolist():
+            speeds = {
+                name: float(np.clip(share * speed, items[name].low, items[name].high))
+                for name, speed in about.items()
+            }
+            left = folded(replace(shaped, prior=items.with_values(speeds)))
+            for rung in open_:
+                if left[rung.output] < least[rung.output]:
+                    best |= {name: speeds[name] for name, _ in rung.shape}
+            least = np.fmin(least, left)
+    return replace(problem, prior=items.with_values(best))
 
 
 def _thinned(window: Block) -> Block:
@@ -161,9 +206,15 @@ def _thinned(window: Block) -> Block:
     return Block(window.row, *(column[::every] for column in window[1:]))
 
 
-def _causes(rungs: Sequence[Rung], output: int, taken: Sequence[str]) -> str:
-    """What the terms of an output mean."""
-    return "; ".join(r.cause for r in rungs if r.output == output and r.name in taken and r.cause)
+def _causes(problem: Problem, output: int, taken: Sequence[str]) -> str:
+    """What the terms of an output mean, each with the speeds that are chosen for it."""
+    found = []
+    for rung in _rungs(problem.model):
+        if rung.output == output and rung.name in taken and rung.cause:
+            items = [problem.parameters[name] for name, _ in rung.shape]
+            speeds = ", ".join(f"{item.name} {item.value:.3g} {item.unit}" for item in items)
+            found.append(f"{rung.cause} ({speeds})" if speeds else rung.cause)
+    return "; ".join(found)
 
 
 def _folds(windows: tuple[Block, ...]) -> tuple[Block, ...]:

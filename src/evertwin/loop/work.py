@@ -303,8 +303,9 @@ class Work:
         told = [name for name in fit.moved if name.removesuffix(" (weak)") in version.names]
         reason = f"tuned {', '.join(told)}"
         events.append(event("tuned", "", reason, fit.to_dict(timing=False)))
-        pairs = zip(fit.names, fit.values.tolist(), strict=True)  # without recordings' own starts
-        values = {name: value for name, value in pairs if name in version.names}
+        # also what a term was chosen with, which no fit tunes; without recordings' own starts
+        rows = zip(problem.model.parameters.names, fit.p.tolist(), version.p.tolist(), strict=True)
+        values = {name: new for name, new, old in rows if new != old or name in fit.names}
         if self.setup.spec.tuning.method == "recursive":
             followed, newest, _ = Recursion.after(self.setup, problem, fit).learned(windows)
             values |= dict(zip(followed, newest.tolist(), strict=True))

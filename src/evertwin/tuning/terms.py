@@ -38,7 +38,7 @@ import itertools
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -50,8 +50,10 @@ from evertwin.tuning.solver import solve
 from evertwin.tuning.unseen import held_out
 from evertwin.types import Float64, Vector
 
-Term: TypeAlias = tuple[str, tuple[str, ...], int] | tuple[str, tuple[str, ...], int, str]
-"""(name, parameters that join, output that they are for[, what it means])."""
+Term: TypeAlias = (
+    tuple[str, tuple[str, ...], int] | tuple[str, tuple[str, ...], int, str, tuple[Any, ...]]
+)
+"""(name, parameters that join, output that they are for[, what else its law says of it])."""
 Score: TypeAlias = Float64[np.ndarray, " ny"]
 Wrong: TypeAlias = Callable[[Mapping[str, float]], Collection[str]]
 """Which of these numbers no machine has."""
@@ -218,6 +220,11 @@ def climb_terms(
                 names, here, joined = less, there, rest
     taken = tuple(tuple(one[0] for one in joined if one[2] == k) for k in range(len(outputs)))
     return Ascent(names, taken, tuple(steps))
+
+
+def folded(problem: Problem, folds: int | None = None) -> Score:
+    """Held-out rms residual of each output of a linear problem, (ny,), as the ladder counts it."""
+    return _Folds(problem, folds).score(problem.names)
 
 
 def _joining(

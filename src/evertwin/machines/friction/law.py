@@ -42,6 +42,8 @@ class Rung(NamedTuple):
     """The output that it is for; only there it has to pay."""
     cause: str = ""
     """What it means, in a few words."""
+    shape: tuple[tuple[str, float], ...] = ()
+    """Speeds inside its features, each with what it is where nobody says."""
 
 
 @runtime_checkable
@@ -167,10 +169,13 @@ class Law:
     def rungs(self, suffix: str = "") -> tuple[Rung, ...]:
         """The steps from viscous + Coulomb + offset up to this law, in the ladder's order."""
         return tuple(
-            Rung(item.name, tuple(one.name + suffix for one in item.coefficients), cause=item.cause)
+            Rung(
+                item.name, tuple(one.name + suffix for one in item.coefficients), cause=item.cause,
+                shape=tuple((x.name + suffix, x.value) for x in item.shape if x.sliding == "m/s"),
+            )
             for item in self.terms
             if not item.always
-        )
+        )  # fmt: skip
 
     def only(self, names: Sequence[str]) -> Law:
         """The law with these of its terms.
