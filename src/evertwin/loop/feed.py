@@ -33,6 +33,8 @@ Data: TypeAlias = (
 DataFrame too), ready blocks, or None: the twin file's own recordings."""
 COLUMNS = "columns"
 """Name of the source of columns that were given by name."""
+ENOUGH, FINER = 100, 100
+"""Samples that tell how far they are apart; rows of a grid for one of them that are too many."""
 
 
 def chunk_of(columns: Mapping[str, Any], source: str = COLUMNS, task: int = 0) -> Chunk:
@@ -117,6 +119,7 @@ class Feed:
         state, empty = alignment.init(), True
         for chunk in self.chunks(data):
             empty = False
+            self._check(chunk)
             state, block, events = alignment.step(state, chunk)
             self.events += events
             if block is not None:
@@ -130,6 +133,19 @@ class Feed:
         self.events += events
         if block is not None:
             yield block
+
+    def _check(self, chunk: Chunk) -> None:
+        """A grid that is far finer than the samples of a source is a wrong unit of time."""
+        rate = self.spec.clock.rate
+        if rate is None or len(chunk.t) < ENOUGH:
+            return
+        apart = 1e-9 * float(np.median(np.diff(chunk.t)))
+        if apart * rate > FINER:
+            raise DataError(
+                f"{chunk.source}: a sample every {apart:.4g} s would become {apart * rate:,.0f} "
+                f"rows at {rate:g} Hz: is the unit of its time right ([[source]] time), and "
+                "[clock] rate?"
+            )
 
     def brings(self, data: Data = None) -> tuple[Brings, ...]:
         """What each source brings."""

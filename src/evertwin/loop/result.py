@@ -7,6 +7,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,6 +30,8 @@ DECISIONS = (
     "not_judged", "state", "training_restarted", "model_failed", "pinned", "configured", "drift",
 )  # fmt: skip
 """Kinds of event that a person reads first."""
+DATED = 3 * 10**17
+"""Stamps beyond this [ns] are dates: of a clock that began in 1970, since 1979."""
 MOST = 12
 """Of them, the newest that are shown at once."""
 
@@ -249,6 +252,8 @@ class RunResult:
     def _event(self, event: Event) -> str:
         start = int(self.trace["t"][0]) if len(self.trace.get("t", ())) else event.time
         at = f"{1e-9 * (event.time - start):.4g} s"
+        if event.time > DATED:
+            at = f"{datetime.fromtimestamp(event.time // 10**9, UTC):%Y-%m-%d %H:%M:%SZ}"
         return f"  row {event.row:>8} {at:>9}  {event.kind:<18} {event.signal:<8} {event.reason}"
 
     def _others(self, earlier: Sequence[Event]) -> list[str]:

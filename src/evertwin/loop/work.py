@@ -298,7 +298,8 @@ class Work:
         missed = [check.name for check in checks if not check.passed]
         if missed:
             events.append(event("rejected", "", f"outside: {', '.join(missed)}", {}))
-        if missed or not fit.converged or not np.any(fit.values != fit.start):
+        blind = set(fit.verdict) == {"not"}  # an event has said so of each number
+        if missed or blind or not fit.converged or not np.any(fit.values != fit.start):
             return None
         told = [name for name in fit.moved if name.removesuffix(" (weak)") in version.names]
         reason = f"tuned {', '.join(told)}"

@@ -347,11 +347,13 @@ def _told(fit: Fit, said: Mapping[int, str], centre: Vector, half: Vector, sizes
     interval95, verdict, reasons = fit.interval95.copy(), [*fit.verdict], [*fit.reasons]
     for k, why in said.items():
         low, high = float(centre[k] - half[k]), float(centre[k] + half[k])
-        interval95[k] = low, high
-        (word,), (wide,) = grade([""], half[k : k + 1] / sizes[k])
         value = float(fit.values[k])
         parts = [fit.reasons[k], why]
         off = not low <= value <= high
+        if off:  # both ways tell it, and neither is known to be the wrong one
+            low, high = min(low, interval95[k, 0]), max(high, interval95[k, 1])
+        interval95[k] = low, high
+        (word,), (wide,) = grade([""], np.array([high - low]) / (2.0 * sizes[k]))
         if off:
             parts.append(
                 f"with that left free {centre[k]:.4g} ± {half[k]:.2g}; {value:.4g} only predicts "
