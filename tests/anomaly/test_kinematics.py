@@ -54,6 +54,16 @@ def test_the_channel_that_changed_is_named_with_its_factor(
         assert not marks[: AT - 100].any() and not marks[7000:].any()
 
 
+@pytest.mark.parametrize("lost", [1, 2, 10, 40])
+def test_rows_that_are_lost_contradict_nothing(lost: int) -> None:
+    """Of every half second so many rows: the way over them is in the position alone."""
+    for seed in range(5):
+        q, v = motion(seed)
+        v[np.arange(len(v)) % 50 < lost] = np.nan
+        found, marks = told(q, v)
+        assert not found and not marks.any()
+
+
 def test_a_speed_that_stands_is_not_sound_again_where_the_motion_is_as_fast() -> None:
     """To and fro at 0.5 m/s, two seconds each way; the speed stays at one of them, with noise."""
     rng, t = np.random.default_rng(2), 0.01 * np.arange(8000)

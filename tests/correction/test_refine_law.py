@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
+from evertwin.correction import refine_law as module
 from evertwin.correction.refine_law import Refined, refine_law
 from evertwin.correction.sarsa import learn_table
 from evertwin.correction.sarsa_settings import SarsaSettings
@@ -96,3 +99,40 @@ def test_a_gain_of_nothing_is_told_as_no_answer() -> None:
     law, term = kind("law"), Term("law", "w")
     said = [law.say(term, (gain, 0.0, 1e9), "rad/s", {}) for gain in (1e-16, 0.9)]
     assert said == ["w: no answer to it (or its sign is turned)", "w: gain 0.9"]
+
+
+@pytest.mark.parametrize("variant", ["", "dead zone", "clamp"])
+@pytest.mark.parametrize("seed", range(2))
+def test_what_falls_back_is_not_fitted_to_its_end(
+    variant: str, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The law is that of fits that all go on; with a threshold at half of their roll-outs."""
+    found, count = [], [0, 0]
+    for k, race in enumerate((module.RACE, ((10_000, 10.0),))):
+        own = module._Trial._residual
+
+        def counted(self: module._Trial, q: np.ndarray, k: int = k, own: Any = own) -> np.ndarray:
+            count[k] += 1
+            return np.asarray(own(self, q))
+
+        with monkeypatch.context() as patch:
+            patch.setattr(module, "RACE", race)
+            patch.setattr(module._Trial, "_residual", counted)
+            found.append(refined(record(variant, 0.2, seed)))
+    assert found[0].variant == found[1].variant == variant
+    assert found[0].values == found[1].values
+    assert count[0] < (0.5 if variant else 1.0) * count[1], count
+
+
+def test_the_end_of_a_dead_zone_is_found_among_many_commands() -> None:
+    """Every command is another one: 600 of them near the edge."""
+    rng = np.random.default_rng(0)
+    command = np.repeat(rng.uniform(0.01, 0.2, 800), 3)
+    way = goal(command, "dead zone") + 0.001 * rng.standard_normal(len(command))
+    rows = make_block(
+        t=np.arange(len(command)) * 10**9, u=command[:, None], y=np.cumsum(way)[:, None]
+    )
+    found = refined(rows)
+    assert found.variant == "dead zone"
+    last = command[command <= 0.06].max()
+    assert last - 0.001 <= found.threshold <= 0.06

@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evertwin import RunResult, Twin
+from evertwin import RunResult, Twin, TwinSpec
 from evertwin.fold import Mark, make_block
 from evertwin.loop.configured_model import model_of
 from evertwin.models.spec import ParameterSpec
+from evertwin.sync.spec import SignalSpec
 
 from .test_external import AXIS
 
@@ -24,7 +25,9 @@ PLACED = replace(
 ROWS, AT = 6000, 3000
 
 
-def lived(speed: float = 1.0, worn: float = 0.0, frozen: bool = False) -> RunResult:
+def lived(
+    speed: float = 1.0, worn: float = 0.0, frozen: bool = False, spec: TwinSpec = PLACED
+) -> RunResult:
     """An axis for 60 s, in whose second half something is wrong."""
     t, rng = np.arange(ROWS) / 100.0, np.random.default_rng(2)
     x = 0.2 * np.sin(0.9 * t) + 0.1 * np.sin(0.23 * t)
@@ -38,7 +41,7 @@ def lived(speed: float = 1.0, worn: float = 0.0, frozen: bool = False) -> RunRes
     if frozen:
         y[AT:] = y[AT]
     u[:, model.inputs.index("speed")] *= np.where(late, speed, 1.0)
-    with Twin(PLACED) as twin:
+    with Twin(spec) as twin:
         return twin.run((make_block(np.arange(ROWS) * 10**7, u, y),))
 
 
@@ -53,6 +56,20 @@ def test_a_speed_that_contradicts_its_position_is_said_first_and_not_learned(
     assert not result.of_kind("tuned", "promoted", "external")
     marks = result.trace["mark"][AT + 100 :, 0]
     assert (marks >= Mark.CONTESTED).all()
+
+
+@pytest.mark.parametrize("limit", [0.3, 1.0, 3.0])
+def test_a_speed_in_degrees_is_told_where_it_is_beyond_what_is_possible(limit: float) -> None:
+    """Of up to 0.2 m/s it comes as 11.5; a speed that is not known is not one of what stands."""
+    possible = replace(PLACED, signals={"speed": SignalSpec(low=-limit, high=limit)})
+    result = lived(speed=57.2958, spec=possible)
+    (error,) = (
+        one for one in result.of_kind("measurement_error")
+        if one.evidence.get("cause") == "kinematics"
+    )  # fmt: skip
+    assert error.signal == "speed" and AT < error.row <= AT + 300
+    assert error.evidence["factor"] == pytest.approx(57.2958, rel=0.02)
+    assert not result.of_kind("tuned", "promoted", "external")
 
 
 def test_a_force_that_stands_is_frozen_once_until_the_end() -> None:

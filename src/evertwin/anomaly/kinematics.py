@@ -106,7 +106,7 @@ class Kinematics:
     def init(self) -> KinematicsState:
         """Nothing seen."""
         pairs = len(self.names)
-        numbers, figures = np.zeros((pairs, 8), dtype=np.int64), np.zeros((pairs, 11))
+        numbers, figures = np.zeros((pairs, 8), dtype=np.int64), np.zeros((pairs, 12))
         return KinematicsState(numbers, figures, np.zeros(1, dtype=np.int64))
 
     def handed_on(self, state: KinematicsState) -> KinematicsState:

@@ -12,11 +12,11 @@ ROWS, START, AGREED, BAD, GOOD, OPEN, FIRST, SAID = range(8)
 """Places of a pair's numbers: rows of this stretch and the first of them; stretches that agreed;
 those that did not, and those that did again, in a row; is a contradiction open, since which row,
 and was it told?"""
-GONE, WAY, POSITION, SPEED, USUAL_GONE, USUAL_WAY, XX, XY, YY, ROUGH, SPAN = range(11)
+GONE, WAY, POSITION, SPEED, USUAL_GONE, USUAL_WAY, XX, XY, YY, ROUGH, SPAN, SINCE = range(12)
 """Places of a pair's figures: way by the position and by the speed in this stretch; last position
 and speed; mean square of each over stretches that agreed; Σ of squares and products of those that
 did not, after the first of them, until a contradiction was open. Of this stretch Σ of the changes
-of the speed from row to row, and its length [s]."""
+of the speed from row to row, and its length [s]; and the time since a row was known last [s]."""
 NEWS = 0
 """Place of the number of the row after the first since the newest beat that has news; 0: none."""
 ALIKE = 0.5
@@ -93,7 +93,7 @@ def watch(row: int, dt: Any, u: Any, pairs: Any, rule: Any, state: Any, marked: 
         u: inputs, (n, nu).
         pairs: columns of position and speed, and 1 where the position is an angle, (np, 3).
         rule: rows of a stretch, and the longest interval between two rows [s].
-        state: numbers (np, 8), figures (np, 11), machine (1,).
+        state: numbers (np, 8), figures (np, 12), machine (1,).
         marked: (n,), written.
     """
     numbers, figures, machine = state
@@ -101,18 +101,20 @@ def watch(row: int, dt: Any, u: Any, pairs: Any, rule: Any, state: Any, marked: 
         for k in range(pairs.shape[0]):
             number, figure = numbers[k], figures[k]
             q, v = u[i, pairs[k, 0]], u[i, pairs[k, 1]]
+            figure[SINCE] += dt[i]
             if not (np.isfinite(q) and np.isfinite(v)):
                 continue
-            if number[ROWS] == 0 or not 0.0 < dt[i] <= rule[1]:
+            since, figure[SINCE] = figure[SINCE], 0.0
+            if number[ROWS] == 0 or not 0.0 < since <= rule[1]:
                 begun(row + i, number, figure)
             else:
                 gone = q - figure[POSITION]
                 if pairs[k, 2]:
                     gone -= 2.0 * np.pi * np.floor(gone / (2.0 * np.pi) + 0.5)
                 figure[GONE] += gone
-                figure[WAY] += 0.5 * dt[i] * (v + figure[SPEED])
+                figure[WAY] += 0.5 * since * (v + figure[SPEED])
                 figure[ROUGH] += abs(v - figure[SPEED])
-                figure[SPAN] += dt[i]
+                figure[SPAN] += since
                 number[ROWS] += 1
                 if number[ROWS] > rule[0]:
                     judged(row + i, number, figure, machine)

@@ -9,9 +9,10 @@ section 3). The law is
 in three variants: as it stands; with a dead zone (v = 0 up to a threshold); with a clamp (v never
 below a threshold). All numbers of a variant are fitted together, the lag among them, since a law
 fitted without it takes the lag's transients for its own. A dead zone's end cannot be found by
-slopes, so every command that was seen near the table's own edge is tried; the largest one at which
+slopes, so commands that were seen near the table's own edge are tried; the largest one at which
 the machine stood still wins. The variants have different numbers of parameters: the Bayesian
-information criterion, n·ln(Σr²/n) + k·ln n, decides between them.
+information criterion, n·ln(Σr²/n) + k·ln n, decides between them. All of them race: after a step or
+a few, one that leaves many times as much as the best is fitted no further.
 
 >>> from evertwin.correction.sarsa import learn_table
 >>> from evertwin.correction.sarsa_settings import SarsaSettings
@@ -55,8 +56,12 @@ TRIED = 8
 """Most dead-zone thresholds that all numbers are fitted with."""
 LEAST = 12
 """Fewest residuals to fit on."""
+RACE = ((2, 10.0), (4, 2.0), (8, 1.1))
+"""Evaluations of each fit, and times the least squared residual beyond which it then drops out."""
+BRACKET = 16
+"""Commands among which a dead zone's end is sought one by one."""
 VARIANTS = ("", "dead zone", "clamp")
-Numbers: TypeAlias = Float64[np.ndarray, " numbers"]
+Numbers: TypeAlias = Float64[np.ndarray, " _numbers"]
 """[threshold,] gain, offset, cap, tau."""
 
 
@@ -81,7 +86,8 @@ class Refined:
     tau: float
     """Time constant of the lag [s]."""
     criterion: Mapping[str, float]
-    """Bayesian information criterion of the best fit per variant; the least won."""
+    """Bayesian information criterion of the best fit per variant; the least won. Of a variant that
+    dropped out: as it stood then."""
     rms: float
     """Rms of the residuals over one horizon, in the outputs' unit."""
     evaluations: int
@@ -97,6 +103,9 @@ class _Fit(NamedTuple):
     q: Numbers
     evaluations: int
     squares: float
+    """Mean squared residual."""
+    ended: bool
+    """Did it come to its end?"""
 
 
 def refine_law(
@@ -115,19 +124,39 @@ def refine_law(
         DataError: fewer than 12 residuals.
     """
     trials = {v: _Trial(model, p, tuple(windows), table, horizon, v) for v in VARIANTS}
-    rows = trials[""].residual(trials[""].start(0.0)).size
+    rows, edge = trials[""].residual(trials[""].start(0.0)).size, _edge(table)
     if rows < LEAST:
         raise DataError(
             f"refinement: expected at least {LEAST} predicted rows, got {rows}: record more"
         )
-    fits = [trials[""].fit(0.0)]
     near = _near(inputs_of(windows, model.inputs.index(table.channel)), table)
-    fits += trials["dead zone"].fits(near)
-    fits += [trials["clamp"].fit(_edge(table))]
+    zone = trials["dead zone"]
+    starts = [zone.start(float(threshold)) for threshold in _spread(near, TRIED)]
+    pairs = [(trials[""], trials[""].start(0.0)), (trials["clamp"], trials["clamp"].start(edge))]
+    fits = _raced([*pairs, *((zone, start) for start in starts)])
+    fits += zone.between(near, [fit for fit in fits if fit.variant == zone.variant])
     best = min(fits, key=lambda fit: fit.criterion)
     least = {v: min(f.criterion for f in fits if f.variant == v) for v in {f.variant for f in fits}}
     evaluations = sum(fit.evaluations for fit in fits)
     return trials[best.variant].outcome(best, least, evaluations)
+
+
+def _raced(field: Sequence[tuple[_Trial, Numbers]]) -> list[_Fit]:
+    """A fit from each start, of which those that fall back are not finished."""
+    fits = [trial.fit(start, RACE[0][0]) for trial, start in field]
+    running = list(range(len(fits)))
+    for (_, times), (most, _) in zip(RACE, (*RACE[1:], (None, 0.0)), strict=True):
+        least = min(fit.squares for fit in fits)
+        running = [k for k in running if not fits[k].ended and fits[k].squares <= times * least]
+        for k in running:  # the same way once more, and on
+            fits[k] = field[k][0].fit(field[k][1], most)
+    return fits
+
+
+def _spread(values: Vector, count: int) -> Float64[np.ndarray, " some"]:
+    """At most so many of them, evenly spread, the first and the last among them."""
+    places = np.linspace(0, len(values) - 1, min(len(values), count)).round().astype(int)
+    return np.asarray(values[np.unique(places)])
 
 
 def _edge(table: Table) -> float:
@@ -145,7 +174,8 @@ def _edge(table: Table) -> float:
 def _near(u: Vector, table: Table) -> Float64[np.ndarray, " near"]:
     """Commands near the table's edge, rising; they include the largest below the edge."""
     edge, step = _edge(table), float(table.levels[1] - table.levels[0])
-    seen = np.unique(np.abs(u).round(9))
+    seen = np.unique(np.abs(u))
+    seen = seen[np.diff(seen, append=np.inf) > 1e-9]  # not below the command that it stands for
     return np.asarray(seen[(seen > 0) & (np.abs(seen - edge) <= 2.0 * step + 1e-9)])
 
 
@@ -188,6 +218,17 @@ class _Trial:
 
     def residual(self, q: Numbers) -> Vector:
         """Measured − predicted over the horizon, all windows and outputs, without NaN."""
+        at = q.tobytes()
+        if at not in self._known:
+            self._known[at] = self._residual(q)
+        return self._known[at]
+
+    @cached_property
+    def _known(self) -> dict[bytes, Vector]:
+        """Residuals of all numbers that were tried."""
+        return {}
+
+    def _residual(self, q: Numbers) -> Vector:
         full = self.full(q)
         found = []
         for block, restart in self._planned:
@@ -214,21 +255,41 @@ class _Trial:
         """Parameters of the corrected model: no delay, only the lag."""
         return np.concatenate([self.p, q[:-1], [0.0, q[-1]]])
 
-    def fits(self, thresholds: Vector) -> list[_Fit]:
-        """The fits with some of the thresholds, and with the best of all by the best of these."""
-        k = len(thresholds)
-        some = np.unique(np.linspace(0, k - 1, min(k, TRIED)).round().astype(int))
-        found = [self.fit(float(threshold)) for threshold in thresholds[some]]
-        if len(some) < k:
-            best = min(found, key=lambda one: one.criterion).q
-            points = [np.r_[threshold, best[1:]] for threshold in thresholds]
-            costs = [float(np.square(self.residual(q)).sum()) for q in points]
-            found.append(self.fit(float(thresholds[int(np.argmin(costs))])))
+    def between(self, thresholds: Vector, fits: Sequence[_Fit]) -> list[_Fit]:
+        """Fits with thresholds between those tried: each with the one that the numbers of the best
+        so far go best with, as long as that helps.
+        """
+        found = list[_Fit]()
+        if len(fits) in (0, len(thresholds)):
+            return found
+        best = min(fits, key=lambda one: one.criterion)
+        while (threshold := self._nearest(thresholds, best.q)) != best.q[0]:
+            found.append(self.fit(np.r_[threshold, best.q[1:]]))
+            if not found[-1].criterion < best.criterion:
+                break
+            best = found[-1]
         return found
 
-    def fit(self, threshold: float) -> _Fit:
-        """The least-squares fit; a dead zone's threshold stays where it is."""
-        q = self.start(threshold)
+    def _nearest(self, thresholds: Vector, q: Numbers) -> float:
+        """The threshold that goes best with the other numbers, sought among ever fewer."""
+        some: Numbers = thresholds
+        while True:
+            tried = some if len(some) <= BRACKET else _spread(some, TRIED)
+            costs = [np.square(self.residual(np.r_[one, q[1:]])).sum() for one in tried]
+            at = int(np.argmin(costs))
+            if len(tried) == len(some):
+                return float(tried[at])
+            low, high = tried[max(at - 1, 0)], tried[min(at + 1, len(tried) - 1)]
+            some = some[(some >= low) & (some <= high)]
+
+    def fit(self, start: Numbers, most: int | None = None) -> _Fit:
+        """The least-squares fit; a dead zone's threshold stays where it is.
+
+        Args:
+            start: where it begins.
+            most: residuals that it may evaluate, beside those of its slopes; None: to the end.
+        """
+        q = start.copy()
         low, high = self._bounds()
         free = np.arange(1 if self.variant == "dead zone" else 0, len(q))
         typical = np.where(np.arange(len(q)) == len(q) - 1, 0.1 * self.horizon, 0.05 * high)
@@ -239,12 +300,13 @@ class _Trial:
 
         result = scipy.optimize.least_squares(
             residual, np.clip(q[free], low[free], high[free]), bounds=(low[free], high[free]),
-            x_scale=typical[free], diff_step=np.full(len(free), 1e-4),
+            x_scale=typical[free], diff_step=np.full(len(free), 1e-4), max_nfev=most,
         )  # fmt: skip
         q[free] = result.x
         n, squares = len(result.fun), 2.0 * float(result.cost)
         criterion = n * math.log(max(squares / n, 1e-300)) + len(q) * math.log(n)
-        return _Fit(criterion, self.variant, q, int(result.nfev), squares / n)
+        ended = bool(result.status > 0)
+        return _Fit(criterion, self.variant, q, int(result.nfev), squares / n, ended)
 
     def outcome(self, fit: _Fit, least: Mapping[str, float], evaluations: int) -> Refined:
         """The fit as terms, values and sentences."""

@@ -87,7 +87,8 @@ def explore(
             if n[OPEN] == 1:
                 n[LEVEL] = level if elapsed[0] == 0.0 or n[LEVEL] == level else -1
                 elapsed[0] += dt[i]
-                for a in range(count):
+                # a segment in which the set-point changed is no sample: nobody asks for its end
+                for a in range(count if n[LEVEL] >= 0 else 0):
                     command[channel] = actions[a]
                     at, o = x[1 + a].ctypes.data, predicted[a].ctypes.data
                     code = call(step, c, at, command_at, dt[i], params, b, o)

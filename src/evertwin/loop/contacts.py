@@ -24,6 +24,7 @@ from evertwin.models import Model, kernel_of
 from evertwin.models.kernel import Restart
 from evertwin.models.rollout import roll
 from evertwin.signals import wrap
+from evertwin.sync.horizon import finite
 from evertwin.types import Outputs, ParameterVector
 
 
@@ -59,6 +60,7 @@ def _seen(setup: Setup, model: Model, p: ParameterVector, rows: Block, y: Output
     measured = np.where(_measured(mark), rows.y, np.nan)
     columns, unsaid = setup.judged_by
     measured[:, unsaid] = np.nan
+    measured[~finite(u)] = np.nan  # an unknown speed is not one of what stands
     r, half, moving = wrap(measured - y, model.outputs.angles), np.zeros(y.shape), setup.moving(u)
     v = np.where(unsaid, np.nan, u.take(columns, axis=1))
     stands = np.flatnonzero(~moving.all(axis=1))

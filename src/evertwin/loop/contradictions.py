@@ -14,12 +14,16 @@ from evertwin.loop.decision import Decision
 from evertwin.loop.disturbances import forget
 from evertwin.loop.ring import Rows
 from evertwin.loop.setup import Setup
+from evertwin.types import Inputs
 
 
-def compared(setup: Setup, state: KinematicsState, rows: Block) -> tuple[KinematicsState, Block]:
-    """The rows, marked where their inputs contradict each other. Consumes ``state``; writes the
-    marks of ``rows``."""
-    state, marked = setup.kinematics.step(state, rows.row, rows.dt, rows.u)
+def compared(
+    setup: Setup, state: KinematicsState, rows: Block, u: Inputs
+) -> tuple[KinematicsState, Block]:
+    """The rows, marked where their inputs ``u`` contradict each other, as they were recorded: one
+    in another unit may be beyond what is possible. Consumes ``state``; writes the marks of
+    ``rows``."""
+    state, marked = setup.kinematics.step(state, rows.row, rows.dt, u)
     if marked.any():
         _contest(rows.mark[:, rows.u.shape[1] :], marked)
     return state, rows

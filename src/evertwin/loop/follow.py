@@ -159,7 +159,7 @@ class Follow:
         external, judged = watched(
             self.setup, state, track.model, tracked.p, out.rows.judged(piece), out.rows.y
         )
-        kinematics, judged = compared(self.setup, state.kinematics, judged)
+        kinematics, judged = compared(self.setup, state.kinematics, judged, piece.u)
         stage = self.following(state.live.version)
         stream = state.stream if stage is None else stage.step(state.stream, judged)
         known = out.rows.y if self.setup.static else None
