@@ -42,9 +42,9 @@ FEWEST = 20
 """Values that are asked at least, where there are as many."""
 VACUOUS = 30.0
 """Upper over lower end of the 80 % interval from which it says nothing."""
-LOW = np.array([-1.15, 0.0, 0.35, 0.0, 1.50, 1.30])
-HALF = np.array([0.0, 0.0, 0.10, 0.13, 0.45, 1.10])
-HIGH = np.array([0.33, 0.97, 0.09, 0.18, 0.90, 1.05])
+LOW = np.array([-1.17, 0.0, 0.42, 0.0, 0.45, 1.48])
+HALF = np.array([0.0, 0.0, 0.12, 0.12, 0.45, 1.18])
+HIGH = np.array([0.35, 1.05, 0.09, 0.16, 0.92, 1.15])
 """Logarithms of what 6, 50 and 90 % of drawn lives last at most, over the median of the laws: a
 constant, and what each own, lately, bend, young and rush adds (`python -m proofs.alone`)."""
 FARTHEST, SOONEST = 1.5, 3.0
