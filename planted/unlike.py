@@ -9,7 +9,8 @@
     bathtub     run-in, then a line, then faster and faster
     seasonal    a line under waves that nobody measures
 
-A component is seen 60 to 300 times in its life through noise that leans on the value before by 0 to
+A component is seen 60 to 300 times in its life (those of `planted/sudden.py`, at whose end much
+happens in little time, up to 1,500 times) through noise that leans on the value before by 0 to
 0.8; a standard deviation of 0.5 to 4 % of the way from new to the limit. Lives of one kind spread
 by 35 % (log-normal) around one that is drawn from 10 to 100,000.
 """
@@ -22,6 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planted.fresh import FRESH
+from planted.sudden import ABRUPT, SUDDEN
 from planted.unseen import UNSEEN
 
 FINE = 4000
@@ -52,14 +54,16 @@ def kind_of(law: str, rng: np.random.Generator) -> Kind:
     new = float(rng.normal(0.0, 3.0))
     way = float(np.exp(rng.uniform(-3.0, 5.0)) * rng.choice((-1.0, 1.0)))
     life = float(np.exp(rng.uniform(np.log(10.0), np.log(1e5))))
-    return Kind(law, life, int(rng.integers(60, 300)), new, new + way)
+    values = rng.integers(60, 300)
+    if law in SUDDEN or law in ABRUPT:
+        values = np.exp(rng.uniform(np.log(60.0), np.log(1500.0)))
+    return Kind(law, life, int(values), new, new + way)
 
 
 def stranger(kind: Kind, rng: np.random.Generator) -> Stranger:
     """One component of a kind."""
-    level = (LEVELS | dict(UNSEEN) | dict(FRESH))[kind.law](
-        np.linspace(0.0, 4.0, 4 * FINE + 1), rng
-    )
+    every = {**LEVELS, **UNSEEN, **FRESH, **SUDDEN, **ABRUPT}
+    level = every[kind.law](np.linspace(0.0, 4.0, 4 * FINE + 1), rng)
     if not (level >= 1.0).any():
         return stranger(kind, rng)
     end = int(np.argmax(level >= 1.0))

@@ -315,6 +315,15 @@ def test_a_knee_just_seen_brings_the_end_nearer(seed: int) -> None:
     assert life.interval80[1] < 250.0
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_an_end_soon_after_a_long_calm_is_not_ruled_out(seed: int) -> None:
+    k = np.arange(1990.0)  # the limit comes at 2,000
+    since = np.maximum(k - 1940.0, 0.0) / 60.0
+    life = predict_life(wear(0.3 * k / 2000.0 + 0.7 * since**1.5, noise=0.02, seed=seed))
+    assert isinstance(life, Life)
+    assert life.interval80[0] < 11.0 < life.interval80[1] < 200.0
+
+
 def test_a_life_far_beyond_the_age_is_doubted_as_it_is_unsure() -> None:
     unsure = 300.0 * np.exp(0.5 * scipy.special.ndtri(LEVELS))
     young, old = (

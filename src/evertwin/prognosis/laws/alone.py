@@ -13,8 +13,9 @@ and what they say is corrected by how drawn wear that follows none of them went 
 * *rush*: how much sooner the limit comes at the fastest pace that a median rose by within the
   newest `LATEST`, beyond what noise does.
 
-Three drawn lives in a hundred end before the lower end, so that sudden ends that were not drawn
-have room, and ten after the upper one. Narrow answers are earned with a fleet.
+Wear that is calm for most of a life and then ends it soon was drawn with the rest. Six drawn lives
+in a hundred end before the lower end, so that sudden ends that were not drawn have room, and ten
+after the upper one. Narrow answers are earned with a fleet.
 
 >>> told = widened(50.0 * np.exp(0.01 * (LEVELS - 0.5)), Bend(np.nan, np.nan, 4.0, np.inf))
 >>> round(float(np.interp(0.5, LEVELS, told)), 6)
@@ -39,15 +40,15 @@ NEWEST = 0.5
 """Share of the values that the laws are asked of."""
 FEWEST = 20
 """Values that are asked at least, where there are as many."""
-VACUOUS = 20.0
+VACUOUS = 30.0
 """Upper over lower end of the 80 % interval from which it says nothing."""
-LOW = np.array([-1.10, 0.0, 0.16, 0.25, 0.49, 0.63])
-HALF = np.array([0.0, 0.0, 0.17, 0.23, 0.31, 0.48])
-HIGH = np.array([0.41, 0.97, 0.07, 0.23, 0.81, 0.75])
-"""Logarithms of what 3, 50 and 90 % of drawn lives last at most, over the median of the laws: a
+LOW = np.array([-1.17, 0.0, 0.42, 0.0, 0.45, 1.48])
+HALF = np.array([0.0, 0.0, 0.12, 0.12, 0.45, 1.18])
+HIGH = np.array([0.35, 1.05, 0.09, 0.16, 0.92, 1.15])
+"""Logarithms of what 6, 50 and 90 % of drawn lives last at most, over the median of the laws: a
 constant, and what each own, lately, bend, young and rush adds (`python -m proofs.alone`)."""
-FARTHEST = 1.5
-"""A bend, or a rush, counts up to this logarithm."""
+FARTHEST, SOONEST = 1.5, 3.0
+"""A bend, and a rush, count up to these logarithms."""
 LATEST = 0.125
 """Share of the values in which a rush is looked for."""
 CERTAIN = 2.0
@@ -152,7 +153,7 @@ def known_of(
     bends = np.where(np.isfinite(bends), np.clip(bends, -FARTHEST, FARTHEST), 0.0)
     own = min(own, 2.0)
     young, rush = (min(x - float(np.log(half)), 0.0) for x in (bend.age, bend.rush))
-    return half, np.array([1.0, own, *bends, own * young, max(rush, -FARTHEST)])
+    return half, np.array([1.0, own, *bends, own * young, max(rush, -SOONEST)])
 
 
 def widened(remaining: Float64[np.ndarray, " k"], bend: Bend) -> Float64[np.ndarray, " k"] | None:

@@ -15,8 +15,8 @@ over the slope of the newest `TANGENT` of the life. The logarithm of the remaini
 Where a late machine also lasts longer by as much k is 1; where the pace so far tells nothing of the
 pace to come it is 0. The fleet says what k and c are: each of its machines is asked for by the
 others at `MOMENTS` of its life, and least squares draw both from `BEFORE` towards what was seen.
-What is off there for machines about as near to their end gives b and the quantiles, with an even
-share of `EVEN` machines of spread `STRANGE` mixed in.
+What is off there for machines about as near to their end gives b and the quantiles, with the share
+of `EVEN` question of spread `STRANGE` mixed in.
 
 A fleet may wear at another pace altogether. δ is what of x is that: the mean of a shift that one
 fleet in `SHIFTS` has, of a logarithm of standard deviation `SHIFT`, given how far the paces within
@@ -56,10 +56,10 @@ BEFORE = np.array([0.5, 0.2])
 """k and c before anything was seen."""
 FIRM = np.array([20.0, 200.0])
 """Questions that each is worth."""
-NEAR, NEAREST = 0.4, 12
+NEAR, NEAREST = 0.7, 12
 """Distance in the logarithm of left over age at which a question counts less; so far that as many
 count."""
-EVEN, STRANGE = 4.0, 0.4
+EVEN, STRANGE = 1.0, 0.4
 SHIFTS, SHIFT = 0.5, 0.7
 DOUBT = 0.5
 """Share of a shift by which it may be wrong."""
