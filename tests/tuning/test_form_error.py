@@ -53,7 +53,8 @@ def test_values_stay_and_what_they_only_make_up_for_is_said() -> None:
     assert before.verdict[before.names.index("Fc")] == "identifiable"
     (low, high), where = after.interval("Fc"), after.names.index("Fc")
     alone = before.interval("Fc")
-    assert low < alone[0] < after["Fc"] < alone[1] <= high  # both ways: the one left free, and this
+    assert low <= alone[0] < after["Fc"] < alone[1] <= high  # as it is found here, and left free
+    assert high - low > 1.5 * (alone[1] - alone[0])
     assert after.verdict[where] == "weak"
     assert "the form of force does not hold (" in after.reasons[where]
     assert "only predicts best" in after.reasons[where]
