@@ -393,17 +393,19 @@ def test_a_machine_that_is_blocked_at_a_new_speed_is_no_wrong_command(rate: int)
         assert np.nanmedian(np.abs(out.rows.residual[305 * rate : 355 * rate])) > 0.5 * top / rate
 
 
-def test_a_doubt_about_a_command_gives_way() -> None:
+@pytest.mark.parametrize(("factor", "more", "rows"), [(1000.0, 0.0, 2000), (1.0, 1300.0, 1000)])
+def test_a_doubt_about_a_command_gives_way(factor: float, more: float, rows: int) -> None:
+    """But not about its unit, as long as the machine follows it divided."""
     block, _ = wrong_inputs(1, 1.0, slice(0, 0))
     block, n = make_block(t=np.arange(2400) * 10**8, u=np.tile(block.u, (4, 1)),
                           y=np.zeros((2400, 1))), 2400  # fmt: skip
     v = block.u[:, 0].copy()
     moved = np.concatenate([[0.0], np.cumsum(v[1:] * 0.1)])
     block.y[:, 0] = moved + np.random.default_rng(0).normal(0, 0.01, n)
-    block.u[400:, 0] *= 1000.0
+    block.u[400:, 0] = factor * block.u[400:, 0] + more
     _, out = fold(Track(drive(), Arbiter(Rule(use="blend", sigma=0.01))), [block])
     doubted = np.flatnonzero(out.rows.doubt[:, 0] == Mark.ERROR)
-    assert doubted.tolist() == list(range(400, 1400))
+    assert doubted.tolist() == list(range(400, 400 + rows))
 
 
 def test_a_command_that_the_machine_follows_is_believed() -> None:

@@ -205,6 +205,8 @@ def doubt(
         counts[k, at.DOUBTED] += 1
         counts[k, at.TO] = now[0]
         if inputs[k, at.BY] != 0.0:
+            # each row says anew whether the machine follows it divided: that does not give way
+            counts[k, at.DOUBTED] = min(counts[k, at.DOUBTED], LONGEST - 1)
             inputs[k, at.BELIEVED] = other[k]
         u[i, k], doubts[i, k] = other[k], ERROR
 
