@@ -9,8 +9,8 @@ corrected score of T. Nakamura, Biometrika 77, 1990).
 The noise is that of neighbouring residuals: the part of them that the next row takes back. What
 the machine itself does at random, or does otherwise than the model, is none of it.
 
->>> rng, level = np.random.default_rng(1), np.cumsum(rng.standard_normal(4000))
->>> seen = (0.1 * level + 0.5 * rng.standard_normal(4000))[:, None]
+>>> level, noise = np.random.default_rng(1).standard_normal((2, 4000))
+>>> seen = (0.1 * np.cumsum(level) + 0.5 * noise)[:, None]
 >>> white(seen, np.ones(4000, dtype=bool)).round(1).tolist()
 [0.5]
 """
