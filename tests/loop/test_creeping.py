@@ -9,6 +9,9 @@ from evertwin import Twin
 from evertwin.config import TwinSpec
 from evertwin.config.spec import ModelSpec
 from evertwin.fold import Block, make_block
+from evertwin.loop.friction_law import Chosen, acting
+from evertwin.machines.drive import DriveForce
+from evertwin.tuning import Problem, solve
 from evertwin.tuning.spec import TuningSpec
 
 TOP = {"slow": 0.02, "fast": 5.0}
@@ -59,3 +62,14 @@ def test_what_is_learned_of_slow_ways_back_holds_for_fast_ones() -> None:
     now = dict(zip(version.names, version.values, strict=True))
     assert now["Fc"] + (now["Fv"] + now["Fv_back"]) * 0.5 > 0.0
     assert both.laws == {"force": "sign+stribeck"}
+
+
+def test_a_term_whose_number_stays_at_zero_is_none_of_the_law() -> None:
+    problem = Problem(DriveForce(LAW), (moved(0.5, 1),), ("mass", "Fv", "Fc", "offset", "Fs", "Fr"))
+    fit, place = solve(problem), problem.model.parameters.index("Fr")
+    taken = Chosen(taken=(("stribeck", "root"),))
+    assert acting(taken, problem, fit).laws == {"force": "sign+stribeck+root"}
+    fit.p[place] = 0.0
+    found = acting(taken, problem, fit)
+    assert found.laws == {"force": "sign+stribeck"} and "film" not in found.causes["force"]
+    assert acting(Chosen(), problem, fit) == Chosen()

@@ -14,9 +14,9 @@ from typing import Annotated
 
 import typer
 
-from evertwin.app import cli_validate
+from evertwin.app import cli_export, cli_validate
 from evertwin.app.cli_engineer import register as register_engineer
-from evertwin.app.cli_export import register as register_export
+from evertwin.app.cli_export import PART
 from evertwin.app.cli_features import register as register_features
 from evertwin.app.cli_fleet import register as register_fleet
 from evertwin.app.cli_label import register as register_label
@@ -53,7 +53,6 @@ KINDS = (
 )
 MOST, LONGEST = 50, 500
 """Lines of an error that are shown, and signs of a line."""
-PART = " FILE@START:STOP is the part from START to STOP, in seconds from its first stamp."
 TwinFile = Annotated[Path, typer.Argument(help="Twin file (TOML).", metavar="TWIN.toml")]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
 Check = Annotated[bool, typer.Option("--check", help="Exit with 1 when there are findings.")]
@@ -141,7 +140,9 @@ def kpi(
 @app.command()
 def fit(
     twin: TwinFile,
-    train: Annotated[list[Path], typer.Option("--train", help="Recordings to learn from." + PART)],
+    train: Annotated[
+        list[Path] | None, typer.Option("--train", help="To learn from; else its own files." + PART)
+    ] = None,
     test: Annotated[
         list[Path] | None, typer.Option("--test", help="Recording to be judged on; repeat." + PART)
     ] = None,
@@ -161,7 +162,7 @@ def fit(
     """
     from evertwin.app.commands import fit_twin
 
-    fit_twin(twin, (train, test or []), (as_json, check, keep), workers, beside)
+    fit_twin(twin, (train or [], test or []), (as_json, check, keep), workers, beside)
 
 
 @app.command()
@@ -320,7 +321,7 @@ register_label(app)
 
 cli_validate.register(app)
 register_engineer(app)
-register_export(app, model_app)
+cli_export.register(app, model_app)
 register_store(app)
 register_machine(app)
 register_map(app)

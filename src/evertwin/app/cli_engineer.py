@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-PART = " FILE@START:STOP is the part from START to STOP, in seconds from its first stamp."
+from evertwin.app.cli_export import PART
 
 
 def engineer(

@@ -17,7 +17,7 @@ from evertwin.engine import Engine
 from evertwin.fold import Block, plain
 from evertwin.loop.evaluation import Deviation, Prediction, deviations, falls_short, predict
 from evertwin.loop.feed import Data, Feed
-from evertwin.loop.friction_law import Chosen, climb_laws, joined
+from evertwin.loop.friction_law import Chosen, acting, climb_laws, joined
 from evertwin.loop.recursive_fit import Recursion
 from evertwin.loop.screening import screened
 from evertwin.loop.setup import Setup
@@ -245,6 +245,7 @@ def tune(
         told = told_apart(formed.problem, formed.fit)
         sure = repeated(formed.problem, carried(formed.problem, told))
         formed = replace(formed, fit=moved(formed.problem, sure, joined(formed.problem)))
+        chosen = acting(chosen, problem, formed.fit)
         unknown = _unknown(work, formed) if chosen.laws or formed.search else ""
     return Tuned(setup, base, version, formed, chosen, unknown, tasks, feed)
 
@@ -297,7 +298,7 @@ def fit(
         setup.spec.name, found, deviations(setup, done.judged(done.tasks, own=False).predictions),
         deviations(setup, together) if tests else (),
         tuple((name, deviations(setup, one.predictions)) for name, one in tests),
-        *done.chosen,
+        done.chosen.laws, done.chosen.causes,
         None if rule is None else {"kind": rule.kind, "order": rule.order, "cutoff": rule.cutoff},
         model.parameters.with_values(found.p), formed.form, done.unknown, formed.search,
         tuple(

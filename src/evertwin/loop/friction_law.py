@@ -22,7 +22,7 @@ from evertwin.loop.windows import apart
 from evertwin.machines.friction import Rung
 from evertwin.machines.friction.resisting import Resisting, pushes
 from evertwin.models import Model
-from evertwin.tuning import Problem
+from evertwin.tuning import Fit, Problem
 from evertwin.tuning.terms import climb_terms, folded
 from evertwin.tuning.unseen import held_out
 from evertwin.types import PerOutput
@@ -70,6 +70,8 @@ class Chosen(NamedTuple):
     """The friction law."""
     causes: Mapping[str, str] = MappingProxyType({})
     """What its terms mean; without those that have none."""
+    taken: tuple[tuple[str, ...], ...] = ()
+    """Terms that joined, per output."""
 
     @property
     def said(self) -> str:
@@ -156,15 +158,30 @@ def climb_laws(setup: Setup, problem: Problem) -> tuple[Problem, Chosen]:
 
     parts = replace(problem, windows=_folds(apart(problem.windows)))
     ascent = climb_terms(parts, tried, wrong=pushing)
-    assert isinstance(model, Laddered)
-    joints = getattr(model, "joints", model.outputs.names)
-    laws = {joint: model.law_name(k, ascent.taken[k]) for k, joint in enumerate(joints)}
-    causes = {joint: _causes(problem, k, ascent.taken[k]) for k, joint in enumerate(joints)}
-    told = {joint: cause for joint, cause in causes.items() if cause}
     out = [r for r in tried if r.name not in ascent.taken[r.output]]
     stay = {name: plain.parameters[name].value for rung in out for name, _ in rung.shape}
     problem = replace(problem, prior=problem.parameters.with_values(stay)) if stay else problem
-    return problem.tuning(ascent.names), Chosen(laws, told)
+    return problem.tuning(ascent.names), _chosen(problem, ascent.taken)
+
+
+def acting(chosen: Chosen, problem: Problem, fit: Fit) -> Chosen:
+    """What is left of it once its numbers are tuned: a term whose numbers the rows do not tell, so
+    that they stay at zero, is none of the law."""
+    if not chosen.taken:
+        return chosen
+    values = dict(zip(problem.model.parameters.names, fit.p.tolist(), strict=False))
+    acts = {(r.output, r.name) for r in _rungs(problem.model) if any(values[n] for n in r.add)}
+    kept = (tuple(n for n in some if (k, n) in acts) for k, some in enumerate(chosen.taken))
+    return _chosen(problem, tuple(kept))
+
+
+def _chosen(problem: Problem, taken: tuple[tuple[str, ...], ...]) -> Chosen:
+    model = problem.model
+    assert isinstance(model, Laddered)
+    joints = getattr(model, "joints", model.outputs.names)
+    laws = {joint: model.law_name(k, taken[k]) for k, joint in enumerate(joints)}
+    causes = {joint: _causes(problem, k, taken[k]) for k, joint in enumerate(joints)}
+    return Chosen(laws, {joint: cause for joint, cause in causes.items() if cause}, taken)
 
 
 def _shaped(problem: Problem, tried: Sequence[Rung]) -> Problem:

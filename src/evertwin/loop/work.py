@@ -22,6 +22,7 @@ from evertwin.loop.answering import changed_since, event, of_a_sensor, rejected
 from evertwin.loop.change import changed, split, suddenly
 from evertwin.loop.correcting import learn, nearest
 from evertwin.loop.evaluation import falls_short, left, sizes
+from evertwin.loop.friction_law import acting
 from evertwin.loop.misread import misread
 from evertwin.loop.named_cause import named_first
 from evertwin.loop.physical import physically
@@ -211,12 +212,10 @@ class Work:
         windows, events = self._now(version, windows, names) if task.held else (windows, [])
         since = {"since": windows[0].row} if windows is not task.windows else {}
         model = self.versions.model_of(version.form)
-        if commissioned:
-            other = unit_change(self.setup, model, version.p, windows) or misread(
-                self.setup, model, version.p, windows
-            )
-            if other:
-                return {"events": [*events, of_a_sensor(other)]} | since
+        rows = self.setup, model, version.p, windows
+        other = (unit_change(*rows) or misread(*rows)) if commissioned else None
+        if other:
+            return {"events": [*events, of_a_sensor(other)]} | since
         posed = self.problem(version, windows, names)
         named = named_first(self, task, posed, events)
         if named:
@@ -230,7 +229,7 @@ class Work:
         else:
             verdict = self.verdict(problem, fit)
         if verdict.kind == "abnormal" and not commissioned:
-            other = misread(self.setup, model, version.p, windows, fit.p)
+            other = misread(*rows, fit.p)
             if other:
                 return {"events": [*events, of_a_sensor(other)]} | since
         events += [
@@ -252,7 +251,8 @@ class Work:
             verdict.kind == "normal" or self._helps(verdict, fit)
         ):
             found = self.tuned(version, problem, fit, windows, events)
-            content["candidate"] = found and found | {"reason": found["reason"] + chosen.said}
+            said = acting(chosen, problem, fit).said
+            content["candidate"] = found and found | {"reason": found["reason"] + said}
         return content | since
 
     def _named(
