@@ -43,8 +43,11 @@ def said(
 
 def test_better_is_said_in_millimetres_with_what_was_changed() -> None:
     text = said(ROBOT, 0.029, 0.004, "suspected", "promoted", version=1)
-    assert text.startswith("The twin is closer to its machine than before: x is off by 4 mm inst")
-    assert "29 mm (rms, predicted 1 s ahead)" in text and "Changed: tuned gain." in text
+    assert text.startswith("The twin fits its machine now: x is off by 4 mm instead of 29 mm")
+    assert "(rms, predicted 1 s ahead), where 10 mm is asked" in text
+    assert text.endswith("Changed: gain 1 → 1.")
+    short = said(ROBOT, 0.029, 0.014, "suspected", "promoted", version=1)
+    assert "is closer to its machine" in short and "still off by more than is asked" in short
 
 
 def test_a_version_that_is_no_better_is_not_called_better() -> None:
@@ -69,7 +72,7 @@ def test_within_the_requirement_nothing_was_changed() -> None:
 def test_off_says_what_would_help() -> None:
     text = said(ROBOT, 0.03, 0.03, "suspected", "abnormal")
     assert "off, x by 30 mm" in text and "where 10 mm is asked" in text
-    assert 'it depends on v. To let it learn that, say [correction] channels = ["v"]' in text
+    assert 'it depends on v. To let the twin learn that, add [correction] channels = ["v"]' in text
     rule = CorrectionSpec(channels=("v",), terms=("law",))
     tried = said(replace(ROBOT, correction=rule), 0.03, 0.03, "suspected", "abnormal", "rejected")
     assert "nothing better was found: 1 candidate was tried" in tried
@@ -98,7 +101,9 @@ def test_within_but_suspected_says_both() -> None:
 def test_what_did_not_move_is_not_called_fitting() -> None:
     still = {n: replace(f, judged=float("nan")) for n, f in figures(0.03, 0.03).items()}
     with Twin(ROBOT) as twin:
-        assert "nothing moved" in headline(twin.setup, still, twin.champion, [], None)
+        assert "Nothing moved, so whether the twin fits cannot be told" in headline(
+            twin.setup, still, twin.champion, [], None
+        )
 
 
 def test_without_a_requirement_it_asks_for_one() -> None:
@@ -119,7 +124,8 @@ def test_a_place_at_which_contacts_come_again_is_named() -> None:
 
 
 @pytest.mark.parametrize(
-    ("gain", "told"), [(0.94, "94 % less so far"), (0.0, "no better so far"), (-6.46, "worse so")]
+    ("gain", "told"),
+    [(0.94, "94 % less deviation so far"), (0.0, "no better so far"), (-6.46, "worse so")],
 )
 def test_a_trial_is_called_better_only_where_it_is(gain: float, told: str) -> None:
     trial = OpenTrial(1, "tuned gain", 5, 7, gain, 0.67, (), None, None, "the gain is below 5 %")

@@ -76,7 +76,8 @@ class Verdict:
     """
 
     kind: str
-    """normal: the parameters had moved. abnormal: the form is wrong."""
+    """normal: the parameters had moved. abnormal: the form is wrong. noise: neither can be told,
+    since what is measured scatters by more than is asked."""
     cause: str
     """Name of the refit that explains the deviation; empty where none does."""
     reason: str

@@ -23,6 +23,7 @@ from evertwin.doctor.finding import Finding
 from evertwin.errors import DataError, ModelError, UsageError
 from evertwin.fold import Block
 from evertwin.loop.correcting import sarsa_settings
+from evertwin.loop.noise import floor, noise
 from evertwin.loop.setup import Setup
 from evertwin.loop.unlike import changes
 from evertwin.loop.versions import Versions
@@ -43,44 +44,15 @@ CLEAR = 3.0
 
 def look_settings(view: View, figures: dict[str, Any]) -> Iterator[Finding]:
     """What is set, against what the data is like."""
-    noise = _noise(view)
-    figures["noise"] = dict(zip(view.model.outputs.names, noise.tolist(), strict=True))
-    yield from _horizon(view, noise)
-    yield from _tolerance(view, noise)
-    yield from _requirement(view, noise)
+    found = noise(view.setup, view.model, view.version.p, view.some(view.judged))
+    figures["noise"] = dict(zip(view.model.outputs.names, found.tolist(), strict=True))
+    yield from _horizon(view, found)
+    yield from _tolerance(view, found)
+    yield from _requirement(view, found)
     yield from _actions(view)
 
 
-def _noise(view: View) -> Vector:
-    """Standard deviation of each output's measurement, (ny,); NaN where it cannot be told."""
-    found = [changes(view.model, view.version.p, window, 1e-9) for window in view.some(view.judged)]
-    out = []
-    for k in range(len(view.model.outputs)):
-        off = [(change.measured - change.predicted)[:, k] for change in found]
-        level = _level([np.diff(r[np.isfinite(r)]) for r in off], view.setup.static)
-        if view.setup.static:
-            y = [change.measured[:, k] for change in found]
-            level = min(level, _level([np.diff(one[np.isfinite(one)]) for one in y], True))
-        out.append(level)
-    return np.array(out)
-
-
-def _level(steps: list[Vector], static: bool) -> float:
-    """Noise from differences of neighbouring residuals, outliers clipped."""
-    whole = np.concatenate(steps)
-    if len(whole) < 30:
-        return math.nan
-    spread = float(np.median(np.abs(whole))) / 0.6745
-    if static:
-        return spread / math.sqrt(2)
-    # n(i+1) − 2·n(i) + n(i−1): from row to row its covariance is −4·σ², and drifts cancel
-    clipped = [np.clip(d, -5 * spread, 5 * spread) for d in steps]
-    pairs = sum(max(len(d) - 1, 0) for d in clipped)
-    total = sum(float((d[1:] * d[:-1]).sum()) for d in clipped)
-    return math.sqrt(max(-total / max(pairs, 1) / 4, 0.0))
-
-
-def _horizon(view: View, noise: Vector) -> Iterator[Finding]:
+def _horizon(view: View, level: Vector) -> Iterator[Finding]:
     horizon, least = view.setup.horizon, view.setup.spec.trial.segments
     if not math.isfinite(horizon):
         return
@@ -99,9 +71,9 @@ def _horizon(view: View, noise: Vector) -> Iterator[Finding]:
     moved = [changes(view.model, view.version.p, w, horizon).measured for w in view.judged]
     for k, channel in enumerate(view.model.outputs):
         steps = np.concatenate([np.abs(m[np.isfinite(m[:, k]), k]) for m in moved])
-        floor = math.sqrt(2) * noise[k]
-        if len(steps) and floor > 0 and view.setup.watched[k]:
-            ratios[channel.name] = float(np.quantile(steps, 0.95)) / floor
+        least = math.sqrt(2) * level[k]
+        if len(steps) and least > 0 and view.setup.watched[k]:
+            ratios[channel.name] = float(np.quantile(steps, 0.95)) / least
     if ratios and max(ratios.values()) < CLEAR:
         name, ratio = max(ratios.items(), key=lambda item: item[1])
         yield Finding(
@@ -113,43 +85,34 @@ def _horizon(view: View, noise: Vector) -> Iterator[Finding]:
         )  # fmt: skip
 
 
-def _tolerance(view: View, noise: Vector) -> Iterator[Finding]:
+def _tolerance(view: View, level: Vector) -> Iterator[Finding]:
     rule = view.setup.spec.arbiter
     if rule.use != "tolerance":
         return
     for k, channel in enumerate(view.model.outputs):
         limit = rule.tolerance_angle if channel.kind == "angle" else rule.tolerance
-        if np.isfinite(limit) and limit < CLEAR * noise[k]:
+        if np.isfinite(limit) and limit < CLEAR * level[k]:
             yield Finding(
                 "tolerance", channel.name,
                 f"the tolerance of {channel.name}, {limit:.3g} {channel.unit}, is within "
-                f"{CLEAR:g} standard deviations of its noise, {noise[k]:.3g}",
+                f"{CLEAR:g} standard deviations of its noise, {level[k]:.3g}",
                 "[arbiter] tolerance",
-                "a larger tolerance: noise alone makes position updates", {"noise": noise[k]},
+                "a larger tolerance: noise alone makes position updates", {"noise": level[k]},
             )  # fmt: skip
 
 
-def _requirement(view: View, noise: Vector) -> Iterator[Finding]:
+def _requirement(view: View, level: Vector) -> Iterator[Finding]:
     setup = view.setup
     if not math.isfinite(setup.requirement):
         return
-    rule, rate = setup.spec.filter, setup.spec.clock.rate
-    share = 1.0 if rule is None or rate is None else math.sqrt(min(1.0, 2 * rule.cutoff / rate))
-    for k, channel in enumerate(setup.model.outputs):
-        if not setup.watched[k] or not np.isfinite(noise[k]):
-            continue
-        floor = share * noise[k] * (1.0 if setup.static else math.sqrt(2))
-        if setup.relative:
-            y = np.concatenate([w.y[setup.moving(w.u)[:, k], k] for w in view.windows])
-            known = y[np.isfinite(y)]
-            size = math.sqrt(float(np.mean(known**2))) if len(known) else 0.0
-            floor = floor / size if size > 0 else 0.0
-        if floor > setup.requirement:
+    for k, least in enumerate(floor(setup, level, view.windows)):
+        if setup.watched[k] and least > setup.requirement:
+            name = setup.model.outputs.names[k]
             yield Finding(
-                "requirement", channel.name,
+                "requirement", name,
                 f"the requirement {setup.shown(k, setup.requirement)} lies below the noise of "
-                f"{channel.name}, {setup.shown(k, floor)}", "[anomaly] requirement",
-                "a larger requirement, or a [filter]: no model can reach it", {"floor": floor},
+                f"{name}, {setup.shown(k, least)}", "[anomaly] requirement",
+                "a larger requirement, or a [filter]: no model can reach it", {"floor": least},
             )  # fmt: skip
 
 

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from evertwin.loop.kpi import Kpi as Kpi, kpi_of as kpi_of
     from evertwin.loop.label import Label as Label
     from evertwin.loop.ledger import Ledger as Ledger
-    from evertwin.loop.live import Live as Live, View as View
+    from evertwin.loop.live import Live as Live
+    from evertwin.loop.view import View as View
     from evertwin.loop.observer import Observer as Observer, Progress as Progress
     from evertwin.loop.result import RunResult as RunResult
     from evertwin.loop.run import Run as Run

@@ -132,15 +132,20 @@ def at_ends(problem: Problem, values: np.ndarray) -> list[float]:
 
 def falls_short(setup: Setup, problem: Problem, fit: Fit) -> str:
     """Which output stays outside the requirement after tuning; empty where all reach it."""
-    after = [one.rms_after for one in fit.residuals]
-    if setup.at_horizon.wanted:
-        after = at_ends(problem, fit.values)
-    for k, one in enumerate(fit.residuals):
-        left = fit.moving_after[k] if setup.relative else after[k]
+    for k, left in enumerate(off_after(setup, problem, fit)):
         if setup.watched[k] and left > setup.requirement:
-            limit = setup.shown(k, setup.requirement)
-            return f"tuned, {one.output} is still off by {setup.shown(k, left)} (limit {limit})"
+            name, limit = fit.residuals[k].output, setup.shown(k, setup.requirement)
+            return f"tuned, {name} is still off by {setup.shown(k, left)} (limit {limit})"
     return ""
+
+
+def off_after(setup: Setup, problem: Problem, fit: Fit) -> PerOutput:
+    """What each output is off by after tuning, as the requirement has it."""
+    if setup.relative:
+        return np.asarray(fit.moving_after, dtype=np.float64)
+    if setup.at_horizon.wanted:
+        return np.asarray(at_ends(problem, fit.values), dtype=np.float64)
+    return np.array([one.rms_after for one in fit.residuals])
 
 
 def sizes(setup: Setup, problem: Problem, values: Vector) -> PerOutput:

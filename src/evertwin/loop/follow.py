@@ -23,6 +23,7 @@ from evertwin.loop.versions import Versions
 from evertwin.models.form import Form
 from evertwin.sync import Horizon, Track
 from evertwin.tuning import Following
+from evertwin.types import Outputs
 
 EMPTY = Lane(-1, (), ())
 NONE = np.zeros(0, dtype=np.int64)
@@ -32,7 +33,7 @@ class Followed(NamedTuple):
     """What came out of a piece: the displayed rows, and what became known.
 
     >>> Followed._fields
-    ('rows', 'first', 'judged', 'events', 'stop')
+    ('rows', 'first', 'judged', 'off', 'events', 'stop')
     """
 
     rows: Any
@@ -41,6 +42,9 @@ class Followed(NamedTuple):
     """Rows of the first champion's `Track`; None while it is live."""
     judged: Block
     """The piece with the marks of inputs and outputs after judging."""
+    off: tuple[Outputs, Outputs]
+    """What the live and the first version are off by where a prediction has reached its horizon, as
+    the figures have it; (n, ny) each, NaN elsewhere."""
     events: tuple[Event, ...]
     stop: int = -1
     """Row of the first beat at which something has to be decided; −1: there is none."""
@@ -179,6 +183,7 @@ class Follow:
             self.setup.moving(judged.u), a.end, (judged.mark == Mark.EXTERNAL).any(axis=1),
         )  # fmt: skip
         newest, rows = self.setup.at_horizon.step(state.newest, rows)
+        off = rows.live, rows.live if b is None else rows.first
         waiting, released = self.setup.residual_filter.step(state.waiting, rows)
         before_piece = int(piece.t[0]) if opens else state.time
         state = state._replace(
@@ -194,7 +199,7 @@ class Follow:
                 stop = int(after[0])
         told = unsure(_events(out.records), state.ring, judged)
         events = _by_beat(told, found, beats, self.setup.residual_filter.delay)
-        return state, Followed(out.rows, before, judged, events, stop)
+        return state, Followed(out.rows, before, judged, off, events, stop)
 
     def keep(self, state: TwinState, judged: Block) -> TwinState:
         """The newest rows are kept for slow work. Consumes ``state``."""

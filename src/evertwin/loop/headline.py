@@ -112,31 +112,32 @@ def _outcome(
     changed = {name: f for name, f in known.items() if f.after != f.before and f.before > 0}
     better = {n: f for n, f in changed.items() if f.after < (1.0 - CLEAR) * f.before}
     worse = {n: f for n, f in changed.items() if f.after > (1.0 + CLEAR) * f.before}
-    why = shorter(champion.reason)
+    why = _changed(setup, champion, events)
     rows = max(f.rows for f in known.values())
     one, short = ("prediction", FEWER) if setup.at_horizon.wanted else ("row", SHORT)
     if champion.number and changed and rows < short:
         return (
-            f"Version {champion.number} is live ({why}); {rows} {one}{'s' * (rows != 1)} since "
-            "then are too few to tell how much better it is."
+            f"{why}; {rows} {one}{'s' * (rows != 1)} since then are too few to tell how much "
+            "better the twin is."
         )
     shares = setup.relative and setup.decides and len(known) <= FEW
     now, lead = _sizes(known, "off", shares=shares), _lead(setup)
     off = {n: f for n, f in known.items() if f.judged > setup.requirement}
     found = _nothing_better(setup, events, trial)
-    still = ""
+    still, asked = "", _asked(setup, known)
     if off:
         still = f" It is still off by more than is asked, {_off(setup, off)}, and {found}."
     if champion.number and better:
         less = f" ({_pairs(setup, worse)}: worse)" if worse else ""
+        fits = "fits its machine now" if asked and not off else "is closer to its machine"
         return (
-            f"The twin is closer to its machine than before: {_pairs(setup, better)}{less}{lead}, "
-            f"over rows that it had not seen. Changed: {why}.{still}"
+            f"The twin {fits}: {_pairs(setup, better)}{less}{lead}{asked if not off else ''}, "
+            f"over rows that it had not seen. {why}.{still}"
         )
     if champion.number and changed:
         return (
-            f"Version {champion.number} is live ({why}), and on the rows since then it is no "
-            f"better than the first: {_pairs(setup, worse or changed)}{lead}.{still}"
+            f"The live version is no better than the first on the rows since it came: "
+            f"{_pairs(setup, worse or changed)}{lead}. {why}.{still}"
         )
     if not setup.decides:
         return (
@@ -146,7 +147,8 @@ def _outcome(
     if off:
         return f"The twin is off, {_off(setup, off)}{lead}, and {found}."
     if math.isfinite(setup.requirement) and all(math.isnan(f.judged) for f in known.values()):
-        return f"Nothing was judged, for nothing moved that is held to a requirement: {now}{lead}."
+        lead = lead.replace(" while it moves", " at rest")
+        return f"Nothing moved, so whether the twin fits cannot be told: {now}{lead}."
     named = max((e.row for e in events if e.kind == "state"), default=-1)
     kinds = ("suspected", "drift", "abnormal")
     doubts = [e for e in events if e.kind in kinds and e.row > named]
@@ -154,10 +156,10 @@ def _outcome(
         more = "nothing else" if named >= 0 or _last(events, "followed") else "nothing"
         free = [name for name, f in known.items() if math.isnan(f.judged)]
         rest = f" No limit is asked of {', '.join(free)}." if free else ""
-        return f"The twin fits its machine, and {more} was changed: {now}{lead}.{rest}"
+        return f"The twin fits its machine, and {more} was changed: {now}{lead}{asked}.{rest}"
     times = f"{len(doubts)} time{'s' * (len(doubts) > 1)}"
     return (
-        f"Over all rows the twin is within what is asked: {now}{lead}; but it was suspected "
+        f"Over all rows the twin is within what is asked: {now}{lead}{asked}; but it was suspected "
         f"{times} ({doubts[-1].signal or doubts[-1].kind}: {doubts[-1].reason}), and {found}."
     )
 
@@ -167,19 +169,28 @@ def _nothing_better(setup: Setup, events: Sequence[Event], trial: OpenTrial | No
         if not trial.segments:
             return "a candidate has gone on trial, of which no unseen row has told yet"
         if trial.gain > CLEAR:
-            return f"a better version is on trial: {100 * trial.gain:.0f} % less so far"
+            to_come = "" if trial.seconds is None else (
+                f", decided in about {trial.seconds:.0f} s if it goes on so")  # fmt: skip
+            return (
+                f"a better version is on trial ({shorter(trial.reason)}): {100 * trial.gain:.0f} % "
+                f"less deviation so far{to_come}"
+            )
         so_far = "worse" if trial.gain < -CLEAR else "no better"
         return f"the candidate that is on trial is {so_far} so far"
     doubted = _of_a_sensor(events)
     if doubted:
         return doubted
+    verdicts = [e for e in events if e.kind in ("noise", "normal", "abnormal", "promoted")]
+    if verdicts and verdicts[-1].kind == "noise":
+        return verdicts[-1].reason
     abnormal: list[Any] = [e.evidence.get("dependence") for e in events if e.kind == "abnormal"]
     depends = next((str(found["input"]) for found in reversed(abnormal) if found), "")
     channel = depends.removeprefix("change of ")
     if channel in setup.model.inputs.names and not setup.spec.correction.terms:
         return (
-            f"no number of the model explains it: it depends on {depends}. To let it learn that, "
-            f'say [correction] channels = ["{channel}"], terms = ["lag", "table", "law"]'
+            f"no parameter of the model explains it: it depends on {depends}. To let the twin "
+            f'learn that, add [correction] channels = ["{channel}"], terms = ["lag", "table", '
+            '"law"] to its file'
         )
     tried = sum(e.kind == "rejected" for e in events)
     if tried:
@@ -195,6 +206,39 @@ def _off(setup: Setup, off: Mapping[str, OutputFigures]) -> str:
     if setup.relative:
         return f"{_sizes(off, shares=len(off) <= FEW)} where {100 * limit:g} % is asked"
     return f"{_sizes(off)} where {spoken(limit, next(iter(off.values())).unit)} is asked"
+
+
+def changes(setup: Setup, champion: Version) -> str:
+    """What is other in the live version than was configured."""
+    tuned, *terms = champion.reason.split("; ")
+    names = [name.removesuffix(" (weak)") for name in tuned.removeprefix("tuned ").split(", ")]
+    first, now = setup.model.parameters, dict(zip(champion.names, champion.values, strict=True))
+    if not tuned.startswith("tuned ") or len(names) > FEW or not set(names) <= set(now):
+        return shorter(champion.reason)
+    told = [
+        f"{item.name} {item.value:.3g} → {now[item.name]:.3g} {item.unit}".removesuffix(" 1")
+        for item in first if item.name in names
+    ]  # fmt: skip
+    return "; ".join([", ".join(told), *terms]) if len(told) == len(names) else champion.reason
+
+
+def _changed(setup: Setup, champion: Version, events: Sequence[Event]) -> str:
+    """The same, and by whom."""
+    went = [
+        e.evidence.get("person") or "itself" for e in events
+        if e.kind == "promoted" and e.evidence.get("version") == champion.number
+    ]  # fmt: skip
+    return f"Changed{f' by {went[-1]}' if went else ''}: {changes(setup, champion)}"
+
+
+def _asked(setup: Setup, known: Mapping[str, OutputFigures]) -> str:
+    """What is asked, behind what is reached."""
+    if not math.isfinite(setup.requirement) or all(math.isnan(f.judged) for f in known.values()):
+        return ""
+    limit = setup.spec.anomaly.requirement
+    unit = next(f.unit for f in known.values() if not math.isnan(f.judged))
+    return f", where {100 * limit:g} % is asked" if setup.relative else (
+        f", where {spoken(limit, unit)} is asked")  # fmt: skip
 
 
 def _lead(setup: Setup) -> str:

@@ -30,7 +30,7 @@ from evertwin.fold import Block, Chunk, Event
 from evertwin.loop.alignment import Alignment, AlignmentState
 from evertwin.loop.feed import Feed as Recorded
 from evertwin.loop.feed import chunk_of
-from evertwin.loop.headline import headline
+from evertwin.loop.headline import changes, headline
 from evertwin.loop.ledger import Begun, Ledger
 from evertwin.loop.observer import Observer, figures
 from evertwin.loop.open_trial import OpenTrial, open_trial
@@ -40,9 +40,9 @@ from evertwin.loop.run import Run, settings_hash
 from evertwin.loop.samples import Numbered, Samples
 from evertwin.loop.setup import Setup
 from evertwin.loop.twin_state import Saved, TwinState
+from evertwin.loop.view import View
 from evertwin.store import Checkpoint
 from evertwin.sync import Feed
-from evertwin.types import Inputs, Marks, Outputs, Stamps
 
 SOURCES = "sources"
 TOGETHER = 0.01
@@ -64,34 +64,6 @@ class _FeedState(NamedTuple):
     task: int
     """Number of the first task."""
     aligned: AlignmentState
-
-
-class View(NamedTuple):
-    """The newest rows of a run.
-
-    >>> View._fields[:3]
-    ('row', 't', 'measured')
-    """
-
-    row: np.ndarray
-    """Numbers, int64 (n,)."""
-    t: Stamps
-    measured: Outputs
-    predicted: Outputs
-    band: Outputs
-    """Standard deviation of what is measured around the prediction, (n, ny)."""
-    mark: Marks
-    """`Mark` of each output, (n, ny)."""
-    version: np.ndarray
-    """Version that predicted the row, int64 (n,)."""
-    inputs: Inputs
-    task: np.ndarray
-    """Number of the task, int64 (n,)."""
-    first: Outputs
-    """What the first version predicts, beside the live one."""
-    update: np.ndarray
-    """What became of the measurement, per group of outputs, uint8 (n, ng): 0 not adopted, 1
-    position update, 2 blended in, 3 overruled the simulation, 4 first sample."""
 
 
 @dataclass
@@ -305,28 +277,12 @@ class Live:
     def view(self, rows: int = 1000) -> View:
         """The newest rows: measured, predicted, band, mark, version."""
         self.settle()
-        return self._view(self._observer.newest(rows))
+        return View.of(self._observer.newest(rows), self.setup.model)
 
     def between(self, first: int, last: int) -> View:
         """Rows stamped in [first, last] [ns]; of those long past every second, fourth … one."""
         self.settle()
-        return self._view(self._observer.between(first, last))
-
-    def _view(self, columns: Mapping[str, np.ndarray]) -> View:
-        if not columns:
-            nu, ny = len(self.setup.model.inputs), len(self.setup.model.outputs)
-            none, stamps = np.zeros((0, ny)), np.zeros(0, dtype=np.int64)
-            marks, inputs = none.astype(np.uint8), np.zeros((0, nu))
-            update = np.zeros((0, len(self.setup.model.outputs.groups)), dtype=np.uint8)
-            return View(
-                stamps, stamps, none, none, none, marks, stamps, inputs, stamps, none, update
-            )
-        kept = {name: column.copy() for name, column in columns.items()}
-        return View(
-            kept["row"], kept["t"], kept["measured"], kept["predicted"], kept["sigma"],
-            kept["mark"], kept["version"], kept["input"], kept["task"], kept["first"],
-            kept["update"],
-        )  # fmt: skip
+        return View.of(self._observer.between(first, last), self.setup.model)
 
     @property
     def outcome(self) -> tuple[str, Mapping[str, OutputFigures]]:
@@ -337,6 +293,13 @@ class Live:
         champion = self.ledger.versions[self._state.live.version]
         events = self._observer.events
         return headline(setup, found, champion, events, self.trial), found
+
+    @property
+    def changed(self) -> str:
+        """What is other in the live version than was configured; nothing: nothing is."""
+        if self._state is None or not self._state.live.version:
+            return ""
+        return changes(self.setup, self.ledger.versions[self._state.live.version])
 
     @property
     def judged(self) -> str:

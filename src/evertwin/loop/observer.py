@@ -33,7 +33,7 @@ NEWEST = 4096
 """Newest rows that are kept one by one, however long the run is."""
 COLUMNS = (
     "t", "task", "input", "measured", "predicted", "sigma", "update", "first", "first_update",
-    "mark",
+    "off", "off_first", "mark",
 )  # fmt: skip
 
 
@@ -62,7 +62,7 @@ class Observer:
         """What was known at a checkpoint."""
         for record in records:
             self.record(record)
-        if shown:
+        if set(COLUMNS) <= shown.keys():  # else they are of a release that showed less
             self.trace.add(shown)
 
     def watch(self, state: TwinState, piece: Block, out: Followed) -> None:
@@ -179,7 +179,7 @@ def _columns(piece: Block, out: Followed) -> tuple[np.ndarray, ...]:
     before = out.rows if out.first is None else out.first
     return (
         piece.t, piece.task, piece.u, piece.y, out.rows.y, out.rows.sigma, out.rows.update,
-        before.y, before.update, out.judged.mark,
+        before.y, before.update, *out.off, out.judged.mark,
     )  # fmt: skip
 
 

@@ -64,6 +64,12 @@ class OutputFigures:
         return self.rms_before if math.isnan(self.rms_moving_before) else self.rms_moving_before
 
     @property
+    def size(self) -> float:
+        """Rms of what was measured where it moved, by which a share is taken."""
+        share = self.relative_rms_moving_after
+        return self.rms_moving_after / share if share > 0.0 else math.nan
+
+    @property
     def after(self) -> float:
         """The same, of the last champion."""
         return self.rms_after if math.isnan(self.rms_moving_after) else self.rms_moving_after

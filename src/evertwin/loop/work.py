@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from evertwin.anomaly.verdict import Verdict, branch, explained
+from evertwin.anomaly.verdict import Verdict, explained
 from evertwin.config.spec import TwinSpec
 from evertwin.correction.improve import TooFew
 from evertwin.errors import DataError, ModelError, UsageError
@@ -21,8 +21,9 @@ from evertwin.fold import plain
 from evertwin.loop.answering import changed_since, event, of_a_sensor, rejected
 from evertwin.loop.change import changed, split, suddenly
 from evertwin.loop.correcting import learn, nearest
-from evertwin.loop.evaluation import falls_short, left, sizes
+from evertwin.loop.evaluation import left, sizes
 from evertwin.loop.friction_law import acting
+from evertwin.loop.judgement import judged
 from evertwin.loop.misread import misread
 from evertwin.loop.named_cause import named_first
 from evertwin.loop.physical import physically
@@ -41,7 +42,7 @@ from evertwin.models import Model
 from evertwin.models.corrected import Corrected
 from evertwin.models.form import Form, Version
 from evertwin.trial import admit
-from evertwin.tuning import Fit, Iteration, Problem, Schedule, Settings, own_names, solve
+from evertwin.tuning import Fit, Iteration, Problem, Schedule, Settings, own_names
 from evertwin.types import Json, ParameterVector
 
 LEAST = 0.05
@@ -227,7 +228,7 @@ class Work:
         elif len(names) < len(self.editable(version)):
             verdict = Verdict("normal", "", "tuned the share of the parameters whose turn it is")
         else:
-            verdict = self.verdict(problem, fit)
+            verdict = judged(self.setup, problem, fit)
         if verdict.kind == "abnormal" and not commissioned:
             other = misread(*rows, fit.p)
             if other:
@@ -248,7 +249,7 @@ class Work:
             content["candidate"] = self._named(verdict, version, problem, events)
             content |= {} if content["candidate"] else {"next": self._next()}
         elif part >= self.setup.trial.margin and (  # less would not be worth a switch
-            verdict.kind == "normal" or self._helps(verdict, fit)
+            verdict.kind != "abnormal" or self._helps(verdict, fit)
         ):
             found = self.tuned(version, problem, fit, windows, events)
             said = acting(chosen, problem, fit).said
@@ -315,20 +316,6 @@ class Work:
         after = np.clip(after, LEAST * before, before)
         scale = after / np.sqrt(np.maximum(1.0 - (after / before) ** 2, LITTLE))
         return self._candidate(version.form, values, scale, reason, windows)
-
-    def verdict(self, problem: Problem, fit: Fit) -> Verdict:
-        """Normal or abnormal, with the cause that explains most."""
-        refits = {}
-        there = problem.model.parameters.names
-        for cause, names in self.setup.causes.items():
-            chosen = tuple(name for name in names if name in there)
-            if chosen:
-                refits[cause] = solve(problem.tuning(chosen))
-        found = branch(fit, problem, refits, frozenset(self.setup.editable))
-        short = falls_short(self.setup, problem, fit)
-        if found.kind == "normal" and short and self._next():
-            return replace(found, kind="abnormal", reason=f"{short}: the form does not reach it")
-        return found
 
     # ------------------------------------------------------------------ correction
 

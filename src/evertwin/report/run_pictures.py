@@ -21,7 +21,10 @@ if TYPE_CHECKING:
     from evertwin.loop.result import RunResult
 
 MEASURED, PREDICTED, UPDATE, BAND = "#000000", "#0072B2", "#D55E00", "#56B4E9"
+ASKED = "#009E73"
 TINY = 1e-24
+HALF = 0.5
+"""Share of rows that tell it below which each is marked."""
 
 
 def _figure(rows: int = 1, height: float = 2.2, wide: float = 9.0) -> tuple[Figure, Any]:
@@ -77,11 +80,14 @@ def draw_run(result: RunResult, output: str | None = None) -> Figure:
     return figure
 
 
-def draw_improvement(result: RunResult, rows: int = 300, wide: float = 9.0) -> Figure | None:
-    """The output that gained most: measured, by the first and by the live version, what is off.
+def draw_improvement(
+    result: RunResult, limits: Mapping[str, float], rows: int = 300, wide: float = 9.0
+) -> Figure | None:
+    """The output that gained most: measured, by the first and by the live version, and what
+    predictions are off by where they have reached their horizon, as the figures have it.
 
     A typical stretch of the rows since the last switch, which neither had learned from; None:
-    there are none. ``wide``: of the picture [in].
+    there are none. ``limits``: what each output may be off by; ``wide``: of the picture [in].
     """
     gains = {
         name: f.after / f.before
@@ -97,10 +103,13 @@ def draw_improvement(result: RunResult, rows: int = 300, wide: float = 9.0) -> F
     if not unseen.any():
         return None
     measured, angle = trace["measured"][:, k, None], outputs.angles[k : k + 1]
-    off = {v: wrap(measured - trace[v][:, k, None], angle)[:, 0] for v in ("first", "predicted")}
-    turned = trace["predicted"][:, k] + off["predicted"]
-    for one in off.values():  # of what stands nothing is judged
-        one[~trace["moving"][:, k]] = np.nan
+    away = {v: wrap(measured - trace[v][:, k, None], angle)[:, 0] for v in ("first", "predicted")}
+    turned = trace["predicted"][:, k] + away["predicted"]
+    judged = trace["moving"][:, k]  # of what stands nothing is judged
+    off = {
+        v: np.where(judged, trace[c][:, k], np.nan)
+        for v, c in (("first", "off_first"), ("predicted", "off"))
+    }
     at = _typical(np.stack(list(off.values())), np.flatnonzero(unseen), rows)
     figure, (above, below) = _figure(2, 2.2, wide)
     t = _seconds(trace)[at]
@@ -108,9 +117,19 @@ def draw_improvement(result: RunResult, rows: int = 300, wide: float = 9.0) -> F
     versions = [("first", "as configured", UPDATE, "--"), ("predicted", "live", PREDICTED, "-")]
     unit, factor = suited(result.outputs[name].before, outputs.units[k])
     for column, label, colour, style in versions if gains[name] != 1.0 else versions[1:]:
-        above.plot(t, turned[at] - off[column][at], style, lw=1.1, color=colour, label=label)
-        below.plot(t, factor * off[column][at], style, lw=1.1, color=colour, label=label)
+        above.plot(t, turned[at] - away[column][at], style, lw=1.1, color=colour, label=label)
+        # the rows on the way to a horizon are passed over, what stands is a gap
+        told = np.isfinite(off[column][at]) | ~judged[at]
+        below.plot(
+            t[told], factor * off[column][at][told], style, lw=1.1, color=colour, label=label,
+            marker="." if told.mean() < HALF else "",
+        )  # fmt: skip
     below.axhline(0.0, color=MEASURED, lw=0.6)
+    asked = factor * limits.get(name, np.nan)
+    for edge in (asked, -asked) if np.isfinite(asked) else ():
+        below.axhline(edge, color=ASKED, ls=":", lw=1.2)
+    if np.isfinite(asked):
+        above.plot([], [], ":", color=ASKED, lw=1.2, label=f"asked: {asked:.3g} {unit} (rms)")
     below.set_xlim(above.get_xlim())  # one time axis, though rows that stand are in one alone
     above.set_ylabel(f"{name} [{outputs.units[k]}]")
     below.set_ylabel(f"off by [{unit}]")

@@ -63,7 +63,9 @@ def write_report(result: RunResult, setup: Setup, path: Path) -> None:
         "name": result.name,
         "relative": setup.relative,
         "updating": _updating(result, setup),
-        "first": _first(result), "narrow": _first(result, NARROW),
+        "first": _first(result, setup), "narrow": _first(result, setup, NARROW),
+        "lead": "" if setup.static or not math.isfinite(setup.horizon) else f"{setup.horizon:g} s",
+        "better": result.champion.number > 0,
         "checks": _checks(result, setup), "gains": _gains(result),
         "pictures": list(_pictures(result, setup)),
         "trial": result.trial,
@@ -84,9 +86,13 @@ def _updating(result: RunResult, setup: Setup) -> bool:
     return setup.spec.arbiter.use == "tolerance" or any(result.position_updates)
 
 
-def _first(result: RunResult, wide: float = 9.0) -> Markup | None:
+def _first(result: RunResult, setup: Setup, wide: float = 9.0) -> Markup | None:
     """The picture that opens the report."""
-    figure = draw_improvement(result, 300 if wide > NARROW else 150, wide)
+    limits = {
+        name: setup.requirement * (one.size if setup.relative else 1.0)
+        for k, (name, one) in enumerate(result.outputs.items()) if setup.watched[k]
+    }  # fmt: skip
+    figure = draw_improvement(result, limits, 300 if wide > NARROW else 150, wide)
     return None if figure is None else inline(figure, "measured, before, now; what is off")
 
 

@@ -165,6 +165,7 @@ class AtWork:
         said, found = self.going.outcome
         return {
             "trial": plain(self.going.trial), "headline": said, "judged": self.going.judged,
+            "changed": self.going.changed,
             "figures": {name: plain(dataclasses.asdict(one)) for name, one in found.items()},
         }  # fmt: skip
 
@@ -210,12 +211,16 @@ class AtWork:
     def _about(self) -> Mapping[str, Any]:
         live, first = self.twin.champion, self.twin.parameters_of(0)
         stated = dict(zip(first.names, first.values.tolist(), strict=True))
+        setup, outputs = self.going.setup, self.twin.model.outputs
         return {
             "champion": live.number, "pinned": self.twin.pinned, "model": self.spec.model.kind,
             "outputs": [{"name": c.name, "unit": c.unit} for c in self.twin.model.outputs],
             "inputs": [{"name": c.name, "unit": c.unit} for c in self.twin.model.inputs],
             "versions": [_version(one) for one in self.twin.versions],
             "causes": self.twin.causes,
+            "asked": None if setup.relative else plain(setup.requirement),
+            "horizon": None if setup.static else plain(setup.horizon),
+            "judges": [c.name for c, on in zip(outputs, setup.watched, strict=True) if on],
             "parameters": [
                 {"name": item.name, "value": plain(item.value), "unit": item.unit,
                  "learned": stated.get(item.name) != item.value,
@@ -295,7 +300,7 @@ def shown(view: View, model: Model, which: np.ndarray) -> Mapping[str, Any]:
     }  # fmt: skip
     columns = {"measured": view.measured, "predicted": view.predicted,
                "residual": off(view.measured, view.predicted, model), "sigma": view.band,
-               "before": view.first}  # fmt: skip
+               "before": view.first, "off": view.off}  # fmt: skip
     groups = model.outputs.group_of
     told["outputs"] = {
         name: {key: plain(column[which, k]) for key, column in columns.items()}

@@ -71,14 +71,15 @@ def pixels(
 
 
 def of_rows(view: View, model: Model, span: Span, signals: Sequence[str]) -> dict[str, Any]:
-    """Rows by signal: measured, predicted, before (by the first version), residual, band."""
+    """Rows by signal: measured, predicted, before (by the first version), residual, band, and off:
+    the residual of predictions that reached their horizon."""
     names = model.outputs.names
     residual, wide = off(view.measured, view.predicted, model), BAND * view.band
     found: dict[str, Any] = {}
     for name in signals:
         k = names.index(name)
         columns = {"measured": view.measured, "predicted": view.predicted, "before": view.first,
-                   "residual": residual}  # fmt: skip
+                   "residual": residual, "off": view.off}  # fmt: skip
         one = {key: pixels(span, view.t, column[:, k]) for key, column in columns.items()}
         one["band"] = pixels(
             span, view.t, (view.predicted - wide)[:, k], (view.predicted + wide)[:, k]

@@ -193,7 +193,7 @@ _CAUSES = {
     at.Cause.SENTINEL: "a code for 'no value'",
     at.Cause.FACTOR: "off by a factor",
     at.Cause.AWAY: "believed, but back where the model without it expects it",
-    at.Cause.VOTE: "outside the gate, and the samples did not agree with each other",
+    at.Cause.VOTE: "far from what was predicted, and its samples did not agree with each other",
 }
 
 

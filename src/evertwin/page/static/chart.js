@@ -70,7 +70,7 @@ function place(times, factor, t) {
 
 const known = (value) => value !== null && value !== undefined && Number.isFinite(value);
 
-/** One chart. `lines`: [{name, look, parts() → [{t, factor, low, high, step}]}], drawn in order. */
+/** One chart. `lines`: [{name, look, joined, parts() → [{t, factor, low, high, step}]}], drawn in order; `joined`: most rows have no value. */
 export class Chart {
   constructor(axis, { title, unit, lines, zero = false, height = 150 }) {
     Object.assign(this, { axis, title, unit, lines, zero });
@@ -124,10 +124,10 @@ export class Chart {
       const { t, factor, low, high } = part;
       const from = Math.max(place(t, factor, axis.first) - 1, 0);
       const until = Math.min(place(t, factor, axis.last) + 1, t.length);
-      const gap = 2.6 * Math.max(part.step ?? 0, typical(t, from, until) * factor);
+      const gap = 2.6 * Math.max(part.step ?? 0, (line.joined ? apart(low, t, from, until) : typical(t, from, until)) * factor);
       for (let k = from; k < until; k += 1) {
         if (!known(low[k]) || !known(high[k])) {
-          if (!part.step) run = null;
+          if (!part.step && !line.joined) run = null;
           continue;
         }
         const at = t[k] * factor;
@@ -316,6 +316,13 @@ export class Chart {
 function typical(t, from, until) {
   const n = Math.min(until, t.length) - from;
   return n > 1 ? (t[from + n - 1] - t[from]) / (n - 1) : Infinity;
+}
+
+/** The same of the values that are known. */
+function apart(column, t, from, until) {
+  const times = [];
+  for (let k = from; k < until; k += 1) if (known(column[k])) times.push(t[k]);
+  return typical(times, 0, times.length);
 }
 
 function stroke(pen, points) {

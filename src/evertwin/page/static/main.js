@@ -102,7 +102,7 @@ function told() {
   let text = "";
   if (lost) text = `No connection: ${lost}. What is shown is ${heard === null ? "nothing yet" : `${old(heard)} old`}. It is tried again by itself.`;
   else if (twin && conditionOf(twin) === "failure") text = `This twin does not run: ${twin.reason || "its model or its store failed"}. What is shown is ${age(twin.age)} old.`;
-  else if (twin && conditionOf(twin) === "stale") text = `STALE: no samples since ${age(twin.age)}. What is shown is as old.`;
+  else if (twin && conditionOf(twin) === "stale") text = `STALE: no samples for ${age(twin.age)}. What is shown is that old.`;
   else if (feed && !feed.up && Date.now() - feed.since > 1500) text = `The live line is down since ${old(feed.since)}. It is tried again by itself.`;
   if (banner.textContent !== text) banner.textContent = text;
   banner.classList.toggle("on", text !== "");

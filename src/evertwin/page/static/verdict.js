@@ -1,7 +1,7 @@
 // Within ten seconds: what was wrong, what was changed, how much better it is, whether to trust it.
 
 import { h } from "./dom.js";
-import { age, CONDITIONS, conditionOf, count, number, quantity, sign } from "./words.js";
+import { CONDITIONS, conditionOf, count, number, quantity, sign } from "./words.js";
 
 const CLEAR = 0.03;
 
@@ -10,11 +10,24 @@ const newest = (events, kinds, before = Infinity) => events.findLast((e) => kind
 
 /** What was off before the live version came, or is off now. */
 function wrong(about, events, promoted) {
+  const silent = ["stale", "check"].includes(conditionOf(about)) ? `${about.age === null ? "No samples have come yet" : "No samples come any more"}. ` : "";
   const found = (promoted && newest(events, ["suspected"], promoted.number)) || newest(events, ["suspected", "abnormal", "drift"], promoted?.number);
-  if (found) return promoted ? found.reason.replace(" is off by ", " was off by ") : found.reason;
+  if (found) return silent + (promoted ? wasOff(about, found) : silent ? `Before, ${found.reason.replace(" is off by ", " was off by ")}` : found.reason);
   const lies = newest(events, ["measurement_error"]);
-  if (lies && !newest(events.filter((e) => e.number > lies.number), ["measurement_restored"])) return `A measurement was refused: ${lies.reason}`;
-  return about.condition === "out_of_specification" ? about.why : WRONG[about.judged] ?? WRONG.held;
+  if (lies && !newest(events.filter((e) => e.number > lies.number), ["measurement_restored"])) {
+    const often = events.filter((e) => e.kind === "measurement_error" && e.signal === lies.signal).length;
+    return `${silent}The sensor of ${lies.signal} gave what cannot be, ${count(often, "time")} so far; it was refused. Newest: ${lies.reason}`;
+  }
+  return silent + (about.condition === "out_of_specification" ? about.why : silent ? "" : WRONG[about.judged] ?? WRONG.held);
+}
+
+/** How far off the twin was before the live version: by the figure that tells how much better it is. */
+function wasOff(about, event) {
+  const one = about.figures?.[event.signal];
+  const was = one && (one.rms_moving_before > 0 ? one.rms_moving_before : one.rms_before);
+  if (!(was > 0)) return event.reason.replace(" is off by ", " was off by ");
+  const limit = about.asked === null || about.asked === undefined ? "more than is asked" : `${quantity(was, one.unit)}, ${quantity(about.asked, one.unit)} is asked`;
+  return `${event.signal} was off by ${limit}`;
 }
 
 const WRONG = {
@@ -23,10 +36,10 @@ const WRONG = {
 };
 const UNJUDGED = { "not yet": "Too few rows that move have come to judge it.", "nothing asked": "No largest deviation is asked, so none is judged." };
 
-function changed(about) {
+function changed(about, promoted) {
   const champion = about.versions?.find((one) => one.number === about.champion);
   if (!champion || !champion.number) return "Nothing: it runs as configured.";
-  return champion.reason;
+  return `${about.changed || champion.reason}${promoted ? `, by ${promoted.evidence.person ?? "itself, after a trial"}` : ""}`;
 }
 
 /** [text, share] of each output that is clearly better or worse. */
@@ -42,7 +55,7 @@ function better(about) {
   const found = gains(about.figures);
   const good = found.filter((one) => one.share > 0);
   const bad = found.filter((one) => one.share < 0);
-  if (!about.champion) return about.trial ? `On trial: ${less(about.trial.gain)}.` : "No better version has been found yet.";
+  if (!about.champion) return about.trial ? `On trial: ${less(about.trial.gain)}.` : (about.judged ?? "held") === "held" && about.condition === "good" ? "Nothing had to be improved." : "No better version has been found yet.";
   if (!good.length && !bad.length) return "No clear difference on what it had not seen.";
   const said = good.slice(0, 3).map((one) => h("div", {}, h("b", {}, `${Math.round(100 * one.share)} % less: `), one.text));
   if (good.length > 3) said.push(h("div", { class: "quiet" }, `and ${good.length - 3} more outputs`));
@@ -50,12 +63,18 @@ function better(about) {
   return said;
 }
 
+/** What is asked, with its size where it is one of every output. */
+function limit(about) {
+  const units = [...new Set(Object.values(about.figures ?? {}).map((one) => one.unit))];
+  return about.asked > 0 && units.length === 1 ? `the ${quantity(about.asked, units[0])} that is asked` : "what is asked";
+}
+
 /** Whether to trust it: [tag, look, why]. */
 export function trust(about, promoted) {
   const condition = conditionOf(about);
   const weak = (about.parameters ?? []).filter((one) => one.verdict && one.verdict !== "identifiable").map((one) => one.name);
   if (condition === "failure") return ["No", "weak", `it does not run: ${about.reason}`];
-  if (condition === "stale" || condition === "check") return ["Not now", "weak", about.age === null ? "no samples have come yet" : `no samples for ${age(about.age)}: nothing is checked now`];
+  if (condition === "stale" || condition === "check") return ["Not now", "weak", about.age === null ? "no samples have come yet" : "no samples come: nothing is checked now"];
   const rows = Math.max(0, ...Object.values(about.figures ?? {}).map((f) => f.rows));
   const over = condition === "out_of_specification" ? `It is off ${about.champion ? "again" : "now"}: ${about.why}. ` : "";
   const unsure = weak.length ? ` Weakly known: ${weak.join(", ")}.` : "";
@@ -63,10 +82,10 @@ export function trust(about, promoted) {
     ? ["With care", "weak", `${over}How it went live lies further back than the events that are shown.${unsure}`]
     : over || !rows || (about.judged ?? "held") !== "held"
       ? ["Not yet", "weak", over || (!rows ? "Nothing has been compared yet." : UNJUDGED[about.judged])]
-      : ["Yes", "good", `As configured it stays within what is asked, over ${count(rows, "row")}.`];
+      : ["Yes", "good", `As configured it stays within ${limit(about)}, over ${count(rows, "row")}.`];
   const { gain, segments } = promoted.evidence ?? {};
   const evidence = gain > 0 ? `${Math.round(100 * gain)} % less deviation over ${segments} stretches that neither had seen` : promoted.reason;
-  if (promoted.evidence?.person) return ["By hand", "weak", `${over}Promoted by ${promoted.evidence.person}, not by its trial.${unsure}`];
+  if (promoted.evidence?.person) return ["With care", "weak", `${over}${promoted.evidence.person} put it live by hand; no trial has proved it.${unsure}`];
   return [over ? "With care" : "Yes", over ? "weak" : "good", `${over}Proved against the version before: ${evidence}.${unsure}`];
 }
 
@@ -82,6 +101,6 @@ export function verdict(about, events) {
   return h("section", { class: "card", id: "verdict", "aria-label": "What came of it" },
     h("div", { class: "row" }, sign(condition), h("h1", {}, about.name), h("span", {}, CONDITIONS[condition][0], about.why && condition !== "good" ? `: ${about.why}` : ""),
       h("span", { class: "quiet" }, `version ${about.champion ?? "–"}${about.pinned ? ", pinned" : ""}`), about.label && h("span", { class: "tag" }, about.label)),
-    h("dl", { class: "verdict" }, part("What was wrong", wrong(about, events, promoted)), part("What was changed", changed(about)),
+    h("dl", { class: "verdict" }, part("What was wrong", wrong(about, events, promoted)), part("What was changed", changed(about, promoted)),
       part("How much better", better(about)), part("Can it be trusted?", [h("span", { class: `tag ${look}` }, tag), " ", why])));
 }

@@ -3,17 +3,17 @@
 import { s } from "./dom.js";
 
 const SCALES = {
-  m: [[1, "m"], [0.01, "cm"], [0.001, "mm"]],
+  m: [[1, "m"], [0.01, "cm", 0.1], [0.001, "mm"]],
   "m/s": [[1, "m/s"], [0.01, "cm/s"], [0.001, "mm/s"]],
   rad: [[Math.PI / 180, "°"]],
   "rad/s": [[Math.PI / 180, "°/s"]],
 };
 
-/** Factor and name of the unit in which so large a value is told. */
+/** Factor and name of the unit in which so large a value is told; a third says from which size on. */
 export function scale(unit, size) {
   const known = SCALES[unit];
   if (!known) return [1, unit === "1" ? "" : unit];
-  return known.find(([factor]) => Math.abs(size) >= factor) ?? known[known.length - 1];
+  return known.find(([factor, , least = factor]) => Math.abs(size) >= least) ?? known[known.length - 1];
 }
 
 /** Three digits that count. */

@@ -4,7 +4,7 @@ import { Axis, Chart, fromPixels, fromRows } from "../chart.js";
 import { h, put, table } from "../dom.js";
 import { arm, exceeds, floor, leaning, robot, Scene } from "../scene.js";
 import { verdict } from "../verdict.js";
-import { age, clock, number, quantity } from "../words.js";
+import { age, clock, number, quantity, trimmed } from "../words.js";
 import { ask, of } from "../wire.js";
 
 const SPANS = [["30 s", 30], ["2 min", 120], ["10 min", 600], ["1 h", 3600], ["8 h", 28800]];
@@ -116,11 +116,20 @@ class Live {
         new Chart(this.axis, { title: name, unit: unit[name], lines: [
           line("band", "band", "band (±2 σ)"), line("measured", "measured", "measured"),
           line("predicted", "predicted", "predicted", { dashed: true }), line("refused", "refused", "refused")] }),
-        new Chart(this.axis, { title: `${name}: off by`, unit: unit[name], zero: true, height: 80, lines: [line("residual", "residual", "residual")] }),
+        new Chart(this.axis, { title: `${name}: off by`, unit: unit[name], zero: true, height: 80, lines: this.#off(name, line) }),
       ];
     });
     put(this.pictures, this.charts.map((one) => one.element));
     this.#look();
+  }
+
+  /** What predictions are off by when they reach the horizon, as the figures have it, and what is asked. */
+  #off(name, line) {
+    const { asked, horizon, judges } = this.about;
+    const lead = horizon > 0 ? `predicted ${trimmed(horizon)} s ahead` : "measured less predicted";
+    const edge = (side) => () => [{ t: [this.axis.first, this.axis.last], factor: 1, low: [side * asked, side * asked], high: [side * asked, side * asked], step: this.axis.span }];
+    const edges = asked > 0 && judges?.includes(name) ? [{ name: "asked (rms)", look: "quiet", dashed: true, parts: edge(1) }, { look: "quiet", dashed: true, parts: edge(-1) }] : [];
+    return [line("off", "residual", lead, { joined: true }), ...edges];
   }
 
   /** What a line is drawn from: the store's past, then the rows that are here. */
@@ -206,8 +215,8 @@ class Live {
     }
     const said = {
       arm: "Solid: at the measured angles; a joint goes from green to red as its torque differs from the predicted one. Ghost: where the simulated arm goes from there with the measured torques, one degree for each 2 % of a joint's usual torque (mean of the newest 20 rows). While both agree it stands in the machine.",
-      base: "Solid: as measured. Ghost: as simulated. Line: the path. Crosses: the simulation took over the measured pose.",
-      line: "Solid: as measured. Ghost: as simulated. Line: the path. Crosses: the simulation took over the measured place.",
+      base: "Solid: as measured. Ghost: as simulated. Line: the path. Crosses: the simulation, by the live version, took over the measured pose.",
+      line: "Solid: as measured. Ghost: as simulated. Line: the path. Crosses: the simulation, by the live version, took over the measured place.",
       none: "This model does not say what its machine looks like.",
     }[this.looks.kind];
     if (this.looks.kind === "none") return put(this.solid, h("p", { class: "quiet" }, said));
@@ -242,7 +251,7 @@ class Live {
     for (let j = from; j <= k; j += 1) {
       const [m, p] = [pose("measured", j), pose("predicted", j)];
       if (known(m)) path.points.push([m[0], m[1], 0.02]);
-      if (!known(m) || !known(p) || !TAKEN.includes(rows.outputs.x.update[j])) continue;
+      if (!known(m) || !known(p) || rows.version[j] !== rows.version[k] || !TAKEN.includes(rows.outputs.x.update[j])) continue;
       const e = Math.max(0.06, 0.006 * this.scene.distance);
       adopted.points.push([m[0] - e, m[1] - e, 0.04], [m[0] + e, m[1] + e, 0.04], [m[0] - e, m[1] + e, 0.04], [m[0] + e, m[1] - e, 0.04]);
     }
