@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from evertwin.config.spec import AnomalySpec, ModelSpec, ParameterSpec, PredictionSpec, TwinSpec
+from evertwin.fold.span import Span
 from evertwin.loop.noise import scatter
 from evertwin.loop.result import RunResult
 from evertwin.twin import Twin
@@ -18,8 +19,8 @@ def run(noise: float, gain: float, seed: int, rows: int = 900) -> RunResult:
     x = np.r_[0.0, np.cumsum(gain * v[:-1])] + rng.normal(0.0, noise, rows)
     spec = TwinSpec(
         "cart", ModelSpec("robot1d", parameters={"gain": ParameterSpec(1.0, low=0.5, high=1.5)}),
-        prediction=PredictionSpec(horizon=5.0), beat=20,
-        anomaly=AnomalySpec(requirement=0.01, relative=False, window=300),
+        prediction=PredictionSpec(horizon=5.0), beat=Span(rows=20),
+        anomaly=AnomalySpec(requirement=0.01, relative=False, window=Span(rows=300)),
     )  # fmt: skip
     with Twin(spec) as twin:
         return twin.run({"t": np.arange(rows, dtype=np.float64), "v": v, "x": x})

@@ -21,13 +21,15 @@ from evertwin.loop.evaluation import off_after
 from evertwin.loop.setup import Setup
 from evertwin.loop.unlike import changes
 from evertwin.models import Model
+from evertwin.models.kernel import CONTINUE
 from evertwin.tuning import Fit, Problem
 from evertwin.types import ParameterVector, Vector
 
 ROWS = 30
 """Steps below which a scatter cannot be told."""
-NEARLY = 0.8
-"""Part of a mean square that noise has to make for nothing else to be said of it."""
+MORE, CHANCE = 1.25, 3.0
+"""How many times what noise makes a mean square may be for nothing else to be said of it: so many,
+or what few predictions leave to chance, in standard deviations of a mean square."""
 
 
 def noise(setup: Setup, model: Model, p: ParameterVector, windows: Iterable[Block]) -> Vector:
@@ -86,7 +88,9 @@ def buried(setup: Setup, problem: Problem, fit: Fit) -> str:
         return ""
     level = noise(setup, problem.model, fit.p, problem.windows)
     least = floor(setup, level, problem.windows)
-    alone = (least > setup.requirement) & (least**2 >= NEARLY * off**2)
+    predictions = int((problem.restart.code != CONTINUE).sum())
+    more = max(MORE, 1.0 + CHANCE * math.sqrt(2.0 / max(predictions, 1)))
+    alone = (least > setup.requirement) & (off**2 <= more * least**2)
     if not alone[beyond].all():
         return ""
     k = int(beyond[np.argmax(least[beyond])])
