@@ -47,7 +47,10 @@ def test_better_is_said_in_millimetres_with_what_was_changed() -> None:
     assert "(rms, predicted 1 s ahead), where 10 mm is asked" in text
     assert text.endswith("Changed: gain 1 → 1.")
     short = said(ROBOT, 0.029, 0.014, "suspected", "promoted", version=1)
-    assert "is closer to its machine" in short and "still off by more than is asked" in short
+    assert (
+        "is closer to its machine" in short
+        and "Still, x is off by 14 mm where 10 mm is asked" in short
+    )
 
 
 def test_a_version_that_is_no_better_is_not_called_better() -> None:
@@ -71,7 +74,7 @@ def test_within_the_requirement_nothing_was_changed() -> None:
 
 def test_off_says_what_would_help() -> None:
     text = said(ROBOT, 0.03, 0.03, "suspected", "abnormal")
-    assert "off, x by 30 mm" in text and "where 10 mm is asked" in text
+    assert "x is off by 30 mm" in text and "where 10 mm is asked" in text
     assert 'it depends on v. To let the twin learn that, add [correction] channels = ["v"]' in text
     rule = CorrectionSpec(channels=("v",), terms=("law",))
     tried = said(replace(ROBOT, correction=rule), 0.03, 0.03, "suspected", "abnormal", "rejected")
@@ -81,9 +84,11 @@ def test_off_says_what_would_help() -> None:
 def test_off_at_the_end_is_never_called_fitting() -> None:
     """Whatever the events of this run say: a deviation that a run before told of is not told of
     again while a candidate is on trial."""
-    assert said(ROBOT, 0.03, 0.03).startswith("The twin is off, x by 30 mm where 10 mm is asked")
+    assert said(ROBOT, 0.03, 0.03).startswith(
+        "The twin does not fit its machine: x is off by 30 mm where 10 mm is asked"
+    )
     better = said(ROBOT, 0.06, 0.03, "promoted", version=1)
-    assert "closer" in better and "still off by more than is asked, x by 30 mm" in better
+    assert "closer" in better and "Still, x is off by 30 mm where" in better
 
 
 def test_contacts_that_come_again_and_again_are_doubted() -> None:

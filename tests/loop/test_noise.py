@@ -30,7 +30,7 @@ def run(noise: float, gain: float, seed: int, rows: int = 900) -> RunResult:
 def test_noise_beyond_the_requirement_is_told_and_nothing_is_changed(seed: int) -> None:
     found = run(0.02, 1.0, seed)
     assert found.champion.number == 0 and found.of_kind("noise")
-    assert "x is measured with so much noise" in found.headline
+    assert "the noise of x's measurement alone makes" in found.headline
 
 
 def test_a_gain_that_is_off_is_found_beneath_the_noise() -> None:

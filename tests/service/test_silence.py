@@ -135,3 +135,15 @@ def test_one_source_of_two_is_missed_by_name() -> None:
     condition.came("camera")
     assert condition.told(failed=False)["why"] == "wheels: no samples for 0 s"
     assert condition.told(failed=False)["stale"]  # its rows wait for the wheels
+
+
+def test_a_sensor_that_is_refused_again_and_again_needs_maintenance() -> None:
+    condition = Condition({"wheels": math.inf})
+    condition.came("wheels")
+    for number in range(5):
+        assert condition.told(failed=False)["condition"] == "good"
+        condition.heard(
+            {"number": number, "kind": "measurement_error", "signal": "x", "reason": ""}
+        )
+    told = condition.told(failed=False)
+    assert told["condition"] == "maintenance_required" and told["why"] == "look at the sensor of x"

@@ -126,7 +126,7 @@ def _outcome(
     found = _nothing_better(setup, events, trial)
     still, asked = "", _asked(setup, known)
     if off:
-        still = f" It is still off by more than is asked, {_off(setup, off)}, and {found}."
+        still = f" Still, {_off(setup, off)}, and {found}."
     if champion.number and better:
         less = f" ({_pairs(setup, worse)}: worse)" if worse else ""
         fits = "fits its machine now" if asked and not off else "is closer to its machine"
@@ -145,7 +145,7 @@ def _outcome(
             "be off? Say so in [anomaly] requirement."
         )
     if off:
-        return f"The twin is off, {_off(setup, off)}{lead}, and {found}."
+        return f"The twin does not fit its machine: {_off(setup, off)}{lead}, and {found}."
     if math.isfinite(setup.requirement) and all(math.isnan(f.judged) for f in known.values()):
         lead = lead.replace(" while it moves", " at rest")
         return f"Nothing moved, so whether the twin fits cannot be told: {now}{lead}."
@@ -204,8 +204,8 @@ def _off(setup: Setup, off: Mapping[str, OutputFigures]) -> str:
     """Which outputs are off by more than is asked, by how much, and what is asked."""
     limit = setup.spec.anomaly.requirement
     if setup.relative:
-        return f"{_sizes(off, shares=len(off) <= FEW)} where {100 * limit:g} % is asked"
-    return f"{_sizes(off)} where {spoken(limit, next(iter(off.values())).unit)} is asked"
+        return f"{_sizes(off, 'off', shares=len(off) <= FEW)} where {100 * limit:g} % is asked"
+    return f"{_sizes(off, 'off')} where {spoken(limit, next(iter(off.values())).unit)} is asked"
 
 
 def changes(setup: Setup, champion: Version) -> str:

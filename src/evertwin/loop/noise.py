@@ -94,7 +94,8 @@ def buried(setup: Setup, problem: Problem, fit: Fit) -> str:
     if not alone[beyond].all():
         return ""
     k = int(beyond[np.argmax(least[beyond])])
+    share = setup.shown(k, min(least[k], off[k]))
     return (
-        f"{problem.model.outputs.names[k]} is measured with so much noise that no model foretells "
-        f"it to less than {setup.shown(k, least[k])}: ask for more than that, or measure better"
+        f"the noise of {problem.model.outputs.names[k]}'s measurement alone makes "
+        f"{share} of it, which no model can foretell: allow more, or measure better"
     )

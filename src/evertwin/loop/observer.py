@@ -172,6 +172,7 @@ class Observer:
             models={v.form: driver.versions.model(v.number) for v in driver.versions},
             trace=trace, rounds=tuple(self.rounds),
             trial=trial, headline=headline(self.setup, outputs, champion, self.events, trial),
+            relative=self.setup.relative or not self.setup.decides,
         )  # fmt: skip
 
 

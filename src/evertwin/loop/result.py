@@ -117,6 +117,8 @@ class RunResult:
     """The challenger that was on trial at the end."""
     headline: str = ""
     """What came of it, as one would tell a colleague."""
+    relative: bool = True
+    """Are outputs held to a share of their size?"""
 
     @property
     def problems(self) -> Mapping[str, int]:
@@ -235,9 +237,9 @@ class RunResult:
         before, after = self.position_updates
         text = [self.headline, ""]
         text += [
-            f"  {name:<10} rms {b} -> {a} {unit}   relative {rb} -> {ra}"
+            f"  {name:<10} rms {b} -> {a} {unit}" + f"   relative {rb} -> {ra}" * self.relative
             if (b, rb) != (a, ra)
-            else f"  {name:<10} rms {a} {unit}   relative {ra}   unchanged"
+            else f"  {name:<10} rms {a} {unit}{f'   relative {ra}' * self.relative}   unchanged"
             for name, unit, b, a, rb, ra in self._lines()
         ]
         if before or after:

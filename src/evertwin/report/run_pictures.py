@@ -114,7 +114,8 @@ def draw_improvement(
     figure, (above, below) = _figure(2, 2.2, wide)
     t = _seconds(trace)[at]
     above.plot(t, turned[at], ".", ms=3, color=MEASURED, label="measured")
-    versions = [("first", "as configured", UPDATE, "--"), ("predicted", "live", PREDICTED, "-")]
+    now = "live" if result.champion.number else "as configured"
+    versions = [("first", "as configured", UPDATE, "--"), ("predicted", now, PREDICTED, "-")]
     unit, factor = suited(result.outputs[name].before, outputs.units[k])
     for column, label, colour, style in versions if gains[name] != 1.0 else versions[1:]:
         above.plot(t, turned[at] - away[column][at], style, lw=1.1, color=colour, label=label)

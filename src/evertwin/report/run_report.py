@@ -106,7 +106,7 @@ def _gains(result: RunResult) -> list[tuple[str, str]]:
         first, last = both(one.before, one.after, one.unit)
         less = 1.0 - one.after / one.before if one.before > 0.0 else 0.0
         change = f"{abs(less):.0%} {'less' if less > 0.0 else 'more'}"
-        told.append((name, f"unchanged: off by {last}" if one.after == one.before
+        told.append((name, f"off by {last}, as before" if one.after == one.before
                      else f"{change}: {first} → {last}"))  # fmt: skip
     return told
 

@@ -13,12 +13,16 @@ from __future__ import annotations
 
 import math
 import time
+from collections import deque
 from collections.abc import Collection, Mapping
 from typing import Any
 
 OUT = ("suspected", "abnormal", "drift", "not_valid")
 """Events after which the machine is not as its twin expects, until it is."""
 SOUND = ("normal", "promoted", "valid", "rolled_back")
+ERRORS, SPAN = 5, 600.0
+"""Measurements of a channel that were refused within so many seconds, from which on its sensor is
+to be looked at."""
 PERIODS = 3.0
 LEAST = 1.0
 """Seconds of silence that are never stale."""
@@ -35,6 +39,7 @@ class Condition:
         self._period: dict[str, float] = {}
         self._out = self._alarm = self._label = ""
         self._since = 0
+        self._errors: dict[str, deque[float]] = {}
 
     def came(self, source: str) -> None:
         """Samples of one source arrived."""
@@ -52,6 +57,9 @@ class Condition:
             self._out, self._since, self._label = reason, int(event.get("number", 0)), ""
         elif kind in SOUND:
             self._out = ""
+        elif kind == "measurement_error":
+            newest = self._errors.setdefault(str(event.get("signal", "")), deque(maxlen=ERRORS))
+            newest.append(time.monotonic())
         elif kind in ("alarm", "alarm_cleared"):
             self._alarm = reason if kind == "alarm" else ""
 
@@ -83,13 +91,18 @@ class Condition:
             condition, why = "check", self._who(silent)
         elif self._out:
             condition, why = "out_of_specification", self._out
-        elif self._alarm:
-            condition, why = "maintenance_required", self._alarm
+        elif self._alarm or self._sensors(now):
+            condition, why = "maintenance_required", self._alarm or self._sensors(now)
         return {
             "condition": condition, "why": why, "stale": stale,
             "label": self._label if condition == "out_of_specification" else "",
             "age": round(age, 3) if age < math.inf else None,
         }  # fmt: skip
+
+    def _sensors(self, now: float) -> str:
+        """Whose measurements are refused again and again, in words."""
+        often = [s for s, at in self._errors.items() if len(at) == ERRORS and now - at[0] < SPAN]
+        return f"look at the sensor of {', '.join(often)}" if often else ""
 
     def _ages(self, over: Collection[str]) -> dict[str, float]:
         """Seconds since each source spoke; infinite: never yet."""

@@ -45,7 +45,7 @@ function header(at) {
   put(top, h("a", { class: "brand", href: "#/" }, `evertwin${context.site && ` · ${context.site}`}`),
     h("nav", { "aria-label": "Views" }, link("#/", "Fleet", at.view === "fleet"), tabs),
     h("span", { class: "space" }),
-    h("span", { class: "quiet who" }, context.page.may_order ? "you may order" : "to look only"),
+    h("span", { class: "quiet who" }, context.page.may_order ? "operator" : "read only"),
     h("button", { type: "button", id: "theme", onclick: () => theme(dark() ? "light" : "dark") }, "Light / dark"));
 }
 

@@ -79,14 +79,14 @@ export function trust(about, promoted) {
   const over = condition === "out_of_specification" ? `It is off ${about.champion ? "again" : "now"}: ${about.why}. ` : "";
   const unsure = weak.length ? ` Weakly known: ${weak.join(", ")}.` : "";
   if (!promoted) return about.champion
-    ? ["With care", "weak", `${over}How it went live lies further back than the events that are shown.${unsure}`]
+    ? ["With care", "care", `${over}How it went live lies further back than the events that are shown.${unsure}`]
     : over || !rows || (about.judged ?? "held") !== "held"
       ? ["Not yet", "weak", over || (!rows ? "Nothing has been compared yet." : UNJUDGED[about.judged])]
       : ["Yes", "good", `As configured it stays within ${limit(about)}, over ${count(rows, "row")}.`];
-  const { gain, segments } = promoted.evidence ?? {};
-  const evidence = gain > 0 ? `${Math.round(100 * gain)} % less deviation over ${segments} stretches that neither had seen` : promoted.reason;
-  if (promoted.evidence?.person) return ["With care", "weak", `${over}${promoted.evidence.person} put it live by hand; no trial has proved it.${unsure}`];
-  return [over ? "With care" : "Yes", over ? "weak" : "good", `${over}Proved against the version before: ${evidence}.${unsure}`];
+  const { segments } = promoted.evidence ?? {};
+  if (promoted.evidence?.person) return ["With care", "care", `${over}${promoted.evidence.person} put it live by hand; no trial has proved it.${unsure}`];
+  const proved = `It proved better on ${count(segments ?? 0, "stretch", "stretches")} that no version had seen`;
+  return over ? ["With care", "care", `${over}${proved}.${unsure}`] : ["Yes", "good", `${proved}, and is within ${limit(about)}.${unsure}`];
 }
 
 /** What a trial has gained, in words. */

@@ -61,6 +61,7 @@ class Live {
 
   update() {
     if (Date.now() - (this.asked ?? 0) > 4000) this.#about();
+    if (this.context.feed?.rows.t.length) this.#values(this.context.feed.rows);
     this.log.update();
   }
 
@@ -69,7 +70,7 @@ class Live {
     const span = h("select", { id: "span", "aria-label": "Time that is shown", onchange: (e) => this.axis.show(this.axis.last, Number(e.target.value), this.axis.follows) },
       SPANS.map(([name, value]) => h("option", { value: String(value), selected: value === this.axis.span }, name)));
     return h("div", { class: "row" }, this.pause, h("button", { type: "button", id: "back", onclick: back(0.5) }, "◀ Back"),
-      h("button", { type: "button", id: "on", onclick: back(-0.5) }, "On ▶"), span, this.at);
+      h("button", { type: "button", id: "on", onclick: back(-0.5) }, "Forward ▶"), span, this.at);
   }
 
   follow(follows) {
