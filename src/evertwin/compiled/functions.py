@@ -204,7 +204,7 @@ class CFunction(_Written):
     def _compiled(self) -> Any:
         from numba.core.ccallback import CFunc
         from numba.core.compiler_lock import global_compiler_lock
-        from numba.core.errors import NumbaError
+        from numba.core.errors import NumbaError, UnsupportedBytecodeError
         from numba.core.sigutils import normalize_signature
 
         source, kinds = _naming(self.py_func, _machine_code), normalize_signature(self.signature)
@@ -212,7 +212,7 @@ class CFunction(_Written):
             with global_compiler_lock:
                 made = self._cached(CFunc(source, kinds, {}, self.options), source)
                 made.compile()
-        except NumbaError as error:
+        except (NumbaError, UnsupportedBytecodeError) as error:
             raise UsageError(
                 f"{self._what} cannot be compiled: expected arithmetic on numbers, with math "
                 f"alone; {error}"

@@ -12,11 +12,12 @@ from pathlib import Path
 import numpy as np
 
 from evertwin.errors import ConfigError, ModelError
-from evertwin.models import Model
+from evertwin.models import FunctionModel, Model
+from evertwin.models.translated import translated
 
 
 def model_from_file(file: str = "", name: str = "model") -> Model:
-    """The Model called ``name`` in a Python file.
+    """The Model called ``name`` in a Python file; a plain step runs as machine code if it can.
 
     Raises:
         ConfigError: there is no such file, no such model in it, or it cannot run one row.
@@ -31,7 +32,7 @@ def model_from_file(file: str = "", name: str = "model") -> Model:
     if not isinstance(found, Model):
         raise ConfigError(f"{path.name}: expected a model called {name!r}, got {found!r}")
     _tried(path.name, found)
-    return found
+    return translated(found) if type(found) is FunctionModel else found
 
 
 def _tried(file: str, model: Model) -> None:

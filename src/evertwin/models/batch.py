@@ -20,7 +20,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -40,8 +40,15 @@ from evertwin.types import (
     ParameterVectors,
 )
 
-WORTH = 2000
-"""Rows, over all parameter vectors together, from which on threads pay."""
+WORTH = 20_000
+"""Rows, over all parameter vectors together, from which on threads pay: to wake them takes as long
+as some thousand rows of a small model."""
+
+
+@cache
+def _pool(threads: int, process: int) -> ThreadPoolExecutor:
+    """Threads that stay; a ``process`` that was forked has none of its parent's."""
+    return ThreadPoolExecutor(threads)
 
 
 @njit(cache=True, nogil=True)
@@ -103,8 +110,8 @@ def rolled(
     """Roll-outs of a kernel, each from its own state: in threads where that pays."""
     u, dt, restart = rows
     out = np.empty((len(p), len(u), restart.y.shape[1]))
-    threads = min(workers or os.cpu_count() or 1, len(p))
-    if threads == 1 or len(p) * len(u) < WORTH or not _native(kernel):
+    threads = workers or os.cpu_count() or 1
+    if min(threads, len(p)) == 1 or len(p) * len(u) < WORTH or not _native(kernel):
         for j, one in enumerate(p):
             out[j] = roll(kernel, starts[j], u, dt, one, restart._replace(x0=starts[j]))[1]
         return out
@@ -117,8 +124,7 @@ def rolled(
             np.ascontiguousarray(p[j]), y, restart.code, starts[j], out[j],
         )  # fmt: skip
 
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(run, range(len(p))))
+    list(_pool(threads, os.getpid()).map(run, range(len(p))))
     return out
 
 
