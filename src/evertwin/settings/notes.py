@@ -22,7 +22,7 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from evertwin.errors import UsageError
 from evertwin.fold.span import MOST, Span
-from evertwin.settings.quantity import as_number, number, written
+from evertwin.settings.quantity import Measured, as_number, number, written
 
 if TYPE_CHECKING:
     from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
@@ -109,7 +109,8 @@ class Quantity(NamedTuple):
     """A span or spread: the offset between °C and K does not count."""
 
     def si(self, value: object) -> int | float:
-        """The number of a setting."""
+        """The number of a setting; what it should measure, where no unit is expected here, is checked
+        by who knows it, so it remembers how it was written (`Measured`)."""
         if isinstance(value, str):
             return told(lambda: number(value, self.unit, difference=self.difference))
         if isinstance(value, bool) or not isinstance(value, int | float):
@@ -119,7 +120,12 @@ class Quantity(NamedTuple):
     def __get_pydantic_core_schema__(
         self, source: object, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
-        return core_schema.no_info_before_validator_function(self.si, handler(source))
+        def read(value: object, bounded: core_schema.ValidatorFunctionWrapHandler) -> float:
+            size: float = bounded(self.si(value))
+            told = isinstance(value, str) and not self.unit and written(value)[1]
+            return Measured(size, str(value)) if told else size
+
+        return core_schema.no_info_wrap_validator_function(read, handler(source))
 
     def __get_pydantic_json_schema__(
         self, core: CoreSchema, handler: GetJsonSchemaHandler
