@@ -19,7 +19,8 @@ from pathlib import Path
 from evertwin.config.spec import SCHEMA, TwinSpec
 from evertwin.errors import ConfigError, DataError, UsageError
 from evertwin.settings.form import Form
-from evertwin.settings.notes import Path as Place, dotted, expand
+from evertwin.settings.notes import Path as Place
+from evertwin.settings.notes import dotted, expand
 from evertwin.sources.spec import SourceSpec
 
 _ABOUT = """# The twin file

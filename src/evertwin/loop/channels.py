@@ -65,8 +65,8 @@ def check_units(spec: TwinSpec, model: Model) -> None:
         if channel.name in set(watched) - set(fit) and channel.unit != "1":
             hint = f"[anomaly] outputs = {fit}" if fit else "a bare number is a share"
             raise ConfigError(
-                f"{place(spec, ('anomaly', 'requirement'))}: requirement is in '{asked}', and output {channel.name!r} in "
-                f"'{channel.unit}': correct its unit ({hint})"
+                f"{place(spec, ('anomaly', 'requirement'))}: requirement is in '{asked}', and "
+                f"output {channel.name!r} in '{channel.unit}': correct its unit ({hint})"
             )
     derived = {one.name for one in spec.derive}
     for channel in (*model.inputs, *model.outputs):

@@ -104,13 +104,13 @@ class Quantity(NamedTuple):
     """
 
     unit: str = ""
-    """What is expected; empty: the unit of the channel or parameter that it is about."""
+    """What is expected; empty: the unit of the channel or parameter that it is about, checked by
+    who knows it, so the number remembers how it was written (`Measured`)."""
     difference: bool = False
     """A span or spread: the offset between °C and K does not count."""
 
     def si(self, value: object) -> int | float:
-        """The number of a setting; what it should measure, where no unit is expected here, is checked
-        by who knows it, so it remembers how it was written (`Measured`)."""
+        """The number of a setting."""
         if isinstance(value, str):
             return told(lambda: number(value, self.unit, difference=self.difference))
         if isinstance(value, bool) or not isinstance(value, int | float):
