@@ -49,8 +49,7 @@ KINDS = (
     "Kind of machine: arm (torques from motion, with --urdf), differential, omni or bicycle "
     "(pose of a base; a steered one), odometer (way and heading), robot1d (way along a line), "
     "drive (an axis moved by a force), drive_force (its force from motion), thermal (a heated "
-    "box), python (equations of your own). By default differential where a pose and the commands "
-    "of speed and turn rate are recorded, else python."
+    "box), python (your own). Default: differential for a pose with v and w commands, else python."
 )
 MOST, LONGEST = 50, 500
 """Lines of an error that are shown, and signs of a line."""
