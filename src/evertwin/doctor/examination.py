@@ -15,8 +15,9 @@ from evertwin.loop.feed import Data, Feed
 from evertwin.loop.setup import Setup
 from evertwin.loop.versions import Versions
 from evertwin.models import Model
+from evertwin.models.contract import KernelModel
 from evertwin.models.form import Version
-from evertwin.models.function import FunctionModel, KernelModel, kernel_of
+from evertwin.models.function import FunctionModel, kernel_of
 from evertwin.sources.tally import Tally
 
 MOST = 20_000
