@@ -1,5 +1,5 @@
 """Writes the reference pages that follow from the source: twin, breakdown, scenario and site file,
-parts.
+parts, model kinds.
 
     python -m tools.write_reference          # or: make reference
 
@@ -14,7 +14,7 @@ from evertwin.ahead.spec import SCENARIO
 from evertwin.config import TWIN
 from evertwin.engineering.breakdown import BREAKDOWN
 from evertwin.service.site import SITE
-from tools import components_page
+from tools import components_page, models_page
 from tools.settings_page import page
 
 FOLDER = Path(__file__).parent.parent / "docs" / "reference"
@@ -28,6 +28,7 @@ def pages() -> dict[str, str]:
         "scenario-file.md": page(SCENARIO),
         "site-file.md": page(SITE),
         "components.md": components_page.page(),
+        "models.md": models_page.page(),
     }
 
 

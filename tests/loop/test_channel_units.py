@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -34,8 +35,14 @@ def test_alike_units_and_pure_numbers_pass(unit: str) -> None:
     opened(unit).close()
 
 
-def test_what_is_scaled_or_derived_anew_may_be_written_in_any_unit() -> None:
-    opened("A", scale=3.0).close()
+def test_with_a_scale_the_unit_is_that_of_what_it_makes() -> None:
+    opened("cm/s", scale=3.0).close()
+    for scale in (3.0, -1.0):
+        with pytest.raises(ConfigError, match=r"'v' is in 'A'.*write unit = 'm/s', and as scale"):
+            opened("A", scale)
+
+
+def test_what_is_derived_anew_may_be_recorded_in_any_unit() -> None:
     opened("m", derive=(DeriveSpec(name="v", op="derivative", source=("v",)),)).close()
 
 
@@ -47,3 +54,49 @@ def test_a_requirement_that_measures_something_else_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"'heading' in 'rad'.*outputs = \['x', 'y'\]"):
         Twin(base)
     Twin(replace(base, anomaly=AnomalySpec(0.01, unit="cm", outputs=("x", "y")))).close()
+
+
+AXIS = """schema = 1
+name = "axis"
+[model]
+kind = "drive_force"
+[model.parameters]
+mass = 37.84
+[signals.force]
+low = "-1 kN"
+[prediction.scale]
+force = "2 N"
+[moving]
+above = "1 cm/s"
+channels = { force = "speed" }
+"""
+
+
+@pytest.mark.parametrize(
+    ("line", "wrong", "said"),
+    [
+        (6, 'mass = "37.84 N"', "model.parameters.mass.value: expected a quantity in 'kg'"),
+        (6, 'mass = { value = 3, unit = "V" }', "model.parameters.mass.value: .* got '3 V'"),
+        (6, 'mass = { sigma = "3 s" }', "model.parameters.mass.sigma: expected a quantity in 'kg'"),
+        (8, 'low = "-1 m"', r"signals.force.low: .*in 'N' or alike, got '-1 m'"),
+        (10, 'force = "2 kg"', "prediction.scale.force: expected a quantity in 'N'"),
+        (12, 'above = "1 cm"', "moving.above: expected a quantity in 'm/s'"),
+    ],
+)
+def test_a_quantity_of_another_dimension_is_told_with_its_line(
+    tmp_path: Path, line: int, wrong: str, said: str
+) -> None:
+    lines = AXIS.splitlines()
+    lines[line - 1] = wrong
+    file = tmp_path / "axis.toml"
+    file.write_text("\n".join(lines))
+    with pytest.raises(ConfigError, match=rf"axis\.toml:{line}: {said}.*correct the unit"):
+        Twin(file)
+
+
+def test_quantities_in_units_alike_are_taken(tmp_path: Path) -> None:
+    file = tmp_path / "axis.toml"
+    file.write_text(AXIS.replace("37.84", '{ value = "0.5 t", sigma = "20 lb" }'))
+    with Twin(file) as twin:
+        assert twin.model.parameters["mass"].value == 500.0
+        assert twin.model.parameters["mass"].sigma == pytest.approx(9.0718, rel=1e-4)

@@ -11,10 +11,12 @@ from evertwin.config.spec import AnomalySpec, ModelSpec, MovingSpec, PredictionS
 from evertwin.correction.spec import CorrectionSpec
 from evertwin.errors import UsageError
 from evertwin.fold import Event
-from evertwin.loop.headline import headline
+from evertwin.loop.headline import first_of_rows, headline
 from evertwin.loop.open_trial import OpenTrial
 from evertwin.loop.result import OutputFigures
 from evertwin.signals.spoken import both, spoken
+from evertwin.sources.table import Problem
+from evertwin.sources.tally import Tally
 from evertwin.twin import Twin
 
 ROBOT = TwinSpec(
@@ -204,3 +206,58 @@ def test_what_no_limit_is_asked_of_is_named() -> None:
     with Twin(ROBOT) as twin:
         text = headline(twin.setup, some, twin.champion, [], None)
     assert text.endswith("No limit is asked of heading.")
+
+
+def stepped(row: int, x: float) -> Event:
+    known = {"onset": row - 7, "delta": {"x": x, "y": 0.002}, "sigma": {"x": 0.006, "y": 0.006}}
+    return Event(row, 0, "overruled", "pose", "8 samples agree with each other", known)
+
+
+@pytest.mark.parametrize(
+    ("steps", "first"),
+    [
+        ([(67, 0.5)], "pose has stood x +50 cm apart from what the model followed since row 60:"),
+        ([(67, 0.5), (97, -0.49)], "pose stood x +50 cm apart from row 60 to 90 and came back:"),
+        ([(67, 0.5), (97, -0.2)], "pose has stood x −20 cm apart from what the model followed"),
+        ([(67, 0.02)], "The twin fits its machine"),  # within the sensor's noise
+        ([(67 + 9 * k, 0.5) for k in range(4)], "The twin fits its machine"),  # the model is rough
+    ],
+)
+def test_a_sensor_that_stepped_away_is_told_first(
+    steps: list[tuple[int, float]], first: str
+) -> None:
+    events = [stepped(row, x) for row, x in steps]
+    with Twin(ROBOT) as twin:
+        text = headline(twin.setup, figures(0.004, 0.004), twin.champion, events, None)
+    assert text.startswith(first)
+    assert ("contradicted each other at pose" in text) is first.startswith("The twin")
+
+
+def test_why_nothing_was_predicted() -> None:
+    with Twin(ROBOT) as twin:
+        told = [
+            headline(twin.setup, figures(np.nan, np.nan), twin.champion, [], None, rows)
+            for rows in (0, 5, 5000)
+        ]
+    assert "no output has a measurement" in told[0]
+    assert "5 rows are too few" in told[1] and "no row has all its inputs" in told[2]
+
+
+def test_rows_that_were_lost_are_told_first() -> None:
+    tally = Tally("log", used=1)
+    for line in range(2, 12):
+        tally.add([Problem("backward", line, "a step of -0.005 s")], "run.csv")
+    assert first_of_rows("Nothing.", [tally]).startswith(
+        "10 of 11 rows of log were left out: 10 backward, run.csv line 2: a step of -0.005 s. Not"
+    )
+    tally.suspect("the stamps fall in 9 of 9 steps: sort the rows by time")
+    assert "were left out: the stamps fall in 9 of 9 steps" in first_of_rows("", [tally])
+    tally.used = 20
+    assert first_of_rows("Fine.", [tally]) == "Fine."
+
+
+def test_what_overruled_a_model_before_it_was_replaced_is_not_told() -> None:
+    events = [stepped(67, 0.5), Event(80, 0, "promoted", "", "tuned gain", {})]
+    with Twin(ROBOT) as twin:
+        text = headline(twin.setup, figures(0.004, 0.004), twin.champion, events, None)
+    assert "pose has stood" not in text

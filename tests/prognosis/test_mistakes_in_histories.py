@@ -50,8 +50,8 @@ def told(text: str, clock: str = "run", rule: IndicatorSpec = WEAR) -> Observed:
     [
         ("run,wear\n1,2\n2,abc", "h.csv:3: wear: expected a number or a date as in 2027-03-01"),
         ("run,wear\n\n1,2\n2,3 Nm", "h.csv:4: wear: expected a number or a date"),
-        ('run,wear\n1,2\n2,"1,5"', "h.csv:3: wear: expected a number or a date as in 2027-03-01, "
-         "got '1,5': write 1.5"),
+        ('run,wear\n1,2\n2,"1,500"', "h.csv:3: wear: expected a number or a date as in 2027-03-01, "
+         "got '1,500': write 1.500 or 1500"),
         ("run,wear\n1,2024-01-01\n2,3", "h.csv:3: wear: expected numbers or dates alone, got both"),
         ("run,wear\n1,2\n2,inf", "h.csv:3: wear: expected a finite number"),
         ("run,wear\n1", "h.csv:2: expected 2 cells, got 1"),
@@ -89,7 +89,8 @@ def test_a_bad_history_is_refused_with_its_line(text: str, said: str) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("date,wear\n01.03.2027,2", "h.csv:2: date: expected a number or a date as in 2027-03-01"),
+        ("date,wear\n01.03.2027,2", "h.csv:2: date: expected a number or a date as in 2027-03-01, "
+         "got '01.03.2027', and no row says which of its numbers is the day"),
         ("date,wear\n2027-03-01,2\n,3", "h.csv:3: date: expected when the row was, got an empty"),
         ("date,wear\n2027-03-01,2\n2027-13-01,3", "h.csv:3: date: expected a number or a date"),
         ("date,wear\n2027-03-01T00:00+01:00,2\n2027-03-02,3", "h.csv:3: date: expected a zone with "

@@ -89,9 +89,9 @@ def test_absurd_values_are_counted_by_row_and_sentinels_are_not(tmp_path: Path) 
     tally = Tally("log")
     cells = (Cell("x", "x", "m", sentinels=(-9999.0,)), Cell("y", "y", "m"))
     (chunk,) = Recorded("log", (tmp_path / "run.csv",), cells, tally=tally).read()
-    assert np.isinf(chunk.v[11, 0]) and tally.counts == {"absurd": 2}
+    assert np.isinf(chunk.v[11, 0]) and tally.counts == {"absurd": 2, "empty": 1}
     assert (tally.left_out, tally.used) == (2, N - 2) and not tally.finding
-    assert tally.lines() == ("2 absurd, run.csv line 9: x: inf",)
+    assert tally.lines()[0] == "2 absurd, run.csv line 9: x: inf"
 
 
 def test_more_than_a_share_is_a_finding(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import pytest
 
 from evertwin import Twin
 from evertwin.app.starting import write_starter
-from evertwin.config import read
+from evertwin.config import TwinSpec, read
 from evertwin.starter.words import quantity, role, words
 
 H = 0.01
@@ -129,3 +130,57 @@ def test_a_heading_that_ends_in_degrees_is_no_way_in_millimetres(
     _, said = proposed(written({heading: 4000.0 * PLACE, "load_Nm": FORCE}), "drive_force", capsys)
     assert "the name ends in deg" in said and "the only one in Nm" in said
     assert "mm " not in said
+
+
+def test_each_axis_of_a_gantry_gets_a_file_that_runs(
+    written: Written, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = {
+        "x_act_mm": 1e3 * PLACE, "x_vel_mm/s": 1e3 * SPEED, "x_cur_A": FORCE / 50,
+        "y_act_mm": -500 * PLACE, "y_vel_mm/s": -500 * SPEED, "y_cur_A": -FORCE / 80,
+    }  # fmt: skip
+    out, said = proposed(written(table), "drive_force", capsys)
+    assert said.count("force: scale") == 2 and not out.exists()
+    for axis, scale in (("x", 50), ("y", 80)):
+        one = out.with_stem(f"axis_{axis}")
+        columns = {c.column for c in read_answered(one, scale).source[0].channels.values()}
+        assert columns == {f"{axis}_act_mm", f"{axis}_vel_mm/s", f"{axis}_cur_A"}
+        with Twin.open(one) as twin:
+            assert np.isfinite(twin.run().outputs["force"].rms_after)
+
+
+def read_answered(file: Path, scale: float) -> TwinSpec:
+    file.write_text(file.read_text().replace('scale = "?"', f"scale = {scale}"))
+    return read(file)
+
+
+def test_a_pose_and_its_commands_are_a_base(
+    written: Written, capsys: pytest.CaptureFixture[str]
+) -> None:
+    v, w = 0.3 + 0.1 * np.sin(T), 0.4 * np.cos(0.5 * T)
+    heading = np.cumsum(w) * H
+    x, y = np.cumsum(v * np.cos(heading)) * H, np.cumsum(v * np.sin(heading)) * H
+    table = {
+        "cmd_lin_cm_s": 100 * v, "cmd_ang_deg_s": np.degrees(w), "pos_x_mm": 1e3 * x,
+        "pos_y_mm": 1e3 * y, "yaw_deg": np.degrees(heading),
+    }  # fmt: skip
+    out, said = proposed(written(table), "", capsys)
+    assert "differential, 5 channels found" in said and "answered" not in said
+    size = float(np.ptp(np.quantile(1e3 * x, (0.05, 0.95))))
+    asked = re.search(r'# requirement = "([\d.]+) mm"', out.read_text())
+    assert asked and float(asked[1]) == pytest.approx(0.02 * size, rel=0.3)
+    with Twin.open(out) as twin:
+        assert np.isfinite(twin.run().outputs["x"].rms_after)
+    proposed(written({key: table[key] for key in list(table)[2:]}), "", capsys)
+    assert read(out).model.kind == "python"  # nothing commands it
+
+
+def test_an_oven_is_asked_in_kelvin(written: Written, capsys: pytest.CaptureFixture[str]) -> None:
+    box = 40 + 5 * np.sin(0.1 * T)
+    table = {"heater_state": (np.cos(0.1 * T) > 0), "T_oven_degC": box, "T_room_degC": 21 + H * T}
+    out, said = proposed(written(table), "thermal", capsys)
+    text = out.read_text()
+    assert "heater     heater_state" in said and "answered" not in said
+    assert re.search(r'tolerance = "[\d.]+ K"', text) and " cm" not in text
+    with Twin.open(out) as twin:
+        assert np.isfinite(twin.run().outputs["box"].rms_after)

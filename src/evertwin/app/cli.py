@@ -49,7 +49,7 @@ KINDS = (
     "Kind of machine: arm (torques from motion, with --urdf), differential, omni or bicycle "
     "(pose of a base; a steered one), odometer (way and heading), robot1d (way along a line), "
     "drive (an axis moved by a force), drive_force (its force from motion), thermal (a heated "
-    "box), python (equations of your own)."
+    "box), python (your own). Default: differential for a pose with v and w commands, else python."
 )
 MOST, LONGEST = 50, 500
 """Lines of an error that are shown, and signs of a line."""
@@ -186,7 +186,7 @@ def init(
     out: Annotated[
         Path | None, typer.Option("-o", "--out", help="Twin file to write; else FILE.toml, here.")
     ] = None,
-    model: Annotated[str, typer.Option(help=KINDS)] = "python",
+    model: Annotated[str, typer.Option(help=KINDS)] = "",
     urdf: Annotated[Path | None, typer.Option(help="Description of an arm.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
     as_json: AsJson = False,

@@ -121,8 +121,12 @@ def examine(twin: Path, data: Files, every: bool, as_json: bool) -> None:
 
     if is_site(twin):
         return look_at(twin, as_json)
+    progress = Progress("the rows are read")
     with Twin.open(twin, reading=True) as opened:
-        found = opened.doctor(_files(data))
+        try:
+            found = opened.doctor(_files(data))
+        finally:
+            progress.close()
         most = len(found.findings) if every else SHOWN
         show(found.to_dict(), found.text(most), as_json)
     if found.findings:

@@ -90,10 +90,10 @@ class Progress:
     SILENT = 2.0
     """Seconds without a row from which it is said that work on a candidate goes on."""
 
-    def __init__(self) -> None:
+    def __init__(self, line: str = "the first rows") -> None:
         self._began = self._heard = time.perf_counter()
         self._live = sys.stderr.isatty()
-        self._line = "the first rows"
+        self._line = line
         self._width = 0
         self._ended = threading.Event()
         self.shown = 0

@@ -18,7 +18,7 @@ from evertwin.loop.configured_model import model_of
 from evertwin.machines.catalog import machine
 from evertwin.prognosis.lone_series import Wear, wear_in
 from evertwin.sources.names import unit_problem
-from evertwin.starter import Draft, look, mapped, options_of
+from evertwin.starter import Draft, Seen, by_axis, look, mapped, options_of
 
 
 def write_starter(
@@ -27,46 +27,75 @@ def write_starter(
 ) -> None:  # fmt: skip
     """Writes the twin file, and for ``python`` a model file beside it.
 
-    A series that tells wear alone needs none: the command that tells its life is named.
+    A series that tells wear alone needs none: the command that tells its life is named. Of several
+    axes driven by a force each gets a file. Where no kind is said (""), a pose with the commands of
+    speed and turn rate is a base with two driven wheels, anything else a model of one's own.
 
     Raises:
         UsageError: there is a file already, or the model does not exist.
         DataError: a recording cannot be read, or holds no column of numbers.
     """
-    wear = wear_in(files[0]) if model == ("python", None) and len(files) == 1 else None
+    kind, urdf = model
+    wear = wear_in(files[0]) if kind in ("", "python") and len(files) == 1 else None
     if wear is not None and wear.alone:
         _name_life(files[0], wear, as_json)
         return
-    out = Path(f"{files[0].stem}.toml") if out is None else out
-    if out.exists() and not force:
-        raise UsageError(f"{out}: exists already: choose another name, or say --force")
-    kind, urdf = model
-    own = out.with_name(f"{re.sub(r'[^A-Za-z0-9_]', '_', out.stem)}_model.py")
     seen, told = look(files)
+    kind = kind or ("differential" if _is_base(seen) else "python")
+    axes = by_axis(seen) if kind in ("drive", "drive_force") else (("", seen),)
+    out = Path(f"{files[0].stem}.toml") if out is None else out
+    outs = [out.with_stem(f"{out.stem}_{word}") if word else out for word, _ in axes]
+    for one in outs:
+        if one.exists() and not force:
+            raise UsageError(f"{one}: exists already: choose another name, or say --force")
+    drafts = [_draft(one, (kind, urdf), part) for one, (_, part) in zip(outs, axes, strict=True)]
+    contents = [_write(draft, force) for draft in drafts]
+    content = contents[0] | ({"axes": contents} if len(contents) > 1 else {})
+    show(content, "\n".join(draft.summary() for draft in drafts), as_json)
+    if wear is not None:
+        next_one = wear.command(str(files[0]))
+        typer.echo(f"evertwin: does one of its columns tell wear? Then: {next_one}", err=True)
+    odd = (note for draft in drafts for note in _odd_units(draft))
+    for note in (*(note for info in told for note in info.notes), *odd):
+        typer.echo(f"evertwin: {note}", err=True)
+
+
+def _is_base(seen: Sequence[Seen]) -> bool:
+    """Are there a pose and the commands of speed and turn rate, each by name?"""
+    found = mapped(machine("differential", {}), seen)
+    return not found.questions and not found.derivations
+
+
+def _own(out: Path) -> Path:
+    """Where the model file of a twin file stands."""
+    return out.with_name(f"{re.sub(r'[^A-Za-z0-9_]', '_', out.stem)}_model.py")
+
+
+def _draft(out: Path, model: tuple[str, Path | None], seen: tuple[Seen, ...]) -> Draft:
+    """With the options of the model that leave fewest questions."""
+    kind, urdf = model
     drafts = [
         Draft(out, kind, options, built, seen, mapped(built, seen))
-        for options in options_of(kind, urdf, own)
+        for options in options_of(kind, urdf, _own(out))
         for built in (None if kind == "python" else machine(kind, options),)
     ]
-    draft = min(drafts, key=lambda one: len(one.questions))
-    built = draft.model
+    return min(drafts, key=lambda one: len(one.questions))
+
+
+def _write(draft: Draft, force: bool) -> dict[str, Any]:
+    """The twin file, and what it is as plain content."""
+    out, own = draft.out, _own(draft.out)
     write_whole(out, draft.text())
-    if built is None and (force or not own.exists()):
+    if draft.model is None and (force or not own.exists()):
         template = resources("evertwin.starter").joinpath("templates", "model.py.txt")
         write_whole(own, template.read_text("utf-8"))
     if not draft.questions:  # else the file holds a question, which no reader takes
         model_of(read(out))
-    content: dict[str, Any] = {
+    return {
         "schema": "evertwin.init/1", "file": str(out),
-        "model_file": str(own) if built is None else None, **draft.proposal.to_dict(),
+        "model_file": str(own) if draft.model is None else None, **draft.proposal.to_dict(),
         "questions": draft.questions,
     }  # fmt: skip
-    show(content, draft.summary(), as_json)
-    if wear is not None:
-        next_one = wear.command(str(files[0]))
-        typer.echo(f"evertwin: does one of its columns tell wear? Then: {next_one}", err=True)
-    for note in (*(note for info in told for note in info.notes), *_odd_units(draft)):
-        typer.echo(f"evertwin: {note}", err=True)
 
 
 def _name_life(file: Path, wear: Wear, as_json: bool) -> None:

@@ -5,7 +5,7 @@
 'auto'
 """
 
-from evertwin.config.read import TWIN, files_of, read, reads
+from evertwin.config.read import TWIN, files_of, place, read, reads
 from evertwin.config.spec import SCHEMA, TwinSpec
 
-__all__ = ["SCHEMA", "TWIN", "TwinSpec", "files_of", "read", "reads"]
+__all__ = ["SCHEMA", "TWIN", "TwinSpec", "files_of", "place", "read", "reads"]

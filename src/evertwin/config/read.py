@@ -19,7 +19,8 @@ from pathlib import Path
 from evertwin.config.spec import SCHEMA, TwinSpec
 from evertwin.errors import ConfigError, DataError, UsageError
 from evertwin.settings.form import Form
-from evertwin.settings.notes import expand
+from evertwin.settings.notes import Path as Place
+from evertwin.settings.notes import dotted, expand
 from evertwin.sources.spec import SourceSpec
 
 _ABOUT = """# The twin file
@@ -44,7 +45,22 @@ def read(path: str | Path) -> TwinSpec:
             for each problem, ``file:line: what was expected, what came``.
     """
     twin = TWIN.parse(TWIN.load(path), str(path))
-    return dataclasses.replace(twin, folder=str(Path(path).resolve().parent))
+    return dataclasses.replace(twin, folder=str(Path(path).resolve().parent), file=str(path))
+
+
+def place(twin: TwinSpec, path: Place) -> str:
+    """``file:line: key``, of a setting that only a model can judge; a twin without a file: the key.
+
+    >>> place(reads('schema = 1\\nname = "axis"\\nmodel = { kind = "drive" }'), ("clock", "rate"))
+    'clock.rate'
+    """
+    key = dotted(path)
+    if not twin.file:
+        return key
+    try:
+        return f"{twin.file}:{TWIN.document(TWIN.load(twin.file), twin.file).line(path)}: {key}"
+    except ConfigError:  # changed or gone since it was read
+        return f"{twin.file}: {key}"
 
 
 def reads(text: str, name: str = "") -> TwinSpec:

@@ -130,6 +130,8 @@ class TwinSpec(Section):
     """Rows, or time, from decision to decision."""
     folder: Annotated[str, Hidden()] = field(default=".", compare=False)
     """Folder of the twin file; set when it is read."""
+    file: Annotated[str, Hidden()] = field(default="", compare=False)
+    """The twin file, as messages name it; set when it is read."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -32,8 +32,6 @@ from evertwin.sync.horizon import restarts, trusted
 from evertwin.sync.lag import SharedLag, shared_lag
 from evertwin.types import Outputs, Vector
 
-MOST = 200_000
-"""Rows that are compared."""
 PIECE = 10.0
 """The prediction starts anew after this long [s], or five horizons if that is more."""
 LONGEST = 0.5
@@ -76,7 +74,7 @@ def look_clocks(view: View, figures: dict[str, Any]) -> Iterator[Finding]:
     if not pairs:
         return
     window = max(view.judged, key=lambda one: len(one.t))
-    window = take(window, 0, min(len(window.t), MOST))
+    window = take(window, 0, min(len(window.t), 10 * view.most))
     predicted, told = _predicted(view, window), {}
     for source, against, columns in pairs:
         found = _compared(view, window, predicted, columns, view.step)

@@ -158,14 +158,16 @@ def _model_is_off(view: View, event: Event) -> bool:
 
 def _lost(view: View) -> Iterator[Finding]:
     """Samples that were measured and are not used."""
+    known = []
+    for judged in view.simulated:
+        predicted = changes(view.model, view.version.p, judged, view.horizon).predicted
+        zero = np.where(np.isnan(predicted), np.nan, 0.0)
+        known.append(~np.isnan(residuals(view.model, judged, zero)))
+    marks = [raw.mark[: len(one)] for raw, one in zip(view.windows, known, strict=False)]
     for k, name in enumerate(view.model.outputs.names):
-        measured = used = 0
-        for raw, judged in zip(view.windows, view.judged, strict=True):
-            predicted = changes(view.model, view.version.p, judged, view.horizon).predicted
-            zero = np.where(np.isnan(predicted), np.nan, 0.0)
-            known = ~np.isnan(residuals(view.model, judged, zero)[:, k])
-            measured += int(np.count_nonzero(raw.mark[:, raw.u.shape[1] + k] != Mark.ABSENT))
-            used += int(np.count_nonzero(known))
+        there = (one[:, view.windows[0].u.shape[1] + k] != Mark.ABSENT for one in marks)
+        measured = sum(int(np.count_nonzero(one)) for one in there)
+        used = sum(int(np.count_nonzero(one[:, k])) for one in known)
         if measured and 1 - used / measured > LOST:
             yield Finding(
                 "lost", name,

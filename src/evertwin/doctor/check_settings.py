@@ -68,7 +68,7 @@ def _horizon(view: View, level: Vector) -> Iterator[Finding]:
     if view.setup.static:
         return
     ratios = {}
-    moved = [changes(view.model, view.version.p, w, horizon).measured for w in view.judged]
+    moved = [changes(view.model, view.version.p, w, horizon).measured for w in view.simulated]
     for k, channel in enumerate(view.model.outputs):
         steps = np.concatenate([np.abs(m[np.isfinite(m[:, k]), k]) for m in moved])
         least = math.sqrt(2) * level[k]

@@ -173,11 +173,12 @@ def _ranges(view: View) -> Iterator[Finding]:
 
 def _liveliest(view: View) -> Block:
     """The stretch of a window in which the inputs change most, `ROWS` long at most."""
+    most = ROWS // 4 if view.slow else ROWS
     best, size = view.windows[0], -1.0
     spread = np.nanstd(np.concatenate([w.u for w in view.windows]), axis=0) + 1e-300
     for window in view.windows:
-        for start in range(0, len(window.t), ROWS):
-            piece = take(window, start, min(start + ROWS, len(window.t)))
+        for start in range(0, len(window.t), most):
+            piece = take(window, start, min(start + most, len(window.t)))
             if len(piece.t) < 2:
                 continue
             moved = float(np.nansum(np.nanstd(piece.u, axis=0) / spread)) * math.sqrt(len(piece.t))
@@ -259,7 +260,7 @@ def _best(
 def look_lags(view: View, figures: dict[str, Any]) -> Iterator[Finding]:
     """How late each output is after its prediction by a free run."""
     window = max(view.judged, key=lambda one: len(one.t))
-    window = take(window, 0, min(len(window.t), 20_000))
+    window = take(window, 0, min(len(window.t), view.most))
     shared = _lag(view, window)
     lags = {name: one for name, one in shared.lags.items() if math.isfinite(one.seconds)}
     figures["lag"], figures["shared_lag"] = lags, stated(shared)

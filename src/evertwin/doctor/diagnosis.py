@@ -42,6 +42,9 @@ def diagnose(setup: Setup, versions: Versions, number: int, data: Data) -> Diagn
         return Diagnosis(name, 0, tuple(look_bounds(setup, versions, version)), {})
     seen: View = view(setup, versions, number, data)
     figures: dict[str, object] = {}
+    if seen.slow and seen.rows > seen.most:
+        figures["simulated_rows"] = sum(len(window.t) for window in seen.simulated)
+        figures["judged_rows"] = sum(len(window.t) for window in seen.judged)
     found = [*look_data(seen), *look_samples(seen), *look_rates(seen, figures)]
     units = look_units(seen, figures)
     found += units

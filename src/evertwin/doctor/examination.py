@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.fold import Block, Chunk, Event
+from evertwin.fold import Block, Chunk, Event, take
 from evertwin.fold.block import first
 from evertwin.loop.feed import Data, Feed
 from evertwin.loop.setup import Setup
 from evertwin.loop.versions import Versions
 from evertwin.models import Model
+from evertwin.models.contract import KernelModel
 from evertwin.models.form import Version
+from evertwin.models.function import FunctionModel, kernel_of
 from evertwin.sources.tally import Tally
 
 MOST = 20_000
 """Rows that are tuned and compared on."""
+FEW, FOLLOWED = 1_000, 10_000
+"""The same, and rows that are judged, where each row is a call of a model that is not compiled."""
 
 
 class Samples(NamedTuple):
@@ -80,7 +84,7 @@ class View:
     windows: tuple[Block, ...]
     """Rows as they were read, one block a task."""
     judged: tuple[Block, ...]
-    """The same with the arbiter's marks."""
+    """The same with the arbiter's marks; of a slow model the first."""
     events: tuple[Event, ...]
     """What the arbiter found."""
     tallies: tuple[Tally, ...]
@@ -115,9 +119,27 @@ class View:
         given = self.setup.horizon
         return given if np.isfinite(given) else max(self.seconds / 20, 2 * self.step)
 
+    @cached_property
+    def slow(self) -> bool:
+        """Is a row of the model a call of Python, or of another process?"""
+        return _slow(self.setup.model)
+
+    @cached_property
+    def most(self) -> int:
+        """Rows that are simulated again and again."""
+        return FEW if self.slow else MOST
+
     def some(self, windows: tuple[Block, ...]) -> tuple[Block, ...]:
-        """The first whole windows, `MOST` rows about."""
-        return first(windows, MOST)
+        """The first whole windows, `MOST` rows about; of a slow model their first `FEW` rows."""
+        kept = first(windows, self.most)
+        if not self.slow or len(kept) > 1:
+            return kept
+        return (take(kept[0], 0, min(len(kept[0].t), self.most)),)
+
+    @property
+    def simulated(self) -> tuple[Block, ...]:
+        """The judged rows that are simulated once or twice: all; of a slow model some."""
+        return self.some(self.judged) if self.slow else self.judged
 
 
 def view(setup: Setup, versions: Versions, number: int, data: Data) -> View:
@@ -132,9 +154,23 @@ def view(setup: Setup, versions: Versions, number: int, data: Data) -> View:
     track = setup.track(versions.model(number))
     state = track.renew(track.init(), version.p)
     judged, events = [], []
-    for window in windows:
+    for window in _begin(windows) if _slow(setup.model) else windows:
         state, out = track.step(state, window)
         judged.append(out.rows.judged(window))
         events += [record for record in out.records if isinstance(record, Event)]
     seen = windows, tuple(judged), tuple(events), feed.left_out, tuple(feed.samples(data))
     return View(setup, versions, version, *seen)
+
+
+def _slow(base: Model) -> bool:
+    plain = isinstance(base, FunctionModel) or not isinstance(base, KernelModel)
+    return plain or kernel_of(base).remote is not None
+
+
+def _begin(windows: Sequence[Block]) -> Iterator[Block]:
+    """The first `FOLLOWED` rows."""
+    left = FOLLOWED
+    for window in windows:
+        if left > 0:
+            yield take(window, 0, min(left, len(window.t)))
+        left -= len(window.t)

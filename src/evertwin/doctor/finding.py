@@ -97,7 +97,12 @@ class Diagnosis:
         told = {item.subject for item in self.of_kind("clock")}
         known = self.figures.get("clocks", {}).items()
         clocks = [f"clock: {found['said']}" for source, found in known if source not in told]
-        return "\n".join([head, *shown, *clocks])
+        about = [] if "simulated_rows" not in self.figures else [
+            "the model is not compiled: what needs simulations was told from the first "
+            f"{self.figures['simulated_rows']} rows, faults of sensors from the first "
+            f"{self.figures['judged_rows']}"
+        ]  # fmt: skip
+        return "\n".join([head, *shown, *clocks, *about])
 
     def __str__(self) -> str:
         return self.text()

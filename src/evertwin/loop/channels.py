@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from evertwin.config import place
 from evertwin.config.spec import TwinSpec
 from evertwin.errors import ConfigError
 from evertwin.models import Model
-from evertwin.signals import Layout
+from evertwin.settings.notes import Path
+from evertwin.settings.quantity import Measured, written
+from evertwin.signals import Channel, Layout
 from evertwin.signals.units import compatible
+from evertwin.sources.spec import ChannelSpec
 
 
 def is_measured(spec: TwinSpec, name: str) -> bool:
@@ -61,21 +65,71 @@ def check_units(spec: TwinSpec, model: Model) -> None:
         if channel.name in set(watched) - set(fit) and channel.unit != "1":
             hint = f"[anomaly] outputs = {fit}" if fit else "a bare number is a share"
             raise ConfigError(
-                f"[anomaly] requirement is in '{asked}', and output {channel.name!r} in "
-                f"'{channel.unit}': correct its unit ({hint})"
+                f"{place(spec, ('anomaly', 'requirement'))}: requirement is in '{asked}', and "
+                f"output {channel.name!r} in '{channel.unit}': correct its unit ({hint})"
             )
     derived = {one.name for one in spec.derive}
     for channel in (*model.inputs, *model.outputs):
         name = recorded_as(spec, channel.name)
-        for source in spec.source:
+        for k, source in enumerate(spec.source):
             told = source.channels.get(name)
-            # A scale may turn one quantity into another: a current into a torque.
-            if told is None or name in derived or told.scale != 1.0:
+            if told is None or name in derived:
                 continue
             if compatible(told.unit, channel.unit) or "1" in (told.unit, channel.unit):
                 continue
+            where = place(spec, ("source", k, "channels", name, "unit"))
             raise ConfigError(
-                f"source {source.name!r}: channel {name!r} is in '{told.unit}', and the model's "
-                f"{channel.name!r} in '{channel.unit}': correct the unit in [source.channels], or "
-                f"say [signals.{channel.name}] from = …"
+                f"{where}: source {source.name!r}: channel {name!r} is in '{told.unit}', and the "
+                f"model's {channel.name!r} in '{channel.unit}': {_step(told, channel)}"
             )
+
+
+def _step(told: ChannelSpec, channel: Channel) -> str:
+    """What to do about a channel in another quantity's unit."""
+    if told.scale == 1.0:
+        return f"correct the unit, or say [signals.{channel.name}] from = …"
+    return (
+        f"the unit is that of the file's value times scale: write unit = '{channel.unit}', and as "
+        f"scale how many {channel.unit} one of the file's is"
+    )
+
+
+def check_quantities(spec: TwinSpec, model: Model) -> None:
+    """Does each quantity that was written with a unit measure what the model says that it is?
+
+    Raises:
+        ConfigError: names file, key, the unit that is expected and what came.
+    """
+    for path, value, unit in _quantities(spec, model):
+        if isinstance(value, Measured) and not compatible(written(value.written)[1], unit):
+            expected = "a pure number" if unit == "1" else f"a quantity in '{unit}' or alike"
+            raise ConfigError(
+                f"{place(spec, path)}: expected {expected}, got '{value.written}': correct the "
+                "unit, or write a bare number, which is SI"
+            )
+
+
+def _quantities(spec: TwinSpec, model: Model) -> Iterator[tuple[Path, object, str]]:
+    """Each setting that is in the unit of a parameter or channel: where it stands, its value, the
+    unit; names that the model does not have are told elsewhere."""
+    for item in model.parameters:
+        if said := spec.model.parameters.get(item.name):
+            for key in ("value", "low", "high", "sigma"):
+                path = ("model", "parameters", item.name, key)
+                yield path, getattr(said, key), item.unit
+    for channel in (*model.inputs, *model.outputs):
+        if rule := spec.signals.get(channel.name):
+            for key, per in (("low", False), ("high", False), ("rate", True)):
+                unit = f"({channel.unit})/s" if per else channel.unit
+                yield ("signals", channel.name, key), getattr(rule, key), unit
+        linear = channel.kind == "linear"
+        if linear and (group := spec.arbiter.groups.get(channel.group)):
+            for key in ("tolerance", "sigma"):
+                path = ("arbiter", "groups", channel.group, key)
+                yield path, getattr(group, key), channel.unit
+        if size := spec.prediction.scale.get(channel.name):
+            yield ("prediction", "scale", channel.name), size, channel.unit
+    if spec.moving is not None:
+        for deciding in set(spec.moving.channels.values()) & set(model.inputs.names):
+            unit = model.inputs.channels[model.inputs.index(deciding)].unit
+            yield ("moving", "above"), spec.moving.above, unit

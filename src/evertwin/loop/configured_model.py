@@ -7,6 +7,7 @@ from typing import Any
 
 from evertwin.config.spec import TwinSpec
 from evertwin.errors import UsageError
+from evertwin.loop.channels import check_quantities
 from evertwin.loop.friction_law import check_ladder
 from evertwin.machines.catalog import located, machine
 from evertwin.models import Model, Parameter, Parameters
@@ -24,6 +25,7 @@ def model_of(spec: TwinSpec, given: Model | None = None) -> Model:
     """
     model = given or _built(spec)
     check_ladder(spec, model)
+    check_quantities(spec, model)
     for name in spec.signals:
         (model.inputs + model.outputs).index(name)
     return configured(

@@ -12,12 +12,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from evertwin.fold import Event
+from evertwin.loop.jumps import jumps
 from evertwin.loop.open_faults import open_faults
 from evertwin.loop.open_trial import OpenTrial, shorter
 from evertwin.loop.result import OutputFigures
 from evertwin.loop.setup import Setup
 from evertwin.models.form import Version
 from evertwin.signals.spoken import both, spoken
+from evertwin.sources.tally import Tally
 
 CLEAR = 0.03
 """Share by which a deviation has to fall, or rise, to be called better, or worse."""
@@ -26,17 +28,21 @@ FEW = 3
 SHORT, FEWER = 30, 10
 """Rows since a version went live below which they do not tell how good it is; predictions, where
 each counts once, at its horizon."""
+LOST = 0.5
+"""Share of the rows left out from which on this is said first."""
 OFTEN = 10
 """Contacts in a run from which on it is said that they may be none."""
 
 
 def headline(
     setup: Setup, outputs: Mapping[str, OutputFigures], champion: Version,
-    events: Sequence[Event], trial: OpenTrial | None,
+    events: Sequence[Event], trial: OpenTrial | None, measured: int = 0,
 ) -> str:  # fmt: skip
-    """The outcome in a sentence or a few."""
+    """The outcome in a sentence or a few; ``measured``: rows that measure an output."""
     known = {name: f for name, f in outputs.items() if not math.isnan(f.rms_after)}
-    doubted, faults = _of_a_sensor(events), open_faults(events)
+    units = {channel.name: channel.unit for channel in setup.model.outputs}
+    doubted = _of_a_sensor(events)
+    faults = {**({} if setup.static else jumps(events, units)), **open_faults(events)}
     if known:
         outcome = _outcome(setup, known, champion, events, trial)
     elif champion.number:
@@ -45,7 +51,7 @@ def headline(
             "tells how much better it is."
         )
     else:
-        outcome = "Nothing was predicted: no output has a measurement to be compared with."
+        outcome = f"Nothing was predicted: {_why_none(measured)}."
     told = [*faults.values(), outcome]
     if doubted and doubted not in outcome:
         told.insert(0, f"{doubted[0].upper()}{doubted[1:]}.")
@@ -69,6 +75,25 @@ def headline(
         )
     told += map(_sentence, own[-1:])
     return " ".join(told)
+
+
+def first_of_rows(told: str, left_out: Sequence[Tally]) -> str:
+    """``told``, after what became of most rows of a source, where most were left out."""
+    for tally in left_out:
+        if tally.share > LOST:
+            rows = f"{tally.left_out} of {tally.left_out + tally.used} rows"
+            why = "; ".join(tally.suspicions or tally.lines()[:1])
+            return f"{rows} of {tally.source or 'the data'} were left out: {why}. {told}"
+    return told
+
+
+def _why_none(measured: int) -> str:
+    if not measured:
+        return "no output has a measurement to be compared with"
+    if measured < SHORT:
+        rows = f"{measured} row{'s are' if measured > 1 else ' is'}"
+        return f"{rows} too few, for filters and predictions need some before they begin"
+    return "no row has all its inputs, and a measurement that counts (evertwin doctor says why)"
 
 
 def _sentence(event: Event) -> str:

@@ -160,8 +160,10 @@ class Observer:
         parameters: Parameters = model.parameters.with_values(now.p)
         outputs = figures(self.setup, state)
         trial, trace = open_trial(driver.setup, driver.versions, state), self.trace.columns()
+        measured = 0
         if trace:
             trace["moving"] = self.setup.moving(trace["input"])
+            measured = int(np.isfinite(trace["measured"]).any(axis=1).sum())
         return RunResult(
             name=self.setup.spec.name, samples=state.row, seconds=seconds,
             outputs=outputs, position_updates=updates(state),
@@ -171,7 +173,8 @@ class Observer:
             model=model,
             models={v.form: driver.versions.model(v.number) for v in driver.versions},
             trace=trace, rounds=tuple(self.rounds),
-            trial=trial, headline=headline(self.setup, outputs, champion, self.events, trial),
+            trial=trial,
+            headline=headline(self.setup, outputs, champion, self.events, trial, measured),
             relative=self.setup.relative or not self.setup.decides,
         )  # fmt: skip
 

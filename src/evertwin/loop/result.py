@@ -15,6 +15,7 @@ import numpy as np
 from evertwin.errors import MissingExtra
 from evertwin.fold import Event, plain
 from evertwin.loop.open_trial import OpenTrial, shorter
+from evertwin.loop.summed_up import Several, summed_up
 from evertwin.models import Model, Parameters
 from evertwin.models.form import Form, Version
 from evertwin.signals.spoken import suited
@@ -246,10 +247,10 @@ class RunResult:
             text.append(f"  position updates {before} -> {after}")
         text += [] if self.trial is None else [f"  {self.trial}"]
         text += [f"  {tally}" for tally in self.left_out]
-        shown = self.events if every else self.of_kind(*DECISIONS)
-        text += [self._event(event) for event in (shown if every else shown[-MOST:])]
+        decisions = self.of_kind(*DECISIONS)
+        text += map(self._event, summed_up(self.events if every else decisions[-MOST:]))
         if not every:
-            text += self._others(shown[:-MOST])
+            text += self._others(decisions[:-MOST])
         text.append(
             f"{self.name}: {self.samples} rows in {self.seconds:.2f} s; figures are of unseen rows "
             f"from {self.unseen_since} on; version {self.champion.number} is live "
@@ -257,12 +258,20 @@ class RunResult:
         )
         return "\n".join(text)
 
-    def _event(self, event: Event) -> str:
-        start = int(self.trace["t"][0]) if len(self.trace.get("t", ())) else event.time
-        at = f"{1e-9 * (event.time - start):.4g} s"
+    def _event(self, some: Several) -> str:
+        event, said = some.first, some.first.reason
+        if some.times > 1:
+            last = f"row {some.last.row} ({self._when(some.last)})"
+            said = f"{some.times} times until {last}, first: {said}"
+        at = self._when(event)
+        return f"  row {event.row:>8} {at:>9}  {event.kind:<18} {event.signal:<8} {said}"
+
+    def _when(self, event: Event) -> str:
+        """Since the first row; date and time where the recording has them."""
         if event.time > DATED:
-            at = f"{datetime.fromtimestamp(event.time // 10**9, UTC):%Y-%m-%d %H:%M:%SZ}"
-        return f"  row {event.row:>8} {at:>9}  {event.kind:<18} {event.signal:<8} {event.reason}"
+            return f"{datetime.fromtimestamp(event.time // 10**9, UTC):%Y-%m-%d %H:%M:%SZ}"
+        start = int(self.trace["t"][0]) if len(self.trace.get("t", ())) else event.time
+        return f"{1e-9 * (event.time - start):.4g} s"
 
     def _others(self, earlier: Sequence[Event]) -> list[str]:
         """How many events are not shown, by kind."""

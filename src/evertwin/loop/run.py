@@ -24,6 +24,7 @@ from evertwin.loop.driver import Driver
 from evertwin.loop.feed import Data, Feed
 from evertwin.loop.fingerprint import Followed as Prints
 from evertwin.loop.follow import Followed
+from evertwin.loop.headline import first_of_rows
 from evertwin.loop.ledger import Begun, Ledger
 from evertwin.loop.observer import Observer
 from evertwin.loop.rate import measured
@@ -135,7 +136,8 @@ class Run:
             state = self.step(state, block)
         result = self.ended(state, time.perf_counter() - began, over=over)
         left_out = (looked if over else feed).left_out
-        return replace(result, left_out=left_out, passed=place.offset)
+        said = first_of_rows(result.headline, left_out)
+        return replace(result, left_out=left_out, passed=place.offset, headline=said)
 
     def ended(self, state: TwinState, seconds: float, *, over: bool = False) -> RunResult:
         """The end of the run (``over``: it had ended before) and what came of it."""

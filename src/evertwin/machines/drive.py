@@ -2,9 +2,12 @@
 
     M·dv/dt = F − friction(v),        dq/dt = v
 
-with the friction laws of `evertwin.machines.friction`. Two forms of one machine share their
-parameters. `Drive` goes forwards, from force to motion: for free runs. `DriveForce` goes backwards,
-from motion to force: static and linear in the parameters, so that tuning solves at once.
+with the friction laws of `evertwin.machines.friction`. Position q, speed v and force F are positive
+in one direction, friction against positive motion: the force of a motion is M·dv/dt + friction(v).
+
+Two forms of one machine share their parameters. `Drive` goes forwards, from force to motion: for
+free runs. `DriveForce` goes backwards, from motion to force: static and linear in the parameters,
+so that tuning solves at once.
 
 >>> import numpy as np
 >>> axis = Drive("sign+direction")
@@ -242,6 +245,7 @@ class _Rubs:
 class Drive(_Rubs, Compiled):
     """From force [N] to position [m] and speed [m/s]: for free runs and what-if.
 
+    ``law``: terms of friction joined by ``+``; ``two_sided``: with that term too.
     ``rotary``: from torque [Nm] to angle [rad] and its speed [rad/s].
 
     >>> Drive().inputs.names, Drive().outputs.names
@@ -265,6 +269,7 @@ class Drive(_Rubs, Compiled):
 class DriveForce(_Rubs, Compiled):
     """From speed [m/s] and acceleration [m/s²] to force [N], linear in mass and friction.
 
+    ``law``: terms of friction joined by ``+``; ``two_sided``: with that term too.
     ``rotary``: from rad/s and rad/s² to torque [Nm]. A law that reads them makes ``position`` [m,
     rad] and ``temperature`` [K] inputs too. Below
     ``standstill`` [m/s, rad/s] the sign of the speed counts as zero.

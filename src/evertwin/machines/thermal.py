@@ -6,6 +6,9 @@ Heat balances, with heater ``Th``, box air ``Tb``, wall ``Tw``, room ``Tr`` and 
     Cb·dTb/dt = Gh·(Th − Tb) − Gb·(Tb − Tr) − Gw·(Tb − Tw)
     Cw·dTw/dt = Gw·(Tb − Tw)
 
+with P ``heater_power``, Ch, Cb, Cw the ``…_capacity`` [J/K], Gh, Gb, Gw the ``…_conductance``
+[W/K] of heater, box and wall; a switch of 1 heats, 0 does not, and what lies between heats in part.
+
 Without the wall this is the four-parameter model (Ch, Gh, Cb, Gb); the wall adds one first-order
 state. Only Tb is measured: the temperatures of heater and wall before the first row are the
 parameters ``heater_start`` and ``wall_start``, listed in `ThermalBox.initials`, which belong to a

@@ -22,7 +22,7 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from evertwin.errors import UsageError
 from evertwin.fold.span import MOST, Span
-from evertwin.settings.quantity import as_number, number, written
+from evertwin.settings.quantity import Measured, as_number, number, written
 
 if TYPE_CHECKING:
     from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
@@ -104,7 +104,8 @@ class Quantity(NamedTuple):
     """
 
     unit: str = ""
-    """What is expected; empty: the unit of the channel or parameter that it is about."""
+    """What is expected; empty: the unit of the channel or parameter that it is about, checked by
+    who knows it, so the number remembers how it was written (`Measured`)."""
     difference: bool = False
     """A span or spread: the offset between °C and K does not count."""
 
@@ -119,7 +120,12 @@ class Quantity(NamedTuple):
     def __get_pydantic_core_schema__(
         self, source: object, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
-        return core_schema.no_info_before_validator_function(self.si, handler(source))
+        def read(value: object, bounded: core_schema.ValidatorFunctionWrapHandler) -> float:
+            size: float = bounded(self.si(value))
+            told = isinstance(value, str) and not self.unit and written(value)[1]
+            return Measured(size, str(value)) if told else size
+
+        return core_schema.no_info_wrap_validator_function(read, handler(source))
 
     def __get_pydantic_json_schema__(
         self, core: CoreSchema, handler: GetJsonSchemaHandler

@@ -1,8 +1,10 @@
 """How a text table is written: delimiter, decimal sign, heading, comments, found from its top.
 
 The delimiter is the one that cuts most lines into the same number of cells, most of them numbers.
-A decimal comma is only believed where another sign delimits; ``1,5,2,5`` under two headings is
-refused, because it can be read in two ways.
+A decimal comma is only believed where another sign delimits, or where each such cell is quoted and
+is no thousands (``"1,049"``); ``1,5,2,5`` under two headings is refused, because it can be read in
+two ways. Where decimals are marked by commas, a point parts thousands; a table that seems to have
+both is read once ``decimal`` says so.
 
 >>> d = detect([b"# drive", b"t [s];v", b"0;1,5", b"1;1,6"])
 >>> d.delimiter, d.decimal_comma, d.headings.names, d.skip
@@ -171,6 +173,9 @@ TRUTH = {b"true": 1.0, b"false": 0.0}
 _WORDS: dict[str, bytes | None] = {"auto": None, "blank": None, "tab": b"\t"}
 _NUMBER = re.compile(rb"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$|[+-]?inf(inity)?$", re.IGNORECASE)
 _COMMA_NUMBER = re.compile(rb"[+-]?\d*,\d+([eE][+-]?\d+)?$")
+_THOUSANDS = re.compile(rb"[+-]?[1-9]\d{0,2}(\.\d{3})+(,\d+)?")
+_GROUPED = re.compile(rb"[+-]?\d{1,3},\d{3}")
+"""One comma before three digits: decimals, or thousands."""
 _DATE = re.compile(rb"\d{4}[-./]\d\d?[-./]\d\d?[T ._]\d")
 
 
@@ -236,6 +241,17 @@ def kind_of_cell(cell: bytes, decimal_comma: bool) -> str:
     return "d" if _DATE.match(cell) else "t"
 
 
+def pointed(cell: bytes) -> bytes:
+    """A cell of a table with decimal commas, as other tables write it.
+
+    >>> pointed(b"1.234,5"), pointed(b"-0,5"), pointed(b"13.01.2025 12:00")
+    (b'1234.5', b'-0.5', b'13.01.2025 12:00')
+    """
+    if _THOUSANDS.fullmatch(cell):
+        cell = cell.replace(b".", b"")
+    return cell.replace(b",", b".")
+
+
 @dataclass(frozen=True)
 class Stated:
     """What the user says of a text table; what is left open is found from its first lines.
@@ -265,7 +281,7 @@ class Stated:
         delimiter, comma = found
         if self.delimiter != "auto":
             delimiter = _WORDS.get(self.delimiter, self.delimiter.encode())
-            comma = comma and delimiter != b","
+            comma = comma and (delimiter != b"," or delimiter == found[0])
         return delimiter, comma if self.decimal == "auto" else self.decimal == ","
 
 
@@ -317,18 +333,22 @@ def _delimiter(lines: Sequence[bytes]) -> tuple[bytes | None, bool]:
         if width < 2:
             continue
         flat = [c for row in rows if len(row) == width for c in row]
-        comma = delimiter != b"," and _has_decimal_comma(flat)
-        numeric = sum(kind_of_cell(c, comma) in "nbd?" for c in flat) / max(len(flat), 1)
+        comma = _has_decimal_comma(flat, quoted=delimiter == b",")
+        numeric = sum(kind_of_cell(c, delimiter != b"," or comma) in "nbd?" for c in flat) / max(
+            len(flat), 1
+        )
         score = (round(hits / len(rows), 1), round(numeric, 1), width)
         if score > best and hits * 2 > len(rows):
             best, choice = score, (delimiter, comma)
     return choice
 
 
-def _has_decimal_comma(cells: Sequence[bytes]) -> bool:
-    with_comma = sum(_COMMA_NUMBER.match(c.strip()) is not None for c in cells)
+def _has_decimal_comma(cells: Sequence[bytes], quoted: bool) -> bool:
+    """``quoted``: the comma delimits too, so a cell that holds one was quoted."""
+    with_comma = [c.strip() for c in cells if _COMMA_NUMBER.match(c.strip())]
     with_point = sum(b"." in c and _NUMBER.match(c.strip()) is not None for c in cells)
-    return with_comma > 0 and with_point == 0
+    thousands = quoted and all(_GROUPED.fullmatch(c) for c in with_comma)
+    return bool(with_comma) and with_point == 0 and not thousands
 
 
 def _titles(kinds: Sequence[str]) -> int:

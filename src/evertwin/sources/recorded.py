@@ -29,6 +29,7 @@ from evertwin.fold.block import LARGEST
 from evertwin.signals import conversion
 from evertwin.signals.whole_steps import whole_steps
 from evertwin.sources.dialect import FOUND, Stated
+from evertwin.sources.empty_cells import EmptyCells
 from evertwin.sources.guard import Guarded, Piece, Watch, typical
 from evertwin.sources.names import closest
 from evertwin.sources.recording import open_recording
@@ -166,11 +167,18 @@ class Recorded:
         task = -1
         for path in self.files:
             top = _Top()
+            width = len(self.cells) - len(self.where)
+            cells = EmptyCells([cell.channel for cell in self.cells[:width]])
             for opens, out in self._guarded(path, top):
                 task += int(opens)
                 chunk = self._wanted(Chunk(self.name, out.t, self._si(out, path), task))
                 if len(chunk.t):
+                    cells.add(chunk.t, chunk.v, out.line[np.searchsorted(out.t, chunk.t)])
                     yield chunk
+            for name, count, line in cells.found():
+                self.tally.empty(
+                    name, count, Problem("empty", line, f"{name}: no value", path.name)
+                )
             self._suspect(top)
 
     def _wanted(self, chunk: Chunk) -> Chunk:

@@ -4,7 +4,9 @@ They are read as recordings are: commas, semicolons or tabs between cells, decim
 comma stands between cells, comments, a byte-order mark. A heading may carry a unit (``q1 [deg]``);
 numbers are then turned into SI; a column without a heading is called ``c1`` if it is the first.
 Empty cells, ``nan`` and ``n/a`` are absent. Columns of dates (ISO 8601, or as in
-2027.03.01 08:00) become seconds since 1970; columns of text stay text.
+2027.03.01 08:00) become seconds since 1970; columns of text stay text. ``13.01.2025`` is the 13th
+of January where a day of the column is above 12; a column of which no date says which of its
+numbers is the day is refused.
 
 >>> table = parse(["t,q1 [deg],note", "0,90,", "1,,gearbox replaced"], "path.csv")
 >>> table.column("q1").round(3).tolist(), table.text["note"]
@@ -34,10 +36,14 @@ ABSENT = frozenset(word.decode() for word in MISSING)
 _HEAD = re.compile(r"^\s*(.*?)\s*(?:\[(.*)\])?\s*$")
 _COMMENTS = tuple(sign.decode() for sign in COMMENTS)
 _COMMA = re.compile(r"[+-]?\d*,\d+")
+_GROUPED = re.compile(r"[+-]?\d{1,3},\d{3}")
+"""Decimals, or thousands."""
 _YEAR_FIRST = re.compile(
     r"(\d{4})[./](\d\d?)[./](\d\d?)(?:[T ._](\d\d?)[:.](\d\d)(?:[:.](\d\d))?)?"
 )
 """Dates that ISO 8601 does not know and that cannot be read in two ways either."""
+_YEAR_LAST = re.compile(r"(\d\d?)\.(\d\d?)\.(\d{4})(.*)")
+"""Day and month by points, in either order."""
 _TOP = 60
 """Lines that tell how a table is written."""
 LARGEST = 200_000_000
@@ -98,6 +104,7 @@ class Table:
         for line, cell in kept:
             if _numbers([cell]) is None and _dates([cell]) is None:
                 hint = f": write {cell.replace(',', '.')}" if _COMMA.fullmatch(cell) else ""
+                hint += f" or {cell.replace(',', '')}" if _GROUPED.fullmatch(cell) else ""
                 return (
                     f"{line}: {name}: expected a number or a date as in 2027-03-01, got {cell!r}"
                     + (hint or "; leave the cell empty where there is none")
@@ -177,6 +184,7 @@ def parse(lines: Iterable[str], name: str) -> Table:
                 "none, got infinity"
             )
         if values is None:
+            cells = _year_first(cells, f"{name}:{rows[1][0]}: {head}")
             values = _dates(cells)
             dates |= set() if values is None else {head}
             zoned |= {head} if values is not None and _zoned(cells) else set()
@@ -199,7 +207,7 @@ def _rows(lines: list[str]) -> tuple[list[tuple[int, list[str]]], bool]:
         with contextlib.suppress(DataError):  # the rows below say what is wrong, with their line
             found = detect(top)
             delimiter = (found.delimiter or b",").decode("latin-1")
-            comma = found.decimal_comma and delimiter != ","
+            comma = found.decimal_comma
     reader = csv.reader(kept, delimiter=delimiter)
     return [(reader.line_num, row) for row in reader if any(row)], comma
 
@@ -240,6 +248,32 @@ def _moment(cell: str) -> datetime:
         return datetime.fromisoformat(cell)
     year, month, day, hour, minute, second = (int(part) for part in found.groups(default="0"))
     return datetime(year, month, day, hour, minute, second)
+
+
+def _year_first(cells: list[str], where: str) -> list[str]:
+    """``13.01.2025 08:00`` as ``2025.01.13 08:00``, where a day above 12 says which is the day.
+
+    Raises:
+        DataError: no date of the column says it.
+    """
+    found = [_YEAR_LAST.fullmatch(cell) for cell in cells]
+    if not any(found) or any(
+        f is None and c.lower() not in ABSENT for f, c in zip(found, cells, strict=True)
+    ):
+        return cells
+    days = any(int(one[1]) > 12 for one in found if one)
+    months = any(int(one[2]) > 12 for one in found if one)
+    if not days and not months:
+        first = next(cell for cell in cells if cell.lower() not in ABSENT)
+        raise DataError(
+            f"{where}: expected a number or a date as in 2027-03-01, got {first!r}, and no "
+            "row says which of its numbers is the day"
+        )
+    order = (2, 1) if days else (1, 2)
+    return [
+        cell if one is None else f"{one[3]}.{one[order[0]]}.{one[order[1]]}{one[4]}"
+        for one, cell in zip(found, cells, strict=True)
+    ]
 
 
 def _zoned(cells: list[str]) -> bool:

@@ -29,9 +29,11 @@ class ChannelSpec(Section):
     column: Column
     """Name in the header, or position from 0."""
     unit: str
-    """Unit in the file; "1" for a pure number."""
+    """Unit in the file; "1" for a pure number.
+    With ``scale`` that of the file's value times ``scale``."""
     scale: Finite = 1.0
-    """Multiplies the file's value before its unit is converted (a motor constant, a sign)."""
+    """Multiplies the file's value before its unit is converted (a sign; of a current in A
+    that drives a force in N, how many N one ampere is, with ``unit = "N"``)."""
     offset: Finite = 0.0
     """Added after ``scale``, in the file's unit."""
     step: Annotated[Finite, Ge(0.0)] = 0.0

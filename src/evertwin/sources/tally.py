@@ -38,7 +38,7 @@ KEPT = 20
 """Problems of one kind that are kept whole."""
 LIMIT = 0.01
 """Share of the rows that may be left out where nobody says."""
-_STAYS = frozenset({"gap", "clock_set", "text"})
+_STAYS = frozenset({"gap", "clock_set", "text", "empty"})
 """Kinds of problem whose row is used nevertheless."""
 
 
@@ -57,6 +57,8 @@ class Tally:
     """Rows that were used."""
     counts: dict[str, int] = field(default_factory=dict)
     first: dict[str, list[Problem]] = field(default_factory=dict)
+    cells: dict[str, int] = field(default_factory=dict)
+    """Empty cells of each channel."""
     suspicions: list[str] = field(default_factory=list)
     """What is probably wrong, such as the unit of time, with the factor."""
 
@@ -68,10 +70,26 @@ class Tally:
             if len(kept) < KEPT:
                 kept.append(problem._replace(file=file) if file else problem)
 
+    def empty(self, channel: str, count: int, first: Problem) -> None:
+        """Count cells of a channel that have no value; their rows are used for the others."""
+        self.counts["empty"] = self.counts.get("empty", 0) + count
+        self.first.setdefault("empty", []).append(first)
+        self.cells[channel] = self.cells.get(channel, 0) + count
+
     def suspect(self, what: str) -> None:
         """Name what is probably wrong; once."""
         if what and what not in self.suspicions:
             self.suspicions.append(what)
+
+    @property
+    def lacking(self) -> tuple[str, ...]:
+        """Channels that lack more values than rows may be left out, each with its share."""
+        rows = max(self.used, 1)
+        return tuple(
+            f"{name} lacks {100 * count / rows:.3g} % of its values"
+            for name, count in self.cells.items()
+            if count > self.limit * rows
+        )
 
     @property
     def total(self) -> int:
@@ -91,7 +109,7 @@ class Tally:
     @property
     def finding(self) -> bool:
         """Whether more was left out than may be, or something is suspected."""
-        return self.share > self.limit or bool(self.suspicions)
+        return self.share > self.limit or bool(self.suspicions or self.lacking)
 
     def lines(self) -> tuple[str, ...]:
         """One line a kind: how many, where the first one is, and what it was."""
@@ -107,13 +125,14 @@ class Tally:
         return {
             "source": self.source, "rows": self.used + self.left_out, "left_out": self.left_out,
             "share": self.share, "problems": dict(self.counts), "first": list(self.lines()),
-            "suspicions": list(self.suspicions), "finding": self.finding,
+            "suspicions": list(self.suspicions), "lacking": list(self.lacking),
+            "finding": self.finding,
         }  # fmt: skip
 
     def __str__(self) -> str:
         """One line with all of it; empty where nothing was wrong."""
         rows = self.used + self.left_out
-        said = [*self.lines(), *self.suspicions]
+        said = [*self.lines(), *self.lacking, *self.suspicions]
         if not said:
             return ""
         head = f"{self.left_out} of {rows} rows left out ({100 * self.share:.3g} %)"

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import gzip
 import io
+import re
 import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -30,6 +31,7 @@ from evertwin.sources.dialect import (
     Stated,
     cells_of,
     detect,
+    pointed,
 )
 from evertwin.sources.names import distinct, split_unit
 from evertwin.sources.stamps import texts
@@ -41,6 +43,8 @@ BLOCK = 1 << 22
 LONGEST = 1 << 20
 """Bytes of the longest line that is believed."""
 _TOP = 60
+_POINTED = re.compile(rb"\d\.\d{3}(?!\d)")
+"""What may be thousands where decimals are marked by commas."""
 _KINDS = {"n": "number", "b": "boolean", "d": "time", "t": "text", "?": "number"}
 _BOM = b"\xef\xbb\xbf"
 
@@ -179,7 +183,7 @@ class _Piece:
             if not ln.strip() or ln.startswith(COMMENTS):
                 continue
             if quoted and b'"' in ln:
-                ln = _unquoted(ln, d.delimiter)
+                ln = _unquoted(ln, d)
             count = len(ln.split()) if d.delimiter is None else ln.count(d.delimiter) + 1
             last = bool(cut) and i == len(self.lines) - 1
             if count != d.fields or b"\0" in ln:
@@ -227,7 +231,7 @@ class _Piece:
     def _column(self, kept: list[bytes], j: int) -> list[bytes]:
         delimiter = self.table.dialect.delimiter
         cells = [ln.split(delimiter, j + 1)[j].strip() for ln in kept]
-        return [c.replace(b",", b".") for c in cells] if self.table.dialect.decimal_comma else cells
+        return [pointed(c) for c in cells] if self.table.dialect.decimal_comma else cells
 
     def _values(
         self, kept: list[bytes], use: list[int], line: Any, problems: list[Problem]
@@ -236,7 +240,10 @@ class _Piece:
         if not use:
             return np.zeros((len(kept), 0))
         d = self.table.dialect
-        plain = [ln.replace(b",", b".") for ln in kept] if d.decimal_comma else kept
+        swap = d.decimal_comma and d.delimiter != b","
+        if swap and any(map(_POINTED.search, kept)):
+            return np.stack([self._slow(kept, j, line, problems) for j in use], axis=1)
+        plain = [ln.replace(b",", b".") for ln in kept] if swap else kept
         try:
             return np.loadtxt(
                 cast(Any, plain),
@@ -264,21 +271,47 @@ class _Piece:
             if self.strict:
                 raise DataError(
                     f"{self.table.path.name}:{line[i]}: column {name!r}: expected a number, got "
-                    f"{text!r}: correct the line, or map another column"
+                    f"{text!r}: {self._advice(cell, kept[i], j)}"
                 )
             problems.append(Problem("text", int(line[i]), f"{name}: {text!r}"))
         return out
+
+    def _advice(self, cell: bytes, row: bytes, j: int) -> str:
+        """What to do about a cell that is no number."""
+        columns, d = self.table.columns, self.table.dialect
+        if cell == columns[j].name.encode():
+            return "the headings again: a file begins anew here, give each a file of its own"
+        quoted = cell.replace(b" ", b",")  # what a quote held is a blank by now
+        if number_of(pointed(quoted)) is None:
+            return "correct the line, or map another column"
+        if b"," not in quoted:
+            return "points that part thousands? Say [[source]] decimal = ','"
+        points = (
+            (c.name, one.decode("utf-8", "replace"))
+            for c, one in zip(columns, _split(row, d), strict=True)
+            if b"." in one and number_of(one) is not None
+        )
+        for name, one in points:
+            return (
+                f"a decimal comma, and {one!r} in column {name!r} has a point: if it parts "
+                "thousands, say [[source]] decimal = ','; else write all numbers in one way"
+            )
+        return "a decimal comma or thousands? Say [[source]] decimal, or write plain numbers"
 
 
 def _split(line: bytes, dialect: Dialect) -> list[bytes]:
     return cells_of(line, dialect.delimiter)
 
 
-def _unquoted(line: bytes, delimiter: bytes | None) -> bytes:
-    """A quoted line with its quotes resolved and delimiters inside them replaced by blanks."""
-    if delimiter is None or line.count(b'"') % 2:
+def _unquoted(line: bytes, d: Dialect) -> bytes:
+    """A quoted line with its quotes resolved and delimiters inside them replaced: by blanks, or in
+    numbers with a decimal comma by points."""
+    if d.delimiter is None or line.count(b'"') % 2:
         return line
-    return delimiter.join(c.replace(delimiter, b" ") for c in cells_of(line, delimiter))
+    cells = cells_of(line, d.delimiter)
+    if d.delimiter == b"," and d.decimal_comma:
+        cells = [pointed(c) if number_of(pointed(c)) is not None else c for c in cells]
+    return d.delimiter.join(c.replace(d.delimiter, b" ") for c in cells)
 
 
 def number_of(cell: bytes) -> float | None:

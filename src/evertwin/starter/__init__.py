@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from evertwin.surface import surface
 
 if TYPE_CHECKING:
+    from evertwin.starter.axes import by_axis as by_axis
     from evertwin.starter.draft import Draft as Draft
     from evertwin.starter.mapping import mapped as mapped
     from evertwin.starter.options import options_of as options_of

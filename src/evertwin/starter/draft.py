@@ -23,6 +23,7 @@ from evertwin.signals import conversion
 from evertwin.starter.named import short
 from evertwin.starter.proposal import ASK, Match, Proposal, position, together
 from evertwin.starter.seen import Seen
+from evertwin.starter.words import same_kind
 
 PERIODS = ("ts", "dt", "t_s", "sampling_time", "sample_time")
 """Names of a column that holds one number: seconds from row to row."""
@@ -156,6 +157,29 @@ class Draft:
         """Outputs that one requirement suits: those in the first one's unit."""
         outputs = () if self.model is None else tuple(self.model.outputs)
         return tuple(one.name for one in outputs if one.unit == outputs[0].unit)
+
+    @property
+    def spread(self) -> tuple[float, str]:
+        """How far the first output that is judged moves, without its rarest twentieths, and the
+        unit; 0 where no column says it."""
+        names = self.judged if self.model is not None else ("y",)
+        match = next((m for m in self.proposal.matches if m.channel in names), None)
+        if match is None or match.column == ASK:
+            return 0.0, ""
+        values = self.seen[match.source].values(match.column)
+        values = values[np.isfinite(values)]
+        size = float(np.ptp(np.quantile(values, (0.05, 0.95)))) if len(values) else 0.0
+        factor = match.scale if isinstance(match.scale, float) else 1.0
+        unit = "K" if same_kind(match.unit, "K") else match.unit
+        return size * abs(factor), unit
+
+    def share(self, part: float) -> str:
+        """A round ``part`` of the spread as a twin file writes it; empty where it is not known. A
+        model of one's own may count in other units: there is no more to say than a share."""
+        size, unit = self.spread
+        if self.model is None or not size > 0.0 or unit == "1":
+            return ""
+        return f"{float(f'{part * size:.1g}'):g} {unit}"
 
     @property
     def ladder(self) -> tuple[str, ...]:

@@ -22,9 +22,9 @@ from evertwin.starter.seen import Seen
 from evertwin.starter.words import WHEEL, role, said_unit, same_kind, words
 
 _SYNONYMS = (
-    {"v", "speed", "velocity", "vel", "linear", "forward"},
+    {"v", "speed", "velocity", "vel", "linear", "lin", "forward"},
     {"speed", "rpm"},
-    {"w", "omega", "turn", "yawrate", "angular", "rotational", "rotation", "wz"},
+    {"w", "omega", "turn", "yawrate", "angular", "ang", "rotational", "rotation", "wz"},
     {"heading", "yaw", "theta", "orientation", "psi", "phi", "angle"},
     {"steering", "steer", "steered"},
     {"position", "pos", "q", "qm", "angle", "joint"},
@@ -33,7 +33,7 @@ _SYNONYMS = (
     {"tau", "torque", "effort", "moment"},
     {"t", "temp", "temperature", "box"},
     {"on", "state", "switch"},
-    {"force", "f", "vir", "voltage", "u", "current", "torque"},
+    {"force", "f", "vir", "voltage", "u", "current", "cur", "torque"},
 )
 _DRIVING = {"vir", "voltage", "volt", "u", "current", "cur", "i", "torque"}
 """What drives a force, times a constant."""
@@ -136,7 +136,11 @@ def unit_of(wanted: str, column: ColumnInfo) -> tuple[str, Answer, str]:
         who = "name" if named else "file"
         return wanted, ASK, f"the {who} says {column.unit}: how many {wanted} is one?"
     if column.unit:
-        return column.unit, 1.0, f"the name ends in {said[-1]}" if named else "stated by the file"
+        return (
+            column.unit,
+            1.0,
+            f"the name ends in {column.unit}" if named else "stated by the file",
+        )
     if wanted in _EFFORTS and not (_DRIVING - {_EFFORTS[wanted]}).isdisjoint(said):
         what = "force" if wanted == "N" else "torque"
         return wanted, ASK, f"drives the {what}: how many {wanted} is one?"

@@ -51,7 +51,7 @@ MEASURED = {
 WHEEL = {"wheel", "wheels", "motor", "motors", "left", "right", "rear", "front"}
 OTHERS = {
     "delta", "diff", "difference", "increment", "error", "err", "variance", "var", "std", "sigma",
-    "ext", "external", "residual", "covariance", "limit", "max", "min", "status", "mode", "state",
+    "ext", "external", "residual", "covariance", "limit", "max", "min", "status", "mode",
 }  # fmt: skip
 """What a column with such a word holds is said about the quantity, and is not the quantity."""
 _JOINED = re.compile(r"(set|cmd|ref|des|act|meas)(vel|pos|speed|angle|torque|cur)")
@@ -61,7 +61,8 @@ _AXIS = re.compile(r"(v)([xyz])")
 ENDS = {
     "deg": "deg", "rad": "rad", "mm": "mm", "cm": "cm", "mps": "m/s", "rpm": "rpm", "dps": "deg/s",
     "nm": "Nm", "pct": "%", "percent": "%", "deg c": "degC", "celsius": "degC", "bar": "bar",
-    "kpa": "kPa", "kw": "kW",
+    "kpa": "kPa", "kw": "kW", "m s": "m/s", "cm s": "cm/s", "mm s": "mm/s", "rad s": "rad/s",
+    "deg s": "deg/s",
 }  # fmt: skip
 """Last words of a heading that can be nothing but its unit."""
 

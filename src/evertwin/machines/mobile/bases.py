@@ -20,7 +20,7 @@ def _motors(*names: str) -> Layout:
 
 
 class Robot1D(Compiled):
-    """A robot on a line: commanded speed v [m/s] to position x [m].
+    """A robot on a line: commanded speed v [m/s] to position x [m], dx/dt = gain·v.
 
     The longitudinal reduction of Müller, Jazdi, Weyrich, "Self-improving Models for the Intelligent
     Digital Twin", section 4.
@@ -39,6 +39,11 @@ class Robot1D(Compiled):
 
 class Differential(Compiled):
     """A differential base: forward speed v [m/s] and turn rate w [rad/s] to pose x, y, heading.
+
+        dx/dt = gain·v·cos(heading),   dy/dt = gain·v·sin(heading),   d(heading)/dt = turn_gain·w
+
+    The heading counts from the x axis, and like w positive to the left (seen from above); v is
+    positive forwards.
 
     With ``wheels`` the inputs are the wheels' speeds ``left`` and ``right`` [rad/s] instead, and
     the parameters are ``wheel_radius`` r and ``wheel_base`` b [m]: v = r·(left + right)/2,
@@ -101,6 +106,8 @@ class Bicycle(Compiled):
 
 class Odometer(Compiled):
     """Forward speed v and turn rate w to the way travelled (signed, [m]) and the heading.
+
+        d(travel)/dt = gain·v,   d(heading)/dt = turn_gain·w
 
     For recordings that know how far and how much a base turned, but not where it is.
 

@@ -28,7 +28,7 @@ from evertwin.backoff import Backoff
 from evertwin.errors import DataError, UsageError
 from evertwin.settings.kinds import Duration
 from evertwin.settings.notes import Late, expand
-from evertwin.sources.dialect import COMMENTS, Dialect, Stated, cells_of, detect
+from evertwin.sources.dialect import COMMENTS, Dialect, Stated, cells_of, detect, pointed
 from evertwin.sources.live.contract import Around, LiveSettings
 from evertwin.sources.live.decode import Columns, Raw
 from evertwin.sources.live.line import Line, LineDown
@@ -192,7 +192,7 @@ class _Rows:
             self.source.told.reject("a line with another number of cells")
             return []
         if d.decimal_comma:
-            cells = [cell.replace(b",", b".") for cell in cells]
+            cells = [pointed(cell) for cell in cells]
         row: dict[str, Raw] = {}
         for name, place in self._places:
             timely = name == self.source.decoder.time
