@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from evertwin.anomaly.verdict import Verdict, branch, explained
+from evertwin.anomaly.verdict import Verdict, explained
 from evertwin.config.spec import TwinSpec
 from evertwin.correction.improve import TooFew
 from evertwin.errors import DataError, ModelError, UsageError
@@ -21,8 +21,10 @@ from evertwin.fold import plain
 from evertwin.loop.answering import changed_since, event, of_a_sensor, rejected
 from evertwin.loop.change import changed, split, suddenly
 from evertwin.loop.correcting import learn, nearest
-from evertwin.loop.evaluation import falls_short, left, sizes
+from evertwin.loop.evaluation import left, sizes
 from evertwin.loop.friction_law import acting
+from evertwin.loop.gauge import misgauged
+from evertwin.loop.judging import judged
 from evertwin.loop.misread import misread
 from evertwin.loop.named_cause import named_first
 from evertwin.loop.physical import physically
@@ -41,7 +43,7 @@ from evertwin.models import Model
 from evertwin.models.corrected import Corrected
 from evertwin.models.form import Form, Version
 from evertwin.trial import admit
-from evertwin.tuning import Fit, Iteration, Problem, Schedule, Settings, own_names, solve
+from evertwin.tuning import Fit, Iteration, Problem, Schedule, Settings, own_names
 from evertwin.types import Json, ParameterVector
 
 LEAST = 0.05
@@ -213,11 +215,17 @@ class Work:
         since = {"since": windows[0].row} if windows is not task.windows else {}
         model = self.versions.model_of(version.form)
         rows = self.setup, model, version.p, windows
-        other = (unit_change(*rows) or misread(*rows)) if commissioned else None
+        few = None
+        try:
+            other = (unit_change(*rows) or misread(*rows)) if commissioned else None
+        except TooFew as error:
+            if not len(model.states):
+                raise
+            other, few = None, error  # tuning beside it may tell
         if other:
             return {"events": [*events, of_a_sensor(other)]} | since
         posed = self.problem(version, windows, names)
-        named = named_first(self, task, posed, events)
+        named = named_first(self, task, posed, events) if few is None else None
         if named:
             return named | since
         problem, chosen = law_now(self.setup, posed, self.tune if commissioned else None)
@@ -227,11 +235,17 @@ class Work:
         elif len(names) < len(self.editable(version)):
             verdict = Verdict("normal", "", "tuned the share of the parameters whose turn it is")
         else:
-            verdict = self.verdict(problem, fit)
+            verdict = judged(self.setup, problem, fit)
         if verdict.kind == "abnormal" and not commissioned:
             other = misread(*rows, fit.p)
             if other:
                 return {"events": [*events, of_a_sensor(other)]} | since
+        if commissioned and (verdict.kind == "abnormal" or explained(fit, fit.noise) >= MUCH):
+            other = misgauged(self, task, problem, fit)
+            if other:  # the rows before it go on to tell how it was
+                return {"events": [*events, of_a_sensor(other)], "refused": other.refused}
+        if few is not None:
+            raise few
         events += [
             event("not_identifiable", name, fit.reasons[k], {"verdict": fit.verdict[k]})
             for k, name in enumerate(fit.names)
@@ -315,20 +329,6 @@ class Work:
         after = np.clip(after, LEAST * before, before)
         scale = after / np.sqrt(np.maximum(1.0 - (after / before) ** 2, LITTLE))
         return self._candidate(version.form, values, scale, reason, windows)
-
-    def verdict(self, problem: Problem, fit: Fit) -> Verdict:
-        """Normal or abnormal, with the cause that explains most."""
-        refits = {}
-        there = problem.model.parameters.names
-        for cause, names in self.setup.causes.items():
-            chosen = tuple(name for name in names if name in there)
-            if chosen:
-                refits[cause] = solve(problem.tuning(chosen))
-        found = branch(fit, problem, refits, frozenset(self.setup.editable))
-        short = falls_short(self.setup, problem, fit)
-        if found.kind == "normal" and short and self._next():
-            return replace(found, kind="abnormal", reason=f"{short}: the form does not reach it")
-        return found
 
     # ------------------------------------------------------------------ correction
 
