@@ -28,7 +28,7 @@ import numpy as np
 from evertwin.loop.change import split
 from evertwin.loop.gauge_rows import LEAST, Rows, residual
 from evertwin.loop.misread import ALIKE, Reading, readings, recorded
-from evertwin.loop.offset import offset
+from evertwin.loop.offset import NEAR, offset
 from evertwin.loop.ring import called
 from evertwin.loop.task import Task, Windows
 from evertwin.loop.unit_change import SensorChange
@@ -53,6 +53,8 @@ FEW = 300
 """Rows on which every reading is tried first."""
 HALF = 0.5
 """Share of the deviation that an offset takes away on unseen rows at least."""
+JUMP = 2.0
+"""Times the largest step before from which a step is a jump."""
 STILL = 0.1
 """Response, and scatter, below which a sensor does not answer [of what is predicted]."""
 OF_USUAL = 0.3
@@ -160,7 +162,27 @@ def _left(rows: Rows, one: Reading, first: int, stop: int) -> float:
     usual = of_input or (1.0 / CLEARLY < one.number < CLEARLY and not shift)
     worse = CLEARLY if usual else 1.0 / LIKE_TUNING
     good = left <= LEFT * off and _restored(rows, one, after, known)
-    return max(left / off, 1e-12) if good and (rival >= worse or not tuned.any()) else 0.0
+    told = rival >= worse or not tuned.any() or _jumped(rows, one, first)
+    return max(left / off, 1e-12) if good and told else 0.0
+
+
+def _jumped(rows: Rows, one: Reading, first: int) -> bool:
+    """Did an output of a model with states jump where the reading begins, and does it not, undone?
+    No number of such a model makes its outputs jump, so tuning explains only what comes after."""
+    nu = len(rows.setup.model.inputs)
+    which = nu + np.flatnonzero((one.factors != 1.0)[nu:] | (one.shifts != 0.0)[nu:])
+    if not len(rows.setup.model.states) or not len(which) or first < LEAST:
+        return False
+    near = slice(max(first - NEAR, 1), first + NEAR)
+    for k in which.tolist():
+        y = rows.values[:, k]
+        usual = float(np.nanmax(np.abs(np.diff(y[: near.start])), initial=0.0))
+        steps = np.nan_to_num(np.abs(np.diff(y)))[near.start - 1 : near.stop - 1]
+        at = near.start + int(np.argmax(steps))
+        left = abs(y[at] * one.factors[k] + one.shifts[k] - y[at - 1])
+        if not (steps.max() > JUMP * usual and left <= JUMP * usual):
+            return False
+    return True
 
 
 def _restored(rows: Rows, one: Reading, after: Outputs, known: np.ndarray) -> bool:

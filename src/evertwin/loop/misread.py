@@ -22,6 +22,7 @@ import numpy as np
 from evertwin.correction.improve import TooFew
 from evertwin.fold import Block, Mark, take
 from evertwin.loop.channels import recorded_as
+from evertwin.loop.ring import called
 from evertwin.loop.setup import Setup
 from evertwin.loop.task import Windows
 from evertwin.loop.unit_change import SensorChange, since_change
@@ -110,7 +111,8 @@ def misread(
         share = 1.0 - _total(left) / _total(_off(setup, model, p, newest))
         names = found[0].channels
         return SensorChange(names[0], found[0].number, (
-            f"{', or '.join(one.said for one in found)}: read so, {100 * share:.1f} % of the "
+            f"{', or '.join(one.said for one in found)}, at the latest from "
+            f"{called(newest[0].row)} on: read so, {100 * share:.1f} % of the "
             "squared deviation is gone; nothing is learned from it: correct the twin file or the "
             "recording"
         ))  # fmt: skip
