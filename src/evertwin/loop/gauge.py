@@ -25,17 +25,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from evertwin.correction.improve import TooFew
 from evertwin.loop.change import split
 from evertwin.loop.gauge_rows import LEAST, Rows, residual
-from evertwin.loop.misread import ALIKE, Reading, readings, recorded
+from evertwin.loop.misread import ALIKE, Reading, misread, readings, recorded
 from evertwin.loop.offset import NEAR, offset
 from evertwin.loop.ring import called
+from evertwin.loop.setup import Setup
 from evertwin.loop.task import Task, Windows
-from evertwin.loop.unit_change import SensorChange
+from evertwin.loop.unit_change import SensorChange, unit_change
+from evertwin.models import Model
 from evertwin.models.kernel import CONTINUE
 from evertwin.signals.mistaken import SIGN
 from evertwin.tuning import Fit, Problem
-from evertwin.types import Outputs, Vector
+from evertwin.types import Outputs, ParameterVector, Vector
 
 if TYPE_CHECKING:
     from evertwin.loop.work import Work
@@ -61,6 +64,22 @@ OF_USUAL = 0.3
 """Scatter of what stays where it is, at most [of how it moved before]."""
 OF_NOISE = 5.0
 """Size of the predicted motion from which an answer is missed [of the scatter]."""
+
+
+def at_once(
+    rows: tuple[Setup, Model, ParameterVector, Windows],
+) -> tuple[SensorChange | None, TooFew | None]:
+    """What became of a channel, before anything is tuned; or that the rows are too few to tell.
+
+    Raises:
+        TooFew: of a static map, of which tuning beside it tells no more.
+    """
+    try:
+        return unit_change(*rows) or misread(*rows), None
+    except TooFew as error:
+        if not len(rows[1].states):
+            raise
+        return None, error
 
 
 @np.errstate(all="ignore")

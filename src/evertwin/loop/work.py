@@ -23,7 +23,7 @@ from evertwin.loop.change import changed, split, suddenly
 from evertwin.loop.correcting import learn, nearest
 from evertwin.loop.evaluation import left, sizes
 from evertwin.loop.friction_law import acting
-from evertwin.loop.gauge import misgauged
+from evertwin.loop.gauge import at_once, misgauged
 from evertwin.loop.judging import judged
 from evertwin.loop.misread import misread
 from evertwin.loop.named_cause import named_first
@@ -35,7 +35,6 @@ from evertwin.loop.setup import Setup
 from evertwin.loop.simplest import law_now
 from evertwin.loop.states import States, amount
 from evertwin.loop.task import Task, Windows
-from evertwin.loop.unit_change import unit_change
 from evertwin.loop.versions import Versions
 from evertwin.loop.workers import setup_of
 from evertwin.machines.friction.resisting import not_physical
@@ -215,13 +214,7 @@ class Work:
         since = {"since": windows[0].row} if windows is not task.windows else {}
         model = self.versions.model_of(version.form)
         rows = self.setup, model, version.p, windows
-        few = None
-        try:
-            other = (unit_change(*rows) or misread(*rows)) if commissioned else None
-        except TooFew as error:
-            if not len(model.states):
-                raise
-            other, few = None, error  # tuning beside it may tell
+        other, few = at_once(rows) if commissioned else (None, None)
         if other:
             return {"events": [*events, of_a_sensor(other)]} | since
         posed = self.problem(version, windows, names)
