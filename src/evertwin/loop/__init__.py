@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from evertwin.loop.label import Label as Label
     from evertwin.loop.ledger import Ledger as Ledger
     from evertwin.loop.live import Live as Live, View as View
+    from evertwin.loop.loading import other_settings as other_settings, unloadable as unloadable
     from evertwin.loop.observer import Observer as Observer, Progress as Progress
     from evertwin.loop.result import RunResult as RunResult
     from evertwin.loop.run import Run as Run
