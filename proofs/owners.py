@@ -3,10 +3,10 @@
 Each seed draws a fleet (two to four nodes, one to three twins) and what happens to it: nodes are
 killed and begin anew, are paused for up to three leases (also between reading and writing), are cut
 off from the store before or after it did what was asked, drain, and are asked to move twins. A node
-may lack what some twins need, from its start on or only once it tries; of each twin one node can go
-on with it, and what twins cost is unequal. Their clocks are up to ten minutes apart and up to 1 % too fast or slow. The code is the product's: leases
-(`Tenure`, `SqlOwners`, `Members`) and stores (`SqlStore`) on SQLite in memory, with the store's
-clock in virtual time. Asked of every moment:
+may be unable to go on with a twin; of each twin one node is able. Twins cost unequally. Clocks are
+up to ten minutes apart and up to 1 % too fast or slow. The code is the product's: leases (`Tenure`,
+`SqlOwners`, `Members`) and stores (`SqlStore`) on SQLite in memory, with the store's clock in
+virtual time. Asked of every moment:
 
     token    a commit that was accepted was made under the newest token of its twin
     sure     no two nodes are sure at once that a twin is theirs

@@ -163,12 +163,9 @@ class Runner:
         except StoreUnwritable as error:
             self.due = time.monotonic() + self.again.next()
             self._quarantine(str(error))
-        except EvertwinError as error:
-            self.hopeless = starts
-            self._quarantine(str(error))
         except Exception as error:  # noqa: BLE001  (a model or plug-in of the user's may raise any)
-            self.hopeless = starts
-            self._quarantine(f"{type(error).__name__}: {error}")
+            self.hopeless, known = starts, isinstance(error, EvertwinError)
+            self._quarantine(str(error) if known else f"{type(error).__name__}: {error}")
 
     def _quarantine(self, reason: str) -> None:
         self.state, self.reason = "quarantined", reason
