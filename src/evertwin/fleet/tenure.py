@@ -42,6 +42,8 @@ TOGETHER = 4
 """Twins that one step takes at most: starts are staggered."""
 COST = 0.02
 """Seconds of work a second, of a twin that was never measured."""
+LASTS = 3
+"""Leases for which a node has to be busier than another, before a twin goes for it."""
 ANEW = " anew"
 """Behind the node that a twin is wanted at: also if it has to fold it from its first sample."""
 
@@ -155,8 +157,8 @@ class Tenure:
     """Are there other nodes that may take twins?"""
     _begins: bool = field(default=True, init=False)
     """Is what this node said before void?"""
-    _moved: float = field(default=-math.inf, init=False)
-    """When a twin was last given up because this node was busier than another."""
+    _busy: float = field(default=math.inf, init=False)
+    """Since when this node is so much busier than another that a twin should go."""
 
     def sure(self, twin: str) -> bool:
         """Is a twin surely this node's, as far as its own clock tells?"""
@@ -190,9 +192,9 @@ class Tenure:
         fixed = {one for one, told in twins.items() if told.pinned}
         fixed |= {one.twin for one in seen.held.values() if one.wanted}
         even = uneven(seen.costs, seen.names, fixed)
-        leave = [one for one in self._leaving(wanted, seen, drains) if one in twins]
-        leave += [one for one in wanted if one not in twins]
-        leave += [] if leave else self._evened(even, seen)
+        leave = [one for one in wanted if one not in twins]
+        leave += [one for one in self._leaving(wanted, seen, drains) if one in twins]
+        leave += self._evened(even, seen)
         look = () if drains else tuple(self._looking(twins, seen, even))
         return Step({} if drains else self._claimed(twins, seen), lost, leave, look[:TOGETHER])
 
@@ -292,13 +294,14 @@ class Tenure:
                 yield twin
 
     def _evened(self, even: Uneven, seen: Seen) -> list[str]:
-        """One twin that goes because this node is busier than another; not too often."""
-        if even.busy != self.node or self.clock() < self._moved + self.lease:
-            return []
-        for twin in even.twins:
-            if even.idle in seen.able(twin, self.tokens.get(twin, -1)):
-                self._moved = self.clock()
-                return [twin]
+        """One twin that goes because this node has been busier than another for a while."""
+        now = self.clock()
+        self._busy = min(self._busy, now) if even.busy == self.node and even.twins else math.inf
+        if now >= self._busy + LASTS * self.lease:
+            for twin in even.twins:
+                if even.idle in seen.able(twin, self.tokens.get(twin, -1)):
+                    self._busy = now - (LASTS - 1) * self.lease  # the next one a lease later
+                    return [twin]
         return []
 
     def _looking(self, twins: Mapping[str, Told], seen: Seen, even: Uneven) -> Iterator[str]:
@@ -335,9 +338,7 @@ class Tenure:
                 load[self.node] += self.cost(twin)
         return begin
 
-    def _falls_here(
-        self, twin: str, told: Told, seen: Seen, load: Mapping[str, float]
-    ) -> bool:  # fmt: skip
+    def _falls_here(self, twin: str, told: Told, seen: Seen, load: Mapping[str, float]) -> bool:
         """Is a free twin this node's to claim?"""
         if told.pinned:
             return told.pinned == self.node

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from evertwin.service.service import Service
 
 LOG = logging.getLogger("evertwin.service")
-SMOOTH = 60.0
-"""Seconds over which the cost of a twin is measured."""
+SMOOTH = 300.0
+"""Seconds over which the cost of a twin is measured: a fit now and then is no reason to move it."""
 
 
 class Tending:
@@ -47,8 +47,8 @@ class Tending:
         """None: the store was not reached yet."""
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="fleet")
         self._looking = ThreadPoolExecutor(TOGETHER, thread_name_prefix="look")
-        self._cost: dict[str, tuple[float, float, float]] = {}
-        """By twin: when it was measured last, seconds of work until then, cost."""
+        self._cost: dict[str, tuple[float, float, float, float]] = {}
+        """By twin: since when it is measured, when last, seconds of work until then, cost."""
         self._turns: dict[str, asyncio.Lock] = {}
         """A twin is started or stopped, never both."""
         self._tasks: set[asyncio.Task[None]] = set()
@@ -131,12 +131,16 @@ class Tending:
     def _measured(self, runner: Runner) -> float:
         """What a twin costs [s/s]; at first, what it cost the node that had it before."""
         now = time.monotonic()
-        known = COST if self.tenure is None else self.tenure.cost(runner.name)
-        at, worked, cost = self._cost.get(runner.name, (now, runner.worked, known))
+        work = runner.worked + (0.0 if runner.work is None else runner.work.beside)
+        if runner.name not in self._cost:
+            known = COST if self.tenure is None else self.tenure.cost(runner.name)
+            began = now if known == COST else now - SMOOTH
+            self._cost[runner.name] = began, now, work, known
+        began, at, before, cost = self._cost[runner.name]
         if now > at:
-            weight = min((now - at) / SMOOTH, 1.0)
-            cost += weight * (max(runner.worked - worked, 0.0) / (now - at) - cost)
-        self._cost[runner.name] = now, runner.worked, cost
+            weight = (now - at) / min(now - began, SMOOTH)
+            cost += min(weight, 1.0) * (max(work - before, 0.0) / (now - at) - cost)
+        self._cost[runner.name] = began, now, work, cost
         return cost
 
     def _later(self, work: Any) -> None:
