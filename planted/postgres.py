@@ -124,15 +124,19 @@ class Server:
             time.sleep(0.02)
         raise RuntimeError(f"postgres: {(self._folder / 'log').read_text(errors='replace')}")
 
+    @property
+    def pid(self) -> int:
+        """Of its first process."""
+        return int((self._folder / "data/postmaster.pid").read_text().split()[0])
+
     def stop(self) -> None:
         """Ends it; connections are cut."""
-        pid = int((self._folder / "data/postmaster.pid").read_text().split()[0])
-        os.kill(pid, signal.SIGINT)
+        os.kill(self.pid, signal.SIGINT)
         self._process.wait()
 
     def kill(self) -> None:
         """As a power cut does to all of its processes; `start` recovers."""
-        pid = int((self._folder / "data/postmaster.pid").read_text().split()[0])
+        pid = self.pid
         every = subprocess.run(["pgrep", "-P", str(pid)], capture_output=True, text=True).stdout
         for one in (pid, *map(int, every.split())):
             with suppress(ProcessLookupError):
