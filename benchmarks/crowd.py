@@ -96,7 +96,9 @@ def run(folder: Path, count: int, seconds: float, kind: str) -> bool:
             files = list(found.values())
         for file in files:
             file.write_text(file.read_text().replace("warm = false", "warm = true"))
-        served = [running.enter_context(Served(file)) for file in files]
+        served = [Served(file) for file in files]
+        for one in served:
+            running.callback(one.kill)
         limit = time.monotonic() + 30.0 + 1.0 * count
 
         def told() -> int:

@@ -123,6 +123,8 @@ class Tending:
                 found[plan.name] = Told(pinned=plan.entry.node, wrong=plan.wrong)
                 continue
             lag = sorted(runner.folded)[len(runner.folded) // 2] if runner.folded else 0.0
+            if runner.busy_since is not None:  # what it is at just now may take longer than ever
+                lag = max(lag, time.monotonic() - runner.busy_since)
             cost = round(self._measured(runner), 4)
             said = round(lag, 4), runner.row, runner.reason, plan.entry.node, plan.wrong
             found[plan.name] = Told(cost, *said)
