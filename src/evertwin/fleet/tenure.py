@@ -34,8 +34,7 @@ from evertwin.fleet.balance import Uneven, loads, uneven
 from evertwin.fleet.members import Member, Members, Says
 from evertwin.store.owners import Held, Owners
 
-STEPS = 5
-"""Steps in a lease."""
+STEPS = 5  # in a lease
 SURE = 0.9
 """Share of a lease that a node relies on: no steady clock is off by a tenth."""
 TOGETHER = 4
@@ -58,7 +57,7 @@ class Told(NamedTuple):
     cost: float = COST
     """Seconds of work a second, as measured."""
     lag: float = 0.0
-    """Seconds from the arrival of a sample until what the twin says of it is durable."""
+    """Seconds from the arrival of a sample until its verdict is durable."""
     row: int = 0
     reason: str = ""
     """Why it does not run, where it is quarantined."""
@@ -96,7 +95,6 @@ class Seen(NamedTuple):
     nodes: Sequence[Member]
     """Those that may take twins."""
     says: Sequence[Says] = ()
-    """What these and others say."""
 
     @property
     def names(self) -> set[str]:
@@ -123,10 +121,9 @@ class Seen(NamedTuple):
 
     @property
     def costs(self) -> dict[str, tuple[str, float]]:
-        """By twin that somebody has: its node, and what it costs."""
-        return {
-            one.twin: (one.node, cost_of(one)) for one in self.held.values() if one.left > 0.0
-        }  # fmt: skip
+        """By twin that runs: its node, and what it costs."""
+        runs = (one for one in self.held.values() if one.left > 0.0 and not _said(one)["reason"])
+        return {one.twin: (one.node, cost_of(one)) for one in runs}
 
 
 @dataclass
@@ -390,10 +387,14 @@ def _text(told: Told | None) -> str:
     return "" if told is None else json.dumps(told._asdict())
 
 
+def _said(held: Held) -> Mapping[str, float | str]:
+    return json.loads(held.told) if held.told else Told()._asdict()
+
+
 def cost_of(held: Held) -> float:
     """As its owner measured it last [s/s].
 
     >>> cost_of(Held("arm", 1, "north", 1.0)) == COST
     True
     """
-    return float(json.loads(held.told)["cost"]) if held.told else COST
+    return float(_said(held)["cost"])
