@@ -183,7 +183,10 @@ def struck(server: Server, what: str, seconds: float, rng: np.random.Generator) 
     else:
         server.kill()
         time.sleep(seconds)
+        began = time.monotonic()
         server.start()
+        took = time.monotonic() - began
+        print(f"   the server answers {took:.1f} s later", file=sys.stderr, flush=True)
 
 
 def suffered(
