@@ -16,7 +16,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from evertwin.config import TwinSpec
 from evertwin.engine import Pool
 from evertwin.errors import ConfigError, UsageError, nearest
 from evertwin.loop import work_of
@@ -30,16 +29,8 @@ from evertwin.service.tending import Tending
 LOG = logging.getLogger("evertwin.service")
 BEAT = 1.0
 """Seconds between two looks at everything."""
-NICE = 10
-"""Of the processes for slow work that twins share: they take what rows leave of the cores."""
 RESTART = ("address", "port", "certificate", "key", "connections", "timeout")
 """Settings of [http] that hold from the next start on."""
-
-
-def _aside(spec: TwinSpec) -> None:
-    """What a process for slow work begins with: rows go first, then it is ready for a twin."""
-    os.nice(NICE)
-    work_of(spec, None)
 
 
 class Service:
@@ -101,7 +92,7 @@ class Service:
         shares = [plan.spec for plan in site.twins if plan.spec and plan.entry.workers is None]
         if self._pool is None and shares:
             count = site.spec.workers or os.cpu_count() or 1
-            self._pool = Pool(count, warm=partial(_aside, shares[0]))
+            self._pool = Pool(count, warm=partial(work_of, shares[0], None))
         for runner in gone:
             self.runners.pop(runner.name, None)
         self.site = site
