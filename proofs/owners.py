@@ -35,7 +35,7 @@ import numpy as np
 
 from evertwin.errors import OwnershipLost, StoreError, StoreUnwritable
 from evertwin.fleet import Members, Tenure
-from evertwin.fleet.tenure import STEPS, Told
+from evertwin.fleet.tenure import LASTS, STEPS, Told
 from evertwin.fold import Chunk
 from evertwin.store import Batch, Held, SqlOwners
 from evertwin.store.database import MEMORY, Database, Writing
@@ -316,8 +316,9 @@ class World:
             node.cut, node.paused = min(node.cut, self.now), min(node.paused, self.now)
         self.run(CALM)
         before = {twin: len(self.acknowledged.get(twin, ())) for twin in self.stores}
+        self.run((LASTS + 3) * LEASE)  # as long as evening out may take with three twins
         tokens = self._tokens()
-        self.run(2.0 * LEASE)
+        self.run((LASTS + 2) * LEASE)
         if tokens != self._tokens():
             self.wrong.append(f"still: tokens {tokens}, later {self._tokens()}")
         for twin, plain in self.stores.items():
