@@ -116,14 +116,16 @@ def test_what_is_cut_off_is_counted_with_its_reason(
     short, depth = plain("rgb8"), plain("mono8") | {"encoding": "16UC1"}
     short["data"] = short["data"][:50]
     said = [("/raw", "Image", one) for one in (plain("rgb8"), short, depth, plain("bgr8"))]
-    cut = packed("JPEG")[:-40]
+    cut, bomb = packed("JPEG")[:-40], io.BytesIO()
+    Image.new("1", (10_000, 10_000)).save(bomb, "PNG")
     said += [("/packed", "CompressedImage", {"format": "jpeg", "data": data})
-             for data in (packed("JPEG"), cut, b"", b"\xff" * 20)]  # fmt: skip
+             for data in (packed("JPEG"), cut, b"", bomb.getvalue())]  # fmt: skip
     path = written("mcap", tmp_path / "run.bag", said)
     found = list(images_of(open_recording(path)))
     assert [isinstance(one, LostImage) for one in found] == [0, 1, 1, 0, 0, 1, 1, 1]
     assert isinstance(found[1], LostImage) and "cut off" in found[1].reason
     assert isinstance(found[2], LostImage) and "16UC1" in found[2].reason
+    assert isinstance(found[7], LostImage) and found[7].reason == "an image of 10000 × 10000"
     info = inspect(path)
     assert [(one.count, one.lost) for one in info.images] == [(4, 2), (4, 3)]
     assert "/raw: 2 of 4 images cannot be read: left out" in " ".join(info.findings)
