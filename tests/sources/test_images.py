@@ -20,7 +20,7 @@ from rosbags.typesys import Stores, get_typestore
 from evertwin.app.cli import main
 from evertwin.errors import DataError, UsageError
 from evertwin.sources import inspect, open_recording
-from evertwin.sources.images import BagImage, LostImage, images_of
+from evertwin.sources.images import BagImage, LostImage, images_of, pixels_of
 
 START, PERIOD = 1_614_859_007 * 10**9, 100_000_000
 PIXELS = np.random.default_rng(1).integers(0, 256, (6, 8, 3)).astype(np.uint8)
@@ -149,3 +149,17 @@ def test_a_picture_of_no_images_and_an_absent_topic_are_errors(tmp_path: Path) -
 
     with pytest.raises(DataError, match="no image that can be read"):
         show_info(table, False, False, tmp_path / "sheet.png")
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"width": 0}, {"width": "wide"}, {"height": 1 << 40}, {"height": 7}, {"data": [300] * 144},
+     {"data": None}, {"encoding": 5}],
+)  # fmt: skip
+def test_an_image_that_states_nonsense_is_an_error_of_the_data(wrong: dict[str, Any]) -> None:
+    content = plain("rgb8")
+    assert pixels_of(content).shape == PIXELS.shape
+    with pytest.raises(DataError):
+        pixels_of(content | wrong)
+    one_row = plain("rgb8", pixels=PIXELS[:1]) | {"step": 1 << 40}
+    np.testing.assert_array_equal(pixels_of(one_row), PIXELS[:1])

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from evertwin.errors import ModelError
+from evertwin.errors import DataError, ModelError
 from evertwin.sources.small_table import read_table
 from evertwin.worlds.camera import Lamp, Lens, Look, Material, View, shaded, traced
 from evertwin.worlds.eye import COLUMNS
@@ -123,6 +123,9 @@ def test_pictures_of_a_world_of_ones_own(tmp_path: Path) -> None:
     assert np.all(np.diff(table.column("distance")[own]) < 0), "it drives towards the box"
     with pytest.raises(ModelError, match=r"room\.csv"):
         list(of_poses(tmp_path / "room.csv", tmp_path / "poses.csv", 5, (1, False, 0.5)))
+    (tmp_path / "poses.csv").write_text("t_ns,x,y,theta\n5,nan,0,0\n")
+    with pytest.raises(DataError, match="expected poses, got none"):
+        list(of_poses(tmp_path / "room.xml", tmp_path / "poses.csv", 5, (1, False, 0.5)))
 
 
 def test_the_hall_is_the_same_whether_its_things_are_named_or_not() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import time
 from collections import Counter
 from collections.abc import Sequence
@@ -121,8 +122,8 @@ class _Run:
         (out / "detections.csv").write_text("\n".join([*lines, ""]), encoding="utf-8")
         if self.marks is not None:
             head = ("truth", "label", "probability", "group", *self._settings)
-            rows = (",".join(str(cell) for cell in row) for row in (head, *self._labels))
-            (out / "labels.csv").write_text("\n".join([*rows, ""]), encoding="utf-8")
+            with (out / "labels.csv").open("w", encoding="utf-8", newline="") as file:
+                csv.writer(file, lineterminator="\n").writerows([head, *self._labels])
         self._sheet.save(out / "detections.png")
 
     def precision(self) -> dict[str, float]:

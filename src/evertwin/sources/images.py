@@ -171,13 +171,14 @@ def pixels_of(content: Any) -> Pixels:
     if part(content, "encoding") is None:
         return _unpacked(data)
     encoding = str(part(content, "encoding"))
-    width, height, step = (int(part(content, k) or 0) for k in ("width", "height", "step"))
     if encoding not in CHANNELS:
         raise DataError(f"encoding {encoding!r}: expected one of {', '.join(CHANNELS)}")
     order = CHANNELS[encoding]
-    step = max(step, len(order) * width)
+    with foreign("image"):
+        width, height, step = (int(part(content, k) or 0) for k in ("width", "height", "step"))
     if not (width > 0 and height > 0 and width * height <= MOST):
         raise DataError(f"an image of {width} × {height}")
+    step = max(step, len(order) * width) if height > 1 else len(order) * width
     if len(data) < step * (height - 1) + len(order) * width:
         raise DataError(f"{len(data)} bytes of an image of {width} × {height} ({encoding}), "
                         f"expected {step * height}: cut off")  # fmt: skip

@@ -6,6 +6,7 @@ each; where it is too small to be told it has no label. ``light`` is the mean gr
 
 from __future__ import annotations
 
+import csv
 import io
 from collections.abc import Sequence
 from pathlib import Path
@@ -61,6 +62,6 @@ def carried(x: float, y: float, heading: float, height: float = HEIGHT) -> View:
 
 def save_rows(file: Path, shots: Sequence[tuple[int, Shot]]) -> None:
     """Writes what pictures show, each with its stamp [ns]."""
-    lines = [",".join(COLUMNS)]
-    lines += [",".join(str(cell) for cell in (t, *row)) for t, one in shots for row in one.rows]
-    file.write_text("\n".join([*lines, ""]), encoding="utf-8")
+    with file.open("w", encoding="utf-8", newline="") as table:
+        rows = ((t, *row) for t, one in shots for row in one.rows)
+        csv.writer(table, lineterminator="\n").writerows([COLUMNS, *rows])

@@ -18,7 +18,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from evertwin.errors import EvertwinError, ModelError
+from evertwin.errors import DataError, EvertwinError, ModelError
 from evertwin.sources.small_table import read_table
 from evertwin.worlds.camera import View, traced
 from evertwin.worlds.eye import HEIGHT, LENS, Shot, carried, save_rows, shot
@@ -50,7 +50,7 @@ def of_poses(
 
     Raises:
         ModelError: MuJoCo cannot read the world.
-        DataError: a column is absent.
+        DataError: a column is absent, or there is no pose.
     """
     try:
         model = mujoco.MjModel.from_xml_path(str(world))
@@ -59,11 +59,11 @@ def of_poses(
     table = read_table(poses)
     rows = np.column_stack([table.column(name) for name in ("t_ns", "x", "y", "theta")])
     rows = rows[np.isfinite(rows).all(axis=1)]
-    rows = rows[
-        np.unique(np.linspace(0, max(len(rows) - 1, 0), most).astype(np.int64))[: len(rows)]
-    ]
+    if not len(rows):
+        raise DataError(f"{poses}: expected poses, got none")
+    rows = rows[np.unique(np.linspace(0, len(rows) - 1, most).astype(np.int64))[: len(rows)]]
     # the room is where the poses are, and a little around
-    low, high = rows[:, 1:3].min(axis=0, initial=0.0), rows[:, 1:3].max(axis=0, initial=0.0)
+    low, high = rows[:, 1:3].min(axis=0), rows[:, 1:3].max(axis=0)
     middle = (low + high) / 2
     scene = _World(model, float((high - low).max()) / 2 + 1.5, (middle[0], middle[1]))
     seed, one_look, height = how
