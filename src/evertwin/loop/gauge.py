@@ -60,6 +60,8 @@ JUMP = 2.0
 """Times the largest step before from which a step is a jump."""
 STILL = 0.1
 """Response, and scatter, below which a sensor does not answer [of what is predicted]."""
+WIDE = 6.0
+"""How far what stays is from where it stays, at most [of its scatter]."""
 OF_USUAL = 0.3
 """Scatter of what stays where it is, at most [of how it moved before]."""
 OF_NOISE = 5.0
@@ -218,7 +220,6 @@ def _restored(rows: Rows, one: Reading, after: Outputs, known: np.ndarray) -> bo
 
 def _silent(rows: Rows) -> SensorChange | None:
     """An output that stays where it is though the machine is predicted to move as before."""
-    since = rows.since
     model = rows.setup.model
     if not len(model.states):
         return None
@@ -227,6 +228,7 @@ def _silent(rows: Rows) -> SensorChange | None:
     base = _base(y, whole.restart.code)
     measured, expected = y - base, whole.predict(whole.start) - base
     for k in np.flatnonzero(rows.setup.watched).tolist():
+        since = _still_since(y[: rows.stop, k])
         good = np.isfinite(measured[:, k]) & np.isfinite(expected[:, k]) & used[:, k]
         now, then = good.copy(), good.copy()
         now[:since], now[rows.stop :], then[since:] = False, False, False
@@ -247,6 +249,21 @@ def _silent(rows: Rows) -> SensorChange | None:
             "nothing is learned from it"
         ), rows.refused((channel.name,), since, rows.stop))  # fmt: skip
     return None
+
+
+def _still_since(y: Vector) -> int:
+    """Position from which on a channel has stayed about where it is at the end."""
+    known = np.flatnonzero(np.isfinite(y))
+    newest = y[known[-LEAST:]]
+    if not len(newest):
+        return len(y)
+    level, steps = np.median(newest), np.abs(np.diff(y[known]))
+    digit = float(np.min(steps[steps > 0.0], initial=np.inf))  # it may be recorded coarsely
+    spread = max(
+        1.4826 * float(np.median(np.abs(newest - level))), digit if digit < np.inf else 0.0
+    )
+    away = np.flatnonzero(np.abs(y[known] - level) > WIDE * spread)
+    return int(known[away[-1]]) + 1 if len(away) else int(known[0])
 
 
 def _base(y: Outputs, code: np.ndarray) -> Outputs:
