@@ -62,6 +62,8 @@ STILL = 0.1
 """Response, and scatter, below which a sensor does not answer [of what is predicted]."""
 WIDE = 6.0
 """How far what stays is from where it stays, at most [of its scatter]."""
+BOTH = 0.05
+"""Share of the squares of what is expected that is of either way, at least."""
 OF_USUAL = 0.3
 """Scatter of what stays where it is, at most [of how it moved before]."""
 OF_NOISE = 5.0
@@ -282,10 +284,12 @@ def _rms(values: Vector) -> float:
 
 
 def _still(measured: Vector, expected: Vector) -> bool:
-    """Is what is expected missing altogether?"""
+    """Is what is expected missing altogether, one way and the other?"""
     power = float(expected @ expected)
+    up = float(np.square(np.maximum(expected, 0.0)).sum())
     response = abs(float(measured @ expected)) / power if power > 0 else 1.0
-    return response < STILL and float(measured @ measured) * OF_NOISE**2 < power
+    both = BOTH * power < up < (1.0 - BOTH) * power  # a model that is off expects it one way
+    return both and response < STILL and float(measured @ measured) * OF_NOISE**2 < power
 
 
 def _answered(measured: Vector, expected: Vector, size: float) -> bool:

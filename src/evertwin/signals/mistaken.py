@@ -16,6 +16,8 @@ from evertwin.signals.units import compatible, conversion_of
 SIGN = -1.0
 TURN = 57.29577951308232
 """180/π, the only factor of an angle."""
+PURE = 3.0
+"""Factor of a pure number, of which nobody knows the quantity, from which no machine changes so."""
 
 
 class Factor(NamedTuple):
@@ -86,7 +88,9 @@ def numbers(unit: str) -> Iterator[tuple[float, str]]:
     [-1.0, 57.2958, 0.0175]
     """
     for factor in FACTORS:
-        if unit != "1" and factor.units and not any(compatible(unit, u) for u in factor.units):
+        if factor.units and not (
+            factor.number > PURE if unit == "1" else any(compatible(unit, u) for u in factor.units)
+        ):
             continue
         yield factor.number, factor.said
         if factor.number > 0.0:
