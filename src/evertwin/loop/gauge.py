@@ -19,6 +19,7 @@ At rest nothing is claimed: a hypothesis has to explain a deviation.
 
 from __future__ import annotations
 
+import warnings
 from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -38,7 +39,7 @@ from evertwin.models import Model
 from evertwin.models.kernel import CONTINUE
 from evertwin.signals.mistaken import SIGN
 from evertwin.tuning import Fit, Problem
-from evertwin.types import Outputs, ParameterVector, Vector
+from evertwin.types import Bools, Outputs, ParameterVector, Vector
 
 if TYPE_CHECKING:
     from evertwin.loop.work import Work
@@ -62,8 +63,8 @@ STILL = 0.1
 """Response, and scatter, below which a sensor does not answer [of what is predicted]."""
 WIDE = 6.0
 """How far what stays is from where it stays, at most [of its scatter]."""
-BOTH = 0.05
-"""Share of the squares of what is expected that is of either way, at least."""
+VARIES = 0.3
+"""Spread of an input by which the machine is driven, at least [of its usual one]."""
 OF_USUAL = 0.3
 """Scatter of what stays where it is, at most [of how it moved before]."""
 OF_NOISE = 5.0
@@ -234,7 +235,8 @@ def _silent(rows: Rows) -> SensorChange | None:
         good = np.isfinite(measured[:, k]) & np.isfinite(expected[:, k]) & used[:, k]
         now, then = good.copy(), good.copy()
         now[:since], now[rows.stop :], then[since:] = False, False, False
-        if np.count_nonzero(now) < LEAST or not _still(measured[now, k], expected[now, k]):
+        still = np.count_nonzero(now) >= LEAST and _still(measured[now, k], expected[now, k])
+        if not (still and _driven(rows, now)):
             continue
         size, level = _rms(expected[now, k]), y[now, k]
         alike = then & (np.abs(expected[:, k]) <= 2.0 * size)
@@ -283,13 +285,21 @@ def _rms(values: Vector) -> float:
     return float(np.sqrt(np.mean(np.square(values)))) if len(values) else 0.0
 
 
+def _driven(rows: Rows, now: Bools) -> bool:
+    """Do inputs vary on these rows as they do elsewhere? Else a model that is off expects motion
+    of a machine that has come to rest."""
+    u = rows.values[:, : len(rows.setup.model.inputs)]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # an input that nobody measured
+        usual, here = np.nanstd(u, axis=0), np.nanstd(u[now], axis=0)
+    return bool(((usual > 0.0) & (here > VARIES * usual)).any())
+
+
 def _still(measured: Vector, expected: Vector) -> bool:
-    """Is what is expected missing altogether, one way and the other?"""
+    """Is what is expected missing altogether?"""
     power = float(expected @ expected)
-    up = float(np.square(np.maximum(expected, 0.0)).sum())
     response = abs(float(measured @ expected)) / power if power > 0 else 1.0
-    both = BOTH * power < up < (1.0 - BOTH) * power  # a model that is off expects it one way
-    return both and response < STILL and float(measured @ measured) * OF_NOISE**2 < power
+    return response < STILL and float(measured @ measured) * OF_NOISE**2 < power
 
 
 def _answered(measured: Vector, expected: Vector, size: float) -> bool:

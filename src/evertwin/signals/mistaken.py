@@ -66,7 +66,7 @@ _SCALES = {"K": ("kelvin", 1.0, 0.0), "degC": ("degrees Celsius", 1.0, 273.15),
 class Mistake(NamedTuple):
     """What a channel reads where it is in another unit: ``number · true + shift``, in SI.
 
-    >>> Mistake(-1.0, 546.3, "a turned sign").of(293.15)
+    >>> round(Mistake(-1.0, 546.3, "a turned sign").of(293.15), 2)
     253.15
     """
 
