@@ -13,12 +13,28 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 
 PLACES = "/usr/lib/postgresql/*/bin"
 """Where Debian keeps the server's programs, by version."""
 USERS = ("postgres", "nobody")
+SLOW = r"""
+#define _GNU_SOURCE
+#include <dlfcn.h>
+#include <stdio.h>
+#include <unistd.h>
+static void waits(void) {
+    long microseconds = 0;
+    FILE *file = fopen("%s", "r");
+    if (file == NULL) return;
+    if (fscanf(file, "%%ld", &microseconds) == 1) usleep(microseconds);
+    fclose(file);
+}
+int fdatasync(int f) { waits(); return ((int (*)(int)) dlsym(RTLD_NEXT, "fdatasync"))(f); }
+int fsync(int f) { waits(); return ((int (*)(int)) dlsym(RTLD_NEXT, "fsync"))(f); }
+"""
 
 
 def programs() -> Path | None:
@@ -36,8 +52,8 @@ class Server:
     ``address`` is what connects to it.
     """
 
-    def __init__(self, *settings: str) -> None:
-        """Starts; ``settings`` as in ``fsync=off``."""
+    def __init__(self, *settings: str, slow: bool = False) -> None:
+        """Starts; ``settings`` as in ``fsync=off``; ``slow``: its disk can be made slow."""
         where = programs()
         if where is None:
             raise FileNotFoundError("initdb: install Debian's package postgresql")
@@ -51,8 +67,25 @@ class Server:
         self._run([str(where / "initdb"), "-D", data, "-A", "trust", "-U", "evertwin", "-E", "UTF8",
                    "--locale=C", "--no-sync", "--data-checksums"])  # fmt: skip
         self._settings = ("fsync=on", *settings)
+        self._environment = {**os.environ, **self._slow()} if slow else None
         self.address = f"postgresql://evertwin@127.0.0.1:{self.port}/postgres"
         self.start()
+
+    def _slow(self) -> dict[str, str]:
+        """What has the server wait with each write to the disk as long as a file says."""
+        source, library, wait = (self._folder / name for name in ("slow.c", "slow.so", "wait"))
+        source.write_text(SLOW % str(wait))
+        subprocess.run(["gcc", "-shared", "-fPIC", "-o", library, source, "-ldl"], check=True)
+        return {"LD_PRELOAD": str(library)}
+
+    def wait(self, seconds: float) -> None:
+        """From now on each write to the disk takes so much longer; 0: as it does."""
+        wait = self._folder / "wait"
+        if seconds:
+            wait.write_text(f"{1e6 * seconds:.0f}")
+            wait.chmod(0o644)
+        else:
+            wait.unlink(missing_ok=True)
 
     def _ordinary(self) -> str:
         user = next((one for one in USERS if self._is(one)), USERS[-1])
@@ -81,8 +114,9 @@ class Server:
         command = [program, "-D", data, *where, *given]
         with (self._folder / "log").open("ab") as log:
             self._process = subprocess.Popen(
-                self._as_user(command), cwd=self._folder, stdout=log, stderr=log
-            )
+                self._as_user(command), cwd=self._folder, stdout=log, stderr=log,
+                env=self._environment,
+            )  # fmt: skip
         ready = [str(self._programs / "pg_isready"), "-q", "-h", "127.0.0.1", "-p", str(self.port)]
         for _ in range(400):
             if subprocess.run(ready).returncode == 0:
@@ -90,10 +124,23 @@ class Server:
             time.sleep(0.02)
         raise RuntimeError(f"postgres: {(self._folder / 'log').read_text(errors='replace')}")
 
+    @property
+    def pid(self) -> int:
+        """Of its first process."""
+        return int((self._folder / "data/postmaster.pid").read_text().split()[0])
+
     def stop(self) -> None:
         """Ends it; connections are cut."""
-        pid = int((self._folder / "data/postmaster.pid").read_text().split()[0])
-        os.kill(pid, signal.SIGINT)
+        os.kill(self.pid, signal.SIGINT)
+        self._process.wait()
+
+    def kill(self) -> None:
+        """As a power cut does to all of its processes; `start` recovers."""
+        pid = self.pid
+        every = subprocess.run(["pgrep", "-P", str(pid)], capture_output=True, text=True).stdout
+        for one in (pid, *map(int, every.split())):
+            with suppress(ProcessLookupError):
+                os.kill(one, signal.SIGKILL)
         self._process.wait()
 
     def __enter__(self) -> Server:

@@ -1,9 +1,10 @@
-"""What faults cost a fleet: `python -m proofs.fleet [FAULTS] [SEED] [TWINS]`.
+"""What faults cost a fleet: `python -m proofs.fleet [FAULTS] [SEED] [TWINS] [RATE]`.
 
 Three nodes (`evertwin serve`) share twins on one PostgreSQL server; each reaches it through a line
-of its own. A publisher goes on sending samples (MQTT, QoS 1) to all twins, while a node is, drawn
-by seed, killed (-9) and started again, paused (SIGSTOP) or cut off from the server, for half a
-lease to three. In the end
+of its own. A publisher goes on sending samples (MQTT, QoS 1) to all twins, RATE a second to each.
+Drawn by seed, a node is killed (-9) and started again, paused (SIGSTOP) or cut off from the server;
+or the server is killed with all its processes and started again, or each write to its disk takes a
+tenth to half of a second longer; for half a lease to three. In the end
 
     lost       samples that the broker acknowledged to the publisher and the stores have not
     repeated   samples that a store has twice
@@ -15,11 +16,9 @@ lease to three. In the end
 from __future__ import annotations
 
 import itertools
-import json
 import os
 import re
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -31,24 +30,22 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import paho.mqtt.client as paho
 
-from evertwin.errors import StoreError
+from evertwin.errors import StoreError, StoreUnwritable
 from evertwin.store import SharedStore
 from evertwin.store.postgres import Postgres
 from planted.postgres import Server
 from planted.serving import TWINS, Served
+from proofs._plant import Line, Machines
 from proofs._verdict import ended
 from proofs.broker import Broker
 from proofs.replay_live import bare, end_of
 
 LEASE = 2.0
-RATE = 20.0
-"""Samples a second, each twin."""
 SOON = 0.25
 """Seconds in which what was under way when a fault came still arrives."""
 NODES = ("north", "south", "west")
-FAULTS = ("killed", "paused", "cut off")
+FAULTS = ("killed", "paused", "cut off", "server killed", "slow disk")
 SITE = """schema = 1
 name = "{node}"
 warm = false
@@ -71,90 +68,6 @@ topic = "{twin}"
 """
 
 
-class Line:
-    """A line to the server that can be cut."""
-
-    def __init__(self, port: int) -> None:
-        self._to, self._cut = port, False
-        self._open: set[socket.socket] = set()
-        self._listener = socket.create_server(("127.0.0.1", 0))
-        self.port = int(self._listener.getsockname()[1])
-        threading.Thread(target=self._accept, daemon=True).start()
-
-    def _accept(self) -> None:
-        with suppress(OSError):
-            while True:
-                here, _ = self._listener.accept()
-                if self._cut:
-                    here.close()
-                    continue
-                there = socket.create_connection(("127.0.0.1", self._to))
-                self._open |= {here, there}
-                for one, other in ((here, there), (there, here)):
-                    one.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                    threading.Thread(target=self._pump, args=(one, other), daemon=True).start()
-
-    def _pump(self, one: socket.socket, other: socket.socket) -> None:
-        with suppress(OSError):
-            while said := one.recv(1 << 16):
-                other.sendall(said)
-        for end in (one, other):
-            self._open.discard(end)
-            with suppress(OSError):
-                end.shutdown(socket.SHUT_RDWR)
-            end.close()
-
-    def cut(self, cut: bool) -> None:
-        """Cuts it, whatever is on its way; or lets it carry again."""
-        self._cut = cut
-        for end in tuple(self._open) if cut else ():
-            with suppress(OSError):
-                end.shutdown(socket.SHUT_RDWR)
-
-
-class Machines:
-    """What all twins' machines send, at a steady pace; and what the broker acknowledged."""
-
-    def __init__(self, port: int, twins: list[str], rng: np.random.Generator) -> None:
-        self._said: list[tuple[str, int, paho.MQTTMessageInfo]] = []
-        self._twins, self._rng, self._ends = twins, rng, threading.Event()
-        self._client = paho.Client(paho.CallbackAPIVersion.VERSION2, protocol=paho.MQTTv5)
-        self._client.max_inflight_messages_set(1000)
-        self._client.connect("127.0.0.1", port)
-        self._client.loop_start()
-        self._thread = threading.Thread(target=self._speak, daemon=True)
-        self._thread.start()
-
-    def _speak(self) -> None:
-        ways, second, began = dict.fromkeys(self._twins, 0.0), 0, time.monotonic()
-        while not self._ends.is_set():
-            speed = 5.0 + 15.0 * (second // 10 % 2)
-            for twin in self._twins:
-                x = ways[twin] + self._rng.normal(0.0, 0.2)
-                text = json.dumps({"t": float(second), "v_cmd": speed, "x": round(x, 3)})
-                self._said.append((twin, second, self._client.publish(twin, text, qos=1)))
-                ways[twin] += 1.1 * speed
-            second += 1
-            self._ends.wait(max(began + second / RATE - time.monotonic(), 0.0))
-
-    def end(self) -> None:
-        """Says no more; all that was said is acknowledged."""
-        self._ends.set()
-        self._thread.join()
-        for _, _, one in self._said:
-            one.wait_for_publish(10.0)
-        self._client.loop_stop()
-
-    @property
-    def acknowledged(self) -> dict[str, list[int]]:
-        """What the broker took of each twin's, in seconds of the machine."""
-        found: dict[str, list[int]] = {twin: [] for twin in self._twins}
-        for twin, second, one in self._said:
-            if one.is_published():
-                found[twin].append(second)
-        return found
-
-
 class Watch:
     """How many samples each twin has, and whose it is, again and again."""
 
@@ -169,7 +82,10 @@ class Watch:
         with closing(Postgres(server)) as database:
             text = "SELECT twin, samples, node FROM evertwin.head JOIN evertwin.owners USING (twin)"
             while not self._ends.wait(0.05):
-                found = database.query(text)
+                try:
+                    found = database.query(text)
+                except StoreUnwritable:  # it is being started again
+                    continue
                 self.owner = {twin: node for twin, _, node in found}
                 self.seen.append((time.monotonic(), {twin: n for twin, n, _ in found}))
 
@@ -258,8 +174,23 @@ def replayed(server: str, twin: str, folder: Path) -> bool:
         return False
 
 
+def struck(server: Server, what: str, seconds: float, rng: np.random.Generator) -> None:
+    """A fault of the server, for so long."""
+    if what == "slow disk":
+        server.wait(rng.uniform(0.1, 0.5))
+        time.sleep(seconds)
+        server.wait(0.0)
+    else:
+        server.kill()
+        time.sleep(seconds)
+        began = time.monotonic()
+        server.start()
+        took = time.monotonic() - began
+        print(f"   the server answers {took:.1f} s later", file=sys.stderr, flush=True)
+
+
 def suffered(
-    nodes: list[Node], watch: Watch, faults: int, rng: np.random.Generator
+    nodes: list[Node], server: Server, watch: Watch, faults: int, rng: np.random.Generator
 ) -> list[tuple[str, str, float]]:
     """Fault after fault: what, twin, when, for each twin that the node had."""
     found = []
@@ -268,19 +199,24 @@ def suffered(
         node, what = busy[rng.integers(len(busy))], FAULTS[rng.integers(len(FAULTS))]
         length = LEASE * rng.uniform(0.5, 3.0)
         now = time.monotonic()
-        found += [(what, twin, now) for twin, name in watch.owner.items() if name == node.name]
-        print(f"{number + 1}: {node.name} {what} for {length:.1f} s", file=sys.stderr, flush=True)
-        node.suffer(what, length)
+        of_server = what in FAULTS[3:]
+        whose = "server" if of_server else node.name
+        found += [(what, t, now) for t, name in watch.owner.items() if of_server or name == whose]
+        print(f"{number + 1}: {whose} {what} for {length:.1f} s", file=sys.stderr, flush=True)
+        if of_server:
+            struck(server, what, length, rng)
+        else:
+            node.suffer(what, length)
         time.sleep(LEASE * rng.uniform(0.0, 2.0))
     return found
 
 
-def main(faults: int = 300, seed: int = 1, count: int = 6) -> int:
+def main(faults: int = 300, seed: int = 1, count: int = 6, rate: float = 20.0) -> int:
     """Exit code 0 where nothing is lost, repeated, written by two, or changed."""
     rng = np.random.default_rng(seed)
     twins = [f"twin{k}" for k in range(count)]
     with tempfile.TemporaryDirectory() as name, ExitStack() as running:
-        folder, server = Path(name), running.enter_context(Server())
+        folder, server = Path(name), running.enter_context(Server("max_connections=400", slow=True))
         broker = Broker("max_queued_messages 0")
         running.callback(broker.stop, kill=True)
         entries = "".join(ENTRY.format(twin=twin, broker=broker.port) for twin in twins)
@@ -288,12 +224,12 @@ def main(faults: int = 300, seed: int = 1, count: int = 6) -> int:
         for node in nodes:
             running.callback(lambda node=node: node.served.__exit__())
         watch = Watch(server.address)
-        until(lambda: len(watch.owner) == count, 60.0, "owners")
-        until(lambda: sum(map(_running, nodes)) == count, 60.0, "every twin")
+        until(lambda: len(watch.owner) == count, 120.0, "owners")
+        until(lambda: sum(map(_running, nodes)) == count, 120.0, "every twin")
         time.sleep(3.0)  # the broker knows from here on for whom it keeps what comes
-        machines = Machines(broker.port, twins, rng)
+        machines = Machines(broker.port, twins, rng, rate)
         time.sleep(3.0)
-        struck = suffered(nodes, watch, faults, rng)
+        found = suffered(nodes, server, watch, faults, rng)
         time.sleep(3.0 * LEASE)
         machines.end()
         wanted = {twin: len(sent) for twin, sent in machines.acknowledged.items()}
@@ -302,7 +238,7 @@ def main(faults: int = 300, seed: int = 1, count: int = 6) -> int:
         watch.end()
         refused = sum(node.refused() for node in nodes)
         codes = [node.served.end() for node in nodes]
-        return _told(server.address, folder, machines, watch, struck, (faults, refused, codes))
+        return _told(server.address, folder, machines, watch, found, (faults, refused, codes))
 
 
 def _running(node: Node) -> int:
@@ -313,7 +249,7 @@ def _running(node: Node) -> int:
 
 def _told(
     server: str, folder: Path, machines: Machines, watch: Watch,
-    struck: list[tuple[str, str, float]], rest: tuple[int, int, list[int]],
+    found: list[tuple[str, str, float]], rest: tuple[int, int, list[int]],
 ) -> int:  # fmt: skip
     faults, refused, codes = rest
     lost = repeated = kept = 0
@@ -325,7 +261,7 @@ def _told(
         lost += len(set(sent) - set(stamps))
         repeated += len(stamps) - len(set(stamps))
     same = {twin: replayed(server, twin, folder) for twin in machines.acknowledged}
-    gaps = {what: np.array([watch.gap(t, at) for w, t, at in struck if w == what])
+    gaps = {what: np.array([watch.gap(t, at) for w, t, at in found if w == what])
             for what in FAULTS}  # fmt: skip
     every, two = np.concatenate(list(gaps.values())), two_writing(server)
     sent_all = sum(map(len, machines.acknowledged.values()))
@@ -344,4 +280,4 @@ def _told(
 
 
 if __name__ == "__main__":
-    sys.exit(main(*map(int, sys.argv[1:])))
+    sys.exit(main(*map(int, sys.argv[1:4]), *map(float, sys.argv[4:5])))

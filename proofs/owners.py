@@ -2,14 +2,17 @@
 
 Each seed draws a fleet (two to four nodes, one to three twins) and what happens to it: nodes are
 killed and begin anew, are paused for up to three leases (also between reading and writing), are cut
-off from the store before or after it did what was asked, drain, and are asked to move twins. Their
-clocks are up to ten minutes apart and up to 1 % too fast or slow. The code is the product's: leases
-(`Tenure`, `SqlOwners`, `Members`) and stores (`SqlStore`) on SQLite in memory, with the store's
-clock in virtual time. Asked of every moment:
+off from the store before or after it did what was asked, drain, and are asked to move twins. A node
+may be unable to go on with a twin; of each twin one node is able. Twins cost unequally. Clocks are
+up to ten minutes apart and up to 1 % too fast or slow. The code is the product's: leases (`Tenure`,
+`SqlOwners`, `Members`) and stores (`SqlStore`) on SQLite in memory, with the store's clock in
+virtual time. Asked of every moment:
 
     token    a commit that was accepted was made under the newest token of its twin
     sure     no two nodes are sure at once that a twin is theirs
     once     each acknowledged sample is in the store, once, and in order; the chain is sound
+    able     a twin is never run by a node that cannot go on with it
+    still    then no twin goes from node to node any more
     goes on  two leases and a bit after the last fault each twin has one owner and takes samples
 
 The same seeds run a second time with fencing switched off: then commits under old tokens must be
@@ -32,7 +35,7 @@ import numpy as np
 
 from evertwin.errors import OwnershipLost, StoreError, StoreUnwritable
 from evertwin.fleet import Members, Tenure
-from evertwin.fleet.tenure import STEPS, Told
+from evertwin.fleet.tenure import LASTS, STEPS, Told
 from evertwin.fold import Chunk
 from evertwin.store import Batch, Held, SqlOwners
 from evertwin.store.database import MEMORY, Database, Writing
@@ -156,9 +159,22 @@ class Node:
 
     def tend(self) -> None:
         """A step of its tenure, as the service does it."""
-        step = self.tenure.step({twin: Told() for twin in self.world.stores})
+        unable = {twin for twin, node in self.world.unable if node == self.name}
+        step = self.tenure.step(
+            {twin: Told(self.world.costs[twin]) for twin in self.world.stores}
+        )  # fmt: skip
         for twin in step.lost:
             self.drop(twin)
+        with suppress(StoreUnwritable):
+            for twin in step.look:
+                why = "it lacks a file" if twin in unable else ""
+                self.tenure.say(twin, self.tenure.held[twin].token, why)
+        for twin in self.tenure.tokens.keys() & unable:
+            with suppress(StoreUnwritable):
+                self.tenure.refuse(twin, "it lacks a file")
+        for twin in step.begin.keys() & self.tenure.tokens.keys():
+            with suppress(StoreUnwritable):
+                self.tenure.began(twin)
         for twin in step.leave:
             self.drop(twin)
             with suppress(StoreUnwritable):
@@ -174,6 +190,8 @@ class Node:
     def opened(self, twin: str) -> SqlStore:
         """The store of a twin under the token that this node has."""
         if twin not in self.stores:
+            if (twin, self.name) in self.world.unable:
+                self.world.wrong.append(f"able: {twin}: opened by {self.name}")
             token = self.tenure.tokens[twin]
             self.world.opened_under[self.name, twin] = token
             limit = fence(twin, token) if self.world.fenced else None
@@ -201,6 +219,7 @@ def _on(kind: Any, wire: Wire) -> Any:
     """Tables of a kind through a line; the tables are there already."""
     made = kind.__new__(kind)
     made._db, made._table = wire, "owners" if kind is SqlOwners else "nodes"
+    made._said = "loads"
     return made
 
 
@@ -224,6 +243,14 @@ class World:
             for k in range(self.random.randint(2, 4))
         ]
         self.pausing = False
+        names = [node.name for node in self.nodes]
+        self.costs = {twin: self.random.uniform(0.01, 0.5) for twin in self.stores}
+        self.unable = {
+            (twin, name)
+            for twin in self.stores
+            for name in self.random.sample(names, len(names) - 1)
+            if self.random.random() < 0.3
+        }
 
     def wait(self, node: Node) -> None:
         """Sometimes a node is paused in the middle of its work, while the others go on."""
@@ -289,10 +316,18 @@ class World:
             node.cut, node.paused = min(node.cut, self.now), min(node.paused, self.now)
         self.run(CALM)
         before = {twin: len(self.acknowledged.get(twin, ())) for twin in self.stores}
-        self.run(LEASE)
+        self.run((LASTS + 3) * LEASE)  # as long as evening out may take with three twins
+        tokens = self._tokens()
+        self.run((LASTS + 2) * LEASE)
+        if tokens != self._tokens():
+            self.wrong.append(f"still: tokens {tokens}, later {self._tokens()}")
         for twin, plain in self.stores.items():
             self._judge(twin, plain, before[twin])
         return self.wrong
+
+    def _tokens(self) -> dict[str, int]:
+        held = Everywhere({twin: SqlOwners(plain) for twin, plain in self.stores.items()}).held()
+        return {one.twin: one.token for one in held}
 
     def _judge(self, twin: str, plain: Clock, before: int) -> None:
         with_it = [one.name for one in self.nodes if twin in one.tenure.tokens]

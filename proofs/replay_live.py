@@ -38,7 +38,7 @@ from evertwin.engine import InProcess
 from evertwin.engine.contract import Job
 from evertwin.errors import StoreError
 from evertwin.fold import Answer, Chunk, Request
-from evertwin.loop import Feed, Live
+from evertwin.loop import Feed, Live, other_settings
 from evertwin.signals.units import si_unit
 from evertwin.sources.spec import TimeSpec
 from evertwin.store import Batch, SqliteStore
@@ -152,6 +152,8 @@ def fold(file: Path, store: Path) -> None:
     """What the store has, folded from its first sample on, with the answers that its log has."""
     spec = dataclasses.replace(read(file), store=StoreSpec(str(store)))
     with Twin(spec) as twin:
+        if said := other_settings(twin.setup, twin._ledger):
+            sys.exit(f"{store.name}: nothing is folded: {said}")
         Live.of(twin.setup, twin._ledger, {}, Silent(), True).rest()
 
 

@@ -28,6 +28,10 @@ BROAD_EXCEPT = {
         "service/runner.py",
         "_guarded",
     ): "a model or plug-in of the user raises what it likes: its twin alone ends",
+    (
+        "service/loading.py",
+        "why_not",
+    ): "a model or plug-in of the user raises what it likes: its node says so",
     ("app/cli.py", "main"): "the last edge: an unforeseen error becomes exit code 101",
     ("sources/foreign.py", "foreign"): "readers of others: no reader says all that it may raise",
     ("engine/pool.py", "serve"): "what a job raises is raised where its result is taken",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -34,7 +35,7 @@ def test_a_run_without_a_requirement_says_what_to_set(
     twin = proposed(tmp_path)
     assert ended(["run", str(twin)]) == 0
     assert "set [anomaly] requirement" in capsys.readouterr().err
-    text = twin.read_text().replace('# requirement = "1 cm"', "requirement = 1e9")
+    text = re.sub(r"# requirement = .*", "requirement = 1e9", twin.read_text())
     twin.write_text(text)
     assert ended(["run", str(twin)]) == 0
     assert "requirement" not in capsys.readouterr().err

@@ -64,6 +64,26 @@ def test_pools_that_share_processes_know_their_own_requests(pool: Pool) -> None:
     assert other.answers() == () and answer(one, 2) == answer(pool, 2)
 
 
+def test_pools_that_share_processes_take_turns(pool: Pool) -> None:
+    greedy, modest = pool.share(), pool.share()
+    for number in (1, 2, 3, 4):
+        submit(greedy, number, "slow")
+    submit(modest, 1)
+    assert [found.id for found in modest.answers(until=1)] == [1]
+    early = greedy.answers()
+    assert len(early) <= 1  # it did not wait for what was asked before it
+    while len(early) < 4:
+        early += greedy.answers()
+    assert 2.0 <= greedy.seconds < 4.0 and modest.seconds < 0.5
+    late = pool.share()  # who comes later does not catch up on what others had before
+    for number in (1, 2, 3, 4):
+        submit(late, number, "slow")
+    submit(greedy, 5)
+    assert [found.id for found in greedy.answers(until=5)] == [5]
+    assert len(late.answers()) <= 2
+    late.close()
+
+
 def test_answers_come_once_with_id_and_version(engine: Engine) -> None:
     for number in (3, 1, 2):
         submit(engine, number)

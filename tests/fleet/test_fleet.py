@@ -118,6 +118,45 @@ def test_twins_go_on_elsewhere(
             assert said == [e.kind for e in alone.events]
 
 
+@pytest.mark.slow
+def test_a_twin_moves_only_to_a_node_that_can_go_on_with_it(
+    hall: Path, postgres: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """South lacks a plug-in: it neither takes the twin nor is it given it, until that is mended."""
+    twin = ("fleet-p",)
+    files = nodes(hall, postgres, ("n1", "s1"), twin, lease=LEASE, speed=20.0)
+    file = files["s1"].parent / "robot1d.toml"
+    good = file.read_text()
+    file.write_text(good.replace('kind = "robot1d"', 'kind = "pump"'))
+
+    def told() -> dict[str, Any]:
+        every = status(files["s1"], capsys)["twins"]
+        return dict(next(one for one in every if one["twin"] == "fleet-p"))
+
+    with Served(files["s1"]) as south:
+        until(lambda: told()["state"] == "waits")
+        assert re.match("s1 cannot: .*pump", told()["reason"])
+        with Served(files["n1"]) as north:
+            until(lambda: owners(postgres, twin).get("fleet-p") == "n1")
+            north.until(lambda now: any(one["rows"] > 10 for one in now["twins"]))
+            main_in(["fleet", "drain", str(files["n1"]), "n1"])
+            until(lambda: "stays while n1 runs: s1 cannot: " in told()["reason"])
+            with pytest.raises(SystemExit):
+                main(["fleet", "move", str(files["n1"]), "fleet-p", "s1"])
+            assert "s1 cannot go on with fleet-p: " in capsys.readouterr().err
+            assert told()["node"] == "n1" and told()["state"] == "owned"
+            file.write_text(good)
+            assert south.ask("/api/v1/reload", {})[0] == 200
+            until(lambda: owners(postgres, twin).get("fleet-p") == "s1")
+            south.until(lambda now: any(one["rows"] > 20 for one in now["twins"]))
+            assert told()["reason"] == ""
+            assert north.end() == 0
+        assert south.end() == 0
+    with closing(SharedStore(postgres, "fleet-p", read_only=True)) as store:
+        kinds = [e.kind for e in store.read("event")]
+        assert kinds.count("configured") == 1 and "late" not in kinds
+
+
 def main_in(words: list[str]) -> None:
     with pytest.raises(SystemExit) as done:
         main(words)

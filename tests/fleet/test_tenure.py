@@ -7,9 +7,9 @@ import logging
 import pytest
 
 from evertwin.errors import StoreUnwritable, UsageError
-from evertwin.fleet import FleetSpec, Members, Tenure
+from evertwin.fleet import FleetSpec, Members, Tenure, fleet_told
 from evertwin.fleet import tenure as code
-from evertwin.fleet.tenure import Told
+from evertwin.fleet.tenure import ANEW, Told
 from evertwin.store import SqlOwners
 from evertwin.store.database import Database
 from proofs.owners import World
@@ -30,6 +30,20 @@ class Fleet:
         made = Tenure(name, self.lease, self.owners, self.members, lambda: self.at)
         made.members.beat(name, "", self.lease)
         return made
+
+    def told(self, **pins: str) -> dict[str, tuple[str, str]]:
+        """State and reason of each twin."""
+        told = fleet_told(self.owners, self.members, self.lease, pins)
+        return {one["twin"]: (one["state"], one["reason"]) for one in told["twins"]}
+
+
+def looked(node: Tenure, twins: dict[str, Told], reason: str = "") -> list[str]:
+    """A step of a node, and what it says of the twins that it is to look at."""
+    step = node.step(twins)
+    assert not step.begin
+    for twin in step.look:
+        node.say(twin, node.held[twin].token, reason)
+    return list(step.look)
 
 
 def test_twins_fall_to_who_is_least_busy() -> None:
@@ -75,6 +89,8 @@ def test_a_twin_moves_where_it_is_asked_to() -> None:
     fleet.owners.want("a", "west")  # nobody is called so
     assert not north.step(twins).leave
     fleet.owners.want("a", "south")
+    assert not north.step(twins).leave  # south has not said yet that it can
+    assert looked(south, twins) == ["a"] and not south.step(twins).look
     assert north.step(twins).leave == ["a"]
     north.release("a")
     assert not north.step(twins).begin and set(south.step(twins).begin) == {"a"}
@@ -85,10 +101,116 @@ def test_a_node_drains() -> None:
     north, south = fleet.node("north"), fleet.node("south")
     north.step({"a": Told()})
     assert fleet.members.drain("north", True) and not fleet.members.drain("west", True)
+    assert not north.step({"a": Told()}).leave and fleet.told()["a"] == ("owned", "")
+    assert looked(south, {"a": Told()}) == ["a"]
     assert north.step({"a": Told()}).leave == ["a"]
     north.end()
     assert set(south.step({"a": Told()}).begin) == {"a"}
     assert {one.node: one.alive for one in fleet.members.all()} == {"north": False, "south": True}
+
+
+def test_a_twin_stays_where_it_runs_until_another_node_can_go_on_with_it() -> None:
+    fleet = Fleet()
+    north, south, twins = fleet.node("north"), fleet.node("south"), {"a": Told()}
+    north.step(twins)
+    fleet.owners.want("a", "south")
+    assert looked(south, twins, "field s.x is missing") == ["a"]
+    assert not north.step(twins).leave and not south.step(twins).look  # said once
+    assert fleet.told()["a"] == ("owned", "stays: south cannot: field s.x is missing")
+    fleet.owners.want("a", "")
+    fleet.members.drain("north", True)
+    assert not north.step(twins).leave and not south.step(twins).look
+    said = "stays while north runs: south cannot: field s.x is missing"
+    assert fleet.told()["a"] == ("owned", said)
+    north.end()
+    assert not south.step(twins).begin
+    assert fleet.told()["a"] == ("waits", "south cannot: field s.x is missing")
+    west = fleet.node("west")
+    assert set(west.step(twins).begin) == {"a"}  # at once: south is less busy, but cannot
+    west.began("a")
+    assert fleet.told()["a"] == ("owned", "")
+
+
+def test_what_a_node_cannot_start_is_handed_on_and_waits_where_no_node_can() -> None:
+    fleet = Fleet()
+    north, south, twins = fleet.node("north"), fleet.node("south"), {"a": Told()}
+    for node in (north, south):
+        assert set(node.step(twins).begin) == {"a"}
+        node.refuse("a", f"{node.node} lacks it")
+    fleet.at += 10 * fleet.lease
+    assert not north.step(twins).begin and not south.step(twins).begin
+    assert fleet.told()["a"] == (
+        "waits",
+        "north cannot: north lacks it; south cannot: south lacks it",
+    )
+    south.again()  # its files were read anew
+    assert set(south.step(twins).begin) == {"a"}
+
+
+def test_what_its_files_say_a_node_need_not_try() -> None:
+    fleet = Fleet()
+    north, south = fleet.node("north"), fleet.node("south")
+    assert not north.step({"a": Told(wrong="a.toml: no such file")}).begin
+    assert fleet.told(a="")["a"] == ("free", "")
+    assert set(south.step({"a": Told()}).begin) == {"a"}
+    south.end()
+    assert fleet.told(a="")["a"] == ("waits", "north cannot: a.toml: no such file")
+    assert fleet.told(a="west")["a"] == ("waits", "only west can run it, and is not there")
+    north.again()
+    assert set(north.step({"a": Told()}).begin) == {"a"}
+
+
+def test_a_new_run_is_begun_only_where_nobody_can_go_on_with_the_old_one() -> None:
+    fleet = Fleet()
+    north, south, twins = fleet.node("north"), fleet.node("south"), {"a": Told()}
+    north.step({})
+    assert set(north.step(twins).begin) == {"a"} and north.patient("a")
+    north.refuse("a", "other settings", later=True)
+    assert not north.step(twins).begin
+    fleet.at += fleet.lease
+    south.step({})
+    assert set(north.step(twins).begin) == {"a"} and not north.patient("a")
+
+
+def test_a_twin_that_no_node_can_load_begins_anew_where_the_operator_says_so() -> None:
+    fleet = Fleet()
+    north, twins = fleet.node("north"), {"a": Told()}
+    north.step(twins)
+    assert north.strict("a")
+    north.refuse("a", "field s.x is missing")
+    assert not north.step(twins).begin
+    fleet.owners.want("a", "north" + ANEW)
+    assert set(north.step(twins).begin) == {"a"} and not north.strict("a")
+    north.refuse("a", "the model fails")  # it is tried once
+    assert not north.step(twins).begin
+
+
+def test_a_node_that_joins_gets_its_share_by_cost_and_nothing_comes_back() -> None:
+    fleet = Fleet()
+    north = fleet.node("north")
+    costs = {"a": 0.5, "b": 0.3, "c": 0.1, "d": 0.1, "e": 0.05, "f": 0.05}
+    twins = {name: Told(cost) for name, cost in costs.items()}
+    twins |= {"g": Told(0.2, pinned="north"), "h": Told(0.2, reason="poison")}
+    for _ in range(3):
+        north.step(twins)
+    assert len(north.tokens) == 8
+    south, moved = fleet.node("south"), []
+    for step in range(60):
+        for node, other in ((north, south), (south, north)):
+            found = node.step(twins)
+            for twin in found.look:
+                node.say(twin, node.held[twin].token, "")
+            assert step >= 15 or not found.leave  # it has to last
+            for twin in found.leave:
+                moved.append(twin)
+                node.release(twin)
+                assert twin in other.step(twins).begin
+        fleet.at += fleet.lease / 5
+        fleet.database.query("UPDATE owners SET until = until + 60000000 RETURNING 1")
+        fleet.database.query("UPDATE nodes SET until = until + 60000000 RETURNING 1")
+    load = [sum(twins[o].cost for o in node.tokens if o != "h") for node in (north, south)]
+    assert abs(load[0] - load[1]) <= 0.25 * max(load) and {"g", "h"} <= set(north.tokens)
+    assert len(moved) == len(set(moved)) <= 3
 
 
 def test_a_node_that_is_cut_off_is_sure_for_less_than_its_lease(

@@ -261,3 +261,17 @@ def test_what_overruled_a_model_before_it_was_replaced_is_not_told() -> None:
     with Twin(ROBOT) as twin:
         text = headline(twin.setup, figures(0.004, 0.004), twin.champion, events, None)
     assert "pose has stood" not in text
+
+
+def test_single_contradictions_of_a_rough_model_are_not_told() -> None:
+    def text(count: int, cause: str) -> str:
+        events = [
+            Event(10 * k, 0, "measurement_error", "x", "", {"cause": cause}) for k in range(count)
+        ]
+        with Twin(ROBOT) as twin:
+            return headline(
+                twin.setup, figures(0.004, 0.004), twin.champion, events, None, measured=10_000
+            )
+
+    assert "contradicted" not in text(20, "vote") and "x (40×)" in text(40, "vote")
+    assert "x (1×)" in text(1, "frozen")

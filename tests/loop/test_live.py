@@ -135,6 +135,24 @@ def test_what_is_kept_waits_in_the_store_for_its_fold(
         np.testing.assert_array_equal(result.trace[name], column, err_msg=name)
 
 
+def test_a_twin_that_rested_twice_without_a_sample_goes_on(spec: TwinSpec) -> None:
+    """What its checkpoint is of is not folded once more, as samples that come late."""
+    data = pieces(drive(), [450])
+    with Twin(SPEC) as unbroken:
+        for piece in data:
+            unbroken.push(piece)
+        expected = said(unbroken)
+    with Twin(spec) as twin:
+        twin.push(data[0])
+        twin.going().rest()
+    for _ in range(2):
+        with Twin(spec) as twin:
+            twin.going().rest()
+    with Twin(spec) as twin:
+        twin.push(data[1])
+        assert said(twin) == expected
+
+
 def test_other_settings_begin_another_run(spec: TwinSpec) -> None:
     data = pieces(drive(), [300])
     for requirement, piece in zip((0.02, 0.05, 0.05), data, strict=True):

@@ -12,17 +12,21 @@ from typing import Any
 import numpy as np
 import pytest
 
+from evertwin.config import read
 from evertwin.config.spec import AnomalySpec, CorrectionSpec, StoreSpec, TrialSpec
 from evertwin.errors import StoreError
 from evertwin.fold import Block, Event, concatenate, make_block, take
 from evertwin.fold.span import Span
 from evertwin.loop.result import RunResult
+from evertwin.loop.run import settings_hash
 from evertwin.models.form import Form
 from evertwin.store import Batch, SqliteStore
 from evertwin.twin import Twin
 from proofs.kills import POINTS
 
 from .machines import robot
+
+TWINS = Path(__file__).parents[2] / "twins"
 
 Log = list[tuple[int, str, int, str]]
 
@@ -343,3 +347,11 @@ def test_a_run_that_went_on_and_was_cut_off_comes_to_the_same() -> None:
             twin(cut).run(until(piece, 20))
         twin(cut).run([piece])
     assert log(whole) == log(cut)
+
+
+def test_a_folder_that_moved_is_no_other_twin(tmp_path: Path) -> None:
+    here, there = tmp_path / "here.toml", tmp_path / "there" / "t.toml"
+    there.parent.mkdir()
+    for file in (here, there):
+        file.write_text((TWINS / "robot1d.toml").read_text())
+    assert settings_hash(read(here)) == settings_hash(read(there))

@@ -74,6 +74,35 @@ def test_the_laws_of_owners(postgres: str) -> None:
         )
 
 
+def test_a_claim_waits_for_what_relies_on_a_token_and_a_renewal_does_not(
+    postgres: str, twin: str
+) -> None:
+    with closing(Postgres(postgres)) as database, closing(Postgres(postgres)) as other:
+        owners, others = SqlOwners(database), SqlOwners(other)
+        first = owners.claim(twin, "north", 0.2)
+        assert first is not None
+        with closing(Postgres(postgres, twin, first)) as writes:
+            check = fence(twin, first, writes.shared, writes.locked)
+            with writes.transaction() as db:
+                check(db)
+                began = time.monotonic()
+                assert owners.renew({twin: (first, "x")}, 0.2) == {twin: ""}
+                assert time.monotonic() < began + 0.5
+                time.sleep(0.3)
+                with pytest.raises(StoreUnwritable, match="lock timeout"):
+                    others.claim(twin, "south", 60.0)
+            with closing(driver().connect(postgres)) as claims:
+                text = "UPDATE evertwin.owners SET token = token + 1 WHERE twin = %s"
+                claims.execute(text, (twin,))
+                held = threading.Timer(0.5, claims.commit)
+                held.start()
+                began = time.monotonic()
+                with pytest.raises(OwnershipLost), writes.transaction() as late:
+                    check(late)
+                assert time.monotonic() > began + 0.3
+                held.join()
+
+
 def test_the_laws_of_owners_can_fail() -> None:
     database = Database(":memory:")
     with pytest.raises(LawBroken, match="under an old token: expected OwnershipLost"):

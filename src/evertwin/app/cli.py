@@ -170,6 +170,7 @@ def info(
     file: Annotated[Path, typer.Argument(help="Recording.", metavar="FILE")],
     as_json: AsJson = False,
     check: Check = False,
+    picture: Annotated[Path | None, typer.Option(help="PNG to write: some of its images.")] = None,
 ) -> None:
     """What a recording holds: channels, rates, gaps, repeats, absurd values, truncated rows.
 
@@ -177,7 +178,7 @@ def info(
     """
     from evertwin.app.info import show_info
 
-    show_info(file, as_json, check)
+    show_info(file, as_json, check, picture)
 
 
 @app.command()
@@ -317,8 +318,6 @@ def model_pin(
 
 register_prognosis(app)
 register_label(app)
-
-
 cli_validate.register(app)
 register_engineer(app)
 cli_export.register(app, model_app)

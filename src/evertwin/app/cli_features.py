@@ -1,4 +1,4 @@
-"""The commands of features that simulation and reality are compared by: confusions, tables."""
+"""The commands of features that simulation and reality are compared by: labels, tables, images."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from evertwin.app.cli_camera import register as register_camera
 
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
 Check = Annotated[bool, typer.Option("--check", help="Exit with 1 when there are findings.")]
@@ -43,6 +45,7 @@ def confusions(
 def register(app: typer.Typer) -> None:
     """Adds the commands."""
     app.command()(confusions)
+    register_camera(app)
 
     @app.command()
     def tables(

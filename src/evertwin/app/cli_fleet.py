@@ -33,14 +33,18 @@ def move(
     site: Site,
     twin: Annotated[str, typer.Argument(help="Name of the twin.")],
     node: Annotated[str, typer.Argument(help="Where to; 'any': wherever it falls.")],
+    anew: Annotated[
+        bool, typer.Option("--anew", help="Also if NODE cannot load its state: from all samples.")
+    ] = False,
 ) -> None:
-    """Ask for a twin to move: its node stops it with a checkpoint, then the other goes on.
+    """Ask for a twin to move: once the other node can go on with it, its node stops it with a
+    checkpoint.
 
     Example: evertwin fleet move site.toml arm south
     """
     from evertwin.app.fleet import move_twin
 
-    move_twin(site, twin, "" if node == "any" else node)
+    move_twin(site, twin, "" if node == "any" else node, anew)
 
 
 @fleet_app.command()
@@ -50,6 +54,8 @@ def drain(
     back: Annotated[bool, typer.Option("--back", help="It may take twins again.")] = False,
 ) -> None:
     """Let a node give its twins to others and take none, before it is upgraded or switched off.
+
+    A twin that no other node can go on with stays until it ends; the status says why.
 
     Example: evertwin fleet drain site.toml north
     """

@@ -84,17 +84,24 @@ def robot(
         str, typer.Option(envvar="ROS_MASTER_URI", help="Address of that master.")
     ] = "http://127.0.0.1:11311",
     python: Annotated[str, typer.Option(help="The Python that has rospy.")] = "/usr/bin/python3",
+    camera: Annotated[
+        float, typer.Option(min=0.0, max=10.0, help="Pictures a second, into --record FILE.mcap.")
+    ] = 0.0,
 ) -> None:
     """A transport robot in a hall: command, pose, odometry, gyro and lidar by MQTT or ROS 1.
 
     Example: evertwin machine robot --speed 10
     """
     from evertwin.app.machines import Common, robot_options, run_robot
+    from evertwin.errors import UsageError
     from evertwin.ros.spec import Masters
 
     common = Common(seed, speed, start, seconds, order or [], control, record)
     place = Masters(master, python).place if ros else None
-    run_robot(common, robot_options(common, broker, own_broker, world, topics, place))
+    if camera and (record is None or record.suffix != ".mcap"):
+        raise UsageError("--camera: expected --record FILE.mcap too, which the pictures go into")
+    options = robot_options(common, broker, own_broker, world, topics, place)
+    run_robot(common, [*options, "--camera", str(camera)] if camera else options)
 
 
 @machine_app.command("tell")

@@ -67,6 +67,11 @@ def robot(out: Path, *options: str) -> World:
     return World("robot", out, *options)
 
 
+def shots(out: Path, *options: str) -> World:
+    """Pictures into a bag ``out`` (see ``python -m evertwin.worlds.shots --help``)."""
+    return World("shots", out, *options)
+
+
 def arm(out: Path, *options: str) -> World:
     """The arm writes cycles into the folder ``out``."""
     urdf = files("evertwin.machines").joinpath("data", "ur5_like.urdf")

@@ -21,7 +21,7 @@ from scipy import stats
 
 from evertwin.features.confusions import Cell, design_effect, wilson
 from evertwin.features.labelled import Labelled
-from evertwin.types import Bools, Int64, Vector
+from evertwin.types import Bools, Float64, Int64, Vector
 
 SHARE = 0.95
 """Of what is measured that a setting should hold, and of what was drawn that holds it."""
@@ -81,7 +81,10 @@ def coverage(rows: Labelled) -> tuple[Coverage, ...]:
 
 
 def _coverage(
-    name: str, drawn: Vector, measured: Vector, group: Int64[np.ndarray, " n"] | None
+    name: str,
+    drawn: Vector,
+    measured: Float64[np.ndarray, " m"],
+    group: Int64[np.ndarray, " m"] | None,
 ) -> Coverage:
     ends = (1 - SHARE) / 2, (1 + SHARE) / 2
     (a, b), (c, d) = (np.quantile(side, ends) for side in (drawn, measured))

@@ -1,4 +1,5 @@
-"""The nodes of a fleet, as the shared store knows them: on its own clock, as leases are.
+"""The nodes of a fleet, as the shared store knows them: on its own clock, as leases are; and what
+each says of twins that it would have to go on with.
 
 >>> from evertwin.store.database import Database
 >>> members = Members(Database(":memory:"))
@@ -17,6 +18,9 @@ from evertwin.store.owners import SECOND, shared_table
 
 TABLE = """CREATE TABLE IF NOT EXISTS {shared}nodes (
     node text PRIMARY KEY, address text NOT NULL, until bigint NOT NULL, drains integer NOT NULL)"""
+SAID = """CREATE TABLE IF NOT EXISTS {shared}loads (
+    node text NOT NULL, twin text NOT NULL, token bigint NOT NULL, reason text NOT NULL,
+    PRIMARY KEY (node, twin))"""
 
 
 class Member(NamedTuple):
@@ -40,8 +44,23 @@ class Member(NamedTuple):
         return self.left > 0.0
 
 
+class Says(NamedTuple):
+    """What a node says of a twin.
+
+    >>> Says("north", "arm", 3, "").reason
+    ''
+    """
+
+    node: str
+    twin: str
+    token: int
+    """Under which somebody had the twin when it looked."""
+    reason: str
+    """Why it cannot go on from the twin's state; empty: it can."""
+
+
 class Members:
-    """The table of nodes. See the module.
+    """The tables of nodes, and of what they say. See the module.
 
     >>> Members.__name__
     'Members'
@@ -50,6 +69,7 @@ class Members:
     def __init__(self, database: Sql) -> None:
         self._db = database
         self._table = shared_table(database, "nodes", TABLE)
+        self._said = shared_table(database, "loads", SAID)
 
     def beat(self, node: str, address: str, lease: float) -> bool:
         """A node is alive for so many seconds from now; is it to give up its twins?"""
@@ -76,3 +96,20 @@ class Members:
             f"SELECT node, address, until - {self._db.now}, drains FROM {self._table} ORDER BY node"
         )
         return tuple(Member(n, a, left / SECOND, bool(d)) for n, a, left, d in found)
+
+    def say(self, one: Says) -> None:
+        """A node says whether it can go on from a twin's state."""
+        text = (
+            f"INSERT INTO {self._said} VALUES (?, ?, ?, ?) ON CONFLICT (node, twin) "
+            "DO UPDATE SET token = excluded.token, reason = excluded.reason RETURNING 1"
+        )
+        self._db.query(text, one)
+
+    def unsay(self, node: str) -> None:
+        """A node begins anew: what it said is void."""
+        self._db.query(f"DELETE FROM {self._said} WHERE node = ? RETURNING 1", (node,))
+
+    def said(self) -> tuple[Says, ...]:
+        """What all nodes say."""
+        text = f"SELECT node, twin, token, reason FROM {self._said} ORDER BY twin, node"
+        return tuple(Says(*one) for one in self._db.query(text))

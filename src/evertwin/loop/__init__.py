@@ -24,13 +24,14 @@ if TYPE_CHECKING:
     from evertwin.loop.label import Label as Label
     from evertwin.loop.ledger import Ledger as Ledger
     from evertwin.loop.live import Live as Live
-    from evertwin.loop.view import View as View
+    from evertwin.loop.loading import other_settings as other_settings, unloadable as unloadable
     from evertwin.loop.observer import Observer as Observer, Progress as Progress
     from evertwin.loop.result import RunResult as RunResult
     from evertwin.loop.run import Run as Run
     from evertwin.loop.samples import Numbered as Numbered
     from evertwin.loop.setup import Setup as Setup
     from evertwin.loop.versions import Versions as Versions
+    from evertwin.loop.view import View as View
     from evertwin.loop.work import work_of as work_of
 
 __getattr__ = surface(__name__)

@@ -25,6 +25,7 @@ from evertwin.loop.heeding import heed
 from evertwin.loop.in_stream import tell_followed
 from evertwin.loop.looking import adopted, in_vain, looks, returned
 from evertwin.loop.requirement import deviates, heard
+from evertwin.loop.ring import refuse
 from evertwin.loop.scores import new_scores
 from evertwin.loop.states import tried
 from evertwin.loop.succession import makes_room, opening
@@ -235,6 +236,11 @@ class Decide:
         decision.remember(open=0, again=agenda.again if waits else 0)
         for event in content.get("events", ()):
             decision.say(event["kind"], event["signal"], event["reason"], event["evidence"])
+        if content.get("refused"):
+            names, *span = content["refused"]
+            model, nu = self.follow.setup.model, len(self.follow.setup.model.inputs)
+            columns = [nu + model.outputs.index(name) for name in names]
+            refuse(decision.state.ring, columns, *span)
         if content.get("tuned"):
             decision.remember(tunings=agenda.tunings + 1, cause="")
         candidate = content.get("candidate")

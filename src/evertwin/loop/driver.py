@@ -25,6 +25,7 @@ from evertwin.loop.setup import Setup
 from evertwin.loop.slow_work import SlowWork
 from evertwin.loop.twin_state import Agenda, Lane, Saved, TwinState
 from evertwin.loop.versions import Versions
+from evertwin.loop.withdrawn import withdraw
 from evertwin.loop.work import Work
 from evertwin.store import Checkpoint, Store
 
@@ -227,6 +228,7 @@ class Driver:
     def _seen(self, state: TwinState, piece: Block, out: Followed) -> TwinState:
         """Rows that are folded for good: kept for slow work, told, shown."""
         state = self.follow.keep(state, out.judged)
+        withdraw(state.ring, out.events, self.setup.model)
         self._say(state.row, out.events)
         self.watch(state, piece, out)
         return state

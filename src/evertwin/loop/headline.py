@@ -30,6 +30,8 @@ SHORT, FEWER = 30, 10
 each counts once, at its horizon."""
 LOST = 0.5
 """Share of the rows left out from which on this is said first."""
+SELDOM = 0.003
+"""Share of the rows below which single contradictions are a rough model's."""
 OFTEN = 10
 """Contacts in a run from which on it is said that they may be none."""
 
@@ -56,8 +58,7 @@ def headline(
     if doubted and doubted not in outcome:
         told.insert(0, f"{doubted[0].upper()}{doubted[1:]}.")
     told += map(_sentence, (*_last(events, "state"), *_last(events, "followed")))
-    kinds = ("measurement_error", "overruled")
-    doubts = Counter(e.signal for e in events if e.kind in kinds and e.signal not in faults)
+    doubts = _doubts(events, faults, max(measured, events[-1].row if events else 0))
     if doubts:
         most = [f"{signal} ({count}×)" for signal, count in doubts.most_common(FEW)]
         rest = [f"{len(doubts) - FEW} more"] if len(doubts) > FEW else []
@@ -94,6 +95,18 @@ def _why_none(measured: int) -> str:
         rows = f"{measured} row{'s are' if measured > 1 else ' is'}"
         return f"{rows} too few, for filters and predictions need some before they begin"
     return "no row has all its inputs, and a measurement that counts (evertwin doctor says why)"
+
+
+def _doubts(events: Sequence[Event], faults: Mapping[str, str], rows: int) -> Counter[str]:
+    """How often a signal and the model contradicted each other: single samples that no other agreed
+    with, and values that were believed, only where they are more than a rough model's."""
+    alike = Counter[str](), Counter[str]()
+    for event in events:
+        if event.kind in ("measurement_error", "overruled") and event.signal not in faults:
+            rough = event.kind == "overruled" or event.evidence.get("cause") == "vote"
+            alike[rough][event.signal] += 1
+    seldom = {signal for signal, count in alike[True].items() if count < SELDOM * rows}
+    return alike[False] + Counter({s: n for s, n in alike[True].items() if s not in seldom})
 
 
 def _sentence(event: Event) -> str:

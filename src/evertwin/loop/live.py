@@ -20,7 +20,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -32,6 +32,7 @@ from evertwin.loop.feed import Feed as Recorded
 from evertwin.loop.feed import chunk_of
 from evertwin.loop.headline import changes, headline
 from evertwin.loop.ledger import Begun, Ledger
+from evertwin.loop.loading import FeedState, Rate
 from evertwin.loop.observer import Observer, figures
 from evertwin.loop.open_trial import OpenTrial, open_trial
 from evertwin.loop.rate import ENOUGH, rate_of
@@ -49,21 +50,6 @@ TOGETHER = 0.01
 """Seconds after a fold in which samples wait for each other."""
 MOST = 256
 """Samples that wait at most."""
-
-
-class _Rate(NamedTuple):
-    """Rows per second, which says what shape a state has; NaN where there is but one row."""
-
-    rate: float
-
-
-class _FeedState(NamedTuple):
-    """What a checkpoint holds beside the state of the twin."""
-
-    rate: float
-    task: int
-    """Number of the first task."""
-    aligned: AlignmentState
 
 
 @dataclass
@@ -129,7 +115,7 @@ class Live:
         left, store, came = self.ledger.unfinished, self.ledger.store, None
         if left is not None and SOURCES in left.evidence:
             first = int(left.evidence["first_chunk"])
-            saved = store.restore(Saved((), _Rate(0.0)), left.number)
+            saved = store.restore(Saved((), Rate(0.0)), left.number)
             oldest = next((number for number, _ in store.read_chunks(first)), first)
             if self._told.items() <= left.evidence.items() and (saved or oldest == first):
                 self._left, self._first = left, first
@@ -139,7 +125,9 @@ class Live:
         else:  # what was pushed before its run began is of the run that begins now
             ended = (run.ended or {} for run in self.ledger.runs)
             self._first = 1 + max((int(one.get("chunks", 0)) for one in ended), default=0)
-        for number, chunk in store.read_chunks(self._first if came is None else came.chunks + 1):
+        # a checkpoint before the next sample is of those that this one was of
+        self._number = self._first - 1 if came is None else came.chunks
+        for number, chunk in store.read_chunks(self._number + 1):
             self._number = number
             if not self._samples.is_array(chunk):
                 self._align(chunk)
@@ -213,7 +201,7 @@ class Live:
     def _save(self, *, due: bool = False) -> None:
         assert self._run is not None and self._state is not None
         task = 0 if self._task is None else self._task
-        feed = _FeedState(self._rate, task, self._aligned)
+        feed = FeedState(self._rate, task, self._aligned)
         self._run.save(self._state, feed, due=due, chunks=self._number)
 
     def _chunk(self, columns: Mapping[str, Any]) -> Chunk:
@@ -261,7 +249,7 @@ class Live:
             pushed=True,
         )  # fmt: skip
         evidence = {**self._told, "first_chunk": self._first}
-        feed = _FeedState(0.0, 0, self._alignment.init())
+        feed = FeedState(0.0, 0, self._alignment.init())
         self._state, found = run.begin_pushed(self._left, evidence, feed, lasting=self.lasting)
         if found is not None:
             _, self._task, self._aligned = found.state.feed

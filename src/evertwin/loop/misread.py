@@ -20,25 +20,19 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.correction.improve import TooFew
-from evertwin.errors import UsageError
 from evertwin.fold import Block, Mark, take
 from evertwin.loop.channels import recorded_as
+from evertwin.loop.ring import called
 from evertwin.loop.setup import Setup
 from evertwin.loop.task import Windows
-from evertwin.loop.unit_change import UNITS, SensorChange, since_change
+from evertwin.loop.unit_change import SensorChange, since_change
 from evertwin.loop.unlike import Changes, changes
 from evertwin.models import Model
 from evertwin.signals import Channel, wrap
-from evertwin.signals.units import compatible, conversion
+from evertwin.signals.mistaken import SIGN, TURN, Mistake, mistaken
+from evertwin.signals.units import conversion_of
 from evertwin.types import Outputs, ParameterVector, Vector
 
-OF = {
-    4.44822: ("N",), 9.80665: ("N",), 1.35582: ("Nm",), 8.85075: ("Nm",), 6.89476: ("Pa",),
-    14.5038: ("Pa",), 3.6: ("m/s",), 60.0: ("m/s", "rad/s", "m^3/s", "kg/s"), 9.5493: ("rad/s",),
-    57.2958: ("rad", "rad/s"), 25.4: ("m", "m/s"), 39.3701: ("m", "m/s"), 3.28084: ("m", "m/s"),
-    16.6667: ("m^3/s",),
-}  # fmt: skip
-"""Quantities that a number of `UNITS` divides the units of; those not named here divide any."""
 WRONG = 0.6
 """Mismatch of an output from which its reading is doubted, and below which all have to come."""
 LEFT = 0.1
@@ -63,6 +57,8 @@ class Reading(NamedTuple):
     columns: tuple[int, ...]
     """Of each input, then each output."""
     factors: Vector
+    shifts: Vector
+    """What is added to each after that, in SI."""
     channels: tuple[str, ...]
     number: float
     """Recorded over true; 1 of an exchange."""
@@ -76,7 +72,8 @@ class Reading(NamedTuple):
     def undone(self, window: Block) -> Block:
         """The rows as they would be, had they been read so."""
         nu, columns = window.u.shape[1], list(self.columns)
-        values = np.concatenate([window.u, window.y], axis=1)[:, columns] * self.factors
+        values = np.concatenate([window.u, window.y], axis=1)[:, columns]
+        values = values * self.factors + self.shifts
         u, y = np.ascontiguousarray(values[:, :nu]), np.ascontiguousarray(values[:, nu:])
         return window._replace(u=u, y=y, mark=np.ascontiguousarray(window.mark[:, columns]))
 
@@ -114,7 +111,8 @@ def misread(
         share = 1.0 - _total(left) / _total(_off(setup, model, p, newest))
         names = found[0].channels
         return SensorChange(names[0], found[0].number, (
-            f"{', or '.join(one.said for one in found)}: read so, {100 * share:.1f} % of the "
+            f"{', or '.join(one.said for one in found)}, at the latest from "
+            f"{called(newest[0].row)} on: read so, {100 * share:.1f} % of the "
             "squared deviation is gone; nothing is learned from it: correct the twin file or the "
             "recording"
         ))  # fmt: skip
@@ -131,7 +129,7 @@ def likeliest(
     if not before.max(initial=0.0) > WRONG:
         return ()
     found = []
-    for one in readings(model, scales(setup)):
+    for one in readings(model, recorded(setup)):
         after = _off(setup, model, p, [one.undone(window) for window in windows])
         good = _total(after) < LEFT * _total(before) and after.max() < WRONG
         if good and (after <= before + 0.1).all():
@@ -140,10 +138,13 @@ def likeliest(
     return tuple(one for left, one in found if left <= ALIKE * found[0][0])[:3]
 
 
-def readings(model: Model, scale: Sequence[float]) -> Iterator[Reading]:
-    """Everything that is tried. ``scale``: SI over the unit of each input's column, (nu,)."""
+def readings(model: Model, units: Sequence[str]) -> Iterator[Reading]:
+    """Everything that is tried. ``units``: each input, then each output, is recorded in, (nu + ny).
+
+    Channels of one unit may all be read wrongly, as by a logger that was exchanged.
+    """
     nu, channels = len(model.inputs), (*model.inputs, *model.outputs)
-    own = tuple(range(len(channels)))
+    own, still = tuple(range(len(channels))), np.zeros(len(channels))
     singles = [(k,) for k in own]
     alike = [
         tuple(k for k in side if channels[k].unit == unit)
@@ -152,10 +153,11 @@ def readings(model: Model, scale: Sequence[float]) -> Iterator[Reading]:
     ]
     for which in (*singles, *(some for some in alike if len(some) > 1)):
         names = tuple(channels[k].name for k in which)
-        for number, told in _numbers(channels[which[0]]):
-            factors = np.ones(len(own))
-            factors[list(which)] = 1.0 / number
-            yield Reading(own, factors, names, number, _said(names, number, told))
+        for one in _mistakes(channels[which[0]], units[which[0]]):
+            factors, shifts = np.ones(len(own)), still.copy()
+            factors[list(which)] = 1.0 / one.number
+            shifts[list(which)] = -one.shift / one.number
+            yield Reading(own, factors, shifts, names, one.number, _said(names, one))
     for a, b in combinations(own, 2):
         same = channels[a].unit == channels[b].unit
         if (a < nu) != (b < nu) or not (same or (b < nu <= FEW)):
@@ -163,43 +165,35 @@ def readings(model: Model, scale: Sequence[float]) -> Iterator[Reading]:
         factors, columns = np.ones(len(own)), list(own)
         columns[a], columns[b] = b, a
         if b < nu:
-            factors[a], factors[b] = scale[a] / scale[b], scale[b] / scale[a]
+            scale = conversion_of(units[a])[0], conversion_of(units[b])[0]
+            factors[a], factors[b] = scale[0] / scale[1], scale[1] / scale[0]
         names = channels[a].name, channels[b].name
-        yield Reading(tuple(columns), factors, names, 1.0, f"{' and '.join(names)} look exchanged")
+        said = f"{' and '.join(names)} look exchanged"
+        yield Reading(tuple(columns), factors, still, names, 1.0, said)
 
 
-def scales(setup: Setup) -> tuple[float, ...]:
-    """SI over the unit that each input is recorded in; 1 where it is not."""
-    spec = setup.spec
+def recorded(setup: Setup) -> tuple[str, ...]:
+    """Unit that each input, then each output, is recorded in; empty where nobody says so."""
+    spec, model = setup.spec, setup.model
     units = {name: c.unit for source in spec.source for name, c in source.channels.items()}
-    return tuple(_factor(units.get(recorded_as(spec, n), "")) for n in setup.model.inputs.names)
+    names = (*model.inputs.names, *model.outputs.names)
+    return tuple(units.get(recorded_as(spec, name), "") for name in names)
 
 
-def _factor(unit: str) -> float:
-    try:
-        return conversion(unit)[0] if unit else 1.0
-    except UsageError:  # a logarithmic one is no factor
-        return 1.0
+def _mistakes(channel: Channel, unit: str) -> Iterator[Mistake]:
+    for one in mistaken(unit, channel.unit):
+        if channel.kind != "angle" or one.number in (SIGN, TURN):
+            yield one
 
 
-def _numbers(channel: Channel) -> Iterator[tuple[float, str]]:
-    """Numbers that divide two units of a channel, and what they stand for."""
-    for number, told in UNITS.items():
-        if channel.kind == "angle" and number not in (-1.0, 57.2958):
-            continue
-        of = OF.get(number, ())
-        if channel.unit == "1" or not of or any(compatible(channel.unit, unit) for unit in of):
-            yield number, told
-            if number > 0.0:
-                yield 1.0 / number, f"{told}, the other way round"
-
-
-def _said(names: tuple[str, ...], number: float, told: str) -> str:
+def _said(names: tuple[str, ...], one: Mistake) -> str:
     shown = " and ".join(names)
-    if number < 0.0:
+    if one.number == SIGN:
         return f"the sign of {shown} looks turned"
     look = "looks" if len(names) == 1 else "look"
-    return f"{shown} {look} {number:.4g} times too large, as {told} would make it"
+    if one.scale:
+        return f"{shown} {look} recorded in {one.said}"
+    return f"{shown} {look} {one.number:.4g} times too large, as {one.said} would make it"
 
 
 def _newest(windows: Windows, rows: int) -> list[Block]:

@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -16,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evertwin.errors import UsageError
-from evertwin.fold import Block, take
+from evertwin.fold import Block, Mark, take
 
 
 class Rows(NamedTuple):
@@ -127,3 +128,11 @@ def called(row: int) -> str:
 
 NO_ROWS = Ring(capacity=1, nu=0, ny=0).init()
 """In place of newest rows that are not copied."""
+
+
+def refuse(rows: Rows, columns: Sequence[int], first: int, last: int) -> None:
+    """Kept rows count no more in these ``columns`` of the marks. Writes into ``rows``."""
+    kept = np.arange(max(first, rows.end - len(rows.t), rows.first), last + 1) % len(rows.t)
+    for column in columns:
+        mark = rows.mark[kept, column]
+        rows.mark[kept, column] = np.where(mark == Mark.ABSENT, mark, np.uint8(Mark.ERROR))

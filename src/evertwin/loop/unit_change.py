@@ -21,23 +21,10 @@ from evertwin.loop.task import Windows
 from evertwin.models import Model
 from evertwin.models.batch import mapped
 from evertwin.signals import Channel
+from evertwin.signals.mistaken import numbers
 from evertwin.tuning.assemble import rms
 from evertwin.types import Inputs, Outputs, ParameterVector, Vector
 
-UNITS = {
-    -1.0: "a turned sign", 4.44822: "newtons for pounds", 9.80665: "newtons for kilograms",
-    1.35582: "newton metres for foot pounds", 8.85075: "inch pounds for newton metres",
-    6.89476: "kilopascals for psi", 14.5038: "psi for bars", 3.6: "km/h for m/s",
-    60.0: "another unit of time", 9.5493: "rpm for rad/s", 57.2958: "degrees for radians",
-    25.4: "millimetres for inches", 39.3701: "inches for metres", 3.28084: "feet for metres",
-    16.6667: "l/min for m^3/h",
-    10.0: "a decimal prefix", 100.0: "a decimal prefix", 1000.0: "a decimal prefix",
-}  # fmt: skip
-"""Numbers that divide two units, and what they stand for; the inverse is that the other way."""
-_KNOWN = tuple(
-    pair for factor, name in UNITS.items()
-    for pair in ((factor, name), (1.0 / factor, f"{name}, the other way round"))
-)  # fmt: skip
 NEAR = 0.01
 """Relative distance within which a number is taken for one of them."""
 EXPLAINED = 0.99
@@ -54,6 +41,18 @@ LEAST = 16
 """Rows on either side of a change."""
 
 
+class Refused(NamedTuple):
+    """Kept rows of outputs from which nothing is learned.
+
+    >>> Refused(("tau",), 10, 20).last
+    20
+    """
+
+    channels: tuple[str, ...]
+    first: int
+    last: int
+
+
 class SensorChange(NamedTuple):
     """What a channel has become, as one number.
 
@@ -65,6 +64,8 @@ class SensorChange(NamedTuple):
     number: float
     """Recorded over what fits the model; 0: it does not answer."""
     said: str
+    refused: Refused | None = None
+    """Rows that are left out from now on; None: they are asked about again."""
 
 
 def unit_change(
@@ -157,7 +158,7 @@ def _of_input(
         best = min(best, (0.5 * off(u) / before, "", 1.0, ""))
         y[:, k.index(rival.channel)] *= rival.number
     for j, channel in enumerate(model.inputs.channels):
-        for known, told in _KNOWN:
+        for known, told in numbers(channel.unit):
             other = u.copy()
             other[:, j] /= known
             best = min(best, (off(other) / before, channel.name, known, told))
@@ -230,7 +231,7 @@ def _of_sensor(a: Vector, b: Vector, u: Inputs, channel: Channel) -> SensorChang
     number = float(a @ b / (b @ b))
     if np.sum((a - number * b) ** 2) > (1.0 - EXPLAINED) * off:
         return None
-    for known, told in _KNOWN:
+    for known, told in numbers(channel.unit):
         if abs(number / known - 1.0) <= NEAR:
             return SensorChange(channel.name, number, (
                 f"{channel.name} is {number:.4g} times what is predicted, as {told} would make "

@@ -23,6 +23,7 @@ from evertwin.loop.change import changed, split, suddenly
 from evertwin.loop.correcting import learn, nearest
 from evertwin.loop.evaluation import left, sizes
 from evertwin.loop.friction_law import acting
+from evertwin.loop.gauge import at_once, misgauged
 from evertwin.loop.judgement import judged
 from evertwin.loop.misread import misread
 from evertwin.loop.named_cause import named_first
@@ -34,7 +35,6 @@ from evertwin.loop.setup import Setup
 from evertwin.loop.simplest import law_now
 from evertwin.loop.states import States, amount
 from evertwin.loop.task import Task, Windows
-from evertwin.loop.unit_change import unit_change
 from evertwin.loop.versions import Versions
 from evertwin.loop.workers import setup_of
 from evertwin.machines.friction.resisting import not_physical
@@ -214,11 +214,11 @@ class Work:
         since = {"since": windows[0].row} if windows is not task.windows else {}
         model = self.versions.model_of(version.form)
         rows = self.setup, model, version.p, windows
-        other = (unit_change(*rows) or misread(*rows)) if commissioned else None
+        other, few = at_once(rows) if commissioned else (None, None)
         if other:
             return {"events": [*events, of_a_sensor(other)]} | since
         posed = self.problem(version, windows, names)
-        named = named_first(self, task, posed, events)
+        named = named_first(self, task, posed, events) if few is None else None
         if named:
             return named | since
         problem, chosen = law_now(self.setup, posed, self.tune if commissioned else None)
@@ -233,6 +233,12 @@ class Work:
             other = misread(*rows, fit.p)
             if other:
                 return {"events": [*events, of_a_sensor(other)]} | since
+        if commissioned and (verdict.kind == "abnormal" or explained(fit, fit.noise) >= MUCH):
+            other = misgauged(self, task, problem, fit)
+            if other:  # the rows before it go on to tell how it was
+                return {"events": [*events, of_a_sensor(other)], "refused": other.refused}
+        if few is not None:
+            raise few
         events += [
             event("not_identifiable", name, fit.reasons[k], {"verdict": fit.verdict[k]})
             for k, name in enumerate(fit.names)

@@ -8,6 +8,7 @@ stands for all that came together. `AtWork.fold` makes rows of them.
 from __future__ import annotations
 
 import dataclasses
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -86,6 +87,7 @@ class AtWork:
         self._estimates: dict[str, Estimate] = {}
         self._read = 0
         self._row = -1
+        self._stored = 0.0
         self._looked = 0
         """Row at which what came of it was last told."""
         self.about: Mapping[str, Any] = {}
@@ -119,9 +121,17 @@ class AtWork:
         Raises:
             EvertwinError: they do not fit, or cannot be stored.
         """
+        began = time.thread_time()
         kept = [self.going.keep(chunk) for chunk in chunks]
         self.twin.store.flush()
+        self._stored += time.thread_time() - began
         return kept
+
+    @property
+    def beside(self) -> float:
+        """Seconds of work for this twin outside of its thread: samples kept, slow work."""
+        engine = self.going.engine
+        return self._stored + (engine.seconds if isinstance(engine, Pool) else 0.0)
 
     def fold(self, kept: Sequence[Numbered]) -> Said:
         """What was kept, through the twin; events are durable when it returns.

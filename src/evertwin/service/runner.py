@@ -21,7 +21,7 @@ from typing import Any, Literal, TypeAlias, TypeVar
 
 from evertwin.backoff import Backoff
 from evertwin.engine import Pool
-from evertwin.errors import EvertwinError, StoreUnwritable, UsageError
+from evertwin.errors import EvertwinError, OwnershipLost, StoreUnwritable, UsageError
 from evertwin.fold import Chunk, Event
 from evertwin.loop import Label, Numbered
 from evertwin.publishers.contract import About, Kind, News, Publisher
@@ -63,6 +63,8 @@ class Runner:
         self.name = plan.name
         self.state: State = "starting"
         self.reason = ""
+        self.hopeless = False
+        """Did it fail at its start, for a reason that lies with this process or the twin?"""
         self.store = store
         self.dropped = 0
         """Samples that were dropped because too many waited."""
@@ -128,7 +130,7 @@ class Runner:
                     task, stamp = newest[one.source]
                     source.resume(stamp, task)
             self._publish()
-            self.state = "running"
+            self.state, self.worked = "running", 0.0  # what a start costs says nothing of later
             self._reading = [asyncio.create_task(self._read(source)) for source in self.sources]
             every = (self._store(), self._fold(), self._wait())
             self._working = [asyncio.create_task(one) for one in every]
@@ -153,15 +155,17 @@ class Runner:
     @contextlib.contextmanager
     def _guarded(self) -> Iterator[None]:
         """Whatever a twin raises ends that twin alone."""
+        starts = self.state == "starting"
         try:
             yield
+        except OwnershipLost as error:
+            self._quarantine(str(error))
         except StoreUnwritable as error:
             self.due = time.monotonic() + self.again.next()
             self._quarantine(str(error))
-        except EvertwinError as error:
-            self._quarantine(str(error))
         except Exception as error:  # noqa: BLE001  (a model or plug-in of the user's may raise any)
-            self._quarantine(f"{type(error).__name__}: {error}")
+            self.hopeless, known = starts, isinstance(error, EvertwinError)
+            self._quarantine(str(error) if known else f"{type(error).__name__}: {error}")
 
     def _quarantine(self, reason: str) -> None:
         self.state, self.reason = "quarantined", reason

@@ -142,6 +142,8 @@ class Service:
             later = [key for key in RESTART if getattr(old, key) != getattr(new, key)]
             later += ["fleet"] if self.site.spec.fleet != site.spec.fleet else []
             told: dict[str, Any] = await self._follow(site)
+            if self.tending is not None:
+                self.tending.again()
             self.error, self.reloads = "", self.reloads + 1
             LOG.info("reloaded: %s", told)
             return {**told, "after_restart": later}

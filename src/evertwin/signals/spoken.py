@@ -1,7 +1,7 @@
 """Numbers as a person says them: millimetres rather than 0.004 m.
 
->>> spoken(0.0041, "m"), spoken(0.058, "rad"), spoken(12.3456, "Nm"), spoken(0.13, "m/s")
-('4.1 mm', '3.3°', '12 Nm', '13 cm/s')
+>>> spoken(0.0041, "m"), spoken(0.058, "rad"), spoken(12.3456, "Nm"), spoken(3e-5, "m^3/s")
+('4.1 mm', '3.3°', '12 Nm', '1.8 l/min')
 >>> both(0.029, 0.004, "m")
 ('29 mm', '4 mm')
 """
@@ -16,6 +16,8 @@ _SMALLER = {
     "rad": ((0.0, "°", 180 / math.pi),),
     "rad/s": ((0.0, "°/s", 180 / math.pi),),
     "A": ((1.0, "A", 1.0), (0.0, "mA", 1000.0)),
+    "Pa": ((1e5, "bar", 1e-5), (100.0, "kPa", 1e-3), (0.0, "Pa", 1.0)),
+    "m^3/s": ((0.1, "m^3/s", 1.0), (0.0, "l/min", 60_000.0)),
     "V": ((1.0, "V", 1.0), (0.0, "mV", 1000.0)),
 }
 """SI unit → (from this size on, unit, factor), largest first."""

@@ -106,6 +106,18 @@ def conversion(unit: str) -> tuple[float, float]:
     return factor, zero
 
 
+def conversion_of(unit: str) -> tuple[float, float]:
+    """`conversion`; (1, 0) of a unit that nobody gave, or that is no linear one.
+
+    >>> conversion_of(""), conversion_of("cm")
+    ((1.0, 0.0), (0.01, 0.0))
+    """
+    try:
+        return conversion(unit) if unit else (1.0, 0.0)
+    except UsageError:
+        return 1.0, 0.0
+
+
 @lru_cache(4096)
 def si_unit(unit: str) -> str:
     """The SI unit that values in ``unit`` are stored in. Readable names are kept when they are SI.

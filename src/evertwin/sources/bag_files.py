@@ -36,6 +36,11 @@ class Connection(NamedTuple):
     definition: str
     """Text of the message definition where the bag carries it."""
 
+    @property
+    def image(self) -> bool:
+        """Are these images, packed or not?"""
+        return self.type.rpartition("/")[2] in ("Image", "CompressedImage")
+
 
 class Message(NamedTuple):
     """One message: connection, time of its logging [ns], and its bytes.

@@ -92,7 +92,7 @@ def _learn(
         notes[topic] = f"left out: {error}"
         return
     names = [f"{topic}.{name}" for name in content.cells]
-    if not names:
+    if not names and not message.connection.image:  # images have their times at least
         notes[topic] = f"left out: {message.connection.type or 'its type'} holds no short numbers"
         return
     clocks = ["stamp"] if content.stamp is not None else []

@@ -170,6 +170,25 @@ class ScanInfo:
 
 
 @dataclass(frozen=True)
+class ImageInfo:
+    """The images of one topic.
+
+    >>> ImageInfo("/camera", 40, 10.0, (), 1).lost
+    1
+    """
+
+    name: str
+    count: int
+    rate: float | None
+    """Images per second, from the median step; None where no stamp tells it."""
+    kinds: tuple[tuple[int, int, str], ...]
+    """Width, height, encoding."""
+    lost: int
+    """Of the count, those that cannot be read."""
+    findings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Info:
     """A recording, described.
 
@@ -184,6 +203,7 @@ class Info:
     notes: tuple[str, ...] = ()
     findings: tuple[str, ...] = ()
     scans: tuple[ScanInfo, ...] = ()
+    images: tuple[ImageInfo, ...] = ()
 
     def to_dict(self) -> dict[str, Json]:
         """Plain values for JSON; NaN is None, the rate stands beside the period."""

@@ -6,6 +6,7 @@ person should read before any twin does.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -13,21 +14,33 @@ import numpy as np
 
 from evertwin.errors import DataError
 from evertwin.sources.bag_scans import scans_of
-from evertwin.sources.description import ColumnInfo, Info, ScanInfo, TableInfo, TimeInfo
+from evertwin.sources.description import (
+    ColumnInfo,
+    ImageInfo,
+    Info,
+    ScanInfo,
+    TableInfo,
+    TimeInfo,
+)
 from evertwin.sources.guard import Guarded, Watch, typical
+from evertwin.sources.images import BagImage, Images, images_of
 from evertwin.sources.info_text import column_findings, table_findings
 from evertwin.sources.recording import open_recording
 from evertwin.sources.scans import Scans
 from evertwin.sources.stamps import NO_STAMP, StampError, to_ns
 from evertwin.sources.statistics import ClockStatistics, ColumnStatistics
-from evertwin.sources.table import Column, Rows, Table
+from evertwin.sources.table import Column, Recording, Rows, Table
 from evertwin.sources.tally import Tally, order_of_rows
 from evertwin.sources.time_unit import TimeGuess, guess, other_clocks, time_column
 from evertwin.types import Stamps
 
 
-def inspect(path: Path | str) -> Info:
+def inspect(path: Path | str, shown: Callable[[BagImage], None] | None = None) -> Info:
     """Everything about a recording that one pass can tell; memory stays bounded.
+
+    Args:
+        path: of the recording.
+        shown: is given each image that can be read.
 
     Raises:
         DataError: not a recording, or damaged from its first byte on.
@@ -52,7 +65,25 @@ def inspect(path: Path | str) -> Info:
             findings += column_findings(column, info)
     scans = tuple(_scans(one) for one in scans_of(recording))
     findings += [f"{one.name}: {line}" for one in scans for line in one.findings]
-    return Info(path.name, recording.kind, size, tables, recording.notes, tuple(findings), scans)
+    images = _images(recording, shown)
+    findings += [f"{one.name}: {line}" for one in images for line in one.findings]
+    return Info(
+        path.name, recording.kind, size, tables, recording.notes, tuple(findings), scans, images
+    )
+
+
+def _images(
+    recording: Recording, shown: Callable[[BagImage], None] | None
+) -> tuple[ImageInfo, ...]:
+    topics: dict[str, Images] = {}
+    for one in images_of(recording):
+        topics.setdefault(one.topic, Images(one.topic)).add(one)
+        if shown is not None and isinstance(one, BagImage):
+            shown(one)
+    return tuple(
+        ImageInfo(name, len(of.t), of.rate, tuple(sorted(of.kinds)), len(of.lost), of.findings)
+        for name, of in topics.items()
+    )
 
 
 def _scans(scans: Scans) -> ScanInfo:

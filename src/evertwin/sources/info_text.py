@@ -9,7 +9,15 @@ import datetime
 import math
 from collections.abc import Iterator
 
-from evertwin.sources.description import ClockInfo, ColumnInfo, Info, ScanInfo, TableInfo, TimeInfo
+from evertwin.sources.description import (
+    ClockInfo,
+    ColumnInfo,
+    ImageInfo,
+    Info,
+    ScanInfo,
+    TableInfo,
+    TimeInfo,
+)
 from evertwin.sources.names import unit_problem
 
 _YEAR_2000 = 946_684_800 * 10**9
@@ -25,6 +33,7 @@ def render(info: Info) -> str:
     for table in info.tables:
         lines += _table(table)
     lines += [line for one in info.scans for line in ("", _scans(one))]
+    lines += [line for one in info.images for line in ("", _images(one))]
     if info.findings:
         lines += ["", "findings"] + [f"  - {line}" for line in info.findings]
     return "\n".join(lines)
@@ -41,6 +50,13 @@ def _scans(scans: ScanInfo) -> str:
         f"{scans.nearest:.3g} to {scans.farthest:.4g} m, {100 * scans.empty:.2g} % without "
         f"return, {beside}"
     )
+
+
+def _images(images: ImageInfo) -> str:
+    rate = "no rate" if images.rate is None else f"{images.rate:.3g} Hz"
+    kinds = ", ".join(f"{w} × {h} {kind}".rstrip() for w, h, kind in images.kinds) or "none read"
+    lost = f", {images.lost} cannot be read" if images.lost else ""
+    return f"{images.name}: {images.count} images, {kinds}, {rate}{lost}"
 
 
 def _table(table: TableInfo) -> list[str]:

@@ -131,12 +131,12 @@ class Postgres:
     """A connection, for one twin. Its users take turns.
 
     >>> Postgres.locked
-    ' FOR SHARE'
+    ' FOR KEY SHARE'
     """
 
     shared = "evertwin."
     now = "(extract(epoch FROM clock_timestamp()) * 1000000)::bigint"
-    locked = " FOR SHARE"
+    locked = " FOR KEY SHARE"
 
     def __init__(self, server: str, twin: str = "", token: int = 0) -> None:
         """Connects; makes the tables where there are none.

@@ -21,11 +21,11 @@ class Sample(NamedTuple):
     """Seconds of the machine's clock; whoever publishes adds the clock's start."""
     seq: int
     """Number of the sample in its topic, from 0 at each start."""
-    values: Mapping[str, float | Sequence[float]]
-    """By name; NaN for no value."""
+    values: Mapping[str, float | Sequence[float] | bytes]
+    """By name; NaN for no value; bytes are a picture (PNG)."""
 
     @property
-    def columns(self) -> dict[str, float | Sequence[float]]:
+    def columns(self) -> dict[str, float | Sequence[float] | bytes]:
         """Time, number and values by name."""
         return {"t": self.t, "seq": self.seq, **self.values}
 

@@ -31,37 +31,38 @@ HEIGHT = 0.15
 """Of the lidar above the base's middle [m]."""
 
 
-def _box(x: float, y: float, size: tuple[float, float, float]) -> str:
+def _box(name: str, x: float, y: float, size: tuple[float, float, float]) -> str:
     half = " ".join(f"{s / 2:g}" for s in size)
-    return f'<geom type="box" pos="{x:g} {y:g} {size[2] / 2:g}" size="{half}"/>'
+    return f'<geom name="{name}" type="box" pos="{x:g} {y:g} {size[2] / 2:g}" size="{half}"/>'
 
 
-def _table(x: float, y: float) -> str:
+def _table(name: str, x: float, y: float) -> str:
     legs = "".join(
-        f'<geom type="cylinder" pos="{x + dx:g} {y + dy:g} .35" size=".03 .35"/>'
+        f'<geom name="{name}.{dx:g}{dy:+g}" type="cylinder" pos="{x + dx:g} {y + dy:g} .35" '
+        'size=".03 .35"/>'
         for dx in (-0.5, 0.5)
         for dy in (-0.3, 0.3)
     )
-    return legs + f'<geom type="box" pos="{x:g} {y:g} .72" size=".6 .4 .02"/>'
+    return legs + f'<geom name="{name}.plate" type="box" pos="{x:g} {y:g} .72" size=".6 .4 .02"/>'
 
 
 _WALLS = "".join(
-    _box(side * HALF, MIDDLE, (0.1, 2 * HALF, 2.0))
-    + _box(0.0, MIDDLE + side * HALF, (2 * HALF, 0.1, 2.0))
+    _box(f"wall{side:g}.x", side * HALF, MIDDLE, (0.1, 2 * HALF, 2.0))
+    + _box(f"wall{side:g}.y", 0.0, MIDDLE + side * HALF, (2 * HALF, 0.1, 2.0))
     for side in (-1.0, 1.0)
 )
 _CLUTTER = (
-    _box(-3.4, -0.9, (0.8, 0.5, 0.9)) + _box(3.3, 5.9, (0.6, 0.9, 1.2))
-    + _box(0.3, 2.9, (0.4, 0.7, 0.5)) + _box(3.6, 0.2, (0.3, 0.3, 1.6))
+    _box("box1", -3.4, -0.9, (0.8, 0.5, 0.9)) + _box("box2", 3.3, 5.9, (0.6, 0.9, 1.2))
+    + _box("box3", 0.3, 2.9, (0.4, 0.7, 0.5)) + _box("box4", 3.6, 0.2, (0.3, 0.3, 1.6))
 )  # fmt: skip
 PEOPLE = 4
 """Who can walk in the hall, at most."""
 PACE = 0.8
 """How fast they do [m/s]."""
 _PEOPLE = "".join(
-    '<body mocap="true" pos="0 0 -20"><geom type="cylinder" size=".15 .9" contype="0" '
-    'conaffinity="0"/></body>'
-    for _ in range(PEOPLE)
+    f'<body name="person{k + 1}" mocap="true" pos="0 0 -20"><geom type="cylinder" size=".15 .9" '
+    'contype="0" conaffinity="0"/></body>'
+    for k in range(PEOPLE)
 )
 SCENE = f"""
 <mujoco><option timestep="0.005" integrator="implicitfast"/>
@@ -69,7 +70,7 @@ SCENE = f"""
 <body name="base" pos="0 0 0.1"><joint name="x" type="slide" axis="1 0 0"/>
 <joint name="y" type="slide" axis="0 1 0"/><joint name="heading" type="hinge" axis="0 0 1"/>
 <geom type="cylinder" size=".2 .1" mass="20" contype="0" conaffinity="0"/></body>
-{_PEOPLE}{_WALLS}{_CLUTTER}{_table(-1.0, 1.9)}{_table(0.2, 4.0)}
+{_PEOPLE}{_WALLS}{_CLUTTER}{_table("table1", -1.0, 1.9)}{_table("table2", 0.2, 4.0)}
 </worldbody></mujoco>
 """
 

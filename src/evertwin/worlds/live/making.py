@@ -28,6 +28,7 @@ def parser(says: str | None) -> argparse.ArgumentParser:
     parser.add_argument("--order", action="append", default=[], help="SECONDS:ORDERS, planned")
     parser.add_argument("--urdf", type=Path, help="description of the arm")
     parser.add_argument("--world", choices=sorted(WORLDS), default="w3", help="of the robot")
+    parser.add_argument("--camera", type=float, default=0.0, help="pictures of the robot a second")
     parser.add_argument("--topics", nargs="*", help="of the robot; absent: all")
     parser.add_argument("--ros", help="of the robot, in place of MQTT: address of a ROS 1 master")
     return parser
@@ -42,7 +43,7 @@ def machine_of(given: argparse.Namespace) -> Machine:
     known = {**lines, "speed": speed}
     if arm:
         return LiveArm(given.urdf, given.seed, known)
-    return LiveRobot(given.world, given.seed, known)
+    return LiveRobot(given.world, given.seed, known, given.camera)
 
 
 def samples_of(given: argparse.Namespace, machine: Machine) -> Samples:

@@ -1,8 +1,8 @@
 """``python -m evertwin.worlds.live.recorder arm|robot``: what a machine would publish, into files.
 
 One topic goes into one file, several into files beside each other. What the robot says goes into
-one bag where the file's name ends in ``.mcap``: the messages that it has in ROS, its scans too.
-Nothing is waited for.
+one bag where the file's name ends in ``.mcap``: the messages that it has in ROS, its scans too, and
+its pictures, with what they show in ``NAME-objects.csv`` beside the bag. Nothing is waited for.
 
 >>> paths_of(Path("run.csv"), ("command", "pose"))["pose"].name
 'run-pose.csv'
@@ -18,8 +18,10 @@ import numpy as np
 
 from evertwin.errors import EvertwinError
 from evertwin.types import Vector
+from evertwin.worlds.eye import save_rows
 from evertwin.worlds.live.contract import Sample
 from evertwin.worlds.live.making import machine_of, parser, samples_of
+from evertwin.worlds.live.robot import LiveRobot
 from evertwin.worlds.live.ros_bag import save_bag
 from evertwin.worlds.save import save
 
@@ -46,7 +48,11 @@ def main(arguments: list[str] | None = None) -> None:
     machine = machine_of(given)
     kept = [one for several in samples_of(given, machine) for one in several]
     if given.machine == "robot" and given.record.suffix == ".mcap":
-        return save_bag(given.record, kept, given.start or 0.0)
+        start = given.start or 0.0
+        if isinstance(machine, LiveRobot) and given.camera:
+            shots = [(round((start + t) * 1e9), one) for t, one in machine.shots]
+            save_rows(given.record.with_name(f"{given.record.stem}-objects.csv"), shots)
+        return save_bag(given.record, kept, start)
     # scans are no columns
     arrays = {one.topic for one in kept if any(isinstance(v, list) for v in one.values.values())}
     topics = [topic for topic in given.topics or machine.units if topic not in arrays]

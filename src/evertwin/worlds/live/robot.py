@@ -9,6 +9,7 @@ steers it round a circle. By its own clock it gives
     odom     10 Hz   speed and way of its wheels, which do not see slip [m/s, rad/s, m, rad]
     imu      10 Hz   its gyro, with a small bias [rad/s]
     scan      2 Hz   its lidar [m]
+    camera           what it sees ahead, as often as it is asked to: pictures
 
 It can slip, meet another floor, be pushed or carried elsewhere, people can walk about, scans get
 lost, and its drive can change.
@@ -23,11 +24,14 @@ import mujoco
 import numpy as np
 
 from evertwin.types import Vector
+from evertwin.worlds.camera import traced
 from evertwin.worlds.drive import WORLDS, Drive, commands, sweep, target
+from evertwin.worlds.eye import LENS, Shot, carried, shot
 from evertwin.worlds.live.contract import Sample
-from evertwin.worlds.live.hall import MIDDLE, PEOPLE, SCENE, Lidar, People
+from evertwin.worlds.live.hall import HALF, MIDDLE, PEOPLE, SCENE, Lidar, People
 from evertwin.worlds.live.orders import Knob, Knobs
 from evertwin.worlds.live.sensors import Sensors, faults
+from evertwin.worlds.looks import drawn
 from evertwin.worlds.robot import servo
 
 ROUND = MIDDLE
@@ -72,7 +76,8 @@ def wrapped(angle: float) -> float:
 
 
 class LiveRobot:
-    """The robot with the drive of a ``world``; ``seed``: of commands and noise.
+    """The robot with the drive of a ``world``; ``seed``: of commands and noise; ``pictures``: how
+    many a second, up to 10.
 
     >>> robot = LiveRobot("w3", seed=1)
     >>> first = [robot.advance() for _ in range(11)]
@@ -91,7 +96,9 @@ class LiveRobot:
         "scan": {"ranges": "m"},
     }
 
-    def __init__(self, world: str, seed: int, cables: Mapping[str, Knob] | None = None) -> None:
+    def __init__(
+        self, world: str, seed: int, cables: Mapping[str, Knob] | None = None, pictures: float = 0.0
+    ) -> None:
         self._drive, self._how = WORLDS[world]
         self.knobs = Knobs(knobs_of(self._drive) | dict(cables or {}))
         self._rng = np.random.default_rng(seed)
@@ -103,6 +110,11 @@ class LiveRobot:
         self._others = np.random.default_rng([seed, 1])  # leaves what the robot does as it is
         self._people = People(self._others)
         self._carried = False
+        self.shots: list[tuple[float, Shot]] = []
+        """Pictures so far, by its clock [s], and what each shows: that it does not say."""
+        self._between = max(round(TICKS / pictures), 1) if pictures else 0
+        self._eye = np.random.default_rng([seed, 2])
+        self._look = drawn(self._model, HALF, self._eye, (0.0, MIDDLE))
         self._tick = 0
         self._told = (0.0, 0.0)
         self._way = np.zeros(3)  # of the wheels: x, y [m], heading [rad]
@@ -133,9 +145,20 @@ class LiveRobot:
         self._data.mocap_pos[:] = self._people.walk(int(self.knobs.of("people")), 1.0 / TICKS)
         if tick % SCAN == 0 and self._others.random() >= self.knobs.of("drop"):
             said.append(Sample("scan", t, tick // SCAN, {"ranges": self._scan()}))
+        if self._between and tick % self._between == 0:
+            said.append(Sample("camera", t, tick // self._between, {"image": self._picture()}))
         self._go(*self._told)
         self._tick += 1
         return said
+
+    def _picture(self) -> bytes:
+        mujoco.mj_kinematics(self._model, self._data)
+        x, y, heading = self._data.qpos
+        seen = traced(self._model, self._data, carried(x, y, heading), LENS,
+                      int(self._model.body("base").id))  # fmt: skip
+        taken = shot(self._model, self._data, seen, self._look, self._eye)
+        self.shots.append((self.clock, taken))
+        return taken.png
 
     def _carry(self) -> None:
         """Elsewhere, once an order."""

@@ -9,6 +9,7 @@ b'MCAP'
 
 from __future__ import annotations
 
+import base64
 import json
 import math
 from collections.abc import Iterable
@@ -17,7 +18,12 @@ from typing import Any
 
 from evertwin.sources.foreign import load
 from evertwin.worlds.live.contract import Sample
-from evertwin.worlds.live.ros import TYPES, mounted, said, transform
+from evertwin.worlds.live.ros import TYPES, mounted, said, stamp, transform
+
+CAMERA = "/camera/image_raw/compressed"
+
+
+_KINDS = {**TYPES, CAMERA: "sensor_msgs/CompressedImage"}
 
 
 def save_bag(path: Path, samples: Iterable[Sample], start: float) -> None:
@@ -30,7 +36,7 @@ def save_bag(path: Path, samples: Iterable[Sample], start: float) -> None:
 
         def put(topic: str, t: float, content: dict[str, Any]) -> None:
             if topic not in channels:
-                kind = TYPES["/tf" if topic == "/tf_static" else topic]
+                kind = _KINDS["/tf" if topic == "/tf_static" else topic]
                 schema = writer.register_schema(kind, "jsonschema", b'{"type": "object"}')
                 channels[topic] = writer.register_channel(topic, "json", schema)
             data = json.dumps(_finite(content), allow_nan=False).encode()
@@ -41,10 +47,17 @@ def save_bag(path: Path, samples: Iterable[Sample], start: float) -> None:
             if any(isinstance(v, float) and math.isnan(v) for v in one.values.values()):
                 continue  # it is not said
             t = start + one.t
-            put(said(one.topic, t, one.values)[0], t, said(one.topic, t, one.values)[1])
+            topic, content = (_image if one.topic == "camera" else said)(one.topic, t, one.values)
+            put(topic, t, content)
             if one.topic == "odom":
                 put("/tf", t, transform(t, one.values))
         writer.finish()
+
+
+def _image(_: str, t: float, values: Any) -> tuple[str, dict[str, Any]]:
+    data = base64.b64encode(values["image"]).decode()
+    header = {"stamp": stamp(t), "frame_id": "camera"}
+    return CAMERA, {"header": header, "format": "png", "data": data}
 
 
 def _finite(content: Any) -> Any:

@@ -58,7 +58,7 @@ export function open() {
 function shared(told) {
   const old = (seconds) => (seconds === null || seconds === undefined ? "–" : seconds < 10 ? `${seconds.toFixed(1)} s` : age(seconds));
   const twins = [...told.twins].sort((a, b) => (a.state === "owned") - (b.state === "owned") || (b.lag ?? 0) - (a.lag ?? 0) || a.twin.localeCompare(b.twin));
-  const where = (one) => (one.state === "owned" ? one.node : "nowhere: it is free");
+  const where = (one) => (one.state === "owned" ? one.node : one.state === "waits" ? "nowhere: it waits" : "nowhere: it is free");
   return [h("h2", {}, `${count(told.twins.length, "twin")} on ${count(told.nodes.length, "node")}`),
     table("Twins", ["Twin", "Runs on", "Lease age", "Behind by", "Row", "Reason"], twins.map((one) => [one.twin, where(one), one.age === null ? "–" : `${one.age.toFixed(1)} of ${age(told.lease)}`, old(one.lag), one.row ?? "–", one.reason || (one.wanted ? `is to go to ${one.wanted}` : "")])),
     table("Nodes", ["Node", "State", "Twins", "Share of a core"], told.nodes.map((one) => [one.node, !one.alive ? "does not answer" : one.drains ? "gives its twins away" : "alive", one.twins, `${(100 * one.cost).toFixed(1)} %`]))];

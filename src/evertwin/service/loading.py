@@ -1,0 +1,38 @@
+"""Can this node go on from what a shared store has of a twin? Looked at, with nothing written."""
+
+from __future__ import annotations
+
+from contextlib import closing
+
+import evertwin.loop as loop
+from evertwin.errors import EvertwinError, NoStore, StoreUnwritable
+from evertwin.service.plan import Plan
+from evertwin.store import SharedStore
+
+
+def why_not(plan: Plan, server: str) -> tuple[str, str]:
+    """Why this node cannot go on with a twin, and why it would begin a new run; empty: it need not.
+
+    Args:
+        plan: the twin as this node's files have it.
+        server: the shared store.
+
+    Raises:
+        StoreUnwritable: the store cannot be reached.
+    """
+    if plan.spec is None:
+        return plan.wrong, ""
+    try:
+        setup = loop.Setup(plan.spec, loop.model_of(plan.spec, None))
+        loop.check_units(plan.spec, setup.model)
+        with closing(SharedStore(server, plan.name, read_only=True)) as store:
+            ledger = loop.Ledger(store, loop.Versions(setup.model), plan.name, reading=True)
+            return loop.unloadable(setup, ledger), loop.other_settings(setup, ledger)
+    except NoStore:  # it begins here
+        return "", ""
+    except StoreUnwritable:
+        raise
+    except EvertwinError as error:
+        return str(error), ""
+    except Exception as error:  # noqa: BLE001  (a model or plug-in of the user's may raise any)
+        return f"{type(error).__name__}: {error}", ""

@@ -1,0 +1,123 @@
+"""Units that are taken for each other, and signs that are turned: the one table of them.
+
+>>> round(next(m for m in mistaken("degC", "K") if "Fahrenheit" in m.said).of(310.15), 2)
+371.75
+>>> [m.said for m in mistaken("bar", "Pa") if round(m.number, 1) == 14.5]
+['psi for bars']
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from evertwin.signals.units import compatible, conversion_of
+
+SIGN = -1.0
+TURN = 57.29577951308232
+"""180/π, the only factor of an angle."""
+PURE = 3.0
+"""Factor of a pure number, of which nobody knows the quantity, from which no machine changes so."""
+
+
+class Factor(NamedTuple):
+    """A number that divides two units.
+
+    >>> Factor(3.6, ("m/s",), "km/h for m/s").number
+    3.6
+    """
+
+    number: float
+    units: tuple[str, ...]
+    """SI units of the quantities whose units it divides; none: of any."""
+    said: str
+    """What it stands for; the inverse is that the other way round."""
+
+
+FACTORS = (
+    Factor(SIGN, (), "a turned sign"),
+    Factor(4.44822, ("N",), "newtons for pounds"),
+    Factor(9.80665, ("N", "m/s^2"), "newtons for kilograms"),
+    Factor(1.35582, ("Nm",), "newton metres for foot pounds"),
+    Factor(8.85075, ("Nm",), "inch pounds for newton metres"),
+    Factor(6.89476, ("Pa",), "kilopascals for psi"),
+    Factor(14.5038, ("Pa",), "psi for bars"),
+    Factor(7.50062, ("Pa",), "millimetres of mercury for kilopascals"),
+    Factor(3.6, ("m/s", "J"), "km/h for m/s"),
+    Factor(2.23694, ("m/s",), "miles an hour for m/s"),
+    Factor(60.0, ("m/s", "rad/s", "m^3/s", "kg/s", "1/s", "s"), "another unit of time"),
+    Factor(9.5493, ("rad/s",), "rpm for rad/s"),
+    Factor(TURN, ("rad", "rad/s"), "degrees for radians"),
+    Factor(25.4, ("m", "m/s"), "millimetres for inches"),
+    Factor(39.3701, ("m", "m/s"), "inches for metres"),
+    Factor(3.28084, ("m", "m/s"), "feet for metres"),
+    Factor(2.20462, ("kg", "kg/s"), "pounds for kilograms"),
+    Factor(16.6667, ("m^3/s",), "l/min for m^3/h"),
+    Factor(4.40287, ("m^3/s",), "gallons a minute for m^3/h"),
+    Factor(3.78541, ("m^3/s", "m^3"), "litres for gallons"),
+    *(Factor(10.0**n, (), "a decimal prefix") for n in (1, 2, 3)),
+)
+"""Every number that channels are tried with."""
+_SCALES = {"K": ("kelvin", 1.0, 0.0), "degC": ("degrees Celsius", 1.0, 273.15),
+           "degF": ("degrees Fahrenheit", 5.0 / 9.0, 273.15 - 160.0 / 9.0)}  # fmt: skip
+"""Scales of temperature: their names, what one degree is [K], their zero [K]."""
+
+
+class Mistake(NamedTuple):
+    """What a channel reads where it is in another unit: ``number · true + shift``, in SI.
+
+    >>> round(Mistake(-1.0, 546.3, "a turned sign").of(293.15), 2)
+    253.15
+    """
+
+    number: float
+    shift: float
+    said: str
+    scale: bool = False
+    """Is it of another scale, not of another factor?"""
+
+    def of(self, true: float) -> float:
+        """What is recorded of it."""
+        return self.number * true + self.shift
+
+
+def numbers(unit: str) -> Iterator[tuple[float, str]]:
+    """Numbers that divide two units of a quantity (SI ``unit``), what they stand for; the inverses.
+
+    >>> [round(number, 4) for number, told in numbers("rad")][:3]
+    [-1.0, 57.2958, 0.0175]
+    """
+    for factor in FACTORS:
+        if factor.units and not (
+            factor.number > PURE if unit == "1" else any(compatible(unit, u) for u in factor.units)
+        ):
+            continue
+        yield factor.number, factor.said
+        if factor.number > 0.0:
+            yield 1.0 / factor.number, f"{factor.said}, the other way round"
+
+
+def mistaken(recorded: str, unit: str) -> Iterator[Mistake]:
+    """All that a column may be which is said to be in ``recorded``, of an SI ``unit``.
+
+    A factor or a sign is one of the number that is recorded, so about the zero of its unit.
+    """
+    scale, zero = conversion_of(recorded)
+    for number, said in numbers(unit):
+        yield Mistake(number, zero * (1.0 - number), said)
+    if unit == "1":
+        own = {name: (1.0, place / size) for name, (_, size, place) in _SCALES.items()}
+        pairs = [(a, b) for a in own for b in own if a != b]
+    elif compatible(unit, "K"):
+        pairs = [("", name) for name in _SCALES]
+    else:
+        return
+    for a, b in pairs:
+        told, size, place = _SCALES[b]
+        if a:  # a pure number of the one scale, read as one of the other
+            number, shift = _SCALES[a][1] / size, (_SCALES[a][2] - place) / size
+        else:
+            number, shift = scale / size, zero - place * scale / size
+        if abs(number - 1.0) > 1e-9 or abs(shift) > 1e-9:
+            of = f" for {_SCALES[a][0]}" if a else ""
+            yield Mistake(number, shift, f"{told}{of}", scale=True)

@@ -1,0 +1,98 @@
+"""A kiln that held: its sensor in another unit, turned, silent; or the kiln itself."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evertwin import RunResult, Twin
+
+ROWS, AT = 1700, 1000
+TWIN = """
+schema = 1
+name = "kiln"
+beat = "100 s"
+[model]
+kind = "thermal"
+[model.parameters]
+heater_power = { value = 900 }
+heater_capacity = { value = 200 }
+heater_conductance = { value = 200 }
+box_capacity = { value = 8000 }
+box_conductance = { value = 8 }
+[[source]]
+name = "log"
+time = { column = "t", unit = "s" }
+[source.channels]
+box = { column = "box", unit = "degC" }
+room = { column = "room", unit = "degC" }
+heater = { column = "heater", unit = "1" }
+[arbiter]
+use = "blend"
+[prediction]
+horizon = "100 s"
+[anomaly]
+requirement = "0.5 K"
+outputs = ["box"]
+window = "1000 s"
+[tuning]
+window = "8000 s"
+editable = ["heater_power", "box_capacity", "box_conductance", "heater_start"]
+"""
+
+
+def fired(loss: float = 1.0) -> dict[str, np.ndarray]:
+    """Five seconds a row, by a thermostat; it loses so many times as much heat from AT on."""
+    rng, box, heater, on, point = np.random.default_rng(3), 25.0, 25.0, 0.0, 50.0
+    data = np.empty((ROWS, 4))
+    for k in range(ROWS):
+        point = rng.uniform(40.0, 80.0) if k % 150 == 0 else point
+        on = 1.0 if box < point - 0.6 else 0.0 if box > point + 0.6 else on
+        data[k] = 5.0 * k, on, 20.0, box
+        g = 8.0 * (loss if k >= AT else 1.0)
+        for _ in range(10):
+            heat = 200.0 * (heater - box)
+            heater += 0.5 * (900.0 * on - heat) / 200.0
+            box += 0.5 * (heat - g * (box - 20.0)) / 8000.0
+    data[:, 3] += rng.normal(0.0, 0.05, ROWS)
+    return dict(zip(("t", "heater", "room", "box"), data.T, strict=True))
+
+
+def lived(folder: Path, data: dict[str, np.ndarray]) -> RunResult:
+    (folder / "kiln.toml").write_text(TWIN)
+    table, head = np.stack(list(data.values()), axis=1), ",".join(data)
+    np.savetxt(folder / "log.csv", table, "%.9g", ",", header=head, comments="")
+    with Twin.open(folder / "kiln.toml") as twin:
+        return twin.run(folder / "log.csv")
+
+
+@pytest.mark.parametrize(
+    ("number", "shift", "said"),
+    [(1.8, 32.0, "box looks recorded in degrees Fahrenheit"), (-1.0, 0.0, "the sign of box")],
+)
+def test_another_unit_is_named_and_not_learned(
+    tmp_path: Path, number: float, shift: float, said: str
+) -> None:
+    data = fired()
+    data["box"][AT:] = number * data["box"][AT:] + shift
+    result = lived(tmp_path, data)
+    told = [e for e in result.of_kind("abnormal") if "number" in e.evidence]
+    assert told and said in told[0].reason and "row 1" in told[0].reason
+    assert not result.of_kind("promoted", "tuned")
+
+
+def test_a_sensor_that_only_dithers_is_not_learned(tmp_path: Path) -> None:
+    data = fired()
+    dither = np.random.default_rng(5).normal(0.0, 0.01, ROWS - AT)
+    data["box"][AT:] = data["box"][AT] + dither
+    result = lived(tmp_path, data)
+    told = [e for e in result.events if "frozen" in e.reason or "no longer answers" in e.reason]
+    assert told and not result.of_kind("promoted", "tuned")
+
+
+def test_a_kiln_that_loses_more_heat_is_tuned(tmp_path: Path) -> None:
+    result = lived(tmp_path, fired(loss=1.5))
+    assert result.of_kind("promoted")
+    assert not [e for e in result.of_kind("abnormal") if "number" in e.evidence]
