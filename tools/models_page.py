@@ -3,8 +3,10 @@ parameters from the models themselves."""
 
 from __future__ import annotations
 
+import ast
 import importlib
 import inspect
+import itertools
 import json
 import pkgutil
 import textwrap
@@ -33,6 +35,14 @@ _SHOWN: Mapping[str, tuple[Mapping[str, Any], ...]] = {
 """Kinds whose channels are known without a file, with the options that are shown."""
 _OPENS = frozenset({"thermal", "drive"})
 """Kinds of which the module's text has the equations."""
+_MORE = {
+    "arm": ("machines.arm.dh", "machines.arm.coupling", "machines.arm.shafts"),
+    "fmu": ("models.fmu.binding",),
+    "mujoco": ("models.mujoco.channels", "models.mujoco.knobs"),
+}
+"""Kinds whose options, channels or parameters are told by other modules."""
+_OPTIONS = {"fmu": "evertwin.models.fmu.options"}
+"""Kinds whose options are the fields of a class `Options`."""
 
 
 def _prose(text: str | None) -> str:
@@ -70,6 +80,20 @@ def _built(options: Mapping[str, Any], model: Model) -> Iterator[str]:
     yield table + "\n".join(_row(item) for item in model.parameters)
 
 
+def _fields(module: str) -> str:
+    """A table of the fields of `Options`, with their defaults and the text below each."""
+    options = importlib.import_module(module).Options
+    tree: Any = ast.parse(textwrap.dedent(inspect.getsource(options)))
+    rows = ["| option | default | meaning |", "|---|---|---|"]
+    for field, said in itertools.pairwise(tree.body[0].body):
+        if isinstance(field, ast.AnnAssign) and field.value is not None:
+            default = ast.unparse(field.value)
+            default = "absent" if default.startswith(("field", "None", "''")) else f"`{default}`"
+            text = " ".join(inspect.cleandoc(ast.literal_eval(said.value)).split())
+            rows.append(f"| `{ast.unparse(field.target)}` | {default} | {text} |")
+    return "\n".join(rows).replace("``", "`")
+
+
 def _kind(name: str) -> Iterator[str]:
     place = MACHINES[name][0].partition(":")
     module = importlib.import_module(place[0])
@@ -89,14 +113,22 @@ def _kind(name: str) -> Iterator[str]:
     ]
     if options:
         yield f"Options: {', '.join(options)}."
+    for more in _MORE.get(name, ()):
+        yield _prose(importlib.import_module(f"evertwin.{more}").__doc__)
+    if name in _OPTIONS:
+        yield _fields(_OPTIONS[name])
     for chosen in _SHOWN.get(name, ()):
         yield from _built(chosen, machine(name, chosen))
 
 
-def _terms() -> Iterator[FrictionTerm]:
+def _terms() -> Iterator[tuple[FrictionTerm, str]]:
+    """Each term, and how its file opens."""
     for one in pkgutil.iter_modules(terms.__path__):
         module = importlib.import_module(f"{terms.__name__}.{one.name}")
-        yield from (item for item in vars(module).values() if isinstance(item, FrictionTerm))
+        opening = _prose(module.__doc__).partition("\n")[0].replace("|", "\\|")
+        yield from (
+            (item, opening) for item in vars(module).values() if isinstance(item, FrictionTerm)
+        )
 
 
 def _friction() -> Iterator[str]:
@@ -105,13 +137,11 @@ def _friction() -> Iterator[str]:
     rows = (
         f"| `{term.name}` | {', '.join(f'`{c.name}`' for c in term.coefficients)} | "
         f"{', '.join(f'`{s.name}`' for s in term.shape) or '-'} | "
-        f"{', '.join(term.confused_with) or '-'} |"
-        for term in _terms()
+        f"{', '.join(term.confused_with) or '-'} | {opening} |"
+        for term, opening in _terms()
     )
-    yield (
-        "| term | coefficients | shapes | may be confused with |\n|---|---|---|---|\n"
-        + "\n".join(rows)
-    )
+    heading = "| term | coefficients | shapes | may be confused with | what it is |"
+    yield "\n".join([heading, "|---|---|---|---|---|", *rows])
 
 
 def page() -> str:
