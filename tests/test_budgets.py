@@ -6,6 +6,7 @@ Every test lists all offenders at once. An exception to a rule is named here, wi
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -14,6 +15,8 @@ from pathlib import Path
 ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "src" / "evertwin"
 
+WORDS = 15_000
+"""Of the documentation outside the reference, code blocks aside."""
 FILE_LINES = 400
 BODY_LINES = 60
 PARAMETERS = 6
@@ -391,3 +394,11 @@ def test_the_budgets_are_able_to_fail() -> None:
     assert body_lines(function.node) == 4
     assert [a.arg for a in function.arguments if a.annotation is None] == ["a"]
     assert [caught(h) for _, h in handlers(tree)] == [{"Exception"}]
+
+
+def test_what_is_written_by_hand_is_short() -> None:
+    words = 0
+    for page in (ROOT / "docs").rglob("*.md"):
+        if "reference" not in page.parts:
+            words += len(re.sub(r"```.*?```", "", page.read_text(), flags=re.DOTALL).split())
+    assert words <= WORDS

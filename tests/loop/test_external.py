@@ -124,3 +124,14 @@ def test_a_failed_vote_accuses_no_sensor_where_something_outside_acts(
     )
     found = unsure((told, frozen), ring.push(ring.init(), before), here)
     assert [event.kind for event in found] == [kind, "measurement_error"]
+
+
+def test_a_turned_sign_is_named_and_no_push() -> None:
+    block = rows()
+    block.y[2500:3100] *= -1.0  # 6 s: to and fro
+    with Twin(AXIS) as twin:
+        result = twin.run((block,))
+    named = [e for e in result.of_kind("abnormal") if "turned" in e.reason]
+    assert named and 2500 < named[0].row <= 3300
+    assert named[0].evidence["number"] == pytest.approx(-1.0, rel=0.05)
+    assert result.champion.number == 0 and "omething outside" not in result.headline

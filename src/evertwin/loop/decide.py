@@ -49,7 +49,7 @@ class Decide:
         """The decisions of one beat, in a fixed order. Consumes ``state``."""
         decision = Decision(state, [], [])
         contradicted = told(decision, self.follow.setup)
-        veto = disturbed(decision, self.follow.setup) or contradicted
+        veto = disturbed(decision, self.follow.setup, self.follow.versions) or contradicted
         decision.state = self.follow.renew(decision.state, back=veto)
         stage = self.follow.following(decision.state.live.version)
         if stage is not None:

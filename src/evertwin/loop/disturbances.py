@@ -10,9 +10,19 @@ from evertwin.loop.decision import Decision
 from evertwin.loop.detectors import Alarm
 from evertwin.loop.deviation import new_sums
 from evertwin.loop.setup import Setup
+from evertwin.loop.unit_change import SensorChange, of_sensor
+from evertwin.loop.versions import Versions
+from evertwin.models.batch import mapped
+
+ENOUGH = 50
+"""Rows in motion that tell a sensor from a push."""
+VARIES = 0.3
+"""Spread of what is predicted, at least [of its size]: a constant is a constant times anything."""
+ALIKE = 0.8
+"""Correlation of what is measured with what is predicted, at least."""
 
 
-def disturbed(decision: Decision, setup: Setup) -> bool:
+def disturbed(decision: Decision, setup: Setup, versions: Versions) -> bool:
     """Tells of what acts from outside. True: it may be at work now, so nothing is asked for."""
     state = decision.state
     external, told = setup.external.beat(state.external)
@@ -36,11 +46,40 @@ def disturbed(decision: Decision, setup: Setup) -> bool:
     if contact is not None:
         forget(decision)
         if not 0 <= doubted <= max(contact.last, first):
-            _tell(decision, setup, contact, new=told.new)
+            sensor = _sensor(decision, setup, versions, contact)
+            if sensor is None:
+                _tell(decision, setup, contact, new=told.new)
+            else:
+                decision.say("abnormal", sensor.channel, sensor.said, {"number": sensor.number})
     if told.blind:
         said = "the model has no friction for what stands: what pushes it then cannot be told"
         decision.say("not_judged", "", said, {})
     return on
+
+
+def _sensor(
+    decision: Decision, setup: Setup, versions: Versions, contact: Contact
+) -> SensorChange | None:
+    """An output that goes with what is predicted, a known number times as large, in place of what
+    a push would add: from the motion since the contact began."""
+    state = decision.state
+    stop = state.ring.end if contact.last < 0 else contact.last + 1
+    windows = setup.ring.between(state.ring, contact.first, stop)
+    model, p = versions.model(state.live.version), versions[state.live.version].p
+    if len(model.states) or len(contact.outputs) != 1 or not windows:
+        return None
+    k = model.outputs.index(contact.outputs[0])
+    u, dt, y = (
+        np.concatenate([getattr(one, name) for one in windows]) for name in ("u", "dt", "y")
+    )
+    expected = mapped(model, u, dt, p)[:, k]
+    rows = setup.moving(u)[:, k] & np.isfinite(expected) & np.isfinite(y[:, k])
+    a, b = y[rows, k], expected[rows]
+    if len(a) < ENOUGH or np.std(b) < VARIES * np.sqrt(np.mean(np.square(b))):
+        return None
+    found = of_sensor(a, b, u[rows], model.outputs.channels[k])
+    alike = found is not None and abs(np.corrcoef(a, b)[0, 1]) > ALIKE
+    return found if alike else None
 
 
 def forget(decision: Decision) -> None:

@@ -21,12 +21,14 @@ from evertwin.loop.task import Windows
 from evertwin.models import Model
 from evertwin.models.batch import mapped
 from evertwin.signals import Channel
-from evertwin.signals.mistaken import numbers
+from evertwin.signals.mistaken import SIGN, numbers
 from evertwin.tuning.assemble import rms
 from evertwin.types import Inputs, Outputs, ParameterVector, Vector
 
 NEAR = 0.01
 """Relative distance within which a number is taken for one of them."""
+ABOUT = 0.05
+"""The same of a turned sign, which no machine comes near."""
 EXPLAINED = 0.99
 """Share of the deviation's square that the number has to take away."""
 
@@ -95,7 +97,7 @@ def unit_change(
         channel = setup.model.outputs.channels[k]
         for part in PARTS:
             newest = slice(round((1.0 - part) * len(a)), None)
-            said = _of_sensor(a[newest], b[newest], u[rows][newest], channel)
+            said = of_sensor(a[newest], b[newest], u[rows][newest], channel)
             if said is None:
                 continue
             if part * len(y) >= setup.enough:
@@ -215,7 +217,7 @@ def _answers(a: Vector, u: Inputs) -> bool:
     return bool(left @ left < 0.5 * np.sum((a - a.mean()) ** 2))
 
 
-def _of_sensor(a: Vector, b: Vector, u: Inputs, channel: Channel) -> SensorChange | None:
+def of_sensor(a: Vector, b: Vector, u: Inputs, channel: Channel) -> SensorChange | None:
     """Measured ``a`` beside expected ``b``, at inputs ``u``."""
     off = float(np.sum((a - b) ** 2))
     if not (b @ b > 0 and off > 0):
@@ -232,7 +234,7 @@ def _of_sensor(a: Vector, b: Vector, u: Inputs, channel: Channel) -> SensorChang
     if np.sum((a - number * b) ** 2) > (1.0 - EXPLAINED) * off:
         return None
     for known, told in numbers(channel.unit):
-        if abs(number / known - 1.0) <= NEAR:
+        if abs(number / known - 1.0) <= (ABOUT if known == SIGN else NEAR):
             return SensorChange(channel.name, number, (
                 f"{channel.name} is {number:.4g} times what is predicted, as {told} would make "
                 "it, or a machine that changed so: that cannot be told from these data, and is "
