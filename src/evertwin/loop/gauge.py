@@ -27,14 +27,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from evertwin.correction.improve import TooFew
-from evertwin.loop.change import split
-from evertwin.loop.gauge_rows import LEAST, Rows, residual
+from evertwin.loop.gauge_rows import LEAST, Rows
 from evertwin.loop.misread import ALIKE, Reading, misread, readings, recorded
 from evertwin.loop.offset import NEAR, offset
 from evertwin.loop.ring import called
 from evertwin.loop.setup import Setup
 from evertwin.loop.task import Task, Windows
-from evertwin.loop.unit_change import SensorChange, unit_change
+from evertwin.loop.unit_change import SensorChange, since_change, unit_change
 from evertwin.models import Model
 from evertwin.models.kernel import CONTINUE
 from evertwin.signals.mistaken import SIGN
@@ -103,9 +102,9 @@ def misgauged(work: Work, task: Task, problem: Problem, fit: Fit) -> SensorChang
 
 
 def _reading(rows: Rows) -> SensorChange | None:
-    found, few = [], _few(rows)
+    found = []
     for one in readings(rows.setup.model, recorded(rows.setup)):
-        if one.exchanged or not (_plausible(rows, one) and _helps(rows, one, few)):
+        if one.exchanged or not (_plausible(rows, one) and _helps(rows, one)):
             continue
         first, stop = _span(rows, one)
         left = _left(rows, one, first, stop)
@@ -136,24 +135,15 @@ def _plausible(rows: Rows, one: Reading) -> bool:
     return bool((inside | ~moved | ~np.isfinite(usual)).all())
 
 
-def _helps(rows: Rows, one: Reading, few: tuple[int, Windows, Outputs]) -> bool:
-    """Does it explain half of the deviation on a few rows? Most readings explain nothing."""
-    place, windows, off = few
-    posed = rows.pose(tuple(one.undone(window) for window in windows))
-    ny = one.factors[len(rows.setup.model.inputs) :]
-    left = (residual(posed, posed.start) / ny)[place:]
-    known = np.isfinite(left) & np.isfinite(off)
-    return rows.total(left, known) < HALF * rows.total(off, known)
-
-
-def _few(rows: Rows) -> tuple[int, Windows, Outputs]:
-    """Rows since the change on which readings are tried, where they count, and what is off."""
-    first = int(np.argmax(np.isfinite(rows.tuned).any(axis=1)))
-    windows = split(split(rows.windows, first + FEW)[0], first)[1]
-    posed = rows.pose(windows)
-    begins = np.flatnonzero(posed.restart.code != CONTINUE)
-    place = int(begins[1]) if len(begins) > 1 and len(rows.setup.model.states) else 0
-    return place, windows, residual(posed, posed.start)[place:]
+def _helps(rows: Rows, one: Reading) -> bool:
+    """Does it explain half of the deviation on a few rows? Most readings explain nothing. What is
+    hidden has its history: they are predicted behind all rows before."""
+    first = rows.since or since_change(rows.before[:, rows.setup.watched])
+    stop = min(first + FEW, rows.count)
+    after = rows.under(one, rows.changed(first, stop, one.undone))
+    here = rows.scored(first) & (np.arange(rows.count) < stop)
+    known = here[:, None] & np.isfinite(after) & np.isfinite(rows.before)
+    return rows.total(after, known) < HALF * rows.total(rows.before, known)
 
 
 def _span(rows: Rows, one: Reading) -> tuple[int, int]:
