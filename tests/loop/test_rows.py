@@ -198,3 +198,17 @@ def test_way_is_the_length_of_the_path_with_the_sign_of_each_step() -> None:
 def test_path_is_its_length_with_the_sign_of_the_whole() -> None:
     assert derived("path", [0.0, 1.0, 0.5], 0.0) == pytest.approx([0.0, 1.0, 1.5])
     assert derived("path", [0.0, 0.5, -1.0], 0.0) == pytest.approx([0.0, 0.5, -2.0])
+
+
+def test_rows_are_handed_on_to_a_run_at_another_rate() -> None:
+    rows = make_block(t=range(10), u=[[float(k)] for k in range(10)], y=[[0.0]] * 10)
+    old = Ring(capacity=6, nu=1, ny=1)
+    kept = old.push(old.init(), rows)
+    for capacity in (4, 6, 9):
+        new = Ring(capacity=capacity, nu=1, ny=1)
+        handed = new.handed_on(copy(kept))
+        found = new.between(handed, -20, 0)
+        values = [value for one in found for value in one.u.ravel().tolist()]
+        assert values == [float(k) for k in range(10 - min(capacity, 6), 10)]
+        again = new.push(handed, rows)
+        assert new.between(again, 0, 10)[-1].u[-1, 0] == 9.0

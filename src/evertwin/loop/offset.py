@@ -42,7 +42,7 @@ def offset(rows: Rows) -> SensorChange | None:
         for left, shift in (_shifted(rows, k, seen),)
         if left is not None
         and _stepped(rows, k, shift)
-        and rows.total(left, unseen) <= HALF * rows.total(rows.before, unseen)
+        and rows.total(left, unseen) < HALF * rows.total(rows.before, unseen)
     ]
     if not found:
         return None
@@ -126,11 +126,11 @@ def _fit_of(rows: Rows, cut: int) -> Outputs | None:
     """Residual, on the rows behind ``cut`` too, of what tuning learns before it."""
     part = split(rows.problem.windows, cut - rows.since)[0]
     try:
-        values = rows.tune(rows.pose(part).tuning(rows.fit.names)).values
+        found = rows.tune(rows.pose(part).tuning(rows.fit.names))
     except (DataError, ModelError):
         return None
-    posed = rows.pose(rows.problem.windows).tuning(rows.fit.names)
-    return rows.placed(residual(posed, values))
+    posed = rows.pose(rows.problem.windows).tuning(found.names)  # some may be left out
+    return rows.placed(residual(posed, found.values))
 
 
 def _lead(rows: Rows, left: Outputs, rival: Outputs, places: np.ndarray) -> float:

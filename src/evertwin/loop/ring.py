@@ -82,13 +82,16 @@ class Ring:
 
     def handed_on(self, rows: Rows) -> Rows:
         """The rows as those before row 0 of another run, their tasks before its task 0. Consumes
-        ``rows``."""
-        if not rows.end:
+        ``rows``, whose capacity may be another one: that of a run at another rate."""
+        size = len(rows.t)
+        if not rows.end and size == self.capacity:
             return rows
-        shift = -rows.end % self.capacity
-        columns: Any = rows._asdict()
-        turned = {name: np.roll(columns[name], shift, axis=0) for name in Rows._fields[1:-1]}
-        kept = Rows(0, **turned, first=max(rows.first - rows.end, -self.capacity))
+        numbers = np.arange(max(rows.end - min(size, self.capacity), rows.first), rows.end)
+        kept = self.init()._replace(first=-len(numbers))
+        for name in Rows._fields[1:-1]:
+            getattr(kept, name)[self.capacity - len(numbers) :] = getattr(rows, name)[
+                numbers % size
+            ]
         kept.task[:] -= kept.task[-1] + 1
         return kept
 
