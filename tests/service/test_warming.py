@@ -18,7 +18,7 @@ from planted.serving import site
 @pytest.fixture
 def as_before(monkeypatch: pytest.MonkeyPatch) -> None:
     """What the test changes for the process is undone."""
-    for name in ("BRIEF", "READ", "PER_BYTE"):
+    for name in ("BRIEF", "READ", "PER_BYTE", "ELSEWHERE"):
         monkeypatch.setattr(functions, name, getattr(functions, name))
 
 
@@ -33,7 +33,9 @@ def test_neither_rows_nor_a_first_correction_wait_for_a_compiler(
         monkeypatch.setattr(one, "_patience", 0.0)  # as if no test had called it
     asked: list[str] = []
     monkeypatch.setattr(kernel, "_compiled", lambda *it: asked.append(it[0]) or kernel.step)
-    warm(read_site(site(tmp_path, "one")).twins[0])
+    spec = read_site(site(tmp_path, "one")).twins[0].spec
+    assert spec is not None
+    warm(spec)
     assert all(one._ready is not None for one in late)
     assert "_compiled" in kernel.step.__dict__
     assert set(asked) >= {"lag", "coupling", "law", "table", "surface", "state"}

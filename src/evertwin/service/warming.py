@@ -1,32 +1,69 @@
 """Machine code before a twin begins: no row waits for a compiler, nor does a first correction.
 
+Or beside it: the twin runs plain, and has its machine code once another process has made it.
+
 Rows of zeros go through a copy that keeps nothing; what zeros do not reach (terms of corrections,
 a trial, a limit that was held and is not any more) is called by itself.
 """
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import dataclasses
+import logging
+import os
+from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
-from evertwin.compiled.functions import at_once
+from evertwin.compiled.functions import at_once, elsewhere
+from evertwin.engine import EngineSpec, Pool
+from evertwin.errors import WorkLost
+from evertwin.config.spec import TwinSpec
 from evertwin.fold import Chunk
 from evertwin.loop.deviation import new_usual
 from evertwin.loop.scores import NEVER, exceeds, new_scores
 from evertwin.loop.setup import Setup
 from evertwin.models.terms import kernel
-from evertwin.service.plan import Plan
 from evertwin.store.spec import StoreSpec
 from evertwin.twin import Twin
 
+LOG = logging.getLogger("evertwin.service")
+NICE = 10
+"""By how much machines and twins go before the compiler."""
+LONGEST = 3600.0
+"""Time that compiling for one twin may take [s]."""
 
-def warm(plan: Plan) -> None:
+
+async def warm_beside(specs: Sequence[TwinSpec]) -> None:
+    """Compiles what twins need in a process of its own, one after the other; until it is done the
+    functions of this process run plain, each until its machine code is there."""
+    elsewhere()
+    pool = Pool(1, EngineSpec(time=LONGEST, memory=16.0), partial(os.nice, NICE))
+    try:
+        for spec in specs:
+            await asyncio.to_thread(pool.map, _filled, [spec])
+    except WorkLost as error:
+        LOG.warning("compiling: %s: it goes on where rows wait for it", error)
+    finally:
+        # what still runs plain is compiled by whoever calls it
+        at_once()
+        await asyncio.to_thread(pool.close)
+
+
+def _filled(spec: TwinSpec) -> None:
+    """What a twin needs is in the cache; a twin that fails says so where it is started."""
+    with contextlib.suppress(Exception):
+        warm(spec)
+
+
+def warm(own: TwinSpec) -> None:
     """Compiles what a twin needs, or reads it from the cache; from now on nothing runs plain."""
-    assert plan.spec is not None
     at_once()
     spec = dataclasses.replace(
-        plan.spec, store=StoreSpec(), engine=dataclasses.replace(plan.spec.engine, workers=0)
+        own, store=StoreSpec(), engine=dataclasses.replace(own.engine, workers=0)
     )
     rate = spec.clock.rate or 10.0
     with Twin(spec) as twin:
