@@ -18,7 +18,7 @@ from planted.serving import site
 @pytest.fixture
 def as_before(monkeypatch: pytest.MonkeyPatch) -> None:
     """What the test changes for the process is undone."""
-    for name in ("BRIEF", "READ", "PER_BYTE", "ELSEWHERE"):
+    for name in ("BRIEF", "READ", "PER_BYTE"):
         monkeypatch.setattr(functions, name, getattr(functions, name))
 
 

@@ -46,22 +46,10 @@ SLOW = 5e-6
 """Seconds that plain Python is taken to need for each number of the longest array."""
 
 
-ELSEWHERE = False
-"""Is machine code made by another process, of which this one reads it?"""
-
-
 def at_once() -> None:
     """From now on all functions are machine code from their first call: the process lives long."""
-    global BRIEF, READ, PER_BYTE, ELSEWHERE
+    global BRIEF, READ, PER_BYTE
     BRIEF = READ = PER_BYTE = 0.0
-    ELSEWHERE = False
-
-
-def elsewhere() -> None:
-    """Until `at_once` nothing is compiled here because it pays: what runs plain goes on so until
-    another process has put its machine code into the cache."""
-    global ELSEWHERE
-    ELSEWHERE = True
 
 
 STEP = (
@@ -162,8 +150,7 @@ class Function(_Written):
         if taken <= max(brief, self._patience):
             return False
         self._patience = taken + brief  # looking for kept code costs something, too
-        pays = not ELSEWHERE and taken > self._compiling
-        return pays or is_kept(self.py_func, self.stamp)
+        return taken > self._compiling or is_kept(self.py_func, self.stamp)
 
     def _size(self, arguments: tuple[Any, ...]) -> int:
         """Numbers to go through: those of the longest array."""

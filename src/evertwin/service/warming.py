@@ -9,7 +9,6 @@ a trial, a limit that was held and is not any more) is called by itself.
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import dataclasses
 import logging
 import os
@@ -18,14 +17,15 @@ from functools import partial
 
 import numpy as np
 
-from evertwin.compiled.functions import at_once, elsewhere
+from evertwin.anomaly.run_length import limit_for
+from evertwin.compiled.functions import at_once
 from evertwin.engine import EngineSpec, Pool
-from evertwin.errors import WorkLost
 from evertwin.config.spec import TwinSpec
 from evertwin.fold import Chunk
 from evertwin.loop.deviation import new_usual
 from evertwin.loop.scores import NEVER, exceeds, new_scores
 from evertwin.loop.setup import Setup
+from evertwin.loop.workers import setup_of
 from evertwin.models.terms import kernel
 from evertwin.store.spec import StoreSpec
 from evertwin.twin import Twin
@@ -38,30 +38,36 @@ LONGEST = 3600.0
 
 
 async def warm_beside(specs: Sequence[TwinSpec]) -> None:
-    """Compiles what twins need in a process of its own, one after the other; until it is done the
-    functions of this process run plain, each until its machine code is there."""
-    elsewhere()
+    """Compiles what twins need in a process of its own, one after the other; until it is done each
+    function of this process runs plain until its machine code is there, or would pay."""
     pool = Pool(1, EngineSpec(time=LONGEST, memory=16.0), partial(os.nice, NICE))
     try:
-        for spec in specs:
-            await asyncio.to_thread(pool.map, _filled, [spec])
-    except WorkLost as error:
-        LOG.warning("compiling: %s: it goes on where rows wait for it", error)
-    finally:
-        # what still runs plain is compiled by whoever calls it
+        for job in (warm_early, warm):  # what is felt first of all twins, then the rest
+            for spec in specs:
+                try:
+                    await asyncio.to_thread(pool.map, job, [spec])
+                except Exception as error:  # noqa: BLE001  (a model of the user's may raise any)
+                    LOG.warning("%s: not compiled before it pays: %s", spec.name, error)
         at_once()
+    finally:
         await asyncio.to_thread(pool.close)
 
 
-def _filled(spec: TwinSpec) -> None:
-    """What a twin needs is in the cache; a twin that fails says so where it is started."""
-    with contextlib.suppress(Exception):
-        warm(spec)
+def warm_early(spec: TwinSpec) -> None:
+    """What goes through many rows at once, so plain Python is slow at it: limits of a new version,
+    roll-outs, terms of a correction."""
+    at_once()
+    model = setup_of(spec).model
+    p = model.parameters.values
+    u, dt = np.zeros((2, len(model.inputs))), np.full(2, 0.1)
+    limit_for(np.random.default_rng(0).normal(size=100), 0.5, 1e4, np.random.default_rng(0))
+    model.simulate(model.initial(p), u, dt, p)
+    kernel.ready()
 
 
 def warm(own: TwinSpec) -> None:
     """Compiles what a twin needs, or reads it from the cache; from now on nothing runs plain."""
-    at_once()
+    warm_early(own)
     spec = dataclasses.replace(
         own, store=StoreSpec(), engine=dataclasses.replace(own.engine, workers=0)
     )
@@ -71,7 +77,6 @@ def warm(own: TwinSpec) -> None:
             stamps = ((np.arange(50) + 50 * piece) / rate * 1e9).astype(np.int64)
             for one in spec.source:
                 twin.push(Chunk(one.name, stamps, np.zeros((50, len(one.channels)))))
-        kernel.ready()
         _decisions(twin.setup)
 
 
