@@ -19,8 +19,8 @@ import numpy as np
 
 from evertwin.anomaly.run_length import limit_for
 from evertwin.compiled.functions import at_once
-from evertwin.engine import EngineSpec, Pool
 from evertwin.config.spec import TwinSpec
+from evertwin.engine import EngineSpec, Pool
 from evertwin.fold import Chunk
 from evertwin.loop.deviation import new_usual
 from evertwin.loop.scores import NEVER, exceeds, new_scores
@@ -44,10 +44,10 @@ async def warm_beside(specs: Sequence[TwinSpec]) -> None:
     try:
         for job in (warm_early, warm):  # what is felt first of all twins, then the rest
             for spec in specs:
-                try:
-                    await asyncio.to_thread(pool.map, job, [spec])
-                except Exception as error:  # noqa: BLE001  (a model of the user's may raise any)
-                    LOG.warning("%s: not compiled before it pays: %s", spec.name, error)
+                done = asyncio.to_thread(pool.map, job, [spec])
+                (wrong,) = await asyncio.gather(done, return_exceptions=True)
+                if isinstance(wrong, BaseException):  # its start says the same, and that ends it
+                    LOG.warning("%s: not compiled before it pays: %s", spec.name, wrong)
         at_once()
     finally:
         await asyncio.to_thread(pool.close)
