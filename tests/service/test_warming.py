@@ -69,7 +69,8 @@ def test_beside_it_a_twin_that_cannot_be_compiled_costs_no_other(
 def test_twins_run_while_their_machine_code_is_made(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path = site(tmp_path, "one")
+    path = site(tmp_path, "one", speed=0.001)
+    (tmp_path / "run.csv").write_text("t,v_cmd,x\n0,0,0\n1,0,0\n")
     path.write_text(path.read_text().replace("warm = false", 'warm = "beside"'))
     seen: list[str] = []
 
