@@ -18,10 +18,11 @@ from evertwin.config.spec import (
     TwinSpec,
 )
 from evertwin.errors import ConfigError, DataError
-from evertwin.fold import Block, Chunk, concatenate
+from evertwin.fold import Block, Chunk, concatenate, copy, make_block
 from evertwin.loop.alignment import Alignment
 from evertwin.loop.crop import cropped
 from evertwin.loop.feed import Feed
+from evertwin.loop.ring import Ring
 from evertwin.machines.mobile import Robot1D
 from evertwin.sources.merging import merge
 from evertwin.sync import Feed as Brings

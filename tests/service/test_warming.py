@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import dataclasses
 from pathlib import Path
 
 import pytest
@@ -9,8 +11,10 @@ import pytest
 from evertwin.compiled import functions
 from evertwin.loop import scores
 from evertwin.models.terms import kernel
+from evertwin.service import service as serving
+from evertwin.service import warming
 from evertwin.service.plan import read_site
-from evertwin.service.warming import warm
+from evertwin.service.warming import warm, warm_beside
 from evertwin.trial import betting, gate_loop
 from planted.serving import site
 
@@ -33,7 +37,62 @@ def test_neither_rows_nor_a_first_correction_wait_for_a_compiler(
         monkeypatch.setattr(one, "_patience", 0.0)  # as if no test had called it
     asked: list[str] = []
     monkeypatch.setattr(kernel, "_compiled", lambda *it: asked.append(it[0]) or kernel.step)
-    warm(read_site(site(tmp_path, "one")).twins[0])
+    spec = read_site(site(tmp_path, "one")).twins[0].spec
+    assert spec is not None
+    warm(spec)
     assert all(one._ready is not None for one in late)
     assert "_compiled" in kernel.step.__dict__
     assert set(asked) >= {"lag", "coupling", "law", "table", "surface", "state"}
+
+
+@pytest.mark.usefixtures("as_before")
+def test_beside_it_a_twin_that_cannot_be_compiled_costs_no_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is in the cache once it is over is read at the first call."""
+    spec = read_site(site(tmp_path, "one")).twins[0].spec
+    assert spec is not None
+    bad = dataclasses.replace(spec, model=dataclasses.replace(spec.model, kind="none-such"))
+    told: list[tuple[str, str]] = []
+    monkeypatch.setattr(warming, "warm_early", warming.setup_of)
+    monkeypatch.setattr(warming, "warm", warming.setup_of)
+    monkeypatch.setattr(
+        warming.LOG, "warning", lambda _, name, error: told.append((name, str(error)))
+    )
+    functions.PER_BYTE = 1.0
+    asyncio.run(warm_beside([bad, spec]))
+    assert len(told) == 2
+    assert all("none-such" in error for _, error in told)
+    assert functions.PER_BYTE == 0.0
+
+
+def test_twins_run_while_their_machine_code_is_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = site(tmp_path, "one", speed=0.001)
+    (tmp_path / "run.csv").write_text("t,v_cmd,x\n0,0,0\n1,0,0\n")
+    path.write_text(path.read_text().replace("warm = false", 'warm = "beside"'))
+    seen: list[str] = []
+
+    async def slow(specs: list[object]) -> None:
+        seen.append(f"began {len(specs)}")
+        try:
+            await asyncio.sleep(3600)
+        finally:
+            seen.append("ended")
+
+    def refused(_: object) -> None:
+        raise AssertionError("it compiles before it is ready")
+
+    async def life() -> list[str]:
+        service = serving.Service(path)
+        await service.start()
+        states = [one.state for one in service.runners.values()]
+        await asyncio.sleep(0)
+        await service.stop()
+        return states
+
+    monkeypatch.setattr(serving, "warm_beside", slow)
+    monkeypatch.setattr("evertwin.service.runner.warm", refused)
+    assert asyncio.run(life()) == ["running"]
+    assert seen == ["began 1", "ended"]

@@ -38,7 +38,7 @@ TOLERANCE = 0.02
 SPAN = 100
 """Rows over which position updates are counted."""
 STANDS = 0.001
-"""Pace of a machine that nobody hears yet: what a robot drives while kernels are compiled would be
+"""Pace of a machine that nobody hears yet: what a robot drives before its twin listens would be
 lost, its sweep over all speeds first of all."""
 PORTS = {"5020": "modbus", "1883": "mqtt", "8700": "http"}
 """What stands in the shipped site file, in whose place free ones come."""
@@ -198,7 +198,7 @@ async def _beside(
     """The service beside the machines, and the story."""
     begun = time.monotonic()
     with Alive() as alive:
-        alive.say("both machines start (MuJoCo, processes of their own); their twins are compiled")
+        alive.say("both machines start (MuJoCo, processes of their own)")
         waiting = (asyncio.to_thread(one.reached) for one in machines.values())
         reached = await asyncio.gather(*waiting)
         await service.start()

@@ -143,6 +143,8 @@ class Function(_Written):
         """Would it have taken too long with these arguments?"""
         if not self.exact:
             return True
+        if PER_BYTE == 0.0:
+            return True
         taken = self._spent + self._rate * self._size(arguments)
         brief = READ if "numba" in sys.modules else BRIEF
         if taken <= max(brief, self._patience):

@@ -140,7 +140,8 @@ class Runner:
 
     def _opened(self) -> AtWork:
         if self._warms:
-            warm(self.plan)
+            assert self.plan.spec is not None
+            warm(self.plan.spec)
         return AtWork(self.plan, self.store, self._pool, self.token)
 
     def _publish(self) -> None:

@@ -25,6 +25,7 @@ from evertwin.service.notify import beat_of, notify
 from evertwin.service.plan import Plan, Site, read_site
 from evertwin.service.runner import Runner
 from evertwin.service.tending import Tending
+from evertwin.service.warming import warm_beside
 
 LOG = logging.getLogger("evertwin.service")
 BEAT = 1.0
@@ -71,6 +72,9 @@ class Service:
         logging.getLogger("evertwin").addHandler(self.log)
         self.site.store.mkdir(parents=True, exist_ok=True)
         self._tasks = [asyncio.create_task(self.lag.watch()), asyncio.create_task(self._beat())]
+        if self.site.spec.warm == "beside":
+            specs = [plan.spec for plan in self.site.twins if plan.spec is not None]
+            self._tasks.append(asyncio.create_task(warm_beside(specs)))
         await self._follow(self.site)
         if self.tending is not None:
             await self.tending.step()
@@ -114,7 +118,7 @@ class Service:
     def _runner(self, plan: Plan) -> Runner:
         token = None if self.tending is None else self.tending.tokens[plan.name]
         return Runner(
-            plan, self._store(self.site), self.listeners, warms=self.site.spec.warm,
+            plan, self._store(self.site), self.listeners, warms=self.site.spec.warm is True,
             pool=self._pool, token=token,
         )  # fmt: skip
 

@@ -182,8 +182,9 @@ class SiteSpec(Section):
     """Version of the file's form."""
     store: str = "store"
     """Folder with one store a twin, and the token; relative to the site file."""
-    warm: bool = True
-    """Compile what each twin needs before the service says that it is ready."""
+    warm: bool | Literal["beside"] = True
+    """Compile what each twin needs before the service says that it is ready; `"beside"`: while the
+    twins run already, slower, in a process of its own; false: where it pays, as rows come."""
     workers: Annotated[int, Ge(1), Le(64)] | None = None
     """Processes that twins share for slow work, from the next start on; absent: one a core."""
     http: HttpSpec = HttpSpec()

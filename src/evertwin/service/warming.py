@@ -1,32 +1,75 @@
 """Machine code before a twin begins: no row waits for a compiler, nor does a first correction.
 
+Or beside it: the twin runs plain, and has its machine code once another process has made it.
+
 Rows of zeros go through a copy that keeps nothing; what zeros do not reach (terms of corrections,
 a trial, a limit that was held and is not any more) is called by itself.
 """
 
 from __future__ import annotations
 
+import asyncio
 import dataclasses
+import logging
+import os
+from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
+from evertwin.anomaly.run_length import limit_for
 from evertwin.compiled.functions import at_once
+from evertwin.config.spec import TwinSpec
+from evertwin.engine import EngineSpec, Pool
 from evertwin.fold import Chunk
 from evertwin.loop.deviation import new_usual
 from evertwin.loop.scores import NEVER, exceeds, new_scores
 from evertwin.loop.setup import Setup
+from evertwin.loop.workers import setup_of
 from evertwin.models.terms import kernel
-from evertwin.service.plan import Plan
 from evertwin.store.spec import StoreSpec
 from evertwin.twin import Twin
 
+LOG = logging.getLogger("evertwin.service")
+NICE = 10
+"""By how much machines and twins go before the compiler."""
+LONGEST = 3600.0
+"""Time that compiling for one twin may take [s]."""
 
-def warm(plan: Plan) -> None:
-    """Compiles what a twin needs, or reads it from the cache; from now on nothing runs plain."""
-    assert plan.spec is not None
+
+async def warm_beside(specs: Sequence[TwinSpec]) -> None:
+    """Compiles what twins need in a process of its own, one after the other; until it is done each
+    function of this process runs plain until its machine code is there, or would pay."""
+    pool = Pool(1, EngineSpec(time=LONGEST, memory=16.0), partial(os.nice, NICE))
+    try:
+        for job in (warm_early, warm):  # what is felt first of all twins, then the rest
+            for spec in specs:
+                done = asyncio.to_thread(pool.map, job, [spec])
+                (wrong,) = await asyncio.gather(done, return_exceptions=True)
+                if isinstance(wrong, BaseException):  # its start says the same, and that ends it
+                    LOG.warning("%s: not compiled before it pays: %s", spec.name, wrong)
+        at_once()
+    finally:
+        await asyncio.to_thread(pool.close)
+
+
+def warm_early(spec: TwinSpec) -> None:
+    """What goes through many rows at once, so plain Python is slow at it: limits of a new version,
+    roll-outs, terms of a correction."""
     at_once()
+    model = setup_of(spec).model
+    p = model.parameters.values
+    u, dt = np.zeros((2, len(model.inputs))), np.full(2, 0.1)
+    limit_for(np.random.default_rng(0).normal(size=100), 0.5, 1e4, np.random.default_rng(0))
+    model.simulate(model.initial(p), u, dt, p)
+    kernel.ready()
+
+
+def warm(own: TwinSpec) -> None:
+    """Compiles what a twin needs, or reads it from the cache; from now on nothing runs plain."""
+    warm_early(own)
     spec = dataclasses.replace(
-        plan.spec, store=StoreSpec(), engine=dataclasses.replace(plan.spec.engine, workers=0)
+        own, store=StoreSpec(), engine=dataclasses.replace(own.engine, workers=0)
     )
     rate = spec.clock.rate or 10.0
     with Twin(spec) as twin:
@@ -34,7 +77,6 @@ def warm(plan: Plan) -> None:
             stamps = ((np.arange(50) + 50 * piece) / rate * 1e9).astype(np.int64)
             for one in spec.source:
                 twin.push(Chunk(one.name, stamps, np.zeros((50, len(one.channels)))))
-        kernel.ready()
         _decisions(twin.setup)
 
 
