@@ -40,7 +40,7 @@ def said(
             Event(5, 0, kind, "x", "", {"dependence": {"input": "v"}} if kind == "abnormal" else {})
             for kind in kinds
         ]
-        return headline(twin.setup, figures(before, after), champion, events, trial)
+        return headline(twin.setup, figures(before, after), (champion,), events, trial)
 
 
 def test_better_is_said_in_millimetres_with_what_was_changed() -> None:
@@ -64,7 +64,7 @@ def test_few_rows_since_a_version_went_live_tell_nothing_of_it() -> None:
     few = {name: replace(f, rows=4) for name, f in figures(0.029, 0.004).items()}
     with Twin(ROBOT) as twin:
         champion = replace(twin.champion, number=1, reason="tuned gain")
-        text = headline(twin.setup, few, champion, [], None)
+        text = headline(twin.setup, few, (champion,), [], None)
     assert "4 predictions since then are too few" in text and "closer" not in text
 
 
@@ -109,7 +109,7 @@ def test_what_did_not_move_is_not_called_fitting() -> None:
     still = {n: replace(f, judged=float("nan")) for n, f in figures(0.03, 0.03).items()}
     with Twin(ROBOT) as twin:
         assert "Nothing moved, so whether the twin fits cannot be told" in headline(
-            twin.setup, still, twin.champion, [], None
+            twin.setup, still, (twin.champion,), [], None
         )
 
 
@@ -126,7 +126,7 @@ def test_contradictions_of_a_sensor_are_counted() -> None:
 def test_a_place_at_which_contacts_come_again_is_named() -> None:
     with Twin(ROBOT) as twin:
         events = [Event(9, 0, "recurring", "x", "what moves x came 4 times", {})]
-        text = headline(twin.setup, figures(0.004, 0.004), twin.champion, events, None)
+        text = headline(twin.setup, figures(0.004, 0.004), (twin.champion,), events, None)
     assert text.endswith("What moves x came 4 times.")
 
 
@@ -150,7 +150,7 @@ def test_many_outputs_are_told_as_a_range() -> None:
     with Twin(ROBOT) as twin:
         many = {f"tau{k}": OutputFigures("Nm", 1.0, 1.0, s, s, s, s, 9, 9) for k, s in enumerate(
             (0.6, 0.8, 0.9, 1.0), start=1)}  # fmt: skip
-        text = headline(twin.setup, many, twin.champion, [], None)
+        text = headline(twin.setup, many, (twin.champion,), [], None)
     assert "tau1 … tau4 are off by 60 to 100 % of their size" in text
 
 
@@ -171,9 +171,9 @@ def test_contacts_that_were_the_machines_own_are_not_counted() -> None:
 
     told = [event(50, "external", 40), event(90, "external", 80), event(99, "recurring", 70)]
     with Twin(ROBOT) as twin:
-        one = headline(twin.setup, figures(0.004, 0.004), twin.champion, told, None)
+        one = headline(twin.setup, figures(0.004, 0.004), (twin.champion,), told, None)
         three = [*told, event(150, "external", 140), event(160, "external", 150)]
-        more = headline(twin.setup, figures(0.004, 0.004), twin.champion, three, None)
+        more = headline(twin.setup, figures(0.004, 0.004), (twin.champion,), three, None)
     assert "acted on the machine 1 time;" in one and one.endswith("It is the machine's own.")
     assert "acted on the machine 3 times;" in more
 
@@ -184,7 +184,7 @@ def test_of_what_moves_the_rows_that_move_are_told() -> None:
     }
     with Twin(replace(ROBOT, moving=MovingSpec(channels={"x": "v"}, above=0.01))) as twin:
         champion = replace(twin.champion, number=1, reason="tuned gain")
-        text = headline(twin.setup, some, champion, [], None)
+        text = headline(twin.setup, some, (champion,), [], None)
     assert "4 mm instead of 29 mm (rms while it moves, predicted 1 s ahead)" in text
 
 
@@ -196,7 +196,7 @@ def test_a_load_is_told_and_what_seemed_to_act_meanwhile_is_not() -> None:
         Event(50, 0, "state", "load", "carries 2 kg since row 10", {"version": 1, "row": 10}),
     ]
     with Twin(ROBOT) as twin:
-        text = headline(twin.setup, figures(0.004, 0.004), twin.champion, told, None)
+        text = headline(twin.setup, figures(0.004, 0.004), (twin.champion,), told, None)
     assert text.startswith("The twin fits its machine, and nothing else was changed")
     assert text.endswith("Carries 2 kg since row 10.")
 
@@ -204,7 +204,7 @@ def test_a_load_is_told_and_what_seemed_to_act_meanwhile_is_not() -> None:
 def test_what_no_limit_is_asked_of_is_named() -> None:
     some = figures(0.004, 0.004) | {"heading": replace(figures(0.1, 0.1)["x"], judged=np.nan)}
     with Twin(ROBOT) as twin:
-        text = headline(twin.setup, some, twin.champion, [], None)
+        text = headline(twin.setup, some, (twin.champion,), [], None)
     assert text.endswith("No limit is asked of heading.")
 
 
@@ -228,7 +228,7 @@ def test_a_sensor_that_stepped_away_is_told_first(
 ) -> None:
     events = [stepped(row, x) for row, x in steps]
     with Twin(ROBOT) as twin:
-        text = headline(twin.setup, figures(0.004, 0.004), twin.champion, events, None)
+        text = headline(twin.setup, figures(0.004, 0.004), (twin.champion,), events, None)
     assert text.startswith(first)
     assert ("contradicted each other at pose" in text) is first.startswith("The twin")
 
@@ -236,7 +236,7 @@ def test_a_sensor_that_stepped_away_is_told_first(
 def test_why_nothing_was_predicted() -> None:
     with Twin(ROBOT) as twin:
         told = [
-            headline(twin.setup, figures(np.nan, np.nan), twin.champion, [], None, rows)
+            headline(twin.setup, figures(np.nan, np.nan), (twin.champion,), [], None, rows)
             for rows in (0, 5, 5000)
         ]
     assert "no output has a measurement" in told[0]
@@ -259,7 +259,7 @@ def test_rows_that_were_lost_are_told_first() -> None:
 def test_what_overruled_a_model_before_it_was_replaced_is_not_told() -> None:
     events = [stepped(67, 0.5), Event(80, 0, "promoted", "", "tuned gain", {})]
     with Twin(ROBOT) as twin:
-        text = headline(twin.setup, figures(0.004, 0.004), twin.champion, events, None)
+        text = headline(twin.setup, figures(0.004, 0.004), (twin.champion,), events, None)
     assert "pose has stood" not in text
 
 
@@ -270,8 +270,17 @@ def test_single_contradictions_of_a_rough_model_are_not_told() -> None:
         ]
         with Twin(ROBOT) as twin:
             return headline(
-                twin.setup, figures(0.004, 0.004), twin.champion, events, None, measured=10_000
+                twin.setup, figures(0.004, 0.004), (twin.champion,), events, None, measured=10_000
             )
 
     assert "contradicted" not in text(20, "vote") and "x (40×)" in text(40, "vote")
     assert "x (1×)" in text(1, "frozen")
+
+
+def test_what_was_changed_counts_from_the_version_before() -> None:
+    with Twin(ROBOT) as twin:
+        before = replace(twin.champion, number=1, values=(0.9,), reason="tuned gain")
+        live = replace(before, number=2, values=(0.7,))
+        events = [Event(5, 0, "promoted", "", "", {"version": 2})]
+        text = headline(twin.setup, figures(0.029, 0.004), (live, before), events, None)
+    assert text.endswith("Changed by itself: gain 0.9 → 0.7.")

@@ -37,16 +37,18 @@ OFTEN = 10
 
 
 def headline(
-    setup: Setup, outputs: Mapping[str, OutputFigures], champion: Version,
+    setup: Setup, outputs: Mapping[str, OutputFigures], versions: tuple[Version, ...],
     events: Sequence[Event], trial: OpenTrial | None, measured: int = 0,
 ) -> str:  # fmt: skip
-    """The outcome in a sentence or a few; ``measured``: rows that measure an output."""
+    """The outcome in a sentence or a few; ``versions``: the live one, and that which it is compared
+    with, if it is another; ``measured``: rows that measure an output."""
+    champion = versions[0]
     known = {name: f for name, f in outputs.items() if not math.isnan(f.rms_after)}
     units = {channel.name: channel.unit for channel in setup.model.outputs}
     doubted = _of_a_sensor(events)
     faults = {**({} if setup.static else jumps(events, units)), **open_faults(events)}
     if known:
-        outcome = _outcome(setup, known, champion, events, trial)
+        outcome = _outcome(setup, known, versions, events, trial)
     elif champion.number:
         outcome = (
             f"Version {champion.number} is live ({shorter(champion.reason)}); no row since then "
@@ -144,13 +146,14 @@ def _contacts(events: Sequence[Event]) -> tuple[int, list[Event]]:
 
 
 def _outcome(
-    setup: Setup, known: Mapping[str, OutputFigures], champion: Version,
+    setup: Setup, known: Mapping[str, OutputFigures], versions: tuple[Version, ...],
     events: Sequence[Event], trial: OpenTrial | None,
 ) -> str:  # fmt: skip
+    champion = versions[0]
     changed = {name: f for name, f in known.items() if f.after != f.before and f.before > 0}
     better = {n: f for n, f in changed.items() if f.after < (1.0 - CLEAR) * f.before}
     worse = {n: f for n, f in changed.items() if f.after > (1.0 + CLEAR) * f.before}
-    why = _changed(setup, champion, events)
+    why = _changed(setup, versions, events)
     rows = max(f.rows for f in known.values())
     one, short = ("prediction", FEWER) if setup.at_horizon.wanted else ("row", SHORT)
     if champion.number and changed and rows < short:
@@ -246,27 +249,34 @@ def _off(setup: Setup, off: Mapping[str, OutputFigures]) -> str:
     return f"{_sizes(off, 'off')} where {spoken(limit, next(iter(off.values())).unit)} is asked"
 
 
-def changes(setup: Setup, champion: Version) -> str:
-    """What is other in the live version than was configured."""
+def changes(setup: Setup, champion: Version, before: Version | None = None) -> str:
+    """What is other in the live version than in the one ``before``, or than was configured: of many
+    numbers those that moved most."""
     tuned, *terms = champion.reason.split("; ")
     names = [name.removesuffix(" (weak)") for name in tuned.removeprefix("tuned ").split(", ")]
-    first, now = setup.model.parameters, dict(zip(champion.names, champion.values, strict=True))
-    if not tuned.startswith("tuned ") or len(names) > FEW or not set(names) <= set(now):
+    old = {item.name: item.value for item in setup.model.parameters}
+    old |= {} if before is None else dict(zip(before.names, before.values, strict=True))
+    now = dict(zip(champion.names, champion.values, strict=True))
+    units = {item.name: item.unit for item in setup.model.parameters}
+    if not tuned.startswith("tuned ") or not set(names) <= set(now) & set(old) & set(units):
         return shorter(champion.reason)
+    names.sort(key=lambda name: -abs(now[name] - old[name]) / max(abs(old[name]), 1e-300))
     told = [
-        f"{item.name} {item.value:.3g} → {now[item.name]:.3g} {item.unit}".removesuffix(" 1")
-        for item in first if item.name in names
-    ]  # fmt: skip
-    return "; ".join([", ".join(told), *terms]) if len(told) == len(names) else champion.reason
+        f"{name} {old[name]:.3g} → {now[name]:.3g} {units[name]}".removesuffix(" 1")
+        for name in names[:FEW]
+    ]
+    more = f", and {len(names) - FEW} more" if len(names) > FEW else ""
+    return "; ".join([", ".join(told) + more, *terms[:FEW]])
 
 
-def _changed(setup: Setup, champion: Version, events: Sequence[Event]) -> str:
+def _changed(setup: Setup, versions: tuple[Version, ...], events: Sequence[Event]) -> str:
     """The same, and by whom."""
+    champion = versions[0]
     went = [
         e.evidence.get("person") or "itself" for e in events
         if e.kind == "promoted" and e.evidence.get("version") == champion.number
     ]  # fmt: skip
-    return f"Changed{f' by {went[-1]}' if went else ''}: {changes(setup, champion)}"
+    return f"Changed{f' by {went[-1]}' if went else ''}: {changes(setup, *versions)}"
 
 
 def _asked(setup: Setup, known: Mapping[str, OutputFigures]) -> str:

@@ -33,7 +33,7 @@ from evertwin.loop.feed import chunk_of
 from evertwin.loop.headline import changes, headline
 from evertwin.loop.ledger import Begun, Ledger
 from evertwin.loop.loading import FeedState, Rate
-from evertwin.loop.observer import Observer, figures
+from evertwin.loop.observer import Observer, compared, figures
 from evertwin.loop.open_trial import OpenTrial, open_trial
 from evertwin.loop.rate import ENOUGH, rate_of
 from evertwin.loop.result import OutputFigures, RunResult
@@ -278,16 +278,15 @@ class Live:
         if self._run is None or self._state is None:
             return "No rows yet.", {}
         setup, found = self._run.setup, figures(self._run.setup, self._state)
-        champion = self.ledger.versions[self._state.live.version]
-        events = self._observer.events
-        return headline(setup, found, champion, events, self.trial), found
+        versions, events = compared(self.ledger.versions, self._state), self._observer.events
+        return headline(setup, found, versions, events, self.trial), found
 
     @property
     def changed(self) -> str:
-        """What is other in the live version than was configured; nothing: nothing is."""
+        """What is other in the live version than in that before; nothing: nothing is."""
         if self._state is None or not self._state.live.version:
             return ""
-        return changes(self.setup, self.ledger.versions[self._state.live.version])
+        return changes(self.setup, *compared(self.ledger.versions, self._state))
 
     @property
     def judged(self) -> str:

@@ -19,7 +19,9 @@ from evertwin.loop.result import OutputFigures, RunResult
 from evertwin.loop.setup import Setup
 from evertwin.loop.trace import Tail, Trace
 from evertwin.loop.twin_state import TwinState
+from evertwin.loop.versions import Versions
 from evertwin.models import Parameters
+from evertwin.models.form import Version
 from evertwin.signals import wrap
 from evertwin.tuning.iteration import Round
 
@@ -160,7 +162,7 @@ class Observer:
         parameters: Parameters = model.parameters.with_values(now.p)
         outputs = figures(self.setup, state)
         trial, trace = open_trial(driver.setup, driver.versions, state), self.trace.columns()
-        measured = 0
+        measured, told = 0, compared(driver.versions, state)
         if trace:
             trace["moving"] = self.setup.moving(trace["input"])
             measured = int(np.isfinite(trace["measured"]).any(axis=1).sum())
@@ -174,7 +176,7 @@ class Observer:
             models={v.form: driver.versions.model(v.number) for v in driver.versions},
             trace=trace, rounds=tuple(self.rounds),
             trial=trial,
-            headline=headline(self.setup, outputs, champion, self.events, trial, measured),
+            headline=headline(self.setup, outputs, told, self.events, trial, measured),
             relative=self.setup.relative or not self.setup.decides,
         )  # fmt: skip
 
@@ -185,6 +187,12 @@ def _columns(piece: Block, out: Followed) -> tuple[np.ndarray, ...]:
         piece.t, piece.task, piece.u, piece.y, out.rows.y, out.rows.sigma, out.rows.update,
         before.y, before.update, *out.off, out.judged.mark,
     )  # fmt: skip
+
+
+def compared(versions: Versions, state: TwinState) -> tuple[Version, ...]:
+    """The live version, and that which the figures before are of, if it is another."""
+    numbers = (state.live.version, state.first.version)
+    return tuple(versions[number] for number in numbers if number >= 0)
 
 
 def figures(setup: Setup, state: TwinState) -> dict[str, OutputFigures]:
