@@ -139,9 +139,12 @@ def _helps(rows: Rows, one: Reading) -> bool:
     """Does it explain half of the deviation on a few rows? Most readings explain nothing. What is
     hidden has its history: they are predicted behind all rows before."""
     first = rows.since or since_change(rows.before[:, rows.setup.watched])
-    stop = min(first + FEW, rows.count)
-    after = rows.under(one, rows.changed(first, stop, one.undone))
-    here = rows.scored(first) & (np.arange(rows.count) < stop)
+    places = np.flatnonzero(rows.scored(first) & np.isfinite(rows.before).any(axis=1))[:FEW]
+    if not len(places):
+        return False
+    after = rows.under(one, rows.changed(first, int(places[-1]) + 1, one.undone))
+    here = np.zeros(rows.count, dtype=np.bool_)
+    here[places] = True
     known = here[:, None] & np.isfinite(after) & np.isfinite(rows.before)
     return rows.total(after, known) < HALF * rows.total(rows.before, known)
 

@@ -7,7 +7,7 @@ with all others that do it as well: a base that is said to go forwards as it goe
 like one whose x and y have their signs turned. Nothing is learned from such rows.
 
 >>> from evertwin.machines.mobile import Differential
->>> [one.said for one in readings(Differential(), (1.0, 1.0)) if "exchanged" in one.said]
+>>> [one.said for one in readings(Differential(), ("",) * 5) if "exchanged" in one.said]
 ['v and w look exchanged', 'x and y look exchanged']
 """
 
@@ -51,7 +51,7 @@ class Reading(NamedTuple):
     """What a recording may have been: channels in order are these of its columns, times a factor.
 
     >>> Reading._fields
-    ('columns', 'factors', 'channels', 'number', 'said')
+    ('columns', 'factors', 'shifts', 'channels', 'number', 'said')
     """
 
     columns: tuple[int, ...]

@@ -5,7 +5,7 @@ that less cannot be reached.
 
 >>> rng = np.random.default_rng(0)
 >>> drift = np.cumsum(rng.normal(0.0, 0.01, 2000))
->>> round(scatter([np.diff(drift + rng.normal(0.0, 1.0, 2000))], static=False), 1)
+>>> round(scatter([np.diff(drift + rng.normal(0.0, 1.0, 2000), 2)], static=False), 1)
 1.0
 """
 

@@ -6,6 +6,8 @@ they are now. Whether it is translated follows from the source alone, so every p
 same code; one that cannot be, or that differs from the interpreter on trial rows, runs as it is,
 and its notes say why.
 
+>>> from evertwin.models.parameters import Parameters
+>>> from evertwin.signals.channels import Layout
 >>> def tank(x, u, dt, p):
 ...     (level,), (leak,) = x, p
 ...     level += dt * (u[0] - leak * level)
