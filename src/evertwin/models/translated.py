@@ -70,8 +70,10 @@ class Translated(FunctionModel):
     def _kernel(self) -> Kernel:
         sizes = len(self.states), len(self.inputs), len(self.parameters), len(self.outputs)
         assert isinstance(self.step, FunctionType)
-        step = _written(self.step, _step_source(*sizes), "step", {"model": _prepared(self.step)})
-        adopt = _written(self.step, _observe_source(self._adopts), "observe", {})
+        step = _written(
+            self.step, _step_source(*sizes), "compiled_step", {"model": _prepared(self.step)}
+        )
+        adopt = _written(self.step, _observe_source(self._adopts), "compiled_observe", {})
         calls = CFunction(step, STEP, OPTIONS), CFunction(adopt, OBSERVE, {})
         return Kernel(*calls, np.zeros(1, dtype=np.int64), (*calls, self.step))
 
@@ -205,7 +207,7 @@ def _compiled(tree: ast.Module, of: FunctionType, space: dict[str, Any], name: s
     made = space[name]
     assert isinstance(made, FunctionType)
     # kept machine code looks for its module, and the user's is none that can be imported
-    made.__module__ = __name__
+    made.__module__, made.__qualname__ = __name__, f"{of.__module__}.{name}"
     return made
 
 
@@ -216,7 +218,7 @@ def _step_source(nx: int, nu: int, n_p: int, ny: int) -> str:
     finite = " and ".join(f"math.isfinite({value})" for value in given) or "True"
     lines = [f"        {value} = {one}" for value, one in zip(values, given, strict=True)]
     return "\n".join([
-        "def step(context, x, u, dt, p, ahead, y):",
+        "def compiled_step(context, x, u, dt, p, ahead, y):",
         f"    x_ = np.array([{', '.join(f'x[{i}]' for i in range(nx))}], dtype=np.float64)"
         if nx else "    x_ = np.empty(0)",
         f"    u_ = np.array([{', '.join(f'u[{i}]' for i in range(nu))}], dtype=np.float64)"
@@ -237,7 +239,7 @@ def _step_source(nx: int, nu: int, n_p: int, ny: int) -> str:
 
 def _observe_source(adopts: tuple[tuple[int, int], ...]) -> str:
     lines = [f"    if y[{o}] == y[{o}]:\n        x[{i}] = y[{o}]" for o, i in adopts]
-    return "\n".join(["def observe(context, x, y):", *lines, "    return 0"])
+    return "\n".join(["def compiled_observe(context, x, y):", *lines, "    return 0"])
 
 
 def _agree(slow: FunctionModel, fast: Translated) -> bool:
