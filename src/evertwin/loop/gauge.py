@@ -55,7 +55,7 @@ RESTORED = 4.0
 FEW = 300
 """Rows on which every reading is tried first."""
 HALF = 0.5
-"""Share of the deviation that an offset takes away on unseen rows at least."""
+"""Share of the squared deviation that a reading leaves on these, at most."""
 JUMP = 2.0
 """Times the largest step before from which a step is a jump."""
 STILL = 0.1

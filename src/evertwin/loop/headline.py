@@ -46,7 +46,8 @@ def headline(
     known = {name: f for name, f in outputs.items() if not math.isnan(f.rms_after)}
     units = {channel.name: channel.unit for channel in setup.model.outputs}
     doubted = _of_a_sensor(events)
-    faults = {**({} if setup.static else jumps(events, units)), **open_faults(events)}
+    least = 0.0 if setup.relative or not setup.decides else setup.requirement
+    faults = {**({} if setup.static else jumps(events, units, least)), **open_faults(events)}
     if known:
         outcome = _outcome(setup, known, versions, events, trial)
     elif champion.number:

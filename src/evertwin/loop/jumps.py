@@ -32,8 +32,16 @@ BACK = 0.2
 """Share of a jump within which the next one takes it back."""
 
 
-def jumps(events: Sequence[Event], units: Mapping[str, str]) -> Mapping[str, str]:
-    """Signal to the sentence about it; ``units``: SI unit of each output."""
+def jumps(
+    events: Sequence[Event], units: Mapping[str, str], least: float = 0.0
+) -> Mapping[str, str]:
+    """Signal to the sentence about it.
+
+    Args:
+        events: of a run.
+        units: SI unit of each output.
+        least: what an output may be off by: a smaller jump is nothing to say first.
+    """
     found: dict[str, list[Event]] = {}
     for event in events:
         if event.kind == "promoted":  # by what went before another model was overruled
@@ -42,13 +50,13 @@ def jumps(events: Sequence[Event], units: Mapping[str, str]) -> Mapping[str, str
             found.setdefault(event.signal, []).append(event)
     told = {}
     for signal, some in found.items():
-        sentence = _told(signal, some, units) if len(some) < OFTEN else ""
+        sentence = _told(signal, some, units, least) if len(some) < OFTEN else ""
         if sentence:
             told[signal] = sentence
     return told
 
 
-def _told(signal: str, some: Sequence[Event], units: Mapping[str, str]) -> str:
+def _told(signal: str, some: Sequence[Event], units: Mapping[str, str], least: float) -> str:
     """Of the last jump that is clear and was not the way back of one before."""
     open_one: tuple[Event, str, float] | None = None
     text = ""
@@ -67,7 +75,7 @@ def _told(signal: str, some: Sequence[Event], units: Mapping[str, str]) -> str:
                 "that is off; the model followed it meanwhile."
             )
             open_one = None
-        elif sizes[name] > CLEAR:
+        elif sizes[name] > CLEAR and abs(delta) > least:
             open_one = event, name, delta
     if open_one is not None:
         since: Any = open_one[0].evidence
