@@ -107,6 +107,7 @@ def _reading(rows: Rows) -> SensorChange | None:
         if one.exchanged or not (_plausible(rows, one) and _helps(rows, one)):
             continue
         first, stop = _span(rows, one)
+        first = _onset(rows, one, first)
         left = _left(rows, one, first, stop)
         if left:
             found.append((left, first, stop, one))
@@ -138,7 +139,7 @@ def _plausible(rows: Rows, one: Reading) -> bool:
 def _helps(rows: Rows, one: Reading) -> bool:
     """Does it explain half of the deviation on a few rows? Most readings explain nothing. What is
     hidden has its history: they are predicted behind all rows before."""
-    first = rows.since or since_change(rows.before[:, rows.setup.watched])
+    first = _onset(rows, one, rows.since or since_change(rows.before[:, rows.setup.watched]))
     places = np.flatnonzero(rows.scored(first) & np.isfinite(rows.before).any(axis=1))[:FEW]
     if not len(places):
         return False
@@ -147,6 +148,19 @@ def _helps(rows: Rows, one: Reading) -> bool:
     here[places] = True
     known = here[:, None] & np.isfinite(after) & np.isfinite(rows.before)
     return rows.total(after, known) < HALF * rows.total(rows.before, known)
+
+
+def _onset(rows: Rows, one: Reading, first: int) -> int:
+    """The row near ``first`` at which the channels jump most, where they do: what is hidden goes
+    wrong by each row that is read otherwise than it was recorded."""
+    moved = np.flatnonzero((one.factors != 1.0) | (one.shifts != 0.0))
+    steps = np.abs(np.diff(rows.values[:, moved], axis=0))
+    low, high = max(first - NEAR, 0), min(first + NEAR, len(steps))
+    if low < LEAST or high <= low:
+        return first
+    usual = np.nanmax(steps[:low], axis=0)
+    near = np.nan_to_num(steps[low:high] / np.where(usual > 0.0, usual, np.inf)).min(axis=1)
+    return low + int(np.argmax(near)) + 1 if near.max() > 1.0 else first
 
 
 def _span(rows: Rows, one: Reading) -> tuple[int, int]:
