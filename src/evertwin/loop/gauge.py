@@ -96,9 +96,19 @@ def misgauged(work: Work, task: Task, problem: Problem, fit: Fit) -> SensorChang
         problem: on the rows since the change.
         fit: of it.
     """
-    pose = partial(work.problem, task.version, names=work.editable(task.version))
-    rows = Rows(work.setup, pose, task.windows, problem, fit, lambda one: work.tune(one)[1])
+    rows = _rows(work, task, problem, fit)
     return _reading(rows) or _silent(rows) or offset(rows)
+
+
+def silent(work: Work, task: Task, problem: Problem, fit: Fit) -> SensorChange | None:
+    """An output that no longer answers, of what `misgauged` is asked about: no term is to be
+    learned from it, either."""
+    return _silent(_rows(work, task, problem, fit))
+
+
+def _rows(work: Work, task: Task, problem: Problem, fit: Fit) -> Rows:
+    pose = partial(work.problem, task.version, names=work.editable(task.version))
+    return Rows(work.setup, pose, task.windows, problem, fit, lambda one: work.tune(one)[1])
 
 
 def _reading(rows: Rows) -> SensorChange | None:
