@@ -134,8 +134,9 @@ def test_a_twin_moves_only_to_a_node_that_can_go_on_with_it(
         return dict(next(one for one in every if one["twin"] == "fleet-p"))
 
     with Served(files["s1"]) as south:
-        until(lambda: told()["state"] == "waits")
-        assert re.match("s1 cannot: .*pump", told()["reason"])
+        # it waits, and its node says why as soon as it has looked
+        until(lambda: re.match("s1 cannot: .*pump", told()["reason"]))
+        assert told()["state"] == "waits"
         with Served(files["n1"]) as north:
             until(lambda: owners(postgres, twin).get("fleet-p") == "n1")
             north.until(lambda now: any(one["rows"] > 10 for one in now["twins"]))

@@ -53,7 +53,7 @@ the largest such factor."""
 RESTORED = 4.0
 """Mean square, undone, over that of the rows before, at most."""
 FEW = 300
-"""Rows on which every reading is tried first."""
+"""Rows on which every reading is tried first, and that a silent output is waited for."""
 HALF = 0.5
 """Share of the squared deviation that a reading leaves on these, at most."""
 JUMP = 2.0
@@ -89,6 +89,9 @@ def at_once(
 @np.errstate(all="ignore")
 def misgauged(work: Work, task: Task, problem: Problem, fit: Fit) -> SensorChange | None:
     """What became of a channel, and is not to be learned; None: it is the machine.
+
+    Raises:
+        TooFew: an output stays where it is, while no input has changed that would move it.
 
     Args:
         work: what tunes.
@@ -253,6 +256,8 @@ def _silent(rows: Rows) -> SensorChange | None:
         now, then = good.copy(), good.copy()
         now[:since], now[rows.stop :], then[since:] = False, False, False
         still = np.count_nonzero(now) >= LEAST and _still(measured[now, k], expected[now, k])
+        if still and not _driven(rows, now) and np.count_nonzero(now) < FEW:
+            raise TooFew(f"{model.outputs.names[k]} stays where it is, and so do the inputs")
         if not (still and _driven(rows, now)):
             continue
         size, level = _rms(expected[now, k]), y[now, k]
