@@ -32,7 +32,7 @@ from evertwin.config.spec import (
     TimeSpec,
     TwinSpec,
 )
-from evertwin.loop.configured_model import model_of
+from evertwin.setup.configured_model import model_of
 
 HOUR = 3_600_000
 PIECE = 60_000

@@ -22,9 +22,9 @@ from evertwin.config import read
 from evertwin.config.spec import ModelSpec, PredictionSpec, Span, StoreSpec, TwinSpec
 from evertwin.fold import Block, Chunk, Event, copy, make_block
 from evertwin.fold.state import leaves
+from evertwin.ledger.versions import Versions
 from evertwin.loop.driver import Driver
-from evertwin.loop.setup import Setup
-from evertwin.loop.versions import Versions
+from evertwin.setup.setup import Setup
 from evertwin.store import Batch, Checkpoint, SqliteStore
 
 TWINS = Path(__file__).parent.parent / "twins"

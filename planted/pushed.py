@@ -9,9 +9,9 @@ import numpy as np
 
 from evertwin import RunResult, Twin, TwinSpec
 from evertwin.fold import Chunk
-from evertwin.loop import Data, Feed
-from evertwin.loop.alignment import Alignment
-from evertwin.loop.rate import measured
+from evertwin.rows import Data, Feed
+from evertwin.rows.alignment import Alignment
+from evertwin.rows.rate import measured
 from planted.twins import opened
 
 

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from evertwin.loop import Data
+from evertwin.rows import Data
 from planted import joints
 from planted.pushed import compared, tank
 from planted.robots import drive

@@ -19,8 +19,8 @@ from pathlib import Path
 import numpy as np
 
 from evertwin import Twin
-from evertwin.loop import Feed
-from evertwin.loop.alignment import Alignment
+from evertwin.rows import Feed
+from evertwin.rows.alignment import Alignment
 from planted.serving import Served, site
 from planted.worlds import record_robot
 from proofs._verdict import ended

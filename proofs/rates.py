@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin import Twin
-from evertwin.loop.result import RunResult
+from evertwin.outcome.result import RunResult
 from proofs._verdict import ended
 
 TWIN = "twins/robot1d.toml"

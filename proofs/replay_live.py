@@ -38,7 +38,8 @@ from evertwin.engine import InProcess
 from evertwin.engine.contract import Job
 from evertwin.errors import StoreError
 from evertwin.fold import Answer, Chunk, Request
-from evertwin.loop import Feed, Live, other_settings
+from evertwin.loop import Live, other_settings
+from evertwin.rows import Feed
 from evertwin.signals.units import si_unit
 from evertwin.sources.spec import TimeSpec
 from evertwin.store import Batch, SqliteStore

@@ -23,8 +23,8 @@ from typing import Any
 import numpy as np
 
 from evertwin import FitResult
-from evertwin.loop.evaluation import Deviation
 from evertwin.models.spec import ParameterSpec
+from evertwin.setup.evaluation import Deviation
 from planted.twins import opened, shipped
 from proofs._verdict import no_data
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from jaxtyping import TypeCheckError
 
-from evertwin.loop.ring import Ring
+from evertwin.rows.ring import Ring
 from evertwin.tuning.shapes import shapes
 from tools import compile_kernels
 
@@ -114,7 +114,7 @@ def test_the_tests_that_compile_the_loops_are_there() -> None:
 def test_shapes_are_checked_in_the_first_calls_of_each_test(test: str) -> None:
     with pytest.raises(TypeCheckError, match=r"evertwin\.tuning\.shapes\.shapes"):
         shapes(np.zeros((60, 2)))
-    with pytest.raises(TypeCheckError, match=r"evertwin\.loop\.ring\.Ring"):
+    with pytest.raises(TypeCheckError, match=r"evertwin\.rows\.ring\.Ring"):
         Ring(capacity=2.5, nu=1, ny=1)  # type: ignore[arg-type]
     for _ in range(200):  # else the next test would not be checked
         shapes(np.zeros(60))

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from evertwin.config import TwinSpec as TwinSpec
     from evertwin.errors import EvertwinError as EvertwinError
     from evertwin.fold import Block as Block, check_online as check_online, make_block as make_block
-    from evertwin.loop.fitting import FitResult as FitResult
-    from evertwin.loop.result import RunResult as RunResult
     from evertwin.machines.friction.check import check_friction as check_friction
     from evertwin.models import (
         FunctionModel as FunctionModel,
@@ -28,6 +26,8 @@ if TYPE_CHECKING:
         check_model as check_model,
     )
     from evertwin.models.terms.check import check_term as check_term
+    from evertwin.outcome.result import RunResult as RunResult
+    from evertwin.refit.fitting import FitResult as FitResult
     from evertwin.signals import Channel as Channel, Layout as Layout
     from evertwin.sources import check_source as check_source
     from evertwin.sources.live import check_live as check_live, open_live as open_live

@@ -19,8 +19,13 @@ import evertwin.ahead as ahead
 import evertwin.doctor as doctor
 import evertwin.engineering as engineering
 import evertwin.export as export
+import evertwin.ledger as ledger
 import evertwin.loop as loop
+import evertwin.outcome as outcome
 import evertwin.prognosis as prognosis
+import evertwin.refit as refit
+import evertwin.rows as rows
+import evertwin.setup as setup
 from evertwin.ahead.spec import ScenarioSpec, read_scenario
 from evertwin.config import TwinSpec, read
 from evertwin.errors import StoreError, UsageError
@@ -31,8 +36,11 @@ from evertwin.store import Store, opened
 
 if TYPE_CHECKING:
     from evertwin.engine import Engine
-    from evertwin.loop import Comparison, Data, FitResult, Kpi, Progress, RunResult, Watch
+    from evertwin.loop import Progress
+    from evertwin.outcome import Comparison, Kpi, RunResult
     from evertwin.prognosis import Lives, Plan, Prospect, Verdict
+    from evertwin.refit import FitResult, Watch
+    from evertwin.rows import Data
     from evertwin.tuning import Problem
 
 _RUNAWAY = np.errstate(over="ignore", invalid="ignore")  # runs away to infinity: told by marks
@@ -56,16 +64,16 @@ class Twin(loop.ByHand):
     ) -> None:  # fmt: skip
         self.spec = spec = spec if isinstance(spec, TwinSpec) else read(spec)
         self._engines = loop.Engines(spec, model is not None, engine)
-        self.model = loop.model_of(spec, model)
-        loop.check_units(spec, self.model)
-        self.setup = loop.Setup(spec, self.model)
+        self.model = setup.model_of(spec, model)
+        rows.check_units(spec, self.model)
+        self.setup = setup.Setup(spec, self.model)
         path = spec.store.place(spec.folder)
         self.store: Store = store or opened(path, spec.name, reading=reading)
         self._lasting = store is not None or path is not None
-        self._versions = loop.Versions(self.model)
+        self._versions = ledger.Versions(self.model)
         self._live: loop.Live | None = None
         try:
-            self._ledger = loop.Ledger(
+            self._ledger = ledger.Ledger(
                 self.store, self._versions, spec.name, reading=reading and path is not None
             )
         except StoreError:
@@ -125,7 +133,7 @@ class Twin(loop.ByHand):
 
     def blocks(self, data: Data = None) -> tuple[Block, ...]:
         """The rows of recordings, one block a task."""
-        return tuple(loop.Feed(self.spec, self.model).blocks(data))
+        return tuple(rows.Feed(self.spec, self.model).blocks(data))
 
     @_RUNAWAY
     def run(
@@ -161,11 +169,11 @@ class Twin(loop.ByHand):
             result: of `run` or `finish`.
             changed: when the machine is known to have changed [s of data]; None: nobody knows.
         """
-        return loop.kpi_of(self.setup, self._ledger, result, changed)
+        return outcome.kpi_of(self.setup, self._ledger, result, changed)
 
     def problem(self, train: Data = None) -> Problem:
         """What `fit` tunes the champion on, for `evertwin.tuning.solve` and its like."""
-        return loop.posed(self.setup, self._versions, self.champion.number, self.blocks(train))[0]
+        return refit.posed(self.setup, self._versions, self.champion.number, self.blocks(train))[0]
 
     @_RUNAWAY
     def push(self, samples: Chunk | Mapping[str, Any]) -> None:
@@ -192,7 +200,7 @@ class Twin(loop.ByHand):
         low, high = (int(1e9 * min(max(edge, -4e9), 4e9)) for edge in (first, last))
         return self.store.samples(source, low, high)
 
-    def view(self, rows: int = 1000) -> loop.View:
+    def view(self, rows: int = 1000) -> outcome.View:
         """The newest rows that were pushed: measured, predicted, band, mark, version."""
         return self._pushed().view(rows)
 
@@ -226,7 +234,7 @@ class Twin(loop.ByHand):
             WorkLost: a process died, or its work took more than it may.
         """
         data, engine = (train, tuple(test)), self._engines.of(workers)
-        return loop.fit(self.setup, self._versions, self.champion.number, data, watch, engine)
+        return refit.fit(self.setup, self._versions, self.champion.number, data, watch, engine)
 
     @_RUNAWAY
     def doctor(self, data: Data = None) -> doctor.Diagnosis:
@@ -247,7 +255,7 @@ class Twin(loop.ByHand):
     @_RUNAWAY
     def compare(self, a: int, b: int, data: Data = None) -> Comparison:
         """Two versions over the same data."""
-        return loop.compare(self.setup, self._versions, (a, b), data)
+        return outcome.compare(self.setup, self._versions, (a, b), data)
 
     def prospect(self, history: str | Path | None = None, data: Data = None) -> Prospect:
         """What lives and scenarios are told from: the live version, its history, recordings."""

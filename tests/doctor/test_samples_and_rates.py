@@ -14,7 +14,7 @@ from evertwin.doctor import Finding
 from evertwin.doctor.check_rates import contradiction, look_rates, same_motion
 from evertwin.doctor.check_samples import held_rows, look_samples
 from evertwin.doctor.examination import view
-from evertwin.loop.versions import Versions
+from evertwin.ledger.versions import Versions
 from evertwin.models import FunctionModel, Parameters
 from evertwin.signals import Layout
 from evertwin.twin import Twin

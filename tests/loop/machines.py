@@ -23,12 +23,12 @@ from evertwin.config.spec import (
     TwinSpec,
 )
 from evertwin.fold import Answer, Block, Event, Record, concatenate, make_block, take
-from evertwin.loop.configured_model import model_of
+from evertwin.ledger.versions import Versions
 from evertwin.loop.driver import Driver
-from evertwin.loop.setup import Setup
-from evertwin.loop.twin_state import TwinState
-from evertwin.loop.versions import Versions
 from evertwin.models.form import Version
+from evertwin.setup.configured_model import model_of
+from evertwin.setup.setup import Setup
+from evertwin.setup.twin_state import TwinState
 from evertwin.worlds.robot import Plan, light
 
 Answered = dict[int, tuple[int, Answer]]

@@ -9,8 +9,8 @@ import pytest
 
 from evertwin import RunResult, Twin, TwinSpec
 from evertwin.fold import Mark, make_block
-from evertwin.loop.configured_model import model_of
 from evertwin.models.spec import ParameterSpec
+from evertwin.setup.configured_model import model_of
 from evertwin.sync.spec import SignalSpec
 
 from .test_external import AXIS

@@ -12,14 +12,14 @@ from evertwin import Twin
 from evertwin.anomaly import external_loop
 from evertwin.config.spec import AnomalySpec, CorrectionSpec, Span, TuningSpec
 from evertwin.fold import Answer, Event, Request, copy, make_block
-from evertwin.loop.configured_model import model_of
-from evertwin.loop.detectors import Alarm
+from evertwin.ledger.versions import Versions
 from evertwin.loop.driver import Driver
 from evertwin.loop.follow import EMPTY
-from evertwin.loop.setup import Setup
-from evertwin.loop.twin_state import PROBATION, TRIAL, WATCH, TwinState
-from evertwin.loop.versions import Versions
 from evertwin.models.form import Form, Term
+from evertwin.setup.configured_model import model_of
+from evertwin.setup.detectors import Alarm
+from evertwin.setup.setup import Setup
+from evertwin.setup.twin_state import PROBATION, TRIAL, WATCH, TwinState
 
 from .machines import robot
 

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from evertwin.fold import Block, Event, Request, copy, make_block, take
 from evertwin.fold.records import canonical
 from evertwin.fold.state import equal, load, save
-from evertwin.loop.configured_model import model_of
+from evertwin.ledger.versions import Versions
 from evertwin.loop.driver import Driver
-from evertwin.loop.setup import Setup
-from evertwin.loop.twin_state import Saved
-from evertwin.loop.versions import Versions
+from evertwin.setup.configured_model import model_of
+from evertwin.setup.setup import Setup
+from evertwin.setup.twin_state import Saved
 from evertwin.store import SqliteStore
 from evertwin.twin import Twin
 

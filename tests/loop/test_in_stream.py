@@ -20,7 +20,7 @@ from evertwin.config.spec import (
 )
 from evertwin.errors import ConfigError
 from evertwin.fold import Mark, plain, take
-from evertwin.loop.result import RunResult
+from evertwin.outcome.result import RunResult
 from evertwin.prognosis.parameter_history import history
 from evertwin.store import Estimate, SqliteStore
 from evertwin.twin import Twin

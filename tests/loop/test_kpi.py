@@ -13,9 +13,9 @@ import pytest
 from evertwin.config.spec import ArbiterSpec, Span, TuningSpec, TwinSpec
 from evertwin.errors import UsageError
 from evertwin.fold import Event
-from evertwin.loop.intervals import MONTH, Coverage, Rate
-from evertwin.loop.kpi import Kpi, _changes
-from evertwin.loop.result import RunResult
+from evertwin.outcome.intervals import MONTH, Coverage, Rate
+from evertwin.outcome.kpi import Kpi, _changes
+from evertwin.outcome.result import RunResult
 from evertwin.twin import Twin
 
 from .test_results import drive, spec

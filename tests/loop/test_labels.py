@@ -15,14 +15,14 @@ from evertwin.config.spec import AnomalySpec, ModelSpec, PredictionSpec, StoreSp
 from evertwin.errors import UsageError
 from evertwin.fold import Answer, Block, make_block, take
 from evertwin.fold.span import Span
-from evertwin.loop.detectors import Alarm, Detect, DetectState
-from evertwin.loop.label import Label
-from evertwin.loop.released import Released
-from evertwin.loop.ring import Ring
-from evertwin.loop.setup import Setup
-from evertwin.loop.task import Task
-from evertwin.loop.work import Work
+from evertwin.ledger.label import Label
 from evertwin.models import FunctionModel, Parameters
+from evertwin.refit.work import Work
+from evertwin.rows.ring import Ring
+from evertwin.setup.detectors import Alarm, Detect, DetectState
+from evertwin.setup.released import Released
+from evertwin.setup.setup import Setup
+from evertwin.setup.task import Task
 from evertwin.signals import Layout
 from evertwin.store import SqliteStore
 
@@ -345,7 +345,7 @@ def test_what_cannot_be_meant_is_refused() -> None:
 def test_a_label_from_another_process_is_heeded_at_the_next_beat(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("evertwin.loop.run_log.SECONDS", 0.0)
+    monkeypatch.setattr("evertwin.ledger.run_log.SECONDS", 0.0)
     spec = replace(robot().spec, store=StoreSpec("a.db"), folder=str(tmp_path))
 
     def day() -> Iterator[Block]:

@@ -24,7 +24,7 @@ from evertwin.config.spec import (
 from evertwin.engine import EngineSpec, InProcess
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import Answer, Chunk
-from evertwin.loop import chunk_of
+from evertwin.rows import chunk_of
 
 SPEC = TwinSpec(
     "cart", ModelSpec("robot1d"), beat=Span(seconds=10.0), prediction=PredictionSpec(horizon=5.0),
@@ -186,7 +186,7 @@ def test_arrays_stand_beside_the_rows_and_old_samples_go(
 ) -> None:
     monkeypatch.setattr("evertwin.loop.run.SECONDS", 0.0)
     monkeypatch.setattr("evertwin.loop.run.SHARE", 0.0)
-    monkeypatch.setattr("evertwin.loop.samples.SECONDS", 0.0)
+    monkeypatch.setattr("evertwin.rows.samples.SECONDS", 0.0)
     source = (replace(SPEC.source[0], keep=300.0),)
     spec = replace(spec, source=source, array=(ArraySpec("lidar", (4, 2), keep=100.0),))
     scan = np.arange(8, dtype=np.float32).reshape(1, 4, 2)

@@ -10,10 +10,14 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-import evertwin.loop as loop
 from evertwin import Twin, TwinSpec
 from evertwin.config.spec import AnomalySpec, ChannelSpec, ModelSpec, SourceSpec, StoreSpec
+from evertwin.ledger.ledger import Ledger
+from evertwin.ledger.versions import Versions
 from evertwin.loop import loading
+from evertwin.loop.loading import other_settings, unloadable
+from evertwin.setup.configured_model import model_of
+from evertwin.setup.setup import Setup
 from evertwin.store import SqliteStore
 
 
@@ -27,11 +31,11 @@ def spec(tmp_path: Path) -> TwinSpec:
 
 
 def looked(spec: TwinSpec) -> tuple[str, str]:
-    setup = loop.Setup(spec, loop.model_of(spec, None))
+    setup = Setup(spec, model_of(spec, None))
     with closing(SqliteStore(Path(spec.folder) / "twin.db", read_only=True)) as store:
         before = store.head
-        ledger = loop.Ledger(store, loop.Versions(setup.model), spec.name, reading=True)
-        found = loop.unloadable(setup, ledger), loop.other_settings(setup, ledger)
+        ledger = Ledger(store, Versions(setup.model), spec.name, reading=True)
+        found = unloadable(setup, ledger), other_settings(setup, ledger)
         assert store.head == before
     return found
 

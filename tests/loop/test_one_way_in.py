@@ -23,9 +23,9 @@ from evertwin.config.spec import (
 from evertwin.errors import DataError
 from evertwin.fold import Block, Chunk, concatenate
 from evertwin.fold.state import copy, equal, load, save
-from evertwin.loop.alignment import Alignment, AlignmentState
-from evertwin.loop.feed import Feed, chunk_of
 from evertwin.models import FunctionModel, Parameters
+from evertwin.rows.alignment import Alignment, AlignmentState
+from evertwin.rows.feed import Feed, chunk_of
 from evertwin.signals import Layout
 from evertwin.sources.merging import merge
 from evertwin.sync import Feed as Brings

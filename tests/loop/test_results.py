@@ -27,8 +27,8 @@ from evertwin.config.spec import (
     TwinSpec,
 )
 from evertwin.errors import MissingExtra, UsageError
-from evertwin.loop.fitting import FitResult
-from evertwin.loop.result import RunResult
+from evertwin.outcome.result import RunResult
+from evertwin.refit.fitting import FitResult
 from evertwin.report import draw_run
 from evertwin.report.run_pictures import draw_improvement
 from evertwin.report.run_report import write_report

@@ -17,9 +17,9 @@ from evertwin.config.spec import AnomalySpec, CorrectionSpec, StoreSpec, TrialSp
 from evertwin.errors import StoreError
 from evertwin.fold import Block, Event, concatenate, make_block, take
 from evertwin.fold.span import Span
-from evertwin.loop.result import RunResult
 from evertwin.loop.run import settings_hash
 from evertwin.models.form import Form
+from evertwin.outcome.result import RunResult
 from evertwin.store import Batch, SqliteStore
 from evertwin.twin import Twin
 from proofs.kills import POINTS
@@ -216,7 +216,7 @@ def test_another_process_reaches_a_run_at_its_next_beat(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What is asked for stands in the log once, also when the run is cut off and goes on."""
-    monkeypatch.setattr("evertwin.loop.run_log.SECONDS", 0.0)
+    monkeypatch.setattr("evertwin.ledger.run_log.SECONDS", 0.0)
     spec = replace(robot().spec, store=StoreSpec("a.db"), folder=str(tmp_path))
     logs = []
     for stop in (len(day(1).t), 90):

@@ -15,8 +15,14 @@ from evertwin.config.spec import AnomalySpec
 from evertwin.errors import StoreError, UsageError
 from evertwin.fold import Answer, Event, make_block, take
 from evertwin.fold.state import equal
-from evertwin.loop.detectors import Detect
-from evertwin.loop.deviation import (
+from evertwin.ledger.ledger import Ledger
+from evertwin.ledger.versions import Versions
+from evertwin.models import FunctionModel, Parameters
+from evertwin.models.form import Form
+from evertwin.outcome.trace import Trace
+from evertwin.rows.ring import Ring
+from evertwin.setup.detectors import Detect
+from evertwin.setup.deviation import (
     Sums,
     Usual,
     deviation,
@@ -24,15 +30,9 @@ from evertwin.loop.deviation import (
     new_sums,
     new_usual,
 )
-from evertwin.loop.ledger import Ledger
-from evertwin.loop.released import Released
-from evertwin.loop.residual_filter import ResidualFilter
-from evertwin.loop.ring import Ring
-from evertwin.loop.scores import accumulate, new_scores
-from evertwin.loop.trace import Trace
-from evertwin.loop.versions import Versions
-from evertwin.models import FunctionModel, Parameters
-from evertwin.models.form import Form
+from evertwin.setup.released import Released
+from evertwin.setup.residual_filter import ResidualFilter
+from evertwin.setup.scores import accumulate, new_scores
 from evertwin.signals import Layout
 from evertwin.signals.fir import Symmetric
 from evertwin.store import Batch, SqliteStore

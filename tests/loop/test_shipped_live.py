@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from evertwin.fold import Chunk
-from evertwin.loop import Data
+from evertwin.rows import Data
 from evertwin.twin import Twin
 from planted.pushed import compared, tank
 from planted.robots import drive

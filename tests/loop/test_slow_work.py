@@ -12,11 +12,11 @@ import pytest
 
 from evertwin.engine import EngineSpec, InProcess, Job, Pool
 from evertwin.fold import Answer, Event, Record, Request, copy, take
-from evertwin.loop.configured_model import model_of
+from evertwin.ledger.versions import Versions
 from evertwin.loop.driver import Driver
-from evertwin.loop.setup import Setup
-from evertwin.loop.versions import Versions
-from evertwin.loop.work import work_of
+from evertwin.refit.work import work_of
+from evertwin.setup.configured_model import model_of
+from evertwin.setup.setup import Setup
 from evertwin.store import SqliteStore
 from evertwin.twin import Twin
 

@@ -20,11 +20,11 @@ from evertwin.config.spec import (
 )
 from evertwin.fold import Block, canonical, make_block, take
 from evertwin.fold.state import equal
-from evertwin.loop.configured_model import model_of
+from evertwin.ledger.versions import Versions
 from evertwin.loop.driver import Driver
-from evertwin.loop.setup import Setup
-from evertwin.loop.twin_state import TwinState
-from evertwin.loop.versions import Versions
+from evertwin.setup.configured_model import model_of
+from evertwin.setup.setup import Setup
+from evertwin.setup.twin_state import TwinState
 
 from .machines import robot
 

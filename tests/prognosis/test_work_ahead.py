@@ -16,13 +16,13 @@ from evertwin.ahead.spec import SCENARIO
 from evertwin.ahead.whatif import WhatIf
 from evertwin.config import spec
 from evertwin.errors import ConfigError, DataError, UsageError
-from evertwin.loop.configured_model import model_of
 from evertwin.models import Model
 from evertwin.models.mujoco import MuJoCo
 from evertwin.prognosis.formula import Formula
 from evertwin.prognosis.laws import Life, Workload
 from evertwin.prognosis.lives import ComponentLife
 from evertwin.prognosis.workplan import wear, wears
+from evertwin.setup.configured_model import model_of
 
 GEARBOX = spec.IndicatorSpec(
     "gain", component="gearbox", parameter="gain", limit=0.7, direction="below"

@@ -15,9 +15,9 @@ from pydantic import ValidationError
 
 from evertwin.config import read
 from evertwin.errors import UsageError
-from evertwin.loop.configured_model import model_of
 from evertwin.service.adding import Column, Machine, added, first_twin, kinds, roles
 from evertwin.service.site import SITE
+from evertwin.setup.configured_model import model_of
 from evertwin.sources.live.registry import read_settings
 from tests.sources.live.test_modbus import server
 

@@ -83,9 +83,13 @@ def run(
 
 async def folded(runner: Runner, count: int) -> None:
     end = time.monotonic() + 20
+    serial = -1  # what was folded is told a moment later
     while time.monotonic() < end and (
-        runner.sources[0].taken + runner.dropped < count or runner.waiting
+        runner.sources[0].taken + runner.dropped < count
+        or runner.waiting
+        or serial != runner.serial
     ):
+        serial = runner.serial
         await asyncio.sleep(0.01)
 
 

@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 
 from evertwin.compiled import functions
-from evertwin.loop import scores
 from evertwin.models.terms import kernel
 from evertwin.service import service as serving
 from evertwin.service import warming
 from evertwin.service.plan import read_site
 from evertwin.service.warming import warm, warm_beside
+from evertwin.setup import scores
 from evertwin.trial import betting, gate_loop
 from planted.serving import site
 

@@ -23,13 +23,13 @@ import numpy as np
 
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import Answer, Block
-from evertwin.loop.feed import Data, Feed
-from evertwin.loop.screening import screened
-from evertwin.loop.setup import Setup
-from evertwin.loop.versions import Versions
+from evertwin.ledger.versions import Versions
 from evertwin.models import Model, Restart, roll
 from evertwin.models.form import Version
 from evertwin.models.function import kernel_of
+from evertwin.refit.screening import screened
+from evertwin.rows.feed import Data, Feed
+from evertwin.setup.setup import Setup
 from evertwin.store import Store
 from evertwin.sync.horizon import openings, trusted
 from evertwin.types import Float64, Inputs, Intervals, Outputs, ParameterVector, StateVector, Vector

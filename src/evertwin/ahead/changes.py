@@ -23,12 +23,12 @@ import scipy
 from evertwin.ahead.basis import Basis, Future
 from evertwin.ahead.spec import LoadSpec, PathSpec, ScenarioSpec
 from evertwin.errors import ConfigError, DataError, UsageError
-from evertwin.loop.configured_model import model_of
 from evertwin.machines.arm.chain import Chain
 from evertwin.machines.arm.inertia import NAMES, point
 from evertwin.machines.assembly.path import Limits, moves_of, plan
 from evertwin.models import Model
 from evertwin.models.corrected import Corrected, build
+from evertwin.setup.configured_model import model_of
 from evertwin.signals import Layout
 from evertwin.signals.units import compatible
 from evertwin.sources.small_table import Table, read_table

@@ -24,8 +24,8 @@ from evertwin.ahead.basis import Basis, draws, state_after
 from evertwin.ahead.spec import DockSpec
 from evertwin.ahead.spread import spread
 from evertwin.errors import UsageError
-from evertwin.loop.feed import Data
 from evertwin.models import Model
+from evertwin.rows.feed import Data
 from evertwin.signals.units import compatible
 from evertwin.types import Inputs, Json, ParameterVector, StateVector
 

@@ -21,7 +21,7 @@ import numpy as np
 from evertwin.ahead.basis import Basis, Future, Mode, coming, draws, state_after, through
 from evertwin.ahead.spread import spread
 from evertwin.fold import Block, plain
-from evertwin.loop.feed import Data
+from evertwin.rows.feed import Data
 from evertwin.signals import wrap
 from evertwin.types import Inputs, Json, Outputs, Vector
 

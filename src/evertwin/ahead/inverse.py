@@ -25,8 +25,8 @@ import numpy as np
 from evertwin.ahead.basis import Basis, draws
 from evertwin.ahead.spread import spread
 from evertwin.errors import DataError, UsageError
-from evertwin.loop.feed import Data
 from evertwin.models import Model
+from evertwin.rows.feed import Data
 from evertwin.signals.planar import wrapped
 from evertwin.signals.units import compatible
 from evertwin.types import Json, ParameterVector, Vector

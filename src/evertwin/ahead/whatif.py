@@ -21,7 +21,7 @@ from evertwin.ahead.spec import ScenarioSpec
 from evertwin.ahead.spread import Spread, spread
 from evertwin.errors import DataError
 from evertwin.fold import plain, take
-from evertwin.loop.feed import Data
+from evertwin.rows.feed import Data
 from evertwin.types import Json, StateVector
 
 

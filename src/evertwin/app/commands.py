@@ -13,8 +13,8 @@ from evertwin.app.opening import store_path, to_work
 from evertwin.doctor.finding import SHOWN
 from evertwin.errors import DataError
 from evertwin.fold import plain
-from evertwin.loop.result import RunResult
 from evertwin.models.form import Version
+from evertwin.outcome.result import RunResult
 from evertwin.sources.merging import Excerpt
 from evertwin.twin import Twin
 from evertwin.types import Json

@@ -18,7 +18,7 @@ from evertwin.app.worlds import arm, robot
 from evertwin.errors import UsageError
 
 if TYPE_CHECKING:
-    from evertwin.loop import RunResult
+    from evertwin.outcome import RunResult
 
 
 def twin_file(name: str) -> Path:

@@ -10,7 +10,7 @@ from evertwin.app.console import show
 from evertwin.app.opening import store_path, to_work
 from evertwin.errors import UsageError
 from evertwin.fold import plain
-from evertwin.loop.label import Label, Verdict
+from evertwin.ledger.label import Label, Verdict
 
 
 def label_event(

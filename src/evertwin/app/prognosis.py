@@ -14,10 +14,10 @@ from evertwin.app.plan_shown import label_document, label_text, plan_text
 from evertwin.errors import UsageError
 from evertwin.files import write_whole
 from evertwin.fold import plain
-from evertwin.loop.feed import Data
 from evertwin.prognosis.laws.planning import HEADINGS
 from evertwin.prognosis.parameter_history import DONE
 from evertwin.prognosis.upkeep import when_said
+from evertwin.rows.feed import Data
 from evertwin.settings.quantity import number
 from evertwin.twin import Twin
 

@@ -14,9 +14,9 @@ from evertwin.app.console import show
 from evertwin.config import read
 from evertwin.errors import UsageError
 from evertwin.files import write_whole
-from evertwin.loop.configured_model import model_of
 from evertwin.machines.catalog import machine
 from evertwin.prognosis.lone_series import Wear, wear_in
+from evertwin.setup.configured_model import model_of
 from evertwin.sources.names import unit_problem
 from evertwin.starter import Draft, Seen, by_axis, look, mapped, options_of
 

@@ -23,9 +23,9 @@ from evertwin.doctor.examination import View
 from evertwin.doctor.finding import Finding
 from evertwin.errors import DataError
 from evertwin.fold import Block, plain, take
-from evertwin.loop.channels import recorded_as
 from evertwin.models import roll
 from evertwin.models.function import kernel_of
+from evertwin.rows.channels import recorded_as
 from evertwin.signals import Layout, wrap
 from evertwin.signals.delay import Offset, clock_offset
 from evertwin.sync.horizon import restarts, trusted

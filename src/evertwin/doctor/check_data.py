@@ -9,7 +9,7 @@ import numpy as np
 from evertwin.doctor.examination import View
 from evertwin.doctor.finding import Finding
 from evertwin.fold import Event, Mark
-from evertwin.loop.unlike import changes
+from evertwin.gauges.unlike import changes
 from evertwin.sources.tally import Tally
 from evertwin.sync.horizon import residuals
 

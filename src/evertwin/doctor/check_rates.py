@@ -19,7 +19,7 @@ import numpy as np
 from evertwin.doctor.examination import View
 from evertwin.doctor.finding import Finding
 from evertwin.fold.block import LARGEST
-from evertwin.loop.channels import motions
+from evertwin.rows.channels import motions
 from evertwin.signals import Layout
 
 TOLERANCE = 0.1

@@ -14,7 +14,7 @@ import numpy as np
 
 from evertwin.doctor.examination import Samples, View
 from evertwin.doctor.finding import Finding
-from evertwin.loop.channels import is_held, recorded_as
+from evertwin.rows.channels import is_held, recorded_as
 
 STEPS = 3
 """A jump of so many steps of a channel would not have stood still before, had it been sampled."""

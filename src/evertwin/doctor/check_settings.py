@@ -22,15 +22,15 @@ from evertwin.doctor.examination import View
 from evertwin.doctor.finding import Finding
 from evertwin.errors import DataError, ModelError, UsageError
 from evertwin.fold import Block
-from evertwin.loop.correcting import sarsa_settings
-from evertwin.loop.noise import floor, noise
-from evertwin.loop.setup import Setup
-from evertwin.loop.unlike import changes
-from evertwin.loop.versions import Versions
-from evertwin.loop.work import Work
+from evertwin.gauges.noise import floor, noise
+from evertwin.gauges.unlike import changes
+from evertwin.ledger.versions import Versions
 from evertwin.models import Model
 from evertwin.models.configured import configured
 from evertwin.models.form import Version
+from evertwin.refit.correcting import sarsa_settings
+from evertwin.refit.work import Work
+from evertwin.setup.setup import Setup
 from evertwin.tuning import Fit, Problem, solve
 from evertwin.tuning.advice import advise
 from evertwin.tuning.identifiability import connected

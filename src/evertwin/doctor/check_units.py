@@ -23,13 +23,13 @@ from evertwin.doctor.examination import View
 from evertwin.doctor.finding import Finding
 from evertwin.errors import DataError, ModelError, UsageError
 from evertwin.fold import Block, take
-from evertwin.loop.channels import recorded_as
-from evertwin.loop.misread import likeliest
-from evertwin.loop.physical import physically
-from evertwin.loop.unlike import changes
-from evertwin.loop.work import Work
+from evertwin.gauges.misread import likeliest
+from evertwin.gauges.unlike import changes
 from evertwin.models import roll
 from evertwin.models.function import kernel_of
+from evertwin.refit.physical import physically
+from evertwin.refit.work import Work
+from evertwin.rows.channels import recorded_as
 from evertwin.signals import Layout
 from evertwin.signals.delay import Lag
 from evertwin.sync.horizon import restarts, trusted

@@ -22,9 +22,9 @@ from evertwin.doctor.check_settings import look_bounds, look_settings, look_tuni
 from evertwin.doctor.check_units import look_lags, look_units
 from evertwin.doctor.examination import View, view
 from evertwin.doctor.finding import Diagnosis, Finding
-from evertwin.loop.feed import Data
-from evertwin.loop.setup import Setup
-from evertwin.loop.versions import Versions
+from evertwin.ledger.versions import Versions
+from evertwin.rows.feed import Data
+from evertwin.setup.setup import Setup
 
 __all__ = ["Diagnosis", "Finding", "diagnose"]
 

@@ -11,13 +11,13 @@ import numpy as np
 
 from evertwin.fold import Block, Chunk, Event, take
 from evertwin.fold.block import first
-from evertwin.loop.feed import Data, Feed
-from evertwin.loop.setup import Setup
-from evertwin.loop.versions import Versions
+from evertwin.ledger.versions import Versions
 from evertwin.models import Model
 from evertwin.models.contract import KernelModel
 from evertwin.models.form import Version
 from evertwin.models.function import FunctionModel, kernel_of
+from evertwin.rows.feed import Data, Feed
+from evertwin.setup.setup import Setup
 from evertwin.sources.tally import Tally
 
 MOST = 20_000

@@ -45,13 +45,13 @@ from evertwin.engineering.compile import ModelPlan, compile_model
 from evertwin.engineering.study import Study, modelled, study
 from evertwin.errors import ConfigError, DataError
 from evertwin.files import write_whole
-from evertwin.loop.configured_model import model_of
-from evertwin.loop.feed import Data, Feed
-from evertwin.loop.setup import Setup
-from evertwin.loop.versions import Versions
-from evertwin.loop.work import Work
+from evertwin.ledger.versions import Versions
 from evertwin.machines.catalog import with_files
+from evertwin.refit.work import Work
+from evertwin.rows.feed import Data, Feed
 from evertwin.settings.document import Document
+from evertwin.setup.configured_model import model_of
+from evertwin.setup.setup import Setup
 from evertwin.tuning import Problem
 
 WIDTH = 100

@@ -29,19 +29,19 @@ from evertwin.engineering.verify_arm import resists, verify_arm
 from evertwin.engineering.verify_machines import closed_forms
 from evertwin.errors import LawBroken
 from evertwin.fold import Block, plain
-from evertwin.loop.evaluation import Prediction, predict
-from evertwin.loop.feed import Data, Feed
-from evertwin.loop.fitting import Tuned, listed, named, tune
-from evertwin.loop.screening import screened
-from evertwin.loop.setup import Setup
-from evertwin.loop.term_search import own_start
-from evertwin.loop.versions import Versions
-from evertwin.loop.windows import starts
+from evertwin.ledger.versions import Versions
 from evertwin.machines.arm import Arm
 from evertwin.machines.assembly.inverse import StaticInverse
 from evertwin.machines.friction.resisting import WITHIN, within
 from evertwin.models import Model, check_model
 from evertwin.models.configured import configured
+from evertwin.refit.fitting import Tuned, listed, named, tune
+from evertwin.refit.screening import screened
+from evertwin.refit.term_search import own_start
+from evertwin.rows.feed import Data, Feed
+from evertwin.setup.evaluation import Prediction, predict
+from evertwin.setup.setup import Setup
+from evertwin.setup.windows import starts
 from evertwin.types import Inputs, Intervals, Json, Outputs, ParameterVector, StateVector
 
 ROWS = 200

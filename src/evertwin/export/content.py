@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from evertwin.fold import Block, Event
-from evertwin.loop.evaluation import predict
-from evertwin.loop.setup import Setup
-from evertwin.loop.versions import Versions
+from evertwin.ledger.versions import Versions
 from evertwin.models import Model
 from evertwin.models.form import Version
+from evertwin.setup.evaluation import predict
+from evertwin.setup.setup import Setup
 from evertwin.signals import Layout
 from evertwin.store import Estimate, Store
 from evertwin.sync.horizon import trusted

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from evertwin.fold import Event
-from evertwin.loop.label import Label
-from evertwin.loop.ledger import Ledger
-from evertwin.loop.named_cause import tunable
-from evertwin.loop.setup import Setup
+from evertwin.ledger.label import Label
+from evertwin.ledger.ledger import Ledger
+from evertwin.refit.named_cause import tunable
+from evertwin.setup.setup import Setup
 
 
 class ByHand:

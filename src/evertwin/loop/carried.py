@@ -14,12 +14,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evertwin.errors import StoreError
-from evertwin.loop.detectors import Alarm
-from evertwin.loop.deviation import Sums, Usual
 from evertwin.loop.driver import Driver
 from evertwin.loop.follow import EMPTY
-from evertwin.loop.ring import Rows
-from evertwin.loop.twin_state import TRIAL, WATCH, Agenda, Lane, Saved, TwinState
+from evertwin.rows.ring import Rows
+from evertwin.setup.detectors import Alarm
+from evertwin.setup.deviation import Sums, Usual
+from evertwin.setup.twin_state import TRIAL, WATCH, Agenda, Lane, Saved, TwinState
 from evertwin.store import Store
 
 log = logging.getLogger("evertwin")

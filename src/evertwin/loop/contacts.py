@@ -17,12 +17,12 @@ import numpy as np
 from evertwin.anomaly.external import Contact, ExternalState, Seen, Told
 from evertwin.anomaly.recurrence import Place
 from evertwin.fold import Block, Event, Mark
-from evertwin.loop.ring import Rows
-from evertwin.loop.setup import Setup
-from evertwin.loop.twin_state import TwinState
 from evertwin.models import Model, kernel_of
 from evertwin.models.kernel import Restart
 from evertwin.models.rollout import roll
+from evertwin.rows.ring import Rows
+from evertwin.setup.setup import Setup
+from evertwin.setup.twin_state import TwinState
 from evertwin.signals import wrap
 from evertwin.sync.horizon import finite
 from evertwin.types import Outputs, ParameterVector

@@ -12,8 +12,8 @@ from evertwin.anomaly import KinematicsState
 from evertwin.fold import Block, Mark
 from evertwin.loop.decision import Decision
 from evertwin.loop.disturbances import forget
-from evertwin.loop.ring import Rows
-from evertwin.loop.setup import Setup
+from evertwin.rows.ring import Rows
+from evertwin.setup.setup import Setup
 from evertwin.types import Inputs
 
 

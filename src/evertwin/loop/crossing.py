@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from evertwin.fold import Block
-from evertwin.loop.setup import Setup
-from evertwin.loop.twin_state import TwinState
+from evertwin.setup.setup import Setup
+from evertwin.setup.twin_state import TwinState
 from evertwin.types import Bool, Float64
 
 

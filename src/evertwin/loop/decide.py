@@ -18,19 +18,19 @@ from evertwin.fold import Answer, Event, Request, copy
 from evertwin.loop.contradictions import told
 from evertwin.loop.crossing import outside
 from evertwin.loop.decision import Decision
-from evertwin.loop.deviation import new_sums
 from evertwin.loop.disturbances import disturbed
 from evertwin.loop.follow import EMPTY, Follow
 from evertwin.loop.heeding import heed
 from evertwin.loop.in_stream import tell_followed
 from evertwin.loop.looking import adopted, in_vain, looks, returned
 from evertwin.loop.requirement import deviates, heard
-from evertwin.loop.ring import refuse
-from evertwin.loop.scores import new_scores
-from evertwin.loop.states import tried
 from evertwin.loop.succession import makes_room, opening
-from evertwin.loop.twin_state import PROBATION, TRIAL, WATCH, TwinState
 from evertwin.models.form import Form
+from evertwin.refit.states import tried
+from evertwin.rows.ring import refuse
+from evertwin.setup.deviation import new_sums
+from evertwin.setup.scores import new_scores
+from evertwin.setup.twin_state import PROBATION, TRIAL, WATCH, TwinState
 
 
 @dataclass(frozen=True)

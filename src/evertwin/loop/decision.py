@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from evertwin.fold import Event, Request
-from evertwin.loop.twin_state import TwinState
+from evertwin.setup.twin_state import TwinState
 
 
 @dataclass

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from evertwin.anomaly import Contact
+from evertwin.gauges.unit_change import SensorChange, of_sensor
+from evertwin.ledger.versions import Versions
 from evertwin.loop.contacts import in_words, kept_out, place_in_words, recurring, remembered
 from evertwin.loop.decision import Decision
-from evertwin.loop.detectors import Alarm
-from evertwin.loop.deviation import new_sums
-from evertwin.loop.setup import Setup
-from evertwin.loop.unit_change import SensorChange, of_sensor
-from evertwin.loop.versions import Versions
 from evertwin.models.batch import mapped
+from evertwin.setup.detectors import Alarm
+from evertwin.setup.deviation import new_sums
+from evertwin.setup.setup import Setup
 
 ENOUGH = 50
 """Rows in motion that tell a sensor from a push."""

@@ -15,18 +15,18 @@ import numpy as np
 
 from evertwin.engine import Engine, InProcess
 from evertwin.fold import Answer, Block, Event, Record, copy, take
+from evertwin.gauges.withdrawn import withdraw
+from evertwin.ledger.versions import Versions
 from evertwin.loop.crossing import crossed
 from evertwin.loop.decide import Decide
-from evertwin.loop.deviation import new_usual
 from evertwin.loop.follow import EMPTY, Follow, Followed
-from evertwin.loop.ring import NO_ROWS
-from evertwin.loop.scores import new_scores
-from evertwin.loop.setup import Setup
 from evertwin.loop.slow_work import SlowWork
-from evertwin.loop.twin_state import Agenda, Lane, Saved, TwinState
-from evertwin.loop.versions import Versions
-from evertwin.loop.withdrawn import withdraw
-from evertwin.loop.work import Work
+from evertwin.refit.work import Work
+from evertwin.rows.ring import NO_ROWS
+from evertwin.setup.deviation import new_usual
+from evertwin.setup.scores import new_scores
+from evertwin.setup.setup import Setup
+from evertwin.setup.twin_state import Agenda, Lane, Saved, TwinState
 from evertwin.store import Checkpoint, Store
 
 STRIDE = 8192

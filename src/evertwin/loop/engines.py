@@ -11,7 +11,7 @@ from dataclasses import replace
 from functools import partial
 
 import evertwin.engine as engine
-import evertwin.loop as loop
+import evertwin.refit as refit
 from evertwin.config.spec import TwinSpec
 from evertwin.engine.contract import Engine
 from evertwin.engine.spec import EngineSpec
@@ -47,7 +47,7 @@ class Engines:
 
     def _started(self, rule: EngineSpec) -> Engine:
         # each room's files are loaded when they are asked for: a twin that only shows needs neither
-        return engine.Pool(rule.workers, rule, partial(loop.work_of, self.spec, None))
+        return engine.Pool(rule.workers, rule, partial(refit.work_of, self.spec, None))
 
     def close(self) -> None:
         """Ends the processes."""

@@ -12,15 +12,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evertwin.fold import Block, Event, Mark, Record, copy
+from evertwin.ledger.versions import Versions
 from evertwin.loop.contacts import unsure, watched
 from evertwin.loop.contradictions import compared
 from evertwin.loop.in_stream import following
-from evertwin.loop.released import Released
-from evertwin.loop.scores import NEVER, accumulate
-from evertwin.loop.setup import Setup
-from evertwin.loop.twin_state import PROBATION, TRIAL, Lane, TwinState
-from evertwin.loop.versions import Versions
 from evertwin.models.form import Form
+from evertwin.setup.released import Released
+from evertwin.setup.scores import NEVER, accumulate
+from evertwin.setup.setup import Setup
+from evertwin.setup.twin_state import PROBATION, TRIAL, Lane, TwinState
 from evertwin.sync import Horizon, Track
 from evertwin.tuning import Following
 from evertwin.types import Outputs

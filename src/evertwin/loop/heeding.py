@@ -1,4 +1,4 @@
-"""What a label changes at the beat that heeds it; an event says so (`evertwin.loop.label`).
+"""What a label changes at the beat that heeds it; an event says so (`evertwin.ledger.label`).
 
 Rows that are faulty, or that a false alarm was raised on, leave the windows that fits look at. What
 was asked of them, or learned from them and is still on trial, begins anew without them.
@@ -12,11 +12,11 @@ import numpy as np
 
 from evertwin.fold import Event
 from evertwin.loop.decision import Decision
-from evertwin.loop.detectors import Alarm
-from evertwin.loop.deviation import new_sums
 from evertwin.loop.follow import EMPTY, Follow
-from evertwin.loop.ring import called
-from evertwin.loop.twin_state import TRIAL, WATCH, TwinState
+from evertwin.rows.ring import called
+from evertwin.setup.detectors import Alarm
+from evertwin.setup.deviation import new_sums
+from evertwin.setup.twin_state import TRIAL, WATCH, TwinState
 
 
 def heed(follow: Follow, state: TwinState, said: Event) -> tuple[TwinState, tuple[Event, ...]]:

@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from evertwin.ledger.versions import Versions
 from evertwin.loop.decision import Decision
-from evertwin.loop.setup import Setup
-from evertwin.loop.twin_state import TwinState
-from evertwin.loop.versions import Versions
 from evertwin.models import LinearModel
 from evertwin.models.form import Version
+from evertwin.setup.setup import Setup
+from evertwin.setup.twin_state import TwinState
 from evertwin.tuning import Following
 
 OFTEN = 3_600_000_000_000

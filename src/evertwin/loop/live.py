@@ -27,21 +27,21 @@ import numpy as np
 from evertwin.engine import Engine, InProcess
 from evertwin.errors import DataError
 from evertwin.fold import Block, Chunk, Event
-from evertwin.loop.alignment import Alignment, AlignmentState
-from evertwin.loop.feed import Feed as Recorded
-from evertwin.loop.feed import chunk_of
-from evertwin.loop.headline import changes, headline
-from evertwin.loop.ledger import Begun, Ledger
+from evertwin.ledger.ledger import Begun, Ledger
 from evertwin.loop.loading import FeedState, Rate
 from evertwin.loop.observer import Observer, compared, figures
-from evertwin.loop.open_trial import OpenTrial, open_trial
-from evertwin.loop.rate import ENOUGH, rate_of
-from evertwin.loop.result import OutputFigures, RunResult
 from evertwin.loop.run import Run, settings_hash
-from evertwin.loop.samples import Numbered, Samples
-from evertwin.loop.setup import Setup
-from evertwin.loop.twin_state import Saved, TwinState
-from evertwin.loop.view import View
+from evertwin.outcome.headline import changes, headline
+from evertwin.outcome.open_trial import OpenTrial, open_trial
+from evertwin.outcome.result import OutputFigures, RunResult
+from evertwin.outcome.view import View
+from evertwin.rows.alignment import Alignment, AlignmentState
+from evertwin.rows.feed import Feed as Recorded
+from evertwin.rows.feed import chunk_of
+from evertwin.rows.rate import ENOUGH, rate_of
+from evertwin.rows.samples import Numbered, Samples
+from evertwin.setup.setup import Setup
+from evertwin.setup.twin_state import Saved, TwinState
 from evertwin.store import Checkpoint
 from evertwin.sync import Feed
 
@@ -58,7 +58,8 @@ class Live:
 
     >>> from evertwin import TwinSpec
     >>> from evertwin.config.spec import ModelSpec
-    >>> from evertwin.loop import Versions, model_of
+    >>> from evertwin.ledger import Versions
+    >>> from evertwin.setup import model_of
     >>> from evertwin.store import SqliteStore
     >>> spec = TwinSpec("cart", ModelSpec("robot1d"))
     >>> setup = Setup(spec, model_of(spec, None))

@@ -9,13 +9,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from evertwin.errors import StoreError
-from evertwin.loop.alignment import Alignment, AlignmentState
+from evertwin.ledger.ledger import Begun, Ledger
 from evertwin.loop.driver import Driver
-from evertwin.loop.feed import Feed
-from evertwin.loop.ledger import Begun, Ledger
 from evertwin.loop.run import settings_hash
-from evertwin.loop.setup import Setup
-from evertwin.loop.twin_state import Saved
+from evertwin.rows.alignment import Alignment, AlignmentState
+from evertwin.rows.feed import Feed
+from evertwin.setup.setup import Setup
+from evertwin.setup.twin_state import Saved
 
 
 class Rate(NamedTuple):

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from evertwin.loop.decision import Decision
-from evertwin.loop.deviation import judged_deviation
-from evertwin.loop.setup import FEW, Setup
-from evertwin.loop.states import amount
-from evertwin.loop.twin_state import TRIAL, TwinState
 from evertwin.models.form import Version
+from evertwin.refit.states import amount
+from evertwin.setup.deviation import judged_deviation
+from evertwin.setup.setup import FEW, Setup
+from evertwin.setup.twin_state import TRIAL, TwinState
 
 OFTEN = 3
 """Looks at least in the time that a deviation is judged on."""

@@ -9,19 +9,19 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from evertwin.fold import Answer, Block, Event, Record
-from evertwin.loop.deviation import deviation, judged_deviation
+from evertwin.ledger.versions import Versions
 from evertwin.loop.driver import Driver
 from evertwin.loop.follow import Followed
-from evertwin.loop.headline import headline
 from evertwin.loop.in_stream import as_is
-from evertwin.loop.open_trial import open_trial
-from evertwin.loop.result import OutputFigures, RunResult
-from evertwin.loop.setup import Setup
-from evertwin.loop.trace import Tail, Trace
-from evertwin.loop.twin_state import TwinState
-from evertwin.loop.versions import Versions
 from evertwin.models import Parameters
 from evertwin.models.form import Version
+from evertwin.outcome.headline import headline
+from evertwin.outcome.open_trial import open_trial
+from evertwin.outcome.result import OutputFigures, RunResult
+from evertwin.outcome.trace import Tail, Trace
+from evertwin.setup.deviation import deviation, judged_deviation
+from evertwin.setup.setup import Setup
+from evertwin.setup.twin_state import TwinState
 from evertwin.signals import wrap
 from evertwin.tuning.iteration import Round
 

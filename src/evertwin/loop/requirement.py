@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from evertwin.loop.detectors import Alarm
-from evertwin.loop.deviation import Sums, judged_deviation
 from evertwin.loop.follow import NONE
-from evertwin.loop.setup import Setup
-from evertwin.loop.twin_state import TwinState
+from evertwin.setup.detectors import Alarm
+from evertwin.setup.deviation import Sums, judged_deviation
+from evertwin.setup.setup import Setup
+from evertwin.setup.twin_state import TwinState
 
 LITTLE = 0.5
 """Part of the requirement that a deviation has to grow by for a detector's alarm to count: that a

@@ -2,8 +2,8 @@
 
 A run is repeated as often as it takes: where the rows are those of a run that the store knows, it
 goes on from its newest checkpoint, and what the log has already is compared with it and passed over
-(`evertwin.loop.seen`, `evertwin.loop.run_log`). Checkpoints are copied at the end of a piece and
-written by the store's thread while the fold goes on.
+(`evertwin.ledger.seen`, `evertwin.ledger.run_log`). Checkpoints are copied at the end of a piece
+and written by the store's thread while the fold goes on.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from evertwin.config import TwinSpec
 from evertwin.engine import Engine, InProcess
 from evertwin.errors import DataError, StoreError, UsageError
 from evertwin.fold import Answer, Block, Event, Record, canonical, copy
+from evertwin.ledger.fingerprint import Followed as Prints
+from evertwin.ledger.ledger import Begun, Ledger
+from evertwin.ledger.run_log import RunLog
+from evertwin.ledger.seen import Place, find, later, rest
 from evertwin.loop.carried import carried
 from evertwin.loop.driver import Driver
-from evertwin.loop.feed import Data, Feed
-from evertwin.loop.fingerprint import Followed as Prints
 from evertwin.loop.follow import Followed
-from evertwin.loop.headline import first_of_rows
-from evertwin.loop.ledger import Begun, Ledger
 from evertwin.loop.observer import Observer
-from evertwin.loop.rate import measured
-from evertwin.loop.result import RunResult
-from evertwin.loop.run_log import RunLog
-from evertwin.loop.seen import Place, find, later, rest
-from evertwin.loop.setup import Setup
-from evertwin.loop.twin_state import Saved, TwinState
+from evertwin.outcome.headline import first_of_rows
+from evertwin.outcome.result import RunResult
+from evertwin.rows.feed import Data, Feed
+from evertwin.rows.rate import measured
+from evertwin.setup.setup import Setup
+from evertwin.setup.twin_state import Saved, TwinState
 from evertwin.store import Batch, Checkpoint
 from evertwin.sync import Feed as Brings
 

@@ -14,11 +14,11 @@ from functools import partial
 
 from evertwin.engine import Engine
 from evertwin.fold import Answer, Request
-from evertwin.loop.answering import rejected
 from evertwin.loop.in_stream import as_is
-from evertwin.loop.task import Task
-from evertwin.loop.twin_state import TwinState
-from evertwin.loop.work import Work
+from evertwin.refit.answering import rejected
+from evertwin.refit.work import Work
+from evertwin.setup.task import Task
+from evertwin.setup.twin_state import TwinState
 
 
 @dataclass

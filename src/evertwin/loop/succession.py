@@ -9,8 +9,8 @@ import numpy as np
 
 from evertwin.loop.decision import Decision
 from evertwin.loop.follow import EMPTY
-from evertwin.loop.setup import Setup
-from evertwin.loop.twin_state import PROBATION, TRIAL, WATCH, TwinState
+from evertwin.setup.setup import Setup
+from evertwin.setup.twin_state import PROBATION, TRIAL, WATCH, TwinState
 from evertwin.trial.gate import GateState
 from evertwin.types import Vector
 

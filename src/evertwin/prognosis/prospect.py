@@ -15,7 +15,6 @@ from evertwin.ahead.basis import Basis
 from evertwin.ahead.whatif import Today, today
 from evertwin.config.prognosis import IndicatorSpec, PrognosisSpec
 from evertwin.errors import ConfigError
-from evertwin.loop.feed import Data
 from evertwin.prognosis.contradictions import check_limit
 from evertwin.prognosis.course import Course, course
 from evertwin.prognosis.health import (
@@ -44,6 +43,7 @@ from evertwin.prognosis.lives import ComponentLife, Lives, said
 from evertwin.prognosis.observed_series import Observed, component_of
 from evertwin.prognosis.parameter_history import History, history
 from evertwin.prognosis.workplan import Plan, past_cycles, plan_of, wears, workload
+from evertwin.rows.feed import Data
 from evertwin.signals.units import to_si
 from evertwin.sources.small_table import Table
 

@@ -18,7 +18,7 @@ from evertwin.signals.spoken import suited
 from evertwin.types import Vector
 
 if TYPE_CHECKING:
-    from evertwin.loop.result import RunResult
+    from evertwin.outcome.result import RunResult
 
 MEASURED, PREDICTED, UPDATE, BAND = "#000000", "#0072B2", "#D55E00", "#56B4E9"
 ASKED = "#009E73"

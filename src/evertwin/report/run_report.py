@@ -11,10 +11,9 @@ import numpy as np
 from markupsafe import Markup
 
 from evertwin.fold import Event, plain
-from evertwin.loop.result import OutputFigures, RunResult
-from evertwin.loop.setup import Setup
 from evertwin.models import Model
 from evertwin.models.form import Version
+from evertwin.outcome.result import OutputFigures, RunResult
 from evertwin.report.charts import inline
 from evertwin.report.html import write_page
 from evertwin.report.run_pictures import (
@@ -24,6 +23,7 @@ from evertwin.report.run_pictures import (
     draw_run,
     draw_table,
 )
+from evertwin.setup.setup import Setup
 from evertwin.signals.spoken import both
 from evertwin.types import Outputs, ParameterVector
 

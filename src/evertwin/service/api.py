@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from evertwin.errors import DataError, EvertwinError, StoreError, UsageError
 from evertwin.fold import plain
-from evertwin.loop.label import Label, Verdict
+from evertwin.ledger.label import Label, Verdict
 from evertwin.service.api_look import Count, found_at, in_time, looks
 from evertwin.service.metrics import exposition
 from evertwin.service.runner import Runner

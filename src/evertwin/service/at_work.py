@@ -18,8 +18,10 @@ import numpy as np
 from evertwin.engine import EngineSpec, Pool
 from evertwin.errors import DataError
 from evertwin.fold import Block, Chunk, Event, make_block, plain
-from evertwin.loop import Label, Numbered, View
+from evertwin.ledger import Label
 from evertwin.models import Model
+from evertwin.outcome import View
+from evertwin.rows import Numbered
 from evertwin.service.plan import Plan
 from evertwin.service.scene import scene_of
 from evertwin.signals import wrap

@@ -17,8 +17,8 @@ import numpy as np
 
 from evertwin.errors import UsageError
 from evertwin.fold import Mark
-from evertwin.loop import View
 from evertwin.models import Model
+from evertwin.outcome import View
 from evertwin.service.at_work import off
 from evertwin.sources.spec import SourceSpec
 from evertwin.store import SqlStore

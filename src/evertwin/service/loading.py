@@ -4,9 +4,14 @@ from __future__ import annotations
 
 from contextlib import closing
 
-import evertwin.loop as loop
 from evertwin.errors import EvertwinError, NoStore, StoreUnwritable
+from evertwin.ledger.ledger import Ledger
+from evertwin.ledger.versions import Versions
+from evertwin.loop.loading import other_settings, unloadable
+from evertwin.rows.channels import check_units
 from evertwin.service.plan import Plan
+from evertwin.setup.configured_model import model_of
+from evertwin.setup.setup import Setup
 from evertwin.store import SharedStore
 
 
@@ -23,11 +28,11 @@ def why_not(plan: Plan, server: str) -> tuple[str, str]:
     if plan.spec is None:
         return plan.wrong, ""
     try:
-        setup = loop.Setup(plan.spec, loop.model_of(plan.spec, None))
-        loop.check_units(plan.spec, setup.model)
+        setup = Setup(plan.spec, model_of(plan.spec, None))
+        check_units(plan.spec, setup.model)
         with closing(SharedStore(server, plan.name, read_only=True)) as store:
-            ledger = loop.Ledger(store, loop.Versions(setup.model), plan.name, reading=True)
-            return loop.unloadable(setup, ledger), loop.other_settings(setup, ledger)
+            ledger = Ledger(store, Versions(setup.model), plan.name, reading=True)
+            return unloadable(setup, ledger), other_settings(setup, ledger)
     except NoStore:  # it begins here
         return "", ""
     except StoreUnwritable:

@@ -23,9 +23,10 @@ from evertwin.backoff import Backoff
 from evertwin.engine import Pool
 from evertwin.errors import EvertwinError, OwnershipLost, StoreUnwritable, UsageError
 from evertwin.fold import Chunk, Event
-from evertwin.loop import Label, Numbered
+from evertwin.ledger import Label
 from evertwin.publishers.contract import About, Kind, News, Publisher
 from evertwin.publishers.registry import open_publisher
+from evertwin.rows import Numbered
 from evertwin.service.archiving import keep_days
 from evertwin.service.at_work import AtWork, Said, place_of, told
 from evertwin.service.condition import Condition

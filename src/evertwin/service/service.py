@@ -18,7 +18,7 @@ from typing import Any
 
 from evertwin.engine import Pool
 from evertwin.errors import ConfigError, UsageError, nearest
-from evertwin.loop import work_of
+from evertwin.refit import work_of
 from evertwin.service.lag import Lag
 from evertwin.service.logs import Newest
 from evertwin.service.notify import beat_of, notify

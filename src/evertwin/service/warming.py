@@ -22,11 +22,11 @@ from evertwin.compiled.functions import at_once
 from evertwin.config.spec import TwinSpec
 from evertwin.engine import EngineSpec, Pool
 from evertwin.fold import Chunk
-from evertwin.loop.deviation import new_usual
-from evertwin.loop.scores import NEVER, exceeds, new_scores
-from evertwin.loop.setup import Setup
-from evertwin.loop.workers import setup_of
 from evertwin.models.terms import kernel
+from evertwin.refit.workers import setup_of
+from evertwin.setup.deviation import new_usual
+from evertwin.setup.scores import NEVER, exceeds, new_scores
+from evertwin.setup.setup import Setup
 from evertwin.store.spec import StoreSpec
 from evertwin.twin import Twin
 

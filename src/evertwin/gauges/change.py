@@ -1,0 +1,128 @@
+"""When a machine changed within a window: rows before that are of another machine.
+
+A fit over both tells neither. Proposed is the place that splits the residuals of the version as it
+is into two parts of different size most clearly (likelihood ratio of two exponential distributions
+of the mean squares of blocks of rows, summed over outputs). A motion that is harder to predict
+looks the same, so a place counts only if a fit to the rows behind it does worse before it, and
+there, where the inputs had been before, nearly as well as the version did: no version holds for
+both, and the form holds for either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from evertwin.fold import Block, take
+from evertwin.gauges.settled import settled
+from evertwin.tuning import Problem
+from evertwin.types import Inputs, Outputs, PerOutput, Vector
+
+BLOCKS, ROWS = 384, 10
+"""Blocks of a window at most, rows of one at least: neighbouring rows are alike."""
+CLEAR = 4.0
+"""Logarithm of the likelihood ratio from which on a place is looked at."""
+PART = 0.25
+"""Share by which the mean square before the place rises at least by the fit to the rows behind."""
+RESTORED = 0.7
+"""Share of the rise at the place that this fit has to take back."""
+BINS = 20
+"""Parts of an input's range that count as one place."""
+Windows = tuple[Block, ...]
+
+
+def split(windows: Windows, place: int) -> tuple[Windows, Windows]:
+    """The rows before position ``place`` of all rows, and those from it on.
+
+    >>> from evertwin.fold import make_block
+    >>> rows = make_block(t=range(4), u=np.zeros((4, 1)), y=np.zeros((4, 1)))
+    >>> [[len(block.t) for block in side] for side in split((rows, rows), 5)]
+    [[4, 1], [3]]
+    """
+    before, after, at = list[Block](), list[Block](), 0
+    for block in windows:
+        n, cut = len(block.t), min(max(place - at, 0), len(block.t))
+        before += [take(block, 0, cut)] if cut else []
+        after += [take(block, cut, n)] if cut < n else []
+        at += n
+    return tuple(before), tuple(after)
+
+
+def likely(residual: Outputs) -> int:
+    """Position from which on the residual is larger, the likeliest; 0: none is likely.
+
+    >>> noise = np.random.default_rng(0).normal(size=(480, 1))
+    >>> likely(noise), likely(np.concatenate([noise[:360], 3 * noise[360:]]))
+    (0, 360)
+    """
+    size = max(len(residual) // BLOCKS, ROWS)
+    m = len(residual) // size
+    squares = np.square(residual[len(residual) - m * size :]).reshape(m, size, -1)
+    rows = np.count_nonzero(np.isfinite(squares), axis=1)
+    sums = np.nansum(squares, axis=1)
+    left, count = np.cumsum(sums, axis=0)[:-1], np.cumsum(rows, axis=0)[:-1]
+    total, n = sums.sum(axis=0), rows.sum(axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        whole, low = np.log(total / n), np.log(left / count)
+        high = np.log((total - left) / (n - count))
+        gain = (n * whole - count * low - (n - count) * high) / (2 * size)
+    gain = np.where((high > low) & np.isfinite(gain), gain, 0.0).sum(axis=1)
+    best = int(np.argmax(gain)) if len(gain) else 0
+    return len(residual) - (m - best - 1) * size if len(gain) and gain[best] > CLEAR else 0
+
+
+def suddenly(windows: Windows, pose: Callable[[Windows], Problem]) -> Windows:
+    """The rows behind the place from which on the residual is larger; none where there is no such
+    place. Whether it is the machine that changed there is for a search on them to tell.
+    """
+    whole = pose(windows)
+    place = likely(_residuals(whole, whole.start))
+    return split(windows, place)[1] if place else ()
+
+
+def changed(windows: Windows, pose: Callable[[Windows], Problem]) -> int:
+    """Position of the first row of the machine as it is now; 0: it is the same in all rows.
+
+    Args:
+        windows: rows, in order.
+        pose: the problem on some of them; it starts at the version as it is.
+    """
+    whole = pose(windows)
+    place = likely(_residuals(whole, whole.start))
+    if not place:
+        return 0
+    fitted = settled(pose(split(windows, place)[1]))
+    values = whole.start.copy()
+    values[[whole.names.index(name) for name in fitted.names]] = fitted.values
+    start, fit = (np.square(_residuals(whole, v)) for v in (whole.start, values))
+    size = _mean(start)
+    # the row from which on the fit is the better one, summed over all rows
+    place = 1 + int(np.argmin(np.cumsum(np.nansum((start - fit) / size, axis=1))))
+    now = slice(place, None)
+    start[now][~_seen(whole.rows.u, place)] = np.nan
+    before, after, worse, left = map(_mean, (start[:place], start[now], fit[:place], fit[now]))
+    rise = float(np.nansum((after - before) / before))
+    explained = float(np.nansum((after - left) / before))
+    alike = float(np.nansum((worse - before) / before)) <= PART
+    return place if 0.0 < RESTORED * rise <= explained and not alike else 0
+
+
+def _seen(u: Inputs, place: int) -> np.ndarray:
+    """Rows from ``place`` on whose inputs had been where they are: elsewhere the form may be wrong,
+    which looks the same as a change."""
+    low, high = np.nanmin(u, axis=0), np.nanmax(u, axis=0)
+    bins = np.nan_to_num((u - low) / np.where(high > low, high - low, 1.0) * BINS).astype(int)
+    known = [np.isin(column[place:], column[:place]) for column in bins.T]
+    return np.all(known, axis=0) if known else np.ones(len(u) - place, dtype=np.bool_)
+
+
+def _residuals(problem: Problem, values: Vector) -> Outputs:
+    """NaN where a row does not count."""
+    return np.where(problem.rows.used, problem.residuals(values), np.nan)
+
+
+def _mean(squares: Outputs) -> PerOutput:
+    """Per output, over the rows that count; NaN where none does."""
+    rows = np.count_nonzero(np.isfinite(squares), axis=0)
+    return np.asarray(np.nansum(squares, axis=0) / np.where(rows, rows, np.nan))

@@ -1,0 +1,307 @@
+"""Is it the machine that changed, or the gauge that reads it? Hypotheses, tested against tuning.
+
+Of a version that held, what changed may be the machine's numbers, and it may be a channel: in
+another unit, its sign turned, off by a constant, or no longer answering. Each is a prediction of
+the same rows, so each is judged as the fit is, in what was recorded:
+
+* a *reading* (`evertwin.gauges.misread`) is undone from a row on. It has no number to fit; so it is
+  told where it leaves next to nothing of the deviation, the rows are then as they were before, and
+  tuning, with all its numbers, does no better. Where a machine often changes as much (a factor
+  below two, an input), tuning has to do clearly worse;
+* a sensor that *no longer answers* stays where it is while the machine is predicted to move as it
+  did before, when it answered;
+* an *offset* has one number. It and the fit learn it on the first rows, and are compared on the
+  rest, block by block: who is better there is believed. Where neither is, it cannot be told, and
+  nothing is learned until it can.
+
+At rest nothing is claimed: a hypothesis has to explain a deviation.
+"""
+
+from __future__ import annotations
+
+import warnings
+from itertools import pairwise
+
+import numpy as np
+
+from evertwin.correction.improve import TooFew
+from evertwin.gauges.gauge_rows import LEAST, Rows
+from evertwin.gauges.misread import ALIKE, Reading, misread, readings, recorded
+from evertwin.gauges.offset import NEAR, offset
+from evertwin.gauges.unit_change import SensorChange, since_change, unit_change
+from evertwin.models import Model
+from evertwin.models.kernel import CONTINUE
+from evertwin.rows.ring import called
+from evertwin.setup.setup import Setup
+from evertwin.setup.task import Windows
+from evertwin.signals.mistaken import SIGN
+from evertwin.types import Bools, Outputs, ParameterVector, Vector
+
+LEFT = 0.1
+"""Largest share of the deviation's square that a reading leaves."""
+LIKE_TUNING = 1.1
+"""So many times what tuning leaves a reading may leave, where no machine changes as much."""
+CLEARLY = 2.0
+"""So many times what a reading leaves tuning has to leave, where a machine may change as much; and
+the largest such factor."""
+RESTORED = 4.0
+"""Mean square, undone, over that of the rows before, at most."""
+FEW = 300
+"""Rows on which every reading is tried first, and that a silent output is waited for."""
+HALF = 0.5
+"""Share of the squared deviation that a reading leaves on these, at most."""
+JUMP = 2.0
+"""Times the largest step before from which a step is a jump."""
+STILL = 0.1
+"""Response, and scatter, below which a sensor does not answer [of what is predicted]."""
+WIDE = 6.0
+"""How far what stays is from where it stays, at most [of its scatter]."""
+VARIES = 0.3
+"""Spread of an input by which the machine is driven, at least [of its usual one]."""
+OF_USUAL = 0.3
+"""Scatter of what stays where it is, at most [of how it moved before]."""
+OF_NOISE = 5.0
+"""Size of the predicted motion from which an answer is missed [of the scatter]."""
+
+
+def at_once(
+    rows: tuple[Setup, Model, ParameterVector, Windows],
+) -> tuple[SensorChange | None, TooFew | None]:
+    """What became of a channel, before anything is tuned; or that the rows are too few to tell.
+
+    Raises:
+        TooFew: of a static map, of which tuning beside it tells no more.
+    """
+    try:
+        return unit_change(*rows) or misread(*rows), None
+    except TooFew as error:
+        if not len(rows[1].states):
+            raise
+        return None, error
+
+
+@np.errstate(all="ignore")
+def misgauged(rows: Rows) -> SensorChange | None:
+    """What became of a channel, and is not to be learned; None: it is the machine.
+
+    Raises:
+        TooFew: an output stays where it is, while no input has changed that would move it.
+    """
+    return _reading(rows) or silent(rows) or offset(rows)
+
+
+def _reading(rows: Rows) -> SensorChange | None:
+    found = []
+    for one in readings(rows.setup.model, recorded(rows.setup)):
+        if one.exchanged or not (_plausible(rows, one) and _helps(rows, one)):
+            continue
+        first, stop = _span(rows, one)
+        first = _onset(rows, one, first)
+        left = _left(rows, one, first, stop)
+        if left:
+            found.append((left, first, stop, one))
+    if not found:
+        return None
+    found.sort(key=lambda item: item[0])
+    least, first, stop, best = found[0]
+    said = [one.said for left, _, _, one in found if left <= ALIKE * least][:3]
+    return SensorChange(best.channels[0], best.number, (
+        f"{', or '.join(said)}, from {called(rows.row(first))}{rows.until(stop)}: read so, "
+        f"{100 * (1.0 - least):.1f} % of the squared deviation is gone, which no tuning does "
+        "better; nothing is learned from it"
+    ), rows.refused(best.channels, first, stop))  # fmt: skip
+
+
+def _plausible(rows: Rows, one: Reading) -> bool:
+    """Undone, do the channels lie where they lay before?"""
+    if rows.since < LEAST:
+        return True
+    old, new = rows.values[: rows.since], rows.values[rows.since :]
+    low, high = np.nanmin(old, axis=0), np.nanmax(old, axis=0)
+    usual = np.nanmedian(new, axis=0) * one.factors + one.shifts
+    room = 0.5 * (high - low) + 1e-12
+    moved = (one.factors != 1.0) | (one.shifts != 0.0)
+    inside = (low - room <= usual) & (usual <= high + room)
+    return bool((inside | ~moved | ~np.isfinite(usual)).all())
+
+
+def _helps(rows: Rows, one: Reading) -> bool:
+    """Does it explain half of the deviation on a few rows? Most readings explain nothing. What is
+    hidden has its history: they are predicted behind all rows before."""
+    first = _onset(rows, one, rows.since or since_change(rows.before[:, rows.setup.watched]))
+    places = np.flatnonzero(rows.scored(first) & np.isfinite(rows.before).any(axis=1))[:FEW]
+    if not len(places):
+        return False
+    after = rows.under(one, rows.changed(first, int(places[-1]) + 1, one.undone))
+    here = np.zeros(rows.count, dtype=np.bool_)
+    here[places] = True
+    known = here[:, None] & np.isfinite(after) & np.isfinite(rows.before)
+    return rows.total(after, known) < HALF * rows.total(rows.before, known)
+
+
+def _onset(rows: Rows, one: Reading, first: int) -> int:
+    """The row near ``first`` at which the channels jump most, where they do: what is hidden goes
+    wrong by each row that is read otherwise than it was recorded."""
+    moved = np.flatnonzero((one.factors != 1.0) | (one.shifts != 0.0))
+    steps = np.abs(np.diff(rows.values[:, moved], axis=0))
+    low, high = max(first - NEAR, 0), min(first + NEAR, len(steps))
+    if low < LEAST or high <= low:
+        return first
+    usual = np.nanmax(steps[:low], axis=0)
+    near = np.nan_to_num(steps[low:high] / np.where(usual > 0.0, usual, np.inf)).min(axis=1)
+    return low + int(np.argmax(near)) + 1 if near.max() > 1.0 else first
+
+
+def _span(rows: Rows, one: Reading) -> tuple[int, int]:
+    """[first, stop) of the rows that a reading explains best."""
+    undone = tuple(one.undone(window) for window in rows.windows)
+    gain = rows.squares(rows.before) - rows.squares(rows.under(one, undone))
+    sums = np.concatenate([[0.0], np.cumsum(gain)])
+    low = np.maximum.accumulate(-sums)  # the least sum so far
+    stop = int(np.argmax(sums + low))
+    first = int(np.argmin(sums[: stop + 1]))
+    rest = rows.count - stop < LEAST
+    return first, rows.count if rest else stop
+
+
+def _left(rows: Rows, one: Reading, first: int, stop: int) -> float:
+    """Share of the squared deviation that a reading leaves on its rows, if it is told; or 0."""
+    if stop - first < LEAST:
+        return 0.0
+    mixed = rows.changed(first, stop, one.undone)
+    after, scored = rows.under(one, mixed), rows.scored(first) & (np.arange(rows.count) < stop)
+    known = np.isfinite(after) & np.isfinite(rows.before) & scored[:, None]
+    tuned = known & np.isfinite(rows.tuned)
+    if np.count_nonzero(known.any(axis=1)) < LEAST:
+        return 0.0
+    off, left = (rows.total(r, known) for r in (rows.before, after))
+    rival = rows.total(rows.tuned, tuned) / max(rows.total(after, tuned), 1e-300)
+    nu = len(rows.setup.model.inputs)
+    of_input = (np.flatnonzero(one.factors != 1.0) < nu).any()
+    shift = (one.shifts != 0.0).any() and one.number != SIGN
+    usual = of_input or (1.0 / CLEARLY < one.number < CLEARLY and not shift)
+    worse = CLEARLY if usual else 1.0 / LIKE_TUNING
+    good = left <= LEFT * off and _restored(rows, one, after, known)
+    told = rival >= worse or not tuned.any() or _jumped(rows, one, first)
+    return max(left / off, 1e-12) if good and told else 0.0
+
+
+def _jumped(rows: Rows, one: Reading, first: int) -> bool:
+    """Did an output of a model with states jump where the reading begins, and does it not, undone?
+    No number of such a model makes its outputs jump, so tuning explains only what comes after."""
+    nu = len(rows.setup.model.inputs)
+    which = nu + np.flatnonzero((one.factors != 1.0)[nu:] | (one.shifts != 0.0)[nu:])
+    if not len(rows.setup.model.states) or not len(which) or first < LEAST:
+        return False
+    near = slice(max(first - NEAR, 1), first + NEAR)
+    for k in which.tolist():
+        y = rows.values[:, k]
+        usual = float(np.nanmax(np.abs(np.diff(y[: near.start])), initial=0.0))
+        steps = np.nan_to_num(np.abs(np.diff(y)))[near.start - 1 : near.stop - 1]
+        at = near.start + int(np.argmax(steps))
+        left = abs(y[at] * one.factors[k] + one.shifts[k] - y[at - 1])
+        if not (steps.max() > JUMP * usual and left <= JUMP * usual):
+            return False
+    return True
+
+
+def _restored(rows: Rows, one: Reading, after: Outputs, known: np.ndarray) -> bool:
+    """Undone, are the rows as near to the model as those before?"""
+    first = int(np.argmax(known.any(axis=1)))
+    usual = rows.before[:first]
+    if np.count_nonzero(np.isfinite(usual).any(axis=1)) < LEAST:
+        return True
+    old = np.nanmean(np.square(usual), axis=0)
+    nu = len(rows.setup.model.inputs)
+    new = np.nanmean(np.where(known, np.square(after * one.factors[nu:]), np.nan), axis=0)
+    return bool((new[np.isfinite(new)] <= RESTORED * old[np.isfinite(new)]).all())
+
+
+def silent(rows: Rows) -> SensorChange | None:
+    """An output that stays where it is though the machine is predicted to move as before."""
+    model = rows.setup.model
+    if not len(model.states):
+        return None
+    whole = rows.whole
+    y, used = whole.rows.y, whole.rows.used
+    base = _base(y, whole.restart.code)
+    measured, expected = y - base, whole.predict(whole.start) - base
+    for k in np.flatnonzero(rows.setup.watched).tolist():
+        since = _still_since(y[: rows.stop, k])
+        good = np.isfinite(measured[:, k]) & np.isfinite(expected[:, k]) & used[:, k]
+        now, then = good.copy(), good.copy()
+        now[:since], now[rows.stop :], then[since:] = False, False, False
+        still = np.count_nonzero(now) >= LEAST and _still(measured[now, k], expected[now, k])
+        if still and not _driven(rows, now) and np.count_nonzero(now) < FEW:
+            raise TooFew(f"{model.outputs.names[k]} stays where it is, and so do the inputs")
+        if not (still and _driven(rows, now)):
+            continue
+        size, level = _rms(expected[now, k]), y[now, k]
+        alike = then & (np.abs(expected[:, k]) <= 2.0 * size)
+        if np.count_nonzero(alike) >= LEAST and not (
+            _answered(measured[alike, k], expected[alike, k], size)
+            and np.std(level) < OF_USUAL * _rms(measured[alike, k])
+        ):
+            continue
+        channel = model.outputs.channels[k]
+        return SensorChange(channel.name, 0.0, (
+            f"{channel.name} stays at {float(np.mean(level)):.4g} {channel.unit} from "
+            f"{called(rows.row(since))}{rows.until(rows.stop)}, however the machine is moved, "
+            "where it answered before: its sensor no longer answers, or the machine does not; "
+            "nothing is learned from it"
+        ), rows.refused((channel.name,), since, rows.stop))  # fmt: skip
+    return None
+
+
+def _still_since(y: Vector) -> int:
+    """Position from which on a channel has stayed about where it is at the end."""
+    known = np.flatnonzero(np.isfinite(y))
+    newest = y[known[-LEAST:]]
+    if not len(newest):
+        return len(y)
+    level, steps = np.median(newest), np.abs(np.diff(y[known]))
+    digit = float(np.min(steps[steps > 0.0], initial=np.inf))  # it may be recorded coarsely
+    spread = max(
+        1.4826 * float(np.median(np.abs(newest - level))), digit if digit < np.inf else 0.0
+    )
+    away = np.flatnonzero(np.abs(y[known] - level) > WIDE * spread)
+    return int(known[away[-1]]) + 1 if len(away) else int(known[0])
+
+
+def _base(y: Outputs, code: np.ndarray) -> Outputs:
+    """What was measured where the prediction of each row began, or first since then, (n, ny)."""
+    out = np.full(y.shape, np.nan)
+    for start, stop in pairwise([*np.flatnonzero(code != CONTINUE).tolist(), len(y)]):
+        part = y[start:stop]
+        known = np.isfinite(part)
+        for k in np.flatnonzero(known.any(axis=0)).tolist():
+            out[start:stop, k] = part[int(np.argmax(known[:, k])), k]
+    return out
+
+
+def _rms(values: Vector) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else 0.0
+
+
+def _driven(rows: Rows, now: Bools) -> bool:
+    """Do inputs vary on these rows as they do elsewhere? Else a model that is off expects motion
+    of a machine that has come to rest."""
+    u = rows.values[:, : len(rows.setup.model.inputs)]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # an input that nobody measured
+        usual, here = np.nanstd(u, axis=0), np.nanstd(u[now], axis=0)
+    return bool(((usual > 0.0) & (here > VARIES * usual)).any())
+
+
+def _still(measured: Vector, expected: Vector) -> bool:
+    """Is what is expected missing altogether?"""
+    power = float(expected @ expected)
+    response = abs(float(measured @ expected)) / power if power > 0 else 1.0
+    return response < STILL and float(measured @ measured) * OF_NOISE**2 < power
+
+
+def _answered(measured: Vector, expected: Vector, size: float) -> bool:
+    """Did it answer to motion of this size?"""
+    power = float(expected @ expected)
+    enough = power > 0.25 * size**2 * LEAST
+    return enough and float(measured @ expected) > 0.5 * power

@@ -1,0 +1,169 @@
+"""The rows that hypotheses about a gauge are tested on, and what is off on them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from evertwin.fold import Block, take
+from evertwin.gauges.misread import Reading
+from evertwin.gauges.unit_change import Refused
+from evertwin.models.kernel import CONTINUE
+from evertwin.rows.ring import called
+from evertwin.setup.setup import Setup
+from evertwin.setup.task import Windows
+from evertwin.tuning import Fit, Problem
+from evertwin.types import Outputs, Vector
+
+LEAST = 30
+"""Rows that tell anything."""
+AGAIN = 3.0
+"""So many times its usual square the residual is where the version does not hold."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Rows before and since a change, and a fit to those since then.
+
+    >>> Rows.__name__
+    'Rows'
+    """
+
+    setup: Setup
+    pose: Callable[[Windows], Problem]
+    """The problem on some rows; it starts at the version as it is."""
+    windows: Windows
+    """All rows, those before a change too."""
+    problem: Problem
+    """Tuned: the rows since the change."""
+    fit: Fit
+    tune: Callable[[Problem], Fit]
+
+    @cached_property
+    def whole(self) -> Problem:
+        """The version as it is, on all rows."""
+        return self.pose(self.windows)
+
+    @cached_property
+    def since(self) -> int:
+        """Position of the first row of the machine as it is now."""
+        return self.count - sum(len(one.t) for one in self.problem.windows)
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return sum(len(one.t) for one in self.windows)
+
+    @cached_property
+    def before(self) -> Outputs:
+        """Residual of the version as it is, (n, ny); NaN where a row does not count."""
+        return residual(self.whole, self.whole.start)
+
+    @cached_property
+    def tuned(self) -> Outputs:
+        """Residual of the fit, (n, ny); NaN before the change."""
+        return self.placed(residual(self.problem, self.fit.values))
+
+    @cached_property
+    def sizes(self) -> Vector:
+        """What counts as 1 of each output's residual: its usual size, (ny,)."""
+        usual = self.before[: self.since] if self.since >= LEAST else self.before
+        with np.errstate(all="ignore"):
+            found = np.nanmedian(np.abs(usual), axis=0)
+        return np.where(np.isfinite(found) & (found > 0), found, 1.0)
+
+    @cached_property
+    def stop(self) -> int:
+        """Position from which on the version holds again as before the change; all rows: none."""
+        size = self.squares(self.before)
+        usual = size[: self.since]
+        if len(usual) < LEAST:
+            return self.count
+        dt = float(np.median(np.concatenate([one.dt for one in self.windows])))
+        span = self.setup.horizon / dt if np.isfinite(self.setup.horizon) and dt > 0 else 0
+        wide = max(LEAST, min(round(span), len(size) // 8))
+        mean = np.convolve(size, np.full(wide, 1.0 / wide), "same")[self.since :]
+        off = np.flatnonzero(mean > AGAIN * max(float(np.mean(usual)), 1.0))
+        stop = self.since + (int(off[-1]) + 1 if len(off) else 0)
+        return self.count if self.count - stop < 2 * wide or not len(off) else stop
+
+    @cached_property
+    def values(self) -> Outputs:
+        """Inputs and outputs as they were recorded, (n, nu + ny)."""
+        sides = [np.concatenate([one.u, one.y], axis=1) for one in self.windows]
+        return np.concatenate(sides)
+
+    def under(self, one: Reading, windows: Windows) -> Outputs:
+        """Residual under a reading, in what was recorded, (n, ny)."""
+        posed = self.pose(windows)
+        return np.asarray(
+            residual(posed, posed.start) / one.factors[len(self.setup.model.inputs) :]
+        )
+
+    def changed(self, first: int, stop: int, change: Callable[[Block], Block]) -> Windows:
+        """The windows, with rows [first, stop) changed."""
+        found, at = list[Block](), 0
+        for window in self.windows:
+            a, b = (min(max(edge - at, 0), len(window.t)) for edge in (first, stop))
+            at += len(window.t)
+            if a >= b:
+                found.append(window)
+                continue
+            other = change(take(window, a, b))
+            columns = {name: getattr(window, name).copy() for name in ("u", "y", "mark")}
+            for name, column in columns.items():
+                column[a:b] = getattr(other, name)
+            found.append(window._replace(**columns))
+        return tuple(found)
+
+    def until(self, stop: int) -> str:
+        """The end of rows [.., stop) in words."""
+        return f" to {called(self.row(stop - 1))}" if stop < self.count else " on"
+
+    def refused(self, names: tuple[str, ...], first: int, stop: int) -> Refused | None:
+        """Rows [first, stop) of outputs that are over: left out from now on. What goes on is asked
+        about again, with what tells it from before."""
+        if stop >= self.count:
+            return None
+        outputs = self.setup.model.outputs.names
+        known = names if set(names) <= set(outputs) else outputs  # of a wrong input all is wrong
+        return Refused(known, self.row(first), self.row(stop - 1))
+
+    def scored(self, place: int) -> np.ndarray:
+        """Rows from a place on whose prediction began there: none is from a row before, (n,)."""
+        rows = np.arange(self.count) >= place
+        if len(self.setup.model.states):
+            begins = np.flatnonzero((self.whole.restart.code != CONTINUE) & rows)
+            rows &= np.arange(self.count) >= (begins[0] if len(begins) else self.count)
+        return rows
+
+    def placed(self, residual: np.ndarray) -> Outputs:
+        """A residual of the rows since the change among all rows, (n, ny)."""
+        out = np.full(self.before.shape, np.nan)
+        out[len(out) - len(residual) :] = residual
+        return out
+
+    def squares(self, residual: Outputs) -> Vector:
+        """Of each row, outputs by their sizes, (n,)."""
+        return np.asarray(np.nansum(np.square(residual / self.sizes), axis=1))
+
+    def total(self, residual: Outputs, rows: np.ndarray) -> float:
+        """Sum of these squares over rows, (n,) or (n, ny)."""
+        rows = rows if rows.ndim == 2 else rows[:, None]
+        return float(np.nansum(np.where(rows, np.square(residual / self.sizes), np.nan)))
+
+    def row(self, place: int) -> int:
+        """Number of the row at a position."""
+        for window in self.windows:
+            if place < len(window.t):
+                return window.row + place
+            place -= len(window.t)
+        return self.windows[-1].row + len(self.windows[-1].t) - 1
+
+
+def residual(problem: Problem, values: Vector) -> Outputs:
+    """Measured − predicted, (n, ny); NaN where a row does not count."""
+    return np.asarray(np.where(problem.rows.used, problem.residuals(values), np.nan))

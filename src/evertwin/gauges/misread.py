@@ -1,0 +1,235 @@
+"""Is a channel of a machine with states read wrongly: its sign, its unit, its column?
+
+Every reading that a recording may have had (one channel, or all channels of a unit, times a number
+that divides two units; two columns exchanged) is undone in turn, and predictions start from what is
+measured then. One that takes next to all of the deviation away, which no tuning does, is told of,
+with all others that do it as well: a base that is said to go forwards as it goes backwards looks
+like one whose x and y have their signs turned. Nothing is learned from such rows.
+
+>>> from evertwin.machines.mobile import Differential
+>>> [one.said for one in readings(Differential(), ("",) * 5) if "exchanged" in one.said]
+['v and w look exchanged', 'x and y look exchanged']
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from evertwin.correction.improve import TooFew
+from evertwin.fold import Block, Mark, take
+from evertwin.gauges.unit_change import SensorChange, since_change
+from evertwin.gauges.unlike import Changes, changes
+from evertwin.models import Model
+from evertwin.rows.channels import recorded_as
+from evertwin.rows.ring import called
+from evertwin.setup.setup import Setup
+from evertwin.setup.task import Windows
+from evertwin.signals import Channel, wrap
+from evertwin.signals.mistaken import SIGN, TURN, Mistake, mistaken
+from evertwin.signals.units import conversion_of
+from evertwin.types import Outputs, ParameterVector, Vector
+
+WRONG = 0.6
+"""Mismatch of an output from which its reading is doubted, and below which all have to come."""
+LEFT = 0.1
+"""Largest share of the squared mismatch that a reading may leave."""
+ALIKE = 1.5
+"""What leaves so many times as much explains it as well."""
+PARTS = (1.0, 0.7, 0.5, 0.35, 0.25)
+"""Shares of the rows, the newest, of which one may be of one reading alone."""
+ROWS = 2000
+"""Newest rows that are looked at."""
+FEW = 6
+"""Inputs up to which any two may have been exchanged; of more, those of one unit."""
+
+
+class Reading(NamedTuple):
+    """What a recording may have been: channels in order are these of its columns, times a factor.
+
+    >>> Reading._fields
+    ('columns', 'factors', 'shifts', 'channels', 'number', 'said')
+    """
+
+    columns: tuple[int, ...]
+    """Of each input, then each output."""
+    factors: Vector
+    shifts: Vector
+    """What is added to each after that, in SI."""
+    channels: tuple[str, ...]
+    number: float
+    """Recorded over true; 1 of an exchange."""
+    said: str
+
+    @property
+    def exchanged(self) -> bool:
+        """Are two columns in each other's place?"""
+        return self.columns != tuple(range(len(self.columns)))
+
+    def undone(self, window: Block) -> Block:
+        """The rows as they would be, had they been read so."""
+        nu, columns = window.u.shape[1], list(self.columns)
+        values = np.concatenate([window.u, window.y], axis=1)[:, columns]
+        values = values * self.factors + self.shifts
+        u, y = np.ascontiguousarray(values[:, :nu]), np.ascontiguousarray(values[:, nu:])
+        return window._replace(u=u, y=y, mark=np.ascontiguousarray(window.mark[:, columns]))
+
+
+def misread(
+    setup: Setup, model: Model, p: ParameterVector, windows: Windows,
+    tuned: ParameterVector | None = None,
+) -> SensorChange | None:  # fmt: skip
+    """The reading that the rows since a change speak for; None: none, or a static map's rows.
+
+    Args:
+        setup: of the twin.
+        model: its model, with ``p`` as it held; or untuned.
+        p: parameters, (np,).
+        windows: rows; which of the newest have changed is found out.
+        tuned: parameters that may explain the rows as well; None: they had held before.
+
+    Raises:
+        TooFew: it looks so, on fewer rows than a deviation is judged on.
+    """
+    if not len(model.initial(p)) or not windows:
+        return None
+    rows = sum(len(window.t) for window in windows)
+    since = rows - since_change(_deviation(setup, model, p, _newest(windows, rows)))
+    for count in (since, *(round(part * rows) for part in PARTS)):
+        newest = _newest(windows, min(count, ROWS))
+        found = likeliest(setup, model, p, newest)
+        if not found:
+            continue
+        left = _off(setup, model, p, [found[0].undone(one) for one in newest])
+        if tuned is not None and _total(_off(setup, model, tuned, newest)) < 2.0 * _total(left):
+            continue
+        if count < min(setup.enough, ROWS):
+            raise TooFew(f"{count} rows do not tell a turned sign or crossed columns from others")
+        share = 1.0 - _total(left) / _total(_off(setup, model, p, newest))
+        names = found[0].channels
+        return SensorChange(names[0], found[0].number, (
+            f"{', or '.join(one.said for one in found)}, at the latest from "
+            f"{called(newest[0].row)} on: read so, {100 * share:.1f} % of the "
+            "squared deviation is gone; nothing is learned from it: correct the twin file or the "
+            "recording"
+        ))  # fmt: skip
+    return None
+
+
+def likeliest(
+    setup: Setup, model: Model, p: ParameterVector, windows: Sequence[Block]
+) -> tuple[Reading, ...]:
+    """Readings that explain what is off, the best first, with up to two that do as well."""
+    if not windows:
+        return ()
+    before = _off(setup, model, p, windows)
+    if not before.max(initial=0.0) > WRONG:
+        return ()
+    found = []
+    for one in readings(model, recorded(setup)):
+        after = _off(setup, model, p, [one.undone(window) for window in windows])
+        good = _total(after) < LEFT * _total(before) and after.max() < WRONG
+        if good and (after <= before + 0.1).all():
+            found.append((_total(after), one))
+    found.sort(key=lambda pair: pair[0])
+    return tuple(one for left, one in found if left <= ALIKE * found[0][0])[:3]
+
+
+def readings(model: Model, units: Sequence[str]) -> Iterator[Reading]:
+    """Everything that is tried. ``units``: each input, then each output, is recorded in, (nu + ny).
+
+    Channels of one unit may all be read wrongly, as by a logger that was exchanged.
+    """
+    nu, channels = len(model.inputs), (*model.inputs, *model.outputs)
+    own, still = tuple(range(len(channels))), np.zeros(len(channels))
+    singles = [(k,) for k in own]
+    alike = [
+        tuple(k for k in side if channels[k].unit == unit)
+        for side in (own[:nu], own[nu:])
+        for unit in dict.fromkeys(channels[k].unit for k in side)
+    ]
+    for which in (*singles, *(some for some in alike if len(some) > 1)):
+        names = tuple(channels[k].name for k in which)
+        for one in _mistakes(channels[which[0]], units[which[0]]):
+            factors, shifts = np.ones(len(own)), still.copy()
+            factors[list(which)] = 1.0 / one.number
+            shifts[list(which)] = -one.shift / one.number
+            yield Reading(own, factors, shifts, names, one.number, _said(names, one))
+    for a, b in combinations(own, 2):
+        same = channels[a].unit == channels[b].unit
+        if (a < nu) != (b < nu) or not (same or (b < nu <= FEW)):
+            continue
+        factors, columns = np.ones(len(own)), list(own)
+        columns[a], columns[b] = b, a
+        if b < nu:
+            scale = conversion_of(units[a])[0], conversion_of(units[b])[0]
+            factors[a], factors[b] = scale[0] / scale[1], scale[1] / scale[0]
+        names = channels[a].name, channels[b].name
+        said = f"{' and '.join(names)} look exchanged"
+        yield Reading(tuple(columns), factors, still, names, 1.0, said)
+
+
+def recorded(setup: Setup) -> tuple[str, ...]:
+    """Unit that each input, then each output, is recorded in; empty where nobody says so."""
+    spec, model = setup.spec, setup.model
+    units = {name: c.unit for source in spec.source for name, c in source.channels.items()}
+    names = (*model.inputs.names, *model.outputs.names)
+    return tuple(units.get(recorded_as(spec, name), "") for name in names)
+
+
+def _mistakes(channel: Channel, unit: str) -> Iterator[Mistake]:
+    for one in mistaken(unit, channel.unit):
+        if channel.kind != "angle" or one.number in (SIGN, TURN):
+            yield one
+
+
+def _said(names: tuple[str, ...], one: Mistake) -> str:
+    shown = " and ".join(names)
+    if one.number == SIGN:
+        return f"the sign of {shown} looks turned"
+    look = "looks" if len(names) == 1 else "look"
+    if one.scale:
+        return f"{shown} {look} recorded in {one.said}"
+    return f"{shown} {look} {one.number:.4g} times too large, as {one.said} would make it"
+
+
+def _newest(windows: Windows, rows: int) -> list[Block]:
+    """The newest rows, every measured value trusted: the arbiter judged by the reading in doubt."""
+    found = list[Block]()
+    for window in reversed(windows):
+        if rows < 2:
+            break
+        piece = take(window, max(len(window.t) - rows, 0), len(window.t))
+        rows -= len(piece.t)
+        mark = np.where(
+            np.isfinite(np.concatenate([piece.u, piece.y], axis=1)), Mark.OK, piece.mark
+        )
+        found.insert(0, piece._replace(mark=mark.astype(np.uint8)))
+    return found
+
+
+def _off(setup: Setup, model: Model, p: ParameterVector, windows: Sequence[Block]) -> Vector:
+    """Mismatch of each output over all windows, (ny,)."""
+    with np.errstate(all="ignore"):
+        return _seen(setup, model, p, windows).mismatch
+
+
+def _deviation(setup: Setup, model: Model, p: ParameterVector, windows: Sequence[Block]) -> Outputs:
+    """Measured − predicted of all windows, (n, ny)."""
+    seen = _seen(setup, model, p, windows)
+    return wrap(seen.measured - seen.predicted, model.outputs.angles)
+
+
+def _seen(setup: Setup, model: Model, p: ParameterVector, windows: Sequence[Block]) -> Changes:
+    some = [changes(model, p, window, setup.horizon) for window in windows]
+    measured, predicted = (
+        np.concatenate([getattr(one, side) for one in some]) for side in ("measured", "predicted")
+    )
+    return Changes(measured, predicted)
+
+
+def _total(off: Vector) -> float:
+    return float(np.sum(np.square(off)))

@@ -1,0 +1,141 @@
+"""Is an output off by a constant since a change, as an offset of its sensor would have it?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from evertwin.errors import DataError, ModelError
+from evertwin.fold import Block
+from evertwin.gauges.change import split
+from evertwin.gauges.gauge_rows import LEAST, Rows, residual
+from evertwin.gauges.unit_change import SensorChange
+from evertwin.rows.ring import called
+from evertwin.types import Bools, Outputs
+
+NEAR = 25
+"""Rows about a change within which an offset sets in."""
+BLOCKS = 12
+"""Blocks of the unseen rows on which an offset and tuning are compared."""
+SURE = 2.0
+"""Standard errors by which the better one leads."""
+FIRST = 0.6
+"""Share of the rows that both learn on."""
+HALF = 0.5
+"""Share of the deviation that an offset takes away on unseen rows at least."""
+OF_NOISE = 5.0
+"""Size of a constant from which its step stands out [of the steps from row to row]."""
+
+
+def offset(rows: Rows) -> SensorChange | None:
+    """A constant on one output that explains unseen rows as well as tuning does, or better."""
+    scored = rows.scored(rows.since) & (np.arange(rows.count) < rows.stop)
+    places = np.flatnonzero(scored)
+    if len(places) < 2 * LEAST:
+        return None
+    cut = int(places[round(FIRST * len(places))])
+    seen, unseen = scored.copy(), scored.copy()
+    seen[cut:], unseen[:cut] = False, False
+    found = [
+        (left, k, shift)
+        for k in np.flatnonzero(rows.setup.watched).tolist()
+        if not _has_offset(rows, k)
+        for left, shift in (_shifted(rows, k, seen),)
+        if left is not None
+        and _stepped(rows, k, shift)
+        and rows.total(left, unseen) < HALF * rows.total(rows.before, unseen)
+    ]
+    if not found:
+        return None
+    left, k, shift = min(found, key=lambda one: rows.total(one[0], unseen))
+    rival = _fit_of(rows, cut)
+    if rival is None:
+        return None
+    lead = _lead(rows, left, rival, np.flatnonzero(unseen))
+    if lead < -SURE:
+        return None
+    channel = rows.setup.model.outputs.channels[k]
+    share = 100.0 * (1.0 - rows.total(left, unseen) / rows.total(rows.before, unseen))
+    row, until = called(rows.row(rows.since)), rows.until(rows.stop)
+    known = (
+        f"{channel.name} looks off by {shift:+.4g} {channel.unit} from {row}{until}: as an offset "
+        f"of its sensor this explains {share:.0f} % of the deviation on rows that it was not "
+        "learned on, "
+    )
+    if lead > SURE:
+        return SensorChange(
+            channel.name, 1.0, f"{known}more than tuning does; nothing is learned from it",
+            rows.refused((channel.name,), rows.since, rows.stop),
+        )  # fmt: skip
+    return SensorChange(channel.name, 1.0, (
+        f"{known}and tuning no less: sensor or machine, that cannot be told from these rows; "
+        "nothing is learned until it can"
+    ))  # fmt: skip
+
+
+def _has_offset(rows: Rows, k: int) -> bool:
+    """Does the model have a number that is an offset of this output? Then that takes it up."""
+    if len(rows.setup.model.states):
+        return False
+    columns = rows.problem.jacobian(rows.fit.values)[:, k, :]
+    size = np.nanmax(np.abs(columns), axis=0)
+    return bool(((size > 0) & (np.nanstd(columns, axis=0) <= 1e-6 * size)).any())
+
+
+def _shifted(rows: Rows, k: int, seen: Bools) -> tuple[Outputs | None, float]:
+    """Residual with the constant on output ``k`` that fits the rows ``seen`` best, and it."""
+    shift, step = 0.0, float(rows.sizes[k])
+    here = rows.before
+    for _ in range(3):
+        there = _with(rows, k, shift + step)
+        slope = (there - here) / step
+        known = seen[:, None] & np.isfinite(slope) & np.isfinite(here)
+        a = np.where(known, slope / rows.sizes, 0.0)
+        b = np.where(known, here / rows.sizes, 0.0)
+        if not np.sum(a * a) > 0:
+            return None, 0.0
+        shift -= float(np.sum(a * b) / np.sum(a * a))
+        here = _with(rows, k, shift)
+    return here, shift
+
+
+def _with(rows: Rows, k: int, shift: float) -> Outputs:
+    def moved(window: Block) -> Block:
+        y = window.y.copy()
+        y[:, k] -= shift
+        return window._replace(y=y)
+
+    posed = rows.pose(rows.changed(rows.since, rows.stop, moved))
+    return residual(posed, posed.start)
+
+
+def _stepped(rows: Rows, k: int, shift: float) -> bool:
+    """Did what is measured jump by the constant where it begins? One that came at once has to;
+    one that is lost in the noise from row to row cannot be asked."""
+    nu = len(rows.setup.model.inputs)
+    steps = np.diff(rows.values[:, nu + k])
+    usual = steps[: max(rows.since - NEAR, 0)]
+    if np.count_nonzero(np.isfinite(usual)) < LEAST:
+        return True
+    size = float(np.sqrt(np.nanmean(np.square(usual))))
+    near = steps[max(rows.since - NEAR, 0) : rows.since + NEAR]
+    seen = np.abs(near / shift - 1.0) < HALF
+    return bool(abs(shift) < OF_NOISE * size or seen.any())
+
+
+def _fit_of(rows: Rows, cut: int) -> Outputs | None:
+    """Residual, on the rows behind ``cut`` too, of what tuning learns before it."""
+    part = split(rows.problem.windows, cut - rows.since)[0]
+    try:
+        found = rows.tune(rows.pose(part).tuning(rows.fit.names))
+    except (DataError, ModelError):
+        return None
+    posed = rows.pose(rows.problem.windows).tuning(found.names)  # some may be left out
+    return rows.placed(residual(posed, found.values))
+
+
+def _lead(rows: Rows, left: Outputs, rival: Outputs, places: np.ndarray) -> float:
+    """By how many standard errors ``left`` is the better one of both."""
+    more = rows.squares(rival) - rows.squares(left)
+    parts = [float(np.mean(more[block])) for block in np.array_split(places, BLOCKS) if len(block)]
+    error = float(np.std(parts, ddof=1) / np.sqrt(len(parts))) if len(parts) > 1 else np.inf
+    return float(np.mean(parts)) / error if error > 0 else 0.0

@@ -1,0 +1,243 @@
+"""Has a sensor changed its unit, sign or place, since when the rows are of the machine as it is?
+
+A static map predicts forces from motion. If they become one number times as large, in every motion
+and by a number that divides two units, then no friction and no mass explains it: all of them would
+have changed by that number together. It could still be the machine; so nothing is learned, and
+whoever knows is asked. An input may have changed so too: what it divides by then leaves next to
+nothing of the deviation.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from evertwin.correction.improve import TooFew
+from evertwin.gauges.exchanged import exchanged
+from evertwin.models import Model
+from evertwin.models.batch import mapped
+from evertwin.setup.evaluation import predict
+from evertwin.setup.setup import Setup
+from evertwin.setup.task import Windows
+from evertwin.signals import Channel
+from evertwin.signals.mistaken import SIGN, numbers
+from evertwin.tuning.assemble import rms
+from evertwin.types import Inputs, Outputs, ParameterVector, Vector
+
+NEAR = 0.01
+"""Relative distance within which a number is taken for one of them."""
+ABOUT = 0.05
+"""The same of a turned sign, which no machine comes near."""
+EXPLAINED = 0.99
+"""Share of the deviation's square that the number has to take away."""
+
+
+PARTS = (1.0, 0.5, 0.25)
+"""Shares of the rows, the newest, of which one may be of the sensor as it is now alone."""
+
+
+SPREAD = 256
+"""Rows that an input's units are tried on, spread over those since a change."""
+LEAST = 16
+"""Rows on either side of a change."""
+
+
+class Refused(NamedTuple):
+    """Kept rows of outputs from which nothing is learned.
+
+    >>> Refused(("tau",), 10, 20).last
+    20
+    """
+
+    channels: tuple[str, ...]
+    first: int
+    last: int
+
+
+class SensorChange(NamedTuple):
+    """What a channel has become, as one number.
+
+    >>> SensorChange("tau", -1.0, "tau is …").number
+    -1.0
+    """
+
+    channel: str
+    number: float
+    """Recorded over what fits the model; 0: it does not answer."""
+    said: str
+    refused: Refused | None = None
+    """Rows that are left out from now on; None: they are asked about again."""
+
+
+def unit_change(
+    setup: Setup, model: Model, p: ParameterVector, windows: Windows
+) -> SensorChange | None:
+    """Outputs that have changed places; one that is one number times what is predicted, or does
+    not answer any more; an input that is one number times what it was; None: none is.
+
+    Of static maps alone: a state adopts what is measured, and the arbiter answers for it.
+
+    Raises:
+        TooFew: it looks so, on fewer rows than a deviation is judged on.
+    """
+    if len(model.initial(p)) or not windows:
+        return None
+    found = [predict(setup, model, p, window) for window in windows]
+    moving = np.concatenate([one.moving for one in found])
+    y = np.concatenate([one.measured for one in found])
+    expected = np.concatenate([one.measured - one.residual for one in found])
+    u = np.concatenate([window.u for window in windows])
+    crossed = _crossed(setup, y, expected, moving)
+    if crossed is not None:
+        return crossed
+    for k in np.flatnonzero(setup.watched).tolist():
+        rows = np.isfinite(y[:, k]) & np.isfinite(expected[:, k]) & moving[:, k]
+        a, b = y[rows, k], expected[rows, k]
+        channel = setup.model.outputs.channels[k]
+        for part in PARTS:
+            newest = slice(round((1.0 - part) * len(a)), None)
+            said = of_sensor(a[newest], b[newest], u[rows][newest], channel)
+            if said is None:
+                continue
+            if part * len(y) >= setup.enough:
+                return _of_input(setup, model, p, windows, (y - expected, said)) or said
+            if part == 1.0:  # in a few motions much is one number times as large
+                raise TooFew(f"{len(y)} rows do not tell a change of unit from another")
+    return _of_input(setup, model, p, windows, (y - expected, None))
+
+
+def _crossed(
+    setup: Setup, y: Outputs, expected: Outputs, moving: np.ndarray
+) -> SensorChange | None:
+    """Outputs that have changed places since the deviation has been what it is.
+
+    Raises:
+        TooFew: it looks so, on fewer rows than a deviation is judged on.
+    """
+    names, first = setup.model.outputs.names, since_change((y - expected)[:, setup.watched])
+    rows = first + np.flatnonzero(moving[first:].any(axis=1))
+    looks = exchanged(y[rows], expected[rows], setup.model.outputs.units)
+    moved = [k for k, other in enumerate(looks) if k != other]
+    if not moved:
+        return None
+    if len(y) - first < setup.enough:
+        raise TooFew(f"{len(y) - first} rows do not tell crossed outputs from others")
+    said = ", ".join(f"{names[k]} is what {names[looks[k]]} would be" for k in moved)
+    cause = "as crossed cables or columns would make it, so nothing is learned"
+    return SensorChange(names[moved[0]], 1.0, f"{said}, {cause}")
+
+
+def _of_input(
+    setup: Setup, model: Model, p: ParameterVector, windows: Windows,
+    beside: tuple[Outputs, SensorChange | None],
+) -> SensorChange | None:  # fmt: skip
+    """An input of which one number that divides two units takes the deviation away, of all outputs
+    together, on the rows since the deviation has been what it is; ``beside``: the deviation, and
+    the output whose number is a rival to that, which has to leave more than twice as much.
+
+    Raises:
+        TooFew: it looks so, on fewer rows than a deviation is judged on.
+    """
+    deviation, rival = beside
+    first = since_change(deviation[:, setup.watched])
+    u, dt, y = (np.concatenate([getattr(w, n) for w in windows]) for n in ("u", "dt", "y"))
+    rows = np.unique(np.linspace(first, len(u) - 1, SPREAD).round().astype(int))
+    u, dt, y = u[rows], dt[rows], y[rows][:, setup.watched]
+    if not np.isfinite(y).any(axis=0).all():
+        return None
+    scale = rms(y)
+
+    def off(inputs: Inputs) -> float:
+        left = (y - mapped(model, inputs, dt, p)[:, setup.watched]) / scale
+        return float(np.nansum(np.square(left))) if np.isfinite(left).any() else np.inf
+
+    before = off(u)
+    best = 1.0 - EXPLAINED, "", 1.0, ""
+    if rival is not None and rival.number:
+        k = [c.name for c, on in zip(model.outputs.channels, setup.watched, strict=True) if on]
+        y[:, k.index(rival.channel)] /= rival.number
+        best = min(best, (0.5 * off(u) / before, "", 1.0, ""))
+        y[:, k.index(rival.channel)] *= rival.number
+    for j, channel in enumerate(model.inputs.channels):
+        for known, told in numbers(channel.unit):
+            other = u.copy()
+            other[:, j] /= known
+            best = min(best, (off(other) / before, channel.name, known, told))
+    _, name, number, told = best
+    if not name or not _reached(setup, model, p, windows, (first, name, number)):
+        return None
+    if len(deviation) - first < setup.enough:
+        raise TooFew(f"{len(deviation) - first} rows do not tell a change of unit from another")
+    return SensorChange(name, number, (
+        f"{name} looks {number:.4g} times too large, as {told} would make it: divided by that, it "
+        f"takes {100 - 100 * best[0]:.1f} % off the deviation, so nothing is "
+        "learned; a machine that changed so would look the same"
+    ))  # fmt: skip
+
+
+def since_change(deviation: Outputs) -> int:
+    """Row from which the deviation is most clearly of another size than before; 0: too few rows."""
+    size = rms(deviation)
+    square = np.nansum(np.square(deviation / np.where(size > 0, size, 1.0)), axis=1) + 1e-12
+    n, total = len(square), np.cumsum(square)
+    if n < 2 * LEAST:
+        return 0
+    rows = np.arange(LEAST, n - LEAST + 1)
+    before, after = total[rows - 1], np.maximum(total[-1] - total[rows - 1], 1e-12)
+    cost = rows * np.log(before / rows) + (n - rows) * np.log(after / (n - rows))
+    return int(rows[int(np.argmin(cost))])
+
+
+def _reached(
+    setup: Setup, model: Model, p: ParameterVector, windows: Windows,
+    change: tuple[int, str, float],
+) -> bool:  # fmt: skip
+    """With an input divided by a number: is the twin within its requirement from a row on?"""
+    first, name, number = change
+    place, found = model.inputs.index(name), []
+    for window in windows:
+        u = window.u.copy()
+        u[:, place] /= number
+        found.append(predict(setup, model, p, window._replace(u=u)))
+    left = np.concatenate([one.residual for one in found])[first:, setup.watched]
+    y = np.concatenate([one.measured for one in found])[first:, setup.watched]
+    off = rms(left)
+    if setup.relative:
+        off /= rms(y)
+    return bool((off <= setup.requirement).all())
+
+
+def _answers(a: Vector, u: Inputs) -> bool:
+    """Does what is measured go by the inputs, whatever the model makes of them?"""
+    if len(a) <= u.shape[1] + 1:  # so few go by anything
+        return True
+    columns = np.column_stack([np.ones(len(u)), np.nan_to_num(u)])
+    left = a - columns @ np.linalg.lstsq(columns, a, rcond=None)[0]
+    return bool(left @ left < 0.5 * np.sum((a - a.mean()) ** 2))
+
+
+def of_sensor(a: Vector, b: Vector, u: Inputs, channel: Channel) -> SensorChange | None:
+    """Measured ``a`` beside expected ``b``, at inputs ``u``."""
+    off = float(np.sum((a - b) ** 2))
+    if not (b @ b > 0 and off > 0):
+        return None
+    level, left = float(a.mean()), float(np.sum((a - a.mean()) ** 2))
+    still = left <= (1.0 - EXPLAINED) * min(off, float(np.sum((b - b.mean()) ** 2)))
+    last = slice(round((1.0 - PARTS[-1]) * len(a)), None)
+    if still and not _answers(a, u) and not _answers(a[last], u[last]):
+        return SensorChange(channel.name, 0.0, (
+            f"{channel.name} stays at {level:.4g} {channel.unit}, however the machine moves: its "
+            "sensor no longer answers, so nothing is learned from it"
+        ))  # fmt: skip
+    number = float(a @ b / (b @ b))
+    if np.sum((a - number * b) ** 2) > (1.0 - EXPLAINED) * off:
+        return None
+    for known, told in numbers(channel.unit):
+        if abs(number / known - 1.0) <= (ABOUT if known == SIGN else NEAR):
+            return SensorChange(channel.name, number, (
+                f"{channel.name} is {number:.4g} times what is predicted, as {told} would make "
+                "it, or a machine that changed so: that cannot be told from these data, and is "
+                "not learned"
+            ))  # fmt: skip
+    return None

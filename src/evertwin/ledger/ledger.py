@@ -1,0 +1,391 @@
+"""What a twin has in its store: versions, who is live, which runs there were, what was said.
+
+Who is live follows from the log alone (promotions, roll-backs, pins): log and twin cannot differ.
+A decision is one batch: its versions, its records and the parameter history that follows from them
+are durable together or not at all.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from evertwin.errors import StoreDamaged, StoreError, UsageError
+from evertwin.fold import Answer, Event, Record
+from evertwin.ledger.label import ACTS, Label
+from evertwin.ledger.versions import Versions
+from evertwin.machines.friction.resisting import not_physical
+from evertwin.models.form import Form, Version
+from evertwin.store import Batch, Entry, Estimate, Kept, Store
+from evertwin.store.archive import Day
+
+log = logging.getLogger("evertwin")
+
+SWITCHES = ("promoted", "rolled_back", "configured")
+ORDERS = (*SWITCHES, "pinned")
+
+
+@dataclass(frozen=True)
+class Begun:
+    """A run that the log tells of.
+
+    >>> Begun(1, 3, {"champion": 0}).over
+    False
+    """
+
+    number: int
+    position: int
+    """Of its first entry in the log."""
+    evidence: dict[str, Any]
+    """What it began with: champion, versions, pinned, settings, tasks and time of runs before."""
+    ended: dict[str, Any] | None = None
+    """What it came to: tasks, their time, rows, their hash."""
+    last: int = 0
+    """Position of its end."""
+
+    @property
+    def over(self) -> bool:
+        """Has it ended, or been given up?"""
+        return self.ended is not None
+
+
+class Ledger:
+    """The store of one twin, read once and kept in step.
+
+    >>> from evertwin.models import FunctionModel, Parameters
+    >>> from evertwin.signals import Layout
+    >>> from evertwin.store import SqliteStore
+    >>> model = FunctionModel(lambda x, u, dt, p: ([], [p[0] * u[0]]), Layout.of(u="1"),
+    ...     Layout.of(y="1"), Layout(), Parameters.of(gain=(1.0, "1")))
+    >>> ledger = Ledger(SqliteStore(":memory:"), Versions(model), "cart")
+    >>> ledger.champion, ledger.runs
+    (0, [])
+    """
+
+    def __init__(
+        self, store: Store, versions: Versions, name: str = "", *, reading: bool = False
+    ) -> None:
+        """Reads the store; what it lacks of the model as configured is added.
+
+        Args:
+            store: that of this twin alone.
+            versions: with the model as configured.
+            name: of the twin.
+            reading: nothing is written; a changed model is known to this process alone.
+
+        Raises:
+            StoreError: the log is that of another twin, or names no known version.
+        """
+        self.store = store
+        self.versions = versions
+        self._name = name
+        self.lives: list[int] = []
+        """Versions that have been live, in order; the last one is."""
+        self.pinned = False
+        self.runs: list[Begun] = []
+        self.reading = reading
+        self.orders: list[Event] = []
+        """What was said from outside and no run has heeded yet."""
+        self.spoken = 0
+        """Position of the newest switch from outside of any run."""
+        self.at = 0
+        """Row that a run of this process has come to."""
+        configured = self.versions[0]
+        try:
+            self._open(configured)
+        except StoreDamaged:
+            if reading:
+                raise
+            store.repair()
+            self.lives, self.runs, self.pinned = [], [], False
+            self._open(configured)
+        if not reading:
+            self.hear()
+            self.orders.clear()  # a run begins with what they say
+
+    def _open(self, configured: Version) -> None:
+        entries = self.store.entries(kinds=("event", "version"))
+        records = [(entry, self.store.record(entry)) for entry in entries]
+        kept = [record for _, record in records if isinstance(record, Version)]
+        self.kept = len(kept)
+        """Versions in the log."""
+        if kept:
+            self.versions.restore(kept)
+        for entry, record in records:
+            if isinstance(record, Event):
+                self._own(record)
+                self._follow(record, entry)
+        newest = [v for v in self.versions if v.parent is None][-1]
+        if not kept or newest.hash != configured.hash:
+            number = 0 if not kept else len(self.versions)
+            if kept:
+                again = [*self.versions, replace(configured, number=number)]
+                self.versions.restore(again)
+            self._configured(number)
+        elif not self.lives:
+            self._configured(newest.number)
+
+    def _configured(self, number: int) -> None:
+        if self.reading:
+            self.lives.append(number)
+        else:
+            self.switch(number, "configured", "as the twin file says")
+
+    @property
+    def champion(self) -> int:
+        """Number of the live version."""
+        return self.lives[-1]
+
+    @property
+    def before(self) -> int | None:
+        """The version that was live before the present one."""
+        others = [number for number in self.lives if number != self.champion]
+        return others[-1] if others else None
+
+    @property
+    def unfinished(self) -> Begun | None:
+        """The newest run, if it has not ended."""
+        return self.runs[-1] if self.runs and not self.runs[-1].over else None
+
+    # ------------------------------------------------------------------ writing
+
+    def batch(self, records: Sequence[Record], row: int, run: int = 0) -> list[Kept]:
+        """What a decision adds to the log: new versions, records, the estimates in answers."""
+        said: list[Kept] = [self.versions[n] for n in range(self.kept, self.versions.known)]
+        for record in records:
+            said.append(record)
+            if isinstance(record, Answer):
+                said += self._estimates(record.content, record.version, row, run)
+            elif isinstance(record, Event) and record.kind == "followed":
+                version: Any = record.evidence["version"]
+                said += self._estimates(record.evidence, version, row, run)
+        return said
+
+    def commit(self, batch: Batch, *, wait: bool = True) -> None:
+        """Takes a batch of entries as `batch` gives them; raises before anything is written."""
+        begin = self.store.head.length
+        for record in batch.records:
+            if isinstance(record, Event):
+                self._check(record)
+        self.store.commit(batch, wait=wait)
+        for k, record in enumerate(batch.records):
+            if isinstance(record, Version):
+                self.kept += 1
+            if isinstance(record, Event):
+                self._follow(record, Entry(begin + k + 1, batch.run, "event", record.row, "", ""))
+
+    def say(self, *events: Event) -> None:
+        """Keeps what is said from outside of any run, with versions that are new.
+
+        Where another process works with the store it is asked to: it heeds at its next beat.
+        """
+        if self.reading:
+            self.store.ask(events)
+            return
+        batch = self.batch(events, 0)
+        if batch:
+            self.commit(Batch(batch))
+        self.orders += [e for e in events if e.kind in ORDERS or _acts(e)]
+
+    def keep(self, form: Form, values: Mapping[str, float], reason: str) -> Version:
+        """A version of what was found outside of any run, its parent the live one; nothing more.
+
+        Raises:
+            UsageError: a value lies outside its bounds, or the store is only looked at.
+        """
+        if self.reading:
+            raise UsageError("the twin is open to look at: a version needs its store")
+        self.versions.model_of(form).parameters.with_values(values)
+        version = self.versions.add(form, values, parent=self.champion, reason=reason)
+        self.say()
+        return version
+
+    def hear(self) -> None:
+        """What other processes have asked for goes into the log."""
+        asked, last = self.store.asked()
+        if not last:
+            return
+        events = [replace(event, row=self.row) for event in asked if self._can(event)]
+        self.commit(Batch(events, heard=last))
+        self.orders += [e for e in events if e.kind in ORDERS or _acts(e)]
+
+    def _can(self, event: Event) -> bool:
+        """Does an order name a version that there is? What cannot be heeded is dropped."""
+        try:
+            self._check(event)
+        except StoreError as error:
+            log.warning("%s", error)
+            return False
+        return True
+
+    # ------------------------------------------------------------------ the operator's hand
+
+    def promote(self, number: int, reason: str, person: str = "") -> Event:
+        """Makes a version live, whatever the gate says.
+
+        Raises:
+            UsageError: there is no such version, another one is pinned, or it is not physical.
+        """
+        self._refuse_pinned(self.versions[number].number)
+        self._refuse_unphysical(number)
+        return self.switch(number, "promoted", reason, person)
+
+    def roll_back(self, reason: str, person: str = "") -> Event:
+        """Makes the champion before the present one live again.
+
+        Raises:
+            UsageError: there was none before, or the present one is pinned.
+        """
+        if self.before is None:
+            raise UsageError("roll back: no other version has been live before this one")
+        self._refuse_pinned(self.before)
+        return self.switch(self.before, "rolled_back", reason, person)
+
+    def _refuse_pinned(self, number: int) -> None:
+        if self.pinned and number != self.champion:
+            raise UsageError(
+                f"version {self.champion} is pinned and stays live: unpin it first, or pin "
+                f"version {number}"
+            )
+
+    def _refuse_unphysical(self, number: int) -> None:
+        """What has been live may be so again: a roll-back asks nothing."""
+        p = self.versions[number].p
+        wrong = "" if number in self.lives else not_physical(self.versions.model(number), p)
+        if wrong:
+            raise UsageError(
+                f"version {number} is not physical: {wrong}: fit it with bounds on these numbers, "
+                "or on rows that tell them apart"
+            )
+
+    def switch(self, number: int, kind: str, reason: str, person: str = "") -> Event:
+        """Makes a version live by an event."""
+        version = self.versions[number]
+        evidence: dict[str, Any] = {"version": number, "hash": version.hash}
+        if kind == "configured":
+            evidence["twin"] = self._name
+        return self._ordered(kind, f"version {number}: {reason}", evidence, person)
+
+    def pin(self, number: int | None, reason: str, person: str = "") -> Event:
+        """Pins a version, or lets go."""
+        if number is not None and not 0 <= number < len(self.versions):
+            raise UsageError(f"pin: there are versions 0 to {len(self.versions) - 1}")
+        chosen = self.champion if number is None else number
+        self._refuse_unphysical(chosen)
+        evidence = {"version": chosen, "pinned": number is not None}
+        said = f"version {chosen} pinned: {reason}" if number is not None else f"unpinned: {reason}"
+        return self._ordered("pinned", said, evidence, person)
+
+    def label(self, said: Label) -> Event:
+        """Keeps what a person says to an event of the log; a run heeds what acts.
+
+        Raises:
+            UsageError: there is no such event, or it is about no rows where some are called faulty.
+        """
+        number = said.event
+        (entry,) = (self.store.entries(number - 1, most=1) if number > 0 else ()) or (None,)
+        if entry is None or entry.number != number or entry.kind != "event":
+            raise UsageError(f"label: the log has no event {number}")
+        about = self.store.record(entry)
+        assert isinstance(about, Event)
+        since = [one.ended["rows"] for one in self.runs if one.ended and one.number >= entry.run]
+        evidence = dict(said.evidence(about, sum(since)))
+        named = f"{said.verdict} {said.cause}".rstrip()
+        return self._ordered("labelled", f"{about.kind}: {named}: {said.reason}", evidence, "")
+
+    def labels(self, run: Begun, position: int) -> list[Event]:
+        """Labels from between a run and the one before it, which it heeds first; none that it had
+        heeded when the log was at ``position``."""
+        before = max((one.last for one in self.runs if one.number < run.number), default=0)
+        found = list[Event]()
+        for entry in self.store.entries(before, ("event",)):
+            record = self.store.record(entry)
+            assert isinstance(record, Event)
+            if entry.run == 0 and entry.number < run.position and _acts(record):
+                found.append(record)
+            if entry.run == run.number and entry.number <= position and record.kind == "heeded":
+                return []
+        return found
+
+    def archived(self, day: Day) -> Event:
+        """Names a file of samples in the log; they leave the store with it."""
+        event = day.event(self.row)
+        self.commit(Batch([event], moved=(day.gone,)))
+        return event
+
+    def _ordered(self, kind: str, said: str, evidence: dict[str, Any], person: str) -> Event:
+        told = evidence | ({"person": person} if person else {})
+        event = Event(self.row, 0, kind, "", said, told)
+        self.say(event)
+        return event
+
+    @property
+    def row(self) -> int:
+        """Row from which on a run heeds what is said now: behind all that it has said and seen."""
+        run, seen = self.unfinished, self.store.progress()
+        if run is None:
+            return 0
+        said = [e.row for e in self.store.entries(run.position - 1) if e.run == run.number]
+        come = seen.rows if seen is not None and seen.run == run.number else 0
+        return max(*said, come - 1, self.at - 1) + 1
+
+    # ------------------------------------------------------------------ following
+
+    def _own(self, event: Event) -> None:
+        """Refuses the log of another twin: its history would be taken for this one's."""
+        other = event.evidence.get("twin", self._name) if event.kind == "configured" else self._name
+        if other != self._name:
+            raise StoreError(
+                f"the store is that of the twin {other!r}, and this is {self._name!r}: give it a "
+                "[store] path of its own (a twin keeps its store only under its name)"
+            )
+
+    def _check(self, event: Event) -> None:
+        number: Any = event.evidence.get("version")
+        known = isinstance(number, int) and number < len(self.versions)
+        if event.kind in SWITCHES and not known:
+            raise StoreError(f"log: event {event.kind!r} names no known version: {number}")
+
+    def _follow(self, event: Event, entry: Entry) -> None:
+        self._check(event)
+        number: Any = event.evidence.get("version")
+        if event.kind in ORDERS and entry.run == 0:
+            self.spoken = entry.number
+        if event.kind in SWITCHES:
+            self.lives.append(number)
+        elif event.kind == "pinned":
+            self.pinned = bool(event.evidence["pinned"])
+            if isinstance(number, int) and number != self.champion:
+                self.lives.append(number)
+        elif event.kind == "started":
+            self.runs.append(Begun(entry.run, entry.number, dict(event.evidence)))
+        elif event.kind == "ran":
+            self.runs[-1] = replace(self.runs[-1], ended=dict(event.evidence), last=entry.number)
+
+    def _estimates(self, content: Any, version: int, row: int, run: int) -> list[Estimate]:
+        """The parameter history: one entry per tuned parameter."""
+        fit = content.get("fit")
+        if not fit:
+            return []
+        found = []
+        for name, item in sorted(fit["parameters"].items()):  # as an answer from the log has them
+            low, high = item["interval95"]
+            bounds = (-math.inf if low is None else low, math.inf if high is None else high)
+            when = [int(content.get(key, 0)) for key in ("time", "task", "elapsed")]
+            value, verdict = item["value"], item["verdict"]
+            counts = (*when[1:], *self.counts(run))
+            found.append(Estimate(row, when[0], version, name, value, *bounds, verdict, *counts))
+        return found
+
+    def counts(self, run: int) -> tuple[int, int]:
+        """Tasks of the runs before a run, and the time within them [ns]."""
+        ended = [one.ended for one in self.runs if one.ended is not None and one.number < run]
+        return sum(e["tasks"] for e in ended), sum(e["elapsed"] for e in ended)
+
+
+def _acts(event: Event) -> bool:
+    """Is it a label that a run heeds?"""
+    return event.kind == "labelled" and event.evidence["verdict"] in ACTS

@@ -1,0 +1,336 @@
+"""What came of a run, as one would tell a colleague: the first lines of every result.
+
+Better, unchanged, on trial, not judged, or off with nothing better found: each case says so, with
+the deviation in a person's units, how far ahead it is predicted, and what to do next.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from evertwin.fold import Event
+from evertwin.models.form import Version
+from evertwin.outcome.jumps import jumps
+from evertwin.outcome.open_faults import open_faults
+from evertwin.outcome.open_trial import OpenTrial, shorter
+from evertwin.outcome.result import OutputFigures
+from evertwin.setup.setup import Setup
+from evertwin.signals.spoken import both, spoken
+from evertwin.sources.tally import Tally
+
+CLEAR = 0.03
+"""Share by which a deviation has to fall, or rise, to be called better, or worse."""
+FEW = 3
+"""Outputs that are named one by one."""
+SHORT, FEWER = 30, 10
+"""Rows since a version went live below which they do not tell how good it is; predictions, where
+each counts once, at its horizon."""
+LOST = 0.5
+"""Share of the rows left out from which on this is said first."""
+SELDOM = 0.003
+"""Share of the rows below which single contradictions are a rough model's."""
+OFTEN = 10
+"""Contacts in a run from which on it is said that they may be none."""
+
+
+def headline(
+    setup: Setup, outputs: Mapping[str, OutputFigures], versions: tuple[Version, ...],
+    events: Sequence[Event], trial: OpenTrial | None, measured: int = 0,
+) -> str:  # fmt: skip
+    """The outcome in a sentence or a few; ``versions``: the live one, and that which it is compared
+    with, if it is another; ``measured``: rows that measure an output."""
+    champion = versions[0]
+    known = {name: f for name, f in outputs.items() if not math.isnan(f.rms_after)}
+    units = {channel.name: channel.unit for channel in setup.model.outputs}
+    doubted = _of_a_sensor(events)
+    least = 0.0 if setup.relative or not setup.decides else setup.requirement
+    faults = {**({} if setup.static else jumps(events, units, least)), **open_faults(events)}
+    if known:
+        outcome = _outcome(setup, known, versions, events, trial)
+    elif champion.number:
+        outcome = (
+            f"Version {champion.number} is live ({shorter(champion.reason)}); no row since then "
+            "tells how much better it is."
+        )
+    else:
+        outcome = f"Nothing was predicted: {_why_none(measured)}."
+    told = [*faults.values(), outcome]
+    if doubted and doubted not in outcome:
+        told.insert(0, f"{doubted[0].upper()}{doubted[1:]}.")
+    told += map(_sentence, (*_last(events, "state"), *_last(events, "followed")))
+    doubts = _doubts(events, faults, max(measured, events[-1].row if events else 0))
+    if doubts:
+        most = [f"{signal} ({count}×)" for signal, count in doubts.most_common(FEW)]
+        rest = [f"{len(doubts) - FEW} more"] if len(doubts) > FEW else []
+        told.append(
+            f"Measurement and model contradicted each other at {', '.join(most + rest)}: the "
+            "events say which was believed."
+        )
+    contacts, own = _contacts(events)
+    if contacts:
+        times = f"{contacts} time{'s' * (contacts > 1)}"
+        told.append(f"Something outside acted on the machine {times}; it was not learned.")
+    if contacts >= OFTEN:
+        told.append(
+            "So often it may be the machine's own ([anomaly] external = 0 lets it be tuned)."
+        )
+    told += map(_sentence, own[-1:])
+    return " ".join(told)
+
+
+def first_of_rows(told: str, left_out: Sequence[Tally]) -> str:
+    """``told``, after what became of most rows of a source, where most were left out."""
+    for tally in left_out:
+        if tally.share > LOST:
+            rows = f"{tally.left_out} of {tally.left_out + tally.used} rows"
+            why = "; ".join(tally.suspicions or tally.lines()[:1])
+            return f"{rows} of {tally.source or 'the data'} were left out: {why}. {told}"
+    return told
+
+
+def _why_none(measured: int) -> str:
+    if not measured:
+        return "no output has a measurement to be compared with"
+    if measured < SHORT:
+        rows = f"{measured} row{'s are' if measured > 1 else ' is'}"
+        return f"{rows} too few, for filters and predictions need some before they begin"
+    return "no row has all its inputs, and a measurement that counts (evertwin doctor says why)"
+
+
+def _doubts(events: Sequence[Event], faults: Mapping[str, str], rows: int) -> Counter[str]:
+    """How often a signal and the model contradicted each other: single samples that no other agreed
+    with, and values that were believed, only where they are more than a rough model's."""
+    alike = Counter[str](), Counter[str]()
+    for event in events:
+        if event.kind in ("measurement_error", "overruled") and event.signal not in faults:
+            rough = event.kind == "overruled" or event.evidence.get("cause") == "vote"
+            alike[rough][event.signal] += 1
+    seldom = {signal for signal, count in alike[True].items() if count < SELDOM * rows}
+    return alike[False] + Counter({s: n for s, n in alike[True].items() if s not in seldom})
+
+
+def _sentence(event: Event) -> str:
+    return f"{event.reason[0].upper()}{event.reason[1:]}."
+
+
+def _last(events: Sequence[Event], kind: str) -> list[Event]:
+    """The last event of a kind, if there is one."""
+    return [e for e in events if e.kind == kind][-1:]
+
+
+def _of_a_sensor(events: Sequence[Event]) -> str:
+    """What was said last of a channel that is not what it was, or is said to be; else nothing."""
+    last = next((e for e in reversed(events) if e.kind in ("abnormal", "promoted")), None)
+    return last.reason if last is not None and "number" in last.evidence else ""
+
+
+def _contacts(events: Sequence[Event]) -> tuple[int, list[Event]]:
+    """How often something outside acted, and what came again and again: without what turned out to
+    be the machine's own, a load, or a unit."""
+    found, own = list[float](), list[Event]()
+    for event in events:
+        known: Any = event.evidence
+        if event.kind == "external":
+            found.append(known.get("first", event.row))
+        elif event.kind == "recurring":
+            found = [one for one in found if one < known.get("first", math.inf)]
+            own.append(event)
+        elif event.kind == "state":
+            found = [one for one in found if one < known["row"]]
+            own = [one for one in own if one.row < known["row"]]
+        elif event.kind == "abnormal" and "number" in known:
+            return 0, []
+    return len(found), own
+
+
+def _outcome(
+    setup: Setup, known: Mapping[str, OutputFigures], versions: tuple[Version, ...],
+    events: Sequence[Event], trial: OpenTrial | None,
+) -> str:  # fmt: skip
+    champion = versions[0]
+    changed = {name: f for name, f in known.items() if f.after != f.before and f.before > 0}
+    better = {n: f for n, f in changed.items() if f.after < (1.0 - CLEAR) * f.before}
+    worse = {n: f for n, f in changed.items() if f.after > (1.0 + CLEAR) * f.before}
+    why = _changed(setup, versions, events)
+    rows = max(f.rows for f in known.values())
+    one, short = ("prediction", FEWER) if setup.at_horizon.wanted else ("row", SHORT)
+    if champion.number and changed and rows < short:
+        return (
+            f"{why}; {rows} {one}{'s' * (rows != 1)} since then are too few to tell how much "
+            "better the twin is."
+        )
+    shares = setup.relative and setup.decides and len(known) <= FEW
+    now, lead = _sizes(known, "off", shares=shares), _lead(setup)
+    off = {n: f for n, f in known.items() if f.judged > setup.requirement}
+    found = _nothing_better(setup, events, trial)
+    still, asked = "", _asked(setup, known)
+    if off:
+        still = f" Still, {_off(setup, off)}, and {found}."
+    if champion.number and better:
+        less = f" ({_pairs(setup, worse)}: worse)" if worse else ""
+        fits = "fits its machine now" if asked and not off else "is closer to its machine"
+        return (
+            f"The twin {fits}: {_pairs(setup, better)}{less}{lead}{asked if not off else ''}, "
+            f"over rows that it had not seen. {why}.{still}"
+        )
+    if champion.number and changed:
+        return (
+            f"The live version is no better than the first on the rows since it came: "
+            f"{_pairs(setup, worse or changed)}{lead}. {why}.{still}"
+        )
+    if not setup.decides:
+        return (
+            f"Nothing was judged, for no requirement is set: {now}{lead}. How far may it "
+            "be off? Say so in [anomaly] requirement."
+        )
+    if off:
+        return f"The twin does not fit its machine: {_off(setup, off)}{lead}, and {found}."
+    if math.isfinite(setup.requirement) and all(math.isnan(f.judged) for f in known.values()):
+        lead = lead.replace(" while it moves", " at rest")
+        return f"Nothing moved, so whether the twin fits cannot be told: {now}{lead}."
+    named = max((e.row for e in events if e.kind == "state"), default=-1)
+    kinds = ("suspected", "drift", "abnormal")
+    doubts = [e for e in events if e.kind in kinds and e.row > named]
+    if not doubts:
+        more = "nothing else" if named >= 0 or _last(events, "followed") else "nothing"
+        free = [name for name, f in known.items() if math.isnan(f.judged)]
+        rest = f" No limit is asked of {', '.join(free)}." if free else ""
+        return f"The twin fits its machine, and {more} was changed: {now}{lead}{asked}.{rest}"
+    times = f"{len(doubts)} time{'s' * (len(doubts) > 1)}"
+    return (
+        f"Over all rows the twin is within what is asked: {now}{lead}{asked}; but it was suspected "
+        f"{times} ({doubts[-1].signal or doubts[-1].kind}: {doubts[-1].reason}), and {found}."
+    )
+
+
+def _nothing_better(setup: Setup, events: Sequence[Event], trial: OpenTrial | None) -> str:
+    if trial is not None:
+        if not trial.segments:
+            return "a candidate has gone on trial, of which no unseen row has told yet"
+        if trial.gain > CLEAR:
+            to_come = "" if trial.seconds is None else (
+                f", decided in about {trial.seconds:.0f} s if it goes on so")  # fmt: skip
+            return (
+                f"a better version is on trial ({shorter(trial.reason)}): {100 * trial.gain:.0f} % "
+                f"less deviation so far{to_come}"
+            )
+        so_far = "worse" if trial.gain < -CLEAR else "no better"
+        return f"the candidate that is on trial is {so_far} so far"
+    doubted = _of_a_sensor(events)
+    if doubted:
+        return doubted
+    verdicts = [e for e in events if e.kind in ("noise", "normal", "abnormal", "promoted")]
+    if verdicts and verdicts[-1].kind == "noise":
+        return verdicts[-1].reason
+    abnormal: list[Any] = [e.evidence.get("dependence") for e in events if e.kind == "abnormal"]
+    depends = next((str(found["input"]) for found in reversed(abnormal) if found), "")
+    channel = depends.removeprefix("change of ")
+    if channel in setup.model.inputs.names and not setup.spec.correction.terms:
+        return (
+            f"no parameter of the model explains it: it depends on {depends}. To let the twin "
+            f'learn that, add [correction] channels = ["{channel}"], terms = ["lag", "table", '
+            '"law"] to its file'
+        )
+    tried = sum(e.kind == "rejected" for e in events)
+    if tried:
+        return (
+            f"nothing better was found: {tried} candidate{'s were' if tried > 1 else ' was'} tried"
+        )
+    return "nothing better has been found yet"
+
+
+def _off(setup: Setup, off: Mapping[str, OutputFigures]) -> str:
+    """Which outputs are off by more than is asked, by how much, and what is asked."""
+    limit = setup.spec.anomaly.requirement
+    if setup.relative:
+        return f"{_sizes(off, 'off', shares=len(off) <= FEW)} where {100 * limit:g} % is asked"
+    return f"{_sizes(off, 'off')} where {spoken(limit, next(iter(off.values())).unit)} is asked"
+
+
+def changes(setup: Setup, champion: Version, before: Version | None = None) -> str:
+    """What is other in the live version than in the one ``before``, or than was configured: of many
+    numbers those that moved most."""
+    tuned, *terms = champion.reason.split("; ")
+    names = [name.removesuffix(" (weak)") for name in tuned.removeprefix("tuned ").split(", ")]
+    old = {item.name: item.value for item in setup.model.parameters}
+    old |= {} if before is None else dict(zip(before.names, before.values, strict=True))
+    now = dict(zip(champion.names, champion.values, strict=True))
+    units = {item.name: item.unit for item in setup.model.parameters}
+    if not tuned.startswith("tuned ") or not set(names) <= set(now) & set(old) & set(units):
+        return shorter(champion.reason)
+    names.sort(key=lambda name: -abs(now[name] - old[name]) / max(abs(old[name]), 1e-300))
+    told = [
+        f"{name} {old[name]:.3g} → {now[name]:.3g} {units[name]}".removesuffix(" 1")
+        for name in names[:FEW]
+    ]
+    more = f", and {len(names) - FEW} more" if len(names) > FEW else ""
+    return "; ".join([", ".join(told) + more, *terms[:FEW]])
+
+
+def _changed(setup: Setup, versions: tuple[Version, ...], events: Sequence[Event]) -> str:
+    """The same, and by whom."""
+    champion = versions[0]
+    went = [
+        e.evidence.get("person") or "itself" for e in events
+        if e.kind == "promoted" and e.evidence.get("version") == champion.number
+    ]  # fmt: skip
+    return f"Changed{f' by {went[-1]}' if went else ''}: {changes(setup, *versions)}"
+
+
+def _asked(setup: Setup, known: Mapping[str, OutputFigures]) -> str:
+    """What is asked, behind what is reached."""
+    if not math.isfinite(setup.requirement) or all(math.isnan(f.judged) for f in known.values()):
+        return ""
+    limit = setup.spec.anomaly.requirement
+    unit = next(f.unit for f in known.values() if not math.isnan(f.judged))
+    return f", where {100 * limit:g} % is asked" if setup.relative else (
+        f", where {spoken(limit, unit)} is asked")  # fmt: skip
+
+
+def _lead(setup: Setup) -> str:
+    of = "rms" if setup.spec.moving is None else "rms while it moves"
+    static = setup.static or not math.isfinite(setup.horizon)
+    return f" ({of})" if static else f" ({of}, predicted {setup.horizon:g} s ahead)"
+
+
+def _pairs(setup: Setup, some: Mapping[str, OutputFigures]) -> str:
+    """Before and after, of a few outputs by name, of many as a range."""
+    if len(some) > FEW:
+        after, before = (
+            _range([getattr(f, which) for f in some.values()])
+            for which in ("relative_rms_moving_after", "relative_rms_moving_before")
+        )
+        return f"{_span(some)} are off by {after} of their size instead of {before}"
+    told = []
+    for name, f in some.items():
+        first, last = both(f.before, f.after, f.unit)
+        told.append(f"{name} is off by {last} instead of {first}")
+    return ", ".join(told)
+
+
+def _sizes(some: Mapping[str, OutputFigures], *off: str, shares: bool = False) -> str:
+    """Sizes, with the words between a name and its size; ``shares``: as judged in % too."""
+    if len(some) > FEW:
+        share = _range([f.relative_rms_moving_after for f in some.values()])
+        return " ".join(
+            (_span(some), *(f"are {word}" for word in off), f"by {share} of their size")
+        )
+    verb = "".join(f"is {word} " for word in off)
+    return ", ".join(
+        f"{name} {verb}by {spoken(f.after, f.unit)}"
+        + f" ({100 * f.judged:.3g} %)" * (shares and not math.isnan(f.judged))
+        for name, f in some.items()
+    )
+
+
+def _span(some: Mapping[str, OutputFigures]) -> str:
+    names = list(some)
+    return f"{names[0]} … {names[-1]}"
+
+
+def _range(shares: Sequence[float]) -> str:
+    low, high = (spoken(100 * bound(shares), "1") for bound in (min, max))
+    return f"{low} %" if low == high else f"{low} to {high} %"

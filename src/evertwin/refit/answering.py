@@ -1,0 +1,37 @@
+"""Events that an answer to slow work says, as plain values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from evertwin.gauges.unit_change import SensorChange
+from evertwin.rows.ring import called
+from evertwin.setup.task import Windows
+
+
+def event(kind: str, signal: str, reason: str, evidence: Mapping[str, Any]) -> dict[str, Any]:
+    """One event.
+
+    >>> event("abnormal", "w", "its sign looks turned", {})["kind"]
+    'abnormal'
+    """
+    return {"kind": kind, "signal": signal, "reason": reason, "evidence": dict(evidence)}
+
+
+def changed_since(new: Windows) -> dict[str, Any]:
+    """The machine changed; ``new`` are the rows since then."""
+    said = f"the machine changed at {called(new[0].row)}: rows before it are left out"
+    rows = sum(len(block.t) for block in new)
+    evidence = {"row": new[0].row, "time": int(new[0].t[0]), "rows": rows}
+    return event("changed", "", said, evidence)
+
+
+def of_a_sensor(found: SensorChange) -> dict[str, Any]:
+    """A channel is not what it was, or is said to be: nothing is learned from it."""
+    return event("abnormal", found.channel, found.said, {"number": found.number})
+
+
+def rejected(reason: str) -> dict[str, Any]:
+    """What the answer says of work that could not be done."""
+    return {"events": [event("rejected", "", reason, {})]}

@@ -1,0 +1,125 @@
+"""How a correction is learned.
+
+One corrected input whose table may be learned: SARSA learns the translation table, which is refined
+into a continuous law with a lag (``refine = false`` stops at the table). Anything else: a search
+over all kinds of term that the twin file allows, each of which has to pay on held-out rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import fields
+
+import numpy as np
+
+from evertwin.correction.command_effect import command_effects
+from evertwin.correction.evidence import gather, mean_deviation
+from evertwin.correction.improve import Gain, Proposal, Selection, improve
+from evertwin.correction.refine_law import refine_law
+from evertwin.correction.sarsa import learn_table
+from evertwin.correction.sarsa_settings import SarsaSettings
+from evertwin.correction.sarsa_settings import propose as propose_actions
+from evertwin.correction.sarsa_table import Table
+from evertwin.fold import Block
+from evertwin.ledger.versions import Versions
+from evertwin.models import Model
+from evertwin.models.corrected import build
+from evertwin.models.form import Form, Term, Version
+from evertwin.models.terms.rows import level_count
+from evertwin.refit.recall import recalled
+from evertwin.setup.setup import Setup
+
+Windows = tuple[Block, ...]
+CLEARLY = 0.05
+"""Part of the deviation by which a proposal from other numbers has to be the better one."""
+SHOWN = ("channel", "levels", "values", "visits", "learned")
+"""What an event keeps of a translation table."""
+
+
+def learn(setup: Setup, base: Model, version: Version, windows: Windows) -> Proposal:
+    """A proposal for a corrected form of ``version``, learned on ``windows``."""
+    rule = setup.spec.correction
+    if rule.translated:
+        return _translation(setup, base, version, windows)
+    settings = Selection(rule.terms, rule.channels, quantum=rule.quantum, outputs=rule.outputs)
+    return improve(base, version.form, windows, setup.horizon, settings, version.p)
+
+
+def nearest(
+    versions: Versions, proposals: Sequence[Proposal], windows: Windows, horizon: float
+) -> Proposal:
+    """The first of them, unless another one is nearer to the windows by `CLEARLY`."""
+    best = proposals[0]
+    for other in (one for one in proposals[1:] if one.found):
+        models = [versions.model_of(one.form) for one in (best, other)]
+        seen = gather(models[0], windows, horizon, p=best.p)
+        here, there = (
+            mean_deviation(seen.deviations(seen.residual(model, one.p)))
+            for model, one in zip(models, (best, other), strict=True)
+        )
+        best = other if not best.found or there < (1.0 - CLEARLY) * here else best
+    return best
+
+
+def sarsa_settings(setup: Setup, channel: str, windows: Windows) -> SarsaSettings:
+    """The agent's settings; its range is proposed from the data where no quantum is given."""
+    rule = setup.spec.correction
+    column = setup.model.inputs.index(channel)
+    commands = np.concatenate([w.u[:, column] for w in windows])
+    top = float(np.nanmax(commands))
+    if rule.quantum > 0:
+        low = min(0.0, float(np.nanmin(commands)))
+        count, quantum = level_count(low, top, rule.quantum), rule.quantum
+    else:
+        p = setup.model.parameters.values
+        seen = command_effects(setup.model, p, windows, channel, setup.horizon)
+        low, quantum, count = propose_actions(*seen)
+    return SarsaSettings(
+        channel, low, quantum, count, horizon=setup.horizon, mode=rule.learner, watch=rule.watch,
+        **{item.name: getattr(rule.sarsa, item.name) for item in fields(rule.sarsa)},
+    )  # fmt: skip
+
+
+def _translation(setup: Setup, base: Model, version: Version, windows: Windows) -> Proposal:
+    """The translation of one input, in place of the terms that the version has."""
+    channel = setup.spec.correction.translated
+    settings = sarsa_settings(setup, channel, windows)
+    newest = setup.rows(setup.spec.correction.window)
+    windows = recalled(windows, newest, base.inputs.index(channel), settings)
+    p = version.p[: len(base.parameters)]
+    table = learn_table(base, p, windows, settings)
+    terms: tuple[Term, ...] = (Term("table", channel, levels=tuple(table.levels.tolist())),)
+    said = tuple(_said(table, base.inputs.units[base.inputs.index(channel)]))
+    values = {f"table.{channel}.{k}": float(v) for k, v in enumerate(table.values)}
+    if setup.spec.correction.refine:
+        refined = refine_law(base, p, windows, table, setup.horizon)
+        terms, values = refined.terms, dict(refined.values)
+        said = (*refined.describes, *said[1:])
+    form = Form(terms, version.form.variant)
+    model = build(base, form)
+    full = model.parameters.with_values(values).values
+    full[: len(p)] = p
+    seen = gather(base, windows, setup.horizon, p=p)
+    before = float(seen.deviations(seen.residual(base, p)).mean())
+    after = float(seen.deviations(seen.residual(model, full)).mean())
+    gain = Gain(terms[0], before, after, seen.segments, detail=said[0])
+    gains = (gain,) if after < before else ()
+    names = model.parameters.names
+    return Proposal(
+        form, names, full, before, after, seen.scale, gains=gains, describes=said,
+        table={name: getattr(table, name) for name in SHOWN},
+        unseen=tuple(table.levels[table.visits == 0].tolist()),
+    )  # fmt: skip
+
+
+def _said(table: Table, unit: str) -> Iterator[str]:
+    """What the table rests on, and the missing excitation in words."""
+    levels = table.levels
+    yield f"{table.channel}: {int(table.learned.sum())} of {len(levels)} levels learned"
+    opens = np.flatnonzero(np.diff(table.visits == 0, prepend=False, append=False)).tolist()
+    found = [
+        f"{levels[a]:g}" if b == a + 1 else f"{levels[a]:g} to {levels[b - 1]:g}"
+        for a, b in zip(opens[::2], opens[1::2], strict=True)
+    ]
+    if found:
+        yield f"{table.channel} was not seen at {', '.join(found)} {unit}"

@@ -1,0 +1,321 @@
+"""Fitting on recordings and judging on others: what ``evertwin fit`` does.
+
+Nothing goes live here. Where the model has a ladder of friction laws, a rung is climbed, output by
+output, only while the error on held-out tasks falls.
+"""
+
+from __future__ import annotations
+
+import html
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple, TypeAlias
+
+from evertwin.anomaly.verdict import branch
+from evertwin.engine import Engine
+from evertwin.fold import Block, plain
+from evertwin.ledger.versions import Versions
+from evertwin.models import Model, Parameters
+from evertwin.models.form import Form, Version
+from evertwin.refit.recursive_fit import Recursion
+from evertwin.refit.screening import screened
+from evertwin.refit.term_search import Formed, check_initials, own_start, with_terms
+from evertwin.refit.work import Work
+from evertwin.refit.workers import far_of
+from evertwin.rows.feed import Data, Feed
+from evertwin.setup.evaluation import Deviation, Prediction, deviations, falls_short, predict
+from evertwin.setup.friction_law import Chosen, acting, climb_laws, joined
+from evertwin.setup.setup import Setup
+from evertwin.setup.windows import starts, windows_of
+from evertwin.sources.tally import Tally
+from evertwin.tuning import (
+    Fit,
+    Problem,
+    carried,
+    initials,
+    moved,
+    repeated,
+    started,
+    told_apart,
+)
+from evertwin.tuning.interrupt import Interrupt
+from evertwin.types import Json
+
+Watch: TypeAlias = Callable[[int, float], bool]
+"""Called with (evaluations so far, cost) while a search runs; False ends it, best so far kept."""
+
+
+class Judged(NamedTuple):
+    """Predictions of a recording's tasks, and the parameters that each was made with.
+
+    >>> Judged([], []).values
+    []
+    """
+
+    predictions: list[Prediction]
+    values: list[dict[str, float]]
+
+
+@dataclass(frozen=True)
+class FitResult:
+    """The outcome of `Twin.fit`.
+
+    >>> FitResult.__name__
+    'FitResult'
+    """
+
+    name: str
+    fit: Fit
+    train: tuple[Deviation, ...]
+    test: tuple[Deviation, ...]
+    """Over all tests together; empty without tests."""
+    tests: tuple[tuple[str, tuple[Deviation, ...]], ...]
+    """Each test alone."""
+    laws: Mapping[str, str]
+    """Output → friction law that was chosen."""
+    causes: Mapping[str, str]
+    """Output → what the terms of its law mean, where it has some."""
+    filter: Mapping[str, Json] | None
+    parameters: Parameters
+    form: Form = Form()
+    """Terms that the model has, those included that this fit has found."""
+    unknown: str = ""
+    """Why no form that was tried is the machine's; empty where one may be, or none was tried."""
+    search: Mapping[str, Any] = field(default_factory=dict)
+    """The search for terms, if there was one: held-out errors before and after."""
+    starts: tuple[tuple[Mapping[str, float], ...], ...] = ()
+    """Per test and task of it: the parameters that belong to a recording, fitted to it."""
+    left_out: tuple[Tally, ...] = ()
+    """What was wrong with the recordings, and the rows left out for it, by source."""
+
+    def to_dict(self) -> dict[str, Json]:
+        """Plain content, ``schema: "evertwin.fit/1"``."""
+        whole: Any = self.fit.to_dict()
+        tested = {d.name: d for d in self.test}
+        outputs = {}
+        for d in self.train:
+            there = tested.get(d.name)
+            outputs[d.name] = {
+                "unit": d.unit, "rms_train": d.rms, "relative_rms_train": d.relative_rms,
+                "relative_rms_train_moving": d.relative_rms_moving,
+                "rms_test": there and there.rms,
+                "relative_rms_test": there and there.relative_rms,
+                "relative_rms_test_moving": there and there.relative_rms_moving,
+                "moving": there.moving if there else d.moving,
+            }  # fmt: skip
+        return plain(  # type: ignore[return-value]
+            {
+                "schema": "evertwin.fit/1",
+                "name": self.name,
+                "parameters": whole["parameters"],
+                "outputs": outputs,
+                "tests": [
+                    {
+                        "file": file,
+                        "outputs": {d.name: d.to_dict() for d in found},
+                        "fitted_to_the_test": list(starts),
+                    }
+                    for (file, found), starts in zip(self.tests, self._starts, strict=True)
+                ],
+                "filter": self.filter,
+                "form": {
+                    "terms": self.form.terms,
+                    "search": self.search,
+                    "unknown": self.unknown,
+                },
+                "friction_law": self.laws,
+                "friction_causes": self.causes,
+                "left_out": [tally.to_dict() for tally in self.left_out],
+                "converged": self.fit.converged,
+                "message": self.fit.message,
+                "method": self.fit.method,
+                "iterations": self.fit.iterations,
+                "evaluations": self.fit.evaluations,
+                "seconds": self.fit.seconds,
+            }
+        )
+
+    @property
+    def _starts(self) -> tuple[tuple[Mapping[str, float], ...], ...]:
+        """Per test; what nothing was fitted to has none."""
+        filled = tuple(tuple(s for s in starts if s) for starts in self.starts)
+        return filled or ((),) * len(self.tests)
+
+    def __str__(self) -> str:
+        """Parameters, then deviations per recording."""
+        lines = [str(self.fit)]
+        lines += [
+            f"law of {output}: {law}"
+            + (f" ({self.causes[output]})" if output in self.causes else "")
+            for output, law in self.laws.items()
+        ]
+        lines += [f"the form is not known: {self.unknown}"] if self.unknown else []
+        lines += [f"terms: {said}" for said in self._described()]
+        shown = (("train", self.train), *self.tests)
+        for file, found in (*shown, ("all tests", self.test)) if self.test else shown:
+            lines.append(f"{file}:")
+            lines += [
+                f"  {d.name:<10} rms {d.rms:.4g} {d.unit} {100 * d.relative_rms:7.2f} %   moving "
+                f"{100 * d.relative_rms_moving:7.2f} % of {d.moving} rows"
+                for d in found
+                # a virtual sensor has no measurement to differ from
+                if not math.isnan(d.rms)
+            ]
+        if any(self._starts):
+            names = ", ".join(self._starts[0][0])
+            lines.append(f"fitted to each test, since they belong to a recording: {names}")
+        lines += map(str, self.left_out)
+        return "\n".join(lines)
+
+    def _described(self) -> list[str]:
+        if not self.search:
+            return []
+        found = self.search
+        terms = ", ".join(f"{t.kind} on {t.channel}" for t in self.form.terms) or "none"
+        return [
+            f"{terms} (held-out deviation over {found['horizon']:g} s, relative to the residual "
+            f"of the model as configured: {found['before']:.3g} -> {found['after']:.3g})",
+            *found["describes"],
+        ]
+
+    def _repr_html_(self) -> str:
+        return f"{self.fit._repr_html_()}<pre>{html.escape(str(self))}</pre>"
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """A version that was tuned on recordings, ready to predict others.
+
+    >>> Tuned.__name__
+    'Tuned'
+    """
+
+    setup: Setup
+    base: Model
+    """The version's own model, which says what of a recording can be trusted."""
+    version: Version
+    formed: Formed
+    chosen: Chosen
+    unknown: str
+    """Why no form that was tried is the machine's."""
+    tasks: tuple[Block, ...]
+    """What it was tuned on."""
+    feed: Feed
+    """What reads recordings, and counts what was wrong with them."""
+
+    @property
+    def model(self) -> Model:
+        """The model in the form that was found."""
+        return self.formed.problem.model
+
+    def rows(self, data: Data) -> tuple[Block, ...]:
+        """The tasks of recordings, without what cannot be a measurement."""
+        return screened(self.setup, self.base, self.version.p, self.feed.blocks(data))
+
+    def judged(self, blocks: tuple[Block, ...], own: bool = True) -> Judged:
+        """Predictions of tasks; ``own``: not learned from, so each finds the start it had."""
+        setup, model, found = self.setup, self.model, self.formed.fit
+        names, blocks = model.parameters.names, starts(setup, blocks)
+        if own and setup.spec.tuning.method == "recursive":
+            recursion = Recursion.after(setup, self.formed.problem, found)
+            return Judged([recursion.predict(b) for b in blocks], [{} for _ in blocks])
+        fitted = found.names, found.values
+        used = [
+            own_start(setup, model, found.p, b) if own else started(model, found.p, fitted, k)
+            for k, b in enumerate(blocks)
+        ]
+        seen = [predict(setup, model, p, b) for p, b in zip(used, blocks, strict=True)]
+        return Judged(seen, [dict(zip(names, p.tolist(), strict=True)) for p in used])
+
+
+def tune(
+    setup: Setup, versions: Versions, number: int, train: Data, watch: Watch | None = None,
+    engine: Engine | None = None,
+) -> Tuned:  # fmt: skip
+    """Version ``number``, tuned on ``train``; differences in the engine's processes, if any."""
+    feed, version, base = Feed(setup.spec, setup.model), versions[number], versions.model(number)
+    problem, tasks = posed(setup, versions, number, feed.blocks(train))
+    far = None if engine is None else far_of(engine, setup.spec, version.form)
+    problem = replace(problem, settings=replace(problem.settings, far=far))
+    with Interrupt() as stop:
+        problem, chosen = climb_laws(setup, _watched(problem, stop, watch))
+        work = Work(setup, versions)
+        formed = with_terms(setup, work, version, problem)
+        told = told_apart(formed.problem, formed.fit)
+        sure = repeated(formed.problem, carried(formed.problem, told))
+        formed = replace(formed, fit=moved(formed.problem, sure, joined(formed.problem)))
+        chosen = acting(chosen, problem, formed.fit)
+        unknown = _unknown(work, formed) if chosen.laws or formed.search else ""
+    return Tuned(setup, base, version, formed, chosen, unknown, tasks, feed)
+
+
+def _unknown(work: Work, formed: Formed) -> str:
+    """What is left of the best form that was tried: it depends on an input, or is too much."""
+    told = branch(formed.fit, formed.problem)
+    if told.evidence["dependence"]:
+        return told.reason
+    return falls_short(work.setup, formed.problem, formed.fit)
+
+
+def posed(
+    setup: Setup, versions: Versions, number: int, blocks: Iterable[Block]
+) -> tuple[Problem, tuple[Block, ...]]:
+    """What version ``number`` is tuned on: the problem, and the tasks that its windows are of."""
+    version, base, work = versions[number], versions.model(number), Work(setup, versions)
+    tasks = screened(setup, base, version.p, blocks)
+    check_initials(setup, base, tasks)
+    windows = starts(setup, windows_of(tasks, setup.spec.tuning.cut))
+    return work.problem(version, windows, work.editable(version)), tasks
+
+
+def _watched(problem: Problem, stop: Interrupt, watch: Watch | None) -> Problem:
+    """The problem, whose searches end when they are asked to: all of them."""
+
+    def progress(evaluations: int, cost: float) -> bool:
+        if not stop.asked and watch is not None and watch(evaluations, cost) is False:
+            stop.asked = True
+        return not stop.asked
+
+    return replace(problem, settings=replace(problem.settings, progress=progress))
+
+
+def fit(
+    setup: Setup, versions: Versions, number: int, data: tuple[Data, tuple[Any, ...]],
+    watch: Watch | None = None, engine: Engine | None = None,
+) -> FitResult:  # fmt: skip
+    """Tunes version ``number`` on ``data``'s first part, judges it on each of the second.
+
+    The first Ctrl-C ends a search with the best values so far, which are then judged.
+    """
+    train, test = data
+    done = tune(setup, versions, number, train, watch, engine)
+    formed, model, found = done.formed, done.model, done.formed.fit
+    tests = [(named(item), done.judged(done.rows(listed(item)))) for item in test]
+    together = [prediction for _, one in tests for prediction in one.predictions]
+    rule, free = setup.spec.filter, initials(model)
+    return FitResult(
+        setup.spec.name, found, deviations(setup, done.judged(done.tasks, own=False).predictions),
+        deviations(setup, together) if tests else (),
+        tuple((name, deviations(setup, one.predictions)) for name, one in tests),
+        done.chosen.laws, done.chosen.causes,
+        None if rule is None else {"kind": rule.kind, "order": rule.order, "cutoff": rule.cutoff},
+        model.parameters.with_values(found.p), formed.form, done.unknown, formed.search,
+        tuple(
+            tuple({name: p[name] for name in free if name in p} for p in one.values)
+            for _, one in tests
+        ),
+        done.feed.left_out,
+    )  # fmt: skip
+
+
+def named(item: Any) -> str:
+    """What a recording is called."""
+    return item if isinstance(item, str) else getattr(item, "name", "") or "rows"
+
+
+def listed(item: Any) -> Any:
+    """One file is a list of one; blocks and columns are taken as they are."""
+    if isinstance(item, Block):
+        return (item,)
+    return [item] if isinstance(item, str) or hasattr(item, "exists") else item

@@ -1,0 +1,29 @@
+"""What a tuned window says: the parameters had moved, the form is wrong, or noise hides both."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from evertwin.anomaly.verdict import Verdict, branch
+from evertwin.gauges.noise import buried
+from evertwin.setup.evaluation import falls_short
+from evertwin.setup.setup import Setup
+from evertwin.tuning import Fit, Problem, solve
+
+
+def judged(setup: Setup, problem: Problem, fit: Fit) -> Verdict:
+    """Normal, abnormal or noise, with the cause that explains most."""
+    refits = {}
+    there = problem.model.parameters.names
+    for cause, names in setup.causes.items():
+        chosen = tuple(name for name in names if name in there)
+        if chosen:
+            refits[cause] = solve(problem.tuning(chosen))
+    found = branch(fit, problem, refits, frozenset(setup.editable))
+    noisy = buried(setup, problem, fit)
+    if noisy and (found.kind == "normal" or found.evidence["dependence"]):
+        return replace(found, kind="noise", reason=noisy)
+    short = falls_short(setup, problem, fit)
+    if found.kind == "normal" and short and setup.spec.correction.terms:
+        return replace(found, kind="abnormal", reason=f"{short}: the form does not reach it")
+    return found

@@ -1,0 +1,108 @@
+"""What physics allows of a candidate, asked as validation asks: friction resists.
+
+A fit whose friction gives power out somewhere on its rows is repeated with the numbers that do so
+held at zero or above. Where that explains as much, the rows did not tell these numbers from others
+(a joint that moves one way only trades dry friction for an offset); where it explains less, the
+numbers have ended on a bound, which says that the form is wrong. What still gives power out, since
+its numbers may not be tuned, is refused: it is neither tried nor promoted.
+
+A term that a fit turns round, such as a Stribeck peak that would stick less at rest than it slides,
+is held at zero, too. It may stay out of the law, so its bound says nothing of the form.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from dataclasses import replace
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from evertwin.anomaly.verdict import Rule
+from evertwin.machines.friction.resisting import pushes
+from evertwin.models import Parameters
+from evertwin.setup.friction_law import Laddered
+from evertwin.tuning import Fit, Problem
+
+Tune: TypeAlias = Callable[[Problem], tuple[Fit, dict[str, Any]]]
+
+
+def physically(problem: Problem, tune: Tune) -> tuple[Fit, dict[str, Any]]:
+    """A fit, repeated with bounds where its friction would give power out."""
+    free, more = tune(problem)
+    highest = dict(zip(problem.names, problem.bounds[1].tolist(), strict=True))
+    fit, held = free, dict[str, str]()
+    turned = set[str]()
+    while True:
+        wrong, other = pushes(problem.model, fit.p, problem.windows), _turned(problem, fit)
+        new = {name: f"{push.name} gives power out" for push in wrong for name in push.negative}
+        new = {
+            name: why
+            for name, why in (new | other).items()
+            if name in problem.names and name not in held and highest[name] >= 0.0
+        }
+        if not new:
+            break
+        held, turned = held | new, turned | set(other)
+        fit, more = tune(replace(problem, prior=_resisting(problem.parameters, held)))
+    if held:
+        # a term that is turned round stays out: without it the law is a simpler one
+        alike = set(held) if _lost(free, fit) <= Rule().part else turned
+        fit = _told(fit, held, alike)
+    if wrong:
+        fit = replace(fit, message=f"{fit.message}; not physical: {'; '.join(map(str, wrong))}")
+    return fit, more
+
+
+def _turned(problem: Problem, fit: Fit) -> dict[str, str]:
+    """Numbers below zero of terms that may stay out of the law, each an effect that physics knows
+    one way only: what sticks at rest, what a load adds."""
+    model, items = problem.model, problem.parameters
+    optional = model.rungs() if isinstance(model, Laddered) else ()
+    return {
+        name: f"{rung.name} is no such effect"
+        for rung in optional
+        for name in rung.add
+        if name in fit.names and items[name].resists and fit[name] < 0.0
+    }
+
+
+def _resisting(parameters: Parameters, held: dict[str, str]) -> Parameters:
+    """The prior with these numbers at zero or above."""
+    return Parameters(
+        tuple(
+            replace(item, low=max(item.low, 0.0), value=max(item.value, 0.0))
+            if item.name in held
+            else item
+            for item in parameters
+        )
+    )
+
+
+def _lost(free: Fit, held: Fit) -> float:
+    """Share of the first deviation that only the free numbers explain."""
+    rows = np.array([r.rows for r in free.residuals], dtype=np.float64)
+    weight = rows / np.where((free.noise > 0) & (rows > 0), free.noise, 1.0) ** 2
+    before = np.nansum(weight * np.square([r.rms_before for r in free.residuals]))
+    left = [
+        float(np.nansum(weight * np.square([r.rms_after for r in one.residuals])))
+        for one in (free, held)
+    ]
+    return (left[1] - left[0]) / float(before) if before > 0 else 0.0
+
+
+def _told(fit: Fit, held: dict[str, str], alike: Collection[str]) -> Fit:
+    """What was held is weak, whatever its interval; ``alike``: whose bound does not matter."""
+    words, reasons = list(fit.verdict), list(fit.reasons)
+    on = [name for name in fit.names if name in held and fit[name] == 0.0]
+    for name in on:
+        k = fit.names.index(name)
+        words[k] = "not" if words[k] == "not" else "weak"
+        why = f"held at 0: below it {held[name]}"
+        reasons[k] = "; ".join(filter(None, (reasons[k], why)))
+    bound = tuple(name for name in fit.at_bound if not (name in alike and name in on))
+    said = f"; {', '.join(on)} held at 0, where friction does not push" if on else ""
+    return replace(
+        fit, verdict=tuple(words), reasons=tuple(reasons), at_bound=bound,
+        message=fit.message + said,
+    )  # fmt: skip

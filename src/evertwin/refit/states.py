@@ -1,0 +1,223 @@
+"""States of a machine: what comes and goes within seconds, such as a load, and is told by a number.
+
+A state is a cause of its own (``[tuning.causes]``), and its few numbers alone are tuned, whatever
+else is editable. It is looked for on rows of the machine as it is now: from the place on from which
+the state's numbers predict better than the version does. It is there if numbers learned on one half
+of these rows predict the other half, and leave much less there than any other cause so learned.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from evertwin.anomaly.verdict import Rule
+from evertwin.fold import Block, Mark
+from evertwin.gauges.change import split
+from evertwin.models.form import Version
+from evertwin.rows.ring import called
+from evertwin.setup.setup import Setup
+from evertwin.tuning import Fit, Problem, solve
+from evertwin.types import Float64, Outputs, PerOutput, Vector
+
+ROWS, SECONDS = 5, 1.0
+"""Rows for each number, and time [s], that a state is looked for on at least."""
+PARTS = (2, 8, 32)
+"""Parts of the rows, the newest of which are tried as those of the machine as it is now."""
+LEFT = 0.5
+"""Part of what the next best cause leaves that a state leaves at most."""
+BRIEF, SEGMENTS = 3.0, 3
+"""Unseen time [s] and segments at least that a state is tried on: it was expected to come."""
+PATIENCE = 3
+"""Such times after which a state that does not hold is dropped."""
+Windows = tuple[Block, ...]
+Pose = Callable[[tuple[str, ...], Windows], Problem]
+"""The problem of tuning these numbers on these rows, from the version as it is."""
+
+
+class Stated(NamedTuple):
+    """A state that was found.
+
+    >>> Stated._fields
+    ('name', 'said', 'values', 'problem', 'fit', 'row')
+    """
+
+    name: str
+    said: str
+    """In a person's words."""
+    values: dict[str, float]
+    problem: Problem
+    """Its numbers on the rows of the machine as it is now."""
+    fit: Fit
+    row: int
+    """First of these rows."""
+
+
+@dataclass(frozen=True)
+class States:
+    """The states of a twin, looked for from one version.
+
+    >>> States.__name__
+    'States'
+    """
+
+    setup: Setup
+    version: Version
+    pose: Pose
+
+    def find(self, windows: Windows) -> Stated | None:
+        """The state that came or went, by what the newest rows say; None: there is none."""
+        windows = _counting(windows)
+        for name in self.setup.spec.tuning.states:
+            names = self.setup.causes[name]
+            now = self._now(windows, names)
+            shares = self._shares(now, names) if now else None
+            if shares is None:
+                continue
+            there, others, gone = shares
+            if there < Rule().enough or 1.0 - there > LEFT * (1.0 - others):
+                continue
+            found = self.known(name, now, gone=gone > there - Rule().part)
+            if found is not None:
+                return found
+        return None
+
+    def known(self, name: str, windows: Windows, *, gone: bool = False) -> Stated | None:
+        """A state with its numbers by these rows; None: they do not tell that it is another."""
+        rule, names = self.setup.spec.tuning.states[name], self.setup.causes[name]
+        problem, row = self.pose(names, windows), windows[0].row
+        fit = solve(problem)
+        if gone:
+            before = amount(self.setup, name, self.version)
+            said = f"{rule.over} at {called(row)}{_at(windows)}, after {before}"
+            return Stated(name, said, rests(self.setup, name), problem, fit, row)
+        (low, high), k = fit.interval(rule.number), fit.names.index(rule.number)
+        known, unit = problem.start[k], fit.units[k]
+        if fit.verdict[k] != "identifiable" or low <= known <= high:
+            return None
+        size = f"{fit[rule.number]:.3g} ± {high - fit[rule.number]:.1g} {unit}"
+        said = f"{rule.says} {size} since {called(row)}{_at(windows)}"
+        values = dict(zip(fit.names, fit.values.tolist(), strict=True))
+        return Stated(name, said, values, problem, fit, row)
+
+    def _now(self, windows: Windows, names: tuple[str, ...]) -> Windows:
+        """The rows from the place on from which the state's numbers predict best; none: too few."""
+        whole = self.pose(names, windows)
+        start = self._off(whole, whole.start)
+        n = place = len(start)
+        best = math.inf
+        for part in PARTS:
+            newest = split(windows, n - n // part)[1]
+            if self._enough(newest, names):
+                after = self._off(whole, solve(self.pose(names, newest)).values)
+                left = float(after.sum()) + np.concatenate([[0.0], np.cumsum(start - after)])
+                if left.min() < best:
+                    best, place = float(left.min()), int(np.argmin(left))
+        now = split(windows, place)[1]
+        return now if self._enough(now, names) else ()
+
+    def _enough(self, windows: Windows, names: tuple[str, ...]) -> bool:
+        """Do enough of the rows count?"""
+        if not windows:
+            return False
+        rows = self.pose(names, windows).rows
+        counts = rows.used.any(axis=1)
+        enough = counts.sum() >= ROWS * len(names)
+        return bool(enough and rows.dt[counts].sum() >= SECONDS)
+
+    def _halves(self, windows: Windows, names: tuple[str, ...]) -> tuple[Windows, Windows]:
+        """As many rows that count in either half."""
+        told = np.flatnonzero(self.pose(names, windows).rows.used.any(axis=1))
+        return split(windows, int(told[len(told) // 2]))
+
+    def _shares(
+        self, windows: Windows, names: tuple[str, ...]
+    ) -> tuple[float, float, float] | None:
+        """Share of the unseen deviation that the state explains, the next best cause, and the state
+        as it rests; None: there is no deviation."""
+        causes = {c: self._there(own) for c, own in self.setup.causes.items()}
+        own = dict.fromkeys(names)
+        rivals = [c for c in causes.values() if c and not own.keys() >= set(c)]
+        left, total, resting = np.zeros(1 + len(rivals)), 0.0, 0.0
+        halves = self._halves(windows, names)
+        for learned, unseen in (halves, halves[::-1]):
+            for k, tuned in enumerate((names, *rivals)):
+                values = solve(self.pose(tuned, learned)).values
+                left[k] += self._off(self.pose(tuned, unseen), values).sum()
+            problem = self.pose(names, unseen)
+            total += float(self._off(problem, problem.start).sum())
+            rest = np.array([self.setup.model.parameters[n].value for n in names])
+            resting += float(self._off(problem, rest).sum())
+        if not total > 0.0:
+            return None
+        others = 1.0 - float(left[1:].min()) / total if rivals else 0.0
+        return 1.0 - float(left[0]) / total, max(others, 0.0), 1.0 - resting / total
+
+    def _there(self, names: tuple[str, ...]) -> tuple[str, ...]:
+        """Of the numbers of a cause those that the version has; all where it has none yet."""
+        own = dict(zip(self.version.names, self.version.values, strict=True))
+        return tuple(n for n in names if own.get(n)) or names
+
+    def _off(self, problem: Problem, values: Vector) -> Float64[np.ndarray, " n"]:
+        """Squared residual of each row, in units of what the twin may be off, (n,)."""
+        rows, residual = problem.rows, problem.residuals(values)
+        squares = np.where(rows.used, np.square(residual), np.nan) / self._size(rows.y)
+        return np.asarray(np.nansum(np.where(self.setup.watched, squares, np.nan), axis=1))
+
+    def _size(self, y: Outputs) -> PerOutput:
+        limit = self.setup.requirement if np.isfinite(self.setup.requirement) else 1.0
+        if not self.setup.relative:
+            return np.full(y.shape[1], limit**2)
+        rows = np.maximum(np.count_nonzero(np.isfinite(y), axis=0), 1)
+        size = np.nansum(np.square(y), axis=0) / rows
+        return np.asarray(limit**2 * np.where(size > 0, size, 1.0))
+
+
+def _counting(windows: Windows) -> Windows:
+    """The rows; those of what acts on the machine at their end count, as it may be the state."""
+    last, mark = windows[-1], windows[-1].mark.copy()
+    goes_on = np.logical_and.accumulate((mark == Mark.EXTERNAL).any(axis=1)[::-1])[::-1]
+    mark[goes_on[:, None] & (mark == Mark.EXTERNAL)] = Mark.OK
+    return *windows[:-1], last._replace(mark=mark)
+
+
+def _at(windows: Windows) -> str:
+    """The time of the first row, where stamps are those of a clock that counts from the start."""
+    seconds = int(windows[0].t[0]) * 1e-9
+    return f" ({seconds:.1f} s)" if 0 <= seconds < 1e8 else ""
+
+
+def rests(setup: Setup, name: str) -> dict[str, float]:
+    """The numbers of a state that is not there."""
+    return {n: float(setup.model.parameters[n].value) for n in setup.causes[name]}
+
+
+def amount(setup: Setup, name: str, version: Version) -> str:
+    """The number of a state in a version, with its unit; empty where the state is not there."""
+    own = dict(zip(version.names, version.values, strict=True))
+    rest, number = rests(setup, name), setup.spec.tuning.states[name].number
+    if all(own.get(n, value) == value for n, value in rest.items()):
+        return ""
+    return f"{own[number]:.3g} {setup.model.parameters[number].unit}"
+
+
+def tried(
+    setup: Setup, evidence: dict[str, Any], gain: float
+) -> Literal["promote", "reject"] | None:
+    """The verdict on a state from its short test: promote, reject, or None while it goes on.
+
+    >>> from evertwin.config.spec import ModelSpec, TwinSpec
+    >>> from evertwin.setup.configured_model import model_of
+    >>> spec = TwinSpec("cart", ModelSpec("robot1d"))
+    >>> setup = Setup(spec, model_of(spec, None))
+    >>> [tried(setup, {"segments": n, "gain": 0.9}, 0.5) for n in (2, 3)]
+    [None, 'promote']
+    """
+    least = max(SEGMENTS, math.ceil(BRIEF / setup.trial.horizon - 1e-9))
+    if evidence["segments"] >= least and evidence["gain"] >= gain:
+        return "promote"
+    return "reject" if evidence["segments"] >= PATIENCE * least else None

@@ -1,0 +1,151 @@
+"""A fit that may change the form: terms that pay on held-out parts, then all numbers together.
+
+Terms are sought on top of the version as it is, before its numbers are tuned: numbers that were
+tuned for a form without the term have already bent to make up for it. Then everything is tuned
+together; a term stays only if the tuned form leaves less than the tuned version without it.
+Parameters that a model calls its ``initials`` are the state before a recording that nothing
+measures: they belong to the recording, so each one gets its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from evertwin.correction.candidates import propose
+from evertwin.correction.improve import Proposal, Selection, improve
+from evertwin.errors import ConfigError, DataError
+from evertwin.fold import Block
+from evertwin.models import Model
+from evertwin.models.corrected import Corrected, build
+from evertwin.models.form import Form, Version
+from evertwin.models.terms.rows import Rows
+from evertwin.refit.work import Work
+from evertwin.refit.workers import formed as formed_far
+from evertwin.setup.setup import Setup
+from evertwin.tuning import Fit, Problem, initials, own_names, solve
+from evertwin.types import Json, ParameterVector
+
+GAIN = 0.05
+"""Least relative fall of the tuned residual that the terms must bring."""
+
+
+@dataclass(frozen=True)
+class Formed:
+    """A fit and the form that it is of.
+
+    >>> Formed.__name__
+    'Formed'
+    """
+
+    problem: Problem
+    fit: Fit
+    form: Form
+    search: Mapping[str, Any] = field(default_factory=dict)
+    """Held-out deviations before and after, and what was tried; empty without a search."""
+
+
+def check_initials(setup: Setup, model: Model, tasks: tuple[Block, ...]) -> None:
+    """Refuses what would share one start where each needs its own.
+
+    Raises:
+        DataError: several recordings to learn the form from.
+        ConfigError: windows inside a recording.
+    """
+    names, rule = ", ".join(initials(model)), setup.spec.correction
+    if names and len(tasks) > 1 and rule.in_fit and rule.terms:
+        raise DataError(
+            f"fit: expected one recording to learn a form from ([correction] in_fit), got "
+            f"{len(tasks)}: {names} are the state before a recording, so each would need its own"
+        )
+    if names and setup.spec.tuning.cut is not None:
+        raise ConfigError(
+            f"[tuning.cut]: expected none for a model with a start of its own per recording "
+            f"({names}): windows inside a recording would need their own"
+        )
+
+
+def with_terms(setup: Setup, work: Work, version: Version, problem: Problem) -> Formed:
+    """The tuned problem; with ``[correction] in_fit`` the tuned problem of the form that pays."""
+    rule = setup.spec.correction
+    problem, fit, _ = work.tune(problem)
+    without = Formed(problem, fit, version.form)
+    if not (rule.in_fit and rule.terms):
+        return without
+    settings = Selection(rule.terms, rule.channels, quantum=rule.quantum, outputs=rule.outputs)
+    horizon = setup.horizon if rule.horizon is None else rule.horizon
+    proposal = improve(setup.model, version.form, problem.windows, horizon, settings, version.p)
+    search: dict[str, Any] = {
+        "horizon": horizon,
+        "describes": list(proposal.describes),
+        **proposal.evidence(),
+    }
+    if not proposal.found:
+        return replace(without, search=search)
+    model = build(setup.model, proposal.form)
+    known = dict(zip(problem.model.parameters.names, fit.p.tolist(), strict=True))
+    tried = []
+    for start in _starts(setup, problem, proposal, horizon):
+        names = own_names(model, work.tunable(model), len(problem.windows))
+        wider = replace(
+            problem, model=model, editable=names,
+            prior=model.parameters.with_values(start | known),
+            settings=replace(
+                problem.settings, far=formed_far(problem.settings.far, setup.spec, proposal.form)
+            ),
+        )  # fmt: skip
+        wider, found, _ = work.tune(wider)
+        tried.append(Formed(wider, found, proposal.form, search))
+    formed = min(tried, key=lambda one: one.fit.cost)
+    left: list[Json] = [
+        {"output": o, "without": a, "with": b} for o, a, b in _rms(without.fit, formed.fit)
+    ]
+    search |= {"tuned": left}
+    asked = rule.outputs or [output for output, _, _ in _rms(without.fit, formed.fit)]
+    ratios = [b / a for o, a, b in _rms(without.fit, formed.fit) if a > 0 and o in asked]
+    if not formed.fit.converged or float(np.mean(ratios)) > 1.0 - GAIN:
+        return replace(without, search=search)
+    return formed
+
+
+def _starts(
+    setup: Setup, problem: Problem, proposal: Proposal, horizon: float
+) -> list[dict[str, float]]:
+    """Where the search over all numbers begins: with what was proposed, off its bounds, and with
+    the general starts of each term."""
+    rule = setup.spec.correction
+    span = max(float(w.t[-1] - w.t[0]) * 1e-9 for w in problem.windows)
+    rows = Rows(setup.model, problem.windows, rule.channels, min(horizon, span), rule.quantum)
+    general = {candidate.key: candidate for candidate in propose(rows, rule.terms)}
+    values = dict(zip(proposal.names, proposal.p.tolist(), strict=True))
+    corrected, found = Corrected(setup.model, proposal.form.terms), list[dict[str, float]]()
+    for number, term in enumerate(proposal.form.terms):
+        candidate = general.get((term.kind, term.channel, term.source))
+        names = corrected.names_of(number)
+        if candidate is None or len(candidate.low) != len(names):
+            continue
+        for name, low, size in zip(names, candidate.low, candidate.typical, strict=True):
+            values[name] = max(values[name], low + 0.01 * size)
+        found += [dict(zip(names, start, strict=True)) for start in candidate.starts]
+    return [values, *(values | start for start in found)]
+
+
+def _rms(one: Fit, two: Fit) -> list[tuple[str, float, float]]:
+    """(output, rms residual of one tuned fit, of the other)."""
+    return [
+        (a.output, a.rms_after, b.rms_after)
+        for a, b in zip(one.residuals, two.residuals, strict=True)
+        if np.isfinite(a.rms_after) and np.isfinite(b.rms_after)
+    ]
+
+
+def own_start(setup: Setup, model: Model, p: ParameterVector, window: Block) -> ParameterVector:
+    """The parameters with the unmeasured start that fits this recording best."""
+    names = initials(model)
+    if not names:
+        return p
+    prior = model.parameters.with_values(p)
+    return solve(Problem(model, (window,), names, setup.horizon, prior=prior)).p

@@ -1,0 +1,83 @@
+"""What of a version is tuned, on which rows, and how."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from evertwin.gauges.gauge_rows import Rows
+from evertwin.gauges.settled import settled
+from evertwin.ledger.versions import Versions
+from evertwin.models import Model
+from evertwin.models.corrected import Corrected
+from evertwin.models.form import Version
+from evertwin.refit.physical import physically
+from evertwin.setup.setup import Setup
+from evertwin.setup.task import Task, Windows
+from evertwin.tuning import Fit, Iteration, Problem, Schedule, Settings, own_names
+
+
+@dataclass(frozen=True)
+class Tuner:
+    """Tunes versions as the twin file says.
+
+    >>> Tuner.__name__
+    'Tuner'
+    """
+
+    setup: Setup
+    versions: Versions
+    """The models of forms are asked of it."""
+
+    def problem(self, version: Version, windows: Windows, names: tuple[str, ...]) -> Problem:
+        """The tuning problem of a version on a window."""
+        model = self.versions.model_of(version.form)
+        return Problem(
+            model, windows, own_names(model, names, len(windows)), self.setup.horizon, None,
+            self.setup.smooth_window,
+            model.parameters.with_values(version.p), self.setup.spec.tuning.loss,
+            self.setup.moving if self.setup.spec.moving is not None else None,
+            self.setup.spec.moving is not None and self.setup.spec.moving.tune,
+            Settings(starts=self.setup.spec.tuning.starts),
+        )  # fmt: skip
+
+    def editable(self, version: Version) -> tuple[str, ...]:
+        """What may be tuned of a version: the base model's share and the terms' own numbers."""
+        return self.tunable(self.versions.model_of(version.form))
+
+    def tunable(self, model: Model) -> tuple[str, ...]:
+        """The same of any form of the base model."""
+        base = self.setup.model.parameters.names
+        own = tuple(n for n in model.parameters.editable if n not in base)
+        few = tuple(n for n in own if isinstance(model, Corrected) and not model.on_grid(n))
+        return tuple(n for n in self.setup.editable if n in model.parameters.names) + few
+
+    def rows(self, task: Task, problem: Problem, fit: Fit) -> Rows:
+        """What hypotheses about a gauge are tested on, once ``problem`` is tuned."""
+        pose = partial(self.problem, task.version, names=self.editable(task.version))
+        return Rows(self.setup, pose, task.windows, problem, fit, lambda one: self.tune(one)[1])
+
+    def due(self, version: Version, tunings: int) -> tuple[str, ...]:
+        """The parameters whose turn it is."""
+        names, weights = self.editable(version), self.setup.weights
+        schedule = Schedule({name: weights.get(name, 1.0) for name in names})
+        return schedule.due(tunings)
+
+    def tune(self, problem: Problem) -> tuple[Problem, Fit, dict[str, Any]]:
+        """What was tuned, and the fit, its friction held to what resists; where it went by rounds,
+        these and the single-axis simulations they took."""
+        fit, rounds = physically(problem, self._tune)
+        return problem if fit.names == problem.names else problem.tuning(fit.names), fit, rounds
+
+    def _tune(self, problem: Problem) -> tuple[Fit, dict[str, Any]]:
+        rule = self.setup.spec.tuning
+        if rule.method != "iteration":
+            return settled(problem), {}
+        limit = self.setup.requirement if np.isfinite(self.setup.requirement) else 0.05
+        done = Iteration(limit=limit, relaxation=rule.relaxation).run(problem)
+        return done.fit, {
+            "rounds": done.rounds, "names": done.fit.names, "simulations": done.simulations,
+        }  # fmt: skip

@@ -1,0 +1,345 @@
+"""Slow work: what a request asks for, computed from a window of rows. Pure, so replay is exact.
+
+``fit``: tune what may be tuned, then ask whether the parameters had moved (normal) or the form is
+wrong (abnormal). ``correct``: search for terms that make up for the form. Either may end in a
+candidate, which then has to prove itself on data that this work has not seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from evertwin.anomaly.verdict import Verdict, explained
+from evertwin.config.spec import TwinSpec
+from evertwin.correction.improve import TooFew
+from evertwin.errors import DataError, ModelError, UsageError
+from evertwin.fold import plain
+from evertwin.gauges.change import changed, split, suddenly
+from evertwin.gauges.gauge import at_once, misgauged, silent
+from evertwin.gauges.misread import misread
+from evertwin.ledger.versions import Versions
+from evertwin.machines.friction.resisting import not_physical
+from evertwin.models import Model
+from evertwin.models.form import Form, Version
+from evertwin.refit.answering import changed_since, event, of_a_sensor, rejected
+from evertwin.refit.correcting import learn, nearest
+from evertwin.refit.judgement import judged
+from evertwin.refit.named_cause import named_first
+from evertwin.refit.posterior import posterior
+from evertwin.refit.recursive_fit import Recursion
+from evertwin.refit.simplest import law_now
+from evertwin.refit.states import States, amount
+from evertwin.refit.tuner import Tuner
+from evertwin.refit.workers import setup_of
+from evertwin.setup.evaluation import left, sizes
+from evertwin.setup.friction_law import acting
+from evertwin.setup.task import Task, Windows
+from evertwin.trial import admit
+from evertwin.tuning import Fit, Problem
+from evertwin.types import Json, ParameterVector
+
+LEAST = 0.05
+"""Smallest size of an output's loss, by that of the version before; few rows leave too little."""
+LITTLE = 0.1
+"""Weight in a loss of an output that tuning explains nothing of; 1: of one that it explains."""
+MUCH = 0.3
+"""Explained share below which a suspicion waits for more rows, and by which a candidate has to
+surpass one that is on trial."""
+HALF = 0.5
+"""Part of the deviation that tuning explains at least where the form is wrong and tuned numbers are
+tried all the same; and that a state which came or went takes away on unseen rows."""
+ENOUGH = 10
+"""Rows a parameter behind a change that a fit needs."""
+
+
+def work_of(spec: TwinSpec, rate: float | None) -> Work:
+    """The work of a twin file on rows of this rate, as `Work` travels to another process."""
+    setup = setup_of(spec).at(rate)
+    return Work(setup, Versions(setup.model))
+
+
+@dataclass(frozen=True)
+class Work(Tuner):
+    """Answers to requests. It travels as its twin file: models never do.
+
+    >>> Work.__name__
+    'Work'
+    """
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return work_of, (self.setup.spec, self.setup.measured_rate)
+
+    @np.errstate(over="ignore", invalid="ignore")
+    def content(self, task: Task) -> dict[str, Json]:
+        """What the answer says, in plain values; what cannot be done is an event in it."""
+        try:
+            if task.kind == "correct":
+                content = self.correct(task)
+            else:
+                task, content = self._stated(task)
+                content = content or (self.fit(task) if task.kind == "fit" else {})
+            self._refuse(task, content)
+            if task.rival is not None and not (content.get("candidate") or {}).get("brief"):
+                content = self._surpassing(task, task.rival, content)
+        except TooFew as error:
+            # not a verdict on anything: more rows come
+            content = {"events": [], "waits": str(error)}
+        except (DataError, ModelError, UsageError) as error:
+            content = rejected(f"{task.kind}: {error}")
+        return plain(content)  # type: ignore[return-value]
+
+    def _refuse(self, task: Task, content: dict[str, Any]) -> None:
+        """A candidate that is not physical on its rows is none, and an event says why."""
+        found = content.get("candidate")
+        if found is None:
+            return
+        own = dict(zip(task.version.names, task.version.values, strict=True))
+        followed = {name: own[name] for name in self.setup.followed if name in own}
+        found["values"] = followed | found["values"]
+        model, p = self._made(task.version, found)
+        wrong = not_physical(model, p, task.windows)
+        if wrong:
+            content["candidate"] = None
+            said, evidence = f"not physical: {wrong}", {"values": found["values"]}
+            content["events"].append(event("rejected", "", said, evidence))
+
+    def _made(self, version: Version, found: dict[str, Any]) -> tuple[Model, ParameterVector]:
+        """The model of a candidate, and its parameters."""
+        model = self.versions.model_of(found["form"])
+        own = dict(zip(version.names, version.values, strict=True)) | found["values"]
+        names = model.parameters.names
+        return model, model.parameters.with_values({n: own[n] for n in names if n in own}).values
+
+    def _surpassing(self, task: Task, rival: Version, content: dict[str, Any]) -> dict[str, Any]:
+        """Of an answer: what a fit found and what to do next, or a candidate that is better than
+        the rival; much better than one on trial, whose evidence would be lost."""
+        found = content.get("candidate")
+        if found is not None:
+            old = left(self.setup, self.versions.model_of(rival.form), rival.p, task.windows)
+            new = left(self.setup, *self._made(task.version, found), task.windows)
+            gain = MUCH if rival.number != task.version.number else self.setup.trial.margin
+            if np.nanmean(new / old) <= 1.0 - gain:
+                return content
+        keys = ("next", "lacking", "fit" if task.kind == "fit" else "")
+        return {"events": []} | {k: content[k] for k in keys if k in content}
+
+    # ------------------------------------------------------------------ tuning
+
+    def _stated(self, task: Task) -> tuple[Task, dict[str, Any]]:
+        """A candidate that has a state more, or less, or told better, and the task on the rows that
+        say so; nothing: there is none."""
+        setup, version = self.setup, task.version
+        if not setup.spec.tuning.states or not task.windows:
+            return task, {}
+        states = States(setup, version, lambda names, rows: self.problem(version, rows, names))
+        live = [name for name in setup.spec.tuning.states if amount(setup, name, version)]
+        if task.kind == "refine":
+            found = states.known(live[0], task.windows) if live else None
+        else:
+            found = states.find(task.windows)
+        if found is None:
+            return task, {}
+        scale = sizes(self.setup, found.problem, found.fit.values)
+        reason, windows = f"{found.name}: {found.said}", found.problem.windows
+        candidate = self._candidate(version.form, found.values, scale, reason, windows)
+        candidate |= {"brief": 0.0 if task.kind == "refine" else HALF, "begins": found.row}
+        content = {"events": [], "fit": found.fit.to_dict(timing=False), "candidate": candidate}
+        return task._replace(windows=windows), content
+
+    def fit(self, task: Task) -> dict[str, Any]:
+        """Tunes, and judges what the residual of the tuned model still says."""
+        version, windows, commissioned = task.version, task.windows, task.commissioned
+        names = self.due(version, task.tunings)
+        if commissioned:
+            names = tuple(n for n in names if n not in self.setup.once)
+        if not names:
+            return {"events": [], "next": self._next()}
+        windows, events = self._now(version, windows, names) if task.held else (windows, [])
+        since = {"since": windows[0].row} if windows is not task.windows else {}
+        model = self.versions.model_of(version.form)
+        rows = self.setup, model, version.p, windows
+        other, few = at_once(rows) if commissioned else (None, None)
+        if other:
+            return {"events": [*events, of_a_sensor(other)]} | since
+        posed = self.problem(version, windows, names)
+        named = named_first(self, task, posed, events) if few is None else None
+        if named:
+            return named | since
+        problem, chosen = law_now(self.setup, posed, self.tune if commissioned else None)
+        problem, fit, rounds = self.tune(problem)
+        if rounds and fit.converged:
+            verdict = Verdict("normal", "", f"tuned by rounds: {fit.message}")
+        elif len(names) < len(self.editable(version)):
+            verdict = Verdict("normal", "", "tuned the share of the parameters whose turn it is")
+        else:
+            verdict = judged(self.setup, problem, fit)
+        if verdict.kind == "abnormal" and not commissioned:
+            other = misread(*rows, fit.p)
+            if other:
+                return {"events": [*events, of_a_sensor(other)]} | since
+        if commissioned and (verdict.kind == "abnormal" or explained(fit, fit.noise) >= MUCH):
+            other = misgauged(self.rows(task, problem, fit))
+            if other:  # the rows before it go on to tell how it was
+                return {"events": [*events, of_a_sensor(other)], "refused": other.refused}
+        if few is not None:
+            raise few
+        events += [
+            event("not_identifiable", name, fit.reasons[k], {"verdict": fit.verdict[k]})
+            for k, name in enumerate(fit.names)
+            if fit.verdict[k] == "not"
+        ]
+        events.append(event(verdict.kind, verdict.cause, verdict.reason, verdict.evidence))
+        part = explained(fit, fit.noise)
+        if task.waits and verdict.kind == "normal" and part < MUCH:
+            raise TooFew(f"tuning explains {100 * part:.0f} % of the deviation so far")
+        content: dict[str, Any] = {
+            "events": events, "fit": fit.to_dict(timing=False), "tuned": True, **rounds,
+        }  # fmt: skip
+        if verdict.kind == "abnormal" and self._next():
+            content["candidate"] = self._named(verdict, version, problem, events)
+            content |= {} if content["candidate"] else {"next": self._next()}
+        elif part >= self.setup.trial.margin and (  # less would not be worth a switch
+            verdict.kind != "abnormal" or self._helps(verdict, fit)
+        ):
+            found = self.tuned(version, problem, fit, windows, events)
+            said = acting(chosen, problem, fit).said
+            content["candidate"] = found and found | {"reason": found["reason"] + said}
+        return content | since
+
+    def _named(
+        self, verdict: Verdict, version: Version, problem: Problem, events: list[dict[str, Any]]
+    ) -> dict[str, Any] | None:
+        """The cause that has a name decides what is tuned; what is left then is corrected."""
+        names = tuple(n for n in self.setup.causes.get(verdict.cause, ()) if n in problem.names)
+        if not names:
+            return None
+        problem, fit, _ = self.tune(problem.tuning(names))
+        return self.tuned(version, problem, fit, problem.windows, events)
+
+    def _now(
+        self, version: Version, windows: Windows, names: tuple[str, ...]
+    ) -> tuple[Windows, list[dict[str, Any]]]:
+        """The rows of the machine as it is now, and what is said of those before.
+
+        Raises:
+            TooFew: there are not enough of them yet.
+        """
+        place = changed(windows, lambda rows: self.problem(version, rows, names))
+        if not place:
+            return windows, []
+        _, new = split(windows, place)
+        rows = sum(len(block.t) for block in new)
+        if rows < ENOUGH * len(names):
+            raise TooFew(f"the machine has changed, {rows} rows ago")
+        return new, [changed_since(new)]
+
+    def _helps(self, verdict: Verdict, fit: Fit) -> bool:
+        """The form is wrong, and none may be learned: is tuning the better half all the same?
+
+        Not where another cause has a name: tuning would hide a load in friction.
+        """
+        return not verdict.cause and not fit.at_bound and explained(fit, fit.noise) >= HALF
+
+    def tuned(
+        self, version: Version, problem: Problem, fit: Fit, windows: Windows,
+        events: list[dict[str, Any]],
+    ) -> dict[str, Any] | None:  # fmt: skip
+        """The tuned version as a candidate, if something was learned and all is inside bounds."""
+        checks = admit(fit.values, *problem.bounds)
+        missed = [check.name for check in checks if not check.passed]
+        if missed:
+            events.append(event("rejected", "", f"outside: {', '.join(missed)}", {}))
+        blind = set(fit.verdict) == {"not"}  # an event has said so of each number
+        if missed or blind or not fit.converged or not np.any(fit.values != fit.start):
+            return None
+        told = [name for name in fit.moved if name.removesuffix(" (weak)") in version.names]
+        reason = f"tuned {', '.join(told)}"
+        events.append(event("tuned", "", reason, fit.to_dict(timing=False)))
+        # also what a term was chosen with, which no fit tunes; without recordings' own starts
+        rows = zip(problem.model.parameters.names, fit.p.tolist(), version.p.tolist(), strict=True)
+        values = {name: new for name, new, old in rows if new != old or name in fit.names}
+        if self.setup.spec.tuning.method == "recursive":
+            followed, newest, _ = Recursion.after(self.setup, problem, fit).learned(windows)
+            values |= dict(zip(followed, newest.tolist(), strict=True))
+        # what was not off counts little: it would hide how much another output gains
+        before, after = (sizes(self.setup, problem, values) for values in (fit.start, fit.values))
+        after = np.clip(after, LEAST * before, before)
+        scale = after / np.sqrt(np.maximum(1.0 - (after / before) ** 2, LITTLE))
+        return self._candidate(version.form, values, scale, reason, windows)
+
+    # ------------------------------------------------------------------ correction
+
+    def _next(self) -> str | None:
+        return "correct" if self.setup.spec.correction.terms else None
+
+    def correct(self, task: Task) -> dict[str, Any]:
+        """Searches for terms on top of the version's form: of one that held, on the rows since it
+        suddenly did not, if that pays; a form for both machines is one for neither."""
+        version, windows, names = task.version, task.windows, self.editable(task.version)
+        if task.commissioned:
+            model = self.versions.model_of(version.form)
+            other = misread(self.setup, model, version.p, windows)
+            if other is None and names:
+                other = silent(
+                    self.rows(task, *self.tune(self.problem(version, windows, names))[:2])
+                )
+            if other:
+                return {"events": [of_a_sensor(other)]}
+        if task.held and names:
+            new = suddenly(windows, lambda rows: self.problem(version, rows, names))
+            if sum(len(block.t) for block in new) >= ENOUGH * len(names):
+                content = self._corrected(version, new)
+                if content["candidate"]:
+                    content["events"].insert(0, changed_since(new))
+                    return content | {"since": new[0].row}
+        return self._corrected(version, windows)
+
+    def _corrected(self, version: Version, windows: Windows) -> dict[str, Any]:
+        base: Model = self.setup.model
+        found, starts = self._half(version, windows), [version]
+        if found:
+            starts.append(replace(version, values=tuple(found[1].p.tolist())))
+        proposals = [learn(self.setup, base, start, windows) for start in starts]
+        proposal = nearest(self.versions, proposals, windows, self.setup.horizon)
+        evidence = proposal.evidence()
+        if not proposal.found:
+            events = [event("rejected", "", "no correction pays on unseen rows", evidence)]
+            tuned = found and self.tuned(version, *found, windows, events)
+            return {"events": events, "candidate": tuned}
+        reason = "; ".join(proposal.describes)
+        values = dict(zip(proposal.names, proposal.p.tolist(), strict=True))
+        return {
+            "events": [event("corrected", "", reason, evidence)],
+            "lacking": len(proposal.unseen),
+            "fit": posterior(self.setup, self.versions.model_of(proposal.form), proposal, windows),
+            "candidate": self._candidate(proposal.form, values, proposal.scale, reason, windows),
+        }
+
+    def _half(self, version: Version, windows: Windows) -> tuple[Problem, Fit] | None:
+        """What tuning finds, where that explains half of the deviation or more."""
+        names = self.editable(version)
+        if not names:
+            return None
+        problem, fit, _ = self.tune(self.problem(version, windows, names))
+        return (problem, fit) if explained(fit, fit.noise) >= HALF else None
+
+    def _candidate(
+        self, form: Form, values: Mapping[str, float], scale: np.ndarray, reason: str,
+        windows: Windows,
+    ) -> dict[str, Any]:  # fmt: skip
+        return {
+            "form": form, "values": values, "scale": scale, "reason": reason,
+            "watched": self.watched(windows),
+        }  # fmt: skip
+
+    def watched(self, windows: Windows) -> np.ndarray:
+        """Range of the watched inputs over the windows, (k, 2)."""
+        columns = [self.setup.model.inputs.index(n) for n in self.setup.spec.correction.watch]
+        if not columns or not windows:
+            return np.zeros((0, 2))
+        u = np.concatenate([w.u[:, columns] for w in windows])
+        return np.stack([np.nanmin(u, axis=0), np.nanmax(u, axis=0)], axis=1)

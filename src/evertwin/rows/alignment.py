@@ -1,0 +1,262 @@
+"""The one way in: samples of all sources become the model's rows, recorded and live alike.
+
+`Align` puts the samples onto one clock, `Derive` adds the channels that are computed from them.
+Both judge sample by sample, so the same samples give the same rows bit for bit, whether they are
+read from files or pushed one at a time.
+
+>>> from evertwin.config.spec import ModelSpec, TwinSpec
+>>> from evertwin.machines.mobile import Robot1D
+>>> spec = TwinSpec("cart", ModelSpec("robot1d"))
+>>> way = Alignment.of(spec, Robot1D(), (Feed("log", ("v", "x")),))
+>>> chunk = Chunk("log", np.array([0, 10**9]), np.array([[0.1, 0.0], [0.1, 0.1]]))
+>>> state, block, events = way.step(way.init(), chunk)
+>>> block.u[:, 0].tolist(), block.y[:, 0].tolist()
+([0.1, 0.1], [0.0, 0.1])
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from evertwin.config import TwinSpec
+from evertwin.errors import ConfigError
+from evertwin.fold import Block, Chunk, Event
+from evertwin.models import Model
+from evertwin.rows.channels import is_held, is_measured, recorded_as
+from evertwin.signals import Channel, Layout
+from evertwin.signals.fir import Symmetric
+from evertwin.sync import Align, AlignState, Feed, Rows
+from evertwin.sync.derive import Derive, DeriveState, Operation, Taken
+from evertwin.sync.horizon import nanoseconds
+
+QUIET = ("task_shifted",)
+"""Notes of the alignment that are no event of the machine."""
+WIDE = ("filter", "derivative", "slope")
+"""Operations that look at neighbouring rows."""
+AT_ROW, HELD = "", "held "
+"""Before the name of a column: the value at the row, or the one held over its interval."""
+
+
+class AlignmentState(NamedTuple):
+    """State of `Alignment`.
+
+    >>> AlignmentState._fields
+    ('align', 'derive')
+    """
+
+    align: AlignState
+    derive: DeriveState
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """The stage. See the module for an example."""
+
+    align: Align
+    derive: Derive
+
+    @classmethod
+    def of(cls, spec: TwinSpec, model: Model, feeds: Sequence[Feed]) -> Alignment:
+        """As the twin file says, for sources that bring ``feeds``.
+
+        Raises:
+            ConfigError: a channel is neither recorded nor derived, or an operation lacks a rate.
+        """
+        operations = _operations(spec)
+        dynamic = len(model.states) > 0
+        computed = {one.name for one in operations}
+        inputs = [_input(spec, name, computed, dynamic) for name in model.inputs.names]
+        outputs = [
+            Taken(recorded_as(spec, name) if is_measured(spec, name) else None)
+            for name in model.outputs.names
+        ]
+        columns = _columns(operations, inputs, outputs, feeds)
+        operations = _used(operations, [one.column for one in (*inputs, *outputs)])
+        angles = {
+            recorded_as(spec, c.name) for c in (*model.inputs, *model.outputs) if c.kind == "angle"
+        } | {name for one in spec.derive if one.op == "unwrap" for name in one.source}
+        held, measured = (
+            Layout(tuple(Channel(name, "1", _kind(name, angles)) for name in some))
+            for some in (columns.inputs, columns.outputs)
+        )
+        lines = tuple(name for name in columns.inputs if not name.startswith(HELD))
+        clock = spec.clock
+        align = Align(
+            held, measured, tuple(feeds), lines,
+            clock.gap, clock.rate, recorded={n: n.removeprefix(HELD) for n in columns.inputs},
+            cut=any(one.op in WIDE for one in operations),
+        )  # fmt: skip
+        span = tuple(
+            nanoseconds(edge) if np.isfinite(edge) else int(np.sign(edge)) * 2**62
+            for edge in (clock.start, clock.stop)
+        )
+        names = (*columns.inputs, *columns.outputs)
+        derive = Derive(
+            names, operations, tuple(inputs), tuple(outputs), clock.rate, (span[0], span[1])
+        )
+        return cls(align, derive)
+
+    @cached_property
+    def plain(self) -> bool:
+        """Does the alignment give the model's rows already?"""
+        taken = tuple(one.column for one in (*self.derive.inputs, *self.derive.outputs))
+        uncut = self.derive.span == (-(2**62), 2**62)
+        return taken == self.derive.columns and not self.derive.operations and uncut
+
+    @property
+    def delay(self) -> int:
+        """Rows by which a row leaves late, beside the slack of the sources."""
+        return 0 if self.plain else self.derive.delay
+
+    def init(self) -> AlignmentState:
+        """The state before the first sample."""
+        return AlignmentState(self.align.init(), self.derive.init())
+
+    def step(
+        self, state: AlignmentState, chunk: Chunk
+    ) -> tuple[AlignmentState, Block | None, tuple[Event, ...]]:
+        """More samples of one source. Consumes ``state``.
+
+        Raises:
+            DataError: the source is unknown, or has another number of columns.
+        """
+        aligned, out = self.align.step(state.align, chunk)
+        derived, rows = self._derived(state.derive, out.rows, ends=False)
+        return AlignmentState(aligned, derived), rows, _told(out.records)
+
+    def flush(
+        self, state: AlignmentState
+    ) -> tuple[AlignmentState, Block | None, tuple[Event, ...]]:
+        """The rows that wait leave, since the data ends here."""
+        aligned, out = self.align.flush(state.align)
+        derived, rows = self._derived(state.derive, out.rows, ends=True)
+        return AlignmentState(aligned, derived), rows, _told(out.records)
+
+    def _derived(
+        self, state: DeriveState, rows: Rows | None, *, ends: bool
+    ) -> tuple[DeriveState, Block | None]:
+        if self.plain:
+            return state, None if rows is None else rows.block
+        parts = []
+        if rows is not None:
+            state, left = self.derive.step(state, rows)
+            parts.append(left)
+        if ends:
+            state, left = self.derive.flush(state)
+            parts.append(left)
+        found = [part for part in parts if part is not None]
+        if not found:
+            return state, None
+        whole = Rows(*(np.concatenate(column) for column in zip(*found, strict=True)))
+        return state, whole.block
+
+
+class _Columns(NamedTuple):
+    inputs: tuple[str, ...]
+    """Held (with their prefix) and measured at the row."""
+    outputs: tuple[str, ...]
+    """There only where they were measured."""
+
+
+def _input(spec: TwinSpec, name: str, computed: set[str], dynamic: bool) -> Taken:
+    column = recorded_as(spec, name)
+    if not is_held(spec, name, dynamic):
+        return Taken(column, "line")
+    return Taken(column, "step") if column in computed else Taken(f"{HELD}{column}", "held")
+
+
+def _columns(
+    operations: Sequence[Operation], inputs: Sequence[Taken], outputs: Sequence[Taken],
+    feeds: Sequence[Feed],
+) -> _Columns:  # fmt: skip
+    """What the alignment has to give: each recorded channel as often as it is taken differently.
+
+    What an output is made of is there where it was measured; what inputs alone are made of is
+    taken at the row, interpolated where its source has nothing there.
+    """
+    recorded = {name for feed in feeds for name in feed.channels}
+    of_outputs = _sources(operations, [one.column for one in outputs])
+    of_inputs = _sources(operations, [one.column for one in inputs if one.how != "held"])
+    held = dict.fromkeys(one.column or "" for one in inputs if one.how == "held")
+    for name in (*(n.removeprefix(HELD) for n in held), *of_outputs, *of_inputs):
+        if name not in recorded:
+            there = ", ".join(sorted(recorded | {one.name for one in operations}))
+            raise ConfigError(
+                f"channel {name!r} is neither recorded nor derived: there are {there}; name it in "
+                f"[source.channels] or [[derive]], or say [signals.{name}] from = …"
+            )
+    lines = [name for name in of_inputs if name not in of_outputs]
+    return _Columns((*held, *lines), tuple(of_outputs))
+
+
+def _used(operations: Sequence[Operation], wanted: Iterable[str | None]) -> tuple[Operation, ...]:
+    """The operations that a wanted column comes from, in order."""
+    needed, kept = set(wanted), []
+    for one in reversed(operations):
+        if one.name in needed:
+            needed.update(one.source)
+            kept.append(one)
+    return tuple(reversed(kept))
+
+
+def _sources(operations: Sequence[Operation], wanted: Iterable[str | None]) -> dict[str, None]:
+    """Recorded channels that these columns are made of, in order."""
+    computed: dict[str, list[Operation]] = {}
+    for one in operations:
+        computed.setdefault(one.name, []).append(one)
+    found: dict[str, None] = {}
+    seen: set[str] = set()
+    waiting = [name for name in wanted if name is not None]
+    while waiting:
+        name = waiting.pop(0)
+        if name in seen:
+            continue
+        seen.add(name)
+        sources = [s for one in computed.get(name, ()) for s in one.source]
+        if name not in computed or name in sources:
+            found[name] = None
+        waiting += sources
+    return found
+
+
+def _operations(spec: TwinSpec) -> tuple[Operation, ...]:
+    """The filter over recorded channels first, then what is derived, in the order written."""
+    filtered = () if spec.filter is None else spec.filter.inputs
+    smooth = low_pass(spec) if filtered else None
+    first = [Operation(name, "filter", (name,), low_pass=smooth) for name in filtered]
+    derived = (
+        Operation(
+            o.name, o.op, tuple(o.source), o.value, low_pass(spec) if o.op == "filter" else None
+        )
+        for o in spec.derive
+    )  # fmt: skip
+    return (*first, *derived)
+
+
+def low_pass(spec: TwinSpec) -> Symmetric:
+    """The filter of ``[filter]``.
+
+    Raises:
+        ConfigError: the twin file gives no filter, or no rate.
+    """
+    rule, rate = spec.filter, spec.clock.rate
+    if rule is None:
+        raise ConfigError('[[derive]] op = "filter": expected a [filter] section that says which')
+    if rate is None:
+        raise ConfigError("[filter]: a filter needs rows at a fixed rate: set rate in [clock]")
+    if rule.kind == "butterworth":
+        return Symmetric.butterworth(rule.cutoff, rate, rule.order)
+    return Symmetric.savgol(2 * round(min(0.5 * rate / rule.cutoff, 1e9)) + 1, rule.order)
+
+
+def _kind(name: str, angles: set[str]) -> Literal["angle", "linear"]:
+    return "angle" if name.removeprefix(HELD) in angles else "linear"
+
+
+def _told(records: Iterable[object]) -> tuple[Event, ...]:
+    return tuple(r for r in records if isinstance(r, Event) and r.kind not in QUIET)

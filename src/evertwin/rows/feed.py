@@ -1,0 +1,274 @@
+"""From recordings to rows: files become chunks, and chunks rows by the one alignment.
+
+A fold takes the rows as they come (`Feed.stream`), in bounded memory. A fit takes whole tasks
+(`Feed.blocks`), from the first to the last motion where the twin file asks for that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from evertwin.config import TwinSpec, files_of
+from evertwin.config.spec import SourceSpec
+from evertwin.errors import DataError, UsageError
+from evertwin.fold import Block, Chunk, Event, concatenate, take
+from evertwin.models import Model
+from evertwin.rows.alignment import Alignment
+from evertwin.rows.crop import cropped
+from evertwin.sources.merging import Excerpt, merge
+from evertwin.sources.recorded import Recorded
+from evertwin.sources.tally import Tally
+from evertwin.sync import Feed as Brings
+
+Data: TypeAlias = (
+    "str | Path | Sequence[str | Path] | Mapping[str, Any] | Block | Iterable[Block] | None"
+)
+"""A file, files or parts of them (``FILE@START:STOP``), columns by name (with ``t`` in seconds; a
+DataFrame too), ready blocks, or None: the twin file's own recordings."""
+COLUMNS = "columns"
+"""Name of the source of columns that were given by name."""
+ENOUGH, FINER = 100, 100
+"""Samples that tell how far they are apart; rows of a grid for one of them that are too many."""
+
+
+def chunk_of(columns: Mapping[str, Any], source: str = COLUMNS, task: int = 0) -> Chunk:
+    """Columns by name, ``t`` in seconds or as datetimes, as one chunk.
+
+    Raises:
+        DataError: there is no ``t``, or a column of another length.
+
+    >>> chunk_of({"t": [0.0, 0.5], "v": [1.0, 2.0]}).t.tolist()
+    [0, 500000000]
+    """
+    if "t" not in columns:
+        raise DataError("columns: expected a column 't' with seconds from the start")
+    t = np.asarray(columns["t"])
+    if t.dtype.kind == "M":
+        stamps = t.astype("datetime64[ns]").astype(np.int64)
+    else:
+        stamps = np.rint(np.asarray(t, dtype=np.float64) * 1e9).astype(np.int64)
+    values = {k: np.asarray(v, dtype=np.float64) for k, v in columns.items() if k != "t"}
+    for name, column in values.items():
+        if column.shape != stamps.shape:
+            raise DataError(
+                f"column {name!r}: expected {len(stamps)} values as 't' has, got shape "
+                f"{column.shape}"
+            )
+    return Chunk(source, stamps, np.stack(list(values.values()), axis=1), task)
+
+
+@dataclass
+class Feed:
+    """The rows of recordings for one twin; ``tallies`` count what was wrong with them.
+
+    >>> from evertwin.config.spec import ModelSpec
+    >>> from evertwin.machines.mobile import Robot1D
+    >>> feed = Feed(TwinSpec("cart", ModelSpec("robot1d")), Robot1D())
+    >>> [len(block.t) for block in feed.blocks({"t": [0, 1], "v": [0, 0], "x": [0, 0]})]
+    [2]
+    """
+
+    spec: TwinSpec
+    model: Model
+    tallies: dict[str, Tally] = field(default_factory=dict)
+    """By source, once it is read."""
+    events: list[Event] = field(default_factory=list)
+    """What the alignment said of the samples so far."""
+    files: dict[str, list[Path]] = field(default_factory=dict)
+    """By source, in the order in which they were read."""
+
+    def blocks(self, data: Data = None) -> Iterator[Block]:
+        """One block a task, cropped; row numbers and tasks run on over all of them.
+
+        Raises:
+            DataError: a file cannot be read, or holds no row that can be used.
+        """
+        ready = _ready(data)
+        if ready is not None:
+            yield from ready
+            return
+        row, number = 0, 0
+        for task in _tasks(self.stream(data)):
+            kept = cropped(task, self.spec, self.model)
+            if kept is not None:
+                yield kept._replace(row=row, task=np.full(len(kept.t), number))
+                row, number = row + len(kept.t), number + 1
+        if row == 0:
+            raise DataError(
+                "no row is left of the data: check [clock] crop, start and stop, and @START:STOP"
+                f"{self.lost}"
+            )
+
+    def stream(self, data: Data = None) -> Iterator[Block]:
+        """The rows as they come, for a fold.
+
+        Raises:
+            DataError: a file cannot be read, or holds no row that can be used.
+        """
+        ready = _ready(data)
+        if ready is not None:
+            yield from ready
+            return
+        alignment = Alignment.of(self.spec, self.model, self.brings(data))
+        state, empty = alignment.init(), True
+        for chunk in self.chunks(data):
+            empty = False
+            self._check(chunk)
+            state, block, events = alignment.step(state, chunk)
+            self.events += events
+            if block is not None:
+                yield block
+        if empty:
+            raise DataError(
+                "no row is left of the data: its files hold none, or none is in @START:STOP"
+                f"{self.lost}"
+            )
+        state, block, events = alignment.flush(state)
+        self.events += events
+        if block is not None:
+            yield block
+
+    def _check(self, chunk: Chunk) -> None:
+        """A grid that is far finer than the samples of a source is a wrong unit of time."""
+        rate = self.spec.clock.rate
+        if rate is None or len(chunk.t) < ENOUGH:
+            return
+        apart = 1e-9 * float(np.median(np.diff(chunk.t)))
+        if apart * rate > FINER:
+            raise DataError(
+                f"{chunk.source}: a sample every {apart:.4g} s would become {apart * rate:,.0f} "
+                f"rows at {rate:g} Hz: is the unit of its time right ([[source]] time), and "
+                "[clock] rate?"
+            )
+
+    def brings(self, data: Data = None) -> tuple[Brings, ...]:
+        """What each source brings."""
+        columns = _named(data)
+        if columns is not None:
+            return (Brings(COLUMNS, tuple(name for name in columns if name != "t")),)
+        return tuple(_brought(source) for source in self._wanted(data))
+
+    def live(self, named: Sequence[str] = ()) -> tuple[Brings, ...]:
+        """What the sources of a running machine bring; without any, one of columns by name."""
+        sources = tuple(_brought(source) for source in self.spec.source)
+        return sources or (Brings(COLUMNS, tuple(named)),)
+
+    def chunks(self, data: Data = None) -> Iterator[Chunk]:
+        """The samples of all sources, merged by stamp.
+
+        Raises:
+            DataError: a file cannot be read.
+        """
+        columns = _named(data)
+        if columns is not None:
+            yield chunk_of(columns)
+            return
+        parts = _parts(data)
+        if all(part.whole for part in parts):
+            yield from self._merged(files_of(self.spec, [part.path for part in parts]))
+            return
+        task = 0
+        for files, part in self._recordings(parts):
+            newest = task
+            for chunk in part.of(self._merged(files)):
+                newest = task + chunk.task + 1
+                yield chunk._replace(task=task + chunk.task)
+            task = newest
+
+    @property
+    def left_out(self) -> tuple[Tally, ...]:
+        """The sources of which rows were left out, or something is suspected."""
+        return tuple(tally for tally in self.tallies.values() if str(tally))
+
+    @property
+    def lost(self) -> str:
+        """The same, as the end of a sentence."""
+        return "".join(f"; {tally}" for tally in self.left_out)
+
+    def _merged(self, files: Mapping[int, tuple[Path, ...]]) -> Iterator[Chunk]:
+        sources = [
+            self._recorded(self.spec.source[i], paths).read() for i, paths in files.items() if paths
+        ]
+        return merge(sources)
+
+    def _wanted(self, data: Any) -> list[SourceSpec]:
+        """The sources that have files."""
+        files = files_of(self.spec, [part.path for part in _parts(data)])
+        if not any(files.values()):
+            raise UsageError(
+                f"{self.spec.name}: no data: name files in [[source]] or give them (--data FILE)"
+            )
+        return [self.spec.source[i] for i, paths in files.items() if paths]
+
+    def _recordings(
+        self, parts: Sequence[Excerpt]
+    ) -> Iterator[tuple[dict[int, tuple[Path, ...]], Excerpt]]:
+        """Parts of recordings: the k-th files of all sources together are one recording."""
+        found: dict[int, list[Excerpt]] = {}
+        for part in parts:
+            files = files_of(self.spec, [part.path])
+            found.setdefault(next(i for i, paths in files.items() if paths), []).append(part)
+        if len({len(listed) for listed in found.values()}) > 1:
+            raise DataError("the sources have different numbers of files: give each the same")
+        for together in zip(*found.values(), strict=True):
+            if len({(part.start, part.stop) for part in together}) > 1:
+                named = ", ".join(str(part.path) for part in together)
+                raise UsageError(f"{named}: files of one recording: give each the same @START:STOP")
+            yield files_of(self.spec, [part.path for part in together]), together[0]
+
+    def _recorded(self, spec: SourceSpec, paths: tuple[Path, ...]) -> Recorded:
+        self.files.setdefault(spec.name, []).extend(paths)
+        tally = self.tallies.setdefault(spec.name, Tally(spec.name, spec.left_out))
+        return Recorded.of(spec, paths, tally)
+
+
+def _brought(source: SourceSpec) -> Brings:
+    """What a source of the twin file brings; its stamps have its offset already."""
+    return Brings(source.name, tuple(source.channels), source.slack, source.timeout)
+
+
+def _ready(data: Any) -> Iterable[Block] | None:
+    """Blocks that were given as such."""
+    if isinstance(data, Block):
+        return (data,)
+    if data is None or isinstance(data, str | Path) or _named(data) is not None:
+        return None
+    if isinstance(data, Sequence):
+        return data if len(data) > 0 and isinstance(data[0], Block) else None
+    return data  # type: ignore[no-any-return]
+
+
+def _named(data: Any) -> Mapping[str, Any] | None:
+    """Columns that were given by name; of a DataFrame its index is the time where no ``t`` is."""
+    if isinstance(data, Mapping):
+        return data
+    if not hasattr(data, "columns") or not hasattr(data, "index"):
+        return None
+    columns = {str(name): data[name].to_numpy() for name in data.columns}
+    return columns if "t" in columns else {"t": data.index.to_numpy(), **columns}
+
+
+def _parts(data: Any) -> list[Excerpt]:
+    listed = [data] if isinstance(data, str | Path) else data or ()
+    return [Excerpt.parse(item) for item in listed]
+
+
+def _tasks(blocks: Iterable[Block]) -> Iterator[Block]:
+    """The same rows, one block a task."""
+    waiting: list[Block] = []
+    for block in blocks:
+        edges = [0, *(np.flatnonzero(np.diff(block.task)) + 1).tolist(), len(block.t)]
+        for start, stop in pairwise(edges):
+            piece = take(block, start, stop)
+            if waiting and int(piece.task[0]) != int(waiting[0].task[0]):
+                yield concatenate(waiting)
+                waiting = []
+            waiting.append(piece)
+    if waiting:
+        yield concatenate(waiting)

@@ -1,0 +1,78 @@
+"""From a twin file to its model: the machine by name, parameters and limits as the file says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from evertwin.config.spec import TwinSpec
+from evertwin.errors import UsageError
+from evertwin.machines.catalog import located, machine
+from evertwin.models import Model, Parameter, Parameters
+from evertwin.models.configured import configured
+from evertwin.rows.channels import check_quantities
+from evertwin.setup.friction_law import check_ladder
+from evertwin.signals import Layout
+
+
+def model_of(spec: TwinSpec, given: Model | None = None) -> Model:
+    """The base model of a twin: ``given``, or the one that the file names.
+
+    Raises:
+        UsageError: no such model, parameter or channel.
+        ConfigError: a model in Python that is not where the file says, or a ladder of terms that
+            its law does not have.
+    """
+    model = given or _built(spec)
+    check_ladder(spec, model)
+    check_quantities(spec, model)
+    for name in spec.signals:
+        (model.inputs + model.outputs).index(name)
+    return configured(
+        model, parameters=_parameters(spec, model), inputs=_limited(spec, model.inputs),
+        outputs=_limited(spec, model.outputs),
+    )  # fmt: skip
+
+
+def _built(spec: TwinSpec) -> Model:
+    return machine(spec.model.kind, located(spec.folder, spec.model.options))
+
+
+def _parameters(spec: TwinSpec, model: Model) -> Parameters:
+    items = {item.name: item for item in model.parameters}
+    for name, said in spec.model.parameters.items():
+        model.parameters.index(name)
+        changes = {
+            key: getattr(said, key)
+            for key in ("value", "low", "high", "sigma", "editable", "source")
+            if getattr(said, key) is not None
+        }
+        items[name] = _changed(items[name], changes)
+    return Parameters(tuple(items.values()))
+
+
+def _changed(item: Parameter, changes: dict[str, Any]) -> Parameter:
+    """A start value beyond the model's own bounds moves the bound that the file leaves open."""
+    value = changes.get("value", item.value)
+    if "low" not in changes and value < item.low:
+        raise UsageError(f"{item.name}: start value {value:g} is below its bound {item.low:g}")
+    if "high" not in changes and value > item.high:
+        raise UsageError(f"{item.name}: start value {value:g} is above its bound {item.high:g}")
+    return replace(item, **changes)
+
+
+def _limited(spec: TwinSpec, layout: Layout) -> Layout:
+    channels = []
+    for channel in layout:
+        said = spec.signals.get(channel.name)
+        changes = (
+            {}
+            if said is None
+            else {
+                key: getattr(said, key)
+                for key in ("low", "high", "rate")
+                if getattr(said, key) is not None
+            }
+        )
+        channels.append(replace(channel, **changes))
+    return Layout(tuple(channels))

@@ -1,0 +1,168 @@
+"""How well a version predicts given windows: the figures of `fit`, `compare` and the report.
+
+Deviation per output is ``rms(measured − predicted) / rms(measured)``, after the same filter on both
+sides, over all rows and over moving rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from evertwin.fold import Block
+from evertwin.models import Model
+from evertwin.models.batch import Batch, mapped
+from evertwin.setup.setup import Setup
+from evertwin.sync.horizon import residuals, restarts
+from evertwin.tuning import Fit, Problem
+from evertwin.types import Json, Outputs, ParameterVector, PerOutput, Vector
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """One window, measured and predicted, both filtered.
+
+    >>> Prediction.__name__
+    'Prediction'
+    """
+
+    window: Block
+    measured: Outputs
+    predicted: Outputs
+    residual: Outputs
+    """measured − predicted, angles wrapped; NaN where either is unknown."""
+    moving: np.ndarray
+
+
+def predict(setup: Setup, model: Model, p: ParameterVector, window: Block) -> Prediction:
+    """A version's predictions of one window over the twin's horizon."""
+    x0 = model.initial(p)
+    if len(x0):
+        plan = restarts(window, setup.horizon, x0)
+        y = Batch(model).run(window.u, window.dt, p[None], plan)[0]
+    else:
+        y = mapped(model, window.u, window.dt, p)
+    residual = residuals(model, window, y)
+    measured = np.where(np.isnan(residual), np.nan, window.y)
+    smooth = setup.smooth_window
+    if smooth is not None:
+        residual, measured, y = smooth(residual), smooth(measured), smooth(y)
+    return Prediction(window, measured, y, residual, setup.moving(window.u))
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """Figures of one output.
+
+    >>> Deviation("tau1", "Nm", 0.5, 0.05, 0.04, 400, 500).to_dict()["moving"]
+    400
+    """
+
+    name: str
+    unit: str
+    rms: float
+    relative_rms: float
+    relative_rms_moving: float
+    moving: int
+    """Moving rows."""
+    rows: int
+
+    def to_dict(self) -> dict[str, Json]:
+        """Plain content."""
+        return {
+            "unit": self.unit, "rms": self.rms, "relative_rms": self.relative_rms,
+            "relative_rms_moving": self.relative_rms_moving, "moving": self.moving,
+            "samples": self.rows,
+        }  # fmt: skip
+
+
+def deviations(setup: Setup, predictions: Sequence[Prediction]) -> tuple[Deviation, ...]:
+    """Figures per output over all windows together."""
+    channels = setup.model.outputs.channels
+    residual = np.concatenate([p.residual for p in predictions])
+    measured = np.concatenate([p.measured for p in predictions])
+    moving = np.concatenate([p.moving for p in predictions])
+    found = []
+    signals = setup.spec.signals
+    for k, channel in enumerate(channels):
+        if channel.name in signals and not signals[channel.name].judge:
+            continue
+        known = ~np.isnan(residual[:, k])
+        moves = known & moving[:, k]
+        found.append(
+            Deviation(
+                channel.name,
+                channel.unit,
+                _rms(residual[known, k]),
+                _ratio(residual[known, k], measured[known, k]),
+                _ratio(residual[moves, k], measured[moves, k]),
+                int(moves.sum()),
+                int(known.sum()),
+            )
+        )
+    return tuple(found)
+
+
+def _rms(values: Vector) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
+
+
+def _ratio(residual: Vector, measured: Vector) -> float:
+    base: Any = _rms(measured)
+    return _rms(residual) / base if base > 0 else float("nan")
+
+
+def at_ends(problem: Problem, values: np.ndarray) -> list[float]:
+    """Rms residual per output where a prediction has reached its horizon."""
+    residual = problem.residuals(values)
+    # a prediction goes from one restart to the next
+    bounds = [*np.flatnonzero(problem.restart.code).tolist(), len(residual)]
+    newest = np.full((len(bounds) - 1, residual.shape[1]), np.nan)
+    for n, (start, stop) in enumerate(pairwise(bounds)):
+        for k in range(residual.shape[1]):
+            known = residual[start:stop, k][~np.isnan(residual[start:stop, k])]
+            newest[n, k] = known[-1] if len(known) else np.nan
+    rows = np.maximum(np.count_nonzero(~np.isnan(newest), axis=0), 1)
+    return [float(size) for size in np.sqrt(np.nansum(np.square(newest), axis=0) / rows)]
+
+
+def falls_short(setup: Setup, problem: Problem, fit: Fit) -> str:
+    """Which output stays outside the requirement after tuning; empty where all reach it."""
+    for k, left in enumerate(off_after(setup, problem, fit)):
+        if setup.watched[k] and left > setup.requirement:
+            name, limit = fit.residuals[k].output, setup.shown(k, setup.requirement)
+            return f"tuned, {name} is still off by {setup.shown(k, left)} (limit {limit})"
+    return ""
+
+
+def off_after(setup: Setup, problem: Problem, fit: Fit) -> PerOutput:
+    """What each output is off by after tuning, as the requirement has it."""
+    if setup.relative:
+        return np.asarray(fit.moving_after, dtype=np.float64)
+    if setup.at_horizon.wanted:
+        return np.asarray(at_ends(problem, fit.values), dtype=np.float64)
+    return np.array([one.rms_after for one in fit.residuals])
+
+
+def sizes(setup: Setup, problem: Problem, values: Vector) -> PerOutput:
+    """Rms residual per output: what counts as 1 in a loss, unless the twin file says."""
+    given = setup.spec.prediction.scale
+    residual = np.where(problem.rows.used, problem.residuals(values), np.nan)
+    names = problem.model.outputs.names
+    # an output that nothing measures has no rows
+    rows = np.maximum(np.count_nonzero(~np.isnan(residual), axis=0), 1)
+    rms = np.sqrt(np.nansum(np.square(residual), axis=0) / rows)
+    found = [given.get(n, float(rms[k])) for k, n in enumerate(names)]
+    return np.array([size if np.isfinite(size) and size > 0 else 1.0 for size in found])
+
+
+def left(setup: Setup, model: Model, p: ParameterVector, windows: Sequence[Block]) -> PerOutput:
+    """Rms residual per output of a version, of rows that move; NaN where nothing was measured."""
+    seen = [predict(setup, model, p, window) for window in windows]
+    found = np.concatenate([np.where(one.moving, one.residual, np.nan) for one in seen])
+    rows = np.count_nonzero(np.isfinite(found), axis=0)
+    return np.asarray(np.sqrt(np.nansum(found**2, axis=0) / np.where(rows, rows, np.nan)))

@@ -1,0 +1,248 @@
+"""Which friction law: terms join the fit, output by output, while held-out error falls.
+
+A model with a ladder has ``rungs()`` (terms that start at zero) and names the law that an output
+stands on. The twin file says in which order terms are tried (``[tuning] ladder``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from types import MappingProxyType
+from typing import NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+
+from evertwin.config import TwinSpec
+from evertwin.errors import ConfigError, nearest
+from evertwin.fold import Block, take
+from evertwin.machines.friction import Rung
+from evertwin.machines.friction.resisting import Resisting, pushes
+from evertwin.models import Model
+from evertwin.setup.setup import Setup
+from evertwin.setup.windows import apart
+from evertwin.tuning import Fit, Problem
+from evertwin.tuning.terms import climb_terms, folded
+from evertwin.tuning.unseen import held_out
+from evertwin.types import PerOutput
+
+ENOUGH = 1000
+"""Rows of a task that are asked whether friction resists."""
+FASTEST = 0.99
+"""Quantile of a drive's speeds that stands for its fastest."""
+SHARES = np.geomspace(0.01, 0.5, 12)
+"""Of the fastest speed, at which what is within a term may fall."""
+CLOSER = np.geomspace(0.75, 1.33, 5)
+"""Then of the one of these that was best."""
+PARTS = 4
+"""Parts that a single task is cut into."""
+MOST = 2 / 3
+"""Share of the rows from which on a task is cut as if it were the only one."""
+
+
+@runtime_checkable
+class Laddered(Protocol):
+    """A model whose law has terms that may stay out.
+
+    >>> from evertwin.machines.drive import DriveForce
+    >>> isinstance(DriveForce("sign+direction"), Laddered)
+    True
+    """
+
+    def rungs(self) -> tuple[Rung, ...]:
+        """Terms that may join, each for one output."""
+        ...
+
+    def law_name(self, output: int, terms: Sequence[str]) -> str:
+        """The law of an output that has these of its terms."""
+        ...
+
+
+class Chosen(NamedTuple):
+    """What the ladder has found, by joint (or output, without joints).
+
+    >>> dict(Chosen().laws)
+    {}
+    """
+
+    laws: Mapping[str, str] = MappingProxyType({})
+    """The friction law."""
+    causes: Mapping[str, str] = MappingProxyType({})
+    """What its terms mean; without those that have none."""
+    taken: tuple[tuple[str, ...], ...] = ()
+    """Terms that joined, per output."""
+
+    @property
+    def said(self) -> str:
+        """The causes, to be put behind a sentence."""
+        return "".join(f"; {name} {cause}" for name, cause in self.causes.items())
+
+
+def check_ladder(spec: TwinSpec, model: Model) -> None:
+    """Has the model's law each term that the twin file's ladder names?
+
+    Raises:
+        ConfigError: one is not there; with the nearest that is.
+    """
+    there = dict.fromkeys(rung.name for rung in _rungs(model))
+    for name in spec.tuning.ladder:
+        if name in there:
+            continue
+        raise ConfigError(
+            f"[tuning] ladder: the model's law has no term {name!r}: "
+            + (nearest(name, there) if there else "it has none that may stay out")
+        )
+
+
+def _rungs(model: Model) -> tuple[Rung, ...]:
+    return model.rungs() if isinstance(model, Laddered) else ()
+
+
+def joined(problem: Problem) -> Mapping[str, tuple[str, ...]]:
+    """Parameters of each term of the law that is tuned, by what it is called."""
+    model = problem.model
+    several = len(model.outputs.names) > 1
+    return {
+        f"{rung.name} of {model.outputs.names[rung.output]}" if several else rung.name: rung.add
+        for rung in _rungs(model)
+        if set(rung.add) <= set(problem.names)
+    }
+
+
+def nested(setup: Setup, problem: Problem) -> tuple[tuple[str, ...], ...]:
+    """What may be tuned without a new term: numbers of no term that may stay out of a law (the
+    others stay as they are), then all of the law as it is. None where the ladder tries none."""
+    tried = _tried(setup, problem)
+    without = (_rungs(problem.model), tried) if tried else ()
+    found = []
+    for rungs in without:
+        out = {name for rung in rungs for name in rung.add}
+        found.append(tuple(name for name in problem.names if name not in out))
+    return tuple(dict.fromkeys(names for names in found if names))
+
+
+def unseen(problem: Problem) -> PerOutput:
+    """The error on held-out tasks, or parts of the only one, as the ladder is climbed by."""
+    return held_out(replace(problem, windows=_folds(apart(problem.windows))))
+
+
+def _tried(setup: Setup, problem: Problem) -> list[Rung]:
+    """Terms of the ladder that have no value yet, in its order."""
+    rungs = _rungs(problem.model)
+    start = dict(zip(problem.names, problem.start.tolist(), strict=True))
+    return [
+        rung
+        for name in setup.spec.tuning.ladder or ()
+        for rung in rungs
+        if rung.name == name and not any(start.get(added) for added in rung.add)
+    ]
+
+
+def climb_laws(setup: Setup, problem: Problem) -> tuple[Problem, Chosen]:
+    """The problem with the terms that pay, and the law of each joint (or output, without joints).
+
+    A term that already has a value stays. Without ``[tuning] ladder`` every term of the model takes
+    part, and so does a term that the ladder does not name. A single task is cut into parts, so that
+    there is something to hold out.
+    """
+    model, tried = problem.model, _tried(setup, problem)
+    if not tried:
+        return problem, Chosen()
+    plain, problem = problem, _shaped(problem, tried)
+    few = tuple(_thinned(window) for window in problem.windows)
+
+    def pushing(values: Mapping[str, float]) -> Collection[str]:
+        p = problem.parameters.with_values(values).values[: len(model.parameters)]
+        return {name for push in pushes(model, p, few) for name in push.negative}
+
+    parts = replace(problem, windows=_folds(apart(problem.windows)))
+    ascent = climb_terms(parts, tried, wrong=pushing)
+    out = [r for r in tried if r.name not in ascent.taken[r.output]]
+    stay = {name: plain.parameters[name].value for rung in out for name, _ in rung.shape}
+    problem = replace(problem, prior=problem.parameters.with_values(stay)) if stay else problem
+    return problem.tuning(ascent.names), _chosen(problem, ascent.taken)
+
+
+def acting(chosen: Chosen, problem: Problem, fit: Fit) -> Chosen:
+    """What is left of it once its numbers are tuned: a term whose numbers the rows do not tell, so
+    that they stay at zero, is none of the law."""
+    if not chosen.taken:
+        return chosen
+    values = dict(zip(problem.model.parameters.names, fit.p.tolist(), strict=False))
+    acts = {(r.output, r.name) for r in _rungs(problem.model) if any(values[n] for n in r.add)}
+    kept = (tuple(n for n in some if (k, n) in acts) for k, some in enumerate(chosen.taken))
+    return _chosen(problem, tuple(kept))
+
+
+def _chosen(problem: Problem, taken: tuple[tuple[str, ...], ...]) -> Chosen:
+    model = problem.model
+    assert isinstance(model, Laddered)
+    joints = getattr(model, "joints", model.outputs.names)
+    laws = {joint: model.law_name(k, taken[k]) for k, joint in enumerate(joints)}
+    causes = {joint: _causes(problem, k, taken[k]) for k, joint in enumerate(joints)}
+    return Chosen(laws, {joint: cause for joint, cause in causes.items() if cause}, taken)
+
+
+def _shaped(problem: Problem, tried: Sequence[Rung]) -> Problem:
+    """The problem with the speeds inside of its terms, where nobody has said them, at those shares
+    of a drive's fastest with which the term leaves least on unseen rows: what creeps for one drive
+    is fast for another."""
+    model, items = problem.model, problem.parameters
+    open_ = [r for r in tried if r.shape and all(items[n].value == x for n, x in r.shape)]
+    if not (open_ and problem.linear and isinstance(model, Resisting)):
+        return problem
+    u, y = (np.concatenate([getattr(w, name) for w in problem.windows]) for name in ("u", "y"))
+    drives = model.rubbed(u, y, items.values)
+    if len(drives) != len(model.outputs.names):
+        return problem
+    fastest = [float(np.nanquantile(np.abs(drive.speed), FASTEST)) for drive in drives]
+    others = {name for rung in tried if rung not in open_ for name in rung.add}
+    names = tuple(name for name in problem.names if name not in others)
+    shaped = replace(problem, editable=names, windows=_folds(apart(problem.windows)))
+    least = np.full(len(fastest), np.inf)
+    best = {name: fastest[rung.output] for rung in open_ for name, _ in rung.shape}
+    for shares in (SHARES, CLOSER):
+        about = dict(best)
+        for share in shares.tolist():
+            speeds = {
+                name: float(np.clip(share * speed, items[name].low, items[name].high))
+                for name, speed in about.items()
+            }
+            left = folded(replace(shaped, prior=items.with_values(speeds)))
+            for rung in open_:
+                if left[rung.output] < least[rung.output]:
+                    best |= {name: speeds[name] for name, _ in rung.shape}
+            least = np.fmin(least, left)
+    return replace(problem, prior=items.with_values(best))
+
+
+def _thinned(window: Block) -> Block:
+    """About `ENOUGH` of its rows."""
+    every = max(len(window.t) // ENOUGH, 1)
+    return Block(window.row, *(column[::every] for column in window[1:]))
+
+
+def _causes(problem: Problem, output: int, taken: Sequence[str]) -> str:
+    """What the terms of an output mean, each with the speeds that are chosen for it."""
+    found = []
+    for rung in _rungs(problem.model):
+        if rung.output == output and rung.name in taken and rung.cause:
+            items = [problem.parameters[name] for name, _ in rung.shape]
+            speeds = ", ".join(f"{item.name} {item.value:.3g} {item.unit}" for item in items)
+            found.append(f"{rung.cause} ({speeds})" if speeds else rung.cause)
+    return "; ".join(found)
+
+
+def _folds(windows: tuple[Block, ...]) -> tuple[Block, ...]:
+    """The tasks; where one holds most of the rows, what the others tell alone is too little to try
+    it on: it is cut into parts."""
+    rows = sum(len(window.t) for window in windows)
+    if max(len(window.t) for window in windows) <= MOST * rows:
+        return windows
+    found = list[Block]()
+    for window in windows:
+        n, parts = len(window.t), max(1, round(PARTS * len(window.t) / rows))
+        edges = [n * k // parts for k in range(parts + 1)]
+        found += [take(window, a, b) for a, b in pairwise(edges) if b > a]
+    return tuple(found)

@@ -1,0 +1,64 @@
+"""A machine that changes within the window that it is tuned on."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from evertwin import Twin, TwinSpec
+from evertwin.config.spec import AnomalySpec, ModelSpec, PredictionSpec, Span, TuningSpec
+from evertwin.fold import Block, make_block
+from evertwin.gauges.change import changed
+from evertwin.machines.mobile import Robot1D
+from evertwin.models.corrected import build
+from evertwin.models.form import Form, Term
+from evertwin.tuning import Problem
+
+SPEC = TwinSpec(
+    "cart", ModelSpec("robot1d"), beat=Span(seconds=10.0), prediction=PredictionSpec(horizon=5.0),
+    anomaly=AnomalySpec(requirement=0.02, relative=False, window=Span(seconds=60.0)),
+    tuning=TuningSpec(window=Span(seconds=600.0)),
+)  # fmt: skip
+CHANGE = 1507
+
+
+def drive(seed: int, after: float, n: int = 2400) -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    v = np.repeat(rng.uniform(0.02, 0.2, n // 10), 10)
+    gain = np.where(np.arange(n) < CHANGE, 1.1, after)
+    x = np.r_[0.0, np.cumsum(gain * v)[:-1]] + rng.normal(0.0, 0.002, n)
+    return {"t": np.arange(n) * 1.0, "v": v, "x": x}
+
+
+@pytest.mark.parametrize("after", [0.95, 1.25])
+def test_only_rows_of_the_machine_as_it_is_now_are_tuned_on(after: float) -> None:
+    with Twin(SPEC) as twin:
+        result = twin.run(drive(1, after))
+    (changed,) = [e for e in result.events if e.kind == "changed"]
+    assert abs(changed.evidence["row"] - CHANGE) <= 5
+    promoted = [e.row for e in result.events if e.kind == "promoted"]
+    assert len(promoted) == 2  # the first is to the machine as it was
+    assert promoted[0] < CHANGE < promoted[1] < CHANGE + 240  # the window is 600 rows long
+    assert result.parameters["gain"].value == pytest.approx(after, rel=0.005)
+
+
+def test_a_machine_that_stays_has_not_changed() -> None:
+    for seed in range(6):
+        with Twin(SPEC) as twin:
+            result = twin.run(drive(seed, 1.1))
+        assert "changed" not in {e.kind for e in result.events}
+        assert [e.kind for e in result.events].count("promoted") == 1
+
+
+def test_numbers_that_tell_the_same_hide_no_change() -> None:
+    """A correction's gain beside the model's own: no row tells the one from the other."""
+    model = build(Robot1D(), Form((Term("law", "v"),)))
+    names = ("gain", "law.v.gain")
+    prior = model.parameters.with_values({"law.v.gain": 1.1})
+    run = drive(0, 0.6, 2000)
+    rows = make_block(run["t"].astype(np.int64) * 10**9, run["v"][:, None], run["x"][:, None])
+
+    def pose(windows: tuple[Block, ...]) -> Problem:
+        return Problem(model, windows, names, 5.0, prior=prior)
+
+    assert abs(changed((rows,), pose) - CHANGE) <= 5

@@ -1,0 +1,61 @@
+"""What slow work answers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from evertwin import Twin, TwinSpec
+from evertwin.config.spec import AnomalySpec, CorrectionSpec, ModelSpec, PredictionSpec
+from evertwin.fold import make_block
+from evertwin.refit.work import Work
+from evertwin.setup.setup import Setup
+from evertwin.setup.task import Task
+
+SPEC = TwinSpec(
+    "cart", ModelSpec("robot1d"), prediction=PredictionSpec(horizon=5.0),
+    anomaly=AnomalySpec(requirement=0.02, relative=False),
+    correction=CorrectionSpec(channels=("v",), terms=("law",)),
+)  # fmt: skip
+N = 100
+
+
+def work(twin: Twin) -> Work:
+    return Work(Setup(twin.spec, twin.model), twin._versions)
+
+
+def rows(gain: float) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(0)
+    v = np.repeat(rng.uniform(0.02, 0.2, N // 10), 10)
+    return v, np.cumsum(gain * v) + rng.normal(0.0, 0.002, N)
+
+
+def task(twin: Twin, kind: str, gain: float, rival: float | None = None) -> Task:
+    v, x = rows(gain)
+    block = make_block(t=np.arange(N) * 10**9, u=v[:, None], y=x[:, None])
+    other = None
+    if rival is not None:
+        other = twin._versions.add(twin.champion.form, {"gain": rival}, parent=0, reason="tuned")
+    return Task(kind, twin.champion, (block,), 0, rival=other)
+
+
+def test_beside_a_trial_only_a_much_better_candidate_is_heard() -> None:
+    for rival, heard in [(1.3, False), (1.1, True)]:
+        with Twin(SPEC) as twin:
+            content = work(twin).content(task(twin, "fit", 1.3, rival))
+        assert ("candidate" in content) == heard
+        assert bool(content["events"]) == heard
+
+
+def test_a_correction_is_looked_for_beside_the_tuned_numbers_too() -> None:
+    """A machine of a tenth of the model's gain, and with a dead zone: no law reaches so far."""
+    rng = np.random.default_rng(1)
+    v = np.repeat(rng.uniform(0.0, 2.0, 60), 5)
+    x = np.cumsum(0.1 * np.where(v > 0.5, v - 0.5, 0.0)) + rng.normal(0.0, 0.001, len(v))
+    block = make_block(t=np.arange(len(v)) * 10**9, u=v[:, None], y=x[:, None])
+    with Twin(SPEC) as twin:
+        content = work(twin).content(Task("correct", twin.champion, (block,), 0))
+    found = content["candidate"]["values"]
+    effect = found["gain"] * (found["law.v.gain"] * 1.8 + found["law.v.offset"])
+    assert found["gain"] < 0.5
+    assert effect == pytest.approx(0.13, abs=0.003)
