@@ -9,8 +9,9 @@ import pytest
 
 from evertwin import FunctionModel, Layout, RunResult, Twin, TwinSpec
 from evertwin.anomaly.spec import AnomalySpec
-from evertwin.config.spec import ModelSpec, PredictionSpec, Span
+from evertwin.config.spec import ChannelSpec, ModelSpec, PredictionSpec, SourceSpec, Span
 from evertwin.models import Parameter, Parameters
+from evertwin.sync.spec import ClockSpec, DeriveSpec, FilterSpec, MovingSpec
 from evertwin.tuning.spec import TuningSpec
 
 
@@ -119,6 +120,56 @@ def test_an_input_that_changed_its_unit_is_named_and_no_output_is_called_frozen(
     told = [e for e in result.of_kind("abnormal") if "number" in e.evidence]
     assert told and {e.signal for e in told} == {"flow"}
     assert told[-1].evidence["number"] == pytest.approx(1000.0 / 60.0, rel=0.01)
-    assert "flow looks 16.67 times too large" in result.headline
+    assert "flow looks 16.67 times what it is" in result.headline
     assert "no longer answers" not in result.headline
     assert all(e.row < 1200 for e in result.of_kind("promoted"))
+
+
+@pytest.mark.parametrize(
+    ("factor", "said"),
+    [(0.1, "position looks 0.1 times what it is"), (-1.0, "the sign of position, or of force,")],
+)
+def test_a_position_that_was_read_otherwise_is_named_though_only_derivatives_are_used(
+    factor: float, said: str
+) -> None:
+    """An axis: force of speed and acceleration, both derived; its position from the middle on in
+    another unit, or turned. With every number ten times as large the force would be the same."""
+    rng, rate = np.random.default_rng(3), 50.0
+    moves, x = list[np.ndarray](), 0.0
+    for target, duration in zip(rng.uniform(-0.4, 0.4, 90), rng.uniform(0.6, 2.0, 90), strict=True):
+        s = np.linspace(0.0, 1.0, int(duration * rate))
+        moves += [x + (target - x) * (10 * s**3 - 15 * s**4 + 6 * s**5), np.full(15, target)]
+        x = target
+    position = np.concatenate(moves)
+    t = np.arange(len(position)) / rate
+    v = np.gradient(position, t)
+    force = 20.0 * np.gradient(v, t) + 60.0 * v + 15.0 * np.where(abs(v) > 1e-4, np.sign(v), 0.0)
+    position = position + 1e-5 * rng.normal(size=len(t))
+    position = np.where(t < t[len(t) // 2], position, factor * position)
+    given = Parameters.of(mass=(20.0, "kg"), viscous=(60.0, "Ns/m"), dry=(15.0, "N"))
+    model = FunctionModel(
+        lambda x, u, dt, p: (x, [p[0] * u[1] + p[1] * u[0] + p[2] * np.sign(u[0])]),
+        Layout.of(speed="m/s", acceleration="m/s^2"), Layout.of(force="N"), parameters=given,
+    )  # fmt: skip
+    channels = {
+        "position": ChannelSpec("position", unit="m"),
+        "force": ChannelSpec("force", unit="N"),
+    }
+    spec = TwinSpec(
+        "axis", ModelSpec("given"), source=(SourceSpec("log", channels),),
+        derive=(
+            DeriveSpec(name="speed", op="derivative", source=("position",)),
+            DeriveSpec(name="acceleration", op="derivative", source=("speed",)),
+        ),
+        clock=ClockSpec(rate=rate), filter=FilterSpec(cutoff=5.0),
+        moving=MovingSpec(above=0.01, channels={"force": "speed"}, tune=True),
+        anomaly=AnomalySpec(requirement=0.05, window=Span(500)),
+        prediction=PredictionSpec(horizon=1.0), tuning=TuningSpec(window=Span(3000)),
+        beat=Span(100),
+    )  # fmt: skip
+    noisy = force + 0.3 * rng.normal(size=len(t))
+    with Twin(spec, model) as twin:
+        result = twin.run({"t": t, "position": position, "force": noisy})
+    told = [e for e in result.of_kind("abnormal") if e.signal == "position"]
+    assert told and said in told[0].reason and not result.of_kind("promoted")
+    assert t[told[0].row] < t[len(t) // 2] + 30.0

@@ -28,7 +28,8 @@ from evertwin.correction.improve import TooFew
 from evertwin.gauges.gauge_rows import LEAST, Rows
 from evertwin.gauges.misread import ALIKE, Reading, misread, readings, recorded
 from evertwin.gauges.offset import NEAR, offset
-from evertwin.gauges.unit_change import SensorChange, since_change, unit_change
+from evertwin.gauges.sensor_change import SensorChange, since_change
+from evertwin.gauges.unit_change import unit_change
 from evertwin.models import Model
 from evertwin.models.kernel import CONTINUE
 from evertwin.rows.ring import called

@@ -10,7 +10,7 @@ import numpy as np
 
 from evertwin.fold import Block, take
 from evertwin.gauges.misread import Reading
-from evertwin.gauges.unit_change import Refused
+from evertwin.gauges.sensor_change import Refused
 from evertwin.models.kernel import CONTINUE
 from evertwin.rows.ring import called
 from evertwin.setup.setup import Setup

@@ -21,7 +21,7 @@ import numpy as np
 
 from evertwin.correction.improve import TooFew
 from evertwin.fold import Block, Mark, take
-from evertwin.gauges.unit_change import SensorChange, since_change
+from evertwin.gauges.sensor_change import SensorChange, since_change
 from evertwin.gauges.unlike import Changes, changes
 from evertwin.models import Model
 from evertwin.rows.channels import recorded_as

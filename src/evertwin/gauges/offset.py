@@ -8,7 +8,7 @@ from evertwin.errors import DataError, ModelError
 from evertwin.fold import Block
 from evertwin.gauges.change import split
 from evertwin.gauges.gauge_rows import LEAST, Rows, residual
-from evertwin.gauges.unit_change import SensorChange
+from evertwin.gauges.sensor_change import SensorChange
 from evertwin.rows.ring import called
 from evertwin.types import Bools, Outputs
 

@@ -9,20 +9,18 @@ nothing of the deviation.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from evertwin.correction.improve import TooFew
 from evertwin.gauges.exchanged import exchanged
+from evertwin.gauges.rescaled import rescaled
+from evertwin.gauges.sensor_change import SensorChange, since_change
 from evertwin.models import Model
-from evertwin.models.batch import mapped
 from evertwin.setup.evaluation import predict
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Windows
 from evertwin.signals import Channel
 from evertwin.signals.mistaken import SIGN, numbers
-from evertwin.tuning.assemble import rms
 from evertwin.types import Inputs, Outputs, ParameterVector, Vector
 
 NEAR = 0.01
@@ -35,39 +33,6 @@ EXPLAINED = 0.99
 
 PARTS = (1.0, 0.5, 0.25)
 """Shares of the rows, the newest, of which one may be of the sensor as it is now alone."""
-
-
-SPREAD = 256
-"""Rows that an input's units are tried on, spread over those since a change."""
-LEAST = 16
-"""Rows on either side of a change."""
-
-
-class Refused(NamedTuple):
-    """Kept rows of outputs from which nothing is learned.
-
-    >>> Refused(("tau",), 10, 20).last
-    20
-    """
-
-    channels: tuple[str, ...]
-    first: int
-    last: int
-
-
-class SensorChange(NamedTuple):
-    """What a channel has become, as one number.
-
-    >>> SensorChange("tau", -1.0, "tau is …").number
-    -1.0
-    """
-
-    channel: str
-    number: float
-    """Recorded over what fits the model; 0: it does not answer."""
-    said: str
-    refused: Refused | None = None
-    """Rows that are left out from now on; None: they are asked about again."""
 
 
 def unit_change(
@@ -101,10 +66,10 @@ def unit_change(
             if said is None:
                 continue
             if part * len(y) >= setup.enough:
-                return _of_input(setup, model, p, windows, (y - expected, said)) or said
+                return rescaled(setup, model, p, windows, (y - expected, said)) or said
             if part == 1.0:  # in a few motions much is one number times as large
                 raise TooFew(f"{len(y)} rows do not tell a change of unit from another")
-    return _of_input(setup, model, p, windows, (y - expected, None))
+    return rescaled(setup, model, p, windows, (y - expected, None))
 
 
 def _crossed(
@@ -126,86 +91,6 @@ def _crossed(
     said = ", ".join(f"{names[k]} is what {names[looks[k]]} would be" for k in moved)
     cause = "as crossed cables or columns would make it, so nothing is learned"
     return SensorChange(names[moved[0]], 1.0, f"{said}, {cause}")
-
-
-def _of_input(
-    setup: Setup, model: Model, p: ParameterVector, windows: Windows,
-    beside: tuple[Outputs, SensorChange | None],
-) -> SensorChange | None:  # fmt: skip
-    """An input of which one number that divides two units takes the deviation away, of all outputs
-    together, on the rows since the deviation has been what it is; ``beside``: the deviation, and
-    the output whose number is a rival to that, which has to leave more than twice as much.
-
-    Raises:
-        TooFew: it looks so, on fewer rows than a deviation is judged on.
-    """
-    deviation, rival = beside
-    first = since_change(deviation[:, setup.watched])
-    u, dt, y = (np.concatenate([getattr(w, n) for w in windows]) for n in ("u", "dt", "y"))
-    rows = np.unique(np.linspace(first, len(u) - 1, SPREAD).round().astype(int))
-    u, dt, y = u[rows], dt[rows], y[rows][:, setup.watched]
-    if not np.isfinite(y).any(axis=0).all():
-        return None
-    scale = rms(y)
-
-    def off(inputs: Inputs) -> float:
-        left = (y - mapped(model, inputs, dt, p)[:, setup.watched]) / scale
-        return float(np.nansum(np.square(left))) if np.isfinite(left).any() else np.inf
-
-    before = off(u)
-    best = 1.0 - EXPLAINED, "", 1.0, ""
-    if rival is not None and rival.number:
-        k = [c.name for c, on in zip(model.outputs.channels, setup.watched, strict=True) if on]
-        y[:, k.index(rival.channel)] /= rival.number
-        best = min(best, (0.5 * off(u) / before, "", 1.0, ""))
-        y[:, k.index(rival.channel)] *= rival.number
-    for j, channel in enumerate(model.inputs.channels):
-        for known, told in numbers(channel.unit):
-            other = u.copy()
-            other[:, j] /= known
-            best = min(best, (off(other) / before, channel.name, known, told))
-    _, name, number, told = best
-    if not name or not _reached(setup, model, p, windows, (first, name, number)):
-        return None
-    if len(deviation) - first < setup.enough:
-        raise TooFew(f"{len(deviation) - first} rows do not tell a change of unit from another")
-    return SensorChange(name, number, (
-        f"{name} looks {number:.4g} times too large, as {told} would make it: divided by that, it "
-        f"takes {100 - 100 * best[0]:.1f} % off the deviation, so nothing is "
-        "learned; a machine that changed so would look the same"
-    ))  # fmt: skip
-
-
-def since_change(deviation: Outputs) -> int:
-    """Row from which the deviation is most clearly of another size than before; 0: too few rows."""
-    size = rms(deviation)
-    square = np.nansum(np.square(deviation / np.where(size > 0, size, 1.0)), axis=1) + 1e-12
-    n, total = len(square), np.cumsum(square)
-    if n < 2 * LEAST:
-        return 0
-    rows = np.arange(LEAST, n - LEAST + 1)
-    before, after = total[rows - 1], np.maximum(total[-1] - total[rows - 1], 1e-12)
-    cost = rows * np.log(before / rows) + (n - rows) * np.log(after / (n - rows))
-    return int(rows[int(np.argmin(cost))])
-
-
-def _reached(
-    setup: Setup, model: Model, p: ParameterVector, windows: Windows,
-    change: tuple[int, str, float],
-) -> bool:  # fmt: skip
-    """With an input divided by a number: is the twin within its requirement from a row on?"""
-    first, name, number = change
-    place, found = model.inputs.index(name), []
-    for window in windows:
-        u = window.u.copy()
-        u[:, place] /= number
-        found.append(predict(setup, model, p, window._replace(u=u)))
-    left = np.concatenate([one.residual for one in found])[first:, setup.watched]
-    y = np.concatenate([one.measured for one in found])[first:, setup.watched]
-    off = rms(left)
-    if setup.relative:
-        off /= rms(y)
-    return bool((off <= setup.requirement).all())
 
 
 def _answers(a: Vector, u: Inputs) -> bool:

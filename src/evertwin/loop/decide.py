@@ -24,7 +24,7 @@ from evertwin.loop.heeding import heed
 from evertwin.loop.in_stream import tell_followed
 from evertwin.loop.looking import adopted, in_vain, looks, returned
 from evertwin.loop.requirement import deviates, heard
-from evertwin.loop.succession import makes_room, opening
+from evertwin.loop.succession import makes_room, opening, withdrawn
 from evertwin.models.form import Form
 from evertwin.refit.states import tried
 from evertwin.rows.ring import refuse
@@ -241,6 +241,8 @@ class Decide:
             model, nu = self.follow.setup.model, len(self.follow.setup.model.inputs)
             columns = [nu + model.outputs.index(name) for name in names]
             refuse(decision.state.ring, columns, *span)
+        if content.get("sensor"):
+            withdrawn(decision, content["sensor"])
         if content.get("tuned"):
             decision.remember(tunings=agenda.tunings + 1, cause="")
         candidate = content.get("candidate")

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from evertwin.anomaly import Contact
-from evertwin.gauges.unit_change import SensorChange, of_sensor
+from evertwin.gauges.sensor_change import SensorChange
+from evertwin.gauges.unit_change import of_sensor
 from evertwin.ledger.versions import Versions
 from evertwin.loop.contacts import in_words, kept_out, place_in_words, recurring, remembered
 from evertwin.loop.decision import Decision

@@ -51,6 +51,16 @@ def opening(setup: Setup, state: TwinState, candidate: Mapping[str, Any]) -> Ope
     return Opening(trial, state.scores.scale, agenda.tried, said, evidence)
 
 
+def withdrawn(decision: Decision, channel: str) -> None:
+    """What is on trial was learned from rows of a channel that may have been read wrongly."""
+    agenda, number = decision.state.agenda, decision.state.other.version
+    if agenda.phase == TRIAL and not agenda.pinned and agenda.brief < 0.0:
+        said = f"version {number} was learned from rows in which {channel} is in doubt"
+        decision.say("rejected", "", said, {"version": number})
+        decision.state = decision.state._replace(other=EMPTY)
+        decision.remember(phase=WATCH)
+
+
 def makes_room(setup: Setup, decision: Decision) -> None:
     """What goes on ends where the live version deviates: the trial of a challenger that has long
     gained next to nothing; the probation of a version that has been better than the one before, or

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from evertwin.gauges.unit_change import SensorChange
+from evertwin.gauges.sensor_change import SensorChange
 from evertwin.rows.ring import called
 from evertwin.setup.task import Windows
 
@@ -27,9 +27,11 @@ def changed_since(new: Windows) -> dict[str, Any]:
     return event("changed", "", said, evidence)
 
 
-def of_a_sensor(found: SensorChange) -> dict[str, Any]:
-    """A channel is not what it was, or is said to be: nothing is learned from it."""
-    return event("abnormal", found.channel, found.said, {"number": found.number})
+def of_a_sensor(found: SensorChange, *events: dict[str, Any]) -> dict[str, Any]:
+    """The content of an answer: a channel is not what it was, or is said to be; nothing is learned
+    from it, and nothing that was learned from it stays on trial."""
+    said = event("abnormal", found.channel, found.said, {"number": found.number})
+    return {"events": [*events, said], "sensor": found.channel, "refused": found.refused}
 
 
 def rejected(reason: str) -> dict[str, Any]:

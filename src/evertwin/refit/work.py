@@ -118,6 +118,8 @@ class Work(Tuner):
         """Of an answer: what a fit found and what to do next, or a candidate that is better than
         the rival; much better than one on trial, whose evidence would be lost."""
         found = content.get("candidate")
+        if "sensor" in content:
+            return content
         if found is not None:
             old = left(self.setup, self.versions.model_of(rival.form), rival.p, task.windows)
             new = left(self.setup, *self._made(task.version, found), task.windows)
@@ -164,7 +166,7 @@ class Work(Tuner):
         rows = self.setup, model, version.p, windows
         other, few = at_once(rows) if commissioned else (None, None)
         if other:
-            return {"events": [*events, of_a_sensor(other)]} | since
+            return of_a_sensor(other, *events) | since
         posed = self.problem(version, windows, names)
         named = named_first(self, task, posed, events) if few is None else None
         if named:
@@ -180,11 +182,11 @@ class Work(Tuner):
         if verdict.kind == "abnormal" and not commissioned:
             other = misread(*rows, fit.p)
             if other:
-                return {"events": [*events, of_a_sensor(other)]} | since
+                return of_a_sensor(other, *events) | since
         if commissioned and (verdict.kind == "abnormal" or explained(fit, fit.noise) >= MUCH):
             other = misgauged(self.rows(task, problem, fit))
             if other:  # the rows before it go on to tell how it was
-                return {"events": [*events, of_a_sensor(other)], "refused": other.refused}
+                return of_a_sensor(other, *events)
         if few is not None:
             raise few
         events += [
@@ -288,7 +290,7 @@ class Work(Tuner):
                     self.rows(task, *self.tune(self.problem(version, windows, names))[:2])
                 )
             if other:
-                return {"events": [of_a_sensor(other)]}
+                return of_a_sensor(other)
         if task.held and names:
             new = suddenly(windows, lambda rows: self.problem(version, rows, names))
             if sum(len(block.t) for block in new) >= ENOUGH * len(names):

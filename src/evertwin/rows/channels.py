@@ -33,6 +33,28 @@ def recorded_as(spec: TwinSpec, name: str) -> str:
     return name if rule is None or rule.source is None else rule.source
 
 
+LINEAR = {"filter", "derivative", "slope", "middle", "mean", "scale", "unwrap"}
+"""What is computed of one channel, and is so many times as large where that is."""
+
+
+def measured_as(spec: TwinSpec, name: str) -> str:
+    """The recorded channel that a channel of the model is proportional to: itself, or what it is
+    derived from.
+
+    >>> from evertwin.config.spec import ModelSpec
+    >>> from evertwin.sync.spec import DeriveSpec
+    >>> v = DeriveSpec(name="v", op="derivative", source=("x",))
+    >>> measured_as(TwinSpec("cart", ModelSpec("robot1d"), derive=(v,)), "v")
+    'x'
+    """
+    made = {one.name: one for one in spec.derive}
+    found = recorded_as(spec, name)
+    while (one := made.get(found)) and one.op in LINEAR and len(one.source) == 1:
+        found = one.source[0]
+        del made[one.name]  # a channel may be filtered under its own name
+    return found
+
+
 STEMS = (("q", "qd"), ("position", "speed"))
 """How positions and their speeds are called; a number may follow."""
 
