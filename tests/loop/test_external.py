@@ -135,3 +135,25 @@ def test_a_turned_sign_is_named_and_no_push() -> None:
     assert named and 2500 < named[0].row <= 3300
     assert named[0].evidence["number"] == pytest.approx(-1.0, rel=0.05)
     assert result.champion.number == 0 and "omething outside" not in result.headline
+
+
+def test_a_speed_that_no_longer_answers_is_no_push_and_no_worn_place() -> None:
+    """Its sensor stays at zero while the machine is driven on, more slowly than a contact lasts."""
+    block = rows(seed=3)
+    u = block.u.copy()
+    u[2000:] = 0.0
+    parts = [folded(AXIS, block._replace(u=u), size) for size in (10**6, 37)]
+    assert parts[0][1] == parts[1][1]  # wherever the rows are cut
+    state, said = parts[0]
+    told = [one for one in said if "has not changed since row 2000" in one]
+    assert len(told) == 1 and '"signal":"speed"' in told[0]
+    assert not any('"kind":"recurring"' in one or '"kind":"tuned"' in one for one in said)
+    assert np.isnan(state.recurrence.places).all()
+
+
+def test_a_machine_may_stand_as_long_as_it_likes() -> None:
+    block = rows(seed=3)
+    u, y = block.u.copy(), block.y.copy()
+    u[2000:], y[2000:] = 0.0, np.random.default_rng(1).normal(0.0, 0.5, y[2000:].shape)
+    said = folded(AXIS, block._replace(u=u, y=y), 500)[1]
+    assert not any("has not changed" in one for one in said)

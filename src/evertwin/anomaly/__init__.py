@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     )
     from evertwin.anomaly.residuals import Alarms as Alarms, Residuals as Residuals
     from evertwin.anomaly.snr import SnrLimit as SnrLimit, SnrState as SnrState
+    from evertwin.anomaly.still import Still as Still, StillState as StillState
     from evertwin.anomaly.verdict import (
         Rule as Rule,
         Verdict as Verdict,

@@ -17,7 +17,7 @@ from evertwin.correction.improve import TooFew
 from evertwin.gauges.sensor_change import LEAST, SensorChange, since_change
 from evertwin.models import Model
 from evertwin.models.batch import mapped
-from evertwin.rows.channels import measured_as, recorded_as
+from evertwin.rows.channels import measured
 from evertwin.setup.evaluation import predict
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Windows
@@ -71,7 +71,7 @@ def rescaled(
         divided = np.where([n == rival.channel for n in names], y / rival.number, y)
         moving = setup.moving(u)
         best = min(best, (0.5 * _left(off(u, divided, moving), off(u, y, moving)), "", 1.0, ""))
-    channels = _channels(setup, model)
+    channels = measured(setup.spec, model.inputs)
     for name, (columns, unit) in channels.items():
         for known, told in numbers(unit):
             other = _divided(u, columns, known)
@@ -102,20 +102,6 @@ def rescaled(
     return SensorChange(name, number, (
         f"{looks}: {explains}, so nothing is learned; a machine that changed so would look the same"
     ))  # fmt: skip
-
-
-def _channels(setup: Setup, model: Model) -> dict[str, tuple[list[int], str]]:
-    """Each recorded channel that inputs are proportional to: their columns, and its unit."""
-    units = {n: c.unit for one in setup.spec.source for n, c in one.channels.items()}
-    found = dict[str, tuple[list[int], str]]()
-    for k, channel in enumerate(model.inputs.channels):
-        name = measured_as(setup.spec, channel.name)
-        if name == recorded_as(setup.spec, channel.name) or name not in units:
-            name, unit = channel.name, channel.unit
-        else:
-            unit = units[name]
-        found.setdefault(name, ([], unit))[0].append(k)
-    return found
 
 
 def _divided(u: Inputs, columns: list[int], number: float) -> Inputs:

@@ -160,6 +160,9 @@ def recurring(
     if not first <= middle < rows.end:
         return state, None, False
     at = rows.u[middle % len(rows.t)]
+    columns = [setup.model.outputs.index(name) for name in contact.outputs]
+    if not setup.moving(at[None])[0, columns].any():
+        return state, None, False  # a machine that stands has no worn place
     if setup.recurrence.inside(state.recurrence, at[None]).any():
         return state, None, True
     kept = np.arange(first, rows.end) % len(rows.t)

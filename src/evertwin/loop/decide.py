@@ -25,6 +25,7 @@ from evertwin.loop.in_stream import tell_followed
 from evertwin.loop.looking import adopted, in_vain, looks, returned
 from evertwin.loop.requirement import deviates, heard
 from evertwin.loop.succession import makes_room, opening, withdrawn
+from evertwin.loop.unanswered import unanswered
 from evertwin.models.form import Form
 from evertwin.refit.states import tried
 from evertwin.rows.ring import refuse
@@ -49,6 +50,7 @@ class Decide:
         """The decisions of one beat, in a fixed order. Consumes ``state``."""
         decision = Decision(state, [], [])
         contradicted = told(decision, self.follow.setup)
+        contradicted |= unanswered(decision, self.follow.setup, self.follow.versions)
         veto = disturbed(decision, self.follow.setup, self.follow.versions) or contradicted
         decision.state = self.follow.renew(decision.state, back=veto)
         stage = self.follow.following(decision.state.live.version)

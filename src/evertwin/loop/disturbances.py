@@ -31,6 +31,8 @@ def disturbed(decision: Decision, setup: Setup, versions: Versions) -> bool:
     decision.state = state._replace(external=external)
     since = setup.external.since(external) if on else -1
     doubted = setup.kinematics.doubted(state.kinematics)
+    if state.still.said.any():
+        doubted = 0
     if told.own is not None and doubted < 0 and kept_out(state.ring, told.own.first):
         name, first = told.own
         said = (

@@ -131,7 +131,8 @@ class Driver:
             stream=self.follow.opens(self.champion), first=EMPTY, other=EMPTY,
             newest=setup.at_horizon.init(), waiting=setup.residual_filter.init(),
             detect=setup.detect.init(), external=setup.external.init(),
-            kinematics=setup.kinematics.init(), recurrence=setup.recurrence.init(),
+            kinematics=setup.kinematics.init(),
+            still=setup.still.init(len(setup.model.inputs)), recurrence=setup.recurrence.init(),
             trial=setup.trial.init(),
             scores=new_scores(new_usual(ny), np.zeros(2, dtype=np.int64), 0, sizes),
             agenda=Agenda(

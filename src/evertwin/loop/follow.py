@@ -164,6 +164,7 @@ class Follow:
             self.setup, state, track.model, tracked.p, out.rows.judged(piece), out.rows.y
         )
         kinematics, judged = compared(self.setup, state.kinematics, judged, piece.u)
+        still = self.setup.still.step(state.still, piece.row, piece.u)
         stage = self.following(state.live.version)
         stream = state.stream if stage is None else stage.step(state.stream, judged)
         known = out.rows.y if self.setup.static else None
@@ -191,11 +192,16 @@ class Follow:
             row=piece.row + len(piece.t), task=int(piece.task[-1]), time=int(piece.t[-1]),
             began=began, live=live, stream=stream, first=first, other=other, newest=newest,
             waiting=waiting, external=external, kinematics=kinematics,
+            still=still,
         )  # fmt: skip
         state, found, stop = self._judge(state, released, beats)
-        for news in (self.setup.external.known(external), self.setup.kinematics.known(kinematics)):
-            after = beats[beats >= news]
-            if news and len(after) and (stop < 0 or after[0] < stop):
+        news = (
+            self.setup.external.known(external), self.setup.kinematics.known(kinematics),
+            self.setup.still.known(still),
+        )  # fmt: skip
+        for known in news:
+            after = beats[beats >= known]
+            if known and len(after) and (stop < 0 or after[0] < stop):
                 stop = int(after[0])
         told = unsure(_events(out.records), state.ring, judged)
         events = _by_beat(told, found, beats, self.setup.residual_filter.delay)

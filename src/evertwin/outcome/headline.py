@@ -199,10 +199,12 @@ def _outcome(
         free = [name for name, f in known.items() if math.isnan(f.judged)]
         rest = f" No limit is asked of {', '.join(free)}." if free else ""
         return f"The twin fits its machine, and {more} was changed: {now}{lead}{asked}.{rest}"
+    last = doubts[-1]
     times = f"{len(doubts)} time{'s' * (len(doubts) > 1)}"
+    why = f"it was suspected {times} ({last.signal or last.kind}: {last.reason}), and "
     return (
-        f"Over all rows the twin is within what is asked: {now}{lead}{asked}; but it was suspected "
-        f"{times} ({doubts[-1].signal or doubts[-1].kind}: {doubts[-1].reason}), and {found}."
+        f"Over all rows the twin is within what is asked: {now}{lead}{asked}; but "
+        f"{why if last.reason != found else ''}{found}."
     )
 
 

@@ -55,6 +55,21 @@ def measured_as(spec: TwinSpec, name: str) -> str:
     return found
 
 
+def measured(spec: TwinSpec, layout: Layout) -> dict[str, tuple[list[int], str]]:
+    """Each recorded channel that channels of a layout are proportional to: their columns, and its
+    unit."""
+    units = {name: c.unit for source in spec.source for name, c in source.channels.items()}
+    found = dict[str, tuple[list[int], str]]()
+    for k, channel in enumerate(layout):
+        name, unit = measured_as(spec, channel.name), channel.unit
+        if name == recorded_as(spec, channel.name) or name not in units:
+            name = channel.name
+        else:
+            unit = units[name]
+        found.setdefault(name, ([], unit))[0].append(k)
+    return found
+
+
 STEMS = (("q", "qd"), ("position", "speed"))
 """How positions and their speeds are called; a number may follow."""
 

@@ -10,14 +10,14 @@ from functools import cached_property
 
 import numpy as np
 
-from evertwin.anomaly import External, Kinematics, Recurrence, Regimes, TaskSteps
+from evertwin.anomaly import External, Kinematics, Recurrence, Regimes, Still, TaskSteps
 from evertwin.config.spec import TwinSpec
 from evertwin.errors import ConfigError, UsageError
 from evertwin.fold import Beat
 from evertwin.fold.span import Span
 from evertwin.models import LinearModel, Model
 from evertwin.rows.alignment import low_pass
-from evertwin.rows.channels import is_measured, motions
+from evertwin.rows.channels import is_measured, measured, motions
 from evertwin.rows.plausibility import arbiter_of
 from evertwin.rows.ring import Ring
 from evertwin.setup.at_horizon import AtHorizon
@@ -63,6 +63,10 @@ def matching(
             where = f"[tuning] {key}: " if key else ""
             raise UsageError(f"{where}no {what} matches {pattern!r}: there are {', '.join(names)}")
     return tuple(n for n in names if any(fnmatch.fnmatchcase(n, p) for p in patterns))
+
+
+STILL, LEAST_STILL = 2.0, 20
+"""Without a change an input is asked about after so many seconds, and rows at least."""
 
 
 @dataclass(frozen=True)
@@ -363,6 +367,16 @@ class Setup:
     def recurrence(self) -> Recurrence:
         """The observer of contacts that come again."""
         return Recurrence(len(self.model.inputs))
+
+    @cached_property
+    def still(self) -> Still:
+        """The observer of the measured channels by which is known what moves."""
+        by, unsaid = self.judged_by
+        rate = self.known_rate if self.static else None
+        deciding = set(by[~unsaid].tolist()) if rate else set()
+        channels = measured(self.spec, self.model.inputs).values()
+        which = tuple(tuple(columns) for columns, _ in channels if deciding & set(columns))
+        return Still(which, max(LEAST_STILL, round(STILL * (rate or 1.0))))
 
     @cached_property
     def kinematics(self) -> Kinematics:

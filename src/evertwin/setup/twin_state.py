@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from evertwin.anomaly import ExternalState, KinematicsState, RecurrenceState
+from evertwin.anomaly import ExternalState, KinematicsState, RecurrenceState, StillState
 from evertwin.rows.ring import Rows
 from evertwin.setup.at_horizon import Newest
 from evertwin.setup.deviation import Sums, Usual
@@ -155,6 +155,7 @@ class TwinState(NamedTuple):
     detect: Any
     external: ExternalState
     kinematics: KinematicsState
+    still: StillState
     recurrence: RecurrenceState
     trial: Any
     scores: Scores
