@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -96,3 +97,49 @@ def test_a_kiln_that_loses_more_heat_is_tuned(tmp_path: Path) -> None:
     result = lived(tmp_path, fired(loss=1.5))
     assert result.of_kind("promoted")
     assert not [e for e in result.of_kind("abnormal") if "number" in e.evidence]
+
+
+def chamber() -> dict[str, np.ndarray]:
+    """A box with a heater and a hidden wall, 2,400 rows of 5 s."""
+    rng, heat, box, wall = np.random.default_rng(3), 22.0, 22.0, 22.0
+    on = np.repeat(rng.uniform(0.0, 1.0, 40), 60)
+    room, data = 21.0 + 1.5 * np.sin(np.arange(2400) / 300.0), np.empty((2400, 4))
+    for k in range(2400):
+        data[k] = 5.0 * k, on[k], room[k], box
+        for _ in range(10):
+            q, w = 3.1 * (heat - box), 2.4 * (box - wall)
+            heat += 0.5 * (240.0 * on[k] - q) / 180.0
+            box += 0.5 * (q - 1.6 * (box - room[k]) - w) / 900.0
+            wall += 0.5 * w / 9000.0
+    data[:, 3] += rng.normal(0.0, 0.05, 2400)
+    return dict(zip(("t", "heater", "room", "box"), data.T, strict=True))
+
+
+CHAMBER = {
+    "heater_power": 240.0, "heater_capacity": 180.0, "heater_conductance": 3.1,
+    "box_capacity": 900.0, "box_conductance": 1.6, "wall_capacity": 9000.0,
+    "wall_conductance": 2.4,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("number", "shift", "said"),
+    [(1.8, 32.0, "room looks recorded in degrees Fahrenheit"), (1.0, 6.0, "room looks off by +")],
+)
+def test_an_input_is_doubted_even_when_no_row_from_before_is_kept(
+    tmp_path: Path, number: float, shift: float, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is hidden is known from before alone: afterwards the rows fit a machine that changed."""
+    head, rest = TWIN.split("[model.parameters]")[0], TWIN[TWIN.index("[[source]]") :]
+    numbers = "".join(f"{name} = {{ value = {value} }}\n" for name, value in CHAMBER.items())
+    head = head.replace('"thermal"', '"thermal"\noptions = { wall = true }')
+    rest = rest[: rest.index("editable")].replace("8000 s", "3000 s")
+    free = [*list(CHAMBER)[2:], "heater_start", "wall_start"]
+    twin = f"{head}[model.parameters]\n{numbers}{rest}editable = {free}\n".replace("'", '"')
+    monkeypatch.setattr(sys.modules[__name__], "TWIN", twin)
+    data = chamber()
+    data["room"][900:] = number * data["room"][900:] + shift
+    result = lived(tmp_path, data)
+    told = [e for e in result.of_kind("abnormal") if "number" in e.evidence]
+    assert told and said in told[0].reason and told[0].row < 1300
+    assert not result.of_kind("promoted") and said in result.headline

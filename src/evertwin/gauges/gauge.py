@@ -27,7 +27,7 @@ import numpy as np
 from evertwin.correction.improve import TooFew
 from evertwin.gauges.gauge_rows import LEAST, Rows
 from evertwin.gauges.misread import ALIKE, Reading, misread, readings, recorded
-from evertwin.gauges.offset import NEAR, offset
+from evertwin.gauges.offset import HELD, NEAR, offset
 from evertwin.gauges.sensor_change import SensorChange, since_change
 from evertwin.gauges.unit_change import unit_change
 from evertwin.models import Model
@@ -110,7 +110,7 @@ def _reading(rows: Rows) -> SensorChange | None:
         f"{', or '.join(said)}, from {called(rows.row(first))}{rows.until(stop)}: read so, "
         f"{100 * (1.0 - least):.1f} % of the squared deviation is gone, which no tuning does "
         "better; nothing is learned from it"
-    ), rows.refused(best.channels, first, stop))  # fmt: skip
+    ), rows.refused(best.channels, first, stop), rows.goes_on(first, stop))  # fmt: skip
 
 
 def _plausible(rows: Rows, one: Reading) -> bool:
@@ -173,9 +173,12 @@ def _left(rows: Rows, one: Reading, first: int, stop: int) -> float:
     after, scored = rows.under(one, mixed), rows.scored(first) & (np.arange(rows.count) < stop)
     known = np.isfinite(after) & np.isfinite(rows.before) & scored[:, None]
     tuned = known & np.isfinite(rows.tuned)
-    if np.count_nonzero(known.any(axis=1)) < LEAST:
-        return 0.0
+    count = np.count_nonzero(known.any(axis=1))
     off, left = (rows.total(r, known) for r in (rows.before, after))
+    if 0 < count < LEAST and left <= LEFT * off and _jumped(rows, one, first):
+        raise TooFew(f"{count} rows do not tell whether {one.said}")
+    if count < LEAST:
+        return 0.0
     rival = rows.total(rows.tuned, tuned) / max(rows.total(after, tuned), 1e-300)
     nu = len(rows.setup.model.inputs)
     of_input = (np.flatnonzero(one.factors != 1.0) < nu).any()
@@ -183,25 +186,29 @@ def _left(rows: Rows, one: Reading, first: int, stop: int) -> float:
     usual = of_input or (1.0 / CLEARLY < one.number < CLEARLY and not shift)
     worse = CLEARLY if usual else 1.0 / LIKE_TUNING
     good = left <= LEFT * off and _restored(rows, one, after, known)
-    told = rival >= worse or not tuned.any() or _jumped(rows, one, first)
+    jumped = (not of_input or rival >= HALF) and _jumped(rows, one, first)
+    told = rival >= worse or not tuned.any() or jumped
     return max(left / off, 1e-12) if good and told else 0.0
 
 
 def _jumped(rows: Rows, one: Reading, first: int) -> bool:
-    """Did an output of a model with states jump where the reading begins, and does it not, undone?
-    No number of such a model makes its outputs jump, so tuning explains only what comes after."""
-    nu = len(rows.setup.model.inputs)
-    which = nu + np.flatnonzero((one.factors != 1.0)[nu:] | (one.shifts != 0.0)[nu:])
+    """Did a channel of a model with states jump, as it had not before, where the reading begins,
+    and does it not, undone? No number of such a model makes its outputs jump, so tuning explains
+    only what comes after."""
+    which = np.flatnonzero((one.factors != 1.0) | (one.shifts != 0.0))
     if not len(rows.setup.model.states) or not len(which) or first < LEAST:
         return False
     near = slice(max(first - NEAR, 1), first + NEAR)
     for k in which.tolist():
         y = rows.values[:, k]
-        usual = float(np.nanmax(np.abs(np.diff(y[: near.start])), initial=0.0))
+        before = y[: near.start]
+        usual = float(np.nanmax(np.abs(np.diff(before)), initial=0.0))
+        drift = float(np.nanmax(np.abs(before[HELD:] - before[:-HELD]), initial=0.0))
         steps = np.nan_to_num(np.abs(np.diff(y)))[near.start - 1 : near.stop - 1]
         at = near.start + int(np.argmax(steps))
         left = abs(y[at] * one.factors[k] + one.shifts[k] - y[at - 1])
-        if not (steps.max() > JUMP * usual and left <= JUMP * usual):
+        least = max(JUMP * usual, drift)
+        if not (steps.max() > JUMP * usual and left <= min(least, HALF * steps.max())):
             return False
     return True
 
@@ -245,12 +252,14 @@ def silent(rows: Rows) -> SensorChange | None:
         ):
             continue
         channel = model.outputs.channels[k]
-        return SensorChange(channel.name, 0.0, (
+        said = (
             f"{channel.name} stays at {float(np.mean(level)):.4g} {channel.unit} from "
             f"{called(rows.row(since))}{rows.until(rows.stop)}, however the machine is moved, "
             "where it answered before: its sensor no longer answers, or the machine does not; "
             "nothing is learned from it"
-        ), rows.refused((channel.name,), since, rows.stop))  # fmt: skip
+        )
+        over = rows.refused((channel.name,), since, rows.stop)
+        return SensorChange(channel.name, 0.0, said, over, rows.goes_on(since, rows.stop))
     return None
 
 

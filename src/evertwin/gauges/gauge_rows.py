@@ -41,6 +41,8 @@ class Rows:
     """Tuned: the rows since the change."""
     fit: Fit
     tune: Callable[[Problem], Fit]
+    begins: int | None = None
+    """Position of the first row that may be otherwise; None: that of the first that is tuned."""
 
     @cached_property
     def whole(self) -> Problem:
@@ -50,6 +52,11 @@ class Rows:
     @cached_property
     def since(self) -> int:
         """Position of the first row of the machine as it is now."""
+        return self.fitted if self.begins is None else self.begins
+
+    @property
+    def fitted(self) -> int:
+        """Position of the first row that is tuned."""
         return self.count - sum(len(one.t) for one in self.problem.windows)
 
     @property
@@ -131,6 +138,10 @@ class Rows:
         outputs = self.setup.model.outputs.names
         known = names if set(names) <= set(outputs) else outputs  # of a wrong input all is wrong
         return Refused(known, self.row(first), self.row(stop - 1))
+
+    def goes_on(self, first: int, stop: int) -> int:
+        """Number of the first of rows [first, stop), if they are not over, and not all; else −1."""
+        return self.row(first) if stop >= self.count and first >= LEAST else -1
 
     def scored(self, place: int) -> np.ndarray:
         """Rows from a place on whose prediction began there: none is from a row before, (n,)."""

@@ -1,6 +1,12 @@
-"""Is an output off by a constant since a change, as an offset of its sensor would have it?"""
+"""Is a channel off by a constant since a change, as an offset of its sensor would have it?
+
+An output may be; an input that is measured may be, if it jumped as it never had: commands jump.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,6 +18,8 @@ from evertwin.gauges.sensor_change import SensorChange
 from evertwin.rows.ring import called
 from evertwin.types import Bools, Outputs
 
+HELD = 8
+"""Rows for which a channel may be held before what it says is believed."""
 NEAR = 25
 """Rows about a change within which an offset sets in."""
 BLOCKS = 12
@@ -27,7 +35,18 @@ OF_NOISE = 5.0
 
 
 def offset(rows: Rows) -> SensorChange | None:
-    """A constant on one output that explains unseen rows as well as tuning does, or better."""
+    """A constant on one channel that explains unseen rows as well as tuning does, or better."""
+    nu = len(rows.setup.model.inputs)
+    for k in range(nu):
+        place = _jump(rows, k)
+        found = _constant(replace(rows, begins=place), (k,)) if place else None
+        if found is not None:
+            return found
+    watched = np.flatnonzero(rows.setup.watched).tolist()
+    return _constant(rows, [nu + k for k in watched if not _has_offset(rows, k)])
+
+
+def _constant(rows: Rows, columns: Sequence[int]) -> SensorChange | None:
     scored = rows.scored(rows.since) & (np.arange(rows.count) < rows.stop)
     places = np.flatnonzero(scored)
     if len(places) < 2 * LEAST:
@@ -37,8 +56,7 @@ def offset(rows: Rows) -> SensorChange | None:
     seen[cut:], unseen[:cut] = False, False
     found = [
         (left, k, shift)
-        for k in np.flatnonzero(rows.setup.watched).tolist()
-        if not _has_offset(rows, k)
+        for k in columns
         for left, shift in (_shifted(rows, k, seen),)
         if left is not None
         and _stepped(rows, k, shift)
@@ -53,7 +71,7 @@ def offset(rows: Rows) -> SensorChange | None:
     lead = _lead(rows, left, rival, np.flatnonzero(unseen))
     if lead < -SURE:
         return None
-    channel = rows.setup.model.outputs.channels[k]
+    channel = (*rows.setup.model.inputs, *rows.setup.model.outputs)[k]
     share = 100.0 * (1.0 - rows.total(left, unseen) / rows.total(rows.before, unseen))
     row, until = called(rows.row(rows.since)), rows.until(rows.stop)
     known = (
@@ -65,11 +83,22 @@ def offset(rows: Rows) -> SensorChange | None:
         return SensorChange(
             channel.name, 1.0, f"{known}more than tuning does; nothing is learned from it",
             rows.refused((channel.name,), rows.since, rows.stop),
+            rows.goes_on(rows.since, rows.stop) if k < len(rows.setup.model.inputs) else -1,
         )  # fmt: skip
     return SensorChange(channel.name, 1.0, (
         f"{known}and tuning no less: sensor or machine, that cannot be told from these rows; "
         "nothing is learned until it can"
     ))  # fmt: skip
+
+
+def _jump(rows: Rows, k: int) -> int:
+    """Position at which an input jumped by far more than it ever did; 0: nowhere."""
+    steps = np.nan_to_num(np.abs(np.diff(rows.values[:, k])))
+    place = int(np.argmax(steps)) + 1 if len(steps) else 0
+    rest = np.delete(steps, slice(max(place - 1 - HELD, 0), place + HELD))
+    if not LEAST <= place <= rows.count - LEAST or len(rest) < LEAST:
+        return 0
+    return place if steps[place - 1] > OF_NOISE * rest.max() > 0.0 else 0
 
 
 def _has_offset(rows: Rows, k: int) -> bool:
@@ -82,8 +111,10 @@ def _has_offset(rows: Rows, k: int) -> bool:
 
 
 def _shifted(rows: Rows, k: int, seen: Bools) -> tuple[Outputs | None, float]:
-    """Residual with the constant on output ``k`` that fits the rows ``seen`` best, and it."""
-    shift, step = 0.0, float(rows.sizes[k])
+    """Residual with the constant on column ``k`` that fits the rows ``seen`` best, and it."""
+    nu = len(rows.setup.model.inputs)
+    usual = np.abs(np.diff(rows.values[:, k]))
+    shift, step = 0.0, float(rows.sizes[k - nu] if k >= nu else np.nanmax(usual))
     here = rows.before
     for _ in range(3):
         there = _with(rows, k, shift + step)
@@ -99,10 +130,13 @@ def _shifted(rows: Rows, k: int, seen: Bools) -> tuple[Outputs | None, float]:
 
 
 def _with(rows: Rows, k: int, shift: float) -> Outputs:
+    nu = len(rows.setup.model.inputs)
+
     def moved(window: Block) -> Block:
-        y = window.y.copy()
-        y[:, k] -= shift
-        return window._replace(y=y)
+        u, y = window.u.copy(), window.y.copy()
+        side, column = (u, k) if k < nu else (y, k - nu)
+        side[:, column] -= shift
+        return window._replace(u=u, y=y)
 
     posed = rows.pose(rows.changed(rows.since, rows.stop, moved))
     return residual(posed, posed.start)
@@ -111,8 +145,7 @@ def _with(rows: Rows, k: int, shift: float) -> Outputs:
 def _stepped(rows: Rows, k: int, shift: float) -> bool:
     """Did what is measured jump by the constant where it begins? One that came at once has to;
     one that is lost in the noise from row to row cannot be asked."""
-    nu = len(rows.setup.model.inputs)
-    steps = np.diff(rows.values[:, nu + k])
+    steps = np.diff(rows.values[:, k])
     usual = steps[: max(rows.since - NEAR, 0)]
     if np.count_nonzero(np.isfinite(usual)) < LEAST:
         return True
@@ -124,7 +157,9 @@ def _stepped(rows: Rows, k: int, shift: float) -> bool:
 
 def _fit_of(rows: Rows, cut: int) -> Outputs | None:
     """Residual, on the rows behind ``cut`` too, of what tuning learns before it."""
-    part = split(rows.problem.windows, cut - rows.since)[0]
+    part = split(rows.problem.windows, max(cut - rows.fitted, 0))[0]
+    if not part:
+        return None
     try:
         found = rows.tune(rows.pose(part).tuning(rows.fit.names))
     except (DataError, ModelError):

@@ -24,7 +24,7 @@ from evertwin.loop.heeding import heed
 from evertwin.loop.in_stream import tell_followed
 from evertwin.loop.looking import adopted, in_vain, looks, returned
 from evertwin.loop.requirement import deviates, heard
-from evertwin.loop.succession import makes_room, opening, withdrawn
+from evertwin.loop.succession import in_doubt, makes_room, opening
 from evertwin.loop.unanswered import unanswered
 from evertwin.models.form import Form
 from evertwin.refit.states import tried
@@ -109,7 +109,7 @@ class Decide:
         state = state._replace(other=self.follow.beside(state.live, number))
         state = self._live(state, number, EMPTY, first)
         agenda = state.agenda._replace(
-            phase=WATCH, again=0, versions=max(state.agenda.versions, number + 1)
+            phase=WATCH, again=0, doubt=-1, versions=max(state.agenda.versions, number + 1)
         )
         return state._replace(agenda=agenda)
 
@@ -135,9 +135,11 @@ class Decide:
             last = 0 < again <= state.row - min(setup.window("fit"), setup.enough)
             again = 0 if last or reason == "" else again
             held = reason == ""
+            doubt = -1 if held else agenda.doubt
             decision.remember(
-                again=again, held=agenda.held or held, commissioned=agenda.commissioned or held
-            )
+                again=again, held=agenda.held or held, commissioned=agenda.commissioned or held,
+                doubt=doubt,
+            )  # fmt: skip
         if reason is not None:
             decision.remember(look=0, pace=0)
         every = state.elapsed - agenda.fitted >= setup.schedule
@@ -233,7 +235,7 @@ class Decide:
         agenda = decision.state.agenda
         if answer.id != agenda.open or answer.version != decision.state.live.version:
             return
-        content: Any = answer.content
+        content: Any = in_doubt(decision, answer.content)
         waits = agenda.again > 0 and ("waits" in content or agenda.kind in ("state", "refine"))
         decision.remember(open=0, again=agenda.again if waits else 0)
         for event in content.get("events", ()):
@@ -243,8 +245,6 @@ class Decide:
             model, nu = self.follow.setup.model, len(self.follow.setup.model.inputs)
             columns = [nu + model.outputs.index(name) for name in names]
             refuse(decision.state.ring, columns, *span)
-        if content.get("sensor"):
-            withdrawn(decision, content["sensor"])
         if content.get("tuned"):
             decision.remember(tunings=agenda.tunings + 1, cause="")
         candidate = content.get("candidate")

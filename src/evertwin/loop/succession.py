@@ -51,14 +51,25 @@ def opening(setup: Setup, state: TwinState, candidate: Mapping[str, Any]) -> Ope
     return Opening(trial, state.scores.scale, agenda.tried, said, evidence)
 
 
-def withdrawn(decision: Decision, channel: str) -> None:
-    """What is on trial was learned from rows of a channel that may have been read wrongly."""
+def in_doubt(decision: Decision, content: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The content of an answer, without what was learned while a channel is in doubt.
+
+    What tells a sensor from the machine are rows from before; once no window has them any more,
+    the rows alone would have the machine learn what its sensor says. The doubt lasts until the
+    live version fits again, or a person says what it was.
+    """
     agenda, number = decision.state.agenda, decision.state.other.version
+    if not content.get("sensor"):
+        learns = content.get("candidate") is not None or "next" in content
+        return {"events": []} if agenda.doubt >= 0 and learns else content
     if agenda.phase == TRIAL and not agenda.pinned and agenda.brief < 0.0:
-        said = f"version {number} was learned from rows in which {channel} is in doubt"
+        said = f"version {number} was learned from rows in which {content['sensor']} is in doubt"
         decision.say("rejected", "", said, {"version": number})
         decision.state = decision.state._replace(other=EMPTY)
         decision.remember(phase=WATCH)
+    over = content.get("refused") is not None
+    decision.remember(doubt=-1 if over else max(agenda.doubt, content["doubt"]))
+    return content
 
 
 def makes_room(setup: Setup, decision: Decision) -> None:

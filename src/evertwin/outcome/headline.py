@@ -20,6 +20,7 @@ from evertwin.outcome.result import OutputFigures
 from evertwin.setup.setup import Setup
 from evertwin.signals.spoken import both, spoken
 from evertwin.sources.tally import Tally
+from evertwin.tuning.recordings import initials
 
 CLEAR = 0.03
 """Share by which a deviation has to fall, or rise, to be called better, or worse."""
@@ -254,7 +255,7 @@ def _off(setup: Setup, off: Mapping[str, OutputFigures]) -> str:
 
 def changes(setup: Setup, champion: Version, before: Version | None = None) -> str:
     """What is other in the live version than in the one ``before``, or than was configured: of many
-    numbers those that moved most."""
+    numbers those that moved most; where a state begins is none of the machine's."""
     tuned, *terms = champion.reason.split("; ")
     names = [name.removesuffix(" (weak)") for name in tuned.removeprefix("tuned ").split(", ")]
     old = {item.name: item.value for item in setup.model.parameters}
@@ -263,6 +264,7 @@ def changes(setup: Setup, champion: Version, before: Version | None = None) -> s
     units = {item.name: item.unit for item in setup.model.parameters}
     if not tuned.startswith("tuned ") or not set(names) <= set(now) & set(old) & set(units):
         return shorter(champion.reason)
+    names = [name for name in names if name not in initials(setup.model)] or names
     names.sort(key=lambda name: -abs(now[name] - old[name]) / max(abs(old[name]), 1e-300))
     told = [
         f"{name} {old[name]:.3g} → {now[name]:.3g} {units[name]}".removesuffix(" 1")

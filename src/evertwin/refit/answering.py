@@ -31,7 +31,10 @@ def of_a_sensor(found: SensorChange, *events: dict[str, Any]) -> dict[str, Any]:
     """The content of an answer: a channel is not what it was, or is said to be; nothing is learned
     from it, and nothing that was learned from it stays on trial."""
     said = event("abnormal", found.channel, found.said, {"number": found.number})
-    return {"events": [*events, said], "sensor": found.channel, "refused": found.refused}
+    return {
+        "events": [*events, said], "sensor": found.channel, "refused": found.refused,
+        "doubt": found.since,
+    }  # fmt: skip
 
 
 def rejected(reason: str) -> dict[str, Any]:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
+from evertwin.errors import DataError, ModelError
+from evertwin.gauges.change import split
 from evertwin.gauges.gauge_rows import Rows
 from evertwin.gauges.settled import settled
 from evertwin.ledger.versions import Versions
@@ -18,6 +20,14 @@ from evertwin.refit.physical import physically
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Task, Windows
 from evertwin.tuning import Fit, Iteration, Problem, Schedule, Settings, own_names
+from evertwin.tuning.assemble import rms
+from evertwin.tuning.recordings import initials
+from evertwin.types import Vector
+
+FIRST = (1.0, 0.5, 0.25, 0.125)
+"""Shares of a window, its first rows, on which a version may have held."""
+LEAST = 30
+"""Rows that tell where a state began."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +53,32 @@ class Tuner:
             self.setup.spec.moving is not None and self.setup.spec.moving.tune,
             Settings(starts=self.setup.spec.tuning.starts),
         )  # fmt: skip
+
+    def begun(self, version: Version, windows: Windows) -> Version:
+        """A version that held, with where states that nothing measures began in these windows, by
+        as many of the first rows as it holds on: what it says of that is of other rows."""
+        names = tuple(n for n in self.editable(version) if n in initials(self.setup.model))
+        count = sum(len(block.t) for block in windows)
+        for part in FIRST if names else ():
+            early = split(windows, min(round(part * count), count - self.setup.enough))[0]
+            if sum(len(block.t) for block in early) < LEAST:
+                break
+            try:
+                problem, fit, _ = self.tune(self.problem(version, early, names))
+            except (DataError, ModelError):  # they tell nothing of it
+                break
+            if self._holds(problem, fit.values):
+                found = dict(zip(fit.names, fit.values.tolist(), strict=True))
+                own = zip(version.names, version.values, strict=True)
+                return replace(version, values=tuple(found.get(name, old) for name, old in own))
+        return version
+
+    def _holds(self, problem: Problem, values: Vector) -> bool:
+        """Is what is watched within the requirement?"""
+        on = self.setup.watched
+        off = rms(np.where(problem.rows.used, problem.residuals(values), np.nan)[:, on])
+        limit = self.setup.requirement * (rms(problem.rows.y[:, on]) if self.setup.relative else 1)
+        return bool((off <= limit).all())
 
     def editable(self, version: Version) -> tuple[str, ...]:
         """What may be tuned of a version: the base model's share and the terms' own numbers."""

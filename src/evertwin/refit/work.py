@@ -160,6 +160,9 @@ class Work(Tuner):
             names = tuple(n for n in names if n not in self.setup.once)
         if not names:
             return {"events": [], "next": self._next()}
+        if task.held:
+            version = self.begun(version, windows)
+            task = task._replace(version=version)
         windows, events = self._now(version, windows, names) if task.held else (windows, [])
         since = {"since": windows[0].row} if windows is not task.windows else {}
         model = self.versions.model_of(version.form)
