@@ -43,14 +43,15 @@ def look_data(view: View) -> Iterator[Finding]:
 
 def _sound(tally: Tally) -> Iterator[Finding]:
     """What was wrong with the rows of one source."""
+    lost = {"left_out": tally.left_out, "used": tally.used}
+    step = "correct the twin file, or the recording"
+    for suspicion in tally.suspicions:
+        yield Finding("clock", tally.source, suspicion, "all rows", step, lost)
     for kind, line in zip(sorted(tally.counts), tally.lines(), strict=True):
         problem, count = tally.first[kind][0], {"count": tally.counts[kind]}
         name = kind if kind in _OWN else "clock" if kind in _CLOCK else "missing"
         where = f"{problem.file} line {problem.line} first"
         yield Finding(name, kind, line, where, _CLOCK.get(kind, _ROWS), count)
-    lost = {"left_out": tally.left_out, "used": tally.used}
-    for suspicion in tally.suspicions:
-        yield Finding("clock", tally.source, suspicion, "all rows", "correct the twin file", lost)
 
 
 def _not_finite(view: View) -> Iterator[Finding]:
@@ -173,7 +174,7 @@ def _lost(view: View) -> Iterator[Finding]:
                 "lost", name,
                 f"{measured - used} of {measured} samples of {name} are not used "
                 f"({100 * (1 - used / measured):.1f} %)",
-                "all rows", "too many gaps, unknown inputs or marked samples: see the findings "
-                "above, or widen [arbiter] gate where the model is far off",
+                "all rows", "too many gaps, unknown inputs or marked samples: see the other "
+                "findings, or widen [arbiter] gate where the model is far off",
                 {"measured": measured, "used": used},
             )  # fmt: skip
