@@ -91,4 +91,4 @@ def _requirement(twin: TwinSpec) -> str:
         return "none (nothing is tuned or corrected)"
     if asked.relative:
         return f"{100 * asked.requirement:g} % of the rms"
-    return f"{asked.requirement:g} {si_unit(asked.unit) if asked.unit else ''}".rstrip()
+    return f"{asked.requirement:g} {si_unit(asked.unit) if asked.unit else '(SI)'}"

@@ -1,0 +1,56 @@
+"""The twin file that is proposed for a moving base watches its heading, too."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evertwin import Twin
+from evertwin.app.starting import write_starter
+from evertwin.config import read
+from evertwin.machines.mobile import Differential
+
+STEP, ROWS = 0.1, 4000
+
+
+def recorded(folder: Path, seed: int, turn_gain: float) -> Path:
+    """A base on its way; from the middle on with another gain of its turns."""
+    rng = np.random.default_rng(seed)
+    u = np.column_stack([
+        np.repeat(rng.uniform(0.0, 0.5, ROWS // 40), 40),
+        np.repeat(rng.uniform(-0.8, 0.8, ROWS // 25), 25),
+    ])  # fmt: skip
+    base = Differential()
+    x, parts = np.zeros(3), []
+    for part, gain in ((u[: ROWS // 2], 1.0), (u[ROWS // 2 :], turn_gain)):
+        p = base.parameters.with_values({"gain": 1.0, "turn_gain": gain}).values
+        x, y = base.simulate(x, part, np.full(len(part), STEP), p)
+        parts.append(y)
+    pose = np.concatenate(parts) + rng.normal(0.0, [0.002, 0.002, 0.004], (ROWS, 3))
+    # the pose of a row is that before its command acts
+    table = np.column_stack([STEP * np.arange(ROWS), np.roll(u, -1, axis=0), pose])[:-1]
+    file = folder / f"{seed}-{turn_gain}.csv"
+    heads = "t [s],v [m/s],w [rad/s],x [m],y [m],heading [rad]"
+    np.savetxt(file, table, fmt="%.5f", delimiter=",", header=heads, comments="")
+    return file
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_turning_gain_that_is_off_is_told(tmp_path: Path, seed: int) -> None:
+    file = recorded(tmp_path, seed, 0.75)
+    twin = tmp_path / "robot.toml"
+    write_starter([file], twin, ("", None), False, False)
+    limit = re.search(r"# requirement = ([\d.]+)\n", twin.read_text())
+    assert limit and 0.001 <= float(limit[1]) <= 0.02  # at most 0.5 m in a prediction of 1 s
+    twin.write_text(twin.read_text().replace("# requirement", "requirement"))
+    spec = read(twin)
+    assert spec.anomaly.outputs == ("x", "y", "heading") and not spec.anomaly.relative
+    healthy = recorded(tmp_path, seed, 1.0)
+    for recording, off in ((file, True), (healthy, False)):
+        with Twin(spec) as one:
+            told = one.run(recording).of_kind("suspected", "abnormal")
+        assert bool(told) == off, [event.reason for event in told]
+        assert not off or told[0].signal == "heading"
