@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -161,7 +162,7 @@ def _stood(view: View) -> set[int]:
     what follows at once, its return to the prediction, goes with them."""
     found, until = set[int](), dict[str, int]()
     for number, event in enumerate(view.events):
-        about = event.evidence
+        about: Any = event.evidence
         if event.kind not in ("measurement_error", "overruled") or "onset" not in about:
             continue
         goes_on = about.get("cause") == "frozen" and _goes_on(view, event)
@@ -174,7 +175,8 @@ def _stood(view: View) -> set[int]:
 def _goes_on(view: View, event: Event) -> bool:
     """Did the sensor live? Behind near values it soon scatters more, behind equal ones it gives
     others; and the first is a step of it away, or nearer to the run than to the prediction."""
-    about, layout = event.evidence, view.model.outputs
+    about: Any = event.evidence
+    layout = view.model.outputs
     window = next((w for w in view.windows if 0 <= about["onset"] - w.row < len(w.t)), None)
     if window is None or "end" not in about or event.signal not in about.get("delta", {}):
         return False
