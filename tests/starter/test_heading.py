@@ -54,3 +54,24 @@ def test_a_turning_gain_that_is_off_is_told(tmp_path: Path, seed: int) -> None:
             told = one.run(recording).of_kind("suspected", "abnormal")
         assert bool(told) == off, [event.reason for event in told]
         assert not off or told[0].signal == "heading"
+
+
+@pytest.mark.parametrize("turn", ["cmd_vel_yaw", "yaw_cmd", "w_cmd"])
+def test_a_commanded_yaw_is_the_turn_rate(tmp_path: Path, turn: str) -> None:
+    file = recorded(tmp_path, 4, 1.0)
+    rest = file.read_text().partition("\n")[2]
+    file.write_text(f"t,cmd_vel_x,{turn},odom_x,odom_y,odom_yaw\n{rest}")
+    twin = tmp_path / "robot.toml"
+    write_starter([file], twin, ("", None), False, False)
+    spec = read(twin)
+    columns = {name: one.column for name, one in spec.source[0].channels.items()}
+    assert spec.model.kind == "differential"
+    assert (columns["w"], columns["heading"]) == (turn, "odom_yaw")
+
+
+def test_a_german_heating_is_the_heater(tmp_path: Path) -> None:
+    file = tmp_path / "bath.csv"
+    rows = "".join(f"{k};{k // 7 % 2};{40 + k % 9};{20 + k % 2}\n" for k in range(200))
+    file.write_text(f"Zeit [s];Heizung;Badtemperatur [°C];Raumtemperatur [°C]\n{rows}")
+    write_starter([file], tmp_path / "bath.toml", ("thermal", None), False, False)
+    assert read(tmp_path / "bath.toml").source[0].channels["heater"].column == "Heizung"
