@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ from evertwin.anomaly import Rule, branch, explained
 from evertwin.fold import make_block
 from evertwin.machines.drive import DriveForce
 from evertwin.machines.mobile import Robot1D
-from evertwin.models import Parameter, Parameters
+from evertwin.models import FunctionModel, Parameter, Parameters
+from evertwin.signals import Layout
 from evertwin.tuning import Problem, solve
 from planted.score import score
 
@@ -158,3 +160,20 @@ def test_a_cause_that_does_not_lead_has_no_name() -> None:
     problem, _ = axis("friction", 3)
     fit = solve(problem)
     assert branch(fit, problem, {"one": fit, "same": fit}).cause == ""
+
+
+def test_an_output_that_stands_at_zero_has_no_weight() -> None:
+    """Its noise is too small a number to divide by; the other output decides."""
+
+    def step(x: Any, u: Any, dt: float, p: Any) -> Any:
+        return [], [p[0] * u[0], 0.0]
+
+    both = Layout.of(y="1", still="1")
+    model = FunctionModel(step, Layout.of(u="1"), both, parameters=Parameters.of(gain=(1.0, "1")))
+    rng = np.random.default_rng(2)
+    u = rng.normal(size=(200, 1))
+    y = np.column_stack([1.2 * u[:, 0] + rng.normal(0, 0.01, 200), np.zeros(200)])
+    problem = Problem(model, (make_block(t=np.arange(200), u=u, y=y),))
+    fit = solve(problem)
+    assert explained(fit, fit.noise) > 0.99
+    assert branch(fit, problem).kind == "normal"

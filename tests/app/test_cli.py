@@ -73,6 +73,7 @@ def test_fit_gives_its_document(call: Command, folder: Path) -> None:
     ("words", "schema"),
     [
         (("info", "robot.csv"), "evertwin.info/1"),
+        (("info", "robot.toml"), "evertwin.twin/1"),
         (("doctor", "robot.toml", "--data", "robot.csv"), "evertwin.doctor/1"),
         (("kpi", "robot.toml", "--data", "robot.csv", "--changed", "0"), "evertwin.kpi/1"),
         (("schema",), "evertwin.schema/1"),

@@ -144,3 +144,10 @@ def test_a_label_is_said_from_the_command_line(call: Command, ran: Path) -> None
         wrong = call("label", "robot.toml", number, *words, "--reason", "x")
         assert wrong.code == 2 and wrong.err.startswith("evertwin: "), wrong.err
     assert "no cause 'rust'" in wrong.err
+
+
+def test_a_wrong_number_of_an_event_says_where_numbers_are(call: Command, ran: Path) -> None:
+    events = call("events", "robot.toml", "--json").json["events"]
+    wrong = call("label", "robot.toml", "99999", "true", "--reason", "x")
+    assert wrong.code == 2 and "evertwin events robot.toml" in wrong.err
+    assert str(events[-1]["number"]) in wrong.err and wrong.err.count("\n") == 1

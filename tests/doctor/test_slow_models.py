@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from evertwin.config.spec import ModelSpec, PredictionSpec, TwinSpec
 from evertwin.doctor import examination
 from evertwin.models import FunctionModel, Parameter, Parameters
+from evertwin.models.translated import translated
 from evertwin.signals import Layout
 from evertwin.twin import Twin
 
@@ -40,3 +43,24 @@ def test_calls_are_bounded_and_a_wrong_sign_is_found(monkeypatch: pytest.MonkeyP
     assert found.of_kind("sign") and found.rows == ROWS
     assert calls < 40 * ROWS  # hundreds of passes over all rows without a bound
     assert "from the first 300 rows, faults of sensors from the first 1000" in found.text()
+
+
+def test_a_step_that_runs_as_machine_code_is_not_slow() -> None:
+    level = Layout.of(y="1")
+    model = FunctionModel(
+        _lag, Layout.of(u="1"), level, level, Parameters.of(gain=(1.0, "1"), T=(2.0, "s"))
+    )
+    compiled = translated(model)
+    assert compiled is not model
+    rng = np.random.default_rng(5)
+    u = np.repeat(rng.normal(size=100), 20)
+    data = {"t": 0.1 * np.arange(2000), "u": u, "y": u}
+    spec = TwinSpec("own", ModelSpec("python"), prediction=PredictionSpec(horizon=1.0))
+    for one, slow in ((model, True), (compiled, False)):
+        with Twin(spec, one) as twin:
+            assert ("is not compiled" in twin.doctor(data).text()) == slow
+
+
+def _lag(x: Any, u: Any, dt: float, p: Any) -> Any:
+    y = x[0] + (p[0] * u[0] - x[0]) * dt / p[1]
+    return [y], [y]

@@ -147,11 +147,11 @@ def branch(
 def explained(fit: Fit, noise: np.ndarray) -> float:
     """Share of the sum of squares that a fit takes away, outputs weighted by their ``noise``."""
     rows = np.array([r.rows for r in fit.residuals], dtype=np.float64)
-    weight = 1.0 / np.where((noise > 0) & (rows > 0), noise, 1.0) ** 2
-    before = np.array([r.rms_before for r in fit.residuals]) ** 2 * rows
-    after = np.array([r.rms_after for r in fit.residuals]) ** 2 * rows
-    total = float(np.nansum(weight * before))
-    return 1.0 - float(np.nansum(weight * after)) / total if total > 0 else 0.0
+    rms = np.array([(r.rms_before, r.rms_after) for r in fit.residuals]).T
+    # the noise of exact data is no number to divide by: beside the rounding of what it weighs
+    noise = np.maximum(noise, np.finfo(np.float64).eps * np.fmax(*rms))
+    before, after = np.nansum(rows * (rms / np.where(noise > 0, noise, 1.0)) ** 2, axis=1)
+    return 1.0 - float(after) / float(before) if before > 0 else 0.0
 
 
 def _cause(shares: Mapping[str, float], rule: Rule) -> str:

@@ -167,12 +167,12 @@ def fit(
 
 @app.command()
 def info(
-    file: Annotated[Path, typer.Argument(help="Recording.", metavar="FILE")],
+    file: Annotated[Path, typer.Argument(help="Recording, or twin file.", metavar="FILE")],
     as_json: AsJson = False,
     check: Check = False,
     picture: Annotated[Path | None, typer.Option(help="PNG to write: some of its images.")] = None,
 ) -> None:
-    """What a recording holds: channels, rates, gaps, repeats, absurd values, truncated rows.
+    """What a recording (channels, rates, gaps, absurd values, truncated rows) or a twin file holds.
 
     Example: evertwin info run.csv
     """

@@ -111,6 +111,7 @@ def _written(twin: TwinSpec, index: int) -> tuple[Path, ...]:
             raise ConfigError(f"{twin.name}: source[{index}].files: {error}") from error
         found = sorted(glob.glob(pattern)) if glob.has_magic(pattern) else [pattern]
         if not found or not Path(found[0]).exists():
-            raise DataError(f"{pattern}: no such file; named in source[{index}] of {twin.name}")
+            where = place(twin, ("source", index, "files"))
+            raise DataError(f"{pattern}: no such file: correct {where}, or give --data FILE")
         paths += [Path(item) for item in found]
     return tuple(paths)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -10,11 +11,14 @@ from evertwin.doctor.examination import View
 from evertwin.doctor.finding import Finding
 from evertwin.fold import Event, Mark
 from evertwin.gauges.unlike import changes
+from evertwin.signals import wrap
 from evertwin.sources.tally import Tally
 from evertwin.sync.horizon import residuals
 
 LOST = 0.05
 """Share of an output's samples that may go unused."""
+SOON = 20
+"""Rows behind a run of near values that tell whether the sensor lives."""
 NAMED = 3
 """Events of one signal that are named one by one."""
 
@@ -43,14 +47,15 @@ def look_data(view: View) -> Iterator[Finding]:
 
 def _sound(tally: Tally) -> Iterator[Finding]:
     """What was wrong with the rows of one source."""
+    lost = {"left_out": tally.left_out, "used": tally.used}
+    step = "correct the twin file, or the recording"
+    for suspicion in tally.suspicions:
+        yield Finding("clock", tally.source, suspicion, "all rows", step, lost)
     for kind, line in zip(sorted(tally.counts), tally.lines(), strict=True):
         problem, count = tally.first[kind][0], {"count": tally.counts[kind]}
         name = kind if kind in _OWN else "clock" if kind in _CLOCK else "missing"
         where = f"{problem.file} line {problem.line} first"
         yield Finding(name, kind, line, where, _CLOCK.get(kind, _ROWS), count)
-    lost = {"left_out": tally.left_out, "used": tally.used}
-    for suspicion in tally.suspicions:
-        yield Finding("clock", tally.source, suspicion, "all rows", "correct the twin file", lost)
 
 
 def _not_finite(view: View) -> Iterator[Finding]:
@@ -116,8 +121,10 @@ def _longest_run(values: np.ndarray) -> tuple[int, int]:
 def _faults(view: View) -> Iterator[Finding]:
     """What the arbiter marked."""
     signals: dict[str, list[int]] = {}
+    stood = _stood(view)
     for number, event in enumerate(view.events):
-        if event.kind in ("measurement_error", "overruled") and not _model_is_off(view, event):
+        wrong = event.kind in ("measurement_error", "overruled") and number not in stood
+        if wrong and not _model_is_off(view, event):
             signals.setdefault(event.signal, []).append(number)
     gated = [event for event in view.events if _model_is_off(view, event)]
     if gated:
@@ -150,6 +157,51 @@ def _faults(view: View) -> Iterator[Finding]:
             )  # fmt: skip
 
 
+def _stood(view: View) -> set[int]:
+    """Numbers of the events by which a machine that stood, against the model, was called frozen;
+    what follows at once, its return to the prediction, goes with them."""
+    found, until = set[int](), dict[str, int]()
+    for number, event in enumerate(view.events):
+        about: Any = event.evidence
+        if event.kind not in ("measurement_error", "overruled") or "onset" not in about:
+            continue
+        goes_on = about.get("cause") == "frozen" and _goes_on(view, event)
+        if goes_on or until.get(event.signal) == about["onset"] - 1:
+            found.add(number)
+            until[event.signal] = about.get("end", event.row)
+    return found
+
+
+def _goes_on(view: View, event: Event) -> bool:
+    """Did the sensor live? Behind near values it soon scatters more, behind equal ones it gives
+    others; and the first is a step of it away, or nearer to the run than to the prediction."""
+    about: Any = event.evidence
+    layout = view.model.outputs
+    window = next((w for w in view.windows if 0 <= about["onset"] - w.row < len(w.t)), None)
+    if window is None or "end" not in about or event.signal not in about.get("delta", {}):
+        return False
+    k, first, end = layout.index(event.signal), about["onset"] - window.row, about["end"] + 1
+    gone = wrap(window.y[first:, k : k + 1] - window.y[first, k], layout.angles[k : k + 1])[:, 0]
+    count = end - window.row - first
+    run, behind = (part[np.isfinite(part)] for part in (gone[:count], gone[count:]))
+    if not (len(run) and len(behind)):
+        return False
+    usual = float(np.median(np.abs(run)))  # 0 of equal values
+    if usual > 0:
+        behind = behind[:SOON]
+        others = behind[np.abs(behind) > usual]
+        if not np.median(np.abs(behind)) > 1.5 * usual:
+            return False
+    else:
+        others = behind[~np.isin(behind, run)]
+    if not len(others):
+        return False
+    steps = np.abs(np.diff(gone[np.isfinite(gone)]))
+    near = 1.5 * float(np.min(steps, where=steps > 1e-9 * steps.max(), initial=np.inf))
+    nearer = abs(others[0]) < 0.5 * abs(others[0] - about["delta"][event.signal])
+    return bool(nearer or abs(others[0]) <= near)
+
+
 def _model_is_off(view: View, event: Event) -> bool:
     """A static map has no place to jump from: what its gate contests is the model's own error."""
     contested = event.kind == "overruled" or event.evidence.get("cause") == "vote"
@@ -173,7 +225,7 @@ def _lost(view: View) -> Iterator[Finding]:
                 "lost", name,
                 f"{measured - used} of {measured} samples of {name} are not used "
                 f"({100 * (1 - used / measured):.1f} %)",
-                "all rows", "too many gaps, unknown inputs or marked samples: see the findings "
-                "above, or widen [arbiter] gate where the model is far off",
+                "all rows", "too many gaps, unknown inputs or marked samples: see the other "
+                "findings, or widen [arbiter] gate where the model is far off",
                 {"measured": measured, "used": used},
             )  # fmt: skip

@@ -6,7 +6,8 @@ brings prediction and measurement together best is named, applied, and the searc
 rest. Lags are looked for only where units agree.
 
 What a number of a static map takes up that may be tuned tells nothing: a mass that nobody stated is
-no wrong unit, and no lag. So its numbers are tuned first, with a turned sign and at each lag anew.
+no wrong unit, and no lag. So its numbers are tuned first, with a turned sign and at each lag anew;
+those of a model with states where a lag shows, since a wrong time constant looks like one.
 """
 
 from __future__ import annotations
@@ -52,6 +53,7 @@ WRONG, BETTER = 0.6, 0.5
 """Mismatch from which units are doubted, and the share of it that a factor must remove."""
 ROWS = 3000
 """Rows that factors are tried on."""
+_Numbers: TypeAlias = Callable[[View, Callable[[Block], Block]], ParameterVector]
 ROUNDS = 5
 """Times that numbers are tuned anew at a lag that was found."""
 
@@ -192,9 +194,12 @@ def _numbers(
 ) -> ParameterVector:
     """The version's, or what the rows tune those of a static map to, once changed; held to resist,
     and in bounds, they take up no sign."""
+    return view.version.p if len(view.model.states) else _tuned(view, change)
+
+
+def _tuned(view: View, change: Callable[[Block], Block]) -> ParameterVector:
+    """What the changed rows tune the numbers to; the version's where they cannot be tuned."""
     work, p = Work(view.setup, view.versions), view.version.p
-    if len(view.model.initial(p)):
-        return p
     windows = tuple(change(window) for window in view.some(view.judged))
     try:
         names = work.editable(view.version)
@@ -285,14 +290,17 @@ def look_lags(view: View, figures: dict[str, Any]) -> Iterator[Finding]:
 def _lag(view: View, window: Block) -> SharedLag:
     """How late it is: where numbers are tuned at each lag anew, until what is left is no row."""
     names = view.model.outputs.names
-    shared, known = _lag_at(view, window, np.zeros(len(names))), np.zeros(len(names))
-    if len(view.model.initial(view.version.p)):
-        return shared
+    known = np.zeros(len(names))
+    shared = _lag_at(view, window, known, _numbers)
+    if len(view.model.states):
+        if not any(_matters(one, view.step) for one in shared.lags.values()):
+            return shared
+        shared = _lag_at(view, window, known, _tuned)
     for _ in range(ROUNDS):
         more = np.array([_left(shared.lags.get(name), view.step) for name in names])
         if not more.any():
             break
-        after = _lag_at(view, window, known + more)
+        after = _lag_at(view, window, known + more, _tuned)
         left = np.array([_left(after.lags.get(name), view.step) for name in names])
         if np.abs(left).max() > np.abs(more).max():
             break  # no lag that numbers had taken up a part of: it moves away
@@ -309,10 +317,10 @@ def _lag(view: View, window: Block) -> SharedLag:
     return replace(shared, lags=lags, seconds=whole)
 
 
-def _lag_at(view: View, window: Block, known: Vector) -> SharedLag:
+def _lag_at(view: View, window: Block, known: Vector, numbers: _Numbers) -> SharedLag:
     """How much later than ``known`` [s] per output."""
     model, earlier = view.model, partial(_earlier, seconds=known)
-    p = _numbers(view, earlier)
+    p = numbers(view, earlier)
     x0 = model.initial(p)
     _, free = roll(kernel_of(model), x0, window.u, window.dt, p, restarts(window, math.inf, x0))
     return shared_lag(earlier(window), free, model.outputs, _longest(window))

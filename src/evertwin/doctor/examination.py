@@ -16,6 +16,7 @@ from evertwin.models import Model
 from evertwin.models.contract import KernelModel
 from evertwin.models.form import Version
 from evertwin.models.function import FunctionModel, kernel_of
+from evertwin.models.translated import Translated
 from evertwin.rows.feed import Data, Feed
 from evertwin.setup.setup import Setup
 from evertwin.sources.tally import Tally
@@ -163,7 +164,8 @@ def view(setup: Setup, versions: Versions, number: int, data: Data) -> View:
 
 
 def _slow(base: Model) -> bool:
-    plain = isinstance(base, FunctionModel) or not isinstance(base, KernelModel)
+    plain = isinstance(base, FunctionModel) and not isinstance(base, Translated)
+    plain = plain or not isinstance(base, KernelModel)
     return plain or kernel_of(base).remote is not None
 
 

@@ -11,9 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
-from evertwin.errors import ConfigError, ModelError
+from evertwin.errors import ConfigError, EvertwinError
 from evertwin.models import FunctionModel, Model
 from evertwin.models.translated import translated
+
+_MISTAKES = (NameError, TypeError, AttributeError, LookupError, EvertwinError)
 
 
 def model_from_file(file: str = "", name: str = "model") -> Model:
@@ -27,12 +29,26 @@ def model_from_file(file: str = "", name: str = "model") -> Model:
     if spec is None or spec.loader is None or not path.is_file():
         raise ConfigError(f"[model] options: no Python file {path.name!r} beside the twin file")
     module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    try:
+        spec.loader.exec_module(module)
+    except (ArithmeticError, ImportError, OSError, SyntaxError, ValueError, *_MISTAKES) as error:
+        raise _mistaken(path.name, error) from error
     found = getattr(module, name, None)
     if not isinstance(found, Model):
-        raise ConfigError(f"{path.name}: expected a model called {name!r}, got {found!r}")
+        models = [key for key, value in vars(module).items() if isinstance(value, Model)]
+        there = f"there are {', '.join(models)}" if models else "it makes no model"
+        raise ConfigError(f"{path.name}: expected a model called {name!r}; {there}")
     _tried(path.name, found)
     return translated(found) if type(found) is FunctionModel else found
+
+
+def _mistaken(file: str, error: Exception) -> ConfigError:
+    """What is wrong in the code, with its line."""
+    lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if file in f.filename]
+    if isinstance(error, SyntaxError):
+        lines, error = [error.lineno], SyntaxError(error.msg)
+    place = f"{file}:{lines[-1]}" if lines else file
+    return ConfigError(f"{place}: {type(error).__name__}: {error}: correct the model")
 
 
 def _tried(file: str, model: Model) -> None:
@@ -40,9 +56,7 @@ def _tried(file: str, model: Model) -> None:
     p = model.parameters.values
     try:
         model.simulate(model.initial(p), np.zeros((1, len(model.inputs))), np.ones(1), p)
-    except (NameError, TypeError, AttributeError, LookupError, ModelError) as error:
-        lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if file in f.filename]
-        place = f"{file}:{lines[-1]}" if lines else file
-        raise ConfigError(f"{place}: {type(error).__name__}: {error}: correct the model") from error
+    except _MISTAKES as error:
+        raise _mistaken(file, error) from error
     except ArithmeticError:
         return  # zeros may be no values that this machine can have

@@ -49,7 +49,9 @@ Kind: TypeAlias = Literal[
     "thermal",
 ]  # fmt: skip
 """Models that are built from numbers alone."""
-TimeUnit: TypeAlias = Literal["s", "ms", "us", "ns", "min", "h", "iso", "auto"]
+TimeUnit: TypeAlias = Literal[
+    "s", "ms", "us", "ns", "min", "h", "iso", "dmy", "mdy", "clock", "auto"
+]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,39}$")]
 Line = Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f]+$")]
 

@@ -30,6 +30,8 @@ LONGEST = 10_000
 """Elements of an array, keys of a table."""
 DIGITS = 400
 """A longer number is a mistake; the longest double has 309."""
+_COMMA = re.compile(r"=\s*[+-]?\d+,\d+\s*(?:#.*)?$")
+_TWICE = re.compile(r"Cannot (?:declare|mutate)[^(]*\((.*?),?\) twice")
 _PLACE = re.compile(r"^(.*?) \(at (?:line (\d+), column \d+|end of document)\)$")
 
 
@@ -51,7 +53,9 @@ class Document:
         except tomllib.TOMLDecodeError as error:
             found = _PLACE.match(str(error))
             line = found[2] if found and found[2] else len(text.splitlines())
-            raise ConfigError(f"{name}:{line}: not TOML: {found[1] if found else error}") from error
+            said = _cure(text.splitlines()[int(line) - 1 : int(line)], str(error))
+            said = said or f"not TOML: {found[1] if found else error}"
+            raise ConfigError(f"{name}:{line}: {said}") from error
         try:
             _bounded(self._table, ())
             self.table, self._from = written_out(self._table)
@@ -148,3 +152,15 @@ def _bounded(node: Any, path: Path) -> None:
         raise PlacedError(f"{dotted(path)}: expected a whole number of 64 bits, got more", path)
     elif node != node:
         raise PlacedError(f"{dotted(path)}: expected a number, got nan", path)
+
+
+def _cure(line: list[str], error: str) -> str:
+    """What to do about a line that is no TOML, where that can be told.
+
+    >>> _cure(["requirement = 0,05"], ""), _cure([], "Cannot declare ('clock',) twice")
+    ('a decimal comma: write a point', "section 'clock' stands twice: write all its keys in one")
+    """
+    if line and _COMMA.search(line[0]):
+        return "a decimal comma: write a point"
+    twice = _TWICE.match(error)
+    return f"section {twice[1]} stands twice: write all its keys in one" if twice else ""

@@ -58,6 +58,8 @@ def written(text: str) -> tuple[float, str]:
     if not found:
         shown = text if len(text) <= LONGEST else f"{text[:37]}..."
         raise UsageError(f"expected a number or text such as '2 cm', got {shown!r}")
+    if found[2].startswith(","):
+        raise UsageError(f"expected a decimal point, got a comma in {text!r}")
     return _finite(found[1]), found[2]
 
 

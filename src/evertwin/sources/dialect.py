@@ -32,6 +32,7 @@ from functools import cache
 from typing import Literal, NamedTuple
 
 from evertwin.errors import DataError, UsageError
+from evertwin.sources.dates import is_date
 from evertwin.sources.names import unit_problem
 
 MOST = 5
@@ -176,7 +177,6 @@ _COMMA_NUMBER = re.compile(rb"[+-]?\d*,\d+([eE][+-]?\d+)?$")
 _THOUSANDS = re.compile(rb"[+-]?[1-9]\d{0,2}(\.\d{3})+(,\d+)?")
 _GROUPED = re.compile(rb"[+-]?\d{1,3},\d{3}")
 """One comma before three digits: decimals, or thousands."""
-_DATE = re.compile(rb"\d{4}[-./]\d\d?[-./]\d\d?[T ._]\d")
 
 
 @dataclass(frozen=True)
@@ -238,7 +238,7 @@ def kind_of_cell(cell: bytes, decimal_comma: bool) -> str:
         return "b"
     if _NUMBER.match(cell) or (decimal_comma and _COMMA_NUMBER.match(cell)):
         return "n"
-    return "d" if _DATE.match(cell) else "t"
+    return "d" if is_date(cell) else "t"
 
 
 def pointed(cell: bytes) -> bytes:

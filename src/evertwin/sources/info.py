@@ -27,11 +27,11 @@ from evertwin.sources.images import BagImage, Images, images_of
 from evertwin.sources.info_text import column_findings, table_findings
 from evertwin.sources.recording import open_recording
 from evertwin.sources.scans import Scans
-from evertwin.sources.stamps import NO_STAMP, StampError, to_ns
+from evertwin.sources.stamps import NO_STAMP, StampError, past_midnight, to_ns
 from evertwin.sources.statistics import ClockStatistics, ColumnStatistics
 from evertwin.sources.table import Column, Recording, Rows, Table
 from evertwin.sources.tally import Tally, order_of_rows
-from evertwin.sources.time_unit import TimeGuess, guess, other_clocks, time_column
+from evertwin.sources.time_unit import TimeGuess, other_clocks, time_column, told
 from evertwin.types import Stamps
 
 
@@ -114,7 +114,7 @@ def _table(table: Table) -> TableInfo:
         if time is None:
             tally.used += len(rows.line)
         else:
-            unit = unit or guess(time.name, rows.time[:1000], time.unit)
+            unit = unit or told(table, time, rows.time)
             watched.add(rows, unit)
     watched.finish()
     words = _words(tally)
@@ -136,14 +136,20 @@ class _Watched:
     tally: Tally
     clock: ClockStatistics = field(default_factory=ClockStatistics)
     watch: Watch | None = None
+    last: int = NO_STAMP
     top: Stamps = field(default_factory=lambda: np.zeros(0, np.int64))
 
     def add(self, rows: Rows, unit: TimeGuess) -> None:
         """Stamps one piece at a time; where a piece holds a word, row by row."""
         try:
             t = to_ns(rows.time, unit.unit)
-        except StampError:
+        except StampError as error:
+            if not self.tally.suspicions:
+                self.tally.suspect(f"line {rows.line[error.position]}: {error}")
             t = np.array([_stamp(rows.time[i : i + 1], unit.unit) for i in range(len(rows.time))])
+        if unit.unit == "clock" and len(t):
+            t = past_midnight(t, self.last)
+            self.last = int(t.max())
         known = t != NO_STAMP
         self.clock.add(rows.line[known], t[known])
         self.top = self.top if len(self.top) else t[:1000]

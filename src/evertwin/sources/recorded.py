@@ -28,16 +28,17 @@ from evertwin.fold import Chunk
 from evertwin.fold.block import LARGEST
 from evertwin.signals import conversion
 from evertwin.signals.whole_steps import whole_steps
+from evertwin.sources.dates import ORDERS
 from evertwin.sources.dialect import FOUND, Stated
 from evertwin.sources.empty_cells import EmptyCells
 from evertwin.sources.guard import Guarded, Piece, Watch, typical
 from evertwin.sources.names import closest
 from evertwin.sources.recording import open_recording
 from evertwin.sources.spec import SourceSpec
-from evertwin.sources.stamps import StampError, to_ns, zones
+from evertwin.sources.stamps import NO_STAMP, StampError, past_midnight, to_ns, zones
 from evertwin.sources.table import Column, Problem, Rows, Table
 from evertwin.sources.tally import Tally, order_of_rows, unit_of_channel, unit_of_time
-from evertwin.sources.time_unit import TimeGuess, guess, time_column
+from evertwin.sources.time_unit import TimeGuess, guess, time_column, told
 from evertwin.types import Bool, Outputs, Stamps
 
 FORMATS = {
@@ -90,7 +91,7 @@ class Clock:
     column: str | int | None = None
     """Name or position of the column of time; None: found by name, kind or position."""
     unit: str = "auto"
-    """s, ms, us, ns, iso, or auto."""
+    """s, ms, us, ns, min, h, one of `ORDERS`, or auto; ``iso`` is told from the file, too."""
     rate: float | None = None
     """Rows per second [Hz] where there is no column of time."""
     offset: int = 0
@@ -260,22 +261,25 @@ class Recorded:
             if time is not None and not top.unit:
                 top.looks = guess(time.name, rows.time[:1000], time.unit)
                 top.unit = _unit(table, time, rows, self.clock.unit)
-            t = self._stamps(table, time, rows, top.unit)
+            t = self._stamps(table, time, rows, top)
             top.t = top.t if len(top.t) else t[:1000]
             yield rows.line, t, rows.values
 
-    def _stamps(self, table: Table, time: Column | None, rows: Rows, unit: str) -> Stamps:
+    def _stamps(self, table: Table, time: Column | None, rows: Rows, top: _Top) -> Stamps:
         if time is None:
             assert self.clock.rate is not None
             step = 1e9 / self.clock.rate
             exact = rows.order * int(step) if step == int(step) else np.rint(rows.order * step)
             return exact.astype(np.int64) + self.clock.offset
         try:
-            t = to_ns(rows.time, unit)
+            t = to_ns(rows.time, top.unit)
         except StampError as error:
             where = f"{table.path.name}:{rows.line[error.position]}: column {time.name!r}"
             raise DataError(f"{where}: {error}") from None
-        known = t != np.iinfo(np.int64).min
+        if top.unit == "clock":
+            t = past_midnight(t, top.last)
+            top.last = int(t.max())
+        known = t != NO_STAMP
         return np.where(known, t + self.clock.offset, t)
 
     def _si(self, out: Guarded, path: Path) -> Outputs:
@@ -311,6 +315,8 @@ class _Top:
     looks: TimeGuess | None = None
     """What they look like."""
     t: Stamps = field(default_factory=lambda: np.zeros(0, np.int64))
+    last: int = NO_STAMP
+    """The stamp that the piece before ended with."""
 
 
 class _Wiring(NamedTuple):
@@ -354,14 +360,17 @@ def _time_column(table: Table, clock: Clock) -> Column | None:
 
 
 def _unit(table: Table, time: Column, rows: Rows, unit: str) -> str:
-    stated = TimeGuess(unit, "stated", True)
-    found = guess(time.name, rows.time[:1000], time.unit) if unit == "auto" else stated
+    found = TimeGuess(unit, "stated", True)
+    if unit in ("auto", "iso"):
+        looks = told(table, time, rows.time)
+        found = looks if unit == "auto" or looks.unit in ORDERS else found
     if not found.sure:
+        other = ' or "mdy"' if found.unit == "dmy" else ""
         raise DataError(
             f"{table.path.name}: column {time.name!r}: the unit of time is not clear "
-            f'({found.reason}; {found.unit}?): set time = {{ unit = "{found.unit}" }}'
+            f'({found.reason}; {found.unit}?): set time = {{ unit = "{found.unit}"{other} }}'
         )
-    if found.unit == "iso" and rows.time.dtype.kind == "S" and len(zones(rows.time)) > 1:
+    if found.unit in ORDERS and rows.time.dtype.kind == "S" and len(zones(rows.time)) > 1:
         raise DataError(
             f"{table.path.name}: column {time.name!r}: some stamps carry a time zone and some do "
             "not: write all of them in one way, best in UTC"

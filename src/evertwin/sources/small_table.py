@@ -3,10 +3,9 @@
 They are read as recordings are: commas, semicolons or tabs between cells, decimal commas where no
 comma stands between cells, comments, a byte-order mark. A heading may carry a unit (``q1 [deg]``);
 numbers are then turned into SI; a column without a heading is called ``c1`` if it is the first.
-Empty cells, ``nan`` and ``n/a`` are absent. Columns of dates (ISO 8601, or as in
-2027.03.01 08:00) become seconds since 1970; columns of text stay text. ``13.01.2025`` is the 13th
-of January where a day of the column is above 12; a column of which no date says which of its
-numbers is the day is refused.
+Empty cells, ``nan`` and ``n/a`` are absent. Columns of dates (`evertwin.sources.dates`) become
+seconds since 1970; columns of text stay text. ``13.01.2025`` is the 13th of January where a day of
+the column is above 12; a column of which no date says which of its numbers is the day is refused.
 
 >>> table = parse(["t,q1 [deg],note", "0,90,", "1,,gearbox replaced"], "path.csv")
 >>> table.column("q1").round(3).tolist(), table.text["note"]
@@ -20,7 +19,6 @@ import csv
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +26,7 @@ import numpy as np
 from evertwin.errors import DataError, UsageError
 from evertwin.signals.channels import position
 from evertwin.signals.units import si_unit, to_si
+from evertwin.sources.dates import date_ns, order_of, zone_of
 from evertwin.sources.dialect import COMMENTS, MISSING, detect
 from evertwin.types import Vector
 
@@ -38,12 +37,6 @@ _COMMENTS = tuple(sign.decode() for sign in COMMENTS)
 _COMMA = re.compile(r"[+-]?\d*,\d+")
 _GROUPED = re.compile(r"[+-]?\d{1,3},\d{3}")
 """Decimals, or thousands."""
-_YEAR_FIRST = re.compile(
-    r"(\d{4})[./](\d\d?)[./](\d\d?)(?:[T ._](\d\d?)[:.](\d\d)(?:[:.](\d\d))?)?"
-)
-"""Dates that ISO 8601 does not know and that cannot be read in two ways either."""
-_YEAR_LAST = re.compile(r"(\d\d?)\.(\d\d?)\.(\d{4})(.*)")
-"""Day and month by points, in either order."""
 _TOP = 60
 """Lines that tell how a table is written."""
 LARGEST = 200_000_000
@@ -101,8 +94,9 @@ class Table:
         """The first cell by which a column is neither numbers nor dates."""
         cells = list(zip(self.lines, self.text[name], strict=True))
         kept = [(line, cell) for line, cell in cells if cell.lower() not in ABSENT]
+        order = _order(list(self.text[name]), self.name)
         for line, cell in kept:
-            if _numbers([cell]) is None and _dates([cell]) is None:
+            if _numbers([cell]) is None and _dates([cell], order) is None:
                 hint = f": write {cell.replace(',', '.')}" if _COMMA.fullmatch(cell) else ""
                 hint += f" or {cell.replace(',', '')}" if _GROUPED.fullmatch(cell) else ""
                 return (
@@ -113,7 +107,7 @@ class Table:
         if numbers:
             line, cell = numbers[0]
             return f"{line}: {name}: expected numbers or dates alone, got both ({cell!r})"
-        bare = [(line, cell) for line, cell in kept if _moment(cell).tzinfo is None]
+        bare = [(line, cell) for line, cell in kept if not _zoned([cell])]
         line, cell = bare[0]
         return (
             f"{line}: {name}: expected a zone with each date or with none, got {cell!r} among "
@@ -184,8 +178,7 @@ def parse(lines: Iterable[str], name: str) -> Table:
                 "none, got infinity"
             )
         if values is None:
-            cells = _year_first(cells, f"{name}:{rows[1][0]}: {head}")
-            values = _dates(cells)
+            values = _dates(cells, _order(cells, f"{name}:{rows[1][0]}: {head}"))
             dates |= set() if values is None else {head}
             zoned |= {head} if values is not None and _zoned(cells) else set()
         if values is None:
@@ -237,57 +230,36 @@ def _number(cell: str) -> float:
     return float(cell)
 
 
-def _moment(cell: str) -> datetime:
-    """A date.
+def _order(cells: list[str], where: str) -> str:
+    """What comes first in the dates of a column, one of `ORDERS`.
 
     Raises:
-        ValueError: it is none.
+        DataError: all are dates, and none says which of its numbers is the day.
     """
-    found = _YEAR_FIRST.fullmatch(cell)
-    if found is None:
-        return datetime.fromisoformat(cell)
-    year, month, day, hour, minute, second = (int(part) for part in found.groups(default="0"))
-    return datetime(year, month, day, hour, minute, second)
-
-
-def _year_first(cells: list[str], where: str) -> list[str]:
-    """``13.01.2025 08:00`` as ``2025.01.13 08:00``, where a day above 12 says which is the day.
-
-    Raises:
-        DataError: no date of the column says it.
-    """
-    found = [_YEAR_LAST.fullmatch(cell) for cell in cells]
-    if not any(found) or any(
-        f is None and c.lower() not in ABSENT for f, c in zip(found, cells, strict=True)
-    ):
-        return cells
-    days = any(int(one[1]) > 12 for one in found if one)
-    months = any(int(one[2]) > 12 for one in found if one)
-    if not days and not months:
+    order, sure = order_of(cell.encode() for cell in cells)
+    if not sure and _dates(cells, order) is not None:
         first = next(cell for cell in cells if cell.lower() not in ABSENT)
         raise DataError(
             f"{where}: expected a number or a date as in 2027-03-01, got {first!r}, and no "
             "row says which of its numbers is the day"
         )
-    order = (2, 1) if days else (1, 2)
-    return [
-        cell if one is None else f"{one[3]}.{one[order[0]]}.{one[order[1]]}{one[4]}"
-        for one, cell in zip(found, cells, strict=True)
-    ]
+    return order if order in ("dmy", "mdy") else "iso"
 
 
 def _zoned(cells: list[str]) -> bool:
     """Do the dates name a zone?"""
-    return any(_moment(c).tzinfo is not None for c in cells if c.lower() not in ABSENT)
+    return any(zone_of(cell.encode()) for cell in cells)
 
 
-def _dates(cells: list[str]) -> Vector | None:
+def _dates(cells: list[str], order: str) -> Vector | None:
     """Seconds since 1970; None where a cell is no date, or only some have a zone."""
+    known = [cell.encode() for cell in cells if cell.lower() not in ABSENT]
+    if len({bool(zone_of(cell)) for cell in known}) > 1:
+        return None
     try:
-        moments = [None if c.lower() in ABSENT else _moment(c) for c in cells]
+        return np.array([
+            np.nan if cell.lower() in ABSENT else 1e-9 * date_ns(cell.encode(), order)
+            for cell in cells
+        ])  # fmt: skip
     except ValueError:
         return None
-    if len({m.tzinfo is None for m in moments if m is not None}) > 1:
-        return None
-    known = [m if m is None or m.tzinfo else m.replace(tzinfo=UTC) for m in moments]
-    return np.array([np.nan if m is None else m.timestamp() for m in known], dtype=np.float64)

@@ -87,6 +87,8 @@ def kind_of(head: bytes, name: str) -> str:
         raise DataError(
             "a pickle runs code when it is read and is never loaded: save as npz or CSV"
         )
+    if name.lower().endswith(".toml"):
+        raise DataError("expected a recording, got a TOML file: give the recordings themselves")
     for magic, reason in _REFUSED.items():
         if head.startswith(magic):
             raise DataError(f"expected a recording, got {reason}")

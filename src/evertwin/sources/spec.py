@@ -61,8 +61,9 @@ class TimeSpec(Section):
 
     column: Column | None = None
     """Name in the header, or position from 0; absent: ``rate``."""
-    unit: Literal["s", "ms", "us", "ns", "min", "h", "iso", "auto"] = "s"
-    """Unit of the stamps; ``iso`` for dates as text; ``auto``: told from each file's stamps."""
+    unit: Literal["s", "ms", "us", "ns", "min", "h", "iso", "dmy", "mdy", "clock", "auto"] = "s"
+    """Unit of the stamps; of dates as text ``iso``, or ``dmy`` and ``mdy`` where the day or the
+    month comes first; ``clock``: times of day; ``auto``: told from each file's stamps."""
     rate: Hertz | None = None
     """Rate of a recording without time column."""
 

@@ -22,22 +22,20 @@ from decimal import Decimal
 import numpy as np
 
 from evertwin.errors import DataError, UsageError
+from evertwin.sources.dates import ORDERS, date_ns, is_date, order_of, zone_of
 from evertwin.types import Stamps
 
 NO_STAMP = int(np.iinfo(np.int64).min)
 """Stands for a stamp that is empty, not a number, or beyond the years 1677 to 2262."""
 
 UNITS = {"s": 9, "ms": 6, "us": 3, "ns": 0}
-"""Power of ten that turns one unit into nanoseconds. ``iso`` stands for dates."""
+"""Power of ten that turns one unit into nanoseconds; beside them stand the `ORDERS` of dates."""
 _LONG = {"min": 60, "h": 3600}
 """Seconds of the units that are no power of ten."""
 
-_ISO = re.compile(
-    rb"\s*(\d{4})[-./](\d\d?)[-./](\d\d?)[T ._](\d\d?)[:.](\d\d)(?:[:.](\d\d)(?:[.,](\d+))?)?"
-    rb"\s*(Z|UTC|[+-]\d\d:?(?:\d\d)?)?\s*$"
-)
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?", re.ASCII)
 _LIMIT = 2**63 - 1
+_DAY = 86_400 * 10**9
 LONGEST = 60
 """Bytes of the longest cell that can be a stamp."""
 
@@ -56,7 +54,7 @@ def to_ns(raw: np.ndarray, unit: str) -> Stamps:
 
     Args:
         raw: bytes (text), integers, floats or datetime64, (n,).
-        unit: s, ms, us, ns, min, h or iso; datetime64 needs none.
+        unit: s, ms, us, ns, min, h, or one of `ORDERS`; datetime64 needs none.
 
     Raises:
         UsageError: an unknown unit.
@@ -66,10 +64,11 @@ def to_ns(raw: np.ndarray, unit: str) -> Stamps:
         day = raw.astype("datetime64[D]").astype(np.int64)
         ns = raw.astype("datetime64[ns]").astype(np.int64)
         return np.where(np.abs(day) < 106_000, ns, NO_STAMP)
-    if unit == "iso":
-        return np.array([_iso(bytes(cell), i) for i, cell in enumerate(raw.tolist())], np.int64)
+    if unit in ORDERS:
+        cells = (_date(bytes(cell), unit, i) for i, cell in enumerate(raw.tolist()))
+        return np.array(list(cells), dtype=np.int64)
     if unit not in UNITS and unit not in _LONG:
-        known = ", ".join([*UNITS, *_LONG, "iso"])
+        known = ", ".join([*UNITS, *_LONG, *ORDERS])
         raise UsageError(f"time unit: expected one of {known}; got {unit!r}")
     power, seconds = UNITS.get(unit, 9), _LONG.get(unit, 1)
     if raw.dtype.kind == "S" and seconds > 1:
@@ -129,32 +128,13 @@ def _decimal(cell: bytes, power: int, position: int, factor: int = 1) -> int:
     return int(number) if abs(number) <= _LIMIT else NO_STAMP
 
 
-def _iso(cell: bytes, position: int) -> int:
+def _date(cell: bytes, order: str, position: int) -> int:
     if not cell.strip():
         return NO_STAMP
-    found = _ISO.match(cell)
-    if not found:
-        raise _not_a_stamp(cell.decode("utf-8", "replace"), position)
-    year, month, day, hour, minute = (int(found[k]) for k in range(1, 6))
-    second = int(found[6] or 0)
-    if not (1678 <= year <= 2261 and hour <= 24 and minute <= 59 and second <= 60):
-        raise _not_a_stamp(cell.decode("utf-8", "replace"), position)
     try:
-        days = int(np.datetime64(f"{year:04d}-{month:02d}-{day:02d}", "D").astype(np.int64))
-    except ValueError:
-        raise _not_a_stamp(cell.decode("utf-8", "replace"), position) from None
-    nanos = int((found[7] or b"0")[:9].ljust(9, b"0"))
-    seconds = days * 86400 + hour * 3600 + minute * 60 + second - _zone(found[8])
-    return seconds * 10**9 + nanos
-
-
-def _zone(zone: bytes | None) -> int:
-    """Offset from UTC [s]; a stamp without zone counts as UTC."""
-    if zone is None or zone in (b"Z", b"UTC"):
-        return 0
-    digits = zone[1:].replace(b":", b"")
-    offset = int(digits[:2]) * 3600 + int(digits[2:] or 0) * 60
-    return -offset if zone[:1] == b"-" else offset
+        return date_ns(cell, order)
+    except ValueError as error:
+        raise _not_a_stamp(cell.decode("utf-8", "replace"), position, str(error)) from None
 
 
 class StampError(DataError):
@@ -169,11 +149,33 @@ class StampError(DataError):
         self.position = position
 
 
-def _not_a_stamp(text: str, position: int) -> StampError:
+def _not_a_stamp(text: str, position: int, reason: str = "") -> StampError:
+    cell = text.encode()
+    if not reason and is_date(cell):
+        reason = f"set time = {{ unit = '{order_of([cell])[0]}' }}"
     return StampError(
-        f"expected a stamp (a number, or a date such as 2021-03-04T12:00:00Z), got {text[:40]!r}",
+        f"expected a stamp (a number, or a date such as 2021-03-04T12:00:00Z), got {text[:40]!r}"
+        + (f": {reason}" if reason else ""),
         position,
     )
+
+
+def past_midnight(t: Stamps, last: int = NO_STAMP) -> Stamps:
+    """Times of day [ns] that go on over midnight: what falls by more than half a day is the next.
+
+    Args:
+        t: stamps, (n,).
+        last: what the piece before ended with; `NO_STAMP` at the beginning.
+
+    >>> past_midnight(np.array([86_399, 1]) * 10**9).tolist()
+    [86399000000000, 86401000000000]
+    """
+    out, known = t.copy(), t != NO_STAMP
+    whole = t[known]
+    falls = np.diff(whole, prepend=whole[:1] if last == NO_STAMP else last % _DAY) < -_DAY // 2
+    start = 0 if last == NO_STAMP else last // _DAY
+    out[known] = whole + (start + np.cumsum(falls)) * _DAY
+    return out
 
 
 def zones(raw: np.ndarray) -> set[bool]:
@@ -182,5 +184,5 @@ def zones(raw: np.ndarray) -> set[bool]:
     >>> sorted(zones(np.array([b"2021-03-04 12:00", b"2021-03-04 12:00Z"])))
     [False, True]
     """
-    found = (_ISO.match(bytes(cell)) for cell in raw.tolist())
-    return {hit[8] is not None for hit in found if hit}
+    found = (zone_of(bytes(cell)) for cell in raw.tolist())
+    return {bool(zone) for zone in found if zone is not None}

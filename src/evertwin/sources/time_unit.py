@@ -33,6 +33,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.errors import DataError
+from evertwin.sources.dates import ORDERS, is_date, is_whole, order_of
 from evertwin.sources.description import ClockInfo
 from evertwin.sources.stamps import NO_STAMP, to_ns
 from evertwin.sources.table import Column, Table
@@ -45,7 +46,6 @@ _HINTS = {
     "s": {"s", "sec", "secs", "second", "seconds"},
 }
 _STATED, _EPOCH = "stated in the heading", "counted from 1970"
-_DATE = re.compile(rb"\s*\d{4}[-./]\d\d?[-./]\d")
 _NUMBER = re.compile(rb"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$")
 _FIRST, _LAST = 946_684_800, 4_102_444_800
 """The years 2000 and 2100 [s]."""
@@ -78,8 +78,8 @@ def guess(heading: str, raw: np.ndarray, stated: str = "") -> TimeGuess:
     """
     if raw.dtype.kind == "M":
         return TimeGuess("iso", "calendar stamps", True)
-    if raw.dtype.kind == "S" and any(_DATE.match(cell) for cell in _texts(raw)):
-        return TimeGuess("iso", "dates", True)
+    if raw.dtype.kind == "S" and any(is_date(cell) for cell in _texts(raw)):
+        return _dated(raw)
     words = {stated.lower(), *re.split(r"[^a-zµ]+", heading.lower())}
     for unit, hints in _HINTS.items():
         if words & hints:
@@ -91,6 +91,28 @@ def guess(heading: str, raw: np.ndarray, stated: str = "") -> TimeGuess:
     if len(stamps) == 0:
         return TimeGuess("s", "no stamp to tell it by", False)
     return _by_size(stamps, _whole(raw))
+
+
+def told(table: Table, time: Column, raw: np.ndarray) -> TimeGuess:
+    """The unit of a column of time; where the day of its first rows is not clear, the rows that
+    follow may say it.
+
+    Args:
+        table: it is read on where that is needed.
+        time: its column of time.
+        raw: the first rows of it, (n,).
+    """
+    found = guess(time.name, raw[:1000], time.unit)
+    if found.sure or found.unit not in ORDERS:
+        return found
+    pieces = (_dated(rows.time) for rows in table.rows([], time.name, strict=False))
+    return next((piece for piece in pieces if piece.sure), found)
+
+
+def _dated(raw: np.ndarray) -> TimeGuess:
+    order, sure = order_of(bytes(cell) for cell in raw.tolist())
+    said = "times of day" if order == "clock" else "dates"
+    return TimeGuess(order, said if sure else "dates of which no row tells day from month", sure)
 
 
 def _texts(raw: np.ndarray) -> list[bytes]:
@@ -110,7 +132,7 @@ def _whole(raw: np.ndarray) -> bool:
 def _by_size(stamps: np.ndarray, whole: bool) -> TimeGuess:
     """By the epoch, else by the spacing. ``stamps``: plain numbers if whole, else 1e9 × number."""
     number = float(np.median(stamps)) / (1 if whole else 1e9)
-    step = float(np.median(np.abs(np.diff(stamps)))) if len(stamps) > 1 else 0.0
+    step = float(np.median(np.diff(np.sort(stamps)))) if len(stamps) > 1 else 0.0
     step /= 1 if whole else 1e9
     for unit, factor in (("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)):
         seconds = step / factor
@@ -129,17 +151,20 @@ NAMES = ("t", "time", "timestamp", "stamp", "times", "datetime", "date", "zeit",
 def time_column(table: Table) -> Column | None:
     """The column that holds the stamps: by its kind, its name, or first and increasing.
 
-    A bag's own stamps come first; then calendar stamps; then usual names; then the first column,
-    if it is a number that grows all through the first rows, and nearly all through thousands.
+    A bag's own stamps come first; then calendar stamps; then usual names; then times of day; then
+    dates without a time; then the first column, if it is a number that grows all through the first
+    rows, and nearly all through thousands.
     """
     columns = table.columns
-    for column in columns:
-        if column.kind == "time":
-            return column
-    for column in columns:
-        every = (re.split(r"[^a-z]+", name.lower().strip()) for name in (column.name, *column.also))
-        if column.kind == "number" and any(words[0] in NAMES for words in every):
-            return column
+    usual = [column for column in columns if column.kind == "number" and _usual(column)]
+    dated = sorted(
+        ((_lacks(table, column), column) for column in columns if column.kind == "time"),
+        key=lambda pair: pair[0],
+    )
+    if dated and not (usual and dated[0][0]):
+        return dated[0][1]
+    if usual:
+        return usual[0]
     numeric = [c.name for c in columns if c.kind == "number"]
     if len(numeric) < 2 or columns[0].name != numeric[0]:
         return None
@@ -149,6 +174,22 @@ def time_column(table: Table) -> Column | None:
     steps = np.diff(rows.values[:, 0])  # an angle, too, grows for a while
     grows = bool((steps[:100] >= 0).all() and (steps > 0).mean() > 0.5)
     return columns[0] if grows and bool((steps < 0).mean() < 0.01) else None
+
+
+def _usual(column: Column) -> bool:
+    every = (re.split(r"[^a-z]+", name.lower().strip()) for name in (column.name, *column.also))
+    return any(words[0] in NAMES for words in every)
+
+
+def _lacks(table: Table, column: Column) -> int:
+    """What the stamps of a text lack: 0 nothing, 1 the date, 2 the time of day."""
+    rows = next(iter(table.rows([], column.name, strict=False)), None)
+    if rows is None or rows.time.dtype.kind != "S":
+        return 0
+    cells = [cell for cell in _texts(rows.time) if is_date(cell)]
+    if not cells or any(map(is_whole, cells)):
+        return 0
+    return 1 if order_of(cells)[0] == "clock" else 2
 
 
 @dataclass

@@ -21,6 +21,7 @@ ABROAD = {
     "current": "strom courant corriente corrente",
     "voltage": "spannung voltaje tensione",
     "temperature": "temperatur temperatura",
+    "heater": "heizung heizer heizelement chauffage calefactor riscaldatore",
     "heading": "kurs rumbo",
     "steering": "lenkung lenkwinkel braquage direccion sterzo",
     "setpoint": "soll sollwert consigne consigna",

@@ -154,19 +154,32 @@ class Draft:
 
     @property
     def judged(self) -> tuple[str, ...]:
-        """Outputs that one requirement suits: those in the first one's unit."""
+        """Outputs that one requirement suits: those in the first one's unit, and headings."""
         outputs = () if self.model is None else tuple(self.model.outputs)
-        return tuple(one.name for one in outputs if one.unit == outputs[0].unit)
+        alike = tuple(one.name for one in outputs if one.unit == outputs[0].unit)
+        return alike + self.headings
+
+    @property
+    def headings(self) -> tuple[str, ...]:
+        """Angles of a base: judged as the way of a point 1 m ahead, so that 0.01 m is 0.01 rad."""
+        if self.model is None or not self._base:
+            return ()
+        return tuple(one.name for one in self.model.outputs if one.kind == "angle")
 
     @property
     def spread(self) -> tuple[float, str]:
         """How far the first output that is judged moves, without its rarest twentieths, and the
-        unit; 0 where no column says it."""
+        unit; 0 where no column says it. A base goes as far as it likes: what it moves in a
+        prediction."""
         names = self.judged if self.model is not None else ("y",)
         match = next((m for m in self.proposal.matches if m.channel in names), None)
         if match is None or match.column == ASK:
             return 0.0, ""
-        values = self.seen[match.source].values(match.column)
+        seen = self.seen[match.source]
+        values = seen.values(match.column)
+        rows = round(self.horizon / (self.period or self.horizon))
+        if self._base and len(values) > rows:
+            values = values[rows:] - values[:-rows]
         values = values[np.isfinite(values)]
         size = float(np.ptp(np.quantile(values, (0.05, 0.95)))) if len(values) else 0.0
         factor = match.scale if isinstance(match.scale, float) else 1.0
@@ -180,6 +193,12 @@ class Draft:
         if self.model is None or not size > 0.0 or unit == "1":
             return ""
         return f"{float(f'{part * size:.1g}'):g} {unit}"
+
+    @property
+    def asked(self) -> float:
+        """A round fiftieth of the spread in SI; 0 where it is not known."""
+        size, unit = self.spread
+        return float(f"{0.02 * size * conversion(unit)[0]:.1g}") if size > 0.0 else 0.0
 
     @property
     def ladder(self) -> tuple[str, ...]:

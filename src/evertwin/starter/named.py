@@ -170,6 +170,8 @@ def _alike(channel: Channel, theirs: list[str], column: ColumnInfo, told: bool) 
     what = role(theirs)
     if mine != theirs and not _may_be(what, told, mine, theirs):
         return 0.0
+    if what == "command":  # a base is told how fast it yaws
+        theirs = ["turn" if word == "yaw" else word for word in theirs]
     unit = _stated(column)
     if unit and not _measures(unit, channel):
         return 0.0

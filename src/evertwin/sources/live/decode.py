@@ -25,6 +25,7 @@ from evertwin.errors import UsageError
 from evertwin.fold import Chunk
 from evertwin.signals import conversion
 from evertwin.signals.whole_steps import whole_steps
+from evertwin.sources.dates import ORDERS
 from evertwin.sources.live.contract import LiveSettings
 from evertwin.sources.live.stamping import Stamping
 from evertwin.sources.live.stamping import arrival as now
@@ -162,7 +163,7 @@ class Decoder:
         if isinstance(value, str | bytes):
             text = value.encode() if isinstance(value, str) else value
             cell = np.array([text[:64]])
-        elif value is None or isinstance(value, bool | list) or unit == "iso":
+        elif value is None or isinstance(value, bool | list) or unit in ORDERS:
             cell = np.array([None])
         else:
             cell = np.array([value])

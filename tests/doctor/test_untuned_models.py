@@ -1,0 +1,77 @@
+"""What an untuned model with states gets wrong is no fault of a sensor, and no lag."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evertwin.config.spec import ArbiterSpec, ModelSpec, PredictionSpec, TwinSpec
+from evertwin.doctor.finding import Diagnosis
+from evertwin.models import FunctionModel, Parameters
+from evertwin.models.translated import translated
+from evertwin.signals import Layout
+from evertwin.twin import Twin
+
+STEP, ROWS = 3.0, 2400
+
+
+def step(x: Any, u: Any, dt: float, p: Any) -> Any:
+    level = x[0] + dt * (p[0] * u[0] - x[0]) / p[1]
+    return [level], [level]
+
+
+LEVEL = Layout.of(temperature="1")
+MODEL = translated(
+    FunctionModel(step, Layout.of(heating="1"), LEVEL, LEVEL,
+                  Parameters.of(gain=(20.0, "1"), T=(300.0, "s")))
+)  # fmt: skip
+SPEC = TwinSpec(
+    "oven", ModelSpec("python"), prediction=PredictionSpec(horizon=60.0),
+    arbiter=ArbiterSpec(use="blend"),
+)  # fmt: skip
+
+
+def oven(
+    seed: int, tau: float = 300.0, late: int = 0, sensor: Callable[..., Any] | None = None
+) -> Diagnosis:
+    """The doctor on an oven with a sensor of 1/16 K, whose room is 0.8 K above what it is said."""
+    rng = np.random.default_rng(seed)
+    heating = np.repeat(rng.integers(0, 2, ROWS // 120).astype(float), 120)
+    heating[-800:] = 0.0  # it cools, and stands
+    told = np.concatenate([np.zeros(late), heating])[:ROWS]
+    y = np.zeros(ROWS)
+    for i in range(1, ROWS):
+        y[i] = y[i - 1] + STEP * (0.8 + 20.0 * told[i - 1] - y[i - 1]) / tau
+    y = np.round(16 * (y + rng.normal(0.0, 0.01, ROWS))) / 16
+    if sensor is not None:
+        y = sensor(rng, y)
+    data = {"t": STEP * np.arange(ROWS), "heating": np.roll(heating, 1), "temperature": y}
+    with Twin(SPEC, MODEL) as twin:
+        return twin.doctor(data)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_temperature_that_stands_within_its_resolution_is_not_frozen(seed: int) -> None:
+    found = oven(seed)
+    assert not found.of_kind("frozen"), found.text(9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("dither", [0.0, 0.03])
+def test_a_frozen_sensor_is_named(seed: int, dither: float) -> None:
+    def frozen(rng: np.random.Generator, y: np.ndarray) -> np.ndarray:
+        y = y + rng.normal(0.0, 0.3, ROWS)
+        stands = y[900] + dither * rng.normal(size=300)
+        return np.concatenate([y[:900], stands, y[1200:]])
+
+    assert oven(seed, sensor=frozen).of_kind("frozen")
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_wrong_time_constant_is_no_lag(seed: int) -> None:
+    assert not oven(seed, tau=400.0).of_kind("lag")
+    (finding,) = oven(seed, late=12).of_kind("lag")
+    assert finding.evidence["temperature"]["seconds"] == pytest.approx(36.0, abs=12.0)
