@@ -50,6 +50,10 @@ def in_degrees(data: Columns, rows: slice) -> None:
     data["heading"][rows] = np.degrees(data["heading"][rows])
 
 
+def in_radians(data: Columns, rows: slice) -> None:
+    data["heading"][rows] = np.radians(data["heading"][rows])
+
+
 def run(data: Columns, **more: Any) -> RunResult:
     spec = TwinSpec(
         "base", ModelSpec("differential"), beat=Span(seconds=2.0), prediction=PredictionSpec(1.0),
@@ -69,6 +73,7 @@ CASES = [
     pytest.param(exchanged("x", "y"), "x and y look exchanged", id="columns"),
     pytest.param(exchanged("v", "w"), "v and w look exchanged", id="commands"),
     pytest.param(in_degrees, "degrees for radians", id="degrees"),
+    pytest.param(in_radians, "radians for degrees", id="radians"),
 ]
 
 

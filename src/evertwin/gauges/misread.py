@@ -182,7 +182,7 @@ def recorded(setup: Setup) -> tuple[str, ...]:
 
 def _mistakes(channel: Channel, unit: str) -> Iterator[Mistake]:
     for one in mistaken(unit, channel.unit):
-        if channel.kind != "angle" or one.number in (SIGN, TURN):
+        if channel.kind != "angle" or one.number in (SIGN, TURN, 1.0 / TURN):
             yield one
 
 
@@ -193,7 +193,7 @@ def _said(names: tuple[str, ...], one: Mistake) -> str:
     look = "looks" if len(names) == 1 else "look"
     if one.scale:
         return f"{shown} {look} recorded in {one.said}"
-    return f"{shown} {look} {one.number:.4g} times too large, as {one.said} would make it"
+    return f"{shown} {look} {one.number:.4g} times what it is, as {one.said} would make it"
 
 
 def _newest(windows: Windows, rows: int) -> list[Block]:

@@ -94,7 +94,8 @@ def numbers(unit: str) -> Iterator[tuple[float, str]]:
             continue
         yield factor.number, factor.said
         if factor.number > 0.0:
-            yield 1.0 / factor.number, f"{factor.said}, the other way round"
+            one, _, other = factor.said.partition(" for ")
+            yield 1.0 / factor.number, f"{other} for {one}" if other else factor.said
 
 
 def mistaken(recorded: str, unit: str) -> Iterator[Mistake]:
