@@ -8,12 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from evertwin import FunctionModel, Layout
 from evertwin.errors import UsageError
 from evertwin.fold import Block, make_block
 from evertwin.machines.arm import Arm
 from evertwin.machines.drive import Drive, DriveForce
 from evertwin.machines.friction.resisting import not_physical
-from evertwin.refit.physical import physically
+from evertwin.models import Parameters
+from evertwin.refit.physical import passive, physically
 from evertwin.refit.work import Work
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Task
@@ -153,3 +155,14 @@ def test_a_drive_says_at_which_speeds(machine: DriveForce | Drive) -> None:
     p = machine.parameters.with_values({"Fv": -10.0, "Fc": 5.0, "offset": 50.0}).values
     said = not_physical(machine, p, (rows,))
     assert "from 0.6 to 1 m/s" in said and "Fv = -10" in said
+
+
+def test_no_machine_has_a_mass_below_zero() -> None:
+    """Whatever the bounds of a model of one's own let a fit do with crossed columns."""
+    parameters = Parameters.of(J=(2e-4, "kg*m^2"), offset=(0.5, "N*m"), R=(1.3, "ohm"))
+    model = FunctionModel(
+        lambda x, u, dt, p: (x, u), Layout.of(u="V"), Layout.of(i="A"), parameters=parameters
+    )
+    before = {"J": 2e-4, "offset": 0.5, "R": -1.0}  # what was below zero may stay there
+    assert passive(model, np.array([-1e-4, -0.5, -1.3]), before) == "J -0.0001 kg*m^2"
+    assert not passive(model, np.array([1e-4, -0.5, -1.3]), before)

@@ -7,8 +7,8 @@ with all others that do it as well: a base that is said to go forwards as it goe
 like one whose x and y have their signs turned. Nothing is learned from such rows.
 
 >>> from evertwin.machines.mobile import Differential
->>> [one.said for one in readings(Differential(), ("",) * 5) if "exchanged" in one.said]
-['v and w look exchanged', 'x and y look exchanged']
+>>> [one.said for one in readings(Differential(), ("",) * 5) if "exchanged" in one.said][:3]
+['v and w look exchanged', 'v and x look exchanged', 'v and y look exchanged']
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ PARTS = (1.0, 0.7, 0.5, 0.35, 0.25)
 ROWS = 2000
 """Newest rows that are looked at."""
 FEW = 6
-"""Inputs up to which any two may have been exchanged; of more, those of one unit."""
+"""Channels, or inputs, up to which any two may have been exchanged; of more, those of one unit."""
 
 
 class Reading(NamedTuple):
@@ -115,7 +115,7 @@ def misread(
             f"{called(newest[0].row)} on: read so, {100 * share:.1f} % of the "
             "squared deviation is gone; nothing is learned from it: correct the twin file or the "
             "recording"
-        ))  # fmt: skip
+        ), None, newest[0].row if tuned is None else -1)  # fmt: skip
     return None
 
 
@@ -160,11 +160,11 @@ def readings(model: Model, units: Sequence[str]) -> Iterator[Reading]:
             yield Reading(own, factors, shifts, names, one.number, _said(names, one))
     for a, b in combinations(own, 2):
         same = channels[a].unit == channels[b].unit
-        if (a < nu) != (b < nu) or not (same or (b < nu <= FEW)):
+        if not (same or (b < nu <= FEW) or len(own) <= FEW):
             continue
         factors, columns = np.ones(len(own)), list(own)
         columns[a], columns[b] = b, a
-        if b < nu:
+        if not same or b < nu:
             scale = conversion_of(units[a])[0], conversion_of(units[b])[0]
             factors[a], factors[b] = scale[0] / scale[1], scale[1] / scale[0]
         names = channels[a].name, channels[b].name

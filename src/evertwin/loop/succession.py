@@ -60,8 +60,7 @@ def in_doubt(decision: Decision, content: Mapping[str, Any]) -> Mapping[str, Any
     """
     agenda, number = decision.state.agenda, decision.state.other.version
     if not content.get("sensor"):
-        learns = content.get("candidate") is not None or "next" in content
-        return {"events": []} if agenda.doubt >= 0 and learns else content
+        return {"events": []} if agenda.doubt >= 0 else content
     if agenda.phase == TRIAL and not agenda.pinned and agenda.brief < 0.0:
         said = f"version {number} was learned from rows in which {content['sensor']} is in doubt"
         decision.say("rejected", "", said, {"version": number})

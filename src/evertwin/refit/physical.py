@@ -12,7 +12,7 @@ is held at zero, too. It may stay out of the law, so its bound says nothing of t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from typing import Any, TypeAlias
 
@@ -20,9 +20,15 @@ import numpy as np
 
 from evertwin.anomaly.verdict import Rule
 from evertwin.machines.friction.resisting import pushes
-from evertwin.models import Parameters
+from evertwin.models import Model, Parameters
 from evertwin.setup.friction_law import Laddered
+from evertwin.signals.units import compatible
 from evertwin.tuning import Fit, Problem
+from evertwin.types import ParameterVector
+
+PASSIVE = ("kg", "kg*m^2", "N*s/m", "N*m*s", "J/K", "W/K", "ohm", "s")
+"""Units of masses, inertias, frictions, capacities, conductances, resistances and times: what is
+above zero has no such machine below it, whatever the bounds say of a model of one's own."""
 
 Tune: TypeAlias = Callable[[Problem], tuple[Fit, dict[str, Any]]]
 
@@ -52,6 +58,21 @@ def physically(problem: Problem, tune: Tune) -> tuple[Fit, dict[str, Any]]:
     if wrong:
         fit = replace(fit, message=f"{fit.message}; not physical: {'; '.join(map(str, wrong))}")
     return fit, more
+
+
+def passive(model: Model, p: ParameterVector, before: Mapping[str, float]) -> str:
+    """Numbers that no machine has below zero and that fell below it, in words; empty: none did.
+
+    Args:
+        model: of a candidate, with ``p``, (np,).
+        before: what was above zero may not fall below.
+    """
+    return ", ".join(
+        f"{item.name} {value:.3g} {item.unit}"
+        for item, value in zip(model.parameters, p.tolist(), strict=True)
+        if value < 0.0 < before.get(item.name, 0.0)
+        and any(compatible(item.unit, unit) for unit in PASSIVE)
+    )
 
 
 def _turned(problem: Problem, fit: Fit) -> dict[str, str]:

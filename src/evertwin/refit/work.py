@@ -29,6 +29,7 @@ from evertwin.refit.answering import changed_since, event, of_a_sensor, rejected
 from evertwin.refit.correcting import learn, nearest
 from evertwin.refit.judgement import judged
 from evertwin.refit.named_cause import named_first
+from evertwin.refit.physical import passive
 from evertwin.refit.posterior import posterior
 from evertwin.refit.recursive_fit import Recursion
 from evertwin.refit.simplest import law_now
@@ -101,7 +102,7 @@ class Work(Tuner):
         followed = {name: own[name] for name in self.setup.followed if name in own}
         found["values"] = followed | found["values"]
         model, p = self._made(task.version, found)
-        wrong = not_physical(model, p, task.windows)
+        wrong = not_physical(model, p, task.windows) or passive(model, p, own)
         if wrong:
             content["candidate"] = None
             said, evidence = f"not physical: {wrong}", {"values": found["values"]}
