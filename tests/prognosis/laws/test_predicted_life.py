@@ -17,7 +17,7 @@ from evertwin.prognosis.laws import (
     learn,
     predict_life,
 )
-from evertwin.prognosis.laws.alone import Bend, widened
+from evertwin.prognosis.laws.alone import Pace, widened
 from evertwin.prognosis.laws.life import LEVELS
 from evertwin.prognosis.laws.predict import by_laws, lived
 from evertwin.prognosis.laws.scaled import scaled
@@ -351,14 +351,14 @@ def test_an_end_soon_after_a_long_calm_is_not_ruled_out(seed: int) -> None:
 
 
 def test_a_life_far_beyond_the_age_is_doubted_as_it_is_unsure() -> None:
-    unsure = 300.0 * np.exp(0.5 * scipy.special.ndtri(LEVELS))
-    young, old = (
-        widened(unsure, Bend(np.nan, np.nan, float(np.log(age)), np.inf)) for age in (60.0, 600.0)
-    )
-    assert young is not None
-    assert old is not None
-    assert young[len(young) // 2] < 0.85 * old[len(old) // 2] == pytest.approx(0.85 * 300.0)
-    assert young[-1] < old[-1]
+    def middle(own: float, age: float) -> float:
+        known = 300.0 * np.exp(own * scipy.special.ndtri(LEVELS))
+        found = widened(known, Pace(float(np.log(age)), np.inf))
+        assert found is not None
+        return float(found[len(found) // 2])
+
+    assert middle(0.5, 60.0) < 0.7 * middle(0.5, 600.0)
+    assert middle(0.01, 60.0) == pytest.approx(300.0, rel=0.02)
 
 
 def test_a_life_without_growth_is_not_told() -> None:

@@ -61,7 +61,7 @@ NEAR, NEAREST = 0.7, 12
 """Distance in the logarithm of left over age at which a question counts less; so far that as many
 count."""
 EVEN, STRANGE = 1.0, 0.4
-SHIFTS, SHIFT = 0.65, 0.7
+SHIFTS, SHIFT = 0.5, 0.7
 DOUBT = 0.5
 """Share of a shift by which it may be wrong."""
 APART = 0.05
