@@ -292,7 +292,8 @@ class Fleet:
         middle = one.left + shift + float(worth @ now) + known * off
         below, above = (
             np.hypot(
-                known * side / 1.2816 + (1.0 - known) * STRANGE, np.hypot(doubt, DOUBT * shift)
+                known * side / 1.2816 * self._few + (1.0 - known) * STRANGE,
+                np.hypot(doubt, DOUBT * shift),
             )
             for side in (off - low, high - off)
         )
@@ -311,6 +312,12 @@ class Fleet:
             rest = max(like.end - float(like.age[k]), LEAST * like.end)
             rows.append(np.clip((like.age[there] - like.age[k]) / rest, 0.0, 1.0))
         return np.asarray(np.maximum.accumulate(np.median(rows, axis=0)))
+
+    @property
+    def _few(self) -> float:
+        """How much wider quantiles are that few machines tell (Student), however often asked."""
+        n = max(sum(bool(np.isfinite(way.end)) for way in self.ways), 2)
+        return float(scipy.special.stdtrit(n - 1, 0.9) / 1.2816 * np.sqrt(1.0 + 1.0 / n))
 
     def _worth(
         self, seen: Float64[np.ndarray, "n 3"], weight: Float64[np.ndarray, " n"]
