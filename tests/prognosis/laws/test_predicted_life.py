@@ -44,7 +44,6 @@ FORMS = {
     "linear": T / 100,
     "power": (T / 100) ** 2,
     "exponential": np.expm1(3.0 * T / 100) / np.expm1(3.0),
-    "two-phase": np.maximum(T - 30.0, 0.0) / 70,
 }
 
 
@@ -56,7 +55,7 @@ def test_the_end_is_found_whatever_the_form(form: str) -> None:
     assert sum(life.laws.values()) == pytest.approx(1.0, abs=0.02)
 
 
-@pytest.mark.parametrize("form", ["power", "exponential", "two-phase"])
+@pytest.mark.parametrize("form", ["power", "exponential"])
 def test_the_right_form_gets_most_weight(form: str) -> None:
     life = told(wear(FORMS[form], noise=0.002))
     assert life.law == form
