@@ -45,7 +45,7 @@ HALF = np.array([0.0, -0.55, 0.0, -0.45, 1.1])
 HIGH = np.array([0.4, 0.75, -0.25, 0.0, 0.9])
 """Logarithms of the ends and of the middle of drawn lives over the median of the laws: a constant,
 and what each own, young, own · young and rush adds (`python -m proofs.alone`)."""
-SOONEST = 3.0
+SOONEST = 5.0
 """A rush counts up to this logarithm."""
 LATEST = 0.125
 """Share of the values in which a rush is looked for."""
