@@ -11,7 +11,7 @@ and what they say is corrected by how drawn wear that follows none of them went 
 * *rush*: how much sooner the limit comes at the fastest pace that a median rose by within the
   newest `LATEST`, beyond what noise does.
 
-The median is where the loss in whole lives is least; that of a straight line stays. Four drawn
+The median is where the loss in whole lives is least; that of a straight line stays. Five drawn
 lives in a hundred end before the lower end, so that sudden ends that were not drawn have room, and
 eight after the upper one. Narrow answers are earned with a fleet.
 
