@@ -12,7 +12,8 @@
 A component is seen 60 to 300 times in its life (those of `planted/sudden.py`, at whose end much
 happens in little time, up to 1,500 times) through noise that leans on the value before by 0 to
 0.8; a standard deviation of 0.5 to 4 % of the way from new to the limit. Lives of one kind spread
-by 35 % (log-normal) around one that is drawn from 10 to 100,000.
+by 35 % (log-normal) around one that is drawn from 10 to 100,000. Those of `planted/uneven.py` are
+seen as is said there.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ import numpy as np
 
 from planted.fresh import FRESH
 from planted.sudden import ABRUPT, SUDDEN
+from planted.uneven import UNEVEN, Seen, between
 from planted.unseen import UNSEEN
 
 FINE = 4000
@@ -39,6 +41,7 @@ class Kind(NamedTuple):
     values: int
     new: float
     limit: float
+    seen: Seen | None = None
 
 
 class Stranger(NamedTuple):
@@ -51,6 +54,11 @@ class Stranger(NamedTuple):
 
 def kind_of(law: str, rng: np.random.Generator) -> Kind:
     """A kind of machine that wears by this law."""
+    if law in UNEVEN:
+        new = float(rng.normal(0.0, 3.0)) * between(0.1, 100.0, rng)
+        way = between(0.01, 1000.0, rng) * float(rng.choice((-1.0, 1.0)))
+        life, values = between(5.0, 1e6, rng), int(between(25.0, 1500.0, rng))
+        return Kind(law, life, values, new, new + way, Seen.drawn(rng))
     new = float(rng.normal(0.0, 3.0))
     way = float(np.exp(rng.uniform(-3.0, 5.0)) * rng.choice((-1.0, 1.0)))
     life = float(np.exp(rng.uniform(np.log(10.0), np.log(1e5))))
@@ -62,11 +70,16 @@ def kind_of(law: str, rng: np.random.Generator) -> Kind:
 
 def stranger(kind: Kind, rng: np.random.Generator) -> Stranger:
     """One component of a kind."""
-    every = {**LEVELS, **UNSEEN, **FRESH, **SUDDEN, **ABRUPT}
+    every = {**LEVELS, **UNSEEN, **FRESH, **SUDDEN, **ABRUPT, **UNEVEN}
     level = every[kind.law](np.linspace(0.0, 4.0, 4 * FINE + 1), rng)
     if not (level >= 1.0).any():
         return stranger(kind, rng)
     end = int(np.argmax(level >= 1.0))
+    if (seen := kind.seen) is not None:
+        life = kind.life * float(np.exp(seen.spread * rng.standard_normal()))
+        rows = seen.rows(kind.values, end, rng)
+        read = seen.value(level[rows], rng)
+        return Stranger(rows / end * life, kind.new + (kind.limit - kind.new) * read, life)
     rows = np.unique(np.round(np.linspace(0.0, 1.0, kind.values) * end).astype(int))
     life = kind.life * float(np.exp(SPREAD * rng.standard_normal()))
     lean, size = rng.uniform(0.0, 0.8), np.exp(rng.uniform(np.log(0.005), np.log(0.04)))

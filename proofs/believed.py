@@ -3,13 +3,13 @@
 `Twin.life` on `twins/wear.toml`, nothing set.
 
 1. *Strangers*: N (100 by default) series of each law of `planted/fresh.py` (``--laws abrupt``: the
-   abrupt ones of `planted/sudden.py`; ``drawn``: `planted/unlike.py` and `planted/unseen.py`, which
-   widths alone were measured on), at 30, 50, 70 and 90 % of their lives, alone and with a fleet of
-   16 like machines (``--shifted``: also with one whose lives are half or twice as long). Counted:
-   answers, how many 80 % intervals hold the truth, how many truths lie above the lower end, and the
-   CRPS (in whole lives) beside dummies at the same moments: the mean life less the age, the fleet's
-   lives beyond this age, how long like machines still lasted at this level, always 0. `failure_due`
-   with more than 5 times its lead left is counted.
+   abrupt ones of `planted/sudden.py`; ``drawn``: `planted/unlike.py` and `planted/unseen.py`,
+   ``uneven``: `planted/uneven.py`, which widths alone were measured on), at 30, 50, 70 and 90 % of
+   their lives, alone and with a fleet of 16 like machines (``--shifted``: also with one whose lives
+   are half or twice as long). Counted: answers, how many 80 % intervals hold the truth, how many
+   truths lie above the lower end, and the CRPS (in whole lives) beside dummies at these moments:
+   mean life less age, the fleet's lives beyond this age, how long like machines still lasted
+   at this level, always 0. `failure_due` with more than 5 times its lead left is counted.
 2. *Bearings* (needs EVERTWIN_DATA): every channel of `bearing_ims1` and `bearing_ims2`, asked every
    4 h; the limit is three times the median of the first day. A channel is healthy until 12 h before
    its rig stops. The peer warns at a median of 12 values over 1.3 times that of the first 48 h.
@@ -35,6 +35,7 @@ from evertwin.prognosis.laws import Life
 from planted.fresh import FRESH
 from planted.histories import Columns, Told, until
 from planted.sudden import ABRUPT
+from planted.uneven import UNEVEN
 from planted.unlike import LEVELS as LAWS
 from planted.unlike import Stranger, kind_of, stranger
 from planted.unseen import UNSEEN
@@ -48,7 +49,7 @@ EACH = 4
 HEALTHY = 12.0
 LATE = (26.0, 24.0, 22.0, 5.0, 4.0, 3.0)
 """Hours before the end at which the lower end is asked."""
-EVERY = (*LAWS, *UNSEEN, *FRESH, *ABRUPT)
+EVERY = (*LAWS, *UNSEEN, *FRESH, *ABRUPT, *UNEVEN)
 
 
 def strangers(law: str, told: tuple[int, int, bool]) -> dict[str, list[Row]]:
@@ -307,13 +308,14 @@ def main() -> int:
     parser.add_argument("series", nargs="?", type=int, default=100)
     parser.add_argument("--only", choices=("strangers", "bearings", "cells", "femto"))
     parser.add_argument("--draws", type=int, default=2, help="of the cells' fleet")
-    parser.add_argument("--laws", default="fresh", help="fresh, drawn, abrupt, or one of them")
+    parser.add_argument("--laws", default="fresh", help="fresh, drawn, uneven, abrupt, or one")
     parser.add_argument("--shifted", action="store_true", help="fleets of half and twice the life")
     parser.add_argument("--seed", type=int, default=3)
     told = parser.parse_args()
     demands: dict[str, bool] = {}
     if told.only in (None, "strangers"):
-        known = {"fresh": tuple(FRESH), "drawn": (*LAWS, *UNSEEN), "abrupt": tuple(ABRUPT)}
+        known = {"fresh": tuple(FRESH), "drawn": (*LAWS, *UNSEEN), "abrupt": tuple(ABRUPT),
+                 "uneven": tuple(UNEVEN)}  # fmt: skip
         laws = known.get(told.laws, (told.laws,))
         demands |= every(laws, (told.series, told.seed, told.shifted))
     if "EVERTWIN_DATA" in os.environ and told.only in (None, "bearings"):

@@ -83,12 +83,8 @@ class IndicatorSpec(Section):
     exponent: Annotated[float, Gt(0.0), Le(20.0)] = 1.0
     """How the wear of a joint grows with its load: 1 for sliding, 3 for ball bearings."""
     laws: tuple[
-        Literal[
-            "linear", "exponential", "power", "saturating", "cracking", "wiener", "gamma",
-            "two-phase",
-        ],
-        ...,
-    ] = ()  # fmt: skip
+        Literal["linear", "exponential", "power", "saturating", "cracking", "wiener"], ...
+    ] = ()
     """Laws that are weighed against each other where a life is told alone; absent: all."""
 
     def __post_init__(self) -> None:

@@ -8,12 +8,11 @@ law's form and is scaled to ``G(1) = 1``, so that ``b`` is the growth so far:
     exponential  G = (e^(c·s) − 1)/(e^c − 1)
     saturating   the same with c < 0: towards a level that it never passes
     cracking     G = s·(1 − c)/(1 − c·s): without bound at 1/c, as a crack by Paris' law
-    two-phase    G = 0 until the onset o, then linear or exponential in s − o
 
 A bank holds many clocks at once, one per hypothesis; everything is evaluated on arrays
 (hypotheses, times).
 
->>> clocks = Clocks("power", np.array([1.0, 2.0]), np.zeros(2))
+>>> clocks = Clocks("power", np.array([1.0, 2.0]))
 >>> clocks.at(np.array([0.5, 1.0, 2.0]))
 array([[0.5 , 1.  , 2.  ],
        [0.25, 1.  , 4.  ]])
@@ -27,7 +26,7 @@ import numpy as np
 
 from evertwin.types import Float64
 
-Form: TypeAlias = Literal["linear", "power", "exponential", "cracking", "two-phase"]
+Form: TypeAlias = Literal["linear", "power", "exponential", "cracking"]
 STRAIGHT = 1e-6
 """Below this exponent an exponential is a straight line in double precision."""
 HUGE = 300.0
@@ -39,19 +38,17 @@ OPEN = 1e-9
 class Clocks(NamedTuple):
     """One clock per hypothesis, all of one form.
 
-    >>> Clocks("linear", np.zeros(1), np.zeros(1)).at(np.array([3.0]))
+    >>> Clocks("linear", np.zeros(1)).at(np.array([3.0]))
     array([[3.]])
     """
 
     form: Form
     shape: Float64[np.ndarray, " h"]
     """Exponent c; 0 means straight, below 0 saturating. Of a crack the c of the module, below 1."""
-    onset: Float64[np.ndarray, " h"]
-    """Before it there is no wear; 0 but for two phases."""
 
     def take(self, index: np.ndarray) -> Clocks:
         """Some of the hypotheses."""
-        return Clocks(self.form, self.shape[index], self.onset[index])
+        return Clocks(self.form, self.shape[index])
 
     def at(self, s: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, "h n"]:
         """G at ages ``s``."""
@@ -61,8 +58,7 @@ class Clocks(NamedTuple):
         if self.form == "cracking":
             c = self.shape[:, None]
             return np.asarray(s * (1.0 - c) / np.maximum(1.0 - c * s, OPEN))
-        grown, whole = self._since(s)
-        return _growth(self.shape[:, None], grown / whole)
+        return _growth(self.shape[:, None], np.maximum(s, 0.0))
 
     def slope(self, s: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, "h n"]:
         """G′ at ages ``s``."""
@@ -72,16 +68,10 @@ class Clocks(NamedTuple):
             return out
         if self.form == "cracking":
             return np.asarray((1.0 - c) / np.maximum(1.0 - c * s, OPEN) ** 2)
-        grown, whole = self._since(s)
-        exponent = np.minimum(c * grown / whole, HUGE)
+        exponent = np.minimum(c * s, HUGE)
         straight = np.abs(c) < STRAIGHT
         safe = np.where(straight, 1.0, c)
-        rising = np.where(straight, 1.0, safe * np.exp(exponent) / np.expm1(safe))
-        return np.where(grown > 0.0, rising / whole, 0.0)
-
-    def _since(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        onset = self.onset[:, None]
-        return np.maximum(s - onset, 0.0), 1.0 - onset
+        return np.where(straight, 1.0, safe * np.exp(exponent) / np.expm1(safe))
 
 
 def _growth(c: np.ndarray, u: np.ndarray) -> Float64[np.ndarray, "h n"]:

@@ -5,22 +5,23 @@ age nearest to its own among those rows. From there
 
 * *left*: how long it still lasted; one that still runs lasts as long as the others, or longer if it
   already has;
-* *pace*: how much later this one came to that level.
+* *pace*: how much later this one came to that level; unknown of one that began beyond it.
 
 Let R and x be the logarithms of their medians over the fleet, T that of the distance to the limit
-over the slope of the newest `TANGENT` of the life. The logarithm of the remaining life is
+over the slope of the newest `TANGENT` of the life, and A that of what lives of the fleet (taken as
+log-normal) last beyond this age, whatever the level. The logarithm of the remaining life is
 
-    R + k·(x − δ) + δ + c·(T − R − δ) + b
+    R + k·(x − δ) + δ + c·(T − R − δ) + a·(A − R − δ) + b
 
 Where a late machine also lasts longer by as much k is 1; where the pace so far tells nothing of the
-pace to come it is 0. The fleet says what k and c are: each of its machines is asked for by the
-others at `MOMENTS` of its life, and least squares draw both from `BEFORE` towards what was seen.
-What is off there for machines about as near to their end gives b and the quantiles, with the share
-of `EVEN` question of spread `STRANGE` mixed in.
+pace to come it is 0; where lives are alike and levels scatter a is 1. The fleet says what they are:
+each of its machines is asked for by the others at `MOMENTS` of its life, and least squares over
+those about as near to their end draw them from `BEFORE` towards what was seen. What is off there
+gives b and the quantiles, with the share of `EVEN` question of spread `STRANGE` mixed in.
 
-A fleet may wear at another pace altogether. δ is what of x is that: the mean of a shift that one
-fleet in `SHIFTS` has, of a logarithm of standard deviation `SHIFT`, given how far the paces within
-the fleet lie apart. It counts in full, in the interval too, and is said (`Life.pace`).
+A fleet may wear at another pace altogether. δ is what of x is that: the mean of a shift that a
+share `SHIFTS` of fleets has, of a logarithm of standard deviation `SHIFT`, given how far the paces
+within the fleet lie apart. It counts in full, in the interval too, and is said (`Life.pace`).
 
 >>> ways = [Way(k * np.arange(11.0), np.arange(-10.0, 1.0), 10.0 * k) for k in (0.9, 1.0, 1.1)]
 >>> told = Fleet.of(ways).told_of(Way(2.0 * np.arange(6.0), np.arange(-10.0, -4.0), np.nan))
@@ -52,9 +53,9 @@ LEAST = 0.02
 MOMENTS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)
 """Shares of a life at which each machine is asked for by the others."""
 TANGENT = 0.25
-BEFORE = np.array([0.5, 0.2])
-"""k and c before anything was seen."""
-FIRM = np.array([20.0, 200.0])
+BEFORE = np.array([0.4, 0.2, 0.2])
+"""k, c and a before anything was seen."""
+FIRM = np.array([5.0, 50.0, 5.0])
 """Questions that each is worth."""
 NEAR, NEAREST = 0.7, 12
 """Distance in the logarithm of left over age at which a question counts less; so far that as many
@@ -64,7 +65,9 @@ SHIFTS, SHIFT = 0.5, 0.7
 DOUBT = 0.5
 """Share of a shift by which it may be wrong."""
 APART = 0.05
-"""Least standard deviation of the logarithm of paces."""
+"""Least standard deviation of the logarithm of paces, and of lives."""
+FARTHEST = 2.0
+"""A counts up to so far from R."""
 
 
 class Way(NamedTuple):
@@ -168,7 +171,7 @@ class Told(NamedTuple):
 class Asked(NamedTuple):
     """One question to a fleet, as logarithms.
 
-    >>> Asked(0.0, 0.5, 0.0, 2.0).pace
+    >>> Asked(0.0, 0.5, 0.0, 0.0, 2.0).pace
     0.5
     """
 
@@ -176,7 +179,43 @@ class Asked(NamedTuple):
     pace: float
     tangent: float
     """Time by the tangent over ``left``."""
+    lives: float
+    """Time by the lives of the fleet alone over ``left``."""
     age: float
+
+    def by_lives(self, lives: Lives, shift: float) -> float:
+        """``lives`` if the fleet lives ``exp(shift)`` times as long."""
+        return lives.beyond(self.age, shift) - self.left - shift
+
+
+class Lives(NamedTuple):
+    """Lives of a fleet, log-normal.
+
+    >>> round(float(np.exp(Lives(np.log(100.0), 0.1).beyond(np.log(50.0)))), 1)
+    50.0
+    """
+
+    middle: float
+    """Median of their logarithms."""
+    spread: float
+    """Standard deviation of those, outliers apart, and of their median."""
+
+    @classmethod
+    def of(cls, ways: Sequence[Way]) -> Lives:
+        """A machine that still runs lives as long as the others, or longer if it already has."""
+        usual = float(np.median([way.end for way in ways if np.isfinite(way.end)]))
+        known = [way.end if np.isfinite(way.end) else max(way.now, usual) for way in ways]
+        log = np.log(known)
+        middle = float(np.median(log))
+        spread = max(1.4826 * float(np.median(np.abs(log - middle))), APART)
+        return cls(middle, spread * float(np.sqrt(1.0 + 1.0 / len(log))))
+
+    def beyond(self, age: float, shift: float = 0.0) -> float:
+        """Logarithm of the median of what they last beyond the logarithm of an age."""
+        middle = self.middle + shift
+        ended = min(float(scipy.special.ndtr((age - middle) / self.spread)), 1.0 - 1e-9)
+        whole = middle + self.spread * float(scipy.special.ndtri(0.5 + 0.5 * ended))
+        return age + float(np.log(max(np.expm1(whole - age), LEAST)))
 
 
 @dataclass(frozen=True)
@@ -234,27 +273,27 @@ class Fleet:
     def told_of(self, way: Way) -> Told:
         """The life that remains to a machine, and how its pace differs."""
         one = _ask(self.ways, way)
-        x, t, near = (np.array([getattr(q, name) for q in self.asked]) for name in (
-            "pace", "tangent", "left"
-        ))  # fmt: skip
-        near = near - np.array([q.age for q in self.asked])
-        k, c = self._weights(x, t)
-        apart = np.abs(near - (one.left - one.age))
+        asked = np.array(self.asked).reshape(-1, len(Asked._fields))
+        seen = asked[:, 1:4]
+        apart = np.abs(asked[:, 0] - asked[:, 4] - (one.left - one.age))
         count = min(NEAREST, len(apart)) - 1
         width = max(NEAR, float(np.sort(apart)[count])) if len(apart) else NEAR
         weight = np.exp(-0.5 * (apart / width) ** 2)
         total = float(weight.sum())
         known = total / (total + EVEN)
-        spread = float(np.hypot(APART, np.sqrt(weight @ (x * x) / total))) if total else SHIFT
+        paces = float(weight @ seen[:, 0] ** 2)
+        spread = float(np.hypot(APART, np.sqrt(paces / total))) if total else SHIFT
         shift, doubt = _shift(one.pace, spread)
-        low, off, high = _quantiles(self.off - k * x - c * t, weight)
-        middle = (
-            one.left + k * (one.pace - shift) + shift + known * off
-            + c * float(np.clip(one.tangent - shift, -1.0, 1.0))
-        )  # fmt: skip
+        worth = self._worth(seen, weight)
+        low, off, high = _quantiles(self.off - seen @ worth, weight)
+        lives = one.by_lives(Lives.of(self.ways), shift)
+        now = np.array([one.pace - shift, np.clip(one.tangent - shift, -1.0, 1.0),
+                        np.clip(lives, -FARTHEST, FARTHEST)])  # fmt: skip
+        middle = one.left + shift + float(worth @ now) + known * off
         below, above = (
             np.hypot(
-                known * side / 1.2816 + (1.0 - known) * STRANGE, np.hypot(doubt, DOUBT * shift)
+                known * side / 1.2816 * self._few + (1.0 - known) * STRANGE,
+                np.hypot(doubt, DOUBT * shift),
             )
             for side in (off - low, high - off)
         )
@@ -274,14 +313,22 @@ class Fleet:
             rows.append(np.clip((like.age[there] - like.age[k]) / rest, 0.0, 1.0))
         return np.asarray(np.maximum.accumulate(np.median(rows, axis=0)))
 
-    def _weights(self, x: Vector, t: Vector) -> tuple[float, float]:
-        """k and c, by least squares drawn towards `BEFORE`."""
-        if not len(x):
-            return float(BEFORE[0]), float(BEFORE[1])
-        columns = np.stack([x, t], axis=1)
-        firm = np.diag(FIRM * columns.var(axis=0) + 1e-9)
-        found = np.linalg.solve(columns.T @ columns + firm, columns.T @ self.off + firm @ BEFORE)
-        return float(np.clip(found[0], 0.0, 1.0)), float(np.clip(found[1], 0.0, 1.0))
+    @property
+    def _few(self) -> float:
+        """How much wider quantiles are that few machines tell (Student), however often asked."""
+        n = max(sum(bool(np.isfinite(way.end)) for way in self.ways), 2)
+        return float(scipy.special.stdtrit(n - 1, 0.9) / 1.2816 * np.sqrt(1.0 + 1.0 / n))
+
+    def _worth(
+        self, seen: Float64[np.ndarray, "n 3"], weight: Float64[np.ndarray, " n"]
+    ) -> Float64[np.ndarray, " 3"]:
+        """k, c and a, by weighted least squares drawn towards `BEFORE`."""
+        if not len(seen):
+            return BEFORE
+        columns = seen * weight[:, None]
+        firm = np.diag(FIRM * seen.var(axis=0) + 1e-9)
+        found = np.linalg.solve(columns.T @ seen + firm, columns.T @ self.off + firm @ BEFORE)
+        return np.asarray(np.clip(found, 0.0, 1.0))
 
 
 def _ask(ways: Sequence[Way], one: Way) -> Asked:
@@ -294,7 +341,7 @@ def _ask(ways: Sequence[Way], one: Way) -> Asked:
         ended = np.isfinite(way.end)
         whole = way.end if ended else way.now
         rest = whole - float(way.age[k])
-        if ended or float(way.level[-1]) >= level - about:
+        if float(way.level[0]) <= level + about and (ended or way.level[-1] >= level - about):
             least = LEAST * whole
             paces.append(np.log(max(age, least) / max(float(way.age[k]), least)))
         if ended:
@@ -305,7 +352,10 @@ def _ask(ways: Sequence[Way], one: Way) -> Asked:
     middle = float(np.median([*left, *(max(bound, usual) for bound in bounds)]))
     tangent = one.tangent
     off = float(np.clip(np.log(tangent) - middle, -1.0, 1.0)) if tangent > 0.0 else 0.0
-    return Asked(middle, float(np.median(paces)), off, float(np.log(age)))
+    pace = float(np.median(paces)) if paces else 0.0
+    age = float(np.log(age))
+    lives = float(np.clip(Lives.of(ways).beyond(age) - middle, -FARTHEST, FARTHEST))
+    return Asked(middle, pace, off, lives, age)
 
 
 def _shift(pace: float, spread: float) -> tuple[float, float]:

@@ -10,10 +10,10 @@ prior. Hypotheses that the data rule out are dropped, as a line here:
 >>> [x.family.law for x in looks], len(looks[0].weight)
 (['linear', 'power'], 0)
 
-A family holds one law at many values of what is not linear in it: the exponent, the onset, the
-ratio q of process to noise. Its nodes start wide; after each look at the evidence they close in on
+A family holds one law at many values of what is not linear in it: the exponent, or the ratio q of
+process to noise. Its nodes start wide; after each look at the evidence they close in on
 the part within `REACH` of the best, until `DENSE` nodes lie in the peak. Prior weights: the laws
-alike, each exponent and each ratio evenly in its logarithm, the onset evenly over the life.
+alike, each exponent and each ratio evenly in its logarithm.
 
 >>> families()[0].law
 'linear'
@@ -27,7 +27,6 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.errors import UsageError
-from evertwin.prognosis.laws import jumps
 from evertwin.prognosis.laws.bank import Posterior, evaluate
 from evertwin.prognosis.laws.clocks import Clocks, Form
 from evertwin.prognosis.laws.scaled import Problem
@@ -35,20 +34,20 @@ from evertwin.types import Float64, Int64
 
 FORMS: Mapping[str, Form] = {
     "power": "power", "exponential": "exponential", "saturating": "exponential",
-    "cracking": "cracking", "two-phase": "two-phase",
+    "cracking": "cracking",
 }  # fmt: skip
 """The clock of a law; linear for any other."""
 LAWS = (
-    "linear", "exponential", "power", "saturating", "cracking", "wiener", "gamma", "two-phase",
+    "linear", "exponential", "power", "saturating", "cracking", "wiener",
 )  # fmt: skip
-"""All laws; gamma has a closed form of its own (`evertwin.prognosis.laws.jumps`)."""
+"""All laws."""
 REACH = 9.0
 """Log evidence below the best at which a node no longer counts."""
 PEAK = 3.0
 DENSE = 6
 """Nodes that must lie within `PEAK` of the best."""
 SHARP = 24
-"""Nodes of an axis in the last look; half on each of two."""
+"""Nodes in the last look."""
 LITTLE = 1e-3
 """Share of the largest at which a node of the last look begins."""
 POWER = (0.3, 4.0)
@@ -66,55 +65,43 @@ RATIO = (0.3, 1e7)
 
 
 WIDE: Mapping[str, tuple[float, float]] = {
-    "power": POWER, "exponential": EXPONENT, "two-phase bent": EXPONENT, "saturating": SATURATING,
+    "power": POWER, "exponential": EXPONENT, "saturating": SATURATING,
     "cracking": CRACK,
 }  # fmt: skip
 """Of each bent law: its exponent, over the whole life but for power laws."""
 
 
 class Family(NamedTuple):
-    """One law on a grid: axes in the logarithm of the exponent or ratio, and in the onset.
+    """One law on nodes over the logarithm of its exponent or ratio.
 
-    >>> Family("power", np.log([1.0, 2.0]), np.zeros(1)).hypotheses()[0].shape
+    >>> Family("power", np.log([1.0, 2.0])).hypotheses()[0].shape
     array([1., 2.])
     """
 
     law: str
     first: Float64[np.ndarray, " i"]
     """log c, or log q of a Wiener process."""
-    onset: Float64[np.ndarray, " j"]
-    share: float = 1.0
-    """Share of the law's prior weight."""
-
-    @property
-    def label(self) -> str:
-        """The law's name for the user."""
-        return "two-phase" if self.law.startswith("two-phase") else self.law
 
     @property
     def random(self) -> bool:
         """Whether the law is a Wiener process."""
-        return self.law.endswith("wiener")
+        return self.law == "wiener"
 
     def hypotheses(self) -> tuple[Clocks, Float64[np.ndarray, " h"]]:
-        """(clocks, q) of all nodes, the onset's axis running fastest."""
-        x, o = (axis.ravel() for axis in np.meshgrid(self.first, self.onset, indexing="ij"))
-        size, quiet = np.exp(x), np.zeros(len(x))
+        """(clocks, q) of all nodes."""
+        size, quiet = np.exp(self.first), np.zeros(len(self.first))
         bent = self.law in WIDE
         shape = -size if self.law == "saturating" else size
-        clocks = Clocks(FORMS.get(self.label, "linear"), shape if bent else quiet, o)
+        clocks = Clocks(FORMS.get(self.law, "linear"), shape if bent else quiet)
         return clocks, size if self.random else quiet
 
     def prior(self) -> float:
         """Logarithm of a node's prior weight, apart from that of the life itself."""
         wide = RATIO if self.random else WIDE.get(self.law)
-        weight = self.share
-        if wide is not None:
-            low, high = wide
-            weight *= _step(self.first) / np.log(high / low)
-        if self.law.startswith("two-phase"):
-            weight *= _step(self.onset)
-        return float(np.log(weight))
+        if wide is None:
+            return 0.0
+        low, high = wide
+        return float(np.log(_step(self.first) / np.log(high / low)))
 
     def support(
         self, clocks: Clocks, age: Float64[np.ndarray, " m"]
@@ -122,23 +109,15 @@ class Family(NamedTuple):
         """1 where the life that ends at ``age`` has an exponent that the prior allows."""
         if self.law not in WIDE or self.law == "power":
             return 1.0
-        onset = clocks.onset[:, None]
-        whole = np.abs(clocks.shape[:, None]) * (age - onset) / (1.0 - onset)
+        whole = np.abs(clocks.shape[:, None]) * age
         low, high = WIDE[self.law]
         allowed: np.ndarray = (whole >= low) & (whole <= high)
         return allowed.astype(np.float64)
 
     def closer(self, evidence: Float64[np.ndarray, " h"]) -> Family | None:
         """The family on finer nodes around the peak; None if it is fine enough."""
-        table = evidence.reshape(len(self.first), len(self.onset))
-        first = _closer(self.first, table.max(axis=1))
-        onset = _closer(self.onset, table.max(axis=0))
-        if first is None and onset is None:
-            return None
-        return self._replace(
-            first=self.first if first is None else first,
-            onset=self.onset if onset is None else onset,
-        )
+        first = _closer(self.first, evidence)
+        return None if first is None else self._replace(first=first)
 
     def sharper(self, share: Float64[np.ndarray, " h"]) -> Family:
         """The family on even nodes over the part that holds the probability.
@@ -148,12 +127,7 @@ class Family(NamedTuple):
         """
         if self.random:
             return self
-        table = share.reshape(len(self.first), len(self.onset))
-        many = SHARP if 1 in table.shape else SHARP // 2
-        return self._replace(
-            first=_over(self.first, table.max(axis=1), many),
-            onset=_over(self.onset, table.max(axis=0), many),
-        )
+        return self._replace(first=_over(self.first, share))
 
 
 def families(laws: Sequence[str] = LAWS) -> tuple[Family, ...]:
@@ -164,43 +138,28 @@ def families(laws: Sequence[str] = LAWS) -> tuple[Family, ...]:
     unknown = sorted(set(laws) - set(LAWS))
     if unknown or not laws:
         raise UsageError(f"laws: expected some of {', '.join(LAWS)}, got {unknown or 'none'}")
-    none, onsets = np.zeros(1), (np.arange(14) + 0.5) / 14.0
-    bent = np.log([YOUNG * EXPONENT[0], EXPONENT[1]])
-    ratio = np.log(RATIO)
-    known = {
-        "linear": (Family("linear", none, none),),
-        "exponential": (Family("exponential", np.linspace(bent[0], bent[1], 16), none),),
-        "saturating": (
-            Family(
-                "saturating",
-                np.linspace(np.log(YOUNG * SATURATING[0]), np.log(SATURATING[1]), 14),
-                none,
-            ),
-        ),
-        "cracking": (
-            Family("cracking", np.linspace(np.log(YOUNG * CRACK[0]), np.log(CRACK[1]), 14), none),
-        ),
-        "power": (Family("power", np.linspace(np.log(POWER[0]), np.log(POWER[1]), 14), none),),
-        "wiener": (Family("wiener", np.linspace(ratio[0], ratio[1], 14), none),),
-        "two-phase": (
-            Family("two-phase straight", none, onsets, 1 / 3),
-            Family("two-phase bent", np.linspace(bent[0], bent[1], 6), onsets, 1 / 3),
-            Family("two-phase wiener", np.linspace(ratio[0], ratio[1], 7), onsets, 1 / 3),
-        ),
+    ratio, most = np.log(RATIO), 14
+    axes = {
+        "linear": np.zeros(1),
+        "exponential": np.linspace(np.log(YOUNG * EXPONENT[0]), np.log(EXPONENT[1]), 16),
+        "saturating": np.linspace(np.log(YOUNG * SATURATING[0]), np.log(SATURATING[1]), most),
+        "cracking": np.linspace(np.log(YOUNG * CRACK[0]), np.log(CRACK[1]), most),
+        "power": np.linspace(np.log(POWER[0]), np.log(POWER[1]), most),
+        "wiener": np.linspace(ratio[0], ratio[1], most),
     }
-    return tuple(family for law in LAWS if law in laws for family in known.get(law, ()))
+    return tuple(Family(law, axes[law]) for law in LAWS if law in laws)
 
 
 def _step(axis: np.ndarray) -> float:
     return float(axis[1] - axis[0]) if len(axis) > 1 else 1.0
 
 
-def _over(axis: np.ndarray, share: np.ndarray, many: int) -> np.ndarray:
+def _over(axis: np.ndarray, share: np.ndarray) -> np.ndarray:
     if len(axis) < 2:
         return axis
     near = np.flatnonzero(share > LITTLE * share.max())
     low, high = max(near[0] - 1, 0), min(near[-1] + 1, len(axis) - 1)
-    return np.linspace(axis[low], axis[high], many)
+    return np.linspace(axis[low], axis[high], SHARP)
 
 
 def _closer(axis: np.ndarray, evidence: np.ndarray) -> np.ndarray | None:
@@ -216,8 +175,6 @@ PASSES = 5
 """Most rounds in which a family's nodes close in."""
 KEPT = 11.0
 """Log evidence below the best at which a hypothesis is dropped."""
-SCALES = 18.0
-"""Logarithm of the range over which the noise's variance is even before any data."""
 SMALL = 1e-3
 """Share of the probability below which a family is not looked at more sharply."""
 RARE = 1e-4
@@ -248,10 +205,7 @@ class Look(NamedTuple):
 
 def every_look(problem: Problem, laws: Sequence[str]) -> tuple[Look, ...]:
     """All families, closed in and pruned."""
-    wanted = [law for law in laws if law != "gamma"]
-    looks = [look(problem, family) for family in (families(wanted) if wanted else ())]
-    jump = jump_look(problem) if "gamma" in laws else None
-    return kept([*looks, jump] if jump is not None else looks)
+    return kept([look(problem, family) for family in families(laws)])
 
 
 def kept(looks: Sequence[Look]) -> tuple[Look, ...]:
@@ -268,10 +222,10 @@ def sharpened(
     for x in looks:
         part = share[at : at + len(x.weight)]
         at += len(x.weight)
-        if x.family.random or x.family.law in ("gamma", "linear") or part.sum() < SMALL:
+        if x.family.random or x.family.law == "linear" or part.sum() < SMALL:
             old.append(x.take(np.flatnonzero(part > RARE)))
             continue
-        whole = np.zeros(len(x.family.first) * len(x.family.onset))
+        whole = np.zeros(len(x.family.first))
         whole[x.node] = part
         out.append(at_nodes(problem, x.family.sharper(whole)))
     return (*old, *kept(out))
@@ -296,24 +250,3 @@ def at_nodes(problem: Problem, family: Family) -> Look:
     return Look(
         family, clocks, q, posterior, posterior.evidence + family.prior(), np.arange(len(q))
     )  # fmt: skip
-
-
-def jump_look(problem: Problem) -> Look | None:
-    """The gamma process, its shapes in the place of q; None where it cannot be."""
-    weight = jumps.evidence(problem.y, problem.s, problem.limit - float(problem.y[0]))
-    if not np.isfinite(weight.max()):
-        return None
-    n = len(jumps.ALPHAS)
-    far = np.full(n, problem.limit - float(problem.y[-1]))
-    certain = Posterior(
-        weight, 0.0 * far, problem.limit - far, 0.0 * far, np.zeros((n, 3)), 0.0 * far, 1.0
-    )
-    family = Family("gamma", np.zeros(1), np.zeros(1))
-    return Look(
-        family,
-        Clocks("linear", 0.0 * far, 0.0 * far),
-        jumps.ALPHAS,
-        certain,
-        weight + np.log(SCALES),
-        np.arange(n),
-    )

@@ -31,7 +31,6 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from evertwin.prognosis.laws import jumps
 from evertwin.prognosis.laws.bank import Posterior, without_growth
 from evertwin.prognosis.laws.hypotheses import Look
 from evertwin.prognosis.laws.passage import path, process
@@ -89,7 +88,7 @@ def mixture(problem: Problem, looks: Sequence[Look], nodes: Float64[np.ndarray, 
     none = float(np.exp(still - top))
     total = max(float(part.sum()) + none, 1e-300)
     share = part.sum(axis=1) / total
-    labels = np.concatenate([np.full(len(x.weight), x.family.label) for x in looks])
+    labels = np.concatenate([np.full(len(x.weight), x.family.law) for x in looks])
     laws = {str(law): float(share[labels == law].sum()) for law in dict.fromkeys(labels)}
     ahead = np.concatenate([already(x.posterior, problem.limit) for x in looks])
     return Mixture(
@@ -105,10 +104,6 @@ def first_passage(
     problem: Problem, x: Look, nodes: Float64[np.ndarray, " m"]
 ) -> Float64[np.ndarray, "h m"]:
     """P(passed within each node) per hypothesis."""
-    if x.family.law == "gamma":
-        grown, span = float(problem.y[-1] - problem.y[0]), float(problem.s[-1] - problem.s[0])
-        left = problem.limit - float(problem.y[-1])
-        return jumps.passed(x.q, grown, span, left, nodes)
     clock = x.clocks.at(1.0 + nodes)
     distance = clock - clock[:, :1]
     if x.family.random:
@@ -127,17 +122,13 @@ def life_prior(
     problem: Problem, x: Look, age: Float64[np.ndarray, " m"]
 ) -> Float64[np.ndarray, "h m"]:
     """p(T)·|dT/db| at each age, the factor of the module."""
-    if x.family.law == "gamma":  # its own prior is 1/T² already
-        return np.ones((len(x.q), len(age)))
     distance = np.maximum(problem.limit - x.posterior.level, 1e-3)[:, None]
     clock, slope = x.clocks.at(age), x.clocks.slope(age)
     factor = clock * clock / (age * age * distance * np.maximum(slope, 1e-300))
-    if x.family.label == "two-phase":
-        factor = factor / age
     out: Float64[np.ndarray, "h m"] = factor * x.family.support(x.clocks, age)
     return out
 
 
 def no_onset(problem: Problem) -> float:
-    """Log weight of a level without growth: half of the two-phase law's prior lies ahead."""
+    """Log weight of a level without growth: half a law's."""
     return without_growth(problem.y, problem.omega, problem.fixed) + float(np.log(0.5))

@@ -33,7 +33,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.errors import UsageError
-from evertwin.prognosis.laws.alone import bent, newest, widened
+from evertwin.prognosis.laws.alone import newest, pace_of, widened
 from evertwin.prognosis.laws.fleet import Fleet, Member, Way, way_of
 from evertwin.prognosis.laws.hypotheses import LAWS, every_look, sharpened
 from evertwin.prognosis.laws.indicator import Indicator
@@ -101,7 +101,7 @@ def from_problem(
     newer = found if isinstance(newer, NotEnough) or newer.passed is not None else newer
     if isinstance(newer, NotEnough):
         return newer
-    remaining = widened(newer.remaining, bent(problem if isinstance(whole, str) else whole))
+    remaining = widened(newer.remaining, pace_of(problem if isinstance(whole, str) else whole))
     return (
         not_begun(indicator, problem) if remaining is None else replace(newer, remaining=remaining)
     )
