@@ -39,12 +39,20 @@ def test_loops_bring_the_map_together(drive: tuple[Scans, np.ndarray, Mapped]) -
 
 
 def test_a_drive_that_is_lost_on_the_way_is_still_mapped() -> None:
-    """Corridors longer than the lidar sees: no pose there rather than a wrong one."""
-    scans, truth = recorded(0, COARSE._replace(longest=6.0, apart=0.15), laps=0.5)
+    """Corridors far longer than the lidar sees: no pose there rather than a wrong one."""
+    scans, truth = recorded(2, COARSE._replace(longest=3.0, apart=0.15), laps=0.5)
     found = mapped(scans).poses
     lost = np.isnan(found.pose[:, 0])
     assert 0 < lost.mean() < 0.5
     assert trajectory_error(found.pose, truth).absolute < 0.6
+
+
+def test_what_one_scan_leaves_open_is_decided_by_those_that_follow() -> None:
+    """A scan each metre in corridors, from the ranges alone."""
+    scans, truth = recorded(2, Sensor(apart=1.0, longest=8.0))
+    found = mapped(scans).poses
+    assert np.isfinite(found.pose).all() and found.segment[-1] == 0
+    assert trajectory_error(found.pose, truth).relative[10.0].way < 0.1
 
 
 def test_a_loop_is_closed_and_a_wrong_one_weighs_little() -> None:

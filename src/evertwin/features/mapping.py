@@ -18,13 +18,14 @@ import numpy as np
 from evertwin.errors import DataError
 from evertwin.features.fusion import Belief, Sighting
 from evertwin.features.local_map import Surface, seen
+from evertwin.features.look_ahead import read_on
 from evertwin.features.loop_closure import loops
 from evertwin.features.occupancy import of_keyframes
 from evertwin.features.pose_graph import Edge, Optimised, optimised, turned, variance_factor, weak
 from evertwin.features.poses import Fix, Poses
-from evertwin.features.relocalisation import View, located
+from evertwin.features.relocalisation import PASSED, View, located, through
 from evertwin.features.scan_fit import COMMON
-from evertwin.features.scan_matcher import ScanMatcher
+from evertwin.features.scan_matcher import ScanMatcher, table
 from evertwin.features.stream import Stream, Turned
 from evertwin.features.troubles import ASKEW, askew, mirrored, troubles, without_body
 from evertwin.fold import join, make_block, take
@@ -38,6 +39,8 @@ MOST = 20
 """Segments that are looked for in the map of the first one."""
 TOGETHER = 10
 """Keyframes that are looked for as one."""
+TRIES, CHECKED = 8, 40
+"""So many of them are tried, and so many keyframes must not contradict the place."""
 ROUGH = np.diag([0.1, 0.1, 0.05]) ** 2
 """Error of a place that was found in a map (m², m², rad²)."""
 OFTEN = 0.9
@@ -98,13 +101,20 @@ class Mapped(NamedTuple):
     """What is odd about the scans, as sentences."""
 
 
-def followed(scans: Scans, use_odometry: bool = True) -> Followed:
-    """The poses of a recording as a stream tells them, scan by scan, without looking back."""
+def followed(scans: Scans, use_odometry: bool = True, look_ahead: bool = False) -> Followed:
+    """The poses of a recording, scan by scan.
+
+    As a stream tells them, without looking back; or with ``look_ahead``: what one scan leaves open
+    is decided by those that follow, see `evertwin.features.look_ahead`.
+    """
     n, beams = scans.ranges.shape
     moved = motion_at(scans) if use_odometry else np.zeros((n, 0))
     block = make_block(t=scans.t, u=moved, y=scans.ranges)
-    matcher, outs, took = ScanMatcher(scans.lidar, beams), [], np.zeros(n)
-    state = matcher.init()
+    matcher = ScanMatcher(scans.lidar, beams)
+    if look_ahead:
+        rows, took = read_on(matcher, block)
+        return Followed(table(rows), took)
+    state, outs, took = matcher.init(), [], np.zeros(n)
     for i in range(n):
         began = time.perf_counter()
         state, out = matcher.step(state, take(block, i, i + 1))
@@ -202,7 +212,7 @@ def mapped(scans: Scans, use_odometry: bool = True) -> Mapped:
 
 def _upright(scans: Scans, use_odometry: bool) -> tuple[Scans, Followed, list[str]]:
     """Followed; with the lidar turned to where scans and odometry together say that it looks."""
-    found = followed(scans, use_odometry)
+    found = followed(scans, use_odometry, look_ahead=True)
     wheels = scans.odometry
     if wheels is None or not use_odometry:
         return scans, found, []
@@ -211,7 +221,7 @@ def _upright(scans: Scans, use_odometry: bool) -> tuple[Scans, Followed, list[st
         one = scans.lidar
         scans = replace(scans, lidar=replace(one, start=-one.start, step=-one.step))
         said.append("the scans turn against the odometry: the beams are taken the other way round")
-        found = followed(scans, use_odometry)
+        found = followed(scans, use_odometry, look_ahead=True)
     angle = askew(_by_scans(scans, found), wheels)
     if angle is None or abs(angle) < ASKEW:
         return scans, found, said
@@ -222,7 +232,7 @@ def _upright(scans: Scans, use_odometry: bool) -> tuple[Scans, Followed, list[st
         f"by its scans and odometry the lidar looks {abs(np.degrees(angle)):.0f}° further to the "
         f"{side} than was said: taken to do so"
     )
-    return turned, followed(turned, use_odometry), said
+    return turned, followed(turned, use_odometry, look_ahead=True), said
 
 
 class Solved(NamedTuple):
@@ -264,44 +274,59 @@ def _by_scans(scans: Scans, found: Followed) -> Float64[np.ndarray, "n 3"]:
     """Poses by the scans, without odometry where that gets in their way."""
     share = float(np.mean(found.poses.fix == Fix.MATCHED))
     if share < OFTEN:
-        alone = followed(scans, use_odometry=False).poses
+        alone = followed(scans, use_odometry=False, look_ahead=True).poses
         if np.mean(alone.fix == Fix.MATCHED) > share:
             return alone.sighted
     return found.poses.sighted
 
 
 def found_again(scans: Scans, poses: Poses) -> tuple[Poses, list[Edge]]:
-    """Later segments whose place the map of the first one tells join it; and what ties them to it.
+    """Later segments whose place the map so far tells join it; and what ties them to it.
 
-    Looked for is all that the first keyframes of a segment saw, together: a single scan of a room
-    may fit in several places.
+    Looked for is all that some keyframes of a segment saw, together: a single scan of a room may
+    fit in several places. Where its first ones are not found, later ones may be. What the whole
+    segment saw must not contradict the place.
     """
     anchors: list[Edge] = []
-    number = poses.segment[-1]
-    if number == 0:
-        return poses, anchors
-    first = solved(scans, poses)
-    chart = of_keyframes(first.graph.poses, first.surfaces, scans.lidar.mount)
-    pose, segment = poses.pose.copy(), poses.segment.copy()
-    for k in range(1, min(int(number), MOST) + 1):
+    number = int(poses.segment[-1])
+    for k in range(1, min(number, MOST) + 1):
         mine = poses.segment == k
-        keys = np.flatnonzero(poses.keyframe & (poses.fix != Fix.LOST) & mine)[:TOGETHER]
+        keys = np.flatnonzero(poses.keyframe & (poses.fix != Fix.LOST) & mine)
         if not len(keys):
             continue
-        steps = [between(poses.pose[keys[0]], poses.pose[key]) for key in keys]
-        views = [View(surface_of(scans, int(key)), to) for key, to in zip(keys, steps, strict=True)]
-        place = located(views, chart)
-        if place.pose is None:
+        first = solved(scans, poses, anchors)
+        place = _place(scans, poses, keys, first)
+        if place is None:
             continue
-        off = np.hypot(*(first.graph.poses[:, :2] - place.pose[:2]).T)
-        near = int(np.argmin(off))
-        tie = between(first.graph.poses[near], place.pose)
-        start = compose(poses.pose[first.keys[near]], tie)
+        near = int(np.argmin(np.hypot(*(first.graph.poses[:, :2] - place[:2]).T)))
+        tie = between(first.graph.poses[near], place)
         anchors.append(Edge(int(first.keys[near]), int(keys[0]), tie, ROUGH))
-        onward = between(np.broadcast_to(poses.pose[keys[0]], pose[mine].shape), pose[mine])
-        pose[mine] = compose(np.broadcast_to(start, onward.shape), onward)
-        segment[mine] = 0
-    return poses._replace(pose=pose, segment=segment), anchors
+        start = compose(poses.pose[first.keys[near]], tie)
+        onward = between(np.broadcast_to(poses.pose[keys[0]], (mine.sum(), 3)), poses.pose[mine])
+        pose, segment = poses.pose.copy(), poses.segment.copy()
+        pose[mine], segment[mine] = compose(np.broadcast_to(start, onward.shape), onward), 0
+        poses = poses._replace(pose=pose, segment=segment)
+    return poses, anchors
+
+
+def _place(
+    scans: Scans, poses: Poses, keys: Int64[np.ndarray, " k"], known: Solved
+) -> Float64[np.ndarray, " 3"] | None:
+    """Where the first of ``keys`` stands in a map; None where that cannot be told."""
+    chart = of_keyframes(known.graph.poses, known.surfaces, scans.lidar.mount)
+    steps = between(np.broadcast_to(poses.pose[keys[0]], (len(keys), 3)), poses.pose[keys])
+    views = [View(surface_of(scans, int(k)), step) for k, step in zip(keys, steps, strict=True)]
+    groups = range(0, len(keys), TOGETHER)
+    for begin in groups[:: -(-len(groups) // TRIES)]:
+        some, origin = views[begin : begin + TOGETHER], views[begin].pose
+        home = between(origin, np.zeros(3))
+        found = located([View(v.surface, between(origin, v.pose)) for v in some], chart).pose
+        if found is None:
+            continue
+        place = compose(found, home)
+        if through(views[:: max(len(views) // CHECKED, 1)], place, chart) <= PASSED:
+            return place
+    return None
 
 
 def surface_of(scans: Scans, k: int) -> Surface:
