@@ -199,7 +199,7 @@ def mapped(scans: Scans, use_odometry: bool = True) -> Mapped:
     """
     scans, (poses, took), said = _upright(without_body(scans), use_odometry)
     fused = streamed(scans, poses)
-    poses = _evened(poses)
+    poses = _evened(poses, scans.odometry if use_odometry else None)
     if not ((poses.fix != Fix.LOST) & (poses.segment == 0)).any():
         raise DataError(f"{scans.name}: no scan tells a pose: does the lidar see anything?")
     poses, anchors = found_again(scans, poses)
@@ -335,30 +335,47 @@ def surface_of(scans: Scans, k: int) -> Surface:
 
 
 def _steps(poses: Poses, keys: Sequence[int] | np.ndarray) -> list[Edge]:
-    """From each keyframe to the next, as they were followed."""
-    out = []
+    """From each keyframe to the next, as they were followed.
+
+    Where no pose was told between them, as the first one's place was less and less sure, it grows
+    on at the pace at which it had.
+    """
+    out, lost = [], np.cumsum(poses.fix == Fix.LOST)
     for n, (a, b) in enumerate(pairwise(keys)):
-        covariance = turned(poses.covariance[b], poses.pose[b, 2])
+        gap = int(lost[b] - lost[a])
+        spread = poses.covariance[b] + gap * poses.covariance[a]
+        covariance = turned(spread, poses.pose[b, 2])
         out.append(Edge(n, n + 1, between(poses.pose[a], poses.pose[b]), covariance))
     return out
 
 
-def _evened(poses: Poses) -> Poses:
-    """Poses whose place was not sure (in a bare corridor), moved by what the next sure one tells.
+def _evened(poses: Poses, wheels: Float64[np.ndarray, "n 3"] | None) -> Poses:
+    """Poses whose place was not sure along a bare corridor, moved by what the next sure one tells.
 
-    There the way comes in one leap; every scan since the last sure one takes an equal share of it.
+    Its innovation along the open direction goes back over them, to each as much as its variance
+    then was of that before the innovation: the smoother of a random walk (Rauch, Tung and Striebel,
+    AIAA Journal 3(8), 1965). What was expected there is told by the ``wheels``, or the last step
+    again.
     """
-    pose = poses.pose.copy()
+    pose, place = poses.pose.copy(), poses.covariance[:, :2, :2]
     told = np.flatnonzero(poses.fix == Fix.MATCHED)
-    spread = np.trace(poses.covariance[told, :2, :2], axis1=1, axis2=2)
-    firm = told[spread < SURE * SURE]
+    firm = told[np.trace(place[told], axis1=1, axis2=2) < SURE * SURE]
     for a, b in pairwise(firm):
-        between_them = told[(told > a) & (told < b)]
-        if len(between_them) > 1 and poses.segment[a] == poses.segment[b]:
-            before, last = between_them[-2:]
-            usual = (pose[last, :2] - pose[before, :2]) / (last - before) * (b - last)
-            leap = pose[b, :2] - pose[last, :2] - usual
-            pose[between_them, :2] += (between_them - a)[:, None] / (b - a) * leap
+        open_ = told[(told > a) & (told < b)]
+        if len(open_) < 2 or poses.segment[a] != poses.segment[b]:
+            continue
+        before, last = open_[-2:]
+        if wheels is not None and np.isfinite(wheels[[last, b]]).all():
+            usual = compose(pose[last], between(wheels[last], wheels[b]))[:2]
+        else:
+            usual = pose[last, :2] + (pose[last, :2] - pose[before, :2]) / (last - before) * (
+                b - last
+            )
+        along = np.linalg.eigh(place[last])[1][:, 1]
+        variance = np.einsum("i,nij,j->n", along, place[open_], along)
+        ahead = variance[-1] + max(variance[-1] - variance[-2], 0.0)
+        back = np.minimum(variance / ahead, 1.0) * float(along @ (pose[b, :2] - usual))
+        pose[open_, :2] += back[:, None] * along
     return poses._replace(pose=pose)
 
 
@@ -367,7 +384,9 @@ def _all(poses: Poses, keys: np.ndarray, graph: Optimised) -> Poses:
     at = np.maximum(np.searchsorted(keys, np.arange(len(poses.t)), side="right") - 1, 0)
     step = between(poses.pose[keys[at]], poses.pose)
     pose = compose(graph.poses[at], step)
-    covariance = graph.covariances[at] + poses.covariance
+    # what the graph tells of a keyframe is whole: its own scan's error is in the step to it
+    beside = (keys[at] != np.arange(len(poses.t)))[:, None, None]
+    covariance = graph.covariances[at] + beside * poses.covariance
     mine = (poses.segment == 0)[:, None]
     return poses._replace(
         pose=np.where(mine, pose, poses.pose),

@@ -33,7 +33,7 @@ TURNS_ALIKE = 0.15
 """How far turns may differ in steps that are alike [rad]."""
 TAIL, WHEELS = 3.0, 30.0
 """Degrees of freedom of what is expected: by habit, and by the wheels."""
-CLEARLY, ELSEWHERE = 3.0, 0.3
+CLEARLY, ELSEWHERE = 5.0, 0.3
 """Logarithm of how much likelier one of two places must be, and how far apart they are two [m]."""
 WINDOW = 3.0
 """Half the window that is searched, in standard deviations of the expectation."""

@@ -98,8 +98,8 @@ AGAIN = 0.05
 """The same for a robot that was lost: rooms have places that are alike."""
 FOUND = 0.6
 """Share of a scan from which on a lost robot is found again."""
-FAR = 1.0
-"""Spread of a pose from which on it is none [m]."""
+FAR, OPEN = 1.0, 0.5
+"""Spread of a pose from which on it is none: by the wheels, and by habit alone [m]."""
 FIRM = 0.1
 """The same for one that is found again: much may look alike [m]."""
 
@@ -248,7 +248,7 @@ class ScanMatcher:
             here.append(one)
             enough = FOUND if astray else max(least * (1 - one.unseen * blind), NONE)
             good += [one] * (one.share >= enough)
-        way = 0.0 if blind else float(np.hypot(*(moved - before)[:2]))
+        way = math.nan if blind else float(np.hypot(*(moved - before)[:2]))
         for one in good:
             ring = state.map if one is good[-1] else copied(state.map)
             yield *self._matched(state._replace(map=ring), scan, one, ahead, way), one.worth
@@ -298,7 +298,8 @@ class ScanMatcher:
     def _matched(
         self, state: Following, scan: Surface, fit: Fit, ahead: Belief, way: float
     ) -> tuple[Following, Row]:
-        found = measured(ahead, fit.sighting, way)
+        blind = math.isnan(way)
+        found = measured(ahead, fit.sighting, 0.0 if blind else way)
         pose, spread = found.belief.pose, found.belief.covariance[:3, :3] + COMMON
         d = between(state.map.newest, pose)
         moved = math.hypot(d[0], d[1]) > APART or abs(d[2]) > TURNED
@@ -314,7 +315,7 @@ class ScanMatcher:
             pose.copy(), spread, Fix.MATCHED, fit.share, state.segment, fit.sighting, found.slip,
             found.belief.scale,
         )  # fmt: skip
-        if _off(spread, FAR):  # walls alike all along the way
+        if _off(spread, OPEN if blind else FAR):  # walls alike all along the way
             return state, Row(share=fit.share, segment=state.segment)
         return state, row
 
