@@ -380,12 +380,16 @@ def _evened(poses: Poses, wheels: Float64[np.ndarray, "n 3"] | None) -> Poses:
 
 
 def _all(poses: Poses, keys: np.ndarray, graph: Optimised) -> Poses:
-    """Every scan beside the keyframe before it."""
-    at = np.maximum(np.searchsorted(keys, np.arange(len(poses.t)), side="right") - 1, 0)
+    """Every scan beside the keyframe before it; or the next, where it was lost in between."""
+    scans, lost = np.arange(len(poses.t)), np.cumsum(poses.fix == Fix.LOST)
+    at = np.maximum(np.searchsorted(keys, scans, side="right") - 1, 0)
+    after = np.minimum(at + 1, len(keys) - 1)
+    gone = (lost > lost[keys[at]]) & (lost == lost[keys[after]]) & (keys[after] > scans)
+    at = np.where(gone, after, at)
     step = between(poses.pose[keys[at]], poses.pose)
     pose = compose(graph.poses[at], step)
     # what the graph tells of a keyframe is whole: its own scan's error is in the step to it
-    beside = (keys[at] != np.arange(len(poses.t)))[:, None, None]
+    beside = (keys[at] != scans)[:, None, None]
     covariance = graph.covariances[at] + beside * poses.covariance
     mine = (poses.segment == 0)[:, None]
     return poses._replace(
