@@ -5,7 +5,9 @@
    way, time a scan; beside kiss-icp (the best of three voxel sizes) and what the recordings bring:
    the chained scan matches of the Intel log, the raw odometry of ACES.
 2. The same log twice, from every other beam: how far two halves that share no beam differ. That is
-   the mapping's own scatter; what is beyond it in 1 is the reference's.
+   the mapping's own scatter; what is beyond it in 1 is the reference's. And how far the odd beams,
+   which the poses of the even ones never saw, are off the walls of the scans around: by those
+   poses, and by the stated ones.
 3. Floors drawn by seed, seen by other lidars, against the truth: steps, lost poses, poses that are
    off by 0.3 m of the step over 1 m and called good, and the share of the poses inside their 95 %.
 4. The settings of following, halved and doubled.
@@ -25,8 +27,10 @@ from typing import Any
 
 import numpy as np
 
-from evertwin.features import scan_fit, scan_matcher
-from evertwin.features.mapping import followed, mapped
+from evertwin.features import habits, scan_fit, scan_matcher
+from evertwin.features.local_map import Known, placed
+from evertwin.features.mapping import followed, mapped, surface_of
+from evertwin.features.registration import REACH, beside
 from evertwin.features.trajectory_error import TrajectoryError, trajectory_error
 from evertwin.signals.planar import between, chained
 from evertwin.sources import open_recording
@@ -49,11 +53,15 @@ LIDARS = {
     "3 cm": Sensor(noise=0.03),
     "a scan each 0.5 m": Sensor(apart=0.5),
     "a scan each 5 cm": Sensor(apart=0.05),
+    "a scan each 1 m": Sensor(apart=1.0),
+    "a scan each 1 m, 8 m": Sensor(apart=1.0, longest=8.0),
 }
 SETTINGS = {
-    "APART": scan_matcher, "TURNED": scan_matcher, "FREE": scan_matcher, "FAMILIAR": scan_matcher,
-    "BETTER": scan_fit, "ALIKE": scan_fit,
+    "APART": scan_matcher, "TURNED": scan_matcher, "FAMILIAR": scan_matcher,
+    "CLEARLY": scan_fit, "ALIKE": scan_fit, "PART": habits, "RECENT": habits,
 }  # fmt: skip
+AROUND, EACH = 10, 7
+"""Scans to either side whose walls one is compared with, and of how many one is."""
 
 
 def command(log: Path, out: Path, *more: str) -> dict[str, Any]:
@@ -162,13 +170,35 @@ def halves(folder: Path) -> None:
     """Two maps of the Intel lab that share no beam."""
     print("2. The Intel lab from its even and from its odd beams")
     scans = open_recording(folder / INTEL).scans[0]
-    found = []
+    halved, found = [], []
     for k in (0, 1):
         lidar = replace(
             scans.lidar, start=scans.lidar.start + k * scans.lidar.step, step=2 * scans.lidar.step
         )
-        found.append(mapped(replace(scans, ranges=scans.ranges[:, k::2].copy(), lidar=lidar)))
-    line("one against the other", trajectory_error(found[0].poses.pose, found[1].poses.pose))
+        halved.append(replace(scans, ranges=scans.ranges[:, k::2].copy(), lidar=lidar))
+        found.append(mapped(halved[-1]).poses)
+    line("one against the other", trajectory_error(found[0].pose, found[1].pose))
+    print(f"   {[int(one.segment[-1]) + 1 for one in found]} maps of their own")
+    assert scans.stated is not None
+    for name, poses in (("of the even beams", found[0].pose), ("stated", scans.stated)):
+        print(f"   odd beams by the poses {name}: {1e3 * off_walls(halved[1], poses):.1f} mm off "
+              "the walls of the scans around (median)")  # fmt: skip
+
+
+def off_walls(scans: Scans, poses: np.ndarray) -> float:
+    """How far points are off the walls that the scans around see [m]: median of scans' medians."""
+    walls = [surface_of(scans, k) for k in range(len(scans.t))]
+    medians = []
+    for k in range(AROUND, len(walls) - AROUND, EACH):
+        near = [j for j in range(k - AROUND, k + AROUND + 1) if np.isfinite(poses[j, 0]) and j != k]
+        if not near or not np.isfinite(poses[k, 0]):
+            continue
+        view = Known.of(np.concatenate([placed(walls[j], poses[j]) for j in near]))
+        told = [
+            beside(*view, tuple(at), REACH) for at in placed(walls[k], poses[k]) if at[2:].any()
+        ]
+        medians.append(np.median([abs(off) for weight, off, *_ in told if weight > 0] or [np.nan]))
+    return float(np.nanmedian(medians))
 
 
 def drawn(seeds: int) -> dict[str, bool]:

@@ -12,9 +12,10 @@ import pytest
 
 from evertwin.app.cli import main
 from evertwin.errors import DataError
-from evertwin.features.mapping import Mapped, followed, mapped, surface_of
+from evertwin.features.mapping import Mapped, _evened, followed, mapped, surface_of
 from evertwin.features.occupancy import FREE, OCCUPIED, UNKNOWN, counted, of_keyframes, read, save
 from evertwin.features.pose_graph import Edge, optimised
+from evertwin.features.poses import Fix, Poses
 from evertwin.features.relocalisation import View, located
 from evertwin.features.trajectory_error import trajectory_error
 from evertwin.signals.planar import between
@@ -39,12 +40,44 @@ def test_loops_bring_the_map_together(drive: tuple[Scans, np.ndarray, Mapped]) -
 
 
 def test_a_drive_that_is_lost_on_the_way_is_still_mapped() -> None:
-    """Corridors longer than the lidar sees: no pose there rather than a wrong one."""
-    scans, truth = recorded(0, COARSE._replace(longest=6.0, apart=0.15), laps=0.5)
+    """Corridors far longer than the lidar sees: no pose there rather than a wrong one."""
+    scans, truth = recorded(2, COARSE._replace(longest=3.0, apart=0.15), laps=0.5)
     found = mapped(scans).poses
     lost = np.isnan(found.pose[:, 0])
     assert 0 < lost.mean() < 0.5
     assert trajectory_error(found.pose, truth).absolute < 0.6
+
+
+def test_what_one_scan_leaves_open_is_decided_by_those_that_follow() -> None:
+    """A scan each metre in corridors, from the ranges alone."""
+    scans, truth = recorded(2, Sensor(apart=1.0, longest=8.0))
+    found = mapped(scans).poses
+    assert np.isfinite(found.pose).all() and found.segment[-1] == 0
+    assert trajectory_error(found.pose, truth).relative[10.0].way < 0.1
+
+
+def test_what_was_told_behind_a_gap_stands_by_the_keyframe_behind_it() -> None:
+    """Lost in a corridor; a scan between the gap and the next keyframe goes with that one."""
+    scans, truth = recorded(1, Sensor(longest=6.0))
+    found = mapped(scans).poses.pose
+    off = between(found[:-7], found[7:]) - between(truth[:-7], truth[7:])
+    assert np.isnan(found).any() and np.nanmax(np.hypot(off[:, 0], off[:, 1])) < 0.3
+
+
+def test_a_leap_goes_back_along_the_open_direction_alone() -> None:
+    """A corridor along x: not sure of x from scan 3 on, 0.4 m off when sure again; y is right."""
+    way = np.column_stack([np.arange(10.0), 0.1 * np.arange(10.0) ** 2, np.zeros(10)])
+    pose, wide = way.copy(), np.tile(np.eye(3) * 1e-4, (10, 1, 1))
+    wide[3:8, 0, 0] = 0.1 * np.arange(1, 6)
+    pose[3:8, 0] -= 0.08 * np.arange(1, 6)
+    zeros, ones = np.zeros(10, np.int64), np.ones(10)
+    poses = Poses(
+        np.arange(10), pose, wide, np.full(10, Fix.MATCHED, np.uint8), ones, ones.astype(np.uint8),
+        zeros, pose, wide, zeros.astype(np.uint8), ones,
+    )  # fmt: skip
+    found = _evened(poses, wheels=way).pose
+    assert np.allclose(found[:, 1], way[:, 1], atol=1e-9)
+    assert np.abs(found[3:8, 0] - way[3:8, 0]).max() < 0.1
 
 
 def test_a_loop_is_closed_and_a_wrong_one_weighs_little() -> None:

@@ -156,9 +156,10 @@ def search(
     bounds = np.zeros((2 * turns + 1, *allowed.shape), np.int64)
     bounded(scan, n, drawing.best, drawing.corner, window, allowed, pose, cells, bounds)
     flat = bounds.ravel()
-    worth = np.flatnonzero(flat)
-    order = worth[np.argsort(-flat[worth], kind="stable")]
     found = np.array([turns, 0, 0], np.int64)
-    top = opened(drawing.grid, cells, flat, order, found)
+    floor = opened(drawing.grid, cells, flat, np.array([flat.argmax()]), found)
+    worth = np.flatnonzero(flat > floor)
+    order = worth[np.argsort(-flat[worth], kind="stable")]
+    top = max(opened(drawing.grid, cells, flat, order, found), floor)
     turn = (found[0] - turns) * window[1] / turns
     return pose + np.array([found[1] * CELL, found[2] * CELL, turn]), top / (FULL * max(n, 1))

@@ -104,3 +104,8 @@ def known(ring: LocalMap) -> Known:
     """Its points in bins, in the order of the slots."""
     slots = zip(ring.points, ring.counts, strict=True)
     return Known.of(np.concatenate([points[:count] for points, count in slots]))
+
+
+def copied(ring: LocalMap) -> LocalMap:
+    """A local map that another reading may write into."""
+    return ring._replace(points=ring.points.copy(), counts=ring.counts.copy())

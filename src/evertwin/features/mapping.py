@@ -18,13 +18,14 @@ import numpy as np
 from evertwin.errors import DataError
 from evertwin.features.fusion import Belief, Sighting
 from evertwin.features.local_map import Surface, seen
+from evertwin.features.look_ahead import read_on
 from evertwin.features.loop_closure import loops
 from evertwin.features.occupancy import of_keyframes
 from evertwin.features.pose_graph import Edge, Optimised, optimised, turned, variance_factor, weak
 from evertwin.features.poses import Fix, Poses
-from evertwin.features.relocalisation import View, located
+from evertwin.features.relocalisation import PASSED, View, located, through
 from evertwin.features.scan_fit import COMMON
-from evertwin.features.scan_matcher import ScanMatcher
+from evertwin.features.scan_matcher import ScanMatcher, table
 from evertwin.features.stream import Stream, Turned
 from evertwin.features.troubles import ASKEW, askew, mirrored, troubles, without_body
 from evertwin.fold import join, make_block, take
@@ -38,6 +39,8 @@ MOST = 20
 """Segments that are looked for in the map of the first one."""
 TOGETHER = 10
 """Keyframes that are looked for as one."""
+TRIES, CHECKED = 8, 40
+"""So many of them are tried, and so many keyframes must not contradict the place."""
 ROUGH = np.diag([0.1, 0.1, 0.05]) ** 2
 """Error of a place that was found in a map (m², m², rad²)."""
 OFTEN = 0.9
@@ -98,13 +101,20 @@ class Mapped(NamedTuple):
     """What is odd about the scans, as sentences."""
 
 
-def followed(scans: Scans, use_odometry: bool = True) -> Followed:
-    """The poses of a recording as a stream tells them, scan by scan, without looking back."""
+def followed(scans: Scans, use_odometry: bool = True, look_ahead: bool = False) -> Followed:
+    """The poses of a recording, scan by scan.
+
+    As a stream tells them, without looking back; or with ``look_ahead``: what one scan leaves open
+    is decided by those that follow, see `evertwin.features.look_ahead`.
+    """
     n, beams = scans.ranges.shape
     moved = motion_at(scans) if use_odometry else np.zeros((n, 0))
     block = make_block(t=scans.t, u=moved, y=scans.ranges)
-    matcher, outs, took = ScanMatcher(scans.lidar, beams), [], np.zeros(n)
-    state = matcher.init()
+    matcher = ScanMatcher(scans.lidar, beams)
+    if look_ahead:
+        rows, took = read_on(matcher, block)
+        return Followed(table(rows), took)
+    state, outs, took = matcher.init(), [], np.zeros(n)
     for i in range(n):
         began = time.perf_counter()
         state, out = matcher.step(state, take(block, i, i + 1))
@@ -189,7 +199,7 @@ def mapped(scans: Scans, use_odometry: bool = True) -> Mapped:
     """
     scans, (poses, took), said = _upright(without_body(scans), use_odometry)
     fused = streamed(scans, poses)
-    poses = _evened(poses)
+    poses = _evened(poses, scans.odometry if use_odometry else None)
     if not ((poses.fix != Fix.LOST) & (poses.segment == 0)).any():
         raise DataError(f"{scans.name}: no scan tells a pose: does the lidar see anything?")
     poses, anchors = found_again(scans, poses)
@@ -202,7 +212,7 @@ def mapped(scans: Scans, use_odometry: bool = True) -> Mapped:
 
 def _upright(scans: Scans, use_odometry: bool) -> tuple[Scans, Followed, list[str]]:
     """Followed; with the lidar turned to where scans and odometry together say that it looks."""
-    found = followed(scans, use_odometry)
+    found = followed(scans, use_odometry, look_ahead=True)
     wheels = scans.odometry
     if wheels is None or not use_odometry:
         return scans, found, []
@@ -211,7 +221,7 @@ def _upright(scans: Scans, use_odometry: bool) -> tuple[Scans, Followed, list[st
         one = scans.lidar
         scans = replace(scans, lidar=replace(one, start=-one.start, step=-one.step))
         said.append("the scans turn against the odometry: the beams are taken the other way round")
-        found = followed(scans, use_odometry)
+        found = followed(scans, use_odometry, look_ahead=True)
     angle = askew(_by_scans(scans, found), wheels)
     if angle is None or abs(angle) < ASKEW:
         return scans, found, said
@@ -222,7 +232,7 @@ def _upright(scans: Scans, use_odometry: bool) -> tuple[Scans, Followed, list[st
         f"by its scans and odometry the lidar looks {abs(np.degrees(angle)):.0f}° further to the "
         f"{side} than was said: taken to do so"
     )
-    return turned, followed(turned, use_odometry), said
+    return turned, followed(turned, use_odometry, look_ahead=True), said
 
 
 class Solved(NamedTuple):
@@ -264,44 +274,59 @@ def _by_scans(scans: Scans, found: Followed) -> Float64[np.ndarray, "n 3"]:
     """Poses by the scans, without odometry where that gets in their way."""
     share = float(np.mean(found.poses.fix == Fix.MATCHED))
     if share < OFTEN:
-        alone = followed(scans, use_odometry=False).poses
+        alone = followed(scans, use_odometry=False, look_ahead=True).poses
         if np.mean(alone.fix == Fix.MATCHED) > share:
             return alone.sighted
     return found.poses.sighted
 
 
 def found_again(scans: Scans, poses: Poses) -> tuple[Poses, list[Edge]]:
-    """Later segments whose place the map of the first one tells join it; and what ties them to it.
+    """Later segments whose place the map so far tells join it; and what ties them to it.
 
-    Looked for is all that the first keyframes of a segment saw, together: a single scan of a room
-    may fit in several places.
+    Looked for is all that some keyframes of a segment saw, together: a single scan of a room may
+    fit in several places. Where its first ones are not found, later ones may be. What the whole
+    segment saw must not contradict the place.
     """
     anchors: list[Edge] = []
-    number = poses.segment[-1]
-    if number == 0:
-        return poses, anchors
-    first = solved(scans, poses)
-    chart = of_keyframes(first.graph.poses, first.surfaces, scans.lidar.mount)
-    pose, segment = poses.pose.copy(), poses.segment.copy()
-    for k in range(1, min(int(number), MOST) + 1):
+    number = int(poses.segment[-1])
+    for k in range(1, min(number, MOST) + 1):
         mine = poses.segment == k
-        keys = np.flatnonzero(poses.keyframe & (poses.fix != Fix.LOST) & mine)[:TOGETHER]
+        keys = np.flatnonzero(poses.keyframe & (poses.fix != Fix.LOST) & mine)
         if not len(keys):
             continue
-        steps = [between(poses.pose[keys[0]], poses.pose[key]) for key in keys]
-        views = [View(surface_of(scans, int(key)), to) for key, to in zip(keys, steps, strict=True)]
-        place = located(views, chart)
-        if place.pose is None:
+        first = solved(scans, poses, anchors)
+        place = _place(scans, poses, keys, first)
+        if place is None:
             continue
-        off = np.hypot(*(first.graph.poses[:, :2] - place.pose[:2]).T)
-        near = int(np.argmin(off))
-        tie = between(first.graph.poses[near], place.pose)
-        start = compose(poses.pose[first.keys[near]], tie)
+        near = int(np.argmin(np.hypot(*(first.graph.poses[:, :2] - place[:2]).T)))
+        tie = between(first.graph.poses[near], place)
         anchors.append(Edge(int(first.keys[near]), int(keys[0]), tie, ROUGH))
-        onward = between(np.broadcast_to(poses.pose[keys[0]], pose[mine].shape), pose[mine])
-        pose[mine] = compose(np.broadcast_to(start, onward.shape), onward)
-        segment[mine] = 0
-    return poses._replace(pose=pose, segment=segment), anchors
+        start = compose(poses.pose[first.keys[near]], tie)
+        onward = between(np.broadcast_to(poses.pose[keys[0]], (mine.sum(), 3)), poses.pose[mine])
+        pose, segment = poses.pose.copy(), poses.segment.copy()
+        pose[mine], segment[mine] = compose(np.broadcast_to(start, onward.shape), onward), 0
+        poses = poses._replace(pose=pose, segment=segment)
+    return poses, anchors
+
+
+def _place(
+    scans: Scans, poses: Poses, keys: Int64[np.ndarray, " k"], known: Solved
+) -> Float64[np.ndarray, " 3"] | None:
+    """Where the first of ``keys`` stands in a map; None where that cannot be told."""
+    chart = of_keyframes(known.graph.poses, known.surfaces, scans.lidar.mount)
+    steps = between(np.broadcast_to(poses.pose[keys[0]], (len(keys), 3)), poses.pose[keys])
+    views = [View(surface_of(scans, int(k)), step) for k, step in zip(keys, steps, strict=True)]
+    groups = range(0, len(keys), TOGETHER)
+    for begin in groups[:: -(-len(groups) // TRIES)]:
+        some, origin = views[begin : begin + TOGETHER], views[begin].pose
+        home = between(origin, np.zeros(3))
+        found = located([View(v.surface, between(origin, v.pose)) for v in some], chart).pose
+        if found is None:
+            continue
+        place = compose(found, home)
+        if through(views[:: max(len(views) // CHECKED, 1)], place, chart) <= PASSED:
+            return place
+    return None
 
 
 def surface_of(scans: Scans, k: int) -> Surface:
@@ -310,39 +335,62 @@ def surface_of(scans: Scans, k: int) -> Surface:
 
 
 def _steps(poses: Poses, keys: Sequence[int] | np.ndarray) -> list[Edge]:
-    """From each keyframe to the next, as they were followed."""
-    out = []
+    """From each keyframe to the next, as they were followed.
+
+    Where no pose was told between them, as the first one's place was less and less sure, it grows
+    on at the pace at which it had.
+    """
+    out, lost = [], np.cumsum(poses.fix == Fix.LOST)
     for n, (a, b) in enumerate(pairwise(keys)):
-        covariance = turned(poses.covariance[b], poses.pose[b, 2])
+        gap = int(lost[b] - lost[a])
+        spread = poses.covariance[b] + gap * poses.covariance[a]
+        covariance = turned(spread, poses.pose[b, 2])
         out.append(Edge(n, n + 1, between(poses.pose[a], poses.pose[b]), covariance))
     return out
 
 
-def _evened(poses: Poses) -> Poses:
-    """Poses whose place was not sure (in a bare corridor), moved by what the next sure one tells.
+def _evened(poses: Poses, wheels: Float64[np.ndarray, "n 3"] | None) -> Poses:
+    """Poses whose place was not sure along a bare corridor, moved by what the next sure one tells.
 
-    There the way comes in one leap; every scan since the last sure one takes an equal share of it.
+    Its innovation along the open direction goes back over them, to each as much as its variance
+    then was of that before the innovation: the smoother of a random walk (Rauch, Tung and Striebel,
+    AIAA Journal 3(8), 1965). What was expected there is told by the ``wheels``, or the last step
+    again.
     """
-    pose = poses.pose.copy()
+    pose, place = poses.pose.copy(), poses.covariance[:, :2, :2]
     told = np.flatnonzero(poses.fix == Fix.MATCHED)
-    spread = np.trace(poses.covariance[told, :2, :2], axis1=1, axis2=2)
-    firm = told[spread < SURE * SURE]
+    firm = told[np.trace(place[told], axis1=1, axis2=2) < SURE * SURE]
     for a, b in pairwise(firm):
-        between_them = told[(told > a) & (told < b)]
-        if len(between_them) > 1 and poses.segment[a] == poses.segment[b]:
-            before, last = between_them[-2:]
-            usual = (pose[last, :2] - pose[before, :2]) / (last - before) * (b - last)
-            leap = pose[b, :2] - pose[last, :2] - usual
-            pose[between_them, :2] += (between_them - a)[:, None] / (b - a) * leap
+        open_ = told[(told > a) & (told < b)]
+        if len(open_) < 2 or poses.segment[a] != poses.segment[b]:
+            continue
+        before, last = open_[-2:]
+        if wheels is not None and np.isfinite(wheels[[last, b]]).all():
+            usual = compose(pose[last], between(wheels[last], wheels[b]))[:2]
+        else:
+            usual = pose[last, :2] + (pose[last, :2] - pose[before, :2]) / (last - before) * (
+                b - last
+            )
+        along = np.linalg.eigh(place[last])[1][:, 1]
+        variance = np.einsum("i,nij,j->n", along, place[open_], along)
+        ahead = variance[-1] + max(variance[-1] - variance[-2], 0.0)
+        back = np.minimum(variance / ahead, 1.0) * float(along @ (pose[b, :2] - usual))
+        pose[open_, :2] += back[:, None] * along
     return poses._replace(pose=pose)
 
 
 def _all(poses: Poses, keys: np.ndarray, graph: Optimised) -> Poses:
-    """Every scan beside the keyframe before it."""
-    at = np.maximum(np.searchsorted(keys, np.arange(len(poses.t)), side="right") - 1, 0)
+    """Every scan beside the keyframe before it; or the next, where it was lost in between."""
+    scans, lost = np.arange(len(poses.t)), np.cumsum(poses.fix == Fix.LOST)
+    at = np.maximum(np.searchsorted(keys, scans, side="right") - 1, 0)
+    after = np.minimum(at + 1, len(keys) - 1)
+    gone = (lost > lost[keys[at]]) & (lost == lost[keys[after]]) & (keys[after] > scans)
+    at = np.where(gone, after, at)
     step = between(poses.pose[keys[at]], poses.pose)
     pose = compose(graph.poses[at], step)
-    covariance = graph.covariances[at] + poses.covariance
+    # what the graph tells of a keyframe is whole: its own scan's error is in the step to it
+    beside = (keys[at] != scans)[:, None, None]
+    covariance = graph.covariances[at] + beside * poses.covariance
     mine = (poses.segment == 0)[:, None]
     return poses._replace(
         pose=np.where(mine, pose, poses.pose),

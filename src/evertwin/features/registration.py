@@ -29,6 +29,8 @@ SPOT = 3.0
 """Scale of a spot's residual (a leg, a post) in that of a wall's; it is looked for twice as far."""
 SCATTER = 0.003
 """Square of the error of a normal [rad²]: so much of a wall points along it, to no avail."""
+NOISE, STRAY, UNSEEN = 0.04, 0.05, 0.3
+"""Error of a point across its wall [m]; how likely any other is, and one where no map is."""
 ROUNDS = 25
 BUCKETS = 8192
 """Of the table of bins: a power of two."""
@@ -177,6 +179,49 @@ def explained(scan: Any, n: int, points: Any, heads: Any, order: Any, pose: Any)
         else:
             found += beside(points, heads, order, (x, y, nx, ny), NARROW)[0] > 0
     return found / n if n else 0.0
+
+
+@njit(cache=True)
+def seldom(points: Any, heads: Any, order: Any, x: float, y: float) -> bool:
+    """Has the map no point at all around (x, y)?"""
+    cx, cy = math.floor(x / REACH), math.floor(y / REACH)
+    for ix in range(cx - 1, cx + 2):
+        for iy in range(cy - 1, cy + 2):
+            b = bucket(ix, iy)
+            for k in range(heads[b], heads[b + 1]):
+                px, py = points[order[k], 0], points[order[k], 1]
+                if math.floor(px / REACH) == ix and math.floor(py / REACH) == iy:
+                    return False
+    return True
+
+
+@njit(cache=True)
+def likelihood(scan: Any, n: int, points: Any, heads: Any, order: Any, pose: Any) -> Any:
+    """Mean over a scan's points, placed at ``pose``, of the logarithm of how likely each is.
+
+    A point beside a wall of the map errs by `NOISE`, any other is `STRAY`; where the map has no
+    point at all, it says less against the pose (`UNSEEN`).
+
+    Returns:
+        the mean, and the share of the points that lie where the map has none.
+    """
+    c, s, total, unseen = math.cos(pose[2]), math.sin(pose[2]), 0.0, 0
+    for i in range(n):
+        x = c * scan[i, 0] - s * scan[i, 1] + pose[0]
+        y = s * scan[i, 0] + c * scan[i, 1] + pose[1]
+        nx, ny = c * scan[i, 2] - s * scan[i, 3], s * scan[i, 2] + c * scan[i, 3]
+        if nx == 0 and ny == 0:
+            known, ex, ey = spot(points, heads, order, x, y, REACH)
+            square = (ex * ex + ey * ey) / (SPOT * SPOT)
+        else:
+            known, e, _, _ = beside(points, heads, order, (x, y, nx, ny), REACH)
+            square = e * e
+        near = math.exp(-0.5 * square / (NOISE * NOISE)) if known > 0 else 0.0
+        if near == 0 and seldom(points, heads, order, x, y):
+            total, unseen = total + math.log(UNSEEN), unseen + 1
+        else:
+            total += math.log(STRAY + (1 - STRAY) * near)
+    return (total / n, unseen / n) if n else (0.0, 1.0)
 
 
 @njit(cache=True)

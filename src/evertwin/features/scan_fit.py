@@ -15,14 +15,26 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.features.correlation import Drawing, blocks, search
+from evertwin.features.correlation import BLOCK, CELL, Drawing, blocks, search
 from evertwin.features.fusion import Sighting
 from evertwin.features.local_map import Known, Surface
-from evertwin.features.registration import explained, register
+from evertwin.features.registration import likelihood, register
+from evertwin.signals.planar import wrapped
 from evertwin.types import Float64, Vector
 
-BETTER = 0.02
-"""By how much more of the scan a pose from elsewhere must explain."""
+UNUSUAL = 7.8
+"""Square of a fit's distance from what was expected, over its covariance, from which on others are
+looked for: 95 % of three squares."""
+DENSE = 0.8
+"""Half a window below which scans overlap so far that a fit leads to the right place [m]."""
+MODES = 3
+"""Places that a scan is matched from before others are looked for."""
+TURNS_ALIKE = 0.15
+"""How far turns may differ in steps that are alike [rad]."""
+TAIL, WHEELS = 3.0, 30.0
+"""Degrees of freedom of what is expected: by habit, and by the wheels."""
+CLEARLY, ELSEWHERE = 5.0, 0.3
+"""Logarithm of how much likelier one of two places must be, and how far apart they are two [m]."""
 WINDOW = 3.0
 """Half the window that is searched, in standard deviations of the expectation."""
 WIDEST = 1.6
@@ -52,7 +64,7 @@ class Fit(NamedTuple):
     """A scan at a pose of the map.
 
     >>> Fit._fields
-    ('pose', 'share', 'covariance', 'sighting')
+    ('pose', 'share', 'covariance', 'sighting', 'worth', 'unseen')
     """
 
     pose: Pose
@@ -60,6 +72,10 @@ class Fit(NamedTuple):
     covariance: Float64[np.ndarray, "3 3"]
     sighting: Sighting
     """What the scan alone says."""
+    worth: float = 0.0
+    """Logarithm of how likely the scan is there and this place was, up to a constant."""
+    unseen: float = 0.0
+    """Share of the scan that lies where the map has nothing."""
 
 
 class Expected(NamedTuple):
@@ -71,25 +87,123 @@ class Expected(NamedTuple):
 
     pose: Pose
     covariance: Float64[np.ndarray, "3 3"]
+    window: tuple[Pose, float, float] | None = None
+    """Where it may be, whatever was expected: middle, half the width [m], half the turn [rad]."""
+    places: Float64[np.ndarray, "k 3"] | None = None
+    """Where it is expected as well; see `evertwin.features.habits`."""
+    weights: Vector | None = None
+    """How much each of them counts."""
 
     @property
     def sigma(self) -> Vector:
         """Of its x, y and heading."""
         return np.sqrt(np.diag(self.covariance))
 
+    def densities(self, poses: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n k"]:
+        """Of poses by each place, up to a factor; Student's, as robots start and stop."""
+        if self.places is None or self.weights is None:
+            off, weights, metric = poses[:, None] - self.pose, np.ones(1), self.covariance
+        else:
+            off, weights = poses[:, None] - self.places, self.weights
+            metric = np.diag([0.0, 0.0, TURNS_ALIKE**2])
+            metric[:2, :2] = self.covariance[:2, :2]
+        off[..., 2] = wrapped(off[..., 2])
+        square = np.einsum("nki,ij,nkj->nk", off, np.linalg.inv(metric), off)
+        tail = WHEELS if self.places is None else TAIL
+        return np.asarray(weights * (1 + square / tail) ** (-0.5 * (tail + 3)))
+
+    def about(self, pose: Pose) -> Pose:
+        """Which of the expected places leads to a pose."""
+        return (
+            self.pose if self.places is None else self.places[self.densities(pose[None]).argmax()]
+        )
+
+    def modes(self) -> list[Pose]:
+        """The likeliest of the expected places, each `ELSEWHERE` than those before."""
+        if self.places is None:
+            return [self.pose]
+        found: list[Pose] = []
+        for k in np.argsort(-self.densities(self.places).sum(axis=1)):
+            one = self.places[k]
+            if all(math.hypot(*(one - other)[:2]) > ELSEWHERE for other in found):
+                found.append(one)
+        return found[:MODES]
+
+    def square(self, pose: Pose) -> float:
+        """Of how far a pose is off the place that leads there, over the covariance."""
+        off = pose - self.about(pose)
+        off[2:] = wrapped(off[2:])
+        return float(off @ np.linalg.solve(self.covariance, off))
+
 
 def best(scan: Surface, view: Known, expected: Expected, sure: float) -> Fit:
-    """The scan where it is expected or, if that explains too little, where it fits best."""
-    fit = fitted(scan, view, expected, expected.pose)
-    if fit.share >= sure:
-        return fit
-    some = balanced(scan)
-    found = found_by_search(some, view.points, expected.pose, (
-        min(WINDOW * expected.sigma[0], WIDEST), min(WINDOW * expected.sigma[2], math.pi)
-    ))  # fmt: skip
-    other = fitted(scan, view, expected, found)
-    here, there = (explained(some, len(some), *view, one.pose) for one in (fit, other))
-    return other if there > here + BETTER else fit
+    """The likeliest of `ranked`; what another one tells otherwise is left open."""
+    first, *others = ranked(scan, view, expected, sure)
+    return undecided(first, others[0], first.worth - others[0].worth) if others else first
+
+
+def ranked(scan: Surface, view: Known, expected: Expected, sure: float) -> list[Fit]:
+    """The scan where it is expected or, where that is in doubt, where it most likely is.
+
+    In doubt it is where the fit explains too little or lies where it was hardly expected, and where
+    steps are so long that a fit may lead elsewhere. Then the two best places of the window are
+    looked at as well. Each is judged by how likely the scan is there and how well that place was
+    expected.
+
+    Returns:
+        the likeliest, and others that are `ELSEWHERE` and nearly as likely (`CLEARLY`).
+    """
+    fit, some = fitted(scan, view, expected, expected.pose), balanced(scan)
+    sparse = expected.window is not None and expected.window[1] > DENSE
+    doubt = sparse or fit.share < sure or expected.square(fit.pose) > UNUSUAL
+    starts = [*expected.modes()[1:], *searched(some, view, expected)] if doubt else []
+    fits = [fit, *(fitted(scan, view, expected, start) for start in starts)]
+    prior = np.log(expected.densities(np.array([one.pose for one in fits])).sum(axis=1))
+    told = [likelihood(some, len(some), *view, one.pose) for one in fits]
+    fits = [
+        one._replace(worth=len(some) / ALIKE * mean + float(p), unseen=unseen)
+        for one, p, (mean, unseen) in zip(fits, prior, told, strict=True)
+    ]
+    kept: list[Fit] = []
+    for one in sorted(fits, key=lambda one: -one.worth):
+        far = all(math.hypot(*(one.pose - other.pose)[:2]) > ELSEWHERE for other in kept)
+        if far and (not kept or kept[0].worth - one.worth < CLEARLY):
+            kept.append(one)
+    return kept
+
+
+def undecided(fit: Fit, other: Fit, better: float) -> Fit:
+    """A fit that says nothing of the direction in which another one lies that is nearly as likely.
+
+    As the mixture of both has it, ``better`` being the logarithm of the ratio of their weights.
+    """
+    d, share = other.pose - fit.pose, 1 / (1 + math.exp(better))
+    told = fit.sighting.information
+    along = told @ d
+    told = told - np.outer(along, along) / (1 / share + float(d @ along))
+    return fit._replace(
+        covariance=fit.covariance + share * np.outer(d, d),
+        sighting=fit.sighting._replace(information=told),
+    )
+
+
+def searched(some: Surface, view: Known, expected: Expected) -> list[Pose]:
+    """The best place of the window by all its poses, and the best elsewhere."""
+    if expected.window is None:
+        half, turn = (WINDOW * expected.sigma[k] for k in (0, 2))
+        middle, half, turn = expected.pose, min(half, WIDEST), min(turn, math.pi)
+    else:
+        middle, half, turn = expected.window
+    drawing, side = Drawing.of(view.points, middle[:2], GRID), blocks(half)
+    steps, found = BLOCK * CELL * (np.arange(side) - side // 2 + 0.5), []
+    allowed = np.ones((side, side), np.uint8)
+    for _ in range(2):
+        pose, value = search(some, drawing, np.array([half, turn, TURN]), allowed, middle)
+        if value > 0:
+            found.append(pose)
+        x, y = (pose - middle)[:2]
+        allowed[np.hypot(steps[:, None] - x, steps[None, :] - y) < 2 * ELSEWHERE] = 0
+    return found
 
 
 def balanced(scan: Surface) -> Surface:
@@ -121,14 +235,15 @@ def found_by_search(
 def fitted(scan: Surface, view: Known, expected: Expected, start: Pose) -> Fit:
     """The scan matched from ``start``, with what is expected of its pose."""
     pose, information = start.copy(), np.zeros((3, 3))
-    weight = ALIKE * np.linalg.inv(expected.covariance)
+    doubt = (TAIL + expected.square(start)) / (TAIL + 3)
+    weight = ALIKE / max(doubt, 1.0) * np.linalg.inv(expected.covariance)
+    prior = expected.about(start)
     share, _, alike = register(
-        scan, len(scan), view.points, view.heads, view.order, expected.pose, weight, pose,
-        information,
-    )  # fmt: skip
+        scan, len(scan), view.points, view.heads, view.order, prior, weight, pose, information
+    )
     covariance = ALIKE * np.linalg.inv(information + weight) + COMMON
     # without the expectation: where its pull and the scan's were in balance
-    alone = pose + np.linalg.solve(information + np.eye(3), weight @ (pose - expected.pose))
+    alone = pose + np.linalg.solve(information + np.eye(3), weight @ (pose - prior))
     r = min(max(alike, 0.0), MOST_ALIKE)
     honest = information * ((1 - r) / (1 + r) / GAUSSIAN)
     return Fit(pose, share, covariance, Sighting(alone, honest))

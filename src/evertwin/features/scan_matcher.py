@@ -30,6 +30,7 @@ whose place relative to the one before is unknown.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -38,9 +39,21 @@ import numpy as np
 
 from evertwin.features.contradiction import contradicted
 from evertwin.features.fusion import Belief, Sighting, Step, measured, predicted
-from evertwin.features.local_map import Known, LocalMap, Surface, empty, joined, known, seen
+from evertwin.features.habits import Habits
+from evertwin.features.local_map import Known, LocalMap, Surface, copied, empty, joined, known, seen
 from evertwin.features.poses import Fix, Poses
-from evertwin.features.scan_fit import COMMON, Expected, Fit, best
+from evertwin.features.registration import UNSEEN
+from evertwin.features.scan_fit import (
+    ALIKE,
+    COMMON,
+    SOME,
+    UNUSUAL,
+    WIDEST,
+    WINDOW,
+    Expected,
+    Fit,
+    best,
+)
 from evertwin.fold import Block, Out
 from evertwin.signals.planar import between, compose
 from evertwin.sources.scans import Lidar
@@ -54,17 +67,23 @@ SURE, PLAUSIBLE = 0.95, 0.5
 """The same, above which the expected pose is not doubted: without odometry, and with it."""
 LEAST, SEEN = 0.5, 0.3
 """The same, below which a scan tells no pose: without odometry, and with it."""
+BRIEFLY = 2
+"""Scans that a robot may be lost, and still be where it was expected."""
+NONE = 0.2
+"""The same, below which it tells none even where most of it lies beyond the map."""
 FEW = 12
 """Points below which a scan tells no pose."""
 AT_REST, SHARE = np.array([0.02, 0.02, 0.04]), np.array([0.05, 0.05, 0.2])
 """Error of odometry (m, m, rad): of any step, and as a share of its way and its turn."""
-FREE = np.array([0.3, 0.3, 0.3])
-"""How far a step may differ from the one before where there is no odometry (m, m, rad)."""
+FREE = 0.3
+"""How far a turn may differ from the one before where there is no odometry [rad]."""
+FARTHER = 1.2
+"""How much longer than the longest one of late a step may be."""
+ABOUT = 1.6
+"""Half the window of its turn, at least: robots turn on the spot [rad]."""
 SLOW = 1.0
 """Time between scans from which on it may turn more in proportion [s], up to `LONG` times."""
 LONG = 5.0
-SUDDEN = 0.4
-"""A step that turns by more is not expected again [rad]."""
 PATIENCE = 5
 """Scans without a pose after which a new map is begun."""
 STANDING = 3
@@ -79,14 +98,36 @@ AGAIN = 0.05
 """The same for a robot that was lost: rooms have places that are alike."""
 FOUND = 0.6
 """Share of a scan from which on a lost robot is found again."""
-FAR = 1.0
-"""Spread of a pose from which on it is none [m]."""
+FAR, OPEN = 1.0, 0.5
+"""Spread of a pose from which on it is none: by the wheels, and by habit alone [m]."""
 FIRM = 0.1
 """The same for one that is found again: much may look alike [m]."""
 
 Pose = Float64[np.ndarray, " 3"]
+Matching = Callable[[Surface, Known, Expected, float], list[Fit]]
 Motion = Float64[np.ndarray, " 4"]
 """Wheels' pose and gyro's angle; NaN where they are not known."""
+
+
+class Came(NamedTuple):
+    """A scan, and what wheels and gyro said by then.
+
+    >>> Came(np.ones(3), np.full(4, np.nan), 0.1).dt
+    0.1
+    """
+
+    ranges: Vector
+    """[m]"""
+    moved: Motion
+    dt: float
+    """Since the scan before [s]."""
+
+    @classmethod
+    def of(cls, block: Block, i: int) -> Came:
+        """The ``i``-th of a block."""
+        moved = np.full(4, np.nan)
+        moved[: block.u.shape[1]] = block.u[i]
+        return cls(block.y[i], moved, float(block.dt[i]))
 
 
 class Following(NamedTuple):
@@ -99,8 +140,8 @@ class Following(NamedTuple):
     map: LocalMap
     belief: Belief
     """Pose, and what is known of wheels and gyro."""
-    step: Pose
-    """From the scan before, in the robot's frame."""
+    habits: Habits
+    """How it has moved so far."""
     moved: Motion
     """Wheels' pose and gyro's angle at the last scan."""
     ranges: Vector
@@ -112,8 +153,12 @@ class Following(NamedTuple):
     segment: int
 
 
-class _Row(NamedTuple):
-    """What a scan tells; see `Poses`."""
+class Row(NamedTuple):
+    """What a scan tells; see `Poses`.
+
+    >>> Row().fix.name
+    'LOST'
+    """
 
     pose: Pose = np.full(3, np.nan)
     covariance: Float64[np.ndarray, "3 3"] = np.full((3, 3), np.nan)
@@ -146,7 +191,7 @@ class ScanMatcher:
         """Nothing seen yet; the first scan is the origin."""
         belief = Belief.at_rest(0, np.zeros(3), np.zeros((3, 3)))
         return Following(
-            empty(self.beams), belief, np.zeros(3), np.full(4, np.nan),
+            empty(self.beams), belief, Habits.none(), np.full(4, np.nan),
             np.full(self.beams, np.nan), 0, 0, 0,
         )  # fmt: skip
 
@@ -155,28 +200,28 @@ class ScanMatcher:
         rows = []
         view = known(state.map) if state.map.joined else None
         for i in range(len(block.t)):
-            moved = np.full(4, np.nan)
-            moved[: block.u.shape[1]] = block.u[i]
             before = state.map.joined, state.segment
-            state, row = self._follow(state, view, block.y[i], moved, float(block.dt[i]))
-            rows.append((block.t[i], row, (state.map.joined, state.segment) != before))
+            [(state, row, _)] = self.read(state, view, Came.of(block, i), _decided)
+            rows.append((int(block.t[i]), row, (state.map.joined, state.segment) != before))
             if rows[-1][-1]:
                 view = known(state.map)
-        t, told, keyframe = zip(*rows, strict=True)
-        pose, covariance, fix, share, segment, sighting, slip, scale = zip(*told, strict=True)
-        return state, Out(
-            Poses(
-                np.array(t), np.array(pose), np.array(covariance), np.array(fix, np.uint8),
-                np.array(share), np.array(keyframe, np.uint8), np.array(segment),
-                np.array([one.pose for one in sighting]),
-                np.array([one.information for one in sighting]), np.array(slip, np.uint8),
-                np.array(scale),
-            )
-        )  # fmt: skip
+        return state, Out(table(rows))
 
-    def _follow(
-        self, state: Following, view: Known | None, ranges: Vector, moved: Motion, dt: float
-    ) -> tuple[Following, _Row]:
+    def read(
+        self, state: Following, view: Known | None, came: Came, fit: Matching
+    ) -> Iterator[tuple[Following, Row, float]]:
+        """What one scan more makes of a state: for each place that it may have been taken from.
+
+        Args:
+            state: before it; consumed by the last of what comes.
+            view: its map.
+            came: the scan.
+            fit: tells the places.
+
+        Yields:
+            a state, what it tells, and the logarithm of how likely it is, up to a constant.
+        """
+        ranges, moved, dt = came
         scan = seen(ranges, self.angles, self.lidar.mount)
         same = np.array_equal(ranges, state.ranges, equal_nan=True)
         state = state._replace(repeated=state.repeated + 1 if same else 0, ranges=ranges.copy())
@@ -186,29 +231,49 @@ class ScanMatcher:
         near = float(np.mean(ranges[np.isfinite(ranges)] < BLOCKED)) if len(scan) else 1.0
         telling = len(scan) >= FEW and not frozen and near < MOST_NEAR
         if view is None:
-            return self._begun(state, scan, telling)
+            yield *self._begun(state, scan, telling), 0.0
+            return
         blind = _blind(moved) or _blind(before)
         ahead, expected = _expected(state, moved - before, blind, dt)
         sure, least = (SURE, LEAST) if blind else (PLAUSIBLE, SEEN)
-        fit = best(scan, view, expected, sure) if telling else None
-        if fit is not None and self._elsewhere(fit, ranges, view, bool(state.lost)):
-            fit, blind = None, True
-        if fit is not None and fit.share >= (FOUND if state.lost else least):
-            way = 0.0 if blind else float(np.hypot(*(moved - before)[:2]))
-            return self._matched(state, scan, fit, ahead, way)
-        state = state._replace(belief=ahead)
-        share, spread = 0.0 if fit is None else fit.share, ahead.covariance[:3, :3]
-        if not (blind or state.lost or _off(spread, FAR)):
+        fits = fit(scan, view, expected, sure) if telling else []
+        if state.lost and len(fits) > 1:  # two places alike: neither is told
+            fits = [fits[0]._replace(share=0.0)]
+        here, good = [], []
+        for one in fits:
+            usual = blind and expected.square(one.pose) < UNUSUAL
+            astray = bool(state.lost) and not (state.lost <= BRIEFLY and usual)
+            if self._elsewhere(one, ranges, view, astray):
+                continue
+            here.append(one)
+            enough = FOUND if astray else max(least * (1 - one.unseen * blind), NONE)
+            good += [one] * (one.share >= enough)
+        way = math.nan if blind else float(np.hypot(*(moved - before)[:2]))
+        for one in good:
+            ring = state.map if one is good[-1] else copied(state.map)
+            yield *self._matched(state._replace(map=ring), scan, one, ahead, way), one.worth
+        if not good:
+            share = max((one.share for one in here), default=0.0)
+            carried = blind or len(here) < len(fits)
+            worth = math.log(UNSEEN) * SOME / ALIKE if telling else 0.0
+            yield *self._unmatched(state, scan if telling else None, ahead, carried, share), worth
+
+    def _unmatched(
+        self, state: Following, scan: Surface | None, ahead: Belief, carried: bool, share: float
+    ) -> tuple[Following, Row]:
+        """By the wheels alone for a while, unless they do not tell either (``carried``)."""
+        state, spread = state._replace(belief=ahead), ahead.covariance[:3, :3]
+        if not (carried or state.lost or _off(spread, FAR)):
             d = between(state.map.newest, ahead.pose)
             new = math.hypot(d[0], d[1]) > 2 * APART or abs(d[2]) > 2 * TURNED
-            ring = joined(state.map, scan, ahead.pose) if telling and new else state.map
+            ring = joined(state.map, scan, ahead.pose) if scan is not None and new else state.map
             state = state._replace(map=ring, lost=0)
-            return state, _Row(ahead.pose, spread, Fix.PREDICTED, share, state.segment)
-        state = state._replace(lost=state.lost + 1, step=np.zeros(3))
-        if telling and state.lost > PATIENCE:
+            return state, Row(ahead.pose, spread, Fix.PREDICTED, share, state.segment)
+        state = state._replace(lost=state.lost + 1)
+        if scan is not None and state.lost > PATIENCE:
             state = state._replace(map=empty(self.beams), segment=state.segment + 1)
-            return self._begun(state, scan, telling)
-        return state, _Row(share=share, segment=state.segment)
+            return self._begun(state, scan, True)
+        return state, Row(share=share, segment=state.segment)
 
     def _elsewhere(self, fit: Fit, ranges: Vector, view: Known, lost: bool) -> bool:
         """Is the robot elsewhere than where its scan fits best?"""
@@ -218,22 +283,23 @@ class ScanMatcher:
         through = contradicted(ranges, self.angles, lidar, view.points)
         return through > (AGAIN if lost else THROUGH) or (lost and _off(fit.covariance, FIRM))
 
-    def _begun(self, state: Following, scan: Surface, telling: bool) -> tuple[Following, _Row]:
+    def _begun(self, state: Following, scan: Surface, telling: bool) -> tuple[Following, Row]:
         """The first scan of a map, which is where it says it is."""
         if not telling:
-            return state, _Row(segment=state.segment)
+            return state, Row(segment=state.segment)
         pose = state.belief.pose
         state = state._replace(
-            map=joined(state.map, scan, pose), step=np.zeros(3), lost=0,
+            map=joined(state.map, scan, pose), lost=0,
             belief=state.belief.moved(state.belief.t, pose, np.zeros((3, 3))),
         )  # fmt: skip
         firm = Sighting(pose, np.linalg.inv(COMMON))
-        return state, _Row(pose.copy(), COMMON.copy(), Fix.MATCHED, 1.0, state.segment, firm)
+        return state, Row(pose.copy(), COMMON.copy(), Fix.MATCHED, 1.0, state.segment, firm)
 
     def _matched(
         self, state: Following, scan: Surface, fit: Fit, ahead: Belief, way: float
-    ) -> tuple[Following, _Row]:
-        found = measured(ahead, fit.sighting, way)
+    ) -> tuple[Following, Row]:
+        blind = math.isnan(way)
+        found = measured(ahead, fit.sighting, 0.0 if blind else way)
         pose, spread = found.belief.pose, found.belief.covariance[:3, :3] + COMMON
         d = between(state.map.newest, pose)
         moved = math.hypot(d[0], d[1]) > APART or abs(d[2]) > TURNED
@@ -241,14 +307,33 @@ class ScanMatcher:
         if moved or fit.share < FAMILIAR:
             ring = joined(ring, scan, pose)
         step = between(state.belief.pose, pose)
-        state = state._replace(map=ring, belief=found.belief, step=step, lost=0)
-        row = _Row(
+        habits = state.habits
+        if not (state.lost or _off(spread, FIRM)):  # else it is what was expected
+            habits = habits.learnt(step)
+        state = state._replace(map=ring, belief=found.belief, habits=habits, lost=0)
+        row = Row(
             pose.copy(), spread, Fix.MATCHED, fit.share, state.segment, fit.sighting, found.slip,
             found.belief.scale,
         )  # fmt: skip
-        if _off(spread, FAR):  # walls alike all along the way
-            return state, _Row(share=fit.share, segment=state.segment)
+        if _off(spread, OPEN if blind else FAR):  # walls alike all along the way
+            return state, Row(share=fit.share, segment=state.segment)
         return state, row
+
+
+def _decided(scan: Surface, view: Known, expected: Expected, sure: float) -> list[Fit]:
+    return [best(scan, view, expected, sure)]
+
+
+def table(rows: Sequence[tuple[int, Row, bool]]) -> Poses:
+    """Stamps [ns], rows, and whether their scans joined the map, as poses."""
+    t, told, keyframe = zip(*rows, strict=True)
+    pose, covariance, fix, share, segment, sighting, slip, scale = zip(*told, strict=True)
+    return Poses(
+        np.array(t), np.array(pose), np.array(covariance), np.array(fix, np.uint8),
+        np.array(share), np.array(keyframe, np.uint8), np.array(segment),
+        np.array([one.pose for one in sighting]), np.array([one.information for one in sighting]),
+        np.array(slip, np.uint8), np.array(scale),
+    )  # fmt: skip
 
 
 def _off(covariance: np.ndarray, limit: float) -> bool:
@@ -266,14 +351,21 @@ def _expected(state: Following, went: Motion, blind: bool, dt: float) -> tuple[B
     stop."""
     lasts = round(1e9 * dt)
     if blind:
-        step = state.step.copy() if abs(state.step[2]) < SUDDEN else np.zeros(3)
-        sigma = FREE * np.array([1.0, 1.0, min(max(dt / SLOW, 1.0), LONG)])
+        steps, weights = state.habits.known()
+        way = state.habits.spread
+        sigma = np.array([way, way, FREE * min(max(dt / SLOW, 1.0), LONG)])
         if math.isfinite(went[3]):
-            step[2], sigma[2] = went[3] - state.belief.bias * dt, AT_REST[2]
+            steps[:, 2], sigma[2] = went[3] - state.belief.bias * dt, AT_REST[2]
         at = state.belief
         spread = at.covariance[:3, :3] + np.diag((sigma * (1 + state.lost)) ** 2)
-        ahead = at.moved(at.t + lasts, compose(at.pose, step), spread)
-        return ahead, Expected(ahead.pose, spread)
+        places = compose(np.broadcast_to(at.pose, steps.shape), steps)
+        far, turn = state.habits.reach
+        half = FARTHER * (1 + state.lost) * far + WINDOW * way
+        turn = max(FARTHER * (1 + state.lost) * turn, WINDOW * sigma[2], ABOUT)
+        window = at.pose, min(half, WIDEST * (1 + far)), min(turn, math.pi)
+        likely = Expected(at.pose, spread, window, places, weights)
+        likely = likely._replace(pose=places[likely.densities(places).sum(axis=1).argmax()])
+        return at.moved(at.t + lasts, likely.pose, spread), likely
     wheels = between(state.moved[:3] - went[:3], state.moved[:3])
     ahead = predicted(state.belief, Step(lasts, wheels, float(went[3])))
     way, turn = math.hypot(wheels[0], wheels[1]), abs(wheels[2])
