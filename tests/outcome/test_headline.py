@@ -12,6 +12,7 @@ from evertwin.correction.spec import CorrectionSpec
 from evertwin.errors import UsageError
 from evertwin.fold import Event
 from evertwin.outcome.headline import first_of_rows, headline
+from evertwin.outcome.open_faults import open_faults
 from evertwin.outcome.open_trial import OpenTrial
 from evertwin.outcome.result import OutputFigures
 from evertwin.signals.spoken import both, spoken
@@ -284,3 +285,18 @@ def test_what_was_changed_counts_from_the_version_before() -> None:
         events = [Event(5, 0, "promoted", "", "", {"version": 2})]
         text = headline(twin.setup, figures(0.029, 0.004), (live, before), events, None)
     assert text.endswith("Changed by itself: gain 0.9 → 0.7.")
+
+
+def test_a_fault_that_was_over_for_a_moment_began_when_it_began() -> None:
+    def told(kind: str, row: int, onset: int) -> Event:
+        evidence = {"cause": "factor", "onset": onset, "end": row}
+        return Event(row, 0, kind, "current", "off by a factor of 1000", evidence)
+
+    events = [
+        told("measurement_error", 7, 0), told("measurement_restored", 1143, 1143),
+        told("measurement_error", 1151, 1150), told("measurement_restored", 1152, 1152),
+        told("measurement_error", 1160, 1153),
+    ]  # fmt: skip
+    assert "since row 0" in open_faults(events)["current"]
+    later = [*events[:2], told("measurement_error", 9000, 8990)]
+    assert "since row 8990" in open_faults(later)["current"]

@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from evertwin.fold import Event
+
+KINDS = ("measurement_error", "measurement_restored")
+SHORT = 0.1
+"""Rows for which a fault seemed over, by those of all of it, where it has only gone on."""
 
 
 def open_faults(events: Sequence[Event]) -> Mapping[str, str]:
@@ -16,15 +21,31 @@ def open_faults(events: Sequence[Event]) -> Mapping[str, str]:
     >>> open_faults([Event(12, 0, "measurement_error", "tau", "frozen", frozen)])
     {}
     """
-    newest = {
-        e.signal: e for e in events if e.kind in ("measurement_error", "measurement_restored")
-    }
     found = {}
-    for signal, event in newest.items():
+    for signal in dict.fromkeys(e.signal for e in events if e.kind in KINDS):
+        own = [e for e in events if e.signal == signal and e.kind in KINDS]
         # one that lasts is told of at its newest row, one that is over at a later one
-        lasts = event.evidence.get("open", event.evidence.get("end") == event.row)
-        if event.kind == "measurement_error" and lasts and event.evidence.get("cause") != "vote":
-            first = event.evidence.get("first", event.evidence.get("onset"))
-            known = " Its first rows are in the figures." if "known" in event.evidence else ""
-            found[signal] = f"{signal} has been in error since row {first}: {event.reason}.{known}"
+        event, told = own[-1], own[-1].evidence
+        lasts = told.get("open", told.get("end") == event.row)
+        if event.kind == "measurement_error" and lasts and told.get("cause") != "vote":
+            known = " Its first rows are in the figures." if "known" in told else ""
+            since = f"since row {_first(own)}"
+            found[signal] = f"{signal} has been in error {since}: {event.reason}.{known}"
     return found
+
+
+def _first(own: Sequence[Event]) -> Any:
+    """First row of the newest fault: what was over for a moment only has gone on."""
+    found: Any = own[-1].evidence
+    first = found.get("first", found.get("onset"))
+    for back, before in zip(reversed(own[:-1]), reversed(own[:-2]), strict=False):
+        error: Any = before.evidence
+        pair = back.kind == "measurement_restored" and before.kind == "measurement_error"
+        if not pair:
+            continue
+        began = error.get("first", error.get("onset"))
+        gap, whole = first - back.row, own[-1].row - began
+        if error.get("cause") != found.get("cause") or gap > SHORT * whole:
+            break
+        first = began
+    return first
