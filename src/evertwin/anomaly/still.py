@@ -34,6 +34,8 @@ class StillState(NamedTuple):
     """Since the one in which each channel changed last."""
     said: Int64[np.ndarray, " channels"]
     """1: it is known not to answer."""
+    asked: Int64[np.ndarray, " channels"]
+    """Rows without a change at which it was to be asked about; 0: not since the newest beat."""
     news: Int64[np.ndarray, " one"]
     """Row after the first since the newest beat that has something for the next; 0: none."""
 
@@ -50,23 +52,26 @@ class Still:
     def init(self, inputs: int) -> StillState:
         """Nothing seen of so many inputs."""
         none = np.zeros(len(self.channels), dtype=np.int64)
-        return StillState(np.full(inputs, np.nan), none, none.copy(), np.zeros(1, dtype=np.int64))
+        news = np.zeros(1, dtype=np.int64)
+        return StillState(np.full(inputs, np.nan), none, none.copy(), none.copy(), news)
 
     def step(self, state: StillState, row: int, u: Inputs) -> StillState:
         """Rows from ``row`` on. Consumes ``state``."""
         if not self.channels or not len(u):
             return state
-        before = np.concatenate([state.last[None], u[:-1]])
         place, first = np.arange(len(u)), len(u)
         for k, columns in enumerate(self.channels):
-            same = (u[:, columns] == before[:, columns]).all(axis=1)
-            changed = np.maximum.accumulate(np.where(same, -1 - state.rows[k], place))
-            rows = place - changed
-            if not same.all():
-                state.said[k] = 0
+            own = u[:, columns]
+            before = np.concatenate([state.last[None, columns], own[:-1]])
+            same = (own == before).all(axis=1)
+            rows = place - np.maximum.accumulate(np.where(same, -1 - state.rows[k], place))
             asked = (rows >= self.least) & (rows % self.least == 0)
             asked &= np.bitwise_count(rows // self.least) == 1
-            if asked.any() and not state.said[k]:
+            if state.said[k]:  # until it changes
+                asked[: int(np.argmin(same)) if not same.all() else len(u)] = False
+                state.said[k] = int(same.all())
+            if asked.any():
+                state.asked[k] = rows[np.flatnonzero(asked)[-1]]
                 first = min(first, int(np.argmax(asked)))
             state.rows[k] = rows[-1]
         state.last[:] = u[-1]
@@ -81,6 +86,6 @@ class Still:
     def beat(self, state: StillState) -> tuple[StillState, tuple[tuple[int, int], ...]]:
         """Channels that are to be asked about, and for how many rows they have not changed.
         Consumes ``state``."""
-        asked = (state.rows >= self.least) & (state.said == 0) & (state.news[0] > 0)
-        state.news[0] = 0
+        asked = (state.asked > 0) & (state.rows >= state.asked)  # it may have moved since
+        state.news[0], state.asked[:] = 0, 0
         return state, tuple((int(k), int(state.rows[k])) for k in np.flatnonzero(asked))

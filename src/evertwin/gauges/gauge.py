@@ -122,6 +122,9 @@ def _plausible(rows: Rows, one: Reading) -> bool:
     usual = np.nanmedian(new, axis=0) * one.factors + one.shifts
     room = 0.5 * (high - low) + 1e-12
     moved = (one.factors != 1.0) | (one.shifts != 0.0)
+    scale = np.abs(one.factors) * np.nanstd(new, axis=0) < VARIES * np.nanstd(old, axis=0)
+    if (moved & scale & (one.shifts == 0.0) & (np.abs(one.factors) < 1.0)).any():
+        return False  # divided by enough anything is nothing
     inside = (low - room <= usual) & (usual <= high + room)
     return bool((inside | ~moved | ~np.isfinite(usual)).all())
 
@@ -144,7 +147,7 @@ def _onset(rows: Rows, one: Reading, first: int) -> int:
     """The row near ``first`` at which the channels jump most, where they do: what is hidden goes
     wrong by each row that is read otherwise than it was recorded."""
     moved = np.flatnonzero((one.factors != 1.0) | (one.shifts != 0.0))
-    steps = np.abs(np.diff(rows.values[:, moved], axis=0))
+    steps = np.abs(rows.steps[:, moved])
     low, high = max(first - NEAR, 0), min(first + NEAR, len(steps))
     if low < LEAST or high <= low:
         return first
@@ -202,9 +205,9 @@ def _jumped(rows: Rows, one: Reading, first: int) -> bool:
     for k in which.tolist():
         y = rows.values[:, k]
         before = y[: near.start]
-        usual = float(np.nanmax(np.abs(np.diff(before)), initial=0.0))
+        usual = float(np.nanmax(np.abs(rows.steps[: near.start - 1, k]), initial=0.0))
         drift = float(np.nanmax(np.abs(before[HELD:] - before[:-HELD]), initial=0.0))
-        steps = np.nan_to_num(np.abs(np.diff(y)))[near.start - 1 : near.stop - 1]
+        steps = np.nan_to_num(np.abs(rows.steps[near.start - 1 : near.stop - 1, k]))
         at = near.start + int(np.argmax(steps))
         left = abs(y[at] * one.factors[k] + one.shifts[k] - y[at - 1])
         least = max(JUMP * usual, drift)

@@ -103,6 +103,14 @@ class Rows:
         sides = [np.concatenate([one.u, one.y], axis=1) for one in self.windows]
         return np.concatenate(sides)
 
+    @cached_property
+    def steps(self) -> Outputs:
+        """What each column changes by to the next row, (n − 1, nu + ny); NaN between recordings."""
+        ends = np.cumsum([len(one.t) for one in self.windows])[:-1]
+        steps = np.diff(self.values, axis=0)
+        steps[ends - 1] = np.nan
+        return steps
+
     def under(self, one: Reading, windows: Windows) -> Outputs:
         """Residual under a reading, in what was recorded, (n, ny)."""
         posed = self.pose(windows)
@@ -139,9 +147,9 @@ class Rows:
         known = names if set(names) <= set(outputs) else outputs  # of a wrong input all is wrong
         return Refused(known, self.row(first), self.row(stop - 1))
 
-    def goes_on(self, first: int, stop: int) -> int:
-        """Number of the first of rows [first, stop), if they are not over, and not all; else −1."""
-        return self.row(first) if stop >= self.count and first >= LEAST else -1
+    def goes_on(self, first: int, stop: int) -> int | None:
+        """Number of the first of rows [first, stop), if they are neither over nor all."""
+        return self.row(first) if stop >= self.count and first >= LEAST else None
 
     def scored(self, place: int) -> np.ndarray:
         """Rows from a place on whose prediction began there: none is from a row before, (n,)."""

@@ -115,7 +115,7 @@ def misread(
             f"{called(newest[0].row)} on: read so, {100 * share:.1f} % of the "
             "squared deviation is gone; nothing is learned from it: correct the twin file or the "
             "recording"
-        ), None, newest[0].row if tuned is None else -1)  # fmt: skip
+        ), None, newest[0].row if tuned is None else None)  # fmt: skip
     return None
 
 

@@ -1,6 +1,6 @@
 """Is a channel off by a constant since a change, as an offset of its sensor would have it?
 
-An output may be; an input that is measured may be, if it jumped as it never had: commands jump.
+An output may be, and an input that jumped as it never had: commands jump as they did.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def _constant(rows: Rows, columns: Sequence[int]) -> SensorChange | None:
         return SensorChange(
             channel.name, 1.0, f"{known}more than tuning does; nothing is learned from it",
             rows.refused((channel.name,), rows.since, rows.stop),
-            rows.goes_on(rows.since, rows.stop) if k < len(rows.setup.model.inputs) else -1,
+            rows.goes_on(rows.since, rows.stop) if k < len(rows.setup.model.inputs) else None,
         )  # fmt: skip
     return SensorChange(channel.name, 1.0, (
         f"{known}and tuning no less: sensor or machine, that cannot be told from these rows; "
@@ -93,7 +93,7 @@ def _constant(rows: Rows, columns: Sequence[int]) -> SensorChange | None:
 
 def _jump(rows: Rows, k: int) -> int:
     """Position at which an input jumped by far more than it ever did; 0: nowhere."""
-    steps = np.nan_to_num(np.abs(np.diff(rows.values[:, k])))
+    steps = np.nan_to_num(np.abs(rows.steps[:, k]))
     place = int(np.argmax(steps)) + 1 if len(steps) else 0
     rest = np.delete(steps, slice(max(place - 1 - HELD, 0), place + HELD))
     if not LEAST <= place <= rows.count - LEAST or len(rest) < LEAST:
@@ -145,7 +145,7 @@ def _with(rows: Rows, k: int, shift: float) -> Outputs:
 def _stepped(rows: Rows, k: int, shift: float) -> bool:
     """Did what is measured jump by the constant where it begins? One that came at once has to;
     one that is lost in the noise from row to row cannot be asked."""
-    steps = np.diff(rows.values[:, k])
+    steps = rows.steps[:, k]
     usual = steps[: max(rows.since - NEAR, 0)]
     if np.count_nonzero(np.isfinite(usual)) < LEAST:
         return True

@@ -38,8 +38,8 @@ class SensorChange(NamedTuple):
     said: str
     refused: Refused | None = None
     """Rows that are left out from now on; None: they are asked about again."""
-    since: int = -1
-    """Row since which it goes on, which only rows from before can tell; −1: any rows tell it."""
+    since: int | None = None
+    """Row since which it goes on, which only rows from before can tell; None: any rows tell it."""
 
 
 def since_change(deviation: Outputs) -> int:

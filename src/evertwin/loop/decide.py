@@ -24,7 +24,7 @@ from evertwin.loop.heeding import heed
 from evertwin.loop.in_stream import tell_followed
 from evertwin.loop.looking import adopted, in_vain, looks, returned
 from evertwin.loop.requirement import deviates, heard
-from evertwin.loop.succession import in_doubt, makes_room, opening
+from evertwin.loop.succession import driven, in_doubt, makes_room, opening
 from evertwin.loop.unanswered import unanswered
 from evertwin.models.form import Form
 from evertwin.refit.states import tried
@@ -82,6 +82,7 @@ class Decide:
         setup = self.follow.setup
         calm = not setup.external.on(state.external)
         calm = calm and setup.kinematics.since(state.kinematics) < 0
+        calm = calm and not state.still.said.any()
         idle = idle and not setup.spec.tuning.states and state.stream == ()
         return idle and calm and detect.quiet(state.detect) and self.follow.here(state)
 
@@ -109,7 +110,7 @@ class Decide:
         state = state._replace(other=self.follow.beside(state.live, number))
         state = self._live(state, number, EMPTY, first)
         agenda = state.agenda._replace(
-            phase=WATCH, again=0, doubt=-1, versions=max(state.agenda.versions, number + 1)
+            phase=WATCH, again=0, doubt="", versions=max(state.agenda.versions, number + 1)
         )
         return state._replace(agenda=agenda)
 
@@ -135,7 +136,8 @@ class Decide:
             last = 0 < again <= state.row - min(setup.window("fit"), setup.enough)
             again = 0 if last or reason == "" else again
             held = reason == ""
-            doubt = -1 if held else agenda.doubt
+            over = held and bool(agenda.doubt) and driven(setup, decision.state.ring)
+            doubt = "" if over else agenda.doubt
             decision.remember(
                 again=again, held=agenda.held or held, commissioned=agenda.commissioned or held,
                 doubt=doubt,

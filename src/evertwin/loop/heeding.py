@@ -34,9 +34,9 @@ def heed(follow: Follow, state: TwinState, said: Event) -> tuple[TwinState, tupl
         changed += _anew(decision, told["rows"][0], again=True)
     elif told["verdict"] == "false alarm" and told["kind"] in ("suspected", "drift", "abnormal"):
         changed += _mistaken(follow, decision, told)
-    if state.agenda.doubt >= 0 and told["verdict"] in ("cause", "faulty", "false alarm"):
-        decision.remember(doubt=-1)
-        changed.append("the channel that was in doubt is so no longer")
+    if state.agenda.doubt and told["verdict"] in ("cause", "faulty", "false alarm"):
+        decision.remember(doubt="")
+        changed.append(f"{state.agenda.doubt} is in doubt no longer")
     if not changed:
         return decision.state, ()
     evidence = {key: told[key] for key in ("event", "verdict", "rows", "cause") if key in told}

@@ -9,10 +9,14 @@ import numpy as np
 
 from evertwin.loop.decision import Decision
 from evertwin.loop.follow import EMPTY
+from evertwin.rows.ring import Rows
 from evertwin.setup.setup import Setup
 from evertwin.setup.twin_state import PROBATION, TRIAL, WATCH, TwinState
 from evertwin.trial.gate import GateState
 from evertwin.types import Vector
+
+VARIES = 0.3
+"""Spread of an input by which the machine is driven, at least [of its usual one]."""
 
 
 class Opening(NamedTuple):
@@ -59,16 +63,28 @@ def in_doubt(decision: Decision, content: Mapping[str, Any]) -> Mapping[str, Any
     live version fits again, or a person says what it was.
     """
     agenda, number = decision.state.agenda, decision.state.other.version
-    if not content.get("sensor"):
-        return {"events": []} if agenda.doubt >= 0 else content
+    channel = content.get("sensor", "")
+    if agenda.doubt and channel != agenda.doubt:  # nor is it another one that is accused
+        return {"events": []}
+    if not channel:
+        return content
     if agenda.phase == TRIAL and not agenda.pinned and agenda.brief < 0.0:
-        said = f"version {number} was learned from rows in which {content['sensor']} is in doubt"
+        said = f"version {number} was learned from rows in which {channel} is in doubt"
         decision.say("rejected", "", said, {"version": number})
         decision.state = decision.state._replace(other=EMPTY)
         decision.remember(phase=WATCH)
     over = content.get("refused") is not None
-    decision.remember(doubt=-1 if over else max(agenda.doubt, content["doubt"]))
+    decision.remember(doubt="" if over or not (agenda.doubt or content["lasts"]) else channel)
     return content
+
+
+def driven(setup: Setup, rows: Rows) -> bool:
+    """Do inputs vary on the newest rows as they usually do? At rest a fault does not show."""
+    kept = np.arange(max(rows.first, rows.end - len(rows.t)), rows.end) % len(rows.t)
+    u = rows.u[kept]
+    known = np.isfinite(u).any(axis=0)
+    usual, now = np.nanstd(u[:, known], axis=0), np.nanstd(u[-setup.enough :, known], axis=0)
+    return bool((now >= VARIES * usual)[usual > 0.0].any())
 
 
 def makes_room(setup: Setup, decision: Decision) -> None:

@@ -1,4 +1,4 @@
-"""Measured inputs that no longer answer: nothing that seems to act on the machine is told by them.
+"""Measured inputs that no longer answer: what seems to act on the machine then is none of it.
 
 An output that goes by how its machine moves varies as if it moved, by what nothing else explains,
 while the position or speed by which that is known has not changed in the least: its sensor no
@@ -15,6 +15,7 @@ import numpy as np
 
 from evertwin.ledger.versions import Versions
 from evertwin.loop.decision import Decision
+from evertwin.loop.disturbances import forget
 from evertwin.models.batch import mapped
 from evertwin.rows.channels import measured
 from evertwin.rows.ring import Rows, called
@@ -23,8 +24,9 @@ from evertwin.types import Outputs, Vector
 
 LEAST = 30
 """Rows that tell how much an output usually varies."""
-DRIVEN = 0.5
-"""How much an output varies from which on its machine is driven [of when it moves]."""
+DRIVEN = 0.15
+"""How much an output varies from which on its machine is driven, at rest in between or not [of when
+it moves]."""
 NOISE = 3.0
 """The same [of what differs from row to row; of when it stood before]."""
 
@@ -34,14 +36,18 @@ def unanswered(decision: Decision, setup: Setup, versions: Versions) -> bool:
     state = decision.state
     still, asked = setup.still.beat(state.still)
     decision.state = state._replace(still=still)
+    agenda = state.agenda
     for k, count in asked:
         columns = setup.still.channels[k]
         version = versions[state.live.version]
         predict = partial(mapped, versions.model(version.number), p=version.p)
-        outputs = _driven(setup, state.ring, columns, count, predict)
+        outputs = _driven(setup, state.ring, columns, count, predict) if agenda.commissioned else []
         if not outputs:
             continue
         still.said[k] = 1
+        first = max(state.row - count - 1, state.ring.end - len(state.ring.t), 0)
+        setup.ring.leave_out(state.ring, first, state.row - 1)
+        forget(decision)
         channels = measured(setup.spec, setup.model.inputs).items()
         name = next(name for name, (own, _) in channels if tuple(own) == columns)
         said = (
@@ -50,7 +56,10 @@ def unanswered(decision: Decision, setup: Setup, versions: Versions) -> bool:
             "answers, or the machine is held; nothing is learned from it"
         )
         decision.say("abnormal", name, said, {"number": 0.0, "since": state.row - count - 1})
-    return bool(still.said.any())
+    if not still.said.any():
+        return False
+    decision.remember(open=0, since=state.row)
+    return True
 
 
 def _driven(

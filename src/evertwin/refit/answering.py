@@ -33,7 +33,7 @@ def of_a_sensor(found: SensorChange, *events: dict[str, Any]) -> dict[str, Any]:
     said = event("abnormal", found.channel, found.said, {"number": found.number})
     return {
         "events": [*events, said], "sensor": found.channel, "refused": found.refused,
-        "doubt": found.since,
+        "lasts": found.since is not None,
     }  # fmt: skip
 
 

@@ -67,13 +67,13 @@ class Tuner:
                 problem, fit, _ = self.tune(self.problem(version, early, names))
             except (DataError, ModelError):  # they tell nothing of it
                 break
-            if self._holds(problem, fit.values):
+            if self.holds(problem, fit.values):
                 found = dict(zip(fit.names, fit.values.tolist(), strict=True))
                 own = zip(version.names, version.values, strict=True)
                 return replace(version, values=tuple(found.get(name, old) for name, old in own))
         return version
 
-    def _holds(self, problem: Problem, values: Vector) -> bool:
+    def holds(self, problem: Problem, values: Vector) -> bool:
         """Is what is watched within the requirement?"""
         on = self.setup.watched
         off = rms(np.where(problem.rows.used, problem.residuals(values), np.nan)[:, on])

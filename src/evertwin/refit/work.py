@@ -21,6 +21,7 @@ from evertwin.fold import plain
 from evertwin.gauges.change import changed, split, suddenly
 from evertwin.gauges.gauge import at_once, misgauged, silent
 from evertwin.gauges.misread import misread
+from evertwin.gauges.stuck import stuck
 from evertwin.ledger.versions import Versions
 from evertwin.machines.friction.resisting import not_physical
 from evertwin.models import Model
@@ -188,7 +189,8 @@ class Work(Tuner):
             if other:
                 return of_a_sensor(other, *events) | since
         if commissioned and (verdict.kind == "abnormal" or explained(fit, fit.noise) >= MUCH):
-            other = misgauged(self.rows(task, problem, fit))
+            held = not self.holds(problem, fit.values) and stuck(self.setup, task.windows)
+            other = held or misgauged(self.rows(task, problem, fit))
             if other:  # the rows before it go on to tell how it was
                 return of_a_sensor(other, *events)
         if few is not None:
@@ -288,7 +290,7 @@ class Work(Tuner):
         version, windows, names = task.version, task.windows, self.editable(task.version)
         if task.commissioned:
             model = self.versions.model_of(version.form)
-            other = misread(self.setup, model, version.p, windows)
+            other = stuck(self.setup, windows) or misread(self.setup, model, version.p, windows)
             if other is None and names:
                 other = silent(
                     self.rows(task, *self.tune(self.problem(version, windows, names))[:2])

@@ -117,8 +117,8 @@ class Agenda(NamedTuple):
     """Elapsed time at which the trial began [ns]; not above 0: in a run before."""
     followed: int = 0
     """Elapsed time at which it was last said what is followed in the stream [ns]."""
-    doubt: int = -1
-    """Row since which a channel is in doubt that rows alone do not tell of; −1: none is."""
+    doubt: str = ""
+    """Channel in doubt by rows from before, which newer ones do not tell of; empty: none."""
     cause: str = ""
     """Cause that a person named: it is tried first at the next tuning."""
     pinned: bool = False
