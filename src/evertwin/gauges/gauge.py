@@ -19,7 +19,6 @@ At rest nothing is claimed: a hypothesis has to explain a deviation.
 
 from __future__ import annotations
 
-import warnings
 from itertools import pairwise
 
 import numpy as np
@@ -28,7 +27,7 @@ from evertwin.correction.improve import TooFew
 from evertwin.gauges.gauge_rows import LEAST, Rows
 from evertwin.gauges.misread import ALIKE, Reading, misread, readings, recorded
 from evertwin.gauges.offset import HELD, NEAR, offset
-from evertwin.gauges.sensor_change import SensorChange, since_change
+from evertwin.gauges.sensor_change import SensorChange, since_change, unmeasured
 from evertwin.gauges.unit_change import unit_change
 from evertwin.models import Model
 from evertwin.models.kernel import CONTINUE
@@ -81,7 +80,7 @@ def at_once(
         return None, error
 
 
-@np.errstate(all="ignore")
+@unmeasured()
 def misgauged(rows: Rows) -> SensorChange | None:
     """What became of a channel, and is not to be learned; None: it is the machine.
 
@@ -228,6 +227,7 @@ def _restored(rows: Rows, one: Reading, after: Outputs, known: np.ndarray) -> bo
     return bool((new[np.isfinite(new)] <= RESTORED * old[np.isfinite(new)]).all())
 
 
+@unmeasured()
 def silent(rows: Rows) -> SensorChange | None:
     """An output that stays where it is though the machine is predicted to move as before."""
     model = rows.setup.model
@@ -300,8 +300,7 @@ def _driven(rows: Rows, now: Bools) -> bool:
     """Do inputs vary on these rows as they do elsewhere? Else a model that is off expects motion
     of a machine that has come to rest."""
     u = rows.values[:, : len(rows.setup.model.inputs)]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # an input that nobody measured
+    with unmeasured():
         usual, here = np.nanstd(u, axis=0), np.nanstd(u[now], axis=0)
     return bool(((usual > 0.0) & (here > VARIES * usual)).any())
 

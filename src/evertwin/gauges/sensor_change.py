@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +14,14 @@ from evertwin.types import Outputs
 
 LEAST = 16
 """Rows on either side of a change."""
+
+
+@contextmanager
+def unmeasured() -> Iterator[None]:
+    """A column that nobody measured, or that has no row, is no warning."""
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        yield
 
 
 class Refused(NamedTuple):

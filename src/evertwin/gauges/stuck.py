@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from evertwin.gauges.sensor_change import SensorChange
+from evertwin.gauges.sensor_change import SensorChange, unmeasured
 from evertwin.rows.ring import called
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Windows
 from evertwin.types import Vector
 
-LONGER = 3.0
+LONGER = 2.0
 """Rows without a change, by those of the longest time without one before."""
 LEAST = 30
 """Rows without a change, at least."""
@@ -62,6 +62,6 @@ def _since(values: Vector) -> tuple[int, int]:
 
 def _moves(setup: Setup, y: np.ndarray, first: int) -> bool:
     """Does a watched output vary as it did before?"""
-    with np.errstate(all="ignore"):
+    with unmeasured():
         now, before = (np.nanstd(part[:, setup.watched], axis=0) for part in (y[first:], y[:first]))
     return bool((now >= MOVES * before).any())

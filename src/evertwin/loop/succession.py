@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from evertwin.gauges.sensor_change import unmeasured
 from evertwin.loop.decision import Decision
 from evertwin.loop.follow import EMPTY
 from evertwin.rows.ring import Rows
@@ -82,8 +83,8 @@ def driven(setup: Setup, rows: Rows) -> bool:
     """Do inputs vary on the newest rows as they usually do? At rest a fault does not show."""
     kept = np.arange(max(rows.first, rows.end - len(rows.t)), rows.end) % len(rows.t)
     u = rows.u[kept]
-    known = np.isfinite(u).any(axis=0)
-    usual, now = np.nanstd(u[:, known], axis=0), np.nanstd(u[-setup.enough :, known], axis=0)
+    with unmeasured():
+        usual, now = np.nanstd(u, axis=0), np.nanstd(u[-setup.enough :], axis=0)
     return bool((now >= VARIES * usual)[usual > 0.0].any())
 
 

@@ -21,6 +21,7 @@ from evertwin.fold import plain
 from evertwin.gauges.change import changed, split, suddenly
 from evertwin.gauges.gauge import at_once, misgauged, silent
 from evertwin.gauges.misread import misread
+from evertwin.gauges.sensor_change import SensorChange
 from evertwin.gauges.stuck import stuck
 from evertwin.ledger.versions import Versions
 from evertwin.machines.friction.resisting import not_physical
@@ -189,8 +190,7 @@ class Work(Tuner):
             if other:
                 return of_a_sensor(other, *events) | since
         if commissioned and (verdict.kind == "abnormal" or explained(fit, fit.noise) >= MUCH):
-            held = not self.holds(problem, fit.values) and stuck(self.setup, task.windows)
-            other = held or misgauged(self.rows(task, problem, fit))
+            other = self._of_a_channel(task, problem, fit)
             if other:  # the rows before it go on to tell how it was
                 return of_a_sensor(other, *events)
         if few is not None:
@@ -217,6 +217,12 @@ class Work(Tuner):
             said = acting(chosen, problem, fit).said
             content["candidate"] = found and found | {"reason": found["reason"] + said}
         return content | since
+
+    def _of_a_channel(self, task: Task, problem: Problem, fit: Fit) -> SensorChange | None:
+        """What became of a channel; an input that never changes is one only where tuning fails."""
+        held = self.holds(problem, fit.values)
+        silent_input = None if held else stuck(self.setup, task.windows)
+        return silent_input or misgauged(self.rows(task, problem, fit))
 
     def _named(
         self, verdict: Verdict, version: Version, problem: Problem, events: list[dict[str, Any]]

@@ -1,0 +1,60 @@
+"""A command that no longer changes: its signal is gone, or it is held."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evertwin import FunctionModel, Layout, RunResult, Twin, TwinSpec
+from evertwin.anomaly.spec import AnomalySpec
+from evertwin.config.spec import ModelSpec, PredictionSpec, Span
+from evertwin.models import Parameters
+from evertwin.tuning.spec import TuningSpec
+
+AT, ROWS = 1500, 3000
+
+
+def step(x: Any, u: Any, dt: float, p: Any) -> tuple[Any, Any]:
+    speed = x[0] + dt * (p[0] * u[0] - p[1] * x[0])
+    return [speed], [speed]
+
+
+def driven(gain: float, *, frozen: bool, held: bool) -> RunResult:
+    """A belt by steps of current, ``gain`` times as strong from AT on; there the recorded current
+    freezes, or the true one is held."""
+    rng, x = np.random.default_rng(2), 0.0
+    true = np.repeat(rng.uniform(2.0, 9.0, ROWS // 10), 10)
+    if held:
+        true[AT:] = true[AT]
+    y = np.empty(ROWS)
+    for k in range(ROWS):
+        x += 0.1 * ((gain if k >= AT else 1.0) * 0.15 * true[k] - 0.5 * x)
+        y[k] = x
+    u = np.where(frozen & (np.arange(ROWS) >= AT), true[AT], true)
+    given = Parameters.of(push=(0.15, "m/s^2/A"), viscous=(0.5, "1/s"))
+    model = FunctionModel(step, Layout.of(i="A"), Layout.of(v="m/s"), Layout.of(v="m/s"), given)
+    spec = TwinSpec(
+        "belt", ModelSpec("given"), anomaly=AnomalySpec(requirement=0.05, window=Span(200)),
+        prediction=PredictionSpec(horizon=1.0), tuning=TuningSpec(window=Span(1000)),
+        beat=Span(20),
+    )  # fmt: skip
+    with Twin(spec, model) as twin:
+        noisy = y + 0.01 * rng.normal(size=ROWS)
+        return twin.run({"t": 0.1 * np.arange(ROWS), "i": u, "v": noisy})
+
+
+def test_a_current_that_froze_is_named_and_nothing_is_learned() -> None:
+    result = driven(1.0, frozen=True, held=False)
+    told = [e for e in result.of_kind("abnormal") if e.signal == "i"]
+    assert told and "i has not changed since row 1501" in told[0].reason
+    assert told[0].row < AT + 500 and not result.of_kind("promoted")
+    assert "has not changed" in result.headline
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_a_command_may_be_held_while_a_belt_gets_weaker(held: bool) -> None:
+    result = driven(0.6, frozen=False, held=held)
+    assert not [e for e in result.events if e.signal == "i"]
+    assert held or result.of_kind("promoted")
