@@ -148,8 +148,8 @@ class Rows:
         return Refused(known, self.row(first), self.row(stop - 1))
 
     def goes_on(self, first: int, stop: int) -> int | None:
-        """Number of the first of rows [first, stop), if they are neither over nor all."""
-        return self.row(first) if stop >= self.count and first >= LEAST else None
+        """Number of the first of rows [first, stop), if they are not over."""
+        return self.row(first) if stop >= self.count else None
 
     def scored(self, place: int) -> np.ndarray:
         """Rows from a place on whose prediction began there: none is from a row before, (n,)."""
