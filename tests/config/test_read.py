@@ -192,7 +192,7 @@ def test_files_are_found_beside_the_twin_file(
         ["p.csv"],
     ]
     monkeypatch.setenv("PLACE", "elsewhere")
-    with pytest.raises(DataError, match=r"no such file; named in source\[1\] of axis"):
+    with pytest.raises(DataError, match=r"no such file: correct .*source\[1\]"):
         files_of(twin)
 
 

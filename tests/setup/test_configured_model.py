@@ -57,5 +57,5 @@ def test_a_model_in_a_python_file() -> None:
 def test_a_python_file_that_is_not_there_or_holds_no_model(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"no Python file 'tank\.py' beside the twin file"):
         model_of(python(tmp_path / "tank.py"))
-    with pytest.raises(ConfigError, match="expected a model called 'tank', got None"):
+    with pytest.raises(ConfigError, match="expected a model called 'tank'; there are model"):
         model_of(python(TEMPLATE, "tank"))
