@@ -68,7 +68,7 @@ def run(data: Columns, **more: Any) -> RunResult:
 
 CASES = [
     pytest.param(turned("w"), "the sign of w looks turned", id="turn"),
-    pytest.param(turned("v"), "the sign of x and y looks turned", id="forward"),
+    pytest.param(turned("v"), "the sign of v looks turned", id="forward"),
     pytest.param(turned("heading"), "the sign of heading looks turned", id="heading"),
     pytest.param(exchanged("x", "y"), "x and y look exchanged", id="columns"),
     pytest.param(exchanged("v", "w"), "v and w look exchanged", id="commands"),

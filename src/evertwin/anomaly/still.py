@@ -29,7 +29,7 @@ class StillState(NamedTuple):
     """
 
     last: Float64[np.ndarray, " nu"]
-    """The newest inputs."""
+    """The newest measured inputs."""
     rows: Int64[np.ndarray, " channels"]
     """Since the one in which each channel changed last."""
     said: Int64[np.ndarray, " channels"]
@@ -61,8 +61,13 @@ class Still:
             return state
         place, first = np.arange(len(u)), len(u)
         for k, columns in enumerate(self.channels):
-            own = u[:, columns]
-            before = np.concatenate([state.last[None, columns], own[:-1]])
+            before, own = state.last[None, columns], u[:, columns]
+            known = np.where(np.isfinite(own), place[:, None] + 1, 0)
+            own = np.take_along_axis(
+                np.concatenate([before, own]), np.maximum.accumulate(known, axis=0), axis=0
+            )  # what is missing is what it was
+            state.last[list(columns)] = own[-1]
+            before = np.concatenate([before, own[:-1]])
             same = (own == before).all(axis=1)
             rows = place - np.maximum.accumulate(np.where(same, -1 - state.rows[k], place))
             asked = (rows >= self.least) & (rows % self.least == 0)
@@ -74,7 +79,6 @@ class Still:
                 state.asked[k] = rows[np.flatnonzero(asked)[-1]]
                 first = min(first, int(np.argmax(asked)))
             state.rows[k] = rows[-1]
-        state.last[:] = u[-1]
         if first < len(u) and not state.news[0]:
             state.news[0] = row + first + 1
         return state

@@ -10,9 +10,9 @@ the same rows, so each is judged as the fit is, in what was recorded:
   below two, an input), tuning has to do clearly worse;
 * a sensor that *no longer answers* stays where it is while the machine is predicted to move as it
   did before, when it answered;
-* an *offset* has one number. It and the fit learn it on the first rows, and are compared on the
-  rest, block by block: who is better there is believed. Where neither is, it cannot be told, and
-  nothing is learned until it can.
+* an *offset* of an output, or of an input that jumped, has one number. It and the fit learn it on
+  the first rows, and are compared on the rest, block by block: who is better there is believed.
+  Where neither is, it cannot be told, and nothing is learned until it can.
 
 At rest nothing is claimed: a hypothesis has to explain a deviation.
 """

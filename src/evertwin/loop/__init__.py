@@ -1,5 +1,5 @@
-"""The fold of a whole twin: driver, state, decisions, slow work, ledger, result. The only room that
-knows all stages."""
+"""The fold of a whole twin: the driver, what it decides at each beat, runs on recordings and live
+ones. The only room that knows all stages."""
 
 from __future__ import annotations
 

@@ -33,6 +33,9 @@ from evertwin.setup.deviation import new_sums
 from evertwin.setup.scores import new_scores
 from evertwin.setup.twin_state import PROBATION, TRIAL, WATCH, TwinState
 
+PATIENT = 4
+"""So many pauses from one fit to the next while a channel is in doubt."""
+
 
 @dataclass(frozen=True)
 class Decide:
@@ -265,6 +268,8 @@ class Decide:
         elif agenda.kind != "refine":
             setup = self.follow.setup
             pause = setup.latency if waits else setup.holdoff
+            if decision.state.agenda.doubt:  # all that is asked of it is whether it is over
+                pause *= PATIENT
             decision.remember(hold=decision.state.row + pause)
 
     def _challenge(self, decision: Decision, candidate: Mapping[str, Any]) -> None:

@@ -55,14 +55,15 @@ class Tuner:
         )  # fmt: skip
 
     def begun(self, version: Version, windows: Windows) -> Version:
-        """A version that held, with where states that nothing measures began in these windows, by
-        as many of the first rows as it holds on: what it says of that is of other rows."""
+        """A version that held, with where states that nothing measures began in the first of these
+        windows, by as many of its rows as it holds on: what it says of that is of other rows."""
         names = tuple(n for n in self.editable(version) if n in initials(self.setup.model))
         count = sum(len(block.t) for block in windows)
-        for part in FIRST if names else ():
-            early = split(windows, min(round(part * count), count - self.setup.enough))[0]
-            if sum(len(block.t) for block in early) < LEAST:
+        first = min(len(windows[0].t) if windows else 0, count - self.setup.enough)
+        for rows in (round(part * first) for part in FIRST if names):
+            if rows < LEAST:
                 break
+            early = split(windows, rows)[0]
             try:
                 problem, fit, _ = self.tune(self.problem(version, early, names))
             except (DataError, ModelError):  # they tell nothing of it

@@ -1,8 +1,9 @@
 """Slow work: what a request asks for, computed from a window of rows. Pure, so replay is exact.
 
-``fit``: tune what may be tuned, then ask whether the parameters had moved (normal) or the form is
-wrong (abnormal). ``correct``: search for terms that make up for the form. Either may end in a
-candidate, which then has to prove itself on data that this work has not seen.
+``state`` and ``refine``: what came or went as a named, reversible state. ``fit``: tune what may be
+tuned, then ask whether the parameters had moved (normal) or the form is wrong (abnormal).
+``correct``: search for terms that make up for the form. Each may end in a candidate, which then has
+to prove itself on data that this work has not seen.
 """
 
 from __future__ import annotations
@@ -293,7 +294,9 @@ class Work(Tuner):
     def correct(self, task: Task) -> dict[str, Any]:
         """Searches for terms on top of the version's form: of one that held, on the rows since it
         suddenly did not, if that pays; a form for both machines is one for neither."""
-        version, windows, names = task.version, task.windows, self.editable(task.version)
+        windows, names = task.windows, self.editable(task.version)
+        version = self.begun(task.version, windows) if task.held else task.version
+        task = task._replace(version=version)
         if task.commissioned:
             model = self.versions.model_of(version.form)
             other = stuck(self.setup, windows) or misread(self.setup, model, version.p, windows)

@@ -78,12 +78,14 @@ def count_usual(inputs: Any, counts: Any, u: Any, i: int) -> bool:
 
 @njit(**COLD)
 def risen_by(value: float, before: float) -> float:
-    """The factor of a change of units between a value and the one before; 0: none."""
+    """The nearest factor of a change of units between a value and the one before; 0: none."""
+    found, least = 0.0, ALIKE
     if before != 0.0:
         for c in range(at.FACTORS.shape[0] - 1):
-            if abs(value / before / at.FACTORS[c] - 1.0) <= ALIKE:
-                return float(at.FACTORS[c])
-    return 0.0
+            away = abs(value / before / at.FACTORS[c] - 1.0)
+            if away <= least:
+                found, least = float(at.FACTORS[c]), away
+    return found
 
 
 @njit(**COLD)

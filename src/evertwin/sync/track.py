@@ -103,6 +103,12 @@ class TrackState(NamedTuple):
         return self.numbers[:, at.UPDATES]
 
     @property
+    def divides(self) -> bool:
+        """Is an input taken divided by a factor that was told of?"""
+        told = (self.ranges[:, at.BY] != 0.0) & (self.beliefs[:, at.SAID] != 0)
+        return bool((told & (self.beliefs[:, at.DOUBTED] > 0)).any())
+
+    @property
     def resets(self) -> Int64[np.ndarray, " ng"]:
         """Overrulings per group."""
         return self.numbers[:, at.RESETS]
