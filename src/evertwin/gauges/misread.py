@@ -24,7 +24,7 @@ from evertwin.fold import Block, Mark, take
 from evertwin.gauges.sensor_change import SensorChange, since_change
 from evertwin.gauges.unlike import Changes, changes
 from evertwin.models import Model
-from evertwin.rows.channels import recorded_as
+from evertwin.rows.channels import unit_recorded
 from evertwin.rows.ring import called
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Windows
@@ -174,10 +174,8 @@ def readings(model: Model, units: Sequence[str]) -> Iterator[Reading]:
 
 def recorded(setup: Setup) -> tuple[str, ...]:
     """Unit that each input, then each output, is recorded in; empty where nobody says so."""
-    spec, model = setup.spec, setup.model
-    units = {name: c.unit for source in spec.source for name, c in source.channels.items()}
-    names = (*model.inputs.names, *model.outputs.names)
-    return tuple(units.get(recorded_as(spec, name), "") for name in names)
+    names = (*setup.model.inputs.names, *setup.model.outputs.names)
+    return tuple(unit_recorded(setup.spec, name) for name in names)
 
 
 def _mistakes(channel: Channel, unit: str) -> Iterator[Mistake]:

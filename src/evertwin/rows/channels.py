@@ -55,6 +55,33 @@ def measured_as(spec: TwinSpec, name: str) -> str:
     return found
 
 
+SAME = {"filter", "middle", "mean", "unwrap"}
+"""What is computed in the unit of what it is computed of."""
+
+
+def unit_recorded(spec: TwinSpec, name: str) -> str:
+    """The unit in which the twin file says that a channel of the model is recorded, directly or as
+    what it is computed of; empty where nobody says so.
+
+    >>> from evertwin.config.spec import ModelSpec
+    >>> from evertwin.sources.spec import SourceSpec
+    >>> from evertwin.sync.spec import DeriveSpec
+    >>> logger = SourceSpec("logger", channels={n: ChannelSpec(n, unit="degC") for n in ("a", "b")})
+    >>> box = DeriveSpec(name="box", op="mean", source=("a", "b"))
+    >>> oven = TwinSpec("oven", ModelSpec("thermal"), source=(logger,), derive=(box,))
+    >>> unit_recorded(oven, "box")
+    'degC'
+    """
+    told = {n: c.unit for source in spec.source for n, c in source.channels.items()}
+    made = {one.name: one for one in spec.derive}
+    names, left = {recorded_as(spec, name)}, set(made)
+    while todo := [n for n in names & left if made[n].op in SAME]:
+        left -= set(todo)  # a channel may be filtered under its own name
+        names = (names - set(todo)).union(*(made[n].source for n in todo))
+    units = {"" if n in left else told.get(n, "") for n in names}
+    return units.pop() if len(units) == 1 else ""
+
+
 def measured(spec: TwinSpec, layout: Layout) -> dict[str, tuple[list[int], str]]:
     """Each recorded channel that channels of a layout are proportional to: their columns, and its
     unit."""
