@@ -93,11 +93,12 @@ def misgauged(rows: Rows) -> SensorChange | None:
 def _reading(rows: Rows) -> SensorChange | None:
     found = []
     for one in readings(rows.setup.model, recorded(rows.setup)):
-        if one.exchanged or not (_plausible(rows, one) and _helps(rows, one)):
+        likely = not one.exchanged and _plausible(rows, one, rows.since, rows.count)
+        if not (likely and _helps(rows, one)):
             continue
         first, stop = _span(rows, one)
         first = _onset(rows, one, first)
-        left = _left(rows, one, first, stop)
+        left = _plausible(rows, one, first, stop) and _left(rows, one, first, stop)
         if left:
             found.append((left, first, stop, one))
     if not found:
@@ -112,15 +113,20 @@ def _reading(rows: Rows) -> SensorChange | None:
     ), rows.refused(best.channels, first, stop), rows.goes_on(first, stop))  # fmt: skip
 
 
-def _plausible(rows: Rows, one: Reading) -> bool:
-    """Undone, do the channels lie where they lay before?"""
-    if rows.since < LEAST:
+def _plausible(rows: Rows, one: Reading, first: int, stop: int) -> bool:
+    """Undone on rows [first, stop), do the channels lie where they lie on the others?"""
+    apart = np.ones(rows.count, dtype=np.bool_)
+    apart[max(first - NEAR, 0) : stop + NEAR] = False
+    if np.count_nonzero(apart) < LEAST:
         return True
-    old, new = rows.values[: rows.since], rows.values[rows.since :]
+    old, new = rows.values[apart], rows.values[first:stop]
     low, high = np.nanmin(old, axis=0), np.nanmax(old, axis=0)
     usual = np.nanmedian(new, axis=0) * one.factors + one.shifts
     room = 0.5 * (high - low) + 1e-12
     moved = (one.factors != 1.0) | (one.shifts != 0.0)
+    levels = [np.isin(new[:, k], old[:, k]).all() for k in np.flatnonzero(moved)]
+    if any(levels) and (one.factors > 0.0).all():
+        return False  # in another unit a command would have other levels
     scale = np.abs(one.factors) * np.nanstd(new, axis=0) < VARIES * np.nanstd(old, axis=0)
     if (moved & scale & (one.shifts == 0.0) & (np.abs(one.factors) < 1.0)).any():
         return False  # divided by enough anything is nothing

@@ -109,7 +109,7 @@ def without_noise(problem: Problem, values: Vector, free: Bools, sigma: PerOutpu
         free: parameters that were searched for, (k,).
         sigma: noise of each output's residual, (ny,).
     """
-    low, high = problem.bounds
+    (low, high), before = problem.bounds, values
     for _ in range(ROUNDS):
         adds = noisy(problem, values, sigma)
         if adds is None:
@@ -120,9 +120,11 @@ def without_noise(problem: Problem, values: Vector, free: Bools, sigma: PerOutpu
         score = np.einsum("iok,io->k", j, r) + adds.score
         score -= problem.information * (values - problem.start)
         whole = np.einsum("iok,iol->kl", j, j) + np.diag(problem.information)
+        if not (np.isfinite(whole).all() and np.isfinite(score).all()):
+            return before  # the step led to where the model diverges
         basis = _told(whole, free & (values > low) & (values < high))
         step = basis @ (basis.T @ score)
-        values = np.clip(values + step, low, high)
+        before, values = values, np.clip(values + step, low, high)
         if step @ whole @ step < NOTHING**2:
             break
     return values
