@@ -44,18 +44,21 @@ editable = ["heater_power", "box_capacity", "box_conductance", "heater_start"]
 """
 
 
-def fired(loss: float = 1.0) -> dict[str, np.ndarray]:
-    """Five seconds a row, by a thermostat; it loses so many times as much heat from AT on."""
+def fired(loss: float = 1.0, power: float | None = None) -> dict[str, np.ndarray]:
+    """Five seconds a row, by a thermostat; from AT on it loses so many times as much heat. With a
+    ``power``: switched at random, and from AT on with so many times the heat."""
     rng, box, heater, on, point = np.random.default_rng(3), 25.0, 25.0, 0.0, 50.0
+    switched = np.repeat(np.random.default_rng(4).integers(0, 2, ROWS // 10), 10).astype(float)
     data = np.empty((ROWS, 4))
     for k in range(ROWS):
         point = rng.uniform(40.0, 80.0) if k % 150 == 0 else point
         on = 1.0 if box < point - 0.6 else 0.0 if box > point + 0.6 else on
+        on = on if power is None else switched[k]
         data[k] = 5.0 * k, on, 20.0, box
-        g = 8.0 * (loss if k >= AT else 1.0)
+        g, most = (8.0 * loss, 900.0 * (power or 1.0)) if k >= AT else (8.0, 900.0)
         for _ in range(10):
             heat = 200.0 * (heater - box)
-            heater += 0.5 * (900.0 * on - heat) / 200.0
+            heater += 0.5 * (most * on - heat) / 200.0
             box += 0.5 * (heat - g * (box - 20.0)) / 8000.0
     data[:, 3] += rng.normal(0.0, 0.05, ROWS)
     return dict(zip(("t", "heater", "room", "box"), data.T, strict=True))
@@ -97,6 +100,15 @@ def test_a_kiln_that_loses_more_heat_is_tuned(tmp_path: Path) -> None:
     result = lived(tmp_path, fired(loss=1.5))
     assert result.of_kind("promoted")
     assert not [e for e in result.of_kind("abnormal") if "number" in e.evidence]
+
+
+@pytest.mark.parametrize("power", [0.3, 0.28])
+def test_a_command_that_has_its_usual_levels_is_in_no_other_unit(
+    tmp_path: Path, power: float
+) -> None:
+    result = lived(tmp_path, fired(power=power))
+    assert result.of_kind("tuned")
+    assert not [e for e in result.of_kind("abnormal") if "heater looks" in e.reason]
 
 
 def chamber() -> dict[str, np.ndarray]:

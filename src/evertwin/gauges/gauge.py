@@ -124,9 +124,8 @@ def _plausible(rows: Rows, one: Reading, first: int, stop: int) -> bool:
     usual = np.nanmedian(new, axis=0) * one.factors + one.shifts
     room = 0.5 * (high - low) + 1e-12
     moved = (one.factors != 1.0) | (one.shifts != 0.0)
-    levels = [np.isin(new[:, k], old[:, k]).all() for k in np.flatnonzero(moved)]
-    if any(levels) and (one.factors > 0.0).all():
-        return False  # in another unit a command would have other levels
+    if one.at_usual_levels(old, new):
+        return False
     scale = np.abs(one.factors) * np.nanstd(new, axis=0) < VARIES * np.nanstd(old, axis=0)
     if (moved & scale & (one.shifts == 0.0) & (np.abs(one.factors) < 1.0)).any():
         return False  # divided by enough anything is nothing

@@ -18,6 +18,7 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float64
 
 from evertwin.correction.improve import TooFew
 from evertwin.fold import Block, Mark, take
@@ -39,6 +40,7 @@ LEFT = 0.1
 """Largest share of the squared mismatch that a reading may leave."""
 ALIKE = 1.5
 """What leaves so many times as much explains it as well."""
+SWITCH = (0.0, 1.0)
 PARTS = (1.0, 0.7, 0.5, 0.35, 0.25)
 """Shares of the rows, the newest, of which one may be of one reading alone."""
 ROWS = 2000
@@ -68,6 +70,15 @@ class Reading(NamedTuple):
     def exchanged(self) -> bool:
         """Are two columns in each other's place?"""
         return self.columns != tuple(range(len(self.columns)))
+
+    def at_usual_levels(
+        self, old: Float64[np.ndarray, "before c"], new: Float64[np.ndarray, "since c"]
+    ) -> bool:
+        """Has a channel, of all inputs and outputs, only values that it had, or off and on? In
+        another unit a switched command would have others."""
+        moved = np.flatnonzero((self.factors != 1.0) | (self.shifts != 0.0))
+        kept = [np.isin(new[:, k], [*old[:, k], *SWITCH]).all() for k in moved]
+        return not self.exchanged and bool((self.factors > 0.0).all()) and any(kept)
 
     def undone(self, window: Block) -> Block:
         """The rows as they would be, had they been read so."""
@@ -100,7 +111,13 @@ def misread(
     since = rows - since_change(_deviation(setup, model, p, _newest(windows, rows)))
     for count in (since, *(round(part * rows) for part in PARTS)):
         newest = _newest(windows, min(count, ROWS))
-        found = likeliest(setup, model, p, newest)
+        values = np.concatenate([np.concatenate([one.u, one.y], axis=1) for one in windows])
+        new = len(values) - min(count, ROWS)
+        found = tuple(
+            one
+            for one in likeliest(setup, model, p, newest)
+            if not one.at_usual_levels(values[:new], values[new:])
+        )
         if not found:
             continue
         left = _off(setup, model, p, [found[0].undone(one) for one in newest])
