@@ -18,7 +18,6 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float64
 
 from evertwin.correction.improve import TooFew
 from evertwin.fold import Block, Mark, take
@@ -32,7 +31,7 @@ from evertwin.setup.task import Windows
 from evertwin.signals import Channel, wrap
 from evertwin.signals.mistaken import SIGN, TURN, Mistake, mistaken
 from evertwin.signals.units import conversion_of
-from evertwin.types import Outputs, ParameterVector, Vector
+from evertwin.types import Float64, Outputs, ParameterVector, Vector
 
 WRONG = 0.6
 """Mismatch of an output from which its reading is doubted, and below which all have to come."""
