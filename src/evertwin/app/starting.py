@@ -18,7 +18,19 @@ from evertwin.machines.catalog import machine
 from evertwin.prognosis.lone_series import Wear, wear_in
 from evertwin.setup.configured_model import model_of
 from evertwin.sources.names import unit_problem
-from evertwin.starter import Draft, Seen, by_axis, look, mapped, options_of
+from evertwin.starter import (
+    PUMP,
+    Draft,
+    Proposal,
+    Seen,
+    by_axis,
+    kind_of,
+    look,
+    mapped,
+    options_of,
+    pump,
+    pump_model,
+)
 
 
 def write_starter(
@@ -28,8 +40,8 @@ def write_starter(
     """Writes the twin file, and for ``python`` a model file beside it.
 
     A series that tells wear alone needs none: the command that tells its life is named. Of several
-    axes driven by a force each gets a file. Where no kind is said (""), a pose with the commands of
-    speed and turn rate is a base with two driven wheels, anything else a model of one's own.
+    axes driven by a force each gets a file. Where no kind is said (""), the headings
+    say it, or it is a model of one's own.
 
     Raises:
         UsageError: there is a file already, or the model does not exist.
@@ -41,7 +53,7 @@ def write_starter(
         _name_life(files[0], wear, as_json)
         return
     seen, told = look(files)
-    kind = kind or ("differential" if _is_base(seen) else "python")
+    kind = kind or kind_of(seen)
     axes = by_axis(seen) if kind in ("drive", "drive_force") else (("", seen),)
     out = Path(f"{files[0].stem}.toml") if out is None else out
     outs = [out.with_stem(f"{out.stem}_{word}") if word else out for word, _ in axes]
@@ -60,12 +72,6 @@ def write_starter(
         typer.echo(f"evertwin: {note}", err=True)
 
 
-def _is_base(seen: Sequence[Seen]) -> bool:
-    """Are there a pose and the commands of speed and turn rate, each by name?"""
-    found = mapped(machine("differential", {}), seen)
-    return not found.questions and not found.derivations
-
-
 def _own(out: Path) -> Path:
     """Where the model file of a twin file stands."""
     return out.with_name(f"{re.sub(r'[^A-Za-z0-9_]', '_', out.stem)}_model.py")
@@ -74,12 +80,28 @@ def _own(out: Path) -> Path:
 def _draft(out: Path, model: tuple[str, Path | None], seen: tuple[Seen, ...]) -> Draft:
     """With the options of the model that leave fewest questions."""
     kind, urdf = model
+    if kind == PUMP:
+        return _pump(out, seen)
     drafts = [
         Draft(out, kind, options, built, seen, mapped(built, seen))
         for options in options_of(kind, urdf, _own(out))
         for built in (None if kind == "python" else machine(kind, options),)
     ]
     return min(drafts, key=lambda one: len(one.questions))
+
+
+def _pump(out: Path, seen: tuple[Seen, ...]) -> Draft:
+    """Of a machine that moves a fluid: its model file, unless there is one, and what feeds it."""
+    own, found = _own(out), pump(seen)
+    if not own.exists():
+        write_whole(own, pump_model(seen, found))
+    options = {"file": own.name, "name": "model"}
+    built = machine("python", options | {"file": str(own)})
+    names = {(m.source, m.column) for m in found}
+    rest = tuple(
+        c.name for s, one in enumerate(seen) for c in one.columns if (s, c.name) not in names
+    )
+    return Draft(out, "python", options, built, seen, Proposal(found, (), (), rest))
 
 
 def _write(draft: Draft, force: bool) -> dict[str, Any]:
@@ -93,7 +115,7 @@ def _write(draft: Draft, force: bool) -> dict[str, Any]:
         model_of(read(out))
     return {
         "schema": "evertwin.init/1", "file": str(out),
-        "model_file": str(own) if draft.model is None else None, **draft.proposal.to_dict(),
+        "model_file": str(own) if draft.kind == "python" else None, **draft.proposal.to_dict(),
         "questions": draft.questions,
     }  # fmt: skip
 

@@ -21,7 +21,12 @@ ABROAD = {
     "current": "strom courant corriente corrente",
     "voltage": "spannung voltaje tensione",
     "temperature": "temperatur temperatura",
-    "heater": "heizung heizer heizelement chauffage calefactor riscaldatore",
+    "heater": "heizung heizer heizelement heizleistung heizstab chauffage calefactor riscaldatore",
+    "ambient": "umgebung raum aussen ambiente exterieur",
+    "flow": "durchfluss volumenstrom foerderstrom debit caudal portata",
+    "pressure": "druck foerderdruck enddruck pression presion pressione",
+    "power": "leistung puissance potencia potenza",
+    "distance": "abstand strecke",
     "heading": "kurs rumbo",
     "steering": "lenkung lenkwinkel braquage direccion sterzo",
     "setpoint": "soll sollwert consigne consigna",
@@ -33,7 +38,7 @@ ABROAD = {
 """The word of the field → words for it, without accents."""
 _ENGLISH = {word: name for name, several in ABROAD.items() for word in several.split()}
 _COMPOUND = re.compile(
-    "(soll|ist)?[a-z]*?(geschwindigkeit|drehzahl|position|stellung|winkel|beschleunigung"
+    "(soll|ist|raum|umgebungs|aussen)?[a-z]*?(geschwindigkeit|drehzahl|position|stellung|winkel|beschleunigung"
     "|drehmoment|moment|kraft|strom|spannung|temperatur)"
 )
 """German writes words together: what a thing is stands last, whether it is told stands first."""
@@ -41,7 +46,9 @@ _COMPOUND = re.compile(
 
 def english(name: str) -> str:
     """A heading with the words that are known said in English; others stay."""
-    plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode()
+    plain = (
+        unicodedata.normalize("NFKD", name.replace("ß", "ss")).encode("ascii", "ignore").decode()
+    )
     return re.sub(r"[A-Za-z]+", lambda found: _said(found[0]), plain)
 
 
@@ -53,4 +60,4 @@ def _said(word: str) -> str:
     if compound is None:
         return word
     said = _ENGLISH.get(compound[2], compound[2])
-    return f"{_ENGLISH[compound[1]]} {said}" if compound[1] else said
+    return f"{_ENGLISH[compound[1].removesuffix('s')]} {said}" if compound[1] else said

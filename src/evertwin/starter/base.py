@@ -7,15 +7,17 @@ gives the way that was travelled.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from evertwin.signals import Channel
 from evertwin.sources.description import ColumnInfo
 from evertwin.starter.named import matched, unit_of
 from evertwin.starter.proposal import ASK, Answer, Derivation, Match
 from evertwin.starter.seen import Seen
-from evertwin.starter.words import role, same_kind, words
+from evertwin.starter.words import WHEEL, role, same_kind, words
 
 _POSE = (Channel("x", "m"), Channel("y", "m"), Channel("heading", "rad", kind="angle"))
+_ODOMETRY = {"odom", "odometry", "odo"}
 
 
 def of_wheels(
@@ -80,3 +82,25 @@ def of_pose(
         return (), ()
     way = Derivation("travel", "path", ("x", "y", "heading"), "m")
     return tuple(found[name] for name in ("x", "y")), (way,)
+
+
+def of_odometry(
+    matches: Sequence[Match], missing: Sequence[str], seen: Sequence[Seen]
+) -> tuple[Match, ...]:
+    """Speed and turn rate that a base says it drove, where no command is recorded and the pose is
+    another sensor's: odometry is no evidence of itself, nor is one wheel a base's speed."""
+    pose = {m.channel: m for m in matches if m.channel in ("x", "y", "heading")}
+    if not {"v", "w"} <= set(missing) or len(pose) < len(_POSE):
+        return ()
+    if any(not _ODOMETRY.isdisjoint(words(m.column)) for m in pose.values()):
+        return ()
+    own = tuple(
+        replace(one, table=replace(one.table, columns=tuple(
+            c for c in one.table.columns if not _ODOMETRY.isdisjoint(words(c.name))
+            and WHEEL.isdisjoint(words(c.name))
+        )))
+        for one in seen
+    )  # fmt: skip
+    found = matched((Channel("v", "m/s"), Channel("w", "rad/s")), own)
+    said = "what the base says it drove, for no command is recorded: please check"
+    return tuple(replace(m, reason=said) for m in found) if len(found) > 1 else ()

@@ -144,13 +144,13 @@ class Draft:
     @property
     def window(self) -> float:
         """What a deviation is judged on [s]: many predictions; a quarter of the recording."""
-        many = 10.0 if self.static else 100.0 * self.horizon
+        many = (10.0 if self.static else 100.0) * self.horizon
         return float(f"{min(many, max(10.0 * self.horizon, self.duration / 4)):.2g}")
 
     @property
     def memory(self) -> float:
         """What is learned from [s]."""
-        return 60.0 if self.static else 300.0 * self.horizon
+        return (60.0 if self.static else 300.0) * self.horizon
 
     @property
     def judged(self) -> tuple[str, ...]:

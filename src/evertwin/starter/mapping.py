@@ -25,12 +25,12 @@ from evertwin.signals import Channel, conversion
 from evertwin.sources.description import ColumnInfo
 from evertwin.sources.names import unit_problem
 from evertwin.starter.arm import of_arm
-from evertwin.starter.base import of_pose, of_wheels
-from evertwin.starter.named import matched, sole
+from evertwin.starter.base import of_odometry, of_pose, of_wheels
+from evertwin.starter.named import matched, sole, unit_of
 from evertwin.starter.proposal import ASK, Derivation, Match, Proposal
 from evertwin.starter.relations import wraps
 from evertwin.starter.seen import Seen
-from evertwin.starter.words import quantity, same_kind, words
+from evertwin.starter.words import AMBIENT, HEATER, is_temperature, role, same_kind, words
 
 
 def mapped(model: Model | None, seen: Sequence[Seen]) -> Proposal:
@@ -60,6 +60,9 @@ def _other(
     matches, derived = [*matches, *feeds], [*derived, *computed]
     feeds, computed = of_pose(_lacking(channels, matches, derived), seen, told)
     matches, derived = [*matches, *feeds], [*derived, *computed]
+    matches += of_odometry(matches, _lacking(channels, matches, derived), seen)
+    matches = _one_box(matches, seen)
+    matches += _heater(_lacking(channels, matches, derived), seen)
     matches += _room(matches, _lacking(channels, matches, derived), seen)
     lacking = _lacking(channels, matches, derived)
     taken = {(match.source, match.column) for match in matches}
@@ -132,23 +135,61 @@ def _room(
     if "room" not in missing or box is None:
         return ()
     others = [
-        (float(np.nanstd(one.rows[:, i])), s, column.name)
+        (AMBIENT.isdisjoint(words(column.name)), float(np.nanstd(one.rows[:, i])), s, column)
         for s, one in enumerate(seen)
         for i, column in enumerate(one.columns)
-        if quantity([w for w in words(column.name) if w != "t"], column.unit) == "temperature"
-        or "t" in words(column.name)
+        if is_temperature(column) and HEATER.isdisjoint(words(column.name))
     ]
-    others = [one for one in others if one[1:] != (box.source, box.column) and one[0] > 0.0]
+    others = [
+        one for one in others if (one[2], one[3].name) != (box.source, box.column) and one[1] > 0.0
+    ]
     if not others:
         return ()
-    _, s, name = min(others)
-    return (Match("room", s, name, box.unit, "the steadiest temperature: please check"),)
+    unnamed, _, s, column = min(others, key=lambda one: one[:3])
+    unit, scale, why = unit_of("K", column)
+    why = "the steadiest temperature: please check" if unnamed else why
+    return (Match("room", s, column.name, column.unit or unit, why, scale),)
+
+
+def _one_box(matches: Sequence[Match], seen: Sequence[Seen]) -> list[Match]:
+    """What is heated, asked where several temperatures beside the room's could be it."""
+    box = next((match for match in matches if match.channel == "box"), None)
+    if box is None:
+        return list(matches)
+    used = {(m.source, m.column) for m in matches if m is not box}
+    could = [
+        column.name
+        for s, one in enumerate(seen) for column in one.columns
+        if is_temperature(column) and column.low != column.high and (s, column.name) not in used
+        and (AMBIENT | HEATER).isdisjoint(words(column.name))
+        and role(words(column.name)) not in ("command", "other")
+    ]  # fmt: skip
+    named = not AMBIENT.isdisjoint(w for one in seen for c in one.columns for w in words(c.name))
+    if len(could) < 2 or not named or "box" in words(box.column):
+        return list(matches)
+    why = f"what is heated: {', '.join(could[:4])}?"
+    return [replace(m, column=ASK, reason=why) if m is box else m for m in matches]
+
+
+def _heater(missing: Sequence[str], seen: Sequence[Seen]) -> tuple[Match, ...]:
+    """A heater that is recorded in watts: its full power says what 1 is."""
+    fits = [
+        (s, column)
+        for s, one in enumerate(seen) for column in one.columns
+        if column.low != column.high and same_kind(column.unit, "W")
+    ]  # fmt: skip
+    if "heater" not in missing or len(fits) != 1:
+        return ()
+    ((s, column),) = fits
+    why = f"one over the heater's full power in {column.unit}"
+    return (Match("heater", s, column.name, "1", why, ASK),)
 
 
 def _first_two(seen: Sequence[Seen]) -> tuple[Match, ...]:
     """The first column that varies drives, the next one answers.
 
     A column whose name begins as inputs (u, in) or outputs (y, out) are called goes before others.
+    Of more than two columns those that nothing says so of are asked.
     """
     source = max(range(len(seen)), key=lambda s: seen[s].table.rows * len(seen[s].columns))
     columns = list(seen[source].columns)
@@ -157,10 +198,20 @@ def _first_two(seen: Sequence[Seen]) -> tuple[Match, ...]:
     columns.sort(key=lambda c: c.low == c.high)  # what is constant can drive nothing
     drives = min(columns, key=lambda c: (_called(c, "y", "out"), not _called(c, "u", "in")))
     answers = min((c for c in columns if c is not drives), key=lambda c: not _called(c, "y", "out"))
-    return tuple(
-        Match(name, source, column.name, _stated(column), "assumed: by its name or place")
-        for name, column in (("u", drives), ("y", answers))
-    )
+    moving = [c.name for c in columns if c.low != c.high]
+    place = any(words(name)[:1] == ["x"] for name in moving)  # beside an x, y is one, too
+    out = []
+    for name, column, says in (
+        ("u", drives, _called(drives, "u", "in")),
+        ("y", answers, _called(answers, "y", "out") and not place),
+    ):
+        if says or len(moving) <= 2:
+            why = "assumed: by its name or place"
+            out.append(Match(name, source, column.name, _stated(column), why))
+        else:
+            which = f"which one {'drives' if name == 'u' else 'answers'}? and its unit"
+            out.append(Match(name, source, ASK, "1", which))
+    return tuple(out)
 
 
 def _called(column: ColumnInfo, *starts: str) -> bool:

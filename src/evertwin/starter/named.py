@@ -19,7 +19,7 @@ from evertwin.sources.description import ColumnInfo
 from evertwin.sources.names import unit_problem
 from evertwin.starter.proposal import ASK, Answer, Match
 from evertwin.starter.seen import Seen
-from evertwin.starter.words import WHEEL, role, said_unit, same_kind, words
+from evertwin.starter.words import AMBIENT, HEATER, WHEEL, role, said_unit, same_kind, words
 
 _SYNONYMS = (
     {"v", "speed", "velocity", "vel", "linear", "lin", "forward"},
@@ -33,6 +33,8 @@ _SYNONYMS = (
     {"tau", "torque", "effort", "moment"},
     {"t", "temp", "temperature", "box"},
     {"on", "state", "switch"},
+    HEATER,
+    AMBIENT,
     {"force", "f", "vir", "voltage", "u", "current", "cur", "torque"},
 )
 _DRIVING = {"vir", "voltage", "volt", "u", "current", "cur", "i", "torque"}
@@ -177,6 +179,8 @@ def _alike(channel: Channel, theirs: list[str], column: ColumnInfo, told: bool) 
         return 0.0
     if mine == theirs:
         return 1.0
+    if mine == ["box"] and not (AMBIENT | HEATER).isdisjoint(theirs):
+        return 0.0  # what is heated is neither the heater nor what is around
     if not _QUATERNION.isdisjoint(theirs) and theirs[-1] in ("x", "y", "z", "w"):
         return 0.0  # a part of a quaternion is no angle
     letters = [w for w in mine if not w.isdigit()], [w for w in theirs if not w.isdigit()]

@@ -16,6 +16,7 @@ from itertools import pairwise
 
 from evertwin.errors import UsageError
 from evertwin.signals import compatible
+from evertwin.sources.description import ColumnInfo
 from evertwin.starter.abroad import english
 
 QUANTITIES = {
@@ -54,17 +55,33 @@ OTHERS = {
     "ext", "external", "residual", "covariance", "limit", "max", "min", "status", "mode",
 }  # fmt: skip
 """What a column with such a word holds is said about the quantity, and is not the quantity."""
+HEATER = {"heater", "heating", "heat"}
+AMBIENT = {"ambient", "amb", "room", "outside", "outdoor", "environment", "env", "surroundings"}
+"""Of the air around a machine."""
 _JOINED = re.compile(r"(set|cmd|ref|des|act|meas)(vel|pos|speed|angle|torque|cur)")
 _AXIS = re.compile(r"(v)([xyz])")
-
+_PREFIXED = re.compile(r"(?<![A-Za-z])[km](Pa|[AVWN])(?![A-Za-z])")
+"""A unit with its prefix, whose capital begins no word: ``force_kN``."""
 
 ENDS = {
     "deg": "deg", "rad": "rad", "mm": "mm", "cm": "cm", "mps": "m/s", "rpm": "rpm", "dps": "deg/s",
     "nm": "Nm", "pct": "%", "percent": "%", "deg c": "degC", "celsius": "degC", "bar": "bar",
-    "kpa": "kPa", "kw": "kW", "m s": "m/s", "cm s": "cm/s", "mm s": "mm/s", "rad s": "rad/s",
-    "deg s": "deg/s",
+    "kpa": "kPa", "mpa": "MPa", "mbar": "mbar", "psi": "psi", "kw": "kW", "kn": "kN",
+    "m s": "m/s", "cm s": "cm/s", "mm s": "mm/s", "rad s": "rad/s", "deg s": "deg/s",
+    "m/min": "m/min", "l/min": "l/min", "lpm": "l/min", "m3/h": "m^3/h",
+    "m3/s": "m^3/s", "l s": "l/s", "km h": "km/h", "kmh": "km/h", "u/min": "rpm", "upm": "rpm",
+    "m s2": "m/s^2", "deg f": "degF", "grad c": "degC", "prozent": "%", "grad": "deg",
 }  # fmt: skip
 """Last words of a heading that can be nothing but its unit."""
+LETTERS = {
+    "a": {"current": "A"}, "ma": {"current": "mA"}, "n": {"force": "N"}, "v": {"voltage": "V"},
+    "mv": {"voltage": "mV"}, "c": {"temperature": "degC"}, "k": {"temperature": "K"},
+    "f": {"temperature": "degF"}, "m": {"position": "m"}, "w": {"power": "W"},
+}  # fmt: skip
+"""A letter that is a unit where the words before it name the quantity that it measures."""
+_PLACES, _POWERS = {"x", "y", "z", "distance"}, {"power", "heater", "heating"}
+_RATES = re.compile(r"(?:^|_)(m|l|u)_(min)$|(?:^|_)(m)_(3)_(h|s)$")
+"""Rates in a heading's last words: a minute is no minimum there, the 3 of a volume no number."""
 
 
 def said_unit(name: str) -> str:
@@ -72,23 +89,48 @@ def said_unit(name: str) -> str:
 
     >>> said_unit("ax1_deg"), said_unit("chamberDegC"), said_unit("rpm"), said_unit("bar")
     ('deg', 'degC', 'rpm', '')
+    >>> said_unit("flow_m3h"), said_unit("belt_m_min"), said_unit("current_mA"), said_unit("A")
+    ('m^3/h', 'm/min', 'mA', '')
     """
     said = words(name)
     for count in (2, 1):
         end = " ".join(said[-count:])
         if end in ENDS and (len(said) > count or end == "rpm"):
             return ENDS[end]
-    return ""
+    what = _measured(said[:-1])
+    return LETTERS.get(said[-1], {}).get(what, "") if said else ""
+
+
+def _measured(said: Sequence[str]) -> str:
+    """The quantity that words before a unit of one letter name."""
+    if said and (said[0] == "t" or "temperature" in said):
+        return "temperature"
+    if not _POWERS.isdisjoint(said):
+        return "power"
+    return quantity(said) or ("position" if not _PLACES.isdisjoint(said) else "")
 
 
 def words(name: str) -> list[str]:
     """The words and numbers of a heading, in lower case and English."""
-    spaced = english(re.sub(r"([a-z])([A-Z])", r"\1 \2", name))
+    whole = _PREFIXED.sub(lambda unit: unit[0].lower(), name)
+    spaced = english(re.sub(r"([a-z])([A-Z])", r"\1 \2", whole))
     out: list[str] = []
     for word in re.findall(r"[a-z]+|\d+", spaced.lower()):
         found = _AXIS.fullmatch(word) or _JOINED.fullmatch(word)  # vx: v along x
         out += found.groups() if found else (word,)
+    rate = _RATES.search("_".join(out))
+    if rate is not None:
+        over, under = (rate[1], rate[2]) if rate[1] else ("m3", rate[5])
+        out[-2 if rate[1] else -3 :] = [f"{over}/{under}"]
     return out
+
+
+def is_temperature(column: ColumnInfo) -> bool:
+    """Does a unit, or a name, say that it is a temperature?"""
+    said = words(column.name)
+    if column.unit:
+        return same_kind(column.unit, "K")
+    return (said[:1] == ["t"] and len(said) > 1) or not QUANTITIES["temperature"].isdisjoint(said)
 
 
 def quantity(said: Collection[str], unit: str = "") -> str:

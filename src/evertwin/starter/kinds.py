@@ -1,0 +1,92 @@
+"""Which kind of machine a recording is of, where its headings leave no doubt.
+
+A pose and what drives a base, a heater between temperatures, one motion and what drives it, a flow
+with its pressure: each is told by quantities and units. Anything else is a model of one's own,
+whose channels a person names.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from evertwin.machines.catalog import machine
+from evertwin.sources.description import ColumnInfo
+from evertwin.starter.axes import by_axis
+from evertwin.starter.mapping import mapped
+from evertwin.starter.proposal import Match
+from evertwin.starter.seen import Seen
+from evertwin.starter.words import AMBIENT, HEATER, is_temperature, quantity, role, same_kind, words
+
+PUMP = "pump"
+"""A static map from speed and flow to pressure, written as a model of one's own."""
+_FLOW, _PRESSURE, _SPEED = "m^3/s", "Pa", "rad/s"
+_AXES = 3
+"""More axes than these are an arm's, of which a description is needed."""
+
+
+def kind_of(seen: Sequence[Seen]) -> str:
+    """A model's name, ``pump``, or ``python`` where the headings do not say."""
+    base = mapped(machine("differential", {}), seen)
+    if not base.questions and not base.derivations:
+        return "differential"
+    columns = [column for _, column in _varying(seen)]
+    if len(pump(seen)) == len(("speed", "flow", "pressure")):
+        return PUMP
+    warm = [c for c in columns if is_temperature(c) and role(words(c.name)) != "command"]
+    heats = [c for c in columns if not HEATER.isdisjoint(words(c.name)) and c not in warm]
+    ambient = [c for c in warm if not AMBIENT.isdisjoint(words(c.name))]
+    shares = [c for c in columns if c.unit in ("%", "W", "kW") and c not in warm]
+    if (warm and heats) or (ambient and len(warm) > 1 and len(shares) == 1):
+        return "thermal"
+    axes = by_axis(seen)
+    if len(axes) <= _AXES and all(_is_driven(part) for _, part in axes):
+        return "drive_force"
+    return "python"
+
+
+def _varying(seen: Sequence[Seen]) -> Iterator[tuple[int, ColumnInfo]]:
+    """Columns that vary and are no difference, limit or state, with their tables."""
+    return (
+        (s, column)
+        for s, one in enumerate(seen) for column in one.columns
+        if column.low != column.high and role(words(column.name)) != "other"
+    )  # fmt: skip
+
+
+def _is_driven(seen: Sequence[Seen]) -> bool:
+    """Is there one motion that was measured, and one effort, and nothing that flows?"""
+    columns = [column for _, column in _varying(seen)]
+    if any(_is(c, unit, word) for c in columns for unit, word in _FLOWING):
+        return False
+    found = [
+        (quantity([w for w in words(c.name) if len(w) > 2], c.unit), role(words(c.name)))
+        for c in columns
+    ]  # letters alone are no quantities
+    measured = [what for what, said in found if said != "command"]
+    places, speeds = measured.count("position"), measured.count("velocity")
+    efforts = sum(measured.count(what) for what in ("force", "torque", "current"))
+    return efforts == 1 and places <= 1 and speeds <= 1 and places + speeds > 0
+
+
+_FLOWING = ((_FLOW, "flow"), (_PRESSURE, "pressure"))
+
+
+def _is(column: ColumnInfo, unit: str, word: str) -> bool:
+    said = words(column.name)
+    return same_kind(column.unit, unit) if column.unit else word in said
+
+
+def pump(seen: Sequence[Seen]) -> tuple[Match, ...]:
+    """Speed, flow and pressure of a machine that moves a fluid, each where one column is it and
+    says its unit."""
+    out = []
+    for name, unit in (("speed", _SPEED), ("flow", _FLOW), ("pressure", _PRESSURE)):
+        fits = [
+            (s, c) for s, c in _varying(seen)
+            if role(words(c.name)) != "command" and same_kind(c.unit, unit)
+            and (name != "speed" or "rpm" in (c.unit, *words(c.name)) or "speed" in words(c.name))
+        ]  # fmt: skip
+        if len(fits) == 1:
+            ((s, column),) = fits
+            out.append(Match(name, s, column.name, column.unit, f"the only one in {column.unit}"))
+    return tuple(out)
