@@ -26,6 +26,7 @@ import inspect
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 from functools import cached_property, update_wrapper
 from pathlib import Path
 from types import FunctionType
@@ -117,17 +118,19 @@ class Function(_Written):
         self._per = slice(names.index(per), names.index(per) + 1) if per else slice(None)
         self._spent, self._rate, self._patience = 0.0, SLOW, 0.0
         self._ready: Callable[..., Any] | None = None
+        self._dispatcher: Any = None
 
-    @cached_property
+    @property
     def compiled(self) -> Any:
         """Numba's dispatcher."""
-        import numba
-        from numba.core.compiler_lock import global_compiler_lock
+        with _compiling_alone():
+            if self._dispatcher is None:
+                import numba
 
-        source = _naming(self.py_func, _machine_code)
-        # Numba takes this lock and others in either order: two threads could wait for ever.
-        with global_compiler_lock:
-            return self._cached(numba.njit(**self.options)(source), source)
+                source = _naming(self.py_func, _machine_code)
+                made = numba.njit(**self.options)(source)
+                self._dispatcher = self._cached(made, source)
+            return self._dispatcher
 
     def __call__(self, *arguments: Any) -> Any:
         if self._ready is None:
@@ -201,19 +204,18 @@ class CFunction(_Written):
     ) -> None:
         super().__init__(py_func, {"cache": True, **options})
         self.signature, self._what = signature, what or self.__qualname__
+        self._made: Any = None
+        self._address = 0
 
-    @cached_property
     def _compiled(self) -> Any:
         from numba.core.ccallback import CFunc
-        from numba.core.compiler_lock import global_compiler_lock
         from numba.core.errors import NumbaError, UnsupportedBytecodeError
         from numba.core.sigutils import normalize_signature
 
         source, kinds = _naming(self.py_func, _machine_code), normalize_signature(self.signature)
         try:
-            with global_compiler_lock:
-                made = self._cached(CFunc(source, kinds, {}, self.options), source)
-                made.compile()
+            made = self._cached(CFunc(source, kinds, {}, self.options), source)
+            made.compile()
         except (NumbaError, UnsupportedBytecodeError) as error:
             raise UsageError(
                 f"{self._what} cannot be compiled: expected arithmetic on numbers, with math "
@@ -221,17 +223,31 @@ class CFunction(_Written):
             ) from error
         return made
 
-    @cached_property
+    @property
     def address(self) -> int:
         """Where its machine code stands, for as long as this object lives.
 
         Raises:
             UsageError: Numba cannot compile the source.
         """
-        return int(self._compiled.address)
+        return self._address or self._placed()
+
+    def _placed(self) -> int:
+        with _compiling_alone():
+            if not self._address:  # another thread may have been first
+                self._made = self._compiled()
+                self._address = int(self._made.address)
+        return self._address
 
     def __index__(self) -> int:
         return self.address
+
+
+def _compiling_alone() -> AbstractContextManager[None]:
+    """Numba's own lock, before any other: two threads that take several wait for ever else."""
+    from numba.core.compiler_lock import global_compiler_lock
+
+    return cast("AbstractContextManager[None]", global_compiler_lock)
 
 
 def njit(
