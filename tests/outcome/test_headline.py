@@ -16,6 +16,7 @@ from evertwin.outcome.open_faults import open_faults
 from evertwin.outcome.open_trial import OpenTrial
 from evertwin.outcome.result import OutputFigures
 from evertwin.signals.spoken import both, spoken
+from evertwin.sources.spec import ChannelSpec, SourceSpec
 from evertwin.sources.table import Problem
 from evertwin.sources.tally import Tally
 from evertwin.twin import Twin
@@ -300,3 +301,15 @@ def test_a_fault_that_was_over_for_a_moment_began_when_it_began() -> None:
     assert "since row 0" in open_faults(events)["current"]
     later = [*events[:2], told("measurement_error", 9000, 8990)]
     assert "since row 8990" in open_faults(later)["current"]
+
+
+def test_a_deviation_is_told_in_the_unit_that_the_twin_file_records_it_in() -> None:
+    spec = replace(
+        ROBOT, source=(SourceSpec("log", channels={"x": ChannelSpec("pos", unit="ft")}),),
+    )  # fmt: skip
+    with Twin(spec) as twin:
+        assert twin.setup.recorded[twin.setup.model.outputs.names.index("x")] == "ft"
+        assert twin.setup.shown(0, 0.3048) == "1 ft"
+        one = replace(figures(0.3048, 0.3048)["x"], recorded="ft")
+        text = headline(twin.setup, {"x": one}, (twin.champion,), [], None)
+    assert "x is off by 1 ft" in text and "where 0.033 ft is asked" in text

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from evertwin.config.read import read
 from evertwin.config.spec import ModelSpec, ParameterSpec, SignalSpec, TwinSpec
 from evertwin.errors import ConfigError, UsageError
 from evertwin.setup.configured_model import model_of
@@ -47,6 +48,27 @@ def test_the_file_says_what_differs() -> None:
 def test_what_cannot_be_is_refused_by_name(spec: TwinSpec, said: str) -> None:
     with pytest.raises(UsageError, match=said):
         model_of(spec)
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "said"),
+    [
+        ('[model]\nkind = "termal"', 3, "did you mean 'thermal'"),
+        (
+            '[model]\nkind = "drive"\n[model.parameters]\nFc1 = { value = 1 }',
+            6,
+            "did you mean 'Fc'",
+        ),
+        ('[model]\nkind = "drive"\n[signals.forc]\nlow = 0', 5, "did you mean 'force'"),
+    ],
+)
+def test_what_the_model_refuses_is_said_with_its_line(
+    text: str, line: int, said: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "a.toml"
+    file.write_text(f'schema = 1\nname = "a"\n{text}\n')
+    with pytest.raises(ConfigError, match=rf"a\.toml:{line}: .*{said}"):
+        model_of(read(file))
 
 
 def test_a_model_in_a_python_file() -> None:

@@ -212,7 +212,7 @@ def figures(setup: Setup, state: TwinState) -> dict[str, OutputFigures]:
             channel.unit, float(pairs[0][0][k]), float(pairs[0][1][k]), float(pairs[1][0][k]),
             float(pairs[1][1][k]), float(moving[1][0][k]), float(moving[1][1][k]),
             int(scores.live.samples[k]), int(scores.live_moving.samples[k]), float(judged[k]),
-            float(moving[0][0][k]), float(moving[0][1][k]),
+            float(moving[0][0][k]), float(moving[0][1][k]), setup.recorded[k],
         )
         for k, channel in enumerate(setup.model.outputs)
     }  # fmt: skip

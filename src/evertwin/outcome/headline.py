@@ -18,7 +18,7 @@ from evertwin.outcome.open_faults import open_faults
 from evertwin.outcome.open_trial import OpenTrial, shorter
 from evertwin.outcome.result import OutputFigures
 from evertwin.setup.setup import Setup
-from evertwin.signals.spoken import both, spoken
+from evertwin.signals.spoken import both, share, spoken
 from evertwin.sources.tally import Tally
 from evertwin.tuning.recordings import initials
 
@@ -45,7 +45,8 @@ def headline(
     with, if it is another; ``measured``: rows that measure an output."""
     champion = versions[0]
     known = {name: f for name, f in outputs.items() if not math.isnan(f.rms_after)}
-    units = {channel.name: channel.unit for channel in setup.model.outputs}
+    told_in = zip(setup.model.outputs.units, setup.recorded, strict=True)
+    units = dict(zip(setup.model.outputs.names, told_in, strict=True))
     doubted = _of_a_sensor(events)
     least = 0.0 if setup.relative or not setup.decides else setup.requirement
     faults = {**({} if setup.static else jumps(events, units, least)), **open_faults(events)}
@@ -247,10 +248,17 @@ def _nothing_better(setup: Setup, events: Sequence[Event], trial: OpenTrial | No
 
 def _off(setup: Setup, off: Mapping[str, OutputFigures]) -> str:
     """Which outputs are off by more than is asked, by how much, and what is asked."""
+    sizes = _sizes(off, "off", shares=setup.relative and len(off) <= FEW)
+    return f"{sizes} where {_limit(setup, off)} is asked"
+
+
+def _limit(setup: Setup, judged: Mapping[str, OutputFigures]) -> str:
+    """What is asked, in the unit of the outputs that are judged."""
     limit = setup.spec.anomaly.requirement
     if setup.relative:
-        return f"{_sizes(off, 'off', shares=len(off) <= FEW)} where {100 * limit:g} % is asked"
-    return f"{_sizes(off, 'off')} where {spoken(limit, next(iter(off.values())).unit)} is asked"
+        return f"{100 * limit:g} %"
+    one = next(f for f in judged.values() if not math.isnan(f.judged))
+    return spoken(limit, one.unit, one.recorded)
 
 
 def changes(setup: Setup, champion: Version, before: Version | None = None) -> str:
@@ -288,10 +296,7 @@ def _asked(setup: Setup, known: Mapping[str, OutputFigures]) -> str:
     """What is asked, behind what is reached."""
     if not math.isfinite(setup.requirement) or all(math.isnan(f.judged) for f in known.values()):
         return ""
-    limit = setup.spec.anomaly.requirement
-    unit = next(f.unit for f in known.values() if not math.isnan(f.judged))
-    return f", where {100 * limit:g} % is asked" if setup.relative else (
-        f", where {spoken(limit, unit)} is asked")  # fmt: skip
+    return f", where {_limit(setup, known)} is asked"
 
 
 def _lead(setup: Setup) -> str:
@@ -310,7 +315,7 @@ def _pairs(setup: Setup, some: Mapping[str, OutputFigures]) -> str:
         return f"{_span(some)} are off by {after} of their size instead of {before}"
     told = []
     for name, f in some.items():
-        first, last = both(f.before, f.after, f.unit)
+        first, last = both(f.before, f.after, f.unit, f.recorded)
         told.append(f"{name} is off by {last} instead of {first}")
     return ", ".join(told)
 
@@ -318,14 +323,12 @@ def _pairs(setup: Setup, some: Mapping[str, OutputFigures]) -> str:
 def _sizes(some: Mapping[str, OutputFigures], *off: str, shares: bool = False) -> str:
     """Sizes, with the words between a name and its size; ``shares``: as judged in % too."""
     if len(some) > FEW:
-        share = _range([f.relative_rms_moving_after for f in some.values()])
-        return " ".join(
-            (_span(some), *(f"are {word}" for word in off), f"by {share} of their size")
-        )
+        most = _range([f.relative_rms_moving_after for f in some.values()])
+        return " ".join((_span(some), *(f"are {word}" for word in off), f"by {most} of their size"))
     verb = "".join(f"is {word} " for word in off)
     return ", ".join(
-        f"{name} {verb}by {spoken(f.after, f.unit)}"
-        + f" ({100 * f.judged:.3g} %)" * (shares and not math.isnan(f.judged))
+        f"{name} {verb}by {spoken(f.after, f.unit, f.recorded)}"
+        + f" ({share(f.judged)})" * (shares and not math.isnan(f.judged))
         for name, f in some.items()
     )
 

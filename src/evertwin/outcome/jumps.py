@@ -9,10 +9,10 @@ is rough there, and nothing of this is said.
 
 >>> there = {"delta": {"x": 0.5}, "sigma": {"x": 0.01}, "onset": 10}
 >>> events = [Event(17, 0, "overruled", "pose", "", there)]
->>> jumps(events, {"x": "m"})["pose"][:66]
+>>> jumps(events, {"x": ("m", "")})["pose"][:66]
 'pose has stood x +50 cm apart from what the model followed since r'
 >>> back = {"delta": {"x": -0.49}, "sigma": {"x": 0.01}, "onset": 90}
->>> jumps([*events, Event(97, 0, "overruled", "pose", "", back)], {"x": "m"})["pose"][:50]
+>>> jumps([*events, Event(97, 0, "overruled", "pose", "", back)], {"x": ("m", "")})["pose"][:50]
 'pose stood x +50 cm apart from row 10 to 90 and ca'
 """
 
@@ -33,13 +33,13 @@ BACK = 0.2
 
 
 def jumps(
-    events: Sequence[Event], units: Mapping[str, str], least: float = 0.0
+    events: Sequence[Event], units: Mapping[str, tuple[str, str]], least: float = 0.0
 ) -> Mapping[str, str]:
     """Signal to the sentence about it.
 
     Args:
         events: of a run.
-        units: SI unit of each output.
+        units: SI unit of each output, and the one that it is recorded in.
         least: what an output may be off by: a smaller jump is nothing to say first.
     """
     found: dict[str, list[Event]] = {}
@@ -56,7 +56,9 @@ def jumps(
     return told
 
 
-def _told(signal: str, some: Sequence[Event], units: Mapping[str, str], least: float) -> str:
+def _told(
+    signal: str, some: Sequence[Event], units: Mapping[str, tuple[str, str]], least: float
+) -> str:
     """Of the last jump that is clear and was not the way back of one before."""
     open_one: tuple[Event, str, float] | None = None
     text = ""
@@ -90,6 +92,6 @@ def _returns(delta: float, before: float) -> bool:
     return abs(delta + before) < BACK * abs(before)
 
 
-def _by(signal: str, name: str, delta: float, units: Mapping[str, str]) -> str:
+def _by(signal: str, name: str, delta: float, units: Mapping[str, tuple[str, str]]) -> str:
     which, sign = "" if name == signal else f"{name} ", "+" if delta > 0 else "−"
-    return f"{which}{sign}{spoken(abs(delta), units.get(name, '1'))}"
+    return f"{which}{sign}{spoken(abs(delta), *units.get(name, ('1', '')))}"

@@ -18,7 +18,7 @@ from evertwin.models import Model, Parameters
 from evertwin.models.form import Form, Version
 from evertwin.outcome.open_trial import OpenTrial, shorter
 from evertwin.outcome.summed_up import Several, summed_up
-from evertwin.signals.spoken import suited
+from evertwin.signals.spoken import MANY, share, suited
 from evertwin.sources.tally import Tally
 from evertwin.types import Json
 
@@ -58,6 +58,8 @@ class OutputFigures:
     """What the requirement is compared with, of the last champion; NaN: it is not judged."""
     rms_moving_before: float = math.nan
     rms_moving_after: float = math.nan
+    recorded: str = ""
+    """The unit that the twin file gives, in which people are told of it."""
 
     @property
     def before(self) -> float:
@@ -222,7 +224,7 @@ class RunResult:
             sizes = [v for v in (f.rms_before, f.rms_after) if not math.isnan(v)]
             if not sizes:  # a virtual sensor has no measurement to differ from
                 continue
-            unit, factor = suited(max(sizes), f.unit)
+            unit, factor = suited(max(sizes), f.unit, f.recorded)
             found.append(
                 (name, unit, f"{f.rms_before * factor:.4g}", f"{f.rms_after * factor:.4g}",
                  _share(f.relative_rms_before, f.relative_rms_moving_before),
@@ -304,5 +306,7 @@ class RunResult:
 
 def _share(whole: float, moving: float) -> str:
     """Of an output's size in %; over what moves too, where that is another figure."""
+    if whole >= MANY:
+        return share(whole)
     apart = f" ({100 * moving:.2f} % moving)" if abs(moving - whole) > 0.1 * whole else ""
     return f"{100 * whole:.2f} %{apart}"

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 
 from evertwin.signals import wrap
 from evertwin.signals.spoken import suited
+from evertwin.signals.units import conversion_of
 from evertwin.types import Vector
 
 if TYPE_CHECKING:
@@ -113,12 +114,15 @@ def draw_improvement(
     at = _typical(np.stack(list(off.values())), np.flatnonzero(unseen), rows)
     figure, (above, below) = _figure(2, 2.2, wide)
     t = _seconds(trace)[at]
-    above.plot(t, turned[at], ".", ms=3, color=MEASURED, label="measured")
+    one = result.outputs[name]
+    size, zero = conversion_of(one.recorded)
+    above.plot(t, (turned[at] - zero) / size, ".", ms=3, color=MEASURED, label="measured")
     now = "live" if result.champion.number else "as configured"
     versions = [("first", "as configured", UPDATE, "--"), ("predicted", now, PREDICTED, "-")]
-    unit, factor = suited(result.outputs[name].before, outputs.units[k])
+    unit, factor = suited(one.before, one.unit, one.recorded)
     for column, label, colour, style in versions if gains[name] != 1.0 else versions[1:]:
-        above.plot(t, turned[at] - away[column][at], style, lw=1.1, color=colour, label=label)
+        predicted = (turned[at] - away[column][at] - zero) / size
+        above.plot(t, predicted, style, lw=1.1, color=colour, label=label)
         # the rows on the way to a horizon are passed over, what stands is a gap
         told = np.isfinite(off[column][at]) | ~judged[at]
         below.plot(
@@ -132,7 +136,7 @@ def draw_improvement(
     if np.isfinite(asked):
         above.plot([], [], ":", color=ASKED, lw=1.2, label=f"asked: {asked:.3g} {unit} (rms)")
     below.set_xlim(above.get_xlim())  # one time axis, though rows that stand are in one alone
-    above.set_ylabel(f"{name} [{outputs.units[k]}]")
+    above.set_ylabel(f"{name} [{one.recorded or one.unit}]")
     below.set_ylabel(f"off by [{unit}]")
     below.set_xlabel("time [s]")
     _legend(above)

@@ -103,7 +103,7 @@ def _gains(result: RunResult) -> list[tuple[str, str]]:
         if math.isnan(one.rms_after):
             told.append((name, "no row to tell it by"))
             continue
-        first, last = both(one.before, one.after, one.unit)
+        first, last = both(one.before, one.after, one.unit, one.recorded)
         less = 1.0 - one.after / one.before if one.before > 0.0 else 0.0
         change = f"{abs(less):.0%} {'less' if less > 0.0 else 'more'}"
         told.append((name, f"off by {last}, as before" if one.after == one.before

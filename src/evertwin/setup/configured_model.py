@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
+from evertwin.config.read import place
 from evertwin.config.spec import TwinSpec
-from evertwin.errors import UsageError
+from evertwin.errors import ConfigError, UsageError
 from evertwin.machines.catalog import located, machine
 from evertwin.models import Model, Parameter, Parameters
 from evertwin.models.configured import configured
@@ -27,7 +30,8 @@ def model_of(spec: TwinSpec, given: Model | None = None) -> Model:
     check_ladder(spec, model)
     check_quantities(spec, model)
     for name in spec.signals:
-        (model.inputs + model.outputs).index(name)
+        with _placed(spec, "signals", name):
+            (model.inputs + model.outputs).index(name)
     return configured(
         model, parameters=_parameters(spec, model), inputs=_limited(spec, model.inputs),
         outputs=_limited(spec, model.outputs),
@@ -35,19 +39,32 @@ def model_of(spec: TwinSpec, given: Model | None = None) -> Model:
 
 
 def _built(spec: TwinSpec) -> Model:
-    return machine(spec.model.kind, located(spec.folder, spec.model.options))
+    with _placed(spec, "model"):
+        return machine(spec.model.kind, located(spec.folder, spec.model.options))
+
+
+@contextmanager
+def _placed(spec: TwinSpec, *path: str) -> Iterator[None]:
+    """What the model refuses is said with its line of the twin file."""
+    try:
+        yield
+    except UsageError as error:
+        if type(error) is not UsageError or not spec.file:
+            raise
+        raise ConfigError(f"{place(spec, path)}: {error}") from error
 
 
 def _parameters(spec: TwinSpec, model: Model) -> Parameters:
     items = {item.name: item for item in model.parameters}
     for name, said in spec.model.parameters.items():
-        model.parameters.index(name)
         changes = {
             key: getattr(said, key)
             for key in ("value", "low", "high", "sigma", "editable", "source")
             if getattr(said, key) is not None
         }
-        items[name] = _changed(items[name], changes)
+        with _placed(spec, "model", "parameters", name):
+            model.parameters.index(name)
+            items[name] = _changed(items[name], changes)
     return Parameters(tuple(items.values()))
 
 

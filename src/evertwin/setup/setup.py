@@ -17,14 +17,14 @@ from evertwin.fold import Beat
 from evertwin.fold.span import Span
 from evertwin.models import LinearModel, Model
 from evertwin.rows.alignment import low_pass
-from evertwin.rows.channels import is_measured, measured, motions
+from evertwin.rows.channels import is_measured, measured, motions, unit_recorded
 from evertwin.rows.plausibility import arbiter_of
 from evertwin.rows.ring import Ring
 from evertwin.setup.at_horizon import AtHorizon
 from evertwin.setup.detectors import Detect
 from evertwin.setup.residual_filter import ResidualFilter
 from evertwin.setup.scores import Watch
-from evertwin.signals.spoken import suited
+from evertwin.signals.spoken import MANY, share, suited
 from evertwin.sync import Track
 from evertwin.sync.horizon import nanoseconds
 from evertwin.trial import Probation, Trial
@@ -283,11 +283,16 @@ class Setup:
         """The rows of a span, at the rate of the clock or of the data."""
         return span.at(self.spec.clock.rate or self.measured_rate)
 
+    @cached_property
+    def recorded(self) -> tuple[str, ...]:
+        """The unit of each output in the twin file; empty where it has none."""
+        return tuple(unit_recorded(self.spec, name) for name in self.model.outputs.names)
+
     def shown(self, output: int, value: float) -> str:
         """A deviation in words."""
         if self.relative:
-            return f"{100 * value:.1f} %"
-        unit, factor = suited(abs(value), self.model.outputs.units[output])
+            return f"{100 * value:.1f} %" if value < MANY else share(value)
+        unit, factor = suited(abs(value), self.model.outputs.units[output], self.recorded[output])
         return f"{value * factor:.3g} {'' if unit == '1' else unit}".rstrip()
 
     @cached_property

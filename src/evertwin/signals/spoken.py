@@ -4,11 +4,18 @@
 ('4.1 mm', '3.3°', '12 Nm', '1.8 l/min')
 >>> both(0.029, 0.004, "m")
 ('29 mm', '4 mm')
+
+Whoever records in bar or rpm reads of these.
+
+>>> spoken(3200.0, "Pa", "bar"), spoken(1.5, "rad/s", "rpm"), spoken(0.3, "K", "degC")
+('0.032 bar', '14 rpm', '0.3 K')
 """
 
 from __future__ import annotations
 
 import math
+
+from evertwin.signals.units import conversion_of
 
 _SMALLER = {
     "m": ((1.0, "m", 1.0), (0.1, "cm", 100.0), (0.0, "mm", 1000.0)),
@@ -21,17 +28,22 @@ _SMALLER = {
     "V": ((1.0, "V", 1.0), (0.0, "mV", 1000.0)),
 }
 """SI unit → (from this size on, unit, factor), largest first."""
+MANY = 10.0
+"""From this multiple on nobody counts in per cent."""
+_ALIKE = {"m", "cm", "mm", "km", "m/s", "cm/s", "mm/s", "rad", "deg", "rad/s", "deg/s", "A", "mA",
+          "V", "mV", "Pa", "m^3/s", "degC"}  # fmt: skip
+"""Units that say no more than the one that suits a size."""
 
 
-def spoken(value: float, unit: str) -> str:
-    """A size with two digits, in the unit that suits it."""
-    return both(value, value, unit)[0]
+def spoken(value: float, unit: str, recorded: str = "") -> str:
+    """A size with two digits, in the unit that suits it or that it is recorded in."""
+    return both(value, value, unit, recorded)[0]
 
 
-def both(first: float, second: float, unit: str) -> tuple[str, str]:
+def both(first: float, second: float, unit: str, recorded: str = "") -> tuple[str, str]:
     """Two sizes in one unit, that of the larger one."""
     size = max((abs(v) for v in (first, second) if math.isfinite(v)), default=0.0)
-    name, factor = suited(size, unit)
+    name, factor = suited(size, unit, recorded)
     space = "" if name.startswith("°") or name == "1" else " "
     return tuple(  # type: ignore[return-value]
         "unknown"
@@ -41,8 +53,19 @@ def both(first: float, second: float, unit: str) -> tuple[str, str]:
     )
 
 
-def suited(size: float, unit: str) -> tuple[str, float]:
+def share(value: float) -> str:
+    """A share of a size in per cent; as its multiple where it is far more than all of it.
+
+    >>> share(0.0396), share(1.26), share(6100.0)
+    ('3.96 %', '126 %', '6,100 times its size')
+    """
+    return f"{100 * value:.3g} %" if value < MANY else f"{value:,.0f} times its size"
+
+
+def suited(size: float, unit: str, recorded: str = "") -> tuple[str, float]:
     """The unit that suits a size, and what an SI number is multiplied by."""
+    if recorded not in ("", "1", unit) and recorded not in _ALIKE:
+        return recorded, 1.0 / conversion_of(recorded)[0]
     steps = _SMALLER.get(unit, ((0.0, unit, 1.0),))
     return next(((name, f) for least, name, f in steps if size >= least), (unit, 1.0))
 
