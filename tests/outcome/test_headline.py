@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from evertwin.config.read import reads
 from evertwin.config.spec import AnomalySpec, ModelSpec, MovingSpec, PredictionSpec, TwinSpec
 from evertwin.correction.spec import CorrectionSpec
 from evertwin.errors import UsageError
@@ -157,8 +158,10 @@ def test_many_outputs_are_told_as_a_range() -> None:
 
 
 def test_channels_without_terms_are_refused() -> None:
+    text = 'schema = 1\nname = "r"\nmodel = { kind = "robot1d" }\ncorrection = { channels = ["v"] }'
     with pytest.raises(UsageError, match="kinds that may be tried"):
-        CorrectionSpec(channels=("v",))
+        reads(text)
+    assert reads(text.replace('["v"]', '["v"], terms = []')).correction.terms == ()
 
 
 def test_sizes_as_a_person_says_them() -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from annotated_types import Ge, Gt, Le, Lt
 
@@ -61,7 +62,7 @@ class CorrectionSpec(Section):
     """Inputs (or states, for ``state``) that may be corrected."""
     terms: tuple[str, ...] = ()
     """Kinds of term that may be tried: lag, coupling, law, table, surface, state, or one that
-    another package brings. Channels need them; without channels and terms the form stays."""
+    another package brings. empty: the form stays."""
     outputs: tuple[str, ...] = ()
     """Outputs that terms have to pay on, on held-out rows and in their trial; empty: all."""
     learner: Literal["full", "replay", "literal"] = "full"
@@ -83,12 +84,17 @@ class CorrectionSpec(Section):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.channels and not self.terms:
+        for name in self.terms:
+            check_kind(name)
+
+    @classmethod
+    def prepare(cls, table: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Channels alone are half of what was meant; ``terms = []`` says that the form stays."""
+        if table.get("channels") and "terms" not in table:
             raise UsageError(
                 'terms: expected the kinds that may be tried on the channels, as in ["lag", "law"]'
             )
-        for name in self.terms:
-            check_kind(name)
+        return table
 
     @property
     def translated(self) -> str:
