@@ -24,31 +24,36 @@ from evertwin.doctor.examination import View
 from evertwin.doctor.finding import Finding
 from evertwin.errors import DataError, ModelError, UsageError
 from evertwin.fold import Block, take
-from evertwin.gauges.misread import likeliest
-from evertwin.gauges.unlike import changes
+from evertwin.gauges.misread import ANSWERED, likeliest
+from evertwin.gauges.unlike import Changes, changes
 from evertwin.models import roll
 from evertwin.models.function import kernel_of
 from evertwin.refit.physical import physically
 from evertwin.refit.work import Work
-from evertwin.rows.channels import recorded_as
+from evertwin.rows.channels import recorded_as, unit_recorded
 from evertwin.signals import Layout
 from evertwin.signals.delay import Lag
+from evertwin.signals.units import compatible
 from evertwin.sync.horizon import restarts, trusted
 from evertwin.sync.lag import SharedLag, shared_lag
 from evertwin.tuning import solve, told_apart
 from evertwin.types import ParameterVector, Vector
 
-FACTORS: tuple[tuple[float, str], ...] = (
-    (-1.0, "-1 (the sign is reversed)"),
-    *((10.0**n, f"10^{n}") for n in (1, -1, 2, -2, 3, -3, 6, -6)),
-    (math.pi / 180, "pi/180 (degrees taken for radians)"),
-    (180 / math.pi, "180/pi (radians taken for degrees)"),
-    (25.4, "25.4 (inches taken for millimetres)"),
-    (1 / 25.4, "1/25.4 (millimetres taken for inches)"),
-    (60.0, "60 (per second and per minute)"), (1 / 60, "1/60 (per second and per minute)"),
-    (3.6, "3.6 (m/s and km/h)"), (1 / 3.6, "1/3.6 (m/s and km/h)"),
+_ANGLES, _LENGTHS = ("rad", "rad/s", "rad/s^2"), ("m", "m/s", "m/s^2")
+_RATES = ("m/s", "rad/s", "m^3/s", "kg/s", "1/s", "s")
+FACTORS: tuple[tuple[float, str, tuple[str, ...]], ...] = (
+    (-1.0, "-1 (the sign is reversed)", ()),
+    *((10.0**n, f"10^{n}", ()) for n in (1, -1, 2, -2, 3, -3, 6, -6)),
+    (math.pi / 180, "pi/180 (degrees taken for radians)", _ANGLES),
+    (180 / math.pi, "180/pi (radians taken for degrees)", _ANGLES),
+    (25.4, "25.4 (inches taken for millimetres)", _LENGTHS),
+    (1 / 25.4, "1/25.4 (millimetres taken for inches)", _LENGTHS),
+    (60.0, "60 (per second and per minute)", _RATES),
+    (1 / 60, "1/60 (per second and per minute)", _RATES),
+    (3.6, "3.6 (m/s and km/h)", ("m/s",)), (1 / 3.6, "1/3.6 (m/s and km/h)", ("m/s",)),
 )  # fmt: skip
-"""What a recording has to be multiplied by, and what that stands for."""
+"""What a recording has to be multiplied by, what that stands for, and the quantities that it may be
+of; none: of any."""
 WRONG, BETTER = 0.6, 0.5
 """Mismatch from which units are doubted, and the share of it that a factor must remove."""
 ROWS = 3000
@@ -63,8 +68,15 @@ class _Suspect:
     """Columns that are scaled together."""
 
     names: tuple[str, ...]
+    unit: str
     u: tuple[int, ...]
     y: tuple[int, ...]
+
+    def may_be(self, recorded: str, units: tuple[str, ...]) -> bool:
+        """May it be off by a factor of these? Of a number without a unit nobody knows."""
+        if not units or (self.unit == "1" and recorded in ("", "1")):
+            return True
+        return any(compatible(self.unit, unit) for unit in units)
 
 
 _Factor: TypeAlias = tuple[_Suspect, float]
@@ -75,12 +87,13 @@ def look_units(view: View, figures: dict[str, Any]) -> list[Finding]:
     found, applied = list(_ranges(view)), tuple[_Factor, ...]()
     window = _liveliest(view)
     found += _exchanged(view, window)
-    at_start = _mismatch(view, view.version.p, window)
+    at_start = _changes(view, view.version.p, window).mismatch
     figures["mismatch"] = dict(zip(view.model.outputs.names, at_start.tolist(), strict=True))
     for _ in range(0 if "exchanged" in {one.kind for one in found} else 4):
         p = _numbers(view, partial(_scaled, by=applied))
-        before = _mismatch(view, p, _scaled(window, applied))
-        best = _best(view, p, (window, applied), before) if (before > WRONG).any() else []
+        seen = _changes(view, p, _scaled(window, applied))
+        before = seen.mismatch
+        best = _best(view, p, (window, applied), seen) if (before > WRONG).any() else []
         if not best:
             break
         found.append(_told(view, best, before))
@@ -211,9 +224,9 @@ def _tuned(view: View, change: Callable[[Block], Block]) -> ParameterVector:
         return p
 
 
-def _mismatch(view: View, p: ParameterVector, window: Block) -> Vector:
+def _changes(view: View, p: ParameterVector, window: Block) -> Changes:
     with np.errstate(all="ignore"):
-        return changes(view.model, p, window, view.horizon).mismatch
+        return changes(view.model, p, window, view.horizon)
 
 
 def _scaled(window: Block, by: tuple[_Factor, ...]) -> Block:
@@ -226,39 +239,46 @@ def _scaled(window: Block, by: tuple[_Factor, ...]) -> Block:
 
 def _suspects(inputs: Layout, outputs: Layout) -> list[_Suspect]:
     """Single channels first, then channels that share a unit."""
-    out = [_Suspect((name,), (k,), ()) for k, name in enumerate(inputs.names)]
-    out += [_Suspect((name,), (), (k,)) for k, name in enumerate(outputs.names)]
+    out = [_Suspect((one.name,), one.unit, (k,), ()) for k, one in enumerate(inputs)]
+    out += [_Suspect((one.name,), one.unit, (), (k,)) for k, one in enumerate(outputs)]
     for layout, side in ((inputs, "u"), (outputs, "y")):
         for unit in dict.fromkeys(layout.units):
             where = tuple(k for k, other in enumerate(layout.units) if other == unit)
             if len(where) > 1:
                 names = tuple(layout.names[k] for k in where)
                 u, y = (where, ()) if side == "u" else ((), where)
-                out.append(_Suspect(names, u, y))
+                out.append(_Suspect(names, unit, u, y))
     return out
 
 
 def _best(
-    view: View, p: ParameterVector, rows: tuple[Block, tuple[_Factor, ...]], before: Vector
+    view: View, p: ParameterVector, rows: tuple[Block, tuple[_Factor, ...]], seen: Changes
 ) -> list[_Hypothesis]:
     """What removes most, and what explains it as well; empty where nothing removes enough."""
-    (window, applied), wrong = rows, before > WRONG
+    (window, applied), before = rows, seen.mismatch
+    wrong, least = before > WRONG, ANSWERED * np.count_nonzero(seen.known)
     found = []
     for suspect in _suspects(view.model.inputs, view.model.outputs):
         if suspect.y and not wrong[list(suspect.y)].all():
             continue
-        for factor, said in FACTORS:
+        recorded = unit_recorded(view.setup.spec, suspect.names[0])
+        for factor, said, units in FACTORS:
+            if not suspect.may_be(recorded, units):
+                continue
             by = (*applied, (suspect, factor))
             q = _numbers(view, partial(_scaled, by=by)) if factor < 0 else p
-            after = _mismatch(view, q, _scaled(window, by))
+            scaled = _changes(view, q, _scaled(window, by))
+            if np.count_nonzero(scaled.known) < least:
+                continue  # the model has no answer to it: that explains nothing
+            after = scaled.mismatch
             helped = (after < BETTER * before) & wrong
             if helped.any() and (after <= before + 0.1).all():
                 found.append(_Hypothesis(suspect, factor, said, after))
     if not found:
         return []
-    least = min(float(one.after.sum()) for one in found)
+    left = min(float(one.after.sum()) for one in found)
     # the channel alone before a set of channels: suspects come in that order
-    close = [one for one in found if float(one.after.sum()) <= 1.05 * least + 0.01]
+    close = [one for one in found if float(one.after.sum()) <= 1.05 * left + 0.01]
     return close[:3]
 
 

@@ -253,8 +253,11 @@ def silent(rows: Rows) -> SensorChange | None:
         if not (still and _driven(rows, now)):
             continue
         size, level = _rms(expected[now, k]), y[now, k]
+        if np.std(level) * OF_NOISE > size:  # it goes its own way, slower than is expected
+            continue
         alike = then & (np.abs(expected[:, k]) <= 2.0 * size)
-        if np.count_nonzero(alike) >= LEAST and not (
+        before = np.count_nonzero(alike) >= LEAST
+        if before and not (
             _answered(measured[alike, k], expected[alike, k], size)
             and np.std(level) < OF_USUAL * _rms(measured[alike, k])
         ):
@@ -262,9 +265,9 @@ def silent(rows: Rows) -> SensorChange | None:
         channel = model.outputs.channels[k]
         said = (
             f"{channel.name} stays at {float(np.mean(level)):.4g} {channel.unit} from "
-            f"{called(rows.row(since))}{rows.until(rows.stop)}, however the machine is moved, "
-            "where it answered before: its sensor no longer answers, or the machine does not; "
-            "nothing is learned from it"
+            f"{called(rows.row(since))}{rows.until(rows.stop)}, however the machine is moved"
+            f"{', where it answered before' if before else ''}: its sensor no longer answers, or "
+            "the machine does not; nothing is learned from it"
         )
         over = rows.refused((channel.name,), since, rows.stop)
         return SensorChange(channel.name, 0.0, said, over, rows.goes_on(since, rows.stop))

@@ -20,6 +20,8 @@ from evertwin.types import Outputs, Vector
 
 LEAST = 30
 """Rows that tell anything."""
+FAR = 1e6
+"""Residual of a row that the model has no answer to [of the usual size]."""
 AGAIN = 3.0
 """So many times its usual square the residual is where the version does not hold."""
 
@@ -112,11 +114,12 @@ class Rows:
         return steps
 
     def under(self, one: Reading, windows: Windows) -> Outputs:
-        """Residual under a reading, in what was recorded, (n, ny)."""
+        """Residual under a reading, in what was recorded, (n, ny); far off where the model has no
+        answer to what is read."""
         posed = self.pose(windows)
-        return np.asarray(
-            residual(posed, posed.start) / one.factors[len(self.setup.model.inputs) :]
-        )
+        off = residual(posed, posed.start) / one.factors[len(self.setup.model.inputs) :]
+        lost = np.isfinite(self.before) & posed.rows.used & np.isfinite(posed.rows.y)
+        return np.asarray(np.where(lost & ~np.isfinite(off), FAR * self.sizes, off))
 
     def changed(self, first: int, stop: int, change: Callable[[Block], Block]) -> Windows:
         """The windows, with rows [first, stop) changed."""

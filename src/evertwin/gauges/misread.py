@@ -35,6 +35,8 @@ from evertwin.types import Float64, Outputs, ParameterVector, Vector
 
 WRONG = 0.6
 """Mismatch of an output from which its reading is doubted, and below which all have to come."""
+ANSWERED = 0.9
+"""Share of the rows predicted as recorded that are predicted under a reading, too, at least."""
 LEFT = 0.1
 """Largest share of the squared mismatch that a reading may leave."""
 ALIKE = 1.5
@@ -141,12 +143,16 @@ def likeliest(
     """Readings that explain what is off, the best first, with up to two that do as well."""
     if not windows:
         return ()
-    before = _off(setup, model, p, windows)
+    as_recorded = _seen(setup, model, p, windows)
+    before = as_recorded.mismatch
     if not before.max(initial=0.0) > WRONG:
         return ()
     found = []
     for one in readings(model, recorded(setup)):
-        after = _off(setup, model, p, [one.undone(window) for window in windows])
+        undone = _seen(setup, model, p, [one.undone(window) for window in windows])
+        after = undone.mismatch
+        if np.count_nonzero(undone.known) < ANSWERED * np.count_nonzero(as_recorded.known):
+            continue  # the model has no answer to what is read: that explains nothing
         good = _total(after) < LEFT * _total(before) and after.max() < WRONG
         if good and (after <= before + 0.1).all():
             found.append((_total(after), one))
@@ -227,8 +233,7 @@ def _newest(windows: Windows, rows: int) -> list[Block]:
 
 def _off(setup: Setup, model: Model, p: ParameterVector, windows: Sequence[Block]) -> Vector:
     """Mismatch of each output over all windows, (ny,)."""
-    with np.errstate(all="ignore"):
-        return _seen(setup, model, p, windows).mismatch
+    return _seen(setup, model, p, windows).mismatch
 
 
 def _deviation(setup: Setup, model: Model, p: ParameterVector, windows: Sequence[Block]) -> Outputs:
@@ -238,7 +243,8 @@ def _deviation(setup: Setup, model: Model, p: ParameterVector, windows: Sequence
 
 
 def _seen(setup: Setup, model: Model, p: ParameterVector, windows: Sequence[Block]) -> Changes:
-    some = [changes(model, p, window, setup.horizon) for window in windows]
+    with np.errstate(all="ignore"):
+        some = [changes(model, p, window, setup.horizon) for window in windows]
     measured, predicted = (
         np.concatenate([getattr(one, side) for one in some]) for side in ("measured", "predicted")
     )

@@ -16,7 +16,7 @@ from evertwin.models import Model, roll
 from evertwin.models.function import kernel_of
 from evertwin.signals import wrap
 from evertwin.sync.horizon import restarts
-from evertwin.types import Outputs, ParameterVector, Vector
+from evertwin.types import Bool, Outputs, ParameterVector, Vector
 
 
 @dataclass(frozen=True)
@@ -32,11 +32,15 @@ class Changes:
     predicted: Outputs
 
     @cached_property
+    def known(self) -> Bool[np.ndarray, "n ny"]:
+        """Rows at which an output is measured and predicted, (n, ny)."""
+        return np.asarray(np.isfinite(self.measured) & np.isfinite(self.predicted))
+
+    @cached_property
     def mismatch(self) -> Vector:
         """Rms of the difference over the larger rms, per output: 0 equal, 1 unrelated, (ny,)."""
-        known = np.isfinite(self.measured) & np.isfinite(self.predicted)
-        a = np.where(known, self.measured, 0.0)
-        b = np.where(known, self.predicted, 0.0)
+        a = np.where(self.known, self.measured, 0.0)
+        b = np.where(self.known, self.predicted, 0.0)
         size = np.sqrt(np.maximum((a**2).sum(axis=0), (b**2).sum(axis=0)))
         left = np.sqrt(((a - b) ** 2).sum(axis=0))
         return np.asarray(np.divide(left, size, out=np.zeros(len(size)), where=size > 0))

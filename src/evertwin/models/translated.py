@@ -263,7 +263,8 @@ def _row(
     """Outputs and state of one row; NaN where it fails."""
     nothing = np.full(len(x) + len(model.outputs), np.nan)
     try:
-        ahead, out = model.simulate(x, u, dt, p)
+        with np.errstate(all="ignore"):  # these are no rows of the machine's
+            ahead, out = model.simulate(x, u, dt, p)
         found = np.concatenate([np.asarray(ahead, dtype=np.float64), out[0]])
     except (ArithmeticError, ValueError, TypeError, LookupError):
         return nothing

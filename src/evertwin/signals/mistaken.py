@@ -106,7 +106,7 @@ def mistaken(recorded: str, unit: str) -> Iterator[Mistake]:
     scale, zero = conversion_of(recorded)
     for number, said in numbers(unit):
         yield Mistake(number, zero * (1.0 - number), said)
-    if unit == "1":
+    if unit == "1" and recorded in ("", "1"):
         own = {name: (1.0, place / size) for name, (_, size, place) in _SCALES.items()}
         pairs = [(a, b) for a in own for b in own if a != b]
     elif compatible(unit, "K"):

@@ -188,7 +188,7 @@ def _heater(missing: Sequence[str], seen: Sequence[Seen]) -> tuple[Match, ...]:
 def _first_two(seen: Sequence[Seen]) -> tuple[Match, ...]:
     """The first column that varies drives, the next one answers.
 
-    A column whose name begins as inputs (u, in) or outputs (y, out) are called goes before others.
+    A column whose first word is that of inputs (u, in) or outputs (y, out) goes before others.
     Of more than two columns those that nothing says so of are asked.
     """
     source = max(range(len(seen)), key=lambda s: seen[s].table.rows * len(seen[s].columns))
@@ -196,14 +196,14 @@ def _first_two(seen: Sequence[Seen]) -> tuple[Match, ...]:
     if len(columns) < 2:
         raise DataError("expected two columns of numbers beside the time: an input and an output")
     columns.sort(key=lambda c: c.low == c.high)  # what is constant can drive nothing
-    drives = min(columns, key=lambda c: (_called(c, "y", "out"), not _called(c, "u", "in")))
-    answers = min((c for c in columns if c is not drives), key=lambda c: not _called(c, "y", "out"))
+    drives = min(columns, key=lambda c: (_called(c, _OUT), not _called(c, _IN)))
+    answers = min((c for c in columns if c is not drives), key=lambda c: not _called(c, _OUT))
     moving = [c.name for c in columns if c.low != c.high]
     place = any(words(name)[:1] == ["x"] for name in moving)  # beside an x, y is one, too
     out = []
     for name, column, says in (
-        ("u", drives, _called(drives, "u", "in")),
-        ("y", answers, _called(answers, "y", "out") and not place),
+        ("u", drives, _called(drives, _IN)),
+        ("y", answers, _called(answers, _OUT) and not place),
     ):
         if says or len(moving) <= 2:
             why = "assumed: by its name or place"
@@ -214,8 +214,11 @@ def _first_two(seen: Sequence[Seen]) -> tuple[Match, ...]:
     return tuple(out)
 
 
-def _called(column: ColumnInfo, *starts: str) -> bool:
-    return column.low != column.high and column.name.lower().startswith(starts)
+_IN, _OUT = {"u", "in", "input"}, {"y", "out", "output"}
+
+
+def _called(column: ColumnInfo, firsts: set[str]) -> bool:
+    return column.low != column.high and not firsts.isdisjoint(words(column.name)[:1])
 
 
 def _stated(column: ColumnInfo) -> str:
