@@ -318,8 +318,8 @@ class Work(Tuner):
     def _corrected(self, version: Version, windows: Windows) -> dict[str, Any]:
         base: Model = self.setup.model
         found, starts = self._half(version, windows), [version]
-        if found:
-            starts.append(replace(version, values=tuple(found[1].p.tolist())))
+        if found:  # what numbers of the model explain no term has to
+            starts.insert(0, replace(version, values=tuple(found[1].p.tolist())))
         proposals = [learn(self.setup, base, start, windows) for start in starts]
         proposal = nearest(self.versions, proposals, windows, self.setup.horizon)
         evidence = proposal.evidence()
@@ -327,8 +327,14 @@ class Work(Tuner):
             events = [event("rejected", "", "no correction pays on unseen rows", evidence)]
             tuned = found and self.tuned(version, *found, windows, events)
             return {"events": events, "candidate": tuned}
-        reason = "; ".join(proposal.describes)
         values = dict(zip(proposal.names, proposal.p.tolist(), strict=True))
+        old = dict(zip(version.names, version.p.tolist(), strict=True))
+        moved = [
+            name for name in (found[1].moved if found else ())
+            if values.get(one := name.removesuffix(" (weak)")) != old.get(one)
+        ]  # fmt: skip
+        first = (f"tuned {', '.join(moved)}",) if moved else ()
+        reason = "; ".join((*first, *proposal.describes))
         return {
             "events": [event("corrected", "", reason, evidence)],
             "lacking": len(proposal.unseen),
