@@ -95,7 +95,12 @@ class FunctionModel:
         Raises:
             ModelError: the function gave another number of states or outputs than declared.
         """
-        ahead, y = self.step(x, u, dt, p)
+        given: Any = self.step(x, u, dt, p)
+        if not isinstance(given, tuple | list) or len(given) != 2:
+            raise ModelError(
+                f"step: expected two lists, the states ahead and the outputs, got {given!r:.60}"
+            )
+        ahead, y = given
         if len(ahead) != len(self.states) or len(y) != len(self.outputs):
             raise ModelError(
                 f"step: expected {len(self.states)} states and {len(self.outputs)} outputs, "

@@ -289,7 +289,8 @@ class Work(Tuner):
     # ------------------------------------------------------------------ correction
 
     def _next(self) -> str | None:
-        return "correct" if self.setup.spec.correction.terms else None
+        """The form of a static map has ladders of its own."""
+        return "correct" if self.setup.spec.correction.terms and not self.setup.static else None
 
     def correct(self, task: Task) -> dict[str, Any]:
         """Searches for terms on top of the version's form: of one that held, on the rows since it

@@ -140,6 +140,7 @@ def _by_size(stamps: np.ndarray, whole: bool) -> TimeGuess:
             return TimeGuess(unit, _EPOCH, True)
     if whole and step >= 10:
         unit = "ms" if step < 1e4 else "us" if step < 1e6 else "ns"
+        unit = "s" if step <= 3600 and step % 60 == 0 else unit  # nobody samples each 60 ms
         return TimeGuess(unit, f"whole numbers that advance by {step:g} a row", False)
     return TimeGuess("s", f"advances by {step:g} a row", True)
 

@@ -142,6 +142,11 @@ class Draft:
         return max((time.duration for time in times if time is not None), default=math.inf)
 
     @property
+    def gap(self) -> float:
+        """Longest interval that is simulated over [s]: a few lost rows are none."""
+        return max(10.0, float(f"{10.0 * (self.period or 0.0):.2g}"))
+
+    @property
     def window(self) -> float:
         """What a deviation is judged on [s]: many predictions; a quarter of the recording."""
         many = (10.0 if self.static else 100.0) * self.horizon
