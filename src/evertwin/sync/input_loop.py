@@ -37,6 +37,8 @@ LATE = 8
 """Rows after which a factor within that reach is told."""
 ENOUGH = 100
 """Believed rows from which the range is known."""
+LEVELS = 10
+"""Changes that it takes, too: of a command in steps, few rows are few values."""
 BETTER = 0.1
 """Share of the squared test ratio that remains where the last believed value explains a row."""
 ERROR = int(Mark.ERROR)
@@ -47,7 +49,7 @@ FOUND_INPUT, FOUND_SOUND = int(Finding.INPUT), int(Finding.SOUND)
 def is_beyond(inputs: Any, counts: Any, k: int, u: float, widths: float) -> bool:
     """Is a value outside the known range of its input, by more than so many widths of it?"""
     low, high = inputs[k, at.LOWEST], inputs[k, at.HIGHEST]
-    if counts[k, at.SEEN] < ENOUGH or not high > low:
+    if counts[k, at.SEEN] < ENOUGH or counts[k, at.CHANGES] < LEVELS or not high > low:
         return False
     return bool(u > high + widths * (high - low) or u < low - widths * (high - low))
 
@@ -71,6 +73,7 @@ def count_usual(inputs: Any, counts: Any, u: Any, i: int) -> bool:
         if not inputs[k, at.LOWEST] <= value <= inputs[k, at.HIGHEST] or counts[k, at.DOUBTED] > 0:
             return False
     for k in range(u.shape[1]):
+        counts[k, at.CHANGES] += u[i, k] != inputs[k, at.BELIEVED]
         inputs[k, at.BELIEVED] = u[i, k]
         counts[k, at.SEEN] += 1
     return True
@@ -247,6 +250,7 @@ def believe(
             continue
         if follows or not is_beyond(inputs, counts, k, value, 0.0):
             first = counts[k, at.SEEN] == 0
+            counts[k, at.CHANGES] += not first and value != inputs[k, at.BELIEVED]
             inputs[k, at.BELIEVED] = value
             inputs[k, at.LOWEST] = value if first else min(inputs[k, at.LOWEST], value)
             inputs[k, at.HIGHEST] = value if first else max(inputs[k, at.HIGHEST], value)

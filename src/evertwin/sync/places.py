@@ -56,9 +56,9 @@ is over."""
 LOWEST, HIGHEST, BELIEVED, BY, OVER = range(5)
 """Memory per input: range of its believed values; the last one; suspected factor, 0: none, and
 how much likelier it is that it is over."""
-SEEN, DOUBTED, DOUBT_ROW, TO, SAID = range(5)
+SEEN, DOUBTED, DOUBT_ROW, TO, SAID, CHANGES = range(6)
 """Memory per input, integers: believed values; doubted ones since then, the first and last row; are
-they told?"""
+they told?; believed values other than the one before."""
 
 (
     BESIDE_OFF, BESIDE_NOISE, BESIDE_FROM, BESIDE_AFTER, BESIDE_PATH, BESIDE_LAG, MEAN_X,

@@ -88,7 +88,7 @@ class TrackState(NamedTuple):
     """What was expected of the contested samples."""
     ranges: Float64[np.ndarray, "nu 5"]
     """Range of each input's believed values, the last of them, its suspected factor."""
-    beliefs: Int64[np.ndarray, "nu 5"]
+    beliefs: Int64[np.ndarray, "nu 6"]
     """How many they are; the open doubt."""
     clock: Int64[np.ndarray, " two"]
     """Task of the last row, has a row come?"""
@@ -212,7 +212,7 @@ class Track:
             x0.copy(), p, x0, values, numbers, np.zeros((ng, 5)), variance, counts,
             np.zeros((at.LEARN, ny)), np.zeros((vote, ny)), np.zeros((vote, ny)),
             np.zeros((vote, ng), dtype=np.int64), np.zeros((vote, ng), dtype=np.int64),
-            np.zeros((vote, ny)), np.zeros((nu, 5)), np.zeros((nu, 5), dtype=np.int64),
+            np.zeros((vote, ny)), np.zeros((nu, 5)), np.zeros((nu, 6), dtype=np.int64),
             np.zeros(2, dtype=np.int64), x0.copy(), np.zeros((ny, 12)),
             np.zeros(6, dtype=np.int64),
         )  # fmt: skip
