@@ -56,6 +56,8 @@ surpass one that is on trial."""
 HALF = 0.5
 """Part of the deviation that tuning explains at least where the form is wrong and tuned numbers are
 tried all the same; and that a state which came or went takes away on unseen rows."""
+NEARLY_ALL = 0.9
+"""Part of the deviation from which on tuned numbers are tried before another form is looked for."""
 ENOUGH = 10
 """Rows a parameter behind a change that a fit needs."""
 
@@ -208,7 +210,8 @@ class Work(Tuner):
         content: dict[str, Any] = {
             "events": events, "fit": fit.to_dict(timing=False), "tuned": True, **rounds,
         }  # fmt: skip
-        if verdict.kind == "abnormal" and self._next():
+        reaches = part >= NEARLY_ALL and self._helps(verdict, fit)
+        if verdict.kind == "abnormal" and self._next() and not reaches:
             content["candidate"] = self._named(verdict, version, problem, events)
             content |= {} if content["candidate"] else {"next": self._next()}
         elif part >= self.setup.trial.margin and (  # less would not be worth a switch

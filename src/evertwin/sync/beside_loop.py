@@ -38,7 +38,7 @@ CREPT, JUMPED, STARTED = 1, 2, 3
 LONGEST = 1000
 """Rows after which what was believed stays."""
 UNHEARD = 50.0
-"""Factor beyond which, or below whose inverse, no machine moves otherwise than its model."""
+"""Factor by which no machine moves more than its model; one that sticks moves any part of it."""
 FEW = 8
 """Rows from which the line is asked."""
 STEADY = 0.3
@@ -150,7 +150,7 @@ def is_factor(
     rest = min(rest, account[j, at.SCATTER]) if starts else rest
     heard = 0.5 * rest * (1.0 - 1.0 / (size * size)) / noise - (rows - 2) * math.log(size)
     if starts:
-        return bool(heard > COMMON if noise < np.inf else max(size, 1.0 / size) > UNHEARD)
+        return bool(heard > COMMON if noise < np.inf else size > UNHEARD)
     start, mean = account[j, at.BESIDE_FROM] + account[j, at.BESIDE_OFF], account[j, at.MEAN_X]
     level = account[j, at.MEAN_Y] - slope * mean
     sure = 1.0 / rows + mean * mean / xx + STEADY
