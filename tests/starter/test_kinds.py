@@ -18,6 +18,7 @@ T = np.arange(600.0)
 RNG = np.random.default_rng(3)
 
 BASES = {
+    "time,usage_h,yoke_temp_C,burner_pct": "python ?",
     "t,odom_v_m_s,odom_w_rad_s,x_m,y_m,yaw_rad": "differential v=odom_v_m_s w=odom_w_rad_s x=x_m",
     "stamp;odometry.vx [m/s];odometry.wz [rad/s];gps_x_m;gps_y_m;gps_yaw_rad":
         "differential v=odometry.vx w=odometry.wz x=gps_x_m heading=gps_yaw_rad",
