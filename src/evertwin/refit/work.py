@@ -210,13 +210,11 @@ class Work(Tuner):
         content: dict[str, Any] = {
             "events": events, "fit": fit.to_dict(timing=False), "tuned": True, **rounds,
         }  # fmt: skip
-        reaches = part >= NEARLY_ALL and self._helps(verdict, fit)
-        if verdict.kind == "abnormal" and self._next() and not reaches:
+        helps = verdict.kind != "abnormal" or self._helps(verdict, fit)
+        if verdict.kind == "abnormal" and self._next() and not (helps and part >= NEARLY_ALL):
             content["candidate"] = self._named(verdict, version, problem, events)
             content |= {} if content["candidate"] else {"next": self._next()}
-        elif part >= self.setup.trial.margin and (  # less would not be worth a switch
-            verdict.kind != "abnormal" or self._helps(verdict, fit)
-        ):
+        elif helps and part >= self.setup.trial.margin:  # less would not be worth a switch
             found = self.tuned(version, problem, fit, windows, events)
             said = acting(chosen, problem, fit).said
             content["candidate"] = found and found | {"reason": found["reason"] + said}
