@@ -59,7 +59,8 @@ def main() -> int:
             lives, alarms = lives + len(told), alarms + len(found.alarms) + len(found.held)
             values = " ".join(newest(one.indicator) for one in found.components.values())
             said = "; ".join(f"{n} {one.sentence}" for n, one in told.items()) or "no life"
-            print(f"{file.stem:26} {values}  {len(found.alarms)} alarms  {said}", flush=True)
+            raised = "; ".join(f"{one.kind} {one.component}: {one.reason}" for one in found.alarms)
+            print(f"{file.stem:26} {values}  {raised or 'no alarm'}  {said}", flush=True)
     print(f"{lives} lives and {alarms} alarms in {6 * len(rest)} answers")
     return ended({"no life": lives == 0, "no alarm": alarms == 0})
 

@@ -49,7 +49,9 @@ def headline(
     units = dict(zip(setup.model.outputs.names, told_in, strict=True))
     doubted = _of_a_sensor(events)
     least = 0.0 if setup.relative or not setup.decides else setup.requirement
-    faults = {**({} if setup.static else jumps(events, units, least)), **open_faults(events)}
+    # of a channel that is read wrongly, the others step away from the model as well
+    stepped = {} if setup.static or doubted else jumps(events, units, least)
+    faults = {**stepped, **open_faults(events)}
     if known:
         outcome = _outcome(setup, known, versions, events, trial)
     elif champion.number:
