@@ -173,7 +173,7 @@ def test_a_pose_and_its_commands_are_a_base(
     with Twin.open(out) as twin:
         assert np.isfinite(twin.run().outputs["x"].rms_after)
     proposed(written({key: table[key] for key in list(table)[2:]}), "", capsys)
-    assert read(out).model.kind == "python"  # nothing commands it
+    assert 'kind = "python"' in out.read_text()  # nothing commands it
 
 
 def test_an_oven_is_asked_in_kelvin(written: Written, capsys: pytest.CaptureFixture[str]) -> None:

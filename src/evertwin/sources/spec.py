@@ -44,6 +44,8 @@ class ChannelSpec(Section):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.column == "?":
+            raise UsageError("column: a question that was left open: name the column")
         conversion(self.unit)
         if self.scale == 0.0:
             raise UsageError("scale: expected a factor other than 0: it would erase the channel")

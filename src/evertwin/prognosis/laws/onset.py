@@ -6,7 +6,8 @@ was: a baseline that run-in pulls down and no single value moves. Wear has begun
 * the median lies `SHARE` of the way from the baseline to the limit above it (an effect, not a
   significance: every long series differs from its beginning by something);
 * that is `SURE` times the scatter of such medians from one to the next, which holds the noise with
-  whatever it leans on the values before;
+  whatever it leans on the values before, or of half the doubt that the values state themselves:
+  what a fit is unsure of it may be unsure of in one direction for long;
 * at least `OUTSIDE` of the way was grown outside stops. At a stop (a gap of `GAP` usual steps, or
   an adjustment) the level may shift: what it shifted by is no wear.
 
@@ -60,7 +61,8 @@ def find_onset(indicator: Indicator) -> Onset | None:
     grown = np.where(way > 0.0, level - base, 0.0)
     effect = grown / np.where(way > 0.0, way, 1.0)
     outside = effect - _shifted(y, starts, short) / np.where(way > 0.0, way, 1.0)
-    sure = grown / np.maximum(SURE * _scatter(y, level, short), 1e-12)
+    scatter = np.maximum(_scatter(y, level, short), _stated(life, problem.scale, short))
+    sure = grown / np.maximum(SURE * scatter, 1e-12)
     strength = np.minimum(np.minimum(effect / SHARE, sure), outside / OUTSIDE)
     strength[: min(long, len(y)) - 1] = 0.0
     told = _standing(strength)
@@ -121,6 +123,12 @@ def _shifted(y: Vector, starts: list[int], width: int) -> Vector:
         step = float(np.median(y[k : k + width]) - np.median(y[max(k - width, 0) : k]))
         out[k:] += max(step, 0.0)
     return out
+
+
+def _stated(life: Indicator, scale: float, width: int) -> Vector:
+    """Half of the newest values' own standard deviation at each row; 0 where none is stated."""
+    sigma = life.sigma[_known(life)]
+    return 0.5 * medians(np.where(np.isfinite(sigma), sigma, 0.0), width) / abs(scale)
 
 
 def _scatter(y: Vector, level: Vector, width: int) -> Vector:
