@@ -113,7 +113,11 @@ class Decide:
         state = state._replace(other=self.follow.beside(state.live, number))
         state = self._live(state, number, EMPTY, first)
         agenda = state.agenda._replace(
-            phase=WATCH, again=0, doubt="", versions=max(state.agenda.versions, number + 1)
+            phase=WATCH,
+            again=0,
+            doubt="",
+            accused="",
+            versions=max(state.agenda.versions, number + 1),
         )
         return state._replace(agenda=agenda)
 

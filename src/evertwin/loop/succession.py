@@ -68,6 +68,8 @@ def in_doubt(decision: Decision, content: Mapping[str, Any]) -> Mapping[str, Any
     over = content.get("refused") is not None
     if agenda.doubt and not (over and channel == agenda.doubt):
         return {"events": []}  # what was said first was said by most rows from before
+    again, accused = channel and channel == agenda.accused, "" if over else channel
+    decision.remember(accused=accused if "fit" in content or channel else agenda.accused)
     if not channel:  # divided by a number of units it may still be off by a little
         return {"events": []} if decision.state.live.track.divides else content
     if agenda.phase == TRIAL and not agenda.pinned and agenda.brief < 0.0:
@@ -76,7 +78,7 @@ def in_doubt(decision: Decision, content: Mapping[str, Any]) -> Mapping[str, Any
         decision.state = decision.state._replace(other=EMPTY)
         decision.remember(phase=WATCH)
     decision.remember(doubt=channel if content["lasts"] and not over else "")
-    return content
+    return {**content, "events": []} if again and not over else content
 
 
 def driven(setup: Setup, rows: Rows) -> bool:

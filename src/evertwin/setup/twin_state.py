@@ -119,6 +119,8 @@ class Agenda(NamedTuple):
     """Elapsed time at which it was last said what is followed in the stream [ns]."""
     doubt: str = ""
     """Channel in doubt by rows from before, which newer ones do not tell of; empty: none."""
+    accused: str = ""
+    """Channel that was told last not to be what it was, by a doubt that each window tells anew."""
     cause: str = ""
     """Cause that a person named: it is tried first at the next tuning."""
     pinned: bool = False
