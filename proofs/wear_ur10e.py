@@ -77,12 +77,12 @@ class Arm:
 def prepared(folder: Path) -> Arm:
     """The arm, and all its runs."""
     options = {**shipped("ur10e").model.options, "law": "tanh"}
-    plain = {"ladder": (), "causes": {}, "editable": ("Ia*", *TUNED[:3], "*_link.*")}
+    plain = {"ladder": (), "causes": {}, "states": {}, "editable": ("Ia*", *TUNED[:3], "*_link.*")}
     found = fitted(files("identification"), model={"options": options}, tuning=plain).parameters
     values = {item.name: ParameterSpec(value=item.value) for item in found}
     twin = opened(
         "ur10e", model={"options": options, "parameters": values},
-        tuning={"ladder": (), "causes": {}, "editable": TUNED},
+        tuning={"ladder": (), "causes": {}, "states": {}, "editable": TUNED},
     )  # fmt: skip
     model, p = twin.model, twin.model.parameters.values
     loaded = model.parameters.with_values({"payload.m": 1.0, "payload.mz": 0.05}).values
