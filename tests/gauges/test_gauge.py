@@ -87,6 +87,19 @@ def test_another_unit_is_named_and_not_learned(
     assert not result.of_kind("promoted", "tuned")
 
 
+@pytest.mark.parametrize(("number", "shift"), [(1.0, 8.0), (1.4, 16.0)])
+def test_what_leaps_as_no_number_of_the_machine_makes_it_is_not_learned(
+    tmp_path: Path, number: float, shift: float
+) -> None:
+    """Off by a constant; or one of two sensors, of which the mean is known, in °F since then."""
+    data = fired()
+    data["box"][AT:] = number * data["box"][AT:] + shift
+    result = lived(tmp_path, data)
+    told = [e for e in result.of_kind("abnormal") if "number" in e.evidence]
+    assert told and "box looks off by +" in told[0].reason and "from row 1000 on" in told[0].reason
+    assert not result.of_kind("promoted", "tuned") and "nothing is learned" in result.headline
+
+
 def test_a_sensor_that_only_dithers_is_not_learned(tmp_path: Path) -> None:
     data = fired()
     dither = np.random.default_rng(5).normal(0.0, 0.01, ROWS - AT)
