@@ -87,6 +87,64 @@ def test_another_unit_is_named_and_not_learned(
     assert not result.of_kind("promoted", "tuned")
 
 
+@pytest.mark.parametrize(("number", "shift"), [(1.0, 8.0), (1.4, 16.0)])
+def test_what_leaps_as_no_number_of_the_machine_makes_it_is_not_learned(
+    tmp_path: Path, number: float, shift: float
+) -> None:
+    """Off by a constant; or one of two sensors, of which the mean is known, in °F since then."""
+    data = fired()
+    data["box"][AT:] = number * data["box"][AT:] + shift
+    result = lived(tmp_path, data)
+    told = [e for e in result.of_kind("abnormal") if "number" in e.evidence]
+    assert told and "box looks off by +" in told[0].reason and "from row 1000 on" in told[0].reason
+    assert not result.of_kind("promoted", "tuned") and "nothing is learned" in result.headline
+
+
+def test_exchanged_temperatures_are_named_though_a_hidden_one_goes_wrong_by_it(
+    tmp_path: Path,
+) -> None:
+    data = fired()
+    data["room"] += np.random.default_rng(6).normal(0.0, 0.05, ROWS)
+    data["box"][AT:], data["room"][AT:] = data["room"][AT:].copy(), data["box"][AT:].copy()
+    result = lived(tmp_path, data)
+    assert "room and box look exchanged" in result.headline
+    assert not result.of_kind("promoted", "tuned")
+
+
+PAIR = """first = { column = "first", unit = "degC" }
+second = { column = "second", unit = "degC" }
+"""
+MEAN = """[[derive]]
+name = "box"
+op = "mean"
+from = ["first", "second"]
+unit = "K"
+"""
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("fault", ["degF", "room"])
+def test_one_of_two_averaged_sensors_is_named(
+    tmp_path: Path, fault: str, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    head, rest = TWIN.split('box = { column = "box", unit = "degC" }\n')
+    monkeypatch.setattr(
+        sys.modules[__name__], "TWIN", head + PAIR + rest.replace("[arbiter]", f"{MEAN}[arbiter]")
+    )
+    data, rng = fired(), np.random.default_rng(seed)
+    box = data.pop("box")
+    data |= {name: box + rng.normal(0.0, 0.05, ROWS) for name in ("first", "second")}
+    data["room"] += np.sin(np.arange(ROWS) / 200.0) + rng.normal(0.0, 0.05, ROWS)
+    if fault == "degF":
+        data["first"][AT:] = 1.8 * data["first"][AT:] + 32.0
+        said = "one of first and second, of which box is the mean, looks recorded in degrees Fahr"
+    else:
+        data["first"][AT:], data["room"][AT:] = data["room"][AT:].copy(), data["first"][AT:].copy()
+        said = "room and one of first and second, of which box is the mean, look exchanged"
+    result = lived(tmp_path, data)
+    assert said in result.headline and not result.of_kind("promoted", "tuned")
+
+
 def test_a_sensor_that_only_dithers_is_not_learned(tmp_path: Path) -> None:
     data = fired()
     dither = np.random.default_rng(5).normal(0.0, 0.01, ROWS - AT)

@@ -151,9 +151,44 @@ def test_a_speed_that_no_longer_answers_is_no_push_and_no_worn_place() -> None:
     assert np.isnan(state.recurrence.places).all()
 
 
+@pytest.mark.parametrize("seed", [3, 4, 5])
+def test_a_speed_that_no_longer_answers_may_scatter(seed: int) -> None:
+    block, rng = rows(seed=seed), np.random.default_rng(seed)
+    u = block.u.copy()
+    u[2000:] = rng.normal(0.0, [1e-4, 1e-3], u[2000:].shape)
+    parts = [folded(AXIS, block._replace(u=u), size) for size in (10**6, 37)]
+    assert parts[0][1] == parts[1][1]  # wherever the rows are cut
+    said = parts[0][1]
+    told = [one for one in said if '"kind":"abnormal"' in one and '"signal":"speed"' in one]
+    assert len(told) == 1 and "speed has not moved since row " in told[0]
+    assert not set(kinds(said)) & {"external", "tuned", "promoted"}
+
+
+def test_a_speed_that_answers_again_is_judged_again() -> None:
+    block, rng = rows(seed=3, wear=8.0), np.random.default_rng(3)
+    u = block.u.copy()
+    u[1000:1600] = rng.normal(0.0, [1e-4, 1e-3], (600, 2))
+    state, said = folded(AXIS, block._replace(u=u), 500)
+    assert any("has not moved since row" in one for one in said)
+    assert not state.still.said.any() and "tuned" in kinds(said)
+
+
+@pytest.mark.parametrize("force", [40.0, -60.0])
+def test_a_push_on_a_machine_that_stands_is_no_sensor(force: float) -> None:
+    """It had stood for four seconds, and moves on later; its speed scatters."""
+    block, rng = rows(seed=3), np.random.default_rng(3)
+    u, y = block.u.copy(), block.y.copy()
+    still = slice(2000, 2800)
+    u[still] = rng.normal(0.0, [1e-4, 1e-3], (800, 2))
+    y[still] = rng.normal(0.0, 0.5, (800, 1))
+    y[2450:2550] += force
+    said = folded(AXIS, block._replace(u=u, y=y), 500)[1]
+    assert not any("has not moved" in one for one in said)
+
+
 def test_a_machine_may_stand_as_long_as_it_likes() -> None:
     block = rows(seed=3)
     u, y = block.u.copy(), block.y.copy()
     u[2000:], y[2000:] = 0.0, np.random.default_rng(1).normal(0.0, 0.5, y[2000:].shape)
     said = folded(AXIS, block._replace(u=u, y=y), 500)[1]
-    assert not any("has not changed" in one for one in said)
+    assert not any("has not changed" in one or "has not moved" in one for one in said)

@@ -33,7 +33,7 @@ class StillState(NamedTuple):
     rows: Int64[np.ndarray, " channels"]
     """Since the one in which each channel changed last."""
     said: Int64[np.ndarray, " channels"]
-    """1: it is known not to answer."""
+    """1: it is known not to answer; 2: so it is, and scatters."""
     asked: Int64[np.ndarray, " channels"]
     """Rows without a change at which it was to be asked about; 0: not since the newest beat."""
     news: Int64[np.ndarray, " one"]
@@ -72,7 +72,7 @@ class Still:
             rows = place - np.maximum.accumulate(np.where(same, -1 - state.rows[k], place))
             asked = (rows >= self.least) & (rows % self.least == 0)
             asked &= np.bitwise_count(rows // self.least) == 1
-            if state.said[k]:  # until it changes
+            if state.said[k] == 1:  # until it changes
                 asked[: int(np.argmin(same)) if not same.all() else len(u)] = False
                 state.said[k] = int(same.all())
             if asked.any():

@@ -25,7 +25,7 @@ import numpy as np
 
 from evertwin.correction.improve import TooFew
 from evertwin.gauges.gauge_rows import LEAST, Rows
-from evertwin.gauges.misread import ALIKE, Reading, misread, readings, recorded
+from evertwin.gauges.misread import ALIKE, Reading, misread, possible
 from evertwin.gauges.offset import HELD, NEAR, offset
 from evertwin.gauges.sensor_change import SensorChange, since_change, unmeasured
 from evertwin.gauges.unit_change import unit_change
@@ -39,6 +39,8 @@ from evertwin.types import Bools, Outputs, ParameterVector, Vector
 
 LEFT = 0.1
 """Largest share of the deviation's square that a reading leaves."""
+NEARLY = 0.05
+"""The same of channels that leapt together, of which no more is asked: two are right then."""
 LIKE_TUNING = 1.1
 """So many times what tuning leaves a reading may leave, where no machine changes as much."""
 CLEARLY = 2.0
@@ -92,12 +94,13 @@ def misgauged(rows: Rows) -> SensorChange | None:
 
 def _reading(rows: Rows) -> SensorChange | None:
     found = []
-    for one in readings(rows.setup.model, recorded(rows.setup)):
-        likely = not one.exchanged and _plausible(rows, one, rows.since, rows.count)
-        if not (likely and _helps(rows, one)):
+    for one in possible(rows.setup, rows.setup.model):
+        at = _together(rows, one)
+        likely = _alike(rows, one) and _plausible(rows, one, at or rows.since, rows.count)
+        if not (likely and (_helps(rows, one) or (at and _helps(rows, one, at)))):
             continue
         first, stop = _span(rows, one)
-        first = _onset(rows, one, first)
+        first = at if at and abs(at - first) <= NEAR else _onset(rows, one, first)
         left = _plausible(rows, one, first, stop) and _left(rows, one, first, stop)
         if left:
             found.append((left, first, stop, one))
@@ -113,6 +116,12 @@ def _reading(rows: Rows) -> SensorChange | None:
     ), rows.refused(best.channels, first, stop), rows.goes_on(first, stop))  # fmt: skip
 
 
+def _alike(rows: Rows, one: Reading) -> bool:
+    """Are channels exchanged, if any are, of one quantity? Others are asked about at once."""
+    model = rows.setup.model
+    return len({c.unit for c in (*model.inputs, *model.outputs) if c.name in one.channels}) == 1
+
+
 def _plausible(rows: Rows, one: Reading, first: int, stop: int) -> bool:
     """Undone on rows [first, stop), do the channels lie where they lie on the others?"""
     apart = np.ones(rows.count, dtype=np.bool_)
@@ -121,22 +130,27 @@ def _plausible(rows: Rows, one: Reading, first: int, stop: int) -> bool:
         return True
     old, new = rows.values[apart], rows.values[first:stop]
     low, high = np.nanmin(old, axis=0), np.nanmax(old, axis=0)
-    usual = np.nanmedian(new, axis=0) * one.factors + one.shifts
-    room = 0.5 * (high - low) + 1e-12
-    moved = (one.factors != 1.0) | (one.shifts != 0.0)
+    usual = np.nanmedian(one.of(new), axis=0)
+    room, moved = 0.5 * (high - low) + 1e-12, one.moved
     if one.at_usual_levels(old, new):
         return False
     scale = np.abs(one.factors) * np.nanstd(new, axis=0) < VARIES * np.nanstd(old, axis=0)
     if (moved & scale & (one.shifts == 0.0) & (np.abs(one.factors) < 1.0)).any():
         return False  # divided by enough anything is nothing
+    if one.exchanged:  # what hardly varied may have gone on
+        away = np.nanmedian(new, axis=0)
+        room = np.maximum(room, LEFT * np.maximum(low - away, away - high))
     inside = (low - room <= usual) & (usual <= high + room)
     return bool((inside | ~moved | ~np.isfinite(usual)).all())
 
 
-def _helps(rows: Rows, one: Reading) -> bool:
+def _helps(rows: Rows, one: Reading, first: int = 0) -> bool:
     """Does it explain half of the deviation on a few rows? Most readings explain nothing. What is
-    hidden has its history: they are predicted behind all rows before."""
-    first = _onset(rows, one, rows.since or since_change(rows.before[:, rows.setup.watched]))
+    hidden has its history: they are predicted behind all rows before. ``first``: 0 where unknown.
+    """
+    if not first:
+        first = rows.since or since_change(rows.before[:, rows.setup.watched])
+        first = _onset(rows, one, first)
     places = np.flatnonzero(rows.scored(first) & np.isfinite(rows.before).any(axis=1))[:FEW]
     if not len(places):
         return False
@@ -147,10 +161,25 @@ def _helps(rows: Rows, one: Reading) -> bool:
     return rows.total(after, known) < HALF * rows.total(rows.before, known)
 
 
+def _together(rows: Rows, one: Reading) -> int:
+    """The row from which on all channels have leapt as they never did, one row apart at most, as a
+    measured input is of the time between two rows; 0: there is none."""
+    steps = np.nan_to_num(np.abs(rows.steps[:, one.moved]))
+    if len(steps) < LEAST:
+        return 0
+    places = np.argmax(steps, axis=0)
+    for k, place in enumerate(places.tolist()):
+        rest = np.delete(steps[:, k], slice(max(place - 1, 0), place + 2))
+        if not steps[place, k] > JUMP * rest.max(initial=0.0):
+            return 0
+    apart = int(places.max() - places.min())
+    return int(places.max()) + 1 if apart <= 1 and places.max() >= LEAST else 0
+
+
 def _onset(rows: Rows, one: Reading, first: int) -> int:
     """The row near ``first`` at which the channels jump most, where they do: what is hidden goes
     wrong by each row that is read otherwise than it was recorded."""
-    moved = np.flatnonzero((one.factors != 1.0) | (one.shifts != 0.0))
+    moved = np.flatnonzero(one.moved)
     steps = np.abs(rows.steps[:, moved])
     low, high = max(first - NEAR, 0), min(first + NEAR, len(steps))
     if low < LEAST or high <= low:
@@ -190,9 +219,11 @@ def _left(rows: Rows, one: Reading, first: int, stop: int) -> float:
     nu = len(rows.setup.model.inputs)
     of_input = (np.flatnonzero(one.factors != 1.0) < nu).any()
     shift = (one.shifts != 0.0).any() and one.number != SIGN
-    usual = of_input or (1.0 / CLEARLY < one.number < CLEARLY and not shift)
+    near = 1.0 / CLEARLY < one.number < CLEARLY and not one.exchanged
+    usual = of_input or (near and not shift)
     worse = CLEARLY if usual else 1.0 / LIKE_TUNING
-    good = left <= LEFT * off and _restored(rows, one, after, known)
+    nearly = one.exchanged and left <= NEARLY * off and _together(rows, one) > 0
+    good = left <= LEFT * off and (nearly or _restored(rows, one, after, known))
     jumped = (not of_input or rival >= HALF) and _jumped(rows, one, first)
     told = rival >= worse or not tuned.any() or jumped
     return max(left / off, 1e-12) if good and told else 0.0
@@ -202,7 +233,7 @@ def _jumped(rows: Rows, one: Reading, first: int) -> bool:
     """Did a channel of a model with states jump, as it had not before, where the reading begins,
     and does it not, undone? No number of such a model makes its outputs jump, so tuning explains
     only what comes after."""
-    which = np.flatnonzero((one.factors != 1.0) | (one.shifts != 0.0))
+    which = np.flatnonzero(one.moved)
     if not len(rows.setup.model.states) or not len(which) or first < LEAST:
         return False
     near = slice(max(first - NEAR, 1), first + NEAR)
@@ -213,7 +244,7 @@ def _jumped(rows: Rows, one: Reading, first: int) -> bool:
         drift = float(np.nanmax(np.abs(before[HELD:] - before[:-HELD]), initial=0.0))
         steps = np.nan_to_num(np.abs(rows.steps[near.start - 1 : near.stop - 1, k]))
         at = near.start + int(np.argmax(steps))
-        left = abs(y[at] * one.factors[k] + one.shifts[k] - y[at - 1])
+        left = abs(one.of(rows.values[at : at + 1])[0, k] - y[at - 1])
         least = max(JUMP * usual, drift)
         if not (steps.max() > JUMP * usual and left <= min(least, HALF * steps.max())):
             return False

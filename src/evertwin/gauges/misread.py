@@ -24,14 +24,14 @@ from evertwin.fold import Block, Mark, take
 from evertwin.gauges.sensor_change import SensorChange, since_change
 from evertwin.gauges.unlike import Changes, changes
 from evertwin.models import Model
-from evertwin.rows.channels import unit_recorded
+from evertwin.rows.channels import averaged, unit_recorded
 from evertwin.rows.ring import called
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Windows
 from evertwin.signals import Channel, wrap
 from evertwin.signals.mistaken import SIGN, TURN, Mistake, mistaken
 from evertwin.signals.units import conversion_of
-from evertwin.types import Float64, Outputs, ParameterVector, Vector
+from evertwin.types import Bools, Float64, Outputs, ParameterVector, Vector
 
 WRONG = 0.6
 """Mismatch of an output from which its reading is doubted, and below which all have to come."""
@@ -58,7 +58,7 @@ class Reading(NamedTuple):
     """What a recording may have been: channels in order are these of its columns, times a factor.
 
     >>> Reading._fields
-    ('columns', 'factors', 'shifts', 'channels', 'number', 'said')
+    ('columns', 'factors', 'shifts', 'channels', 'number', 'said', 'mixed')
     """
 
     columns: tuple[int, ...]
@@ -70,11 +70,32 @@ class Reading(NamedTuple):
     number: float
     """Recorded over true; 1 of an exchange."""
     said: str
+    mixed: Float64[np.ndarray, "c c"] | None = None
+    """Shares of the columns in each channel, where one is a mean that holds another."""
 
     @property
     def exchanged(self) -> bool:
         """Are two columns in each other's place?"""
-        return self.columns != tuple(range(len(self.columns)))
+        return bool(self.places.any())
+
+    @property
+    def places(self) -> Bools:
+        """Channels that are in another's place, of all inputs and outputs."""
+        own = np.arange(len(self.columns))
+        shares = np.eye(len(own)) if self.mixed is None else self.mixed
+        return np.asarray(
+            (np.array(self.columns) != own) | (shares != np.eye(len(own))).any(axis=1)
+        )
+
+    @property
+    def moved(self) -> Bools:
+        """Channels that are not what was recorded, of all inputs and outputs."""
+        return np.asarray((self.factors != 1.0) | (self.shifts != 0.0) | self.places)
+
+    def of(self, values: Float64[np.ndarray, "n c"]) -> Float64[np.ndarray, "n c"]:
+        """Inputs and outputs as they would be, had they been read so."""
+        mixed = values if self.mixed is None else values @ self.mixed.T
+        return np.asarray(mixed[:, list(self.columns)] * self.factors + self.shifts)
 
     def at_usual_levels(
         self, old: Float64[np.ndarray, "before c"], new: Float64[np.ndarray, "since c"]
@@ -88,8 +109,7 @@ class Reading(NamedTuple):
     def undone(self, window: Block) -> Block:
         """The rows as they would be, had they been read so."""
         nu, columns = window.u.shape[1], list(self.columns)
-        values = np.concatenate([window.u, window.y], axis=1)[:, columns]
-        values = values * self.factors + self.shifts
+        values = self.of(np.concatenate([window.u, window.y], axis=1))
         u, y = np.ascontiguousarray(values[:, :nu]), np.ascontiguousarray(values[:, nu:])
         return window._replace(u=u, y=y, mark=np.ascontiguousarray(window.mark[:, columns]))
 
@@ -154,7 +174,7 @@ def likeliest(
     found, brief = [], _newest(tuple(windows), BRIEF)
     rough = _off(setup, model, p, brief)
     shows = bool((rough > WRONG)[before > WRONG].all())  # they tell as well, and ten times faster
-    for one in readings(model, recorded(setup)):
+    for one in possible(setup, model):
         if shows and not _total(
             _off(setup, model, p, [one.undone(window) for window in brief])
         ) < HALF * _total(rough):
@@ -202,6 +222,40 @@ def readings(model: Model, units: Sequence[str]) -> Iterator[Reading]:
         names = channels[a].name, channels[b].name
         said = f"{' and '.join(names)} look exchanged"
         yield Reading(tuple(columns), factors, still, names, 1.0, said)
+
+
+def possible(setup: Setup, model: Model) -> Iterator[Reading]:
+    """Everything that is tried of a twin: its channels, and one of several of which one is the mean
+    (that of a box is half as wrong as one of its two sensors)."""
+    units, channels = recorded(setup), (*model.inputs, *model.outputs)
+    yield from readings(model, units)
+    for k, channel in enumerate(channels):
+        sources = averaged(setup.spec, channel.name)
+        if n := len(sources):
+            name = f"one of {' and '.join(sources)}, of which {channel.name} is the mean,"
+            yield from _of_one(channels, units, k, (n, name))
+
+
+def _of_one(
+    channels: Sequence[Channel], units: Sequence[str], k: int, one_of: tuple[int, str]
+) -> Iterator[Reading]:
+    """One of so many, called so, of which channel ``k`` is the mean."""
+    (n, name), c, own = one_of, len(channels), tuple(range(len(channels)))
+    for one in _mistakes(channels[k], units[k]):
+        number = (n - 1 + one.number) / n
+        if number <= 0.0:
+            continue
+        factors, shifts = np.ones(c), np.zeros(c)
+        factors[k], shifts[k] = 1.0 / number, -one.shift / n / number
+        yield Reading(own, factors, shifts, (channels[k].name,), number, _said((name,), one))
+    for j in own:
+        if j == k or channels[j].unit != channels[k].unit or channels[k].kind == "angle":
+            continue
+        mixed = np.eye(c)  # what it holds in place of the other, and what is in that one's place
+        mixed[k], mixed[j] = np.eye(c)[j], n * np.eye(c)[k] - (n - 1) * np.eye(c)[j]
+        names = channels[j].name, channels[k].name
+        said = f"{channels[j].name} and {name} look exchanged"
+        yield Reading(own, np.ones(c), np.zeros(c), names, 1.0, said, mixed)
 
 
 def recorded(setup: Setup) -> tuple[str, ...]:

@@ -1,6 +1,12 @@
 """Is a channel off by a constant since a change, as an offset of its sensor would have it?
 
 An output may be, and an input that jumped as it never had: commands jump as they did.
+
+Where an output leapt, so that its samples overruled the simulation, and the deviation goes with a
+constant of about that size since then, tuning gets no say: no number of a machine makes what it
+stores leap from one row to the next, so what tuning explains afterwards it explains by accident.
+Only a machine quick enough to have leapt, with the numbers that are learned from the rows since
+then, is compared as any other.
 """
 
 from __future__ import annotations
@@ -11,12 +17,16 @@ from dataclasses import replace
 import numpy as np
 
 from evertwin.errors import DataError, ModelError
-from evertwin.fold import Block
+from evertwin.fold import Block, Mark
 from evertwin.gauges.change import split
 from evertwin.gauges.gauge_rows import LEAST, Rows, residual
 from evertwin.gauges.sensor_change import SensorChange
+from evertwin.gauges.unlike import changes
 from evertwin.rows.ring import called
-from evertwin.types import Bools, Outputs
+from evertwin.setup.task import Windows
+from evertwin.signals import wrap
+from evertwin.tuning import Fit
+from evertwin.types import Bools, Outputs, ParameterVector
 
 HELD = 8
 """Rows for which a channel may be held before what it says is believed."""
@@ -32,6 +42,10 @@ HALF = 0.5
 """Share of the deviation that an offset takes away on unseen rows at least."""
 OF_NOISE = 5.0
 """Size of a constant from which its step stands out [of the steps from row to row]."""
+OFTEN = 4
+"""Leaps of an output from which on it is the model that is rough."""
+AT_ONCE = 1e-9
+"""Horizon [s] of predictions from each row to the next."""
 
 
 def offset(rows: Rows) -> SensorChange | None:
@@ -43,10 +57,16 @@ def offset(rows: Rows) -> SensorChange | None:
         if found is not None:
             return found
     watched = np.flatnonzero(rows.setup.watched).tolist()
+    leaps = [(replace(rows, begins=place), k) for k in watched for place in _leaps(rows, k)]
+    for some, k in leaps:
+        found = _constant(some, (nu + k,), _leap(some, nu + k, rows.whole.full(rows.whole.start)))
+        if found is not None:
+            return found
     return _constant(rows, [nu + k for k in watched if not _has_offset(rows, k)])
 
 
-def _constant(rows: Rows, columns: Sequence[int]) -> SensorChange | None:
+def _constant(rows: Rows, columns: Sequence[int], leap: float = 0.0) -> SensorChange | None:
+    """``leap``: of the one column, where the rows begin; tuning gets no say then."""
     scored = rows.scored(rows.since) & (np.arange(rows.count) < rows.stop)
     places = np.flatnonzero(scored)
     if len(places) < 2 * LEAST:
@@ -57,38 +77,70 @@ def _constant(rows: Rows, columns: Sequence[int]) -> SensorChange | None:
     found = [
         (left, k, shift)
         for k in columns
-        for left, shift in (_shifted(rows, k, seen),)
+        for left, shift in (_shifted(rows, k, seen, leap),)
         if left is not None
-        and _stepped(rows, k, shift)
-        and rows.total(left, unseen) < HALF * rows.total(rows.before, unseen)
+        and (leap or _stepped(rows, k, shift))
+        and all(
+            rows.total(left, part) < HALF * rows.total(rows.before, part)
+            for part in ((seen, unseen) if leap else (unseen,))
+        )
     ]
     if not found:
         return None
     left, k, shift = min(found, key=lambda one: rows.total(one[0], unseen))
     rival = _fit_of(rows, cut)
-    if rival is None:
+    if rival is None or (leap and _quick(rows, k, leap)):
         return None
     lead = _lead(rows, left, rival, np.flatnonzero(unseen))
-    if lead < -SURE:
+    if lead < -SURE and not leap:
         return None
     channel = (*rows.setup.model.inputs, *rows.setup.model.outputs)[k]
     share = 100.0 * (1.0 - rows.total(left, unseen) / rows.total(rows.before, unseen))
     row, until = called(rows.row(rows.since)), rows.until(rows.stop)
     known = (
-        f"{channel.name} looks off by {shift:+.4g} {channel.unit} from {row}{until}: as an offset "
-        f"of its sensor this explains {share:.0f} % of the deviation on rows that it was not "
-        "learned on, "
+        f"{channel.name} looks off by {leap or shift:+.4g} {channel.unit} from {row}{until}: as an "
+        f"offset of its sensor this explains {share:.0f} % of the deviation on rows that it was "
+        "not learned on, "
     )
+    lasts = rows.goes_on(rows.since, rows.stop)
     if lead > SURE:
         return SensorChange(
             channel.name, 1.0, f"{known}more than tuning does; nothing is learned from it",
             rows.refused((channel.name,), rows.since, rows.stop),
-            rows.goes_on(rows.since, rows.stop) if k < len(rows.setup.model.inputs) else None,
+            lasts if leap or k < len(rows.setup.model.inputs) else None,
         )  # fmt: skip
+    why = "and no number of the model makes it leap so" if leap else "and tuning no less"
     return SensorChange(channel.name, 1.0, (
-        f"{known}and tuning no less: sensor or machine, that cannot be told from these rows; "
+        f"{known}{why}: sensor or machine, that cannot be told from these rows; "
         "nothing is learned until it can"
-    ))  # fmt: skip
+    ), None, lasts if leap else None)  # fmt: skip
+
+
+def _leaps(rows: Rows, k: int) -> list[int]:
+    """Positions from which on samples of output ``k`` overruled the simulation, the largest step
+    first; none where they do often."""
+    nu = len(rows.setup.model.inputs)
+    mark = np.concatenate([one.mark[:, nu + k] for one in rows.windows])
+    places = []
+    for place in np.flatnonzero(mark == Mark.OVERRULED).tolist():
+        while place > 0 and mark[place - 1] in (Mark.CONTESTED, Mark.ERROR, Mark.ABSENT):
+            place -= 1
+        places.append(place)
+    known = [place for place in places if LEAST <= place <= rows.count - LEAST]
+    size = np.nan_to_num(np.abs(rows.steps[:, nu + k]))
+    return sorted(known, key=lambda one: -size[one - 1]) if len(places) < OFTEN else []
+
+
+def _leap(rows: Rows, k: int, p: ParameterVector) -> float:
+    """By how much column ``k``, an output, leapt beyond the model where the rows begin."""
+    column, at = k - len(rows.setup.model.inputs), rows.since
+    for window in rows.windows:
+        if at < len(window.t):
+            one = changes(rows.whole.model, p, window, AT_ONCE)
+            off = wrap(one.measured - one.predicted, rows.setup.model.outputs.angles)
+            return float(off[at, column])
+        at -= len(window.t)
+    return 0.0
 
 
 def _jump(rows: Rows, k: int) -> int:
@@ -110,8 +162,9 @@ def _has_offset(rows: Rows, k: int) -> bool:
     return bool(((size > 0) & (np.nanstd(columns, axis=0) <= 1e-6 * size)).any())
 
 
-def _shifted(rows: Rows, k: int, seen: Bools) -> tuple[Outputs | None, float]:
-    """Residual with the constant on column ``k`` that fits the rows ``seen`` best, and it."""
+def _shifted(rows: Rows, k: int, seen: Bools, leap: float = 0.0) -> tuple[Outputs | None, float]:
+    """Residual with the constant on column ``k`` that fits the rows ``seen`` best, and it; where
+    that leapt, one of about that size."""
     nu = len(rows.setup.model.inputs)
     usual = np.abs(np.diff(rows.values[:, k]))
     shift, step = 0.0, float(rows.sizes[k - nu] if k >= nu else np.nanmax(usual))
@@ -125,6 +178,8 @@ def _shifted(rows: Rows, k: int, seen: Bools) -> tuple[Outputs | None, float]:
         if not np.sum(a * a) > 0:
             return None, 0.0
         shift -= float(np.sum(a * b) / np.sum(a * a))
+        if leap:
+            shift = leap * min(max(shift / leap, HALF), 1.0 + HALF)
         here = _with(rows, k, shift)
     return here, shift
 
@@ -157,15 +212,25 @@ def _stepped(rows: Rows, k: int, shift: float) -> bool:
 
 def _fit_of(rows: Rows, cut: int) -> Outputs | None:
     """Residual, on the rows behind ``cut`` too, of what tuning learns before it."""
-    part = split(rows.problem.windows, max(cut - rows.fitted, 0))[0]
-    if not part:
-        return None
-    try:
-        found = rows.tune(rows.pose(part).tuning(rows.fit.names))
-    except (DataError, ModelError):
+    found = _tuned(rows, split(rows.problem.windows, max(cut - rows.fitted, 0))[0])
+    if found is None:
         return None
     posed = rows.pose(rows.problem.windows).tuning(found.names)  # some may be left out
     return rows.placed(residual(posed, found.values))
+
+
+def _tuned(rows: Rows, part: Windows) -> Fit | None:
+    """What tuning learns from these rows."""
+    try:
+        return rows.tune(rows.pose(part).tuning(rows.fit.names)) if part else None
+    except (DataError, ModelError):
+        return None
+
+
+def _quick(rows: Rows, k: int, leap: float) -> bool:
+    """Would the machine leap so by itself, as it is where the rows begin and since then?"""
+    found = _tuned(rows, split(rows.windows, max(rows.since, rows.fitted))[1])
+    return found is not None and abs(leap - _leap(rows, k, found.p)) > HALF * abs(leap)
 
 
 def _lead(rows: Rows, left: Outputs, rival: Outputs, places: np.ndarray) -> float:

@@ -20,7 +20,7 @@ from evertwin.models.batch import mapped
 from evertwin.rows.channels import measured
 from evertwin.rows.ring import Rows, called
 from evertwin.setup.setup import Setup
-from evertwin.types import Outputs, Vector
+from evertwin.types import Bools, Outputs, Vector
 
 LEAST = 30
 """Rows that tell how much an output usually varies."""
@@ -29,6 +29,11 @@ DRIVEN = 0.15
 it moves]."""
 NOISE = 3.0
 """The same [of what differs from row to row; of when it stood before]."""
+MUCH, LONGER = 0.5, 2.0
+"""The same [of when it moves], and rows for which it stands [of the most before], where a channel
+scatters."""
+SCATTERS = 2
+"""A channel is known not to answer, though it does not stay what it is."""
 
 
 def unanswered(decision: Decision, setup: Setup, versions: Versions) -> bool:
@@ -36,50 +41,109 @@ def unanswered(decision: Decision, setup: Setup, versions: Versions) -> bool:
     state = decision.state
     still, asked = setup.still.beat(state.still)
     decision.state = state._replace(still=still)
-    agenda = state.agenda
-    for k, count in asked:
-        columns = setup.still.channels[k]
-        version = versions[state.live.version]
-        predict = partial(mapped, versions.model(version.number), p=version.p)
-        outputs = _driven(setup, state.ring, columns, count, predict) if agenda.commissioned else []
-        if not outputs:
-            continue
-        still.said[k] = 1
-        first = max(state.row - count - 1, state.ring.end - len(state.ring.t), 0)
-        setup.ring.leave_out(state.ring, first, state.row - 1)
-        forget(decision)
-        channels = measured(setup.spec, setup.model.inputs).items()
-        name = next(name for name, (own, _) in channels if tuple(own) == columns)
-        said = (
-            f"{name} has not changed since {called(state.row - count - 1)}, while "
-            f"{' and '.join(outputs)} varies as when the machine moves: its sensor no longer "
-            "answers, or the machine is held; nothing is learned from it"
-        )
-        decision.say("abnormal", name, said, {"number": 0.0, "since": state.row - count - 1})
+    for k, columns in enumerate(setup.still.channels):
+        if still.said[k] == SCATTERS and not _stands(setup, state.ring, columns):
+            still.said[k] = 0
+    if state.agenda.commissioned:
+        for k, count in asked:
+            _ask(decision, setup, versions, (k, count, DRIVEN))
+        for k, columns in enumerate(setup.still.channels):
+            count = _stands(setup, state.ring, columns)
+            if not still.said[k] and count >= setup.still.least:
+                _ask(decision, setup, versions, (k, count, MUCH))
     if not still.said.any():
         return False
     decision.remember(open=0, since=state.row)
     return True
 
 
+def _ask(
+    decision: Decision, setup: Setup, versions: Versions, channel: tuple[int, int, float]
+) -> None:
+    """Tells of a channel, its number, the rows since which it stands, and how much outputs have to
+    vary."""
+    k, count, least = channel
+    state, columns = decision.state, setup.still.channels[k]
+    version = versions[state.live.version]
+    predict = partial(mapped, versions.model(version.number), p=version.p)
+    outputs = _driven(setup, state.ring, (columns, count, least), predict)
+    if not outputs:
+        return
+    state.still.said[k] = SCATTERS if least == MUCH else 1
+    first = max(state.row - count - 1, state.ring.end - len(state.ring.t), 0)
+    setup.ring.leave_out(state.ring, first, state.row - 1)
+    forget(decision)
+    channels = measured(setup.spec, setup.model.inputs).items()
+    name = next(name for name, (own, _) in channels if tuple(own) == columns)
+    said = (
+        f"{name} has {'not moved' if least == MUCH else 'not changed'} since "
+        f"{called(state.row - count - 1)}, while "
+        f"{' and '.join(outputs)} varies as when the machine moves: its sensor no longer "
+        "answers, or the machine is held; nothing is learned from it"
+    )
+    decision.say("abnormal", name, said, {"number": 0.0, "since": state.row - count - 1})
+
+
+def _kept(rows: Rows) -> np.ndarray:
+    """Places of the kept rows, in order."""
+    return np.arange(max(rows.first, rows.end - len(rows.t)), rows.end) % len(rows.t)
+
+
+def _stands(setup: Setup, rows: Rows, columns: tuple[int, ...]) -> int:
+    """Newest rows in which nothing moves that is judged by a channel, where these are far more than
+    ever before; else 0."""
+    if rows.end <= rows.first:
+        return 0
+    judged = np.isin(setup.judged_by[0], columns) & ~setup.judged_by[1]
+    newest = rows.u[(rows.end - 1) % len(rows.t)][None]
+    if setup.moving(newest)[:, judged].any():
+        return 0
+    moves = np.flatnonzero(setup.moving(rows.u[_kept(rows)])[:, judged].any(axis=1))
+    if not len(moves):
+        return 0
+    count = len(_kept(rows)) - 1 - int(moves[-1])
+    return count if count > LONGER * np.diff(moves, prepend=-1).max() else 0
+
+
 def _driven(
-    setup: Setup, rows: Rows, columns: tuple[int, ...], count: int, predict: Callable[..., Outputs]
-) -> list[str]:
-    """Outputs that vary on the newest ``count`` rows as they do when the machine moves, but for
-    what is predicted of them."""
-    kept = np.arange(max(rows.first, rows.end - len(rows.t)), rows.end) % len(rows.t)
+    setup: Setup, rows: Rows, asked: tuple[tuple[int, ...], int, float],
+    predict: Callable[..., Outputs],
+) -> list[str]:  # fmt: skip
+    """Outputs that vary on the newest rows as they do when the machine moves, but for what is
+    predicted of them.
+
+    Args:
+        setup: of the twin.
+        rows: that are kept.
+        asked: columns of the channel, the number of these rows, and the share of how they vary when
+            the machine moves.
+        predict: outputs of inputs ``u`` at intervals ``dt``.
+    """
+    (columns, count, least), kept = asked, _kept(rows)
     now, u, y = np.arange(len(kept)) >= len(kept) - count, rows.u[kept], rows.y[kept]
-    off, moving, found = y - predict(u=u, dt=rows.dt[kept]), setup.moving(u), list[str]()
+    moving, by, found = setup.moving(u), setup.judged_by[0], list[str]()
+    at_rest = u.copy()
+    if least == MUCH:  # friction at rest is not what the sign of a speed says that scatters
+        at_rest[:, by] = np.where(moving, u[:, by], 0.0)
+    off = y - predict(u=at_rest, dt=rows.dt[kept])
     same = (u[1:, columns] == u[:-1, columns]).all(axis=1)
     stood = ~now & np.concatenate([[False], same])
     for k, name in enumerate(setup.model.outputs.names):
-        if setup.judged_by[0][k] not in columns or setup.judged_by[1][k]:
+        if by[k] not in columns or setup.judged_by[1][k]:
             continue
         here, usual = _spread(off[now, k]), _spread(y[~now & moving[:, k], k])
         noise, rest = _spread(np.diff(off[now, k])) / np.sqrt(2.0), _spread(off[stood, k])
-        if here > max(DRIVEN * usual, NOISE * noise) and not here <= NOISE * rest:
+        if least == MUCH:
+            rest = _spread(off[~now & _stood(~moving[:, k], setup.still.least), k])
+        if here > max(least * usual, NOISE * noise) and not here <= NOISE * rest:
             found.append(name)
     return found
+
+
+def _stood(still: Bools, rows: int) -> Bools:
+    """Rows of which so many before are still, too: a motion that turns is no rest."""
+    place = np.arange(len(still))
+    return np.asarray(place - np.maximum.accumulate(np.where(still, -1, place)) >= rows)
 
 
 def _spread(values: Vector) -> float:

@@ -55,6 +55,20 @@ def measured_as(spec: TwinSpec, name: str) -> str:
     return found
 
 
+def averaged(spec: TwinSpec, name: str) -> tuple[str, ...]:
+    """The channels of which a channel of the model is the mean; empty: it is none of several.
+
+    >>> from evertwin.config.spec import ModelSpec
+    >>> from evertwin.sync.spec import DeriveSpec
+    >>> box = DeriveSpec(name="box", op="mean", source=("a", "b"))
+    >>> averaged(TwinSpec("oven", ModelSpec("thermal"), derive=(box,)), "box")
+    ('a', 'b')
+    """
+    found = recorded_as(spec, name)
+    means = [one.source for one in spec.derive if one.name == found and one.op == "mean"]
+    return means[-1] if means and len(means[-1]) > 1 else ()
+
+
 SAME = {"filter", "middle", "mean", "unwrap"}
 """What is computed in the unit of what it is computed of."""
 
