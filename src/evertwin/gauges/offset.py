@@ -126,9 +126,12 @@ def _leaps(rows: Rows, k: int) -> list[int]:
         while place > 0 and mark[place - 1] in (Mark.CONTESTED, Mark.ERROR, Mark.ABSENT):
             place -= 1
         places.append(place)
-    known = [place for place in places if LEAST <= place <= rows.count - LEAST]
     size = np.nan_to_num(np.abs(rows.steps[:, nu + k]))
-    return sorted(known, key=lambda one: -size[one - 1]) if len(places) < OFTEN else []
+    sizes = {place: float(size[place - 1]) for place in places if place > 0}
+    # what the model then pulls back to where it was is overruled again, without a step
+    large = [one for one, step in sizes.items() if step > HALF * max(sizes.values())]
+    known = [place for place in large if LEAST <= place <= rows.count - LEAST]
+    return sorted(known, key=lambda one: -sizes[one]) if len(large) < OFTEN else []
 
 
 def _leap(rows: Rows, k: int, p: ParameterVector) -> float:
