@@ -100,6 +100,19 @@ def test_what_leaps_as_no_number_of_the_machine_makes_it_is_not_learned(
     assert not result.of_kind("promoted", "tuned") and "nothing is learned" in result.headline
 
 
+def test_a_leap_is_waited_for_until_enough_rows_tell_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is asked about some 60 rows later, too few to be learned on and judged by."""
+    twin = TWIN.replace("1000 s", "200 s").replace('horizon = "100 s"', 'horizon = "50 s"')
+    twin = twin.replace('"heater_power", ', "").replace(', "heater_start"', "")
+    monkeypatch.setattr(sys.modules[__name__], "TWIN", twin)
+    data = fired()
+    data["box"][AT + 15 :] += 30.0
+    result = lived(tmp_path, data)
+    assert "box looks off by +" in result.headline and not result.of_kind("promoted", "tuned")
+
+
 def test_exchanged_temperatures_are_named_though_a_hidden_one_goes_wrong_by_it(
     tmp_path: Path,
 ) -> None:

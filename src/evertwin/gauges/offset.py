@@ -16,6 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from evertwin.correction.improve import TooFew
 from evertwin.errors import DataError, ModelError
 from evertwin.fold import Block, Mark
 from evertwin.gauges.change import split
@@ -49,7 +50,11 @@ AT_ONCE = 1e-9
 
 
 def offset(rows: Rows) -> SensorChange | None:
-    """A constant on one channel that explains unseen rows as well as tuning does, or better."""
+    """A constant on one channel that explains unseen rows as well as tuning does, or better.
+
+    Raises:
+        TooFew: an output leapt, and rows are too few to tell.
+    """
     nu = len(rows.setup.model.inputs)
     for k in range(nu):
         place = _jump(rows, k)
@@ -66,10 +71,16 @@ def offset(rows: Rows) -> SensorChange | None:
 
 
 def _constant(rows: Rows, columns: Sequence[int], leap: float = 0.0) -> SensorChange | None:
-    """``leap``: of the one column, where the rows begin; tuning gets no say then."""
+    """``leap``: of the one column, where the rows begin; tuning gets no say then.
+
+    Raises:
+        TooFew: it leapt, and is off by about that, on rows that are too few to tell.
+    """
     scored = rows.scored(rows.since) & (np.arange(rows.count) < rows.stop)
     places = np.flatnonzero(scored)
     if len(places) < 2 * LEAST:
+        if leap:
+            _wait(rows, columns[0], leap, scored)
         return None
     cut = int(places[round(FIRST * len(places))])
     seen, unseen = scored.copy(), scored.copy()
@@ -114,6 +125,22 @@ def _constant(rows: Rows, columns: Sequence[int], leap: float = 0.0) -> SensorCh
         f"{known}{why}: sensor or machine, that cannot be told from these rows; "
         "nothing is learned until it can"
     ), None, lasts if leap else None)  # fmt: skip
+
+
+def _wait(rows: Rows, k: int, leap: float, scored: Bools) -> None:
+    """Rows too few to be learned on and judged by, which an offset explains.
+
+    Raises:
+        TooFew: it does.
+    """
+    left = _shifted(rows, k, scored, leap)[0] if scored.any() and rows.stop == rows.count else None
+    explains = left is not None and (
+        rows.total(left, scored) < HALF * rows.total(rows.before, scored)
+    )
+    if explains and not _quick(rows, k, leap):
+        name = (*rows.setup.model.inputs, *rows.setup.model.outputs)[k].name
+        said = f"an offset of {name} from a machine that changed"
+        raise TooFew(f"{np.count_nonzero(scored)} rows do not tell {said}")
 
 
 def _leaps(rows: Rows, k: int) -> list[int]:
