@@ -83,13 +83,17 @@ def at_once(
 
 
 @unmeasured()
-def misgauged(rows: Rows) -> SensorChange | None:
+def misgauged(rows: Rows, silent_input: SensorChange | None = None) -> SensorChange | None:
     """What became of a channel, and is not to be learned; None: it is the machine.
+
+    Args:
+        rows: of a machine that held.
+        silent_input: an input that has not changed for long, told where no reading explains more.
 
     Raises:
         TooFew: an output stays where it is, while no input has changed that would move it.
     """
-    return _reading(rows) or silent(rows) or offset(rows)
+    return _reading(rows) or silent_input or silent(rows) or offset(rows)
 
 
 def _reading(rows: Rows) -> SensorChange | None:

@@ -224,7 +224,7 @@ class Work(Tuner):
         """What became of a channel; an input that never changes is one only where tuning fails."""
         held = self.holds(problem, fit.values)
         silent_input = None if held else stuck(self.setup, task.windows)
-        return silent_input or misgauged(self.rows(task, problem, fit))
+        return misgauged(self.rows(task, problem, fit), silent_input)
 
     def _named(
         self, verdict: Verdict, version: Version, problem: Problem, events: list[dict[str, Any]]
