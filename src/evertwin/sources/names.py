@@ -42,9 +42,14 @@ def unit_problem(unit: str) -> str:
 
 
 def closest(name: str, known: Sequence[str]) -> str:
-    """The phrase that helps after a wrong name."""
+    """The phrase that helps after a wrong name.
+
+    >>> closest("Pressure_A", ["Pressure_B_bar", "Pressure_A_bar"])
+    "did you mean 'Pressure_A_bar'?"
+    """
     lower = {k.lower(): k for k in known}
-    near = difflib.get_close_matches(name.lower(), lower, n=1, cutoff=0.5)
+    begin = [k for k in lower if name and k.startswith(name.lower())]
+    near = begin or difflib.get_close_matches(name.lower(), lower, n=1, cutoff=0.5)
     if near:
         return f"did you mean {lower[near[0]]!r}?"
     shown = ", ".join(known[:12])
