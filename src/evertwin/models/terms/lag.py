@@ -150,10 +150,10 @@ class Lag(CorrectionTerm):
 
     def say(self, term: Term, values: Sequence[float], unit: str, intervals: Intervals) -> str:
         who = "all inputs" if term.channel == "*" else term.channel
-        smooth = ""
+        said = [f"delay of {told('delay', values[0], 's', intervals)}"]
         if len(values) > 1:
-            smooth = f" and a first-order lag of {told('tau', values[1], 's', intervals)}"
-        return f"{who}: delay of {told('delay', values[0], 's', intervals)}{smooth}"
+            said.append(f"a first-order lag of {told('tau', values[1], 's', intervals)}")
+        return f"{who}: {' and '.join(said if values[0] > 0.0 else said[-1:])}"
 
 
 KIND = Lag()
