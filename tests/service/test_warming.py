@@ -41,7 +41,7 @@ def test_neither_rows_nor_a_first_correction_wait_for_a_compiler(
     assert spec is not None
     warm(spec)
     assert all(one._ready is not None for one in late)
-    assert "_compiled" in kernel.step.__dict__
+    assert kernel.step.__dict__["_address"]
     assert set(asked) >= {"lag", "coupling", "law", "table", "surface", "state"}
 
 
