@@ -82,7 +82,7 @@ def test_what_finds_no_column_is_marked_and_refused(call: Command, folder: Path)
     done = call("init", "robot.csv", "-o", "new.toml", "--model", "differential", "--json")
     assert done.code == 0 and "heading: column" in done.json["questions"]
     run = call("run", "new.toml")
-    assert run.code == 4 and "'?'" in run.err
+    assert run.code == 2 and "channels.heading: column: a question" in run.err
 
 
 def test_an_arm_gets_its_accelerations_derived(call: Command, folder: Path) -> None:
