@@ -15,6 +15,7 @@ from collections.abc import Callable
 import numpy as np
 
 from evertwin.fold import Block, take
+from evertwin.gauges.sensor_change import unmeasured
 from evertwin.gauges.settled import settled
 from evertwin.tuning import Problem
 from evertwin.types import Inputs, Outputs, PerOutput, Vector
@@ -72,6 +73,7 @@ def likely(residual: Outputs) -> int:
     return len(residual) - (m - best - 1) * size if len(gain) and gain[best] > CLEAR else 0
 
 
+@unmeasured()
 def suddenly(windows: Windows, pose: Callable[[Windows], Problem]) -> Windows:
     """The rows behind the place from which on the residual is larger; none where there is no such
     place. Whether it is the machine that changed there is for a search on them to tell.
@@ -81,6 +83,7 @@ def suddenly(windows: Windows, pose: Callable[[Windows], Problem]) -> Windows:
     return split(windows, place)[1] if place else ()
 
 
+@unmeasured()
 def changed(windows: Windows, pose: Callable[[Windows], Problem]) -> int:
     """Position of the first row of the machine as it is now; 0: it is the same in all rows.
 

@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from evertwin.correction.improve import TooFew
-from evertwin.gauges.sensor_change import LEAST, SensorChange, since_change
+from evertwin.gauges.sensor_change import LEAST, SensorChange, since_change, unmeasured
 from evertwin.models import Model
 from evertwin.models.batch import mapped
 from evertwin.rows.channels import measured
@@ -110,6 +110,7 @@ def _divided(u: Inputs, columns: list[int], number: float) -> Inputs:
     return other
 
 
+@unmeasured()
 def _reached(
     setup: Setup, model: Model, p: ParameterVector, windows: Windows, first: int,
     undone: Callable[[Inputs], Inputs],
