@@ -22,12 +22,17 @@ from evertwin.tuning.assemble import Outcome, assemble
 
 
 def posterior(
-    setup: Setup, model: Model, proposal: Proposal, windows: tuple[Block, ...]
-) -> dict[str, Any] | None:
+    setup: Setup, model: Model, proposal: Proposal, windows: tuple[Block, ...],
+    tuned: tuple[str, ...] = (),
+) -> dict[str, Any] | None:  # fmt: skip
     """The numbers as a fit tells them; None where the terms have none.
 
     Args:
+        setup: of the twin.
         model: of the proposal's form.
+        proposal: what was learned.
+        windows: on these rows.
+        tuned: numbers of the base model that were tuned as well.
     """
     base = setup.model.parameters.names
     names = tuple(name for name in proposal.names if name not in base)
@@ -39,7 +44,7 @@ def posterior(
     nodes = tuple(name for name, (kind, _) in kinds.items() if kind.linear)
     few = tuple(name for name in names if name not in nodes)
     slopes = tuple(name for name in few if kinds[name][1] not in kinds[name][0].slopeless)
-    content = _fitted(setup, model, proposal, windows, slopes)
+    content = _fitted(setup, model, proposal, windows, (*tuned, *slopes))
     told: dict[str, Any] = content.setdefault("parameters", {})
     asked = tuple(
         name

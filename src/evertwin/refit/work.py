@@ -331,16 +331,18 @@ class Work(Tuner):
             return {"events": events, "candidate": tuned}
         values = dict(zip(proposal.names, proposal.p.tolist(), strict=True))
         old = dict(zip(version.names, version.p.tolist(), strict=True))
-        moved = [
-            name for name in (found[1].moved if found else ())
+        moved = {
+            one: name for name in (found[1].moved if found else ())
             if values.get(one := name.removesuffix(" (weak)")) != old.get(one)
-        ]  # fmt: skip
-        first = (f"tuned {', '.join(moved)}",) if moved else ()
+        }  # fmt: skip
+        first = (f"tuned {', '.join(moved.values())}",) if moved else ()
         reason = "; ".join((*first, *proposal.describes))
         return {
             "events": [event("corrected", "", reason, evidence)],
             "lacking": len(proposal.unseen),
-            "fit": posterior(self.setup, self.versions.model_of(proposal.form), proposal, windows),
+            "fit": posterior(
+                self.setup, self.versions.model_of(proposal.form), proposal, windows, tuple(moved)
+            ),
             "candidate": self._candidate(proposal.form, values, proposal.scale, reason, windows),
         }
 
