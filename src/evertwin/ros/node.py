@@ -291,6 +291,14 @@ class _Shared:
         self.node, self.users = node, 0
         self.opening = asyncio.ensure_future(node.open())
 
+    async def close(self) -> None:
+        """Ends what opens it, and closes it, whoever is cancelled meanwhile."""
+        self.opening.cancel()
+        try:
+            await asyncio.gather(self.opening, return_exceptions=True)
+        finally:
+            await self.node.close()
+
 
 _SHARED: dict[tuple[asyncio.AbstractEventLoop, Place], _Shared] = {}
 """The nodes that live, by event loop and master."""
@@ -316,6 +324,4 @@ async def node_at(place: Place, name: str = "evertwin") -> AsyncIterator[Node]:
         if not shared.users:
             if _SHARED.get(key) is shared:
                 del _SHARED[key]
-            shared.opening.cancel()
-            await asyncio.gather(shared.opening, return_exceptions=True)
-            await asyncio.shield(shared.node.close())
+            await asyncio.shield(shared.close())
