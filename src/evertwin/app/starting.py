@@ -40,8 +40,8 @@ def write_starter(
     """Writes the twin file, and for ``python`` a model file beside it.
 
     A series that tells wear alone needs none: the command that tells its life is named. Of several
-    axes driven by a force each gets a file. Where no kind is said (""), the headings
-    say it, or it is a model of one's own.
+    axes driven by a force each gets a file. Where no kind is said (""), the headings say it, or it
+    is a model of one's own.
 
     Raises:
         UsageError: there is a file already, or the model does not exist.

@@ -62,7 +62,7 @@ class CorrectionSpec(Section):
     """Inputs (or states, for ``state``) that may be corrected."""
     terms: tuple[str, ...] = ()
     """Kinds of term that may be tried: lag, coupling, law, table, surface, state, or one that
-    another package brings. empty: the form stays."""
+    another package brings; empty: the form stays."""
     outputs: tuple[str, ...] = ()
     """Outputs that terms have to pay on, on held-out rows and in their trial; empty: all."""
     learner: Literal["full", "replay", "literal"] = "full"
