@@ -9,6 +9,7 @@ import numpy as np
 from evertwin import Twin, TwinSpec
 from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import ModelSpec, PredictionSpec, Span
+from evertwin.gauges.misread import Reading
 from evertwin.models import FunctionModel, Parameter, Parameters
 from evertwin.signals import Layout
 
@@ -53,3 +54,9 @@ def test_a_coil_that_fouls_is_tuned_and_no_channel_is_accused() -> None:
         result = twin.run(fouled(900.0))
     assert not [e for e in result.of_kind("abnormal") if "number" in e.evidence]
     assert result.of_kind("promoted") and abs(result.parameters["ua"].value / 900.0 - 1.0) < 0.05
+
+
+def test_what_is_missing_of_another_channel_is_missing_of_that_alone() -> None:
+    mixed = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 2.0], [0.0, 1.0, 0.0]])
+    one = Reading((0, 1, 2), np.ones(3), np.zeros(3), ("b", "c"), 1.0, "exchanged", mixed)
+    assert one.of(np.array([[np.nan, 3.0, 5.0]]))[0, 1:].tolist() == [7.0, 3.0]

@@ -42,6 +42,7 @@ LEFT = 0.1
 ALIKE = 1.5
 """What leaves so many times as much explains it as well."""
 SWITCH = (0.0, 1.0)
+"""Off and on."""
 PARTS = (1.0, 0.7, 0.5, 0.35, 0.25)
 """Shares of the rows, the newest, of which one may be of one reading alone."""
 ROWS = 2000
@@ -94,8 +95,12 @@ class Reading(NamedTuple):
 
     def of(self, values: Float64[np.ndarray, "n c"]) -> Float64[np.ndarray, "n c"]:
         """Inputs and outputs as they would be, had they been read so."""
-        mixed = values if self.mixed is None else values @ self.mixed.T
-        return np.asarray(mixed[:, list(self.columns)] * self.factors + self.shifts)
+        own, mixed = values.copy(), np.eye(len(self.columns)) if self.mixed is None else self.mixed
+        for k in np.flatnonzero((mixed != np.eye(len(mixed))).any(axis=1)):
+            shares = mixed[k]
+            holds = shares != 0.0  # what is missing of the others is missing of them alone
+            own[:, k] = values[:, holds] @ shares[holds]
+        return np.asarray(own[:, list(self.columns)] * self.factors + self.shifts)
 
     def at_usual_levels(
         self, old: Float64[np.ndarray, "before c"], new: Float64[np.ndarray, "since c"]
@@ -134,9 +139,9 @@ def misread(
         return None
     rows = sum(len(window.t) for window in windows)
     since = rows - since_change(_deviation(setup, model, p, _newest(windows, rows)))
+    values = np.concatenate([np.concatenate([one.u, one.y], axis=1) for one in windows])
     for count in (since, *(round(part * rows) for part in PARTS)):
         newest = _newest(windows, min(count, ROWS))
-        values = np.concatenate([np.concatenate([one.u, one.y], axis=1) for one in windows])
         new = len(values) - min(count, ROWS)
         found = tuple(
             one
