@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -14,9 +15,11 @@ from evertwin.correction.sarsa_settings import SarsaSettings
 from evertwin.errors import DataError
 from evertwin.fold import Block, make_block, take
 from evertwin.machines.mobile import Robot1D
+from evertwin.models import FunctionModel, Parameters
 from evertwin.models.corrected import Corrected
 from evertwin.models.form import Term
 from evertwin.models.terms.registry import kind
+from evertwin.signals import Layout
 
 ROBOT = Robot1D()
 P = ROBOT.parameters.values
@@ -136,3 +139,29 @@ def test_the_end_of_a_dead_zone_is_found_among_many_commands() -> None:
     assert found.variant == "dead zone"
     last = command[command <= 0.06].max()
     assert last - 0.001 <= found.threshold <= 0.06
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-4])
+def test_a_model_without_a_value_at_some_numbers_is_refined(scale: float) -> None:
+    """A valve that lets nothing through below 3 %, where the model divides by what is left."""
+
+    def step(x: Any, u: Any, dt: float, p: Any) -> Any:
+        left = u[0] - 0.03
+        place = x[0] + dt * p[0] / (1.0 + 0.1 / left) if left > 0.0 else math.nan
+        return [place], [place]
+
+    model = FunctionModel(
+        step, Layout.of(v="m/s"), Layout.of(x="m"), Layout.of(x="m"),
+        Parameters.of(gain=(scale, "m/s")),
+    )  # fmt: skip
+    p = model.parameters.values
+    rng = np.random.default_rng(4)
+    command = np.repeat(rng.permutation(np.arange(5, 25)) * 0.01, 6)
+    left = np.maximum(0.9 * command - 0.055, 1e-9)  # two commands let nothing through any more
+    moved = scale / (1.0 + 0.1 / left)
+    y = np.cumsum(moved) + 1e-4 * scale * rng.standard_normal(len(moved))
+    rows = make_block(t=np.arange(len(y)) * 10**9, u=command[:, None], y=y[:, None])
+    table = learn_table(model, p, (rows,), SarsaSettings("v"))
+    found = refine_law(model, p, (rows,), table, 1.0)
+    assert found.values["law.v.gain"] == pytest.approx(0.9, abs=0.1)
+    assert found.rms < 0.05 * scale

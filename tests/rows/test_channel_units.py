@@ -35,6 +35,18 @@ def test_alike_units_and_pure_numbers_pass(unit: str) -> None:
     opened(unit).close()
 
 
+@pytest.mark.parametrize("unit", ["1/min", "min^-1", "min-1", "Hz", "1/s"])
+def test_a_rate_that_counts_turns_or_radians_is_asked(unit: str) -> None:
+    spec = ModelSpec("drive_force", {"rotary": True})
+    channels = {"speed": ChannelSpec("n", unit), "torque": ChannelSpec("T", "Nm")}
+    source = SourceSpec(name="log", channels=channels)
+    with pytest.raises(ConfigError, match=r"may count turns or radians: write 'turn"):
+        Twin(TwinSpec("shaft", spec, source=(source,)))
+    for said in ("rpm", "U/min", "rad/min", "turn/s"):
+        channels = {**channels, "speed": ChannelSpec("n", said)}
+        Twin(TwinSpec("shaft", spec, source=(SourceSpec(name="log", channels=channels),))).close()
+
+
 def test_with_a_scale_the_unit_is_that_of_what_it_makes() -> None:
     opened("cm/s", scale=3.0).close()
     for scale in (3.0, -1.0):

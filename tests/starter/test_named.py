@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from evertwin.signals import Channel, Layout
 from evertwin.starter import look
 from evertwin.starter.named import matched
@@ -52,3 +54,26 @@ def test_a_name_takes_axes_apart_and_no_difference_for_the_quantity(tmp_path: Pa
         "w": "Rotational speed",
         "heading": "Angle",
     }
+
+
+@pytest.mark.parametrize(
+    ("said", "unit"),
+    [("1/min", "rpm"), ("min-1", "rpm"), ("U/min", "U/min"), ("Hz", "turn/s"), ("rad/s", "rad/s")],
+)
+def test_a_shaft_is_counted_in_turns(said: str, unit: str, tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    rows = [f"{i / 100},{i % 300},{i % 7}" for i in range(300)]
+    path.write_text("\n".join([f"time [s],motor speed [{said}],torque [Nm]", *rows]) + "\n")
+    shaft = Layout((Channel("speed", "rad/s"), Channel("torque", "Nm")))
+    found = {m.channel: m for m in matched(shaft, look([path])[0])}
+    assert (found["speed"].column, found["speed"].unit) == ("motor speed", unit)
+    assert found["speed"].scale == 1.0
+
+
+def test_a_rate_of_which_nobody_knows_what_turns_is_asked(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    rows = [f"{i / 100},{i % 300},{i % 7}" for i in range(300)]
+    path.write_text("\n".join(["time [s],motor speed [1/s],torque [Nm]", *rows]) + "\n")
+    shaft = Layout((Channel("speed", "rad/s"), Channel("torque", "Nm")))
+    found = {m.channel: m for m in matched(shaft, look([path])[0])}
+    assert found["speed"].scale == "?"

@@ -43,6 +43,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import scipy
 
+from evertwin.correction.evidence import FAILED
 from evertwin.correction.sarsa_table import Table
 from evertwin.errors import DataError
 from evertwin.fold import Block
@@ -50,7 +51,7 @@ from evertwin.models import Kernel, Model, Restart, roll
 from evertwin.models.corrected import Corrected, Term
 from evertwin.models.terms.rows import inputs_of, quiet_level
 from evertwin.sync import residuals, restarts
-from evertwin.types import Float64, ParameterVector, Vector
+from evertwin.types import Bools, Float64, ParameterVector, Vector
 
 TRIED = 8
 """Most dead-zone thresholds that all numbers are fitted with."""
@@ -217,7 +218,11 @@ class _Trial:
         return np.array([0.0, *low]), np.array([0.7 * reach, *high])
 
     def residual(self, q: Numbers) -> Vector:
-        """Measured − predicted over the horizon, all windows and outputs, without NaN."""
+        """Measured − predicted over the horizon, all windows and outputs, where it was measured.
+
+        The rows are the same whatever the numbers: where the model has no value (the root of less
+        than nothing), it is as far off as the outputs spread, many times.
+        """
         at = q.tobytes()
         if at not in self._known:
             self._known[at] = self._residual(q)
@@ -234,9 +239,18 @@ class _Trial:
         for block, restart in self._planned:
             _, y = roll(self._kernel, restart.x0, block.u, block.dt, full, restart)
             found.append(residuals(self._corrected, block, y).ravel())
-        r: Vector = np.concatenate(found)
-        known: Vector = r[~np.isnan(r)]
-        return known
+        rows, far = self._measured
+        r: Vector = np.concatenate(found)[rows]
+        return np.where(np.isfinite(r), np.clip(r, -far, far), far)
+
+    @cached_property
+    def _measured(self) -> tuple[Bools, float]:
+        """Which residuals are known, and how far off none is said to be."""
+        zeros = (residuals(self._corrected, b, np.zeros_like(b.y)) for b, _ in self._planned)
+        r = np.concatenate([one.ravel() for one in zeros])
+        rows = np.isfinite(r)
+        size = math.sqrt(float(np.square(r[rows]).sum()) / max(int(rows.sum()), 1))
+        return rows, FAILED * size
 
     @cached_property
     def _corrected(self) -> Corrected:

@@ -11,7 +11,7 @@ from evertwin.models import Model
 from evertwin.settings.notes import Path
 from evertwin.settings.quantity import Measured, written
 from evertwin.signals import Channel, Layout
-from evertwin.signals.units import compatible
+from evertwin.signals.units import compatible, lacks_angle
 from evertwin.sources.spec import ChannelSpec
 
 
@@ -153,17 +153,22 @@ def check_units(spec: TwinSpec, model: Model) -> None:
             told = source.channels.get(name)
             if told is None or name in derived:
                 continue
-            if compatible(told.unit, channel.unit) or "1" in (told.unit, channel.unit):
-                continue
-            where = place(spec, ("source", k, "channels", name, "unit"))
-            raise ConfigError(
-                f"{where}: source {source.name!r}: channel {name!r} is in '{told.unit}', and the "
-                f"model's {channel.name!r} in '{channel.unit}': {_step(told, channel)}"
-            )
+            step = _step(told, channel)
+            if step:
+                where = place(spec, ("source", k, "channels", name, "unit"))
+                raise ConfigError(
+                    f"{where}: source {source.name!r}: channel {name!r} is in '{told.unit}', and "
+                    f"the model's {channel.name!r} in '{channel.unit}': {step}"
+                )
 
 
 def _step(told: ChannelSpec, channel: Channel) -> str:
-    """What to do about a channel in another quantity's unit."""
+    """What to do about a channel in another quantity's unit; nothing where it is in its own."""
+    if lacks_angle(told.unit, channel.unit):
+        per = told.unit[1:] if told.unit.startswith("1/") else f"*({told.unit})"
+        return f"it may count turns or radians: write 'turn{per}' (rpm is turn/min) or 'rad{per}'"
+    if compatible(told.unit, channel.unit) or "1" in (told.unit, channel.unit):
+        return ""
     if told.scale == 1.0:
         return f"correct the unit, or say [signals.{channel.name}] from = …"
     return (

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
         compatible as compatible,
         conversion as conversion,
         from_si as from_si,
+        lacks_angle as lacks_angle,
         si_unit as si_unit,
         to_si as to_si,
     )

@@ -2,7 +2,7 @@
 
     unit   = factor { ("*" | "·" | "." | "/" | blank) factor }
     factor = ("1" | symbol | "(" unit ")") [power]
-    power  = ("^" | "**") number | raised digits
+    power  = ("^" | "**") number | raised digits | "-" digit, right behind its symbol
 
 Nothing is evaluated: a text that is longer, deeper or of a higher power than any unit needs is no
 unit. ``Nm`` and its relatives are written without a sign between, and are taken apart here.
@@ -35,7 +35,7 @@ _NUMBER = r"[+-]?\d{1,2}(?:\.\d{1,3})?"
 _TOKEN = re.compile(
     rf"""\s*(?:
     (?P<symbol>[°Δ]*[^\W\d_⁰¹²³⁴-⁹](?:(?![⁰¹²³⁴-⁹])\w)*|[°%‰]|1(?![\d.]))
-    |(?P<power>(?:\*\*|\^)\s*(?:{_NUMBER}|\(\s*{_NUMBER}(?:/\d{{1,2}})?\s*\))|[⁻⁺]?[⁰¹²³⁴-⁹]{{1,2}})
+    |(?P<power>(?:\*\*|\^)\s*(?:{_NUMBER}|\(\s*{_NUMBER}(?:/\d{{1,2}})?\s*\))|[⁻⁺]?[⁰¹²³⁴-⁹]{{1,2}}|(?<=[^\W\d_])-[1-9](?![\d.]))
     |(?P<sign>[*/·.()])
     )""",
     re.VERBOSE,

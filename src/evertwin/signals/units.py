@@ -57,6 +57,12 @@ def _parse(unit: str) -> Any:
 
 _DEGREES = {"grad", "Grad", "grados", "gradi", "graus", "degré", "degrés"}
 """What headings call degrees. Pint's ``grad`` is the 400th part of a turn, written ``gon``."""
+_TURNS = {"U", "Umdr", "rev", "revs", "tr", "giri"}
+"""What headings call a turn. Pint's ``U`` is one of enzymes."""
+_SPELLINGS = {
+    **dict.fromkeys(_DEGREES, "degree"), **dict.fromkeys(_TURNS, "turn"),
+    **dict.fromkeys(("RPM", "Upm", "UPM", "upm"), "revolutions_per_minute"),
+}  # fmt: skip
 
 
 @lru_cache(4096)
@@ -66,7 +72,7 @@ def _name(symbol: str, unit: str) -> str:
 
     registry = _registry()
     try:
-        name = "degree" if symbol in _DEGREES else str(registry.get_name(symbol))
+        name = _SPELLINGS.get(symbol) or str(registry.get_name(symbol))
     except pint.errors.PintError:
         raise _unknown(unit) from None
     if registry._units[name].is_logarithmic:
@@ -184,3 +190,16 @@ def powers(unit: str) -> dict[str, int]:
     if not all(power.is_integer() for power in base.values()):
         return {}
     return {_BASE[name]: int(power) for name, power in base.items() if name in _BASE}
+
+
+def lacks_angle(unit: str, wanted: str) -> bool:
+    """True where a rate of turning is wanted and the unit does not say what turns by it.
+
+    ``1/min`` of a shaft counts turns, and SI alone would read radians.
+
+    >>> lacks_angle("1/min", "rad/s"), lacks_angle("rpm", "rad/s"), lacks_angle("Hz", "1/s")
+    (True, False, False)
+    """
+    told, asked = powers(unit), powers(wanted)
+    rate = told.get("s", 0)
+    return rate < 0 and told == {"s": rate} and asked == {"rad": 1, "s": rate}

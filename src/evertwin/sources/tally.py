@@ -27,7 +27,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from evertwin.signals import compatible, conversion
+from evertwin.signals import compatible, conversion, lacks_angle
 from evertwin.sources.names import unit_problem
 from evertwin.sources.stamps import NO_STAMP, UNITS
 from evertwin.sources.table import Problem
@@ -182,8 +182,12 @@ def unit_of_channel(channel: str, stated: str, used: str) -> str:
     "x: the file says 'mm', the twin file 'm': a factor of 0.001"
     >>> unit_of_channel("x", "mm", "mm"), unit_of_channel("x", "ticks", "m")
     ('', '')
+    >>> unit_of_channel("w", "1/min", "rpm")  # which turns, a heading does not say
+    ''
     """
     if not stated or unit_problem(stated) or not compatible(stated, used):
+        return ""
+    if lacks_angle(stated, used) or lacks_angle(used, stated):
         return ""
     factor = conversion(stated)[0] / conversion(used)[0]
     if conversion(stated) == conversion(used):

@@ -7,8 +7,8 @@ more a row could be seconds or milliseconds: that is said, and must be answered 
 >>> import numpy as np
 >>> guess("t", np.array([1614859007119846022, 1614859010160238574])).unit
 'ns'
->>> guess("time_ms", np.array([0.0, 20.0])).unit
-'ms'
+>>> guess("time_ms", np.array([0.0, 20.0])).unit, guess("Time (min)", np.array([0.0, 0.25])).unit
+('ms', 'min')
 >>> guess("t", np.array([0, 20, 40])).sure
 False
 
@@ -43,7 +43,9 @@ _HINTS = {
     "ns": {"ns", "nsec", "nanos", "nanosec", "nanosecond", "nanoseconds"},
     "us": {"us", "µs", "usec", "micros", "microsecond", "microseconds"},
     "ms": {"ms", "msec", "millis", "millisecond", "milliseconds"},
-    "s": {"s", "sec", "secs", "second", "seconds"},
+    "s": {"s", "sec", "secs", "second", "seconds", "sekunden", "secondes", "secondi", "segundos"},
+    "min": {"min", "mins", "minute", "minutes", "minuten", "minuti", "minutos"},
+    "h": {"h", "hr", "hrs", "hour", "hours", "stunde", "stunden", "heures", "ore", "horas"},
 }
 _STATED, _EPOCH = "stated in the heading", "counted from 1970"
 _NUMBER = re.compile(rb"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$")

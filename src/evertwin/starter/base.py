@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from evertwin.signals import Channel
+from evertwin.signals import Channel, lacks_angle
 from evertwin.sources.description import ColumnInfo
 from evertwin.starter.named import matched, unit_of
 from evertwin.starter.proposal import ASK, Answer, Derivation, Match
@@ -62,7 +62,7 @@ def of_wheels(
 def _speed(column: ColumnInfo) -> tuple[str, str]:
     """Unit of a wheel's speed."""
     for wanted in ("m/s", "rad/s"):
-        if column.unit and same_kind(column.unit, wanted):
+        if column.unit and same_kind(column.unit, wanted) and not lacks_angle(column.unit, wanted):
             return column.unit, "stated by the file"
     unit, _, _ = unit_of("rad/s", column)
     return unit, "assumed: please check"

@@ -13,6 +13,7 @@ from evertwin.machines.catalog import machine
 from evertwin.sources.description import ColumnInfo
 from evertwin.starter.axes import by_axis
 from evertwin.starter.mapping import mapped
+from evertwin.starter.named import unit_of
 from evertwin.starter.proposal import Match
 from evertwin.starter.seen import Seen
 from evertwin.starter.words import AMBIENT, HEATER, is_temperature, quantity, role, same_kind, words
@@ -88,5 +89,7 @@ def pump(seen: Sequence[Seen]) -> tuple[Match, ...]:
         ]  # fmt: skip
         if len(fits) == 1:
             ((s, column),) = fits
-            out.append(Match(name, s, column.name, column.unit, f"the only one in {column.unit}"))
+            said, scale, why = unit_of(unit, column)
+            why = f"the only one in {said}" if said == column.unit else why
+            out.append(Match(name, s, column.name, said, why, scale))
     return tuple(out)

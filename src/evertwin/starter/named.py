@@ -14,7 +14,7 @@ import math
 import re
 from collections.abc import Collection, Iterable, Sequence
 
-from evertwin.signals import Channel
+from evertwin.signals import Channel, conversion, lacks_angle
 from evertwin.sources.description import ColumnInfo
 from evertwin.sources.names import unit_problem
 from evertwin.starter.proposal import ASK, Answer, Match
@@ -137,6 +137,8 @@ def unit_of(wanted: str, column: ColumnInfo) -> tuple[str, Answer, str]:
     if column.unit and not same_kind(column.unit, wanted):
         who = "name" if named else "file"
         return wanted, ASK, f"the {who} says {column.unit}: how many {wanted} is one?"
+    if column.unit and lacks_angle(column.unit, wanted):
+        return _turning(wanted, column)
     if column.unit:
         return (
             column.unit,
@@ -152,6 +154,15 @@ def unit_of(wanted: str, column: ColumnInfo) -> tuple[str, Answer, str]:
             size = "small" if above < 0 else "large"
             return outside, 1.0, f"values reach {largest:.4g}: too {size} for {inside}"
     return wanted, 1.0, "assumed: please check"
+
+
+def _turning(wanted: str, column: ColumnInfo) -> tuple[str, Answer, str]:
+    """Of a rate in no angle: per minute, or in Hz, shafts are counted in turns."""
+    factor, _ = conversion(column.unit)
+    if wanted == "rad/s" and (column.unit == "Hz" or math.isclose(factor, 1.0 / 60.0)):
+        unit = "turn/s" if column.unit == "Hz" else "rpm"
+        return unit, 1.0, f"the file says {column.unit!r}, taken as turns"
+    return wanted, ASK, f"the file says {column.unit!r}: how many {wanted} is one?"
 
 
 def _score(channel: Channel, seen: Seen, column: ColumnInfo, told: Collection[str]) -> float:
