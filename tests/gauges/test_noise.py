@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from evertwin.config.spec import AnomalySpec, ModelSpec, ParameterSpec, PredictionSpec, TwinSpec
 from evertwin.fold.span import Span
-from evertwin.gauges.noise import scatter
+from evertwin.gauges.noise import noise, scatter
+from evertwin.models import FunctionModel, Parameters
 from evertwin.outcome.result import RunResult
+from evertwin.signals import Layout
 from evertwin.twin import Twin
 
 
@@ -46,3 +50,48 @@ def test_a_sound_machine_with_little_noise_has_no_such_event() -> None:
 def test_drift_is_no_noise() -> None:
     drift = np.sin(np.linspace(0.0, 30.0, 4000)) + np.linspace(0.0, 9.0, 4000)
     assert scatter([np.diff(drift, 2)], static=False) < 0.01
+
+
+def motor(current_noise: float, requirement: float) -> tuple[Twin, dict[str, np.ndarray]]:
+    """A motor whose speed is a state; its current follows from speed and voltage, row by row."""
+
+    def step(x: Any, u: Any, dt: float, p: Any) -> Any:
+        speed = x[0] + dt * (p[0] * (u[0] - x[0]))
+        return [speed], [speed, p[1] * (u[0] - speed) + 2.0]
+
+    model = FunctionModel(
+        step, Layout.of(volts="V"), Layout.of(speed="rad/s", current="A"),
+        Layout.of(speed="rad/s"), Parameters.of(pace=(0.5, "1/s"), slope=(0.3, "A/V")),
+    )  # fmt: skip
+    rng = np.random.default_rng(3)
+    u = np.repeat(rng.uniform(-10.0, 10.0, 60), 20)
+    _, y = model.simulate(
+        np.zeros(1), u[:, None], np.r_[0.0, np.full(len(u) - 1, 0.1)], np.array([0.5, 0.3])
+    )
+    y += rng.normal(size=y.shape) * [0.1 * current_noise, current_noise]
+    spec = TwinSpec(
+        "motor", ModelSpec("python"), prediction=PredictionSpec(horizon=2.0), beat=Span(rows=20),
+        anomaly=AnomalySpec(
+            requirement=requirement, relative=False, outputs=("current",), window=Span(rows=300)
+        ),
+    )  # fmt: skip
+    held = np.r_[u[1:], u[-1]]  # a command of a row acts from it on
+    data = {"t": 0.1 * np.arange(len(u)), "volts": held, "speed": y[:, 0], "current": y[:, 1]}
+    return Twin(spec, model), data
+
+
+@pytest.mark.parametrize("scale", [0.01, 1.0])
+def test_an_output_that_no_state_takes_over_has_its_noise_once(scale: float) -> None:
+    twin, data = motor(0.2 * scale, 0.18 * scale)
+    with twin:
+        setup, version = twin.setup, twin.champion
+        found = noise(setup, setup.model, version.p, twin.blocks(data))
+    assert found == pytest.approx([0.02 * scale, 0.2 * scale], rel=0.1)
+
+
+def test_noise_of_an_output_that_no_state_takes_over_is_told() -> None:
+    twin, data = motor(0.2, 0.18)
+    with twin:
+        result = twin.run(data)
+    assert result.champion.number == 0 and result.of_kind("noise")
+    assert not result.of_kind("normal")

@@ -38,7 +38,8 @@ def noise(setup: Setup, model: Model, p: ParameterVector, windows: Iterable[Bloc
     out = []
     for k in range(len(model.outputs)):
         off = [(change.measured - change.predicted)[:, k] for change in found]
-        level = scatter([np.diff(r[np.isfinite(r)]) for r in off], static=setup.static)
+        steps = [np.diff(r[np.isfinite(r)]) for r in off]
+        level = scatter(steps, static=not setup.adopts[k])
         if setup.static:
             y = [change.measured[:, k] for change in found]
             level = min(level, scatter([np.diff(one[np.isfinite(one)]) for one in y], static=True))
@@ -51,8 +52,9 @@ def scatter(steps: Sequence[np.ndarray], *, static: bool) -> float:
 
     Args:
         steps: the differences, a series a recording.
-        static: each row is a prediction of its own, so that a difference holds its noise twice;
-            else it is one of a change, which holds that of the row before, too.
+        static: no state takes the output over: each row is a prediction of its own, so that a
+            difference holds its noise twice; else it is one of a change, which holds that of the
+            row before, too.
     """
     whole = np.concatenate(steps)
     if len(whole) < ROWS:
@@ -71,7 +73,7 @@ def floor(setup: Setup, level: Vector, windows: Sequence[Block]) -> Vector:
     """What noise alone makes of each output's deviation, as the requirement has it, (ny,)."""
     rule, rate = setup.spec.filter, setup.spec.clock.rate
     passed = 1.0 if rule is None or rate is None else math.sqrt(min(1.0, 2 * rule.cutoff / rate))
-    found = passed * level * (1.0 if setup.static else math.sqrt(2))
+    found = passed * level * np.where(setup.adopts, math.sqrt(2), 1.0)
     if not setup.relative:
         return found
     y = np.concatenate([np.where(setup.moving(w.u), w.y, np.nan) for w in windows])

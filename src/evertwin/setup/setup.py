@@ -28,6 +28,7 @@ from evertwin.signals.spoken import MANY, share, suited
 from evertwin.sync import Track
 from evertwin.sync.horizon import nanoseconds
 from evertwin.trial import Probation, Trial
+from evertwin.types import Bools
 
 BACK = 10
 """Windows of a table that are kept: a machine is seldom at all levels within one."""
@@ -106,6 +107,11 @@ class Setup:
     def track(self, model: Model) -> Track:
         """The stage that follows the machine with a version."""
         return Track(model, arbiter_of(self.spec, model))
+
+    @cached_property
+    def adopts(self) -> Bools:
+        """Which outputs a state takes over from their measurement, (ny,)."""
+        return self.track(self.model).adopts
 
     @cached_property
     def static(self) -> bool:
