@@ -24,6 +24,7 @@ from itertools import pairwise
 import numpy as np
 
 from evertwin.correction.improve import TooFew
+from evertwin.fold import Block
 from evertwin.gauges.gauge_rows import LEAST, Rows
 from evertwin.gauges.misread import ALIKE, Reading, misread, possible
 from evertwin.gauges.offset import HELD, NEAR, offset
@@ -59,7 +60,8 @@ STILL = 0.1
 WIDE = 6.0
 """How far what stays is from where it stays, at most [of its scatter]."""
 VARIES = 0.3
-"""Spread of an input by which the machine is driven, at least [of its usual one]."""
+"""Spread of a channel, at least [of its usual one]; motion that is expected by what the inputs do,
+at least [of what is expected]."""
 OF_USUAL = 0.3
 """Scatter of what stays where it is, at most [of how it moved before]."""
 OF_NOISE = 5.0
@@ -283,9 +285,7 @@ def silent(rows: Rows) -> SensorChange | None:
         now, then = good.copy(), good.copy()
         now[:since], now[rows.stop :], then[since:] = False, False, False
         still = np.count_nonzero(now) >= LEAST and _still(measured[now, k], expected[now, k])
-        if still and not _driven(rows, now) and np.count_nonzero(now) < FEW:
-            raise TooFew(f"{model.outputs.names[k]} stays where it is, and so do the inputs")
-        if not (still and _driven(rows, now)):
+        if not still:
             continue
         size, level = _rms(expected[now, k]), y[now, k]
         if np.std(level) * OF_NOISE > size:  # it goes its own way, slower than is expected
@@ -298,6 +298,10 @@ def silent(rows: Rows) -> SensorChange | None:
         ):
             continue
         channel = model.outputs.channels[k]
+        if not _driven(rows, now, k, size):
+            if np.count_nonzero(now) < FEW:
+                raise TooFew(f"{channel.name} stays where it is, and so do the inputs")
+            continue
         said = (
             f"{channel.name} stays at {float(np.mean(level)):.4g} {channel.unit} from "
             f"{called(rows.row(since))}{rows.until(rows.stop)}, however the machine is moved"
@@ -339,13 +343,17 @@ def _rms(values: Vector) -> float:
     return float(np.sqrt(np.mean(np.square(values)))) if len(values) else 0.0
 
 
-def _driven(rows: Rows, now: Bools) -> bool:
-    """Do inputs vary on these rows as they do elsewhere? Else a model that is off expects motion
-    of a machine that has come to rest."""
-    u = rows.values[:, : len(rows.setup.model.inputs)]
-    with unmeasured():
-        usual, here = np.nanstd(u, axis=0), np.nanstd(u[now], axis=0)
-    return bool(((usual > 0.0) & (here > VARIES * usual)).any())
+def _driven(rows: Rows, now: Bools, k: int, size: float) -> bool:
+    """Is output ``k`` expected to move on these rows by what the inputs do? Else a model that is
+    off expects motion of a machine that has come to rest, or stays at its speed."""
+    places = np.flatnonzero(now)
+
+    def held(block: Block) -> Block:
+        return block._replace(u=np.repeat(block.u[:1], len(block.u), axis=0))
+
+    posed = rows.pose(rows.changed(int(places[0]), int(places[-1]) + 1, held))
+    by_inputs = rows.whole.predict(rows.whole.start)[now, k] - posed.predict(posed.start)[now, k]
+    return _rms(by_inputs[np.isfinite(by_inputs)]) > VARIES * size
 
 
 def _still(measured: Vector, expected: Vector) -> bool:
