@@ -9,7 +9,12 @@ import pytest
 from evertwin import FunctionModel, Layout, Parameters, RunResult, Twin, TwinSpec
 from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import ModelSpec, PredictionSpec, Span
+from evertwin.errors import UsageError
+from evertwin.gauges.in_words import difference, level
 from evertwin.gauges.input_shift import _evidence
+from evertwin.machines.mobile import Robot1D
+from evertwin.setup.setup import Setup
+from evertwin.sources.spec import ChannelSpec, SourceSpec
 from evertwin.sync.spec import SignalSpec
 from evertwin.types import Float64, ParameterVector, Vector
 
@@ -132,3 +137,22 @@ def test_a_turned_sign_is_named_beside_a_misfit_that_was_there_before() -> None:
 
 def test_a_winch_that_rubs_more_is_read_as_it_is() -> None:
     assert not [e for e in winch(0, 1.0, 2.0).of_kind("abnormal") if "number" in e.evidence]
+
+
+def test_sizes_and_levels_are_told_as_they_are_recorded() -> None:
+    source = SourceSpec("log", channels={"pressure": ChannelSpec("p", unit="bar")})
+    spec = TwinSpec("press", ModelSpec("python"), source=(source,))
+    model = FunctionModel(
+        moved, Layout.of(valve="1", pressure="Pa"), Layout.of(position="m"),
+        Layout.of(position="m", speed="m/s"), Parameters.of(gain=(0.25, "m/s"), lag=(0.15, "s")),
+    )  # fmt: skip
+    setup, channel = Setup(spec, model), model.inputs.channels[1]
+    assert difference(setup, channel, 2.5e5) == "+2.5 bar"
+    assert level(setup, channel, 1.6e7) == "160 bar"
+
+
+def test_a_time_that_needs_the_rate_names_its_key() -> None:
+    spec = TwinSpec("press", ModelSpec("robot1d"), beat=Span(seconds=3.0))
+    setup = Setup(spec, Robot1D())
+    with pytest.raises(UsageError, match=r"beat = .*a time needs the rate"):
+        setup.rows(spec.beat)

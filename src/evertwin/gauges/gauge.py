@@ -46,6 +46,8 @@ LIKE_TUNING = 1.1
 CLEARLY = 2.0
 """So many times what a reading leaves tuning has to leave, where a machine may change as much; and
 the largest such factor."""
+RARELY = 5.0
+"""The same of a twin that was off as much before, of which little is told."""
 RESTORED = 4.0
 """Mean square, undone, over that of the rows before, at most."""
 FEW = 300
@@ -225,7 +227,8 @@ def _left(rows: Rows, one: Reading, first: int, stop: int) -> float:
     of_input = (np.flatnonzero(one.factors != 1.0) < nu).any()
     shift = (one.shifts != 0.0).any() and one.number != SIGN
     near = 1.0 / CLEARLY < one.number < CLEARLY and not one.exchanged
-    usual = of_input or (near and not shift)
+    rough = was > LEFT * left and 1.0 / RARELY < one.number < RARELY and not one.exchanged
+    usual = of_input or ((near or rough) and not shift)
     worse = CLEARLY if usual else 1.0 / LIKE_TUNING
     nearly = one.exchanged and left <= NEARLY * off and _together(rows, one) > 0
     good = excess <= LEFT * more and (nearly or _restored(rows, one, after, known))

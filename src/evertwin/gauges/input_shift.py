@@ -22,6 +22,7 @@ import numpy as np
 from evertwin.correction.improve import TooFew
 from evertwin.errors import DataError, ModelError
 from evertwin.fold import Block
+from evertwin.gauges import in_words
 from evertwin.gauges.change import split
 from evertwin.gauges.gauge_rows import LEAST, Rows, residual
 from evertwin.gauges.noise import CHANCE
@@ -379,7 +380,7 @@ def of_inputs(
 def _said(rows: Rows, one: Shift) -> str:
     channel = rows.setup.model.inputs.channels[one.column]
     grown = int(np.argmax(np.abs(one.by))) - one.first > AT_ONCE
-    size = f"{float(one.by[-1]):+.4g} {channel.unit}"
+    size = in_words.difference(rows.setup, channel, float(one.by[-1]))
     since = f"from {called(rows.row(one.first))} on"
     if grown:
         return f"{channel.name} looks off by what has grown to {size} {since}"

@@ -19,6 +19,7 @@ import numpy as np
 from evertwin.correction.improve import TooFew
 from evertwin.errors import DataError, ModelError
 from evertwin.fold import Block, Mark
+from evertwin.gauges import in_words
 from evertwin.gauges.change import split
 from evertwin.gauges.gauge_rows import LEAST, Rows, residual
 from evertwin.gauges.input_shift import of_inputs, shifted_inputs
@@ -113,10 +114,10 @@ def _constant(rows: Rows, columns: Sequence[int], leap: float = 0.0) -> SensorCh
     channel = (*rows.setup.model.inputs, *rows.setup.model.outputs)[k]
     share = 100.0 * (1.0 - rows.total(left, unseen) / rows.total(rows.before, unseen))
     row, until = called(rows.row(rows.since)), rows.until(rows.stop)
+    size = in_words.difference(rows.setup, channel, leap or shift)
     known = (
-        f"{channel.name} looks off by {leap or shift:+.4g} {channel.unit} from {row}{until}: as an "
-        f"offset of its sensor this explains {share:.0f} % of the deviation on rows that it was "
-        "not learned on, "
+        f"{channel.name} looks off by {size} from {row}{until}: as an offset of its sensor "
+        f"this explains {share:.0f} % of the deviation on rows that it was not learned on, "
     )
     lasts = rows.goes_on(rows.since, rows.stop)
     if lead > SURE:

@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from evertwin.correction.improve import TooFew
+from evertwin.gauges import in_words
 from evertwin.gauges.gauge_rows import LEAST, Rows
 from evertwin.gauges.sensor_change import SensorChange, unmeasured
 from evertwin.models.kernel import CONTINUE
@@ -58,8 +59,9 @@ def silent(rows: Rows) -> SensorChange | None:
         ):
             continue
         channel = model.outputs.channels[k]
+        place = in_words.level(rows.setup, channel, float(np.mean(level)))
         said = (
-            f"{channel.name} stays at {float(np.mean(level)):.4g} {channel.unit} from "
+            f"{channel.name} stays at {place} from "
             f"{called(rows.row(since))}{rows.until(rows.stop)}, however the machine is moved"
             f"{', where it answered before' if before else ''}: its sensor no longer answers, or "
             "the machine does not; nothing is learned from it"
