@@ -19,24 +19,23 @@ At rest nothing is claimed: a hypothesis has to explain a deviation.
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 
 from evertwin.correction.improve import TooFew
-from evertwin.fold import Block
-from evertwin.gauges.gauge_rows import LEAST, Rows
+from evertwin.errors import DataError, ModelError
+from evertwin.gauges.change import split
+from evertwin.gauges.gauge_rows import LEAST, Rows, residual
 from evertwin.gauges.misread import ALIKE, Reading, misread, possible
 from evertwin.gauges.offset import HELD, NEAR, offset
 from evertwin.gauges.sensor_change import SensorChange, since_change, unmeasured
+from evertwin.gauges.silent import silent
 from evertwin.gauges.unit_change import unit_change
 from evertwin.models import Model
-from evertwin.models.kernel import CONTINUE
 from evertwin.rows.ring import called
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Windows
 from evertwin.signals.mistaken import SIGN
-from evertwin.types import Bools, Outputs, ParameterVector, Vector
+from evertwin.types import Outputs, ParameterVector
 
 LEFT = 0.1
 """Largest share of the deviation's square that a reading leaves."""
@@ -47,25 +46,18 @@ LIKE_TUNING = 1.1
 CLEARLY = 2.0
 """So many times what a reading leaves tuning has to leave, where a machine may change as much; and
 the largest such factor."""
+RARELY = 5.0
+"""The same of a twin that was off as much before, of which little is told."""
 RESTORED = 4.0
 """Mean square, undone, over that of the rows before, at most."""
 FEW = 300
-"""Rows on which every reading is tried first, and that a silent output is waited for."""
+"""Rows on which every reading is tried first."""
 HALF = 0.5
 """Share of the squared deviation that a reading leaves on these, at most."""
 JUMP = 2.0
 """Times the largest step before from which a step is a jump."""
-STILL = 0.1
-"""Response, and scatter, below which a sensor does not answer [of what is predicted]."""
-WIDE = 6.0
-"""How far what stays is from where it stays, at most [of its scatter]."""
 VARIES = 0.3
-"""Spread of a channel, at least [of its usual one]; motion that is expected by what the inputs do,
-at least [of what is expected]."""
-OF_USUAL = 0.3
-"""Scatter of what stays where it is, at most [of how it moved before]."""
-OF_NOISE = 5.0
-"""Size of the predicted motion from which an answer is missed [of the scatter]."""
+"""Spread of an input by which the machine is driven, at least [of its usual one]."""
 
 
 def at_once(
@@ -96,6 +88,13 @@ def misgauged(rows: Rows, silent_input: SensorChange | None = None) -> SensorCha
         TooFew: an output stays where it is, while no input has changed that would move it.
     """
     return _reading(rows) or silent_input or silent(rows) or offset(rows)
+
+
+@unmeasured()
+def reread(rows: Rows) -> SensorChange | None:
+    """The reading that sets in within rows of a machine that never held: what was off before may
+    stay."""
+    return _reading(rows)
 
 
 def _reading(rows: Rows) -> SensorChange | None:
@@ -217,7 +216,9 @@ def _left(rows: Rows, one: Reading, first: int, stop: int) -> float:
     tuned = known & np.isfinite(rows.tuned)
     count = np.count_nonzero(known.any(axis=1))
     off, left = (rows.total(r, known) for r in (rows.before, after))
-    if 0 < count < LEAST and left <= LEFT * off and _jumped(rows, one, first):
+    was = _usual(rows, one, first, known)  # what was off before may stay
+    more, excess = max(off - was, 0.0), max(left - was, 0.0) if left <= HALF * off else left
+    if 0 < count < LEAST and excess <= LEFT * more and _jumped(rows, one, first):
         raise TooFew(f"{count} rows do not tell whether {one.said}")
     if count < LEAST:
         return 0.0
@@ -226,13 +227,42 @@ def _left(rows: Rows, one: Reading, first: int, stop: int) -> float:
     of_input = (np.flatnonzero(one.factors != 1.0) < nu).any()
     shift = (one.shifts != 0.0).any() and one.number != SIGN
     near = 1.0 / CLEARLY < one.number < CLEARLY and not one.exchanged
-    usual = of_input or (near and not shift)
+    rough = was > LEFT * left and 1.0 / RARELY < one.number < RARELY and not one.exchanged
+    usual = of_input or ((near or rough) and not shift)
     worse = CLEARLY if usual else 1.0 / LIKE_TUNING
     nearly = one.exchanged and left <= NEARLY * off and _together(rows, one) > 0
-    good = left <= LEFT * off and (nearly or _restored(rows, one, after, known))
+    good = excess <= LEFT * more and (nearly or _restored(rows, one, after, known))
     jumped = (not of_input or rival >= HALF) and _jumped(rows, one, first)
-    told = rival >= worse or not tuned.any() or jumped
+    told = bool(rival >= worse or not tuned.any() or jumped)
+    if good and not told and was > LEFT * left:  # tuning took away what was off before, too
+        told = bool(_rival(rows, one, stop, tuned) >= worse)
     return max(left / off, 1e-12) if good and told else 0.0
+
+
+def _usual(rows: Rows, one: Reading, first: int, known: np.ndarray) -> float:
+    """What the version as it is would leave on rows ``known``, read rightly, by how it did before
+    row ``first``; in what was recorded."""
+    early = np.isfinite(rows.before) & (np.arange(rows.count) < first)[:, None]
+    count = np.count_nonzero(early, axis=0)
+    if count.max(initial=0) < LEAST:
+        return 0.0
+    square = np.where(early, np.square(rows.before / rows.sizes), 0.0).sum(axis=0)
+    mean = square / np.maximum(count, 1) / np.square(one.factors[len(rows.setup.model.inputs) :])
+    return float(mean @ np.count_nonzero(known, axis=0))
+
+
+def _rival(rows: Rows, one: Reading, stop: int, known: np.ndarray) -> float:
+    """What tuning leaves of the rows as they were recorded, over what it leaves of them undone."""
+    undone = split(rows.changed(rows.fitted, stop, one.undone), rows.fitted)[1]
+    try:
+        posed = rows.pose(undone).tuning(rows.fit.names)
+        fit = rows.tune(posed)
+    except (DataError, ModelError):  # of no machine, then
+        return 0.0
+    left = rows.placed(residual(posed.tuning(fit.names), fit.values))
+    left = left / one.factors[len(rows.setup.model.inputs) :]
+    known = known & np.isfinite(left)
+    return rows.total(rows.tuned, known) / max(rows.total(left, known), 1e-300)
 
 
 def _jumped(rows: Rows, one: Reading, first: int) -> bool:
@@ -267,104 +297,3 @@ def _restored(rows: Rows, one: Reading, after: Outputs, known: np.ndarray) -> bo
     nu = len(rows.setup.model.inputs)
     new = np.nanmean(np.where(known, np.square(after * one.factors[nu:]), np.nan), axis=0)
     return bool((new[np.isfinite(new)] <= RESTORED * old[np.isfinite(new)]).all())
-
-
-@unmeasured()
-def silent(rows: Rows) -> SensorChange | None:
-    """An output that stays where it is though the machine is predicted to move as before."""
-    model = rows.setup.model
-    if not len(model.states):
-        return None
-    whole = rows.whole
-    y, used = whole.rows.y, whole.rows.used
-    base = _base(y, whole.restart.code)
-    measured, expected = y - base, whole.predict(whole.start) - base
-    for k in range(len(model.outputs)):  # what nobody asked about moves the others, too
-        since = _still_since(y[: rows.stop, k])
-        good = np.isfinite(measured[:, k]) & np.isfinite(expected[:, k]) & used[:, k]
-        now, then = good.copy(), good.copy()
-        now[:since], now[rows.stop :], then[since:] = False, False, False
-        still = np.count_nonzero(now) >= LEAST and _still(measured[now, k], expected[now, k])
-        if not still:
-            continue
-        size, level = _rms(expected[now, k]), y[now, k]
-        if np.std(level) * OF_NOISE > size:  # it goes its own way, slower than is expected
-            continue
-        alike = then & (np.abs(expected[:, k]) <= 2.0 * size)
-        before = np.count_nonzero(alike) >= LEAST
-        if before and not (
-            _answered(measured[alike, k], expected[alike, k], size)
-            and np.std(level) < OF_USUAL * _rms(measured[alike, k])
-        ):
-            continue
-        channel = model.outputs.channels[k]
-        if not _driven(rows, now, k, size):
-            if np.count_nonzero(now) < FEW:
-                raise TooFew(f"{channel.name} stays where it is, and so do the inputs")
-            continue
-        said = (
-            f"{channel.name} stays at {float(np.mean(level)):.4g} {channel.unit} from "
-            f"{called(rows.row(since))}{rows.until(rows.stop)}, however the machine is moved"
-            f"{', where it answered before' if before else ''}: its sensor no longer answers, or "
-            "the machine does not; nothing is learned from it"
-        )
-        over = rows.refused((channel.name,), since, rows.stop)
-        return SensorChange(channel.name, 0.0, said, over, rows.goes_on(since, rows.stop))
-    return None
-
-
-def _still_since(y: Vector) -> int:
-    """Position from which on a channel has stayed about where it is at the end."""
-    known = np.flatnonzero(np.isfinite(y))
-    newest = y[known[-LEAST:]]
-    if not len(newest):
-        return len(y)
-    level, steps = np.median(newest), np.abs(np.diff(y[known]))
-    digit = float(np.min(steps[steps > 0.0], initial=np.inf))  # it may be recorded coarsely
-    spread = max(
-        1.4826 * float(np.median(np.abs(newest - level))), digit if digit < np.inf else 0.0
-    )
-    away = np.flatnonzero(np.abs(y[known] - level) > WIDE * spread)
-    return int(known[away[-1]]) + 1 if len(away) else int(known[0])
-
-
-def _base(y: Outputs, code: np.ndarray) -> Outputs:
-    """What was measured where the prediction of each row began, or first since then, (n, ny)."""
-    out = np.full(y.shape, np.nan)
-    for start, stop in pairwise([*np.flatnonzero(code != CONTINUE).tolist(), len(y)]):
-        part = y[start:stop]
-        known = np.isfinite(part)
-        for k in np.flatnonzero(known.any(axis=0)).tolist():
-            out[start:stop, k] = part[int(np.argmax(known[:, k])), k]
-    return out
-
-
-def _rms(values: Vector) -> float:
-    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else 0.0
-
-
-def _driven(rows: Rows, now: Bools, k: int, size: float) -> bool:
-    """Is output ``k`` expected to move on these rows by what the inputs do? Else a model that is
-    off expects motion of a machine that has come to rest, or stays at its speed."""
-    places = np.flatnonzero(now)
-
-    def held(block: Block) -> Block:
-        return block._replace(u=np.repeat(block.u[:1], len(block.u), axis=0))
-
-    posed = rows.pose(rows.changed(int(places[0]), int(places[-1]) + 1, held))
-    by_inputs = rows.whole.predict(rows.whole.start)[now, k] - posed.predict(posed.start)[now, k]
-    return _rms(by_inputs[np.isfinite(by_inputs)]) > VARIES * size
-
-
-def _still(measured: Vector, expected: Vector) -> bool:
-    """Is what is expected missing altogether?"""
-    power = float(expected @ expected)
-    response = abs(float(measured @ expected)) / power if power > 0 else 1.0
-    return response < STILL and float(measured @ measured) * OF_NOISE**2 < power
-
-
-def _answered(measured: Vector, expected: Vector, size: float) -> bool:
-    """Did it answer to motion of this size?"""
-    power = float(expected @ expected)
-    enough = power > 0.25 * size**2 * LEAST
-    return enough and float(measured @ expected) > 0.5 * power

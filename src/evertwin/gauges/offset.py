@@ -19,8 +19,10 @@ import numpy as np
 from evertwin.correction.improve import TooFew
 from evertwin.errors import DataError, ModelError
 from evertwin.fold import Block, Mark
+from evertwin.gauges import in_words
 from evertwin.gauges.change import split
 from evertwin.gauges.gauge_rows import LEAST, Rows, residual
+from evertwin.gauges.input_shift import of_inputs, shifted_inputs
 from evertwin.gauges.sensor_change import SensorChange
 from evertwin.gauges.unlike import changes
 from evertwin.rows.ring import called
@@ -61,13 +63,17 @@ def offset(rows: Rows) -> SensorChange | None:
         found = _constant(replace(rows, begins=place), (k,)) if place else None
         if found is not None:
             return found
+    shifts = shifted_inputs(rows)
+    if shifts and shifts[0].sure:
+        return of_inputs(rows, shifts)
     watched = np.flatnonzero(rows.setup.watched).tolist()
     leaps = [(replace(rows, begins=place), k) for k in watched for place in _leaps(rows, k)]
     for some, k in leaps:
         found = _constant(some, (nu + k,), _leap(some, nu + k, rows.whole.full(rows.whole.start)))
         if found is not None:
             return found
-    return _constant(rows, [nu + k for k in watched if not _has_offset(rows, k)])
+    found = _constant(rows, [nu + k for k in watched if not _has_offset(rows, k)])
+    return of_inputs(rows, shifts, found) if shifts else found
 
 
 def _constant(rows: Rows, columns: Sequence[int], leap: float = 0.0) -> SensorChange | None:
@@ -108,10 +114,10 @@ def _constant(rows: Rows, columns: Sequence[int], leap: float = 0.0) -> SensorCh
     channel = (*rows.setup.model.inputs, *rows.setup.model.outputs)[k]
     share = 100.0 * (1.0 - rows.total(left, unseen) / rows.total(rows.before, unseen))
     row, until = called(rows.row(rows.since)), rows.until(rows.stop)
+    size = in_words.difference(rows.setup, channel, leap or shift)
     known = (
-        f"{channel.name} looks off by {leap or shift:+.4g} {channel.unit} from {row}{until}: as an "
-        f"offset of its sensor this explains {share:.0f} % of the deviation on rows that it was "
-        "not learned on, "
+        f"{channel.name} looks off by {size} from {row}{until}: as an offset of its sensor "
+        f"this explains {share:.0f} % of the deviation on rows that it was not learned on, "
     )
     lasts = rows.goes_on(rows.since, rows.stop)
     if lead > SURE:

@@ -78,7 +78,7 @@ def in_doubt(decision: Decision, content: Mapping[str, Any]) -> Mapping[str, Any
         decision.state = decision.state._replace(other=EMPTY)
         decision.remember(phase=WATCH)
     decision.remember(doubt=channel if content["lasts"] and not over else "")
-    return {**content, "events": []} if again and not over else content
+    return {**content, "events": []} if again and not (over or content["lasts"]) else content
 
 
 def driven(setup: Setup, rows: Rows) -> bool:

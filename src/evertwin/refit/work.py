@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,9 +21,10 @@ from evertwin.correction.improve import TooFew
 from evertwin.errors import DataError, ModelError, UsageError
 from evertwin.fold import plain
 from evertwin.gauges.change import changed, split, suddenly
-from evertwin.gauges.gauge import at_once, misgauged, silent
+from evertwin.gauges.gauge import at_once, misgauged, reread
 from evertwin.gauges.misread import misread
 from evertwin.gauges.sensor_change import SensorChange
+from evertwin.gauges.silent import silent
 from evertwin.gauges.stuck import stuck
 from evertwin.ledger.versions import Versions
 from evertwin.machines.friction.resisting import not_physical
@@ -192,10 +194,11 @@ class Work(Tuner):
             other = misread(*rows, fit.p)
             if other:
                 return of_a_sensor(other, *events) | since
+        other = None if commissioned else self._reread(task, names)
         if commissioned and (verdict.kind == "abnormal" or explained(fit, fit.noise) >= MUCH):
             other = self._of_a_channel(task, problem, fit)
-            if other:  # the rows before it go on to tell how it was
-                return of_a_sensor(other, *events)
+        if other:  # the rows before it go on to tell how it was
+            return of_a_sensor(other, *events)
         if few is not None:
             raise few
         events += [
@@ -225,6 +228,18 @@ class Work(Tuner):
         held = self.holds(problem, fit.values)
         silent_input = None if held else stuck(self.setup, task.windows)
         return misgauged(self.rows(task, problem, fit), silent_input)
+
+    def _reread(self, task: Task, names: tuple[str, ...]) -> SensorChange | None:
+        """The reading of a channel by which a twin that never held is suddenly off by far more."""
+        pose = partial(self.problem, task.version, names=names)
+        new = suddenly(task.windows, pose)
+        if sum(len(block.t) for block in new) < ENOUGH * len(names):
+            return None
+        try:
+            problem, fit, _ = self.tune(pose(new))
+        except (DataError, ModelError):
+            return None
+        return reread(self.rows(task, problem, fit))
 
     def _named(
         self, verdict: Verdict, version: Version, problem: Problem, events: list[dict[str, Any]]

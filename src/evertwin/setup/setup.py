@@ -67,7 +67,7 @@ def matching(
 
 
 STILL, LEAST_STILL = 2.0, 20
-"""Without a change an input is asked about after so many seconds, and rows at least."""
+"""Seconds without a change, and rows at least, after which an input is asked about."""
 
 
 @dataclass(frozen=True)
@@ -131,8 +131,7 @@ class Setup:
 
     @cached_property
     def ring(self) -> Ring:
-        """The newest rows, as many as slow work may look at."""
-        # a request is answered up to `latency` rows later, from rows that must still be there
+        """The newest rows, as many as slow work may look at until its answer, `latency` rows on."""
         size = max(self.window("fit"), self.window("correct")) + self.latency + 1
         return Ring(size, len(self.model.inputs), len(self.model.outputs))
 
@@ -287,7 +286,14 @@ class Setup:
 
     def rows(self, span: Span) -> int:
         """The rows of a span, at the rate of the clock or of the data."""
-        return span.at(self.spec.clock.rate or self.measured_rate)
+        try:
+            return span.at(self.spec.clock.rate or self.measured_rate)
+        except UsageError as error:
+            named = ("anomaly", "tuning", "correction")
+            keys = {f"[{name}] window": getattr(self.spec, name).window for name in named}
+            keys |= {"beat": self.spec.beat, "[trial] holdoff": self.spec.trial.holdoff}
+            found = [f"{key} = " for key, value in keys.items() if value is span][:1]
+            raise UsageError("".join((*found, str(error)))) from error
 
     @cached_property
     def recorded(self) -> tuple[str, ...]:

@@ -1,0 +1,387 @@
+"""Is a measured input off by what came at once or grew, as an offset or a drift of its sensor is?
+
+What an input would have to be off by for the version as it is to hold again goes with what a
+parameter explains as well: a supply pressure that reads 20 % too much looks like a gain that is
+20 % too small. The input's own record tells them apart. Where its sensor drifts, the record leaves
+its usual course by just that; where the machine changed, it does not. So the course (an
+autoregression of the rows before) is held against the record as it is and without the shift:
+
+* the record is likelier without the shift: it is the sensor;
+* it is likelier as it is: it is the machine, and tuning has it;
+* neither: sensor or machine, that cannot be told from these rows.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from evertwin.correction.improve import TooFew
+from evertwin.errors import DataError, ModelError
+from evertwin.fold import Block
+from evertwin.gauges import in_words
+from evertwin.gauges.change import split
+from evertwin.gauges.gauge_rows import LEAST, Rows, residual
+from evertwin.gauges.noise import CHANCE
+from evertwin.gauges.sensor_change import SensorChange, unmeasured
+from evertwin.models.kernel import CONTINUE
+from evertwin.rows.channels import is_held, measured
+from evertwin.rows.ring import called
+from evertwin.setup.task import Windows
+from evertwin.types import Bools, Outputs, Vector
+
+PARTS = 24
+"""Parts of the rows at whose edges a shift may begin to grow, and end."""
+SECANTS = 2
+"""Steps towards the size."""
+NEARLY = 0.98
+"""Share of what is explained that a step has to explain for nothing more to be asked."""
+EXPLAINED = 0.5
+"""Share of the squared deviation that a shift leaves at most."""
+LITTLE = 0.8
+"""The same before any number of the machine is tuned beside it."""
+CLEARLY = 2.0
+"""What leaves so many times as much, to first order, is not looked at further."""
+ALIKE = 1.5
+"""What leaves so many times as much explains it as well."""
+NO_WORSE = 1.1
+"""So many times what tuning leaves a shift may leave."""
+CLEAR = 3.0
+"""Logarithm of the likelihood ratio from which on the record speaks for one side."""
+ORDER = 5
+"""Rows that the usual course goes back."""
+AT_ONCE = 8
+"""Rows within which a step is complete, and up to so many from where it is looked for."""
+FREEDOM = 3.0
+"""Degrees of freedom of steps (Student's t): some are far larger than most."""
+BUSY = 0.5
+"""Share of rows at which a channel changes that is measured, though nobody says so."""
+
+
+class Shift(NamedTuple):
+    """What an input is off by.
+
+    >>> Shift(1, np.zeros(3), 0, np.zeros((3, 1)), 4.0).sure
+    True
+    """
+
+    column: int
+    by: Vector
+    """At each row, (n,)."""
+    first: int
+    """Position of the first row that is off."""
+    left: Outputs
+    """Residual of the version without it, (n, ny)."""
+    evidence: float
+    """Logarithm of the likelihood ratio of the input's own record, for its sensor."""
+
+    @property
+    def sure(self) -> bool:
+        """Does the record speak for the sensor?"""
+        return self.evidence > CLEAR
+
+
+class Profile(NamedTuple):
+    """How an input pulls the residual, and how that goes with what is off, at each row, (n,).
+
+    >>> Profile(np.array([0.0, -2.0]), np.ones(2)).fitted(np.array([0.0, 1.0]))
+    (2.0, 2.0)
+    """
+
+    product: Vector
+    """Σ pull·off over outputs."""
+    power: Vector
+    """Σ pull²."""
+
+    @classmethod
+    def of(cls, pull: Outputs, off: Outputs) -> Profile:
+        """Of residuals, outputs by their sizes; 0 where nothing is known."""
+        return cls(np.sum(pull * off, axis=1), np.sum(pull * pull, axis=1))
+
+    def fitted(self, shape: Vector) -> tuple[float, float]:
+        """Size of a shift of this ``shape``, and the squares that it takes away; beside a constant,
+        by which the version as it is was off before."""
+        a, b = float(self.power.sum()), float(shape @ self.power)
+        c = float(np.square(shape) @ self.power) - (b * b / a if a > 0.0 else 0.0)
+        d = float(shape @ self.product) - (b * float(self.product.sum()) / a if a > 0.0 else 0.0)
+        return (-d / c, d * d / c) if c > 1e-12 * a else (0.0, 0.0)
+
+
+class Guess(NamedTuple):
+    """A shift to first order.
+
+    >>> Guess._fields
+    ('column', 'shape', 'span', 'size', 'slope', 'left')
+    """
+
+    column: int
+    shape: Vector
+    """From 0 to 1, (n,)."""
+    span: tuple[int, int]
+    """Positions at which it begins and is complete."""
+    size: float
+    slope: Outputs
+    """What a shift of size 1 makes of the residual, (n, ny)."""
+    left: float
+    """Share of the squared deviation that is left."""
+
+
+@unmeasured()
+def shifted_inputs(rows: Rows) -> list[Shift]:
+    """Inputs whose shift explains the rows as well as a machine that changed, and of which their
+    own record does not say otherwise; the one that leaves least first, with what does as well."""
+    guesses = [one for k in _measured(rows) for one in (_guess(rows, k),) if one is not None]
+    least = min((one.left for one in guesses), default=0.0)
+    found = [
+        one
+        for guess in guesses
+        if guess.left <= CLEARLY * least
+        for one in (_shift(rows, guess),)
+        if one is not None
+    ]
+    found.sort(key=lambda one: rows.total(one.left, _after(rows, 0)))
+    least = rows.total(found[0].left, _after(rows, 0)) if found else 0.0
+    alike = [one for one in found if rows.total(one.left, _after(rows, 0)) <= ALIKE * least]
+    return [one for one in alike if one.sure] or alike
+
+
+def _measured(rows: Rows) -> list[int]:
+    """Columns of inputs that are a sensor's alone; a command is what it is. Of a static map none:
+    positions and speeds that come of each other answer for each other."""
+    setup, inputs = rows.setup, rows.setup.model.inputs
+    if not len(setup.model.states):
+        return []
+    alone = [columns[0] for columns, _ in measured(setup.spec, inputs).values() if not columns[1:]]
+    found = []
+    for k in sorted(alone):
+        said = setup.spec.signals.get(inputs.names[k])
+        busy = np.mean(np.nan_to_num(rows.steps[:, k]) != 0.0) > BUSY
+        if not is_held(setup.spec, inputs.names[k], dynamic=True) or (
+            busy and (said is None or said.hold is None)
+        ):
+            found.append(k)
+    return found
+
+
+def _guess(rows: Rows, k: int) -> Guess | None:
+    """The shift of input ``k`` as the version as it is tells it."""
+    record, n = rows.values[:, k], rows.count
+    step = float(np.nanstd(record))
+    if not step > 0.0 or n < 2 * PARTS:
+        return None
+    slope = _slope(rows, k, np.full(n, step)) / step
+    off = np.nan_to_num(rows.before / rows.sizes)
+    profile, usual = Profile.of(slope / rows.sizes, off), slope / rows.sizes
+    first, last = _when(rows, profile, record)
+    shape = _shape(n, first, last)
+    size, _ = profile.fitted(shape)
+    slope *= shape[:, None]
+    for _ in range(SECANTS):  # it need not be small
+        if not size:
+            return None
+        slope = _slope(rows, k, size * shape) / size
+        size = _size(off, usual, slope / rows.sizes)
+    here = _after(rows, first)[:, None] & np.isfinite(rows.before)
+    left = rows.total(rows.before + slope * size, here)
+    before = rows.total(rows.before, here)
+    if _evidence(record, size, (first, last)) < -CLEAR or not left <= LITTLE * before:
+        return None
+    return Guess(k, shape, (first, last), size, slope, left / before)
+
+
+def _size(off: Outputs, usual: Outputs, own: Outputs) -> float:
+    """How much of ``own`` takes most of ``off`` away, beside as much of ``usual`` as it needs."""
+    columns = np.column_stack([usual.ravel(), own.ravel()])
+    if not np.isfinite(np.sum(np.square(columns))):  # the model breaks down by as much
+        return 0.0
+    return -float(np.linalg.lstsq(columns, off.ravel(), rcond=None)[0][1])
+
+
+def _slope(rows: Rows, k: int, by: Vector) -> Outputs:
+    """What input ``k`` less ``by`` adds to the residual; 0 where it is not known, (n, ny)."""
+    there = rows.pose(without(rows, k, by))
+    more = residual(there, there.start) - rows.before
+    return np.asarray(np.where(np.isfinite(more), more, 0.0))
+
+
+def _shift(rows: Rows, guess: Guess) -> Shift | None:
+    """The shift, one machine tuned beside it on all rows; None: two machines are likelier, one
+    before and one since the change."""
+    (first, last), k = guess.span, guess.column
+    left = _tuned(rows, without(rows, k, guess.size * guess.shape))
+    if left is None:
+        return None
+    known = np.isfinite(left)
+    own = np.where(known, guess.slope / rows.sizes, 0.0)
+    more = _size(np.where(known, left / rows.sizes, 0.0), 0.0 * own, own)
+    left, size = left + guess.slope * more, guess.size + more
+    rival, early = rows.tuned, split(rows.windows, rows.fitted)[0]
+    if first < rows.fitted and (then := _tuned(rows, early)) is not None:
+        rival = np.concatenate([then, rival[len(then) :]])
+    both = _after(rows, first)[:, None] & np.isfinite(left) & np.isfinite(rival)
+    if np.count_nonzero(both.any(axis=1)) < LEAST:
+        return None
+    ours, theirs = rows.total(left, both), rows.total(rival, both)
+    # where no change was found, theirs is one machine, too
+    least = EXPLAINED * (rows.total(rows.before, both) if rows.fitted else theirs)
+    evidence = _evidence(rows.values[:, k], size, (first, last))
+    if ours > least or ours > _no_worse(rows, both) * theirs or evidence < -CLEAR:
+        return None
+    if abs(evidence) <= CLEAR and rows.count - first < rows.setup.enough:
+        name = rows.setup.model.inputs.names[k]
+        raise TooFew(f"{rows.count - first} rows do not tell a shift of {name} from the machine")
+    return Shift(k, size * guess.shape, first, left, evidence)
+
+
+def _no_worse(rows: Rows, both: np.ndarray) -> float:
+    """So many times what two machines leave a shift may leave: a few leave more to chance."""
+    begins = (rows.whole.restart.code != CONTINUE) & both.any(axis=1)
+    return max(NO_WORSE, 1.0 + CHANCE * math.sqrt(2.0 / max(int(np.count_nonzero(begins)), 1)))
+
+
+def _tuned(rows: Rows, windows: Windows) -> Outputs | None:
+    """Residual of one machine on all these rows; None: none was found."""
+    try:
+        posed = rows.pose(windows).tuning(rows.fit.names)
+        fit = rows.tune(posed)
+    except (DataError, ModelError):
+        return None
+    return residual(posed.tuning(fit.names), fit.values)
+
+
+def without(rows: Rows, k: int, by: Vector) -> Windows:
+    """The rows, with input ``k`` less what it is off ``by``, (n,)."""
+    found, at = list[Block](), 0
+    for window in rows.windows:
+        u, n = window.u.copy(), len(window.t)
+        u[:, k] -= by[at : at + n]
+        at += n
+        found.append(window._replace(u=u))
+    return tuple(found)
+
+
+def _shape(n: int, first: int, last: int) -> Vector:
+    """It rises from ``first`` to ``last`` and stays; a step where both are one, (n,)."""
+    grown = (np.arange(n) - first + 1.0) / max(last - first + 1.0, 1.0)
+    return np.asarray(np.clip(grown, 0.0, 1.0))
+
+
+def _when(rows: Rows, profile: Profile, record: Vector) -> tuple[int, int]:
+    """When a shift that explains most begins, and when it is complete."""
+    n = rows.count
+    edges = sorted({*np.linspace(0, n, PARTS, endpoint=False).astype(int).tolist(), rows.since})
+    spans = [
+        (a, b) for a in edges for b in (*edges, n - 1) if a <= b and LEAST <= a <= n - LEAST
+    ]  # fmt: skip
+
+    def gain(span: tuple[int, int]) -> float:
+        return profile.fitted(_shape(n, *span))[1]
+
+    best, wide = max(spans, key=gain), n // PARTS
+    about = min((a for a, b in spans if a == b), key=lambda a: abs(a - best[1]))
+    near = range(max(about - wide, LEAST), min(about + wide, n - LEAST) + 1)
+    gains = {a: gain((a, a)) for a in near}
+    most = max(gains.values())
+    if most < NEARLY * gain(best):
+        return best
+    # where several do about as well, the record says where it stepped
+    good = [a for a, one in gains.items() if one >= NEARLY * most]
+    size = profile.fitted(_shape(n, good[0], good[0]))[0]
+    first = min(good, key=lambda a: abs(np.nan_to_num(record[a] - record[a - 1]) - size))
+    return first, first
+
+
+def _after(rows: Rows, first: int) -> Bools:
+    return np.asarray(np.arange(rows.count) >= first)
+
+
+def _evidence(record: Vector, size: float, span: tuple[int, int]) -> float:
+    """Logarithm of how much likelier the record is with a shift in it than without, by its course
+    before; 0: too few rows tell it."""
+    first, last = span
+    if first < LEAST * ORDER:
+        return 0.0
+    course = _innovations(record, _shape(len(record), first, last), first)
+    if course is None:
+        return 0.0
+    innovation, shape, spread = course
+    at = first + AT_ONCE if first == last else first
+    g, e = shape[at:], innovation[at:]
+    known = np.isfinite(e)
+    g, e = g[known], e[known]
+    found = 0.0
+    if (power := float(g @ g)) > 0.0:
+        seen = float(g @ e) / power
+        variance = spread**2 * (1.0 / power + (float(g.sum()) / power) ** 2 / first)
+        found = (seen**2 - (seen - size) ** 2) / (2.0 * variance)
+    return found + (_stepped(record, size, first) if first == last else 0.0)
+
+
+def _innovations(record: Vector, shape: Vector, first: int) -> tuple[Vector, Vector, float] | None:
+    """What the record brings that the rows before it do not tell, the same of a shift's shape, and
+    the usual size of the former; an autoregression of the rows before ``first``."""
+    n = len(record)
+    back = np.column_stack([record[ORDER - 1 - j : n - 1 - j] for j in range(ORDER)])
+    known = np.isfinite(back).all(axis=1) & np.isfinite(record[ORDER:])
+    early = known & (np.arange(ORDER, n) < first)
+    if np.count_nonzero(early) < LEAST:
+        return None
+    ones = np.ones(len(back))
+    columns = np.column_stack([ones, back])
+    weights = np.linalg.lstsq(columns[early], record[ORDER:][early], rcond=None)[0]
+    e, g = np.full(n, np.nan), np.zeros(n)
+    e[ORDER:] = np.where(known, record[ORDER:] - columns @ weights, np.nan)
+    before = np.column_stack([shape[ORDER - 1 - j : n - 1 - j] for j in range(ORDER)])
+    g[ORDER:] = shape[ORDER:] - before @ weights[1:]
+    spread = float(np.std(e[ORDER:][early]))
+    return (e, g, spread) if spread > 0.0 else None
+
+
+def _stepped(record: Vector, size: float, first: int) -> float:
+    """The same of the step alone, wherever near ``first`` it is."""
+    steps = record[AT_ONCE:] - record[:-AT_ONCE]
+    usual = steps[: first - AT_ONCE]
+    scale = 1.4826 * float(np.nanmedian(np.abs(usual - np.nanmedian(usual))))
+    near = steps[max(first - 2 * AT_ONCE, 0) : first + AT_ONCE]
+    near = near[np.isfinite(near)]
+    if not scale > 0.0 or not len(near):
+        return 0.0
+
+    def loss(off: Vector) -> Vector:
+        half = 0.5 * (FREEDOM + 1.0)
+        return np.asarray(half * np.log1p(np.square(off / scale) / FREEDOM))
+
+    gain = loss(near) - loss(near - size)
+    return float(np.log(np.mean(np.exp(gain - gain.max()))) + gain.max())
+
+
+def of_inputs(
+    rows: Rows, found: Sequence[Shift], other: SensorChange | None = None
+) -> SensorChange:
+    """What is said of them; ``other``: an output's offset that explains the rows, too."""
+    best, names = found[0], rows.setup.model.inputs.names
+    looks = ", or ".join(_said(rows, one) for one in found)
+    if best.sure:
+        return SensorChange(names[best.column], 1.0, (
+            f"{looks}: its own record leaves its usual course by as much, and no tuning explains "
+            "these rows better; nothing is learned from it"
+        ), None, rows.row(best.first))  # fmt: skip
+    if other is not None:
+        looks = f"{other.said.partition(': as an offset')[0]}, or {looks}"
+    return SensorChange(names[best.column] if other is None else other.channel, 1.0, (
+        f"{looks}; a machine that changed explains these rows no better: sensor or machine, that "
+        "cannot be told from these rows; nothing is learned until it can"
+    ))  # fmt: skip
+
+
+def _said(rows: Rows, one: Shift) -> str:
+    channel = rows.setup.model.inputs.channels[one.column]
+    grown = int(np.argmax(np.abs(one.by))) - one.first > AT_ONCE
+    size = in_words.difference(rows.setup, channel, float(one.by[-1]))
+    since = f"from {called(rows.row(one.first))} on"
+    if grown:
+        return f"{channel.name} looks off by what has grown to {size} {since}"
+    return f"{channel.name} looks off by {size} {since}"
