@@ -47,6 +47,14 @@ def test_beside_a_trial_only_a_much_better_candidate_is_heard() -> None:
         assert bool(content["events"]) == heard
 
 
+def test_a_trial_that_does_not_go_well_keeps_no_better_candidate_out() -> None:
+    """Of both rivals a fit would be better by a quarter; one of them gains nothing."""
+    for gain, rival, heard in [(1.01, 1.005, False), (1.005, 0.9999, True)]:
+        with Twin(SPEC) as twin:
+            content = work(twin).content(task(twin, "fit", gain, rival))
+        assert ("candidate" in content) == heard
+
+
 def test_a_correction_is_looked_for_beside_the_tuned_numbers_too() -> None:
     """A machine of a tenth of the model's gain, and with a dead zone: no law reaches so far."""
     rng = np.random.default_rng(1)

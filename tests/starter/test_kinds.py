@@ -105,6 +105,13 @@ def test_what_a_heading_says_is_proposed_and_what_it_does_not_is_asked(
     assert ('= "?"' in text) == asked, text
 
 
+def test_a_box_may_have_walls(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    heading = "ts,tank_temp_degC,room_temp_degC,heater_duty_pct"
+    spec = read(proposed(heading, tmp_path, capsys))
+    assert spec.correction.channels == ("heater", "room", "box")
+    assert "state" in spec.correction.terms
+
+
 def test_a_unit_keeps_its_prefix() -> None:
     said = {"force_kN": "kN", "dp_kPa": "kPa", "heating_kW": "kW", "i_mA": "mA", "ForceN": "N"}
     assert {name: said_unit(name) for name in said} == said

@@ -312,7 +312,8 @@ class Decide:
         if verdict == "promote" and not state.agenda.pinned:
             self._promote(decision, evidence)
         elif verdict == "reject":
-            decision.say("rejected", "", f"version {number} is not better on unseen data", evidence)
+            reason = f"version {number} is not better on unseen data: {evidence['sentence']}"
+            decision.say("rejected", "", reason, evidence)
             decision.state = decision.state._replace(other=EMPTY)
             decision.remember(phase=WATCH, hold=state.row + self.follow.setup.holdoff)
 

@@ -19,7 +19,7 @@ from evertwin.anomaly.verdict import Verdict, explained
 from evertwin.config.spec import TwinSpec
 from evertwin.correction.improve import TooFew
 from evertwin.errors import DataError, ModelError, UsageError
-from evertwin.fold import plain
+from evertwin.fold import plain, take
 from evertwin.gauges.change import changed, split, suddenly
 from evertwin.gauges.gauge import at_once, misgauged, reread
 from evertwin.gauges.misread import misread
@@ -124,18 +124,31 @@ class Work(Tuner):
 
     def _surpassing(self, task: Task, rival: Version, content: dict[str, Any]) -> dict[str, Any]:
         """Of an answer: what a fit found and what to do next, or a candidate that is better than
-        the rival; much better than one on trial, whose evidence would be lost."""
+        the rival; much better than one whose trial goes well, for that would be lost."""
         found = content.get("candidate")
         if "sensor" in content:
             return content
         if found is not None:
-            old = left(self.setup, self.versions.model_of(rival.form), rival.p, task.windows)
             new = left(self.setup, *self._made(task.version, found), task.windows)
-            gain = MUCH if rival.number != task.version.number else self.setup.trial.margin
-            if np.nanmean(new / old) <= 1.0 - gain:
+            gain = MUCH if self._pays(task, rival) else self.setup.trial.margin
+            if np.nanmean(new / self._left(rival, task.windows)) <= 1.0 - gain:
                 return content
         keys = ("next", "lacking", "fit" if task.kind == "fit" else "")
         return {"events": []} | {k: content[k] for k in keys if k in content}
+
+    def _pays(self, task: Task, rival: Version) -> bool:
+        """Is the rival better than the live version on the rows that came after it?"""
+        unseen = tuple(
+            take(block, max(rival.row - block.row, 0), len(block.t))
+            for block in task.windows if block.row + len(block.t) > rival.row
+        )  # fmt: skip
+        if not unseen:
+            return False
+        share = self._left(rival, unseen) / self._left(task.version, unseen)
+        return bool(np.nanmean(share) <= 1.0 - self.setup.trial.margin)
+
+    def _left(self, version: Version, windows: Windows) -> np.ndarray:
+        return left(self.setup, self.versions.model_of(version.form), version.p, windows)
 
     # ------------------------------------------------------------------ tuning
 

@@ -213,10 +213,20 @@ class Draft:
     @property
     def corrected(self) -> tuple[str, ...]:
         """What a moving base, or a machine of one's own, is told: drives are rarely what they are
-        taken for."""
+        taken for. A box may have walls, which take heat and give it back."""
         if self.model is None:
             return ("u",)
+        if self.kind == "thermal":
+            return (*self.model.inputs.names, *self.model.outputs.names)
         return self.model.inputs.names if self._base else ()
+
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """Kinds of term that such corrections are sought among."""
+        if self.kind == "thermal":
+            return ("lag", "table", "law", "state")
+        coupled = ("coupling",) if len(self.corrected) > 1 else ()
+        return ("lag", *coupled, "table", "law")
 
     @property
     def _base(self) -> bool:
