@@ -12,7 +12,7 @@ inf
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated
 
@@ -135,13 +135,30 @@ class TwinSpec(Section):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        for place, rows, span in self._times():
+            self._spans(rows, span, place)
+
+    def rows(self, span: Span, rate: float | None) -> int:
+        """The rows of one of its spans, at the rate of the clock, or of the data.
+
+        Raises:
+            UsageError: a time, and neither rate is known; the key is named.
+        """
+        try:
+            return span.at(self.clock.rate or rate)
+        except UsageError as error:
+            keys = [f"{dotted(place)} = " for place, _, own in self._times() if own is span]
+            raise UsageError("".join((*keys[:1], str(error)))) from error
+
+    def _times(self) -> Iterator[tuple[Path, Rows, Span]]:
+        """What may be written as rows or as a time, with its place and bounds."""
         sections = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
         for name, section in {"": self, **sections}.items():
             for setting in settings(type(section)) if isinstance(section, Section) else ():
                 rows = setting.note(Rows)
                 if rows is not None:
                     place = (name, setting.key) if name else (setting.key,)
-                    self._spans(rows, getattr(section, setting.name), place)
+                    yield place, rows, getattr(section, setting.name)
 
     def _spans(self, rows: Rows, span: Span, place: Path) -> None:
         """A time is so many rows of the clock, where it has a rate."""

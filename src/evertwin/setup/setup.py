@@ -286,14 +286,7 @@ class Setup:
 
     def rows(self, span: Span) -> int:
         """The rows of a span, at the rate of the clock or of the data."""
-        try:
-            return span.at(self.spec.clock.rate or self.measured_rate)
-        except UsageError as error:
-            named = ("anomaly", "tuning", "correction")
-            keys = {f"[{name}] window": getattr(self.spec, name).window for name in named}
-            keys |= {"beat": self.spec.beat, "[trial] holdoff": self.spec.trial.holdoff}
-            found = [f"{key} = " for key, value in keys.items() if value is span][:1]
-            raise UsageError("".join((*found, str(error)))) from error
+        return self.spec.rows(span, self.measured_rate)
 
     @cached_property
     def recorded(self) -> tuple[str, ...]:
