@@ -59,6 +59,7 @@ def test_what_cannot_be_is_refused_by_name(spec: TwinSpec, said: str) -> None:
             6,
             "did you mean 'Fc'",
         ),
+        ('[model]\nkind = "drive"\n[model.parameters]\nFc = { unit = "kg" }', 6, "a unit alone"),
         ('[model]\nkind = "drive"\n[signals.forc]\nlow = 0', 5, "did you mean 'force'"),
     ],
 )

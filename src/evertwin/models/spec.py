@@ -38,6 +38,11 @@ class ParameterSpec(Section):
     source: str | None = None
     """Where the value comes from: data sheet, literature, experiment."""
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.unit is not None and {self.value, self.low, self.high, self.sigma} == {None}:
+            raise UsageError(f"expected a number in '{self.unit}', got a unit alone")
+
 
 @dataclass(frozen=True)
 class ModelSpec(Section):
