@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 import pytest
 
 from evertwin.fold import make_block
-from evertwin.models import FunctionModel, Parameter, Parameters
-from evertwin.signals import Layout
 from evertwin.tuning import Problem, advise, gate, solve
 from evertwin.tuning.sensitivity import Sensitivity
 
@@ -105,57 +102,3 @@ def test_nothing_is_ever_claimed_of_what_is_not_there(friction: Any) -> None:
 def test_advice_is_empty_where_nothing_is_missing_or_nothing_helps(friction: Any) -> None:
     assert advise(friction["one"], ("Fc", "Bm"), np.linspace(-1, 1, 50)[:, None]) == ()
     assert advise(friction["two"], ("Fc", "offset", "Fm"), np.linspace(-1, 1, 50)[:, None]) == ()
-
-
-MOTOR = Layout.of(volts="V"), Layout.of(speed="rad/s", current="A"), Layout.of(speed="rad/s")
-NUMBERS = {"R": 1.6, "k": 0.055, "Tc": 0.012, "b": 1.2e-4, "J": 3e-4}
-"""A motor that is at its steady speed 0.5 s after each step of its voltage."""
-
-
-def motor_step(x: Any, u: Any, dt: float, p: Any) -> Any:
-    resistance, constant, friction, viscous, inertia = p
-    speed = x[0]
-    for _ in range(10):
-        current = (u[0] - constant * speed) / resistance
-        drag = friction * math.tanh(speed / 0.5) + viscous * speed
-        speed += 0.1 * dt * (constant * current - drag) / inertia
-    return [speed], [speed, (u[0] - constant * speed) / resistance]
-
-
-def driven(seed: int, size: float, late: int = 0) -> Problem:
-    """Voltages held for 4 s; each reaches the motor up to so many rows ``late``, by chance."""
-    rng = np.random.default_rng(seed)
-    u = np.repeat(rng.uniform(-22.0, 22.0, 60), 40)[:, None]
-    reached = u.copy()
-    for start in range(40, len(u), 40):
-        delay = int(rng.integers(late + 1))
-        reached[start : start + delay] = u[start - 1]
-    truth = np.array(list(NUMBERS.values())) * [1.0, 1.0, size, size, size]
-    units = ("ohm", "V*s/rad", "Nm", "Nm*s/rad", "kg*m^2")
-    items = (
-        Parameter(name, 0.85 * value, unit, low=0.0)
-        for name, value, unit in zip(NUMBERS, truth.tolist(), units, strict=True)
-    )
-    model = FunctionModel(motor_step, *MOTOR, Parameters(tuple(items)))
-    dt = np.r_[0.0, np.full(len(u) - 1, 0.1)]
-    _, y = model.simulate(np.zeros(1), reached, dt, truth)
-    y += rng.normal(size=y.shape) * [0.4, 0.05]
-    rows = make_block(t=np.arange(len(u)) * 10**8, u=u, y=y)
-    return Problem(model, (rows,), horizon=10.0)
-
-
-@pytest.mark.parametrize("size", [1.0, 30.0])
-@pytest.mark.parametrize("seed", range(2))
-def test_few_rows_of_transients_tell_an_inertia(seed: int, size: float) -> None:
-    fit = solve(driven(seed, size))
-    truth = np.array(list(NUMBERS.values())) * [1.0, 1.0, size, size, size]
-    assert fit.verdict == ("identifiable",) * 5, fit.reasons
-    assert fit.values == pytest.approx(truth, rel=0.02)
-    assert np.all(np.abs(fit.values - truth) <= 2.0 * (fit.interval95[:, 1] - fit.values))
-
-
-@pytest.mark.parametrize("seed", range(2))
-def test_few_rows_on_which_the_form_is_wrong_do_not(seed: int) -> None:
-    fit = solve(driven(seed, 1.0, late=3))
-    assert fit.verdict[fit.names.index("J")] == "not"
-    assert "% of the rows" in fit.reasons[fit.names.index("J")]

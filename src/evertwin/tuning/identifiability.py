@@ -9,9 +9,7 @@ the information matrix H = Σ Jᵀ J / σ²:
 * a direction whose singular value is small **and** rests on less than 5 % of the rows is
   undetermined too. That is the general rule behind a known trap: an offset together with
   direction-dependent Coulomb friction is separated only by the few rows near standstill, where the
-  friction law is least known. It fits the training force better and simulates worse. Of a model
-  with a state the few rows may be those of transients, as of an inertia whose speed is mostly
-  steady: many enough (`ROWS`), and predicted as well as the others (`HOLDS`), they do tell it;
+  friction law is least known. It fits the training force better and simulates worse;
 * the interval of the rest, against the parameter's natural size, tells identifiable from weak.
 
 What is not identifiable keeps its prior. Condition index after Belsley, Kuh, Welsch, "Regression
@@ -37,7 +35,7 @@ import numpy as np
 from evertwin.errors import ModelError
 from evertwin.models import Model
 from evertwin.tuning.sensitivity import Sensitivity, Spectrum
-from evertwin.types import Float64, Outputs, PerOutput, Vector
+from evertwin.types import Float64, PerOutput, Vector
 
 Matrix: TypeAlias = Float64[np.ndarray, "k k"]
 
@@ -47,10 +45,6 @@ SMALL = 0.25
 """… below which it must rest on more than a few rows."""
 SHARE = 0.05
 """Share of the rows that it must rest on."""
-ROWS = 20.0
-"""Rows that tell a direction which rests on a small share of them, at least."""
-HOLDS = 2.0
-"""Their mean squared residual, by that of all rows, at most."""
 LOADED = 0.2
 """Weight from which a parameter belongs to a direction."""
 WEAK, NOT = 0.5, 2.0
@@ -79,10 +73,7 @@ class Gate(NamedTuple):
         return tuple(bool(reason) for reason in self.reasons)
 
 
-def gate(
-    acting: Sensitivity, sigma: PerOutput, names: tuple[str, ...], sizes: Vector,
-    residual: Outputs | None = None,
-) -> Gate:  # fmt: skip
+def gate(acting: Sensitivity, sigma: PerOutput, names: tuple[str, ...], sizes: Vector) -> Gate:
     """Judges each parameter.
 
     Args:
@@ -90,7 +81,6 @@ def gate(
         sigma: standard deviation of each output's noise, (ny,).
         names: the parameters.
         sizes: natural size of each, (k,); what counts as a large error.
-        residual: what the fit leaves, (n, ny); None: a direction of few rows is undetermined.
     """
     information, k = acting.information(sigma), len(names)
     spectrum = Spectrum.of(information)
@@ -109,22 +99,13 @@ def gate(
         step = np.zeros(k)
         step[live] = directions[live, i] / spectrum.length
         share = acting.share(step, LOADED, sigma)
-        few = share < SHARE and not _holds(acting, step, residual, sigma)
-        if value < NULL or few:
+        if value < NULL or share < SHARE:
             _refuse(refused, directions[:, i], names, value, share)
     _nulls(refused, values, directions, names)
     # in rising order; without what does not act there is no smallest one
     condition = values[-1] / values[0] if len(values) == k and values[0] > 0 else math.inf
     rank = sum(value >= NULL for value in values)
     return Gate(tuple(refused), rank, condition, spectrum)
-
-
-def _holds(acting: Sensitivity, step: Vector, residual: Outputs | None, sigma: PerOutput) -> bool:
-    """Are the rows that tell a direction many enough, and predicted as well as the others?"""
-    if residual is None:
-        return False
-    rows, square = acting.told_by(step, residual, sigma)
-    return rows >= ROWS and square <= HOLDS
 
 
 def _refuse(

@@ -20,7 +20,7 @@ import numpy as np
 
 from evertwin.tuning.closed import Regressor, summed
 from evertwin.tuning.gram import effects, unit, weighed, widened
-from evertwin.types import Bool, Float64, Int64, Outputs, PerOutput, Vector
+from evertwin.types import Bool, Float64, Int64, PerOutput, Vector
 
 
 class Spectrum(NamedTuple):
@@ -115,24 +115,6 @@ class Sensitivity:
         weight = total / sigma / sigma
         whole = float(weight.sum())
         return float(part / np.maximum(active, 1.0) @ weight) / whole if whole > 0 else 0.0
-
-    def told_by(
-        self, direction: Vector, residual: Outputs, sigma: PerOutput
-    ) -> tuple[float, float]:
-        """(rows that a direction of the parameters rests on, their mean squared residual in noise).
-
-        Each row counts by the square of the direction's effect z on it: (Σ z²)²/Σ z⁴ rows.
-        """
-        weight = np.zeros(self.used.shape)
-        for output in range(len(sigma)):
-            columns, at = self.of(output)
-            weight[:, output] = np.square(columns @ direction[at] / sigma[output])
-        known = self.used & np.isfinite(residual)
-        weight, off = weight[known], (residual / sigma)[known]
-        whole, fourth = float(weight.sum()), float(np.square(weight).sum())
-        if not fourth > 0.0:
-            return 0.0, 0.0
-        return whole * whole / fourth, float(weight @ np.square(off)) / whole
 
     def of(self, output: int) -> tuple[Float64[np.ndarray, "n m"], Int64[np.ndarray, " m"]]:
         """(columns that act on one output, the parameters they belong to)."""
