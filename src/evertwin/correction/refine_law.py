@@ -218,7 +218,7 @@ class _Trial:
         return np.array([0.0, *low]), np.array([0.7 * reach, *high])
 
     def residual(self, q: Numbers) -> Vector:
-        """Measured − predicted over the horizon, all windows and outputs, where it was measured.
+        """Measured − predicted over the horizon, all windows and outputs, of rows with a value.
 
         The rows are the same whatever the numbers: where the model has no value (the root of less
         than nothing), it is as far off as the outputs spread, many times.
@@ -234,23 +234,25 @@ class _Trial:
         return {}
 
     def _residual(self, q: Numbers) -> Vector:
+        rows, far = self._predicted
+        r = self._off(q)[rows]
+        return np.where(np.isfinite(r), np.clip(r, -far, far), far)
+
+    def _off(self, q: Numbers) -> Vector:
         full = self.full(q)
         found = []
         for block, restart in self._planned:
             _, y = roll(self._kernel, restart.x0, block.u, block.dt, full, restart)
             found.append(residuals(self._corrected, block, y).ravel())
-        rows, far = self._measured
-        r: Vector = np.concatenate(found)[rows]
-        return np.where(np.isfinite(r), np.clip(r, -far, far), far)
+        return np.concatenate(found)
 
     @cached_property
-    def _measured(self) -> tuple[Bools, float]:
-        """Which residuals are known, and how far off none is said to be."""
+    def _predicted(self) -> tuple[Bools, float]:
+        """Which rows are predicted where the fit begins, and how far off one without a value is."""
+        rows = np.isfinite(self._off(self.start(_edge(self.table))))
         zeros = (residuals(self._corrected, b, np.zeros_like(b.y)) for b, _ in self._planned)
-        r = np.concatenate([one.ravel() for one in zeros])
-        rows = np.isfinite(r)
-        size = math.sqrt(float(np.square(r[rows]).sum()) / max(int(rows.sum()), 1))
-        return rows, FAILED * size
+        r = np.concatenate([one.ravel() for one in zeros])[rows]
+        return rows, FAILED * math.sqrt(float(np.square(r).sum()) / max(len(r), 1))
 
     @cached_property
     def _corrected(self) -> Corrected:

@@ -142,10 +142,10 @@ class Work(Tuner):
             take(block, max(rival.row - block.row, 0), len(block.t))
             for block in task.windows if block.row + len(block.t) > rival.row
         )  # fmt: skip
-        if not unseen:
-            return False
-        share = self._left(rival, unseen) / self._left(task.version, unseen)
-        return bool(np.nanmean(share) <= 1.0 - self.setup.trial.margin)
+        live = task.version
+        share = self._left(rival, unseen) / self._left(live, unseen) if unseen else np.zeros(0)
+        known = share[np.isfinite(share)]
+        return bool(len(known)) and bool(known.mean() <= 1.0 - self.setup.trial.margin)
 
     def _left(self, version: Version, windows: Windows) -> np.ndarray:
         return left(self.setup, self.versions.model_of(version.form), version.p, windows)
