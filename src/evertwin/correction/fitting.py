@@ -33,7 +33,7 @@ NEAR, PAYS = 0.01, 0.05
 """Held-out deviations this near are equal; a less symmetric prior must gain this much."""
 TRIED = 2
 """Of many starts only these many, the best as they stand, are fitted."""
-SAME = 1e-3
+SAME = 5e-3
 """A number whose neutral value raises the deviation by no more than this share changes nothing."""
 EVALUATIONS = 20
 """Of one fit."""
