@@ -33,8 +33,9 @@ NEAR, PAYS = 0.01, 0.05
 """Held-out deviations this near are equal; a less symmetric prior must gain this much."""
 TRIED = 2
 """Of many starts only these many, the best as they stand, are fitted."""
-SAME = 5e-3
-"""A number whose neutral value raises the deviation by no more than this share changes nothing."""
+SAME = 1e-3
+"""A number whose neutral value raises the deviation by no more than this share changes nothing; on
+n segments, by no more than 1/n, which is what Akaike asks of a number."""
 EVALUATIONS = 20
 """Of one fit."""
 ALL = slice(None)
@@ -121,7 +122,7 @@ def refit(stack: Stack, evidence: Evidence) -> Scored:
 def settled(stack: Stack, parts: Sequence[int], evidence: Evidence) -> Stack:
     """With every number of these parts that changes nothing at its neutral value."""
     neutral = stack.model.parameters.values
-    enough = (1.0 + SAME) * _mean(stack, evidence)
+    enough = (1.0 + max(SAME, 1.0 / evidence.segments)) * _mean(stack, evidence)
     for k in parts:
         first = stack.first(k)
         for place in reversed(range(first, first + len(stack.parts[k].values))):

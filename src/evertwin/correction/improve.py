@@ -26,7 +26,7 @@ What comes out is a proposal. It goes live through a trial on unseen data only.
 >>> [term.kind for term in proposal.form.terms], proposal.gains[0].gain > 0.9
 (['law'], True)
 >>> proposal.describes
-('v: gain 0.998, saturation at 0.0999 m/s',)
+('v: gain 1, saturation at 0.0999 m/s',)
 """
 
 from __future__ import annotations

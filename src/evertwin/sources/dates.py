@@ -3,9 +3,9 @@
 A year of four digits that comes first, or a month by its name, can be read in one way only (unit
 ``iso``). Of ``03/04/2025`` it takes a row with a number above 12 to say which one is the day
 (``dmy``, ``mdy``); a column without such a row is unclear, unless it has dots: these stand behind
-the day and the month. A time without a date (``clock``) has
-seconds, or says AM or PM: ``08:15`` alone could be minutes and seconds. A zone is Z, UTC, GMT, CET,
-CEST or an offset; without one a date counts as UTC.
+the day and the month. A time without a date (``clock``) has seconds, or says AM or PM: ``08:15``
+alone could be minutes and seconds. A zone is Z, UTC, GMT, CET, CEST or an offset; without one a
+date counts as UTC.
 
 >>> order_of([b"03/04/2025 08:00", b"13/04/2025 08:00"]), order_of([b"03/04/2025 08:00"])
 (('dmy', True), ('dmy', False))
