@@ -22,9 +22,8 @@ from __future__ import annotations
 import numpy as np
 
 from evertwin.correction.improve import TooFew
-from evertwin.errors import DataError, ModelError
 from evertwin.gauges.change import split
-from evertwin.gauges.gauge_rows import LEAST, Rows, residual
+from evertwin.gauges.gauge_rows import LEAST, Rows
 from evertwin.gauges.misread import ALIKE, Reading, misread, possible
 from evertwin.gauges.offset import HELD, NEAR, offset
 from evertwin.gauges.sensor_change import SensorChange, since_change, unmeasured
@@ -254,13 +253,10 @@ def _usual(rows: Rows, one: Reading, first: int, known: np.ndarray) -> float:
 def _rival(rows: Rows, one: Reading, stop: int, known: np.ndarray) -> float:
     """What tuning leaves of the rows as they were recorded, over what it leaves of them undone."""
     undone = split(rows.changed(rows.fitted, stop, one.undone), rows.fitted)[1]
-    try:
-        posed = rows.pose(undone).tuning(rows.fit.names)
-        fit = rows.tune(posed)
-    except (DataError, ModelError):  # of no machine, then
+    found = rows.left_on(undone)
+    if found is None:
         return 0.0
-    left = rows.placed(residual(posed.tuning(fit.names), fit.values))
-    left = left / one.factors[len(rows.setup.model.inputs) :]
+    left = rows.placed(found) / one.factors[len(rows.setup.model.inputs) :]
     known = known & np.isfinite(left)
     return rows.total(rows.tuned, known) / max(rows.total(left, known), 1e-300)
 

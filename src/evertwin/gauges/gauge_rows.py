@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from evertwin.errors import DataError, ModelError
 from evertwin.fold import Block, take
 from evertwin.gauges.misread import Reading
 from evertwin.gauges.sensor_change import Refused
@@ -75,6 +76,20 @@ class Rows:
     def tuned(self) -> Outputs:
         """Residual of the fit, (n, ny); NaN before the change."""
         return self.placed(residual(self.problem, self.fit.values))
+
+    def tuned_on(self, windows: Windows) -> Fit | None:
+        """What tuning learns from these rows; None: there is no such machine."""
+        try:
+            return self.tune(self.pose(windows).tuning(self.fit.names)) if windows else None
+        except (DataError, ModelError):
+            return None
+
+    def left_on(self, windows: Windows) -> Outputs | None:
+        """Residual, on these rows, of what tuning learns from them, (n, ny)."""
+        fit = self.tuned_on(windows)
+        if fit is None:
+            return None
+        return residual(self.pose(windows).tuning(fit.names), fit.values)
 
     @cached_property
     def sizes(self) -> Vector:

@@ -20,7 +20,6 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.correction.improve import TooFew
-from evertwin.errors import DataError, ModelError
 from evertwin.fold import Block
 from evertwin.gauges import in_words
 from evertwin.gauges.change import split
@@ -211,7 +210,7 @@ def _shift(rows: Rows, guess: Guess) -> Shift | None:
     """The shift, one machine tuned beside it on all rows; None: two machines are likelier, one
     before and one since the change."""
     (first, last), k = guess.span, guess.column
-    left = _tuned(rows, without(rows, k, guess.size * guess.shape))
+    left = rows.left_on(without(rows, k, guess.size * guess.shape))
     if left is None:
         return None
     known = np.isfinite(left)
@@ -219,7 +218,7 @@ def _shift(rows: Rows, guess: Guess) -> Shift | None:
     more = _size(np.where(known, left / rows.sizes, 0.0), 0.0 * own, own)
     left, size = left + guess.slope * more, guess.size + more
     rival, early = rows.tuned, split(rows.windows, rows.fitted)[0]
-    if first < rows.fitted and (then := _tuned(rows, early)) is not None:
+    if first < rows.fitted and (then := rows.left_on(early)) is not None:
         rival = np.concatenate([then, rival[len(then) :]])
     both = _after(rows, first)[:, None] & np.isfinite(left) & np.isfinite(rival)
     if np.count_nonzero(both.any(axis=1)) < LEAST:
@@ -240,16 +239,6 @@ def _no_worse(rows: Rows, both: np.ndarray) -> float:
     """So many times what two machines leave a shift may leave: a few leave more to chance."""
     begins = (rows.whole.restart.code != CONTINUE) & both.any(axis=1)
     return max(NO_WORSE, 1.0 + CHANCE * math.sqrt(2.0 / max(int(np.count_nonzero(begins)), 1)))
-
-
-def _tuned(rows: Rows, windows: Windows) -> Outputs | None:
-    """Residual of one machine on all these rows; None: none was found."""
-    try:
-        posed = rows.pose(windows).tuning(rows.fit.names)
-        fit = rows.tune(posed)
-    except (DataError, ModelError):
-        return None
-    return residual(posed.tuning(fit.names), fit.values)
 
 
 def without(rows: Rows, k: int, by: Vector) -> Windows:

@@ -17,7 +17,6 @@ from dataclasses import replace
 import numpy as np
 
 from evertwin.correction.improve import TooFew
-from evertwin.errors import DataError, ModelError
 from evertwin.fold import Block, Mark
 from evertwin.gauges import in_words
 from evertwin.gauges.change import split
@@ -26,9 +25,7 @@ from evertwin.gauges.input_shift import of_inputs, shifted_inputs
 from evertwin.gauges.sensor_change import SensorChange
 from evertwin.gauges.unlike import changes
 from evertwin.rows.ring import called
-from evertwin.setup.task import Windows
 from evertwin.signals import wrap
-from evertwin.tuning import Fit
 from evertwin.types import Bools, Outputs, ParameterVector
 
 HELD = 8
@@ -248,24 +245,16 @@ def _stepped(rows: Rows, k: int, shift: float) -> bool:
 
 def _fit_of(rows: Rows, cut: int) -> Outputs | None:
     """Residual, on the rows behind ``cut`` too, of what tuning learns before it."""
-    found = _tuned(rows, split(rows.problem.windows, max(cut - rows.fitted, 0))[0])
+    found = rows.tuned_on(split(rows.problem.windows, max(cut - rows.fitted, 0))[0])
     if found is None:
         return None
     posed = rows.pose(rows.problem.windows).tuning(found.names)  # some may be left out
     return rows.placed(residual(posed, found.values))
 
 
-def _tuned(rows: Rows, part: Windows) -> Fit | None:
-    """What tuning learns from these rows."""
-    try:
-        return rows.tune(rows.pose(part).tuning(rows.fit.names)) if part else None
-    except (DataError, ModelError):
-        return None
-
-
 def _quick(rows: Rows, k: int, leap: float) -> bool:
     """Would the machine leap so by itself, as it is where the rows begin and since then?"""
-    found = _tuned(rows, split(rows.windows, max(rows.since, rows.fitted))[1])
+    found = rows.tuned_on(split(rows.windows, max(rows.since, rows.fitted))[1])
     return found is not None and abs(leap - _leap(rows, k, found.p)) > HALF * abs(leap)
 
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from evertwin.correction.improve import TooFew
+from evertwin.gauges import in_words
 from evertwin.gauges.exchanged import exchanged
 from evertwin.gauges.rescaled import rescaled
 from evertwin.gauges.sensor_change import SensorChange, since_change
@@ -62,7 +63,7 @@ def unit_change(
         channel = setup.model.outputs.channels[k]
         for part in PARTS:
             newest = slice(round((1.0 - part) * len(a)), None)
-            said = of_sensor(a[newest], b[newest], u[rows][newest], channel)
+            said = of_sensor(setup, channel, a[newest], b[newest], u[rows][newest])
             if said is None:
                 continue
             if part * len(y) >= setup.enough:
@@ -102,7 +103,9 @@ def _answers(a: Vector, u: Inputs) -> bool:
     return bool(left @ left < 0.5 * np.sum((a - a.mean()) ** 2))
 
 
-def of_sensor(a: Vector, b: Vector, u: Inputs, channel: Channel) -> SensorChange | None:
+def of_sensor(
+    setup: Setup, channel: Channel, a: Vector, b: Vector, u: Inputs
+) -> SensorChange | None:
     """Measured ``a`` beside expected ``b``, at inputs ``u``."""
     off = float(np.sum((a - b) ** 2))
     if not (b @ b > 0 and off > 0):
@@ -112,8 +115,8 @@ def of_sensor(a: Vector, b: Vector, u: Inputs, channel: Channel) -> SensorChange
     last = slice(round((1.0 - PARTS[-1]) * len(a)), None)
     if still and not _answers(a, u) and not _answers(a[last], u[last]):
         return SensorChange(channel.name, 0.0, (
-            f"{channel.name} stays at {level:.4g} {channel.unit}, however the machine moves: its "
-            "sensor no longer answers, so nothing is learned from it"
+            f"{channel.name} stays at {in_words.level(setup, channel, level)}, however the machine "
+            "moves: its sensor no longer answers, so nothing is learned from it"
         ))  # fmt: skip
     number = float(a @ b / (b @ b))
     if np.sum((a - number * b) ** 2) > (1.0 - EXPLAINED) * off:

@@ -80,7 +80,7 @@ def _sensor(
     a, b = y[rows, k], expected[rows]
     if len(a) < ENOUGH or np.std(b) < VARIES * np.sqrt(np.mean(np.square(b))):
         return None
-    found = of_sensor(a, b, u[rows], model.outputs.channels[k])
+    found = of_sensor(setup, model.outputs.channels[k], a, b, u[rows])
     alike = found is not None and abs(np.corrcoef(a, b)[0, 1]) > ALIKE
     return found if alike else None
 
