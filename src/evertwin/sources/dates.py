@@ -2,15 +2,12 @@
 
 A year of four digits that comes first, or a month by its name, can be read in one way only (unit
 ``iso``). Of ``03/04/2025`` it takes a row with a number above 12 to say which one is the day
-(``dmy``, ``mdy``); a column without such a row is unclear, unless it has dots: these stand behind
-the day and the month. A time without a date (``clock``) has seconds, or says AM or PM: ``08:15``
-alone could be minutes and seconds. A zone is Z, UTC, GMT, CET, CEST or an offset; without one a
-date counts as UTC.
+(``dmy``, ``mdy``); a column without such a row is unclear. A time without a date (``clock``) has
+seconds, or says AM or PM: ``08:15`` alone could be minutes and seconds. A zone is Z, UTC, GMT, CET,
+CEST or an offset; without one a date counts as UTC.
 
 >>> order_of([b"03/04/2025 08:00", b"13/04/2025 08:00"]), order_of([b"03/04/2025 08:00"])
 (('dmy', True), ('dmy', False))
->>> order_of([b"03.04.2025 08:00"])
-('dmy', True)
 >>> date_ns(b"13.01.2025 08:00:00,5", "dmy") == date_ns(b"2025-01-13T09:00:00.5+01:00", "iso")
 True
 >>> date_ns(b"1:00:02 PM", "clock") // 10**9
@@ -66,7 +63,7 @@ def is_whole(cell: bytes) -> bool:
 
 def order_of(cells: Iterable[bytes]) -> tuple[str, bool]:
     """One of `ORDERS` and whether the cells say so; empty where none of them is a date."""
-    order, sign = "", b""
+    order = ""
     for cell in cells:
         found = _DATE.match(cell)
         if found is None:
@@ -74,12 +71,12 @@ def order_of(cells: Iterable[bytes]) -> tuple[str, bool]:
         elif found["one"] is None and found["dotted"] is None:
             return "iso", True
         else:
-            order, sign = "dmy", found["sign"] or b"."
+            order = "dmy"
             if int(found["one"] or found["dotted"]) > 12:
                 return "dmy", True
             if int(found["two"] or found["moon"]) > 12:
                 return "mdy", True
-    return order, order != "dmy" or sign == b"."
+    return order, order != "dmy"
 
 
 def zone_of(cell: bytes) -> bytes | None:
