@@ -208,8 +208,9 @@ class Work(Tuner):
             if other:
                 return of_a_sensor(other, *events) | since
         other = None if commissioned else self._reread(task, names)
-        if commissioned and (verdict.kind == "abnormal" or explained(fit, fit.noise) >= MUCH):
-            other = self._of_a_channel(task, problem, fit)
+        if commissioned:
+            told = verdict.kind == "abnormal" or explained(fit, fit.noise) >= MUCH
+            other = self._of_a_channel(task, problem, fit, told=told)
         if other:  # the rows before it go on to tell how it was
             return of_a_sensor(other, *events)
         if few is not None:
@@ -236,11 +237,14 @@ class Work(Tuner):
             content["candidate"] = found and found | {"reason": found["reason"] + said}
         return content | since
 
-    def _of_a_channel(self, task: Task, problem: Problem, fit: Fit) -> SensorChange | None:
-        """What became of a channel; an input that never changes is one only where tuning fails."""
-        held = self.holds(problem, fit.values)
-        silent_input = None if held else stuck(self.setup, task.windows)
-        return misgauged(self.rows(task, problem, fit), silent_input)
+    def _of_a_channel(
+        self, task: Task, problem: Problem, fit: Fit, *, told: bool
+    ) -> SensorChange | None:
+        """What became of a channel; of rows that are not ``told`` to say much, whether an input
+        stays where it is."""
+        rows = self.rows(task, problem, fit)
+        still = stuck(rows, reached=self.holds(problem, fit.values))
+        return misgauged(rows, still) if told else still
 
     def _reread(self, task: Task, names: tuple[str, ...]) -> SensorChange | None:
         """The reading of a channel by which a twin that never held is suddenly off by far more."""
@@ -329,11 +333,11 @@ class Work(Tuner):
         task = task._replace(version=version)
         if task.commissioned:
             model = self.versions.model_of(version.form)
-            other = stuck(self.setup, windows) or misread(self.setup, model, version.p, windows)
-            if other is None and names:
-                other = silent(
-                    self.rows(task, *self.tune(self.problem(version, windows, names))[:2])
-                )
+            posed = self.problem(version, windows, names)
+            rows = self.rows(task, *self.tune(posed)[:2]) if len(model.parameters) else None
+            other = stuck(rows) if rows else None
+            other = other or misread(self.setup, model, version.p, windows)
+            other = other or (silent(rows) if rows and names else None)
             if other:
                 return of_a_sensor(other)
         if task.held and names:
