@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,9 +20,8 @@ from evertwin.correction.improve import TooFew
 from evertwin.errors import DataError, ModelError, UsageError
 from evertwin.fold import plain, take
 from evertwin.gauges.change import changed, split, suddenly
-from evertwin.gauges.gauge import at_once, misgauged, reread
+from evertwin.gauges.gauge import at_once
 from evertwin.gauges.misread import misread
-from evertwin.gauges.sensor_change import SensorChange
 from evertwin.gauges.silent import silent
 from evertwin.gauges.stuck import stuck
 from evertwin.ledger.versions import Versions
@@ -31,6 +29,7 @@ from evertwin.machines.friction.resisting import not_physical
 from evertwin.models import Model
 from evertwin.models.form import Form, Version
 from evertwin.refit.answering import changed_since, event, of_a_sensor, rejected
+from evertwin.refit.channels import ENOUGH, of_a_channel, reread_suddenly
 from evertwin.refit.correcting import learn, nearest
 from evertwin.refit.judgement import judged
 from evertwin.refit.named_cause import named_first
@@ -60,8 +59,6 @@ HALF = 0.5
 tried all the same; and that a state which came or went takes away on unseen rows."""
 NEARLY_ALL = 0.9
 """Part of the deviation from which on tuned numbers are tried before another form is looked for."""
-ENOUGH = 10
-"""Rows a parameter behind a change that a fit needs."""
 
 
 def work_of(spec: TwinSpec, rate: float | None) -> Work:
@@ -207,10 +204,12 @@ class Work(Tuner):
             other = misread(*rows, fit.p)
             if other:
                 return of_a_sensor(other, *events) | since
-        other = None if commissioned else self._reread(task, names)
+        alike, much = "", verdict.kind == "abnormal" or explained(fit, fit.noise) >= MUCH
+        much |= task.waits  # what no number of the machine explains a sensor may
         if commissioned:
-            told = verdict.kind == "abnormal" or explained(fit, fit.noise) >= MUCH
-            other = self._of_a_channel(task, problem, fit, told=told)
+            other, alike = of_a_channel(self, task, (problem, fit), told=much)
+        else:
+            other = reread_suddenly(self, task, names)
         if other:  # the rows before it go on to tell how it was
             return of_a_sensor(other, *events)
         if few is not None:
@@ -220,7 +219,8 @@ class Work(Tuner):
             for k, name in enumerate(fit.names)
             if fit.verdict[k] == "not"
         ]
-        events.append(event(verdict.kind, verdict.cause, verdict.reason, verdict.evidence))
+        said = verdict.reason + alike
+        events.append(event(verdict.kind, verdict.cause, said, verdict.evidence))
         part = explained(fit, fit.noise)
         if task.waits and verdict.kind == "normal" and part < MUCH:
             raise TooFew(f"tuning explains {100 * part:.0f} % of the deviation so far")
@@ -234,29 +234,8 @@ class Work(Tuner):
         elif helps and part >= self.setup.trial.margin:  # less would not be worth a switch
             found = self.tuned(version, problem, fit, windows, events)
             said = acting(chosen, problem, fit).said
-            content["candidate"] = found and found | {"reason": found["reason"] + said}
+            content["candidate"] = found and found | {"reason": found["reason"] + said + alike}
         return content | since
-
-    def _of_a_channel(
-        self, task: Task, problem: Problem, fit: Fit, *, told: bool
-    ) -> SensorChange | None:
-        """What became of a channel; of rows that are not ``told`` to say much, whether an input
-        stays where it is."""
-        rows = self.rows(task, problem, fit)
-        still = stuck(rows, reached=self.holds(problem, fit.values))
-        return misgauged(rows, still) if told else still
-
-    def _reread(self, task: Task, names: tuple[str, ...]) -> SensorChange | None:
-        """The reading of a channel by which a twin that never held is suddenly off by far more."""
-        pose = partial(self.problem, task.version, names=names)
-        new = suddenly(task.windows, pose)
-        if sum(len(block.t) for block in new) < ENOUGH * len(names):
-            return None
-        try:
-            problem, fit, _ = self.tune(pose(new))
-        except (DataError, ModelError):
-            return None
-        return reread(self.rows(task, problem, fit))
 
     def _named(
         self, verdict: Verdict, version: Version, problem: Problem, events: list[dict[str, Any]]
