@@ -29,6 +29,8 @@ MOVES = 0.5
 """Spread of a watched output since then, at least [of the one before]."""
 WIDE = 6.0
 """How far what stays is from where it stays, at most [of its scatter]."""
+WHITE = 1.0
+"""Mean square of its steps from row to row, at least [of its variance]; 2 of noise alone."""
 PARTS, SHORT = 4, 3
 """Parts of a prediction over which what is needed may be another; rows of one at least."""
 VARIES = 0.3
@@ -58,7 +60,7 @@ def stuck(rows: Rows, *, reached: bool = False) -> SensorChange | None:
         if not first or count < max(LEAST, longest):
             continue
         goes_on = _goes_on(rows, k, first)
-        if not (not reached and _moves(rows, first) if goes_on is None else goes_on):
+        if not (still and not reached and _moves(rows, first) if goes_on is None else goes_on):
             continue
         if count < LONGER * longest:
             raise TooFew(f"{channel.name} stays where it is, for {count} rows yet")
@@ -94,6 +96,9 @@ def _since(values: Vector) -> tuple[int, int, bool]:
     if not band:
         changes = np.flatnonzero(np.diff(record[:first])) + 1
         return int(known[first]), int(np.diff([0, *changes.tolist(), first]).max()), True
+    stays = record[first:]
+    if float(np.mean(np.square(np.diff(stays)))) < WHITE * float(np.var(stays)):
+        return 0, 0, False  # it still moves, by less
     return int(known[first]), _longest(record[:first], 2.0 * band), False
 
 

@@ -31,9 +31,13 @@ class Asked(NamedTuple):
     """What a sensor would have to be for the rows to look the same."""
 
 
-def of_a_channel(tuner: Tuner, task: Task, tuned: tuple[Problem, Fit], *, told: bool) -> Asked:
-    """What became of a channel of a machine that held; of rows that are not ``told`` to say much,
+def of_a_channel(
+    tuner: Tuner, task: Task, tuned: tuple[Problem, Fit], names: tuple[str, ...], *, told: bool
+) -> Asked:
+    """What became of a channel; of rows of a machine that held which are not ``told`` to say much,
     whether an input stays where it is."""
+    if not task.commissioned:
+        return Asked(_reread(tuner, task, names))
     rows = tuner.rows(task, *tuned)
     still = stuck(rows, reached=tuner.holds(tuned[0], tuned[1].values))
     if not told:
@@ -42,7 +46,7 @@ def of_a_channel(tuner: Tuner, task: Task, tuned: tuple[Problem, Fit], *, told: 
     return Asked(found) if found else Asked(*shifted_output(rows))
 
 
-def reread_suddenly(tuner: Tuner, task: Task, names: tuple[str, ...]) -> SensorChange | None:
+def _reread(tuner: Tuner, task: Task, names: tuple[str, ...]) -> SensorChange | None:
     """The reading of a channel by which a twin that never held is suddenly off by far more."""
     pose = partial(tuner.problem, task.version, names=names)
     new = suddenly(task.windows, pose)

@@ -29,7 +29,7 @@ from evertwin.machines.friction.resisting import not_physical
 from evertwin.models import Model
 from evertwin.models.form import Form, Version
 from evertwin.refit.answering import changed_since, event, of_a_sensor, rejected
-from evertwin.refit.channels import ENOUGH, of_a_channel, reread_suddenly
+from evertwin.refit.channels import ENOUGH, of_a_channel
 from evertwin.refit.correcting import learn, nearest
 from evertwin.refit.judgement import judged
 from evertwin.refit.named_cause import named_first
@@ -204,12 +204,8 @@ class Work(Tuner):
             other = misread(*rows, fit.p)
             if other:
                 return of_a_sensor(other, *events) | since
-        alike, much = "", verdict.kind == "abnormal" or explained(fit, fit.noise) >= MUCH
-        much |= task.waits  # what no number of the machine explains a sensor may
-        if commissioned:
-            other, alike = of_a_channel(self, task, (problem, fit), told=much)
-        else:
-            other = reread_suddenly(self, task, names)
+        much = verdict.kind == "abnormal" or explained(fit, fit.noise) >= MUCH or task.waits
+        other, alike = of_a_channel(self, task, (problem, fit), names, told=much)
         if other:  # the rows before it go on to tell how it was
             return of_a_sensor(other, *events)
         if few is not None:
@@ -233,8 +229,8 @@ class Work(Tuner):
             content |= {} if content["candidate"] else {"next": self._next()}
         elif helps and part >= self.setup.trial.margin:  # less would not be worth a switch
             found = self.tuned(version, problem, fit, windows, events)
-            said = acting(chosen, problem, fit).said
-            content["candidate"] = found and found | {"reason": found["reason"] + said + alike}
+            said = acting(chosen, problem, fit).said + alike
+            content["candidate"] = found and found | {"reason": found["reason"] + said}
         return content | since
 
     def _named(
