@@ -3,7 +3,7 @@
 Either is told by numbers that go with time: what the sensor is off by, or the parameters of the
 machine. Over parts of the rows both may go in straight lines; the machine may also leap from part
 to part, and has all its parameters. So where one number of one sensor leaves as little as before,
-and far less than any machine, it is the sensor. Where both leave about as little (one output of a
+and far less than any machine or input, it is the sensor. Where both leave about as little (one output of a
 machine that one parameter makes as much larger), nobody can tell; the machine is learned, and it is
 said what would look the same.
 """
@@ -46,13 +46,14 @@ SHARE = 0.1
 
 
 class Off(NamedTuple):
-    """What an output is off by.
+    """What a channel is off by.
 
     >>> Off(0, True, np.array([0.0, 0.25]), np.zeros((2, 1))).by[-1]
     0.25
     """
 
     column: int
+    """Of inputs, then outputs."""
     scaled: bool
     """Is it a share of what is read?"""
     by: Vector
@@ -84,18 +85,23 @@ def shifted_output(rows: Rows) -> tuple[SensorChange | None, str]:
         known &= np.isfinite(one.left)
     count = np.count_nonzero(known.any(axis=1))
     enough = count >= LEAST
-    best = min(found, key=lambda one: rows.total(one.left, known))
+    nu = len(rows.setup.model.inputs)
+    inputs, outputs = ([one for one in found if (one.column < nu) == on] for on in (True, False))
+    if not outputs:
+        return None, ""
+    best = min(outputs, key=lambda one: rows.total(one.left, known))
     ours, theirs, off = (rows.total(r, known) for r in (best.left, machine, rows.before))
+    rival = min([theirs, *(rows.total(one.left, known) for one in inputs)])
     if not count or ours > EXPLAINED * off:
         return None, ""
     usual = rows.squares(rows.before)[: rows.fitted]
     restored = len(usual) < LEAST or ours <= RESTORED * count * float(np.mean(usual))
-    channel, said = rows.setup.model.outputs.channels[best.column], _said(rows, best, edges[0])
-    if enough and restored and theirs >= CLEARLY * ours:
+    channel, said = rows.setup.model.outputs.channels[best.column - nu], _said(rows, best, edges[0])
+    if enough and restored and rival >= CLEARLY * ours:
         return SensorChange(channel.name, 1.0, (
             f"{channel.name} looks off by {said}: as its sensor's this explains "
-            f"{100 * (1.0 - ours / off):.0f} % of the deviation, and no machine explains as much; "
-            "nothing is learned from it"
+            f"{100 * (1.0 - ours / off):.0f} % of the deviation, and no machine, nor an input, "
+            "explains as much; nothing is learned from it"
         ), None, rows.row(edges[0])), ""  # fmt: skip
     if ours <= ALIKE * theirs:
         return None, f"; a sensor of {channel.name} that is off by {said} would look the same"
@@ -104,18 +110,14 @@ def shifted_output(rows: Rows) -> tuple[SensorChange | None, str]:
 
 def _explained(rows: Rows, edges: list[int]) -> tuple[list[Off], Outputs | None]:
     """What each output may be off by, and the residual of the machine; None: there is none."""
-    found = [
-        one
-        for k in range(len(rows.setup.model.outputs))
-        for scaled in (False, True)
-        for one in (_off(rows, k, edges, scaled=scaled),)
-        if one is not None
-    ]
+    nu, ny = len(rows.setup.model.inputs), len(rows.setup.model.outputs)
+    tried = [(k, False) for k in range(nu + ny)] + [(k, True) for k in range(nu, nu + ny)]
+    found = [one for k in tried for one in (_off(rows, k, edges),) if one is not None]
     return found, _machine(rows, edges) if found else None
 
 
 def _said(rows: Rows, one: Off, first: int) -> str:
-    channel = rows.setup.model.outputs.channels[one.column]
+    channel = rows.setup.model.outputs.channels[one.column - len(rows.setup.model.inputs)]
     last = float(one.by[-1])
     size = f"{100 * last:+.3g} %" if one.scaled else in_words.difference(rows.setup, channel, last)
     since = f" (since {called(rows.row(first))})" if first else ""
@@ -123,7 +125,7 @@ def _said(rows: Rows, one: Off, first: int) -> str:
 
 
 def _edges(rows: Rows) -> list[int]:
-    """Positions at which parts begin, and the end; fewer than two: too few rows."""
+    """Positions at which parts begin, and the end."""
     first, count = rows.fitted, rows.count - rows.fitted
     begins = np.count_nonzero(rows.whole.restart.code[first:] != CONTINUE)
     states = len(rows.setup.model.states)
@@ -139,25 +141,31 @@ def _lines(n: int, edges: list[int]) -> Float64[np.ndarray, "n k"]:
     return each
 
 
-def _off(rows: Rows, k: int, edges: list[int], *, scaled: bool) -> Off | None:
-    """What output ``k`` has to be off by to leave least, beside one machine tuned to all rows."""
+def _off(rows: Rows, channel: tuple[int, bool], edges: list[int]) -> Off | None:
+    """What a channel has to be off by, or by what share, to leave least, beside one machine tuned
+    to all rows."""
+    (k, scaled), nu = channel, len(rows.setup.model.inputs)
     lines = _lines(rows.count, edges)
-    step = SHARE if scaled else 5.0 * float(rows.sizes[k])
+    step = float(np.nanstd(rows.values[:, k])) if k < nu else 5.0 * float(rows.sizes[k - nu])
+    step = SHARE if scaled else step
+    if not step > 0.0:
+        return None
 
     def undone(by: Vector) -> tuple[Block, ...]:
         found, at = list[Block](), 0
         for window in rows.windows:
-            y, own = window.y.copy(), by[at : at + len(window.t)]
-            y[:, k] = y[:, k] / (1.0 + own) if scaled else y[:, k] - own
+            u, y, own = window.u.copy(), window.y.copy(), by[at : at + len(window.t)]
+            side, column = (u, k) if k < nu else (y, k - nu)
+            side[:, column] = side[:, column] / (1.0 + own) if scaled else side[:, column] - own
             at += len(own)
-            found.append(window._replace(y=y))
+            found.append(window._replace(u=u, y=y))
         return tuple(found)
 
     def recorded(left: Outputs, by: Vector) -> Outputs:
         """A residual in what was recorded."""
         if scaled:
             left = left.copy()
-            left[:, k] *= 1.0 + by
+            left[:, k - nu] *= 1.0 + by
         return left
 
     def left_with(by: Vector) -> Outputs:

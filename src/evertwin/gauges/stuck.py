@@ -96,7 +96,7 @@ def _since(values: Vector) -> tuple[int, int, bool]:
     if not band:
         changes = np.flatnonzero(np.diff(record[:first])) + 1
         return int(known[first]), int(np.diff([0, *changes.tolist(), first]).max()), True
-    stays = record[first:]
+    stays = record[(first + len(record)) // 2 :]  # it may have come to rest by and by
     if float(np.mean(np.square(np.diff(stays)))) < WHITE * float(np.var(stays)):
         return 0, 0, False  # it still moves, by less
     return int(known[first]), _longest(record[:first], 2.0 * band), False

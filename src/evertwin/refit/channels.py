@@ -35,15 +35,15 @@ def of_a_channel(
     tuner: Tuner, task: Task, tuned: tuple[Problem, Fit], names: tuple[str, ...], *, told: bool
 ) -> Asked:
     """What became of a channel; of rows of a machine that held which are not ``told`` to say much,
-    whether an input stays where it is."""
+    whether an input stays where it is, or what an output is off by explains a deviation."""
     if not task.commissioned:
         return Asked(_reread(tuner, task, names))
     rows = tuner.rows(task, *tuned)
     still = stuck(rows, reached=tuner.holds(tuned[0], tuned[1].values))
-    if not told:
-        return Asked(still)
-    found = misgauged(rows, still)
-    return Asked(found) if found else Asked(*shifted_output(rows))
+    found = misgauged(rows, still) if told else still
+    if found or not (told or task.waits):
+        return Asked(found)
+    return Asked(*shifted_output(rows))  # of what no number of the machine explains, too
 
 
 def _reread(tuner: Tuner, task: Task, names: tuple[str, ...]) -> SensorChange | None:

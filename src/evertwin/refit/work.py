@@ -204,7 +204,7 @@ class Work(Tuner):
             other = misread(*rows, fit.p)
             if other:
                 return of_a_sensor(other, *events) | since
-        much = verdict.kind == "abnormal" or explained(fit, fit.noise) >= MUCH or task.waits
+        much = verdict.kind == "abnormal" or explained(fit, fit.noise) >= MUCH
         other, alike = of_a_channel(self, task, (problem, fit), names, told=much)
         if other:  # the rows before it go on to tell how it was
             return of_a_sensor(other, *events)
