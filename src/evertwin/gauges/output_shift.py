@@ -3,9 +3,9 @@
 Either is told by numbers that go with time: what the sensor is off by, or the parameters of the
 machine. Over parts of the rows both may go in straight lines; the machine may also leap from part
 to part, and has all its parameters. So where one number of one sensor leaves as little as before,
-and far less than any machine or input, it is the sensor. Where both leave about as little (one output of a
-machine that one parameter makes as much larger), nobody can tell; the machine is learned, and it is
-said what would look the same.
+and far less than any machine or input, it is the sensor. Where both leave about as little (one
+output of a machine that one parameter makes as much larger), nobody can tell; the machine is
+learned, and it is said what would look the same.
 """
 
 from __future__ import annotations
