@@ -20,6 +20,7 @@ import numpy as np
 import scipy
 
 from evertwin.models.kernel import ANEW
+from evertwin.signals.sizes import sizes
 from evertwin.tuning.advice import advise
 from evertwin.tuning.autocorrelation import Correlation, effective
 from evertwin.tuning.closed import dense, summed
@@ -97,6 +98,11 @@ class Squares(NamedTuple):
 def squares(problem: Problem, r: Outputs) -> Squares:
     """Of a residual (n, ny)."""
     found, roots = tally(problem.rows.y, r, problem.rows.moving)
+    warm = problem.model.outputs.temperatures
+    if warm.any():
+        y = np.where(np.isnan(r), np.nan, problem.rows.y)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            roots[1:, warm] = roots[0, warm] / sizes(y, warm)[warm]
     rms, relative, moving = (tuple(row) for row in roots.tolist())
     rows, measured, left, *_, counted = found
     return Squares(rows, measured, left, rms, relative, moving, tuple(map(int, counted)), r)
