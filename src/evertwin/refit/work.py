@@ -81,7 +81,7 @@ class Work(Tuner):
     def __reduce__(self) -> tuple[Any, ...]:
         return work_of, (self.setup.spec, self.setup.measured_rate)
 
-    @np.errstate(over="ignore", invalid="ignore")
+    @np.errstate(all="ignore")  # numbers are tried at which a model has no value
     def content(self, task: Task) -> dict[str, Json]:
         """What the answer says, in plain values; what cannot be done is an event in it."""
         try:
