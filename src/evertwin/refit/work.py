@@ -32,7 +32,7 @@ from evertwin.models import Model
 from evertwin.models.form import Form, Version
 from evertwin.refit.answering import changed_since, event, of_a_sensor, rejected
 from evertwin.refit.correcting import learn, nearest
-from evertwin.refit.judgement import judged
+from evertwin.refit.judgement import NEARLY_ALL, judged
 from evertwin.refit.named_cause import named_first
 from evertwin.refit.physical import passive
 from evertwin.refit.posterior import posterior
@@ -58,8 +58,6 @@ surpass one that is on trial."""
 HALF = 0.5
 """Part of the deviation that tuning explains at least where the form is wrong and tuned numbers are
 tried all the same; and that a state which came or went takes away on unseen rows."""
-NEARLY_ALL = 0.9
-"""Part of the deviation from which on tuned numbers are tried before another form is looked for."""
 ENOUGH = 10
 """Rows a parameter behind a change that a fit needs."""
 
@@ -221,12 +219,12 @@ class Work(Tuner):
         ]
         events.append(event(verdict.kind, verdict.cause, verdict.reason, verdict.evidence))
         part = explained(fit, fit.noise)
-        if task.waits and verdict.kind == "normal" and part < MUCH:
+        if task.waits and (verdict.kind == "normal" or verdict.alone) and part < MUCH:
             raise TooFew(f"tuning explains {100 * part:.0f} % of the deviation so far")
         content: dict[str, Any] = {
             "events": events, "fit": fit.to_dict(timing=False), "tuned": True, **rounds,
         }  # fmt: skip
-        helps = verdict.kind != "abnormal" or self._helps(verdict, fit)
+        helps = verdict.kind != "abnormal" or verdict.alone or self._helps(verdict, fit)
         if verdict.kind == "abnormal" and self._next() and not (helps and part >= NEARLY_ALL):
             content["candidate"] = self._named(verdict, version, problem, events)
             content |= {} if content["candidate"] else {"next": self._next()}

@@ -239,18 +239,17 @@ def is_frozen(rules: Any, memory: Any, room: Any, g: int, size: int) -> bool:
 
     Of two values in turn, motion beyond twice as much: a machine may creep from one to the other.
     Equal values that leave the prediction need no motion, where the sensor's noise never let any be
-    equal. An output that no state adopts is `enough` on the move, and stays frozen while its run
-    lasts, though the prediction passes its value again.
+    equal. Equal values, and those of an output that no state adopts, stay frozen while their run
+    lasts, though the prediction passes them again.
     """
     values, numbers, _ = memory
     if not rules[g, at.FROZEN] > 0:
         return False
     if numbers[g, at.CAUSE] == FROZEN:
         by = numbers[g, at.HELD_BY]
-        static = values[room[0], at.EXPECTED] > 0
-        if numbers[g, at.AWAY + by] > 0 or (
-            static and numbers[g, at.RUN + by] > needed(rules, g, by)
-        ):
+        lasts = by == EQUAL or values[room[0], at.EXPECTED] > 0
+        lasts = lasts and numbers[g, at.RUN + by] > needed(rules, g, by)
+        if lasts or numbers[g, at.AWAY + by] > 0:
             return True
     for kind in range(2):
         if numbers[g, at.AWAY + kind] > 0 or numbers[g, at.RUN + kind] < needed(rules, g, kind):
