@@ -72,6 +72,10 @@ ALIKE = 1.01
 """Times what a search leaves that the same may leave with what it did not tell put back."""
 
 
+FAR = 2.0
+"""Times its size by which an output is off where the model goes astray."""
+
+
 class Squares(NamedTuple):
     """Sums of squares per output over the rows that count and are predicted, (ny,) each.
 
@@ -169,7 +173,8 @@ def assemble(problem: Problem, outcome: Outcome, acting: Sensitivity, began: flo
     )
     half = quantile * np.sqrt(covariance.diagonal())
     verdicts, reasons = grade(refused, half / sizes)
-    verdicts, reasons = _doubted(problem, outcome.values, half, (verdicts, reasons))
+    astray = _astray(problem, left)
+    verdicts, reasons = _doubted(problem, outcome.values, half, (verdicts, reasons), astray)
     values = outcome.values
     if "not" in verdicts:
         free = np.array([verdict != "not" for verdict in verdicts])
@@ -207,7 +212,7 @@ def assemble(problem: Problem, outcome: Outcome, acting: Sensitivity, began: flo
         evaluations=outcome.evaluations,
         method=outcome.method,
         converged=outcome.converged,
-        message=outcome.message + said,
+        message=outcome.message + said + (f"; {astray}" if astray else ""),
         seconds=time.perf_counter() - began,
     )
 
@@ -235,15 +240,31 @@ def _put_back(
     return (back, there) if alike else found
 
 
+def _astray(problem: Problem, left: Squares) -> str:
+    """Why nothing can be told by a model that follows no output at all; else empty."""
+    off = np.array(left.relative)
+    if not len(problem.model.states) or not np.nanmin(off, initial=np.inf, where=off == off) > FAR:
+        return ""
+    k = int(np.nanargmin(off))
+    return (
+        f"the model goes astray: {problem.model.outputs.names[k]} is off by {off[k]:.3g} times its "
+        "size, so shorter predictions are needed, or a measurement of what runs away"
+    )
+
+
 def _doubted(
-    problem: Problem, values: Vector, half: Vector, judged: tuple[Sequence[str], Sequence[str]]
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Not called identifiable: what is not told from zero, or resists and was fitted below it."""
+    problem: Problem, values: Vector, half: Vector, judged: tuple[Sequence[str], Sequence[str]],
+    astray: str,
+) -> tuple[tuple[str, ...], tuple[str, ...]]:  # fmt: skip
+    """Not called identifiable: what is not told from zero, or resists and was fitted below it, and
+    nothing of a model that goes ``astray``."""
     words, why = map(list, judged)
     for k, (value, place) in enumerate(zip(values.tolist(), problem.places.tolist(), strict=True)):
         if words[k] != "identifiable":
             continue
-        if half[k] >= abs(value):
+        if astray:
+            words[k], why[k] = "weak", astray
+        elif half[k] >= abs(value):
             words[k] = "weak"
             why[k] = f"not told from zero: {value - half[k]:.3g} to {value + half[k]:.3g}"
         elif len(problem.model.states) and half[k] > WEAK * abs(value):
