@@ -71,7 +71,8 @@ def count_in(k: int, usual: Any, y: float) -> None:
     samples[k] += 1
     if lowest[k] == lowest[k]:
         lowest[k], highest[k] = min(lowest[k], y), max(highest[k], y)
-        jumps[k] += 0.0 if last[k] != last[k] else (y - last[k]) ** 2
+        jump = 0.0 if last[k] != last[k] else y - last[k]
+        jumps[k] += jump * jump
 
 
 @njit(cache=True)
@@ -83,8 +84,8 @@ def mean_square(k: int, sums: Any, usual: Any) -> float:
     """
     _, samples, lowest, highest, _, jumps = usual
     if lowest[k] == lowest[k] and samples[k] > 0:
-        noise = jumps[k] / (2.0 * samples[k])
-        return float(max((highest[k] - lowest[k]) ** 2, STOOD * STOOD * noise))
+        span, noise = highest[k] - lowest[k], jumps[k] / (2.0 * samples[k])
+        return float(max(span * span, STOOD * STOOD * noise))
     size = sums[1][k] / sums[2][k]
     return float(max(size, usual[0][k] / usual[1][k]) if usual[1][k] > 0 else size)
 

@@ -13,7 +13,6 @@ for filtered or coloured residuals it is larger. Degrees of freedom count effect
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -24,9 +23,10 @@ from evertwin.signals.sizes import sizes
 from evertwin.tuning.advice import advise
 from evertwin.tuning.autocorrelation import Correlation, effective
 from evertwin.tuning.closed import dense, summed
+from evertwin.tuning.doubted import doubted, strays
 from evertwin.tuning.fit import Fit, Residual
 from evertwin.tuning.gram import combined
-from evertwin.tuning.identifiability import WEAK, gate, grade
+from evertwin.tuning.identifiability import gate, grade
 from evertwin.tuning.noisy_starts import widened_by
 from evertwin.tuning.problem import Problem
 from evertwin.tuning.sensitivity import Sensitivity, Spectrum
@@ -70,10 +70,6 @@ def rms(values: Outputs) -> PerOutput:
 
 ALIKE = 1.01
 """Times what a search leaves that the same may leave with what it did not tell put back."""
-
-
-FAR = 2.0
-"""Times its size by which an output is off where the model goes astray."""
 
 
 class Squares(NamedTuple):
@@ -172,10 +168,9 @@ def assemble(problem: Problem, outcome: Outcome, acting: Sensitivity, began: flo
         problem, outcome.values, acting, correlation, (sigma, spectrum)
     )
     half = quantile * np.sqrt(covariance.diagonal())
-    verdicts, reasons = grade(refused, half / sizes)
-    astray = _astray(problem, left)
-    verdicts, reasons = _doubted(problem, outcome.values, half, (verdicts, reasons), astray)
+    astray = strays(problem.model, left.relative)
     values = outcome.values
+    verdicts, reasons = doubted(problem, values, half, grade(refused, half / sizes), astray)
     if "not" in verdicts:
         free = np.array([verdict != "not" for verdict in verdicts])
         wide = ~free & np.array([not reason for reason in refused])
@@ -238,42 +233,6 @@ def _put_back(
     # what runs away is predicted on fewer rows
     alike = tuple(there.rows) == there.counted and one <= min(ALIKE**2 * two, first)
     return (back, there) if alike else found
-
-
-def _astray(problem: Problem, left: Squares) -> str:
-    """Why nothing can be told by a model that follows no output at all; else empty."""
-    off = np.array(left.relative)
-    if not len(problem.model.states) or not np.nanmin(off, initial=np.inf, where=off == off) > FAR:
-        return ""
-    k = int(np.nanargmin(off))
-    return (
-        f"the model goes astray: {problem.model.outputs.names[k]} is off by {off[k]:.3g} times its "
-        "size, so shorter predictions are needed, or a measurement of what runs away"
-    )
-
-
-def _doubted(
-    problem: Problem, values: Vector, half: Vector, judged: tuple[Sequence[str], Sequence[str]],
-    astray: str,
-) -> tuple[tuple[str, ...], tuple[str, ...]]:  # fmt: skip
-    """Not called identifiable: what is not told from zero, or resists and was fitted below it, and
-    nothing of a model that goes ``astray``."""
-    words, why = map(list, judged)
-    for k, (value, place) in enumerate(zip(values.tolist(), problem.places.tolist(), strict=True)):
-        if words[k] != "identifiable":
-            continue
-        if astray:
-            words[k], why[k] = "weak", astray
-        elif half[k] >= abs(value):
-            words[k] = "weak"
-            why[k] = f"not told from zero: {value - half[k]:.3g} to {value + half[k]:.3g}"
-        elif len(problem.model.states) and half[k] > WEAK * abs(value):
-            words[k] = "weak"  # a start that was far too large is no measure of it
-            why[k] = f"its 95 % interval is ± {100 * half[k] / abs(value):.0f} % of its value"
-        elif value < 0 and problem.parameters.items[place].resists:
-            words[k] = "weak"
-            why[k] = "negative, so it would drive: the rows or the form mislead it"
-    return tuple(words), tuple(why)
 
 
 def _followed(
