@@ -201,7 +201,7 @@ class Work(Tuner):
             verdict = Verdict("normal", "", "tuned the share of the parameters whose turn it is")
         else:
             verdict = judged(self.setup, problem, fit)
-        if verdict.kind == "abnormal" and not commissioned:
+        if verdict.kind == "abnormal" and not (commissioned or verdict.alone):
             other = misread(*rows, fit.p)
             if other:
                 return of_a_sensor(other, *events) | since
