@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import replace
 from importlib.metadata import entry_points
 from pathlib import Path
 
@@ -91,10 +90,9 @@ def _recording(path: Path, stated: Stated) -> Recording:
             return _opened(point.load(), path)
     kind = sniff(path)
     if kind == "text":
-        return Recording(path, "csv", (exported(TextTable(path, stated=stated)),))
+        return exported(Recording(path, "csv", (TextTable(path, stated=stated),)))
     if kind in _OPEN:
-        found = _OPEN[kind](path)
-        return replace(found, tables=tuple(map(exported, found.tables)))
+        return exported(_OPEN[kind](path))
     return open_bag(path, kind)
 
 
