@@ -49,15 +49,22 @@ def check_times(table: Table, by: str, at: Vector, calendar: Calendar | None) ->
     row = _odd(at, calendar) if len(at) > FEW else None
     if row is None:
         return
-    rest = np.delete(at, row)
+    rest, reason = np.delete(at, row), ""
+    if calendar is not None and at[row] > _tomorrow(calendar):
+        rest, reason = at[at <= _tomorrow(calendar)], ", which lies ahead of today"
     first, last, got = (
         f"{x:g}" if calendar is None else calendar.said(x)
         for x in (float(rest.min()), float(rest.max()), float(at[row]))
     )
     raise DataError(
         f"{table.name}:{table.lines[row]}: {by}: expected a time like those of the other rows "
-        f"({first} to {last}), got {got}: correct it, or delete the row"
+        f"({first} to {last}), got {got}{reason}: correct it, or delete the row"
     )
+
+
+def _tomorrow(calendar: Calendar) -> float:
+    """On its clock: zones differ by up to a day."""
+    return calendar.today() + UNITS["d"] / UNITS[calendar.clock]
 
 
 def _odd(at: Vector, calendar: Calendar | None) -> int | None:
@@ -72,7 +79,7 @@ def _odd(at: Vector, calendar: Calendar | None) -> int | None:
     if calendar is not None:
         unit = UNITS[calendar.clock]
         far = max(APART * span, YEARS * _YEAR / unit)
-        ahead = np.flatnonzero(at > calendar.today() + UNITS["d"] / unit)
+        ahead = np.flatnonzero(at > _tomorrow(calendar))
         if 0 < len(ahead) <= few:
             return int(ahead[0])
     lonely = len(apart) <= few and span > 0.0 and gaps[k - 1] > far

@@ -66,6 +66,7 @@ _PREFIXED = re.compile(r"(?<![A-Za-z])[km](Pa|[AVWN])(?![A-Za-z])")
 ENDS = {
     "deg": "deg", "rad": "rad", "mm": "mm", "cm": "cm", "mps": "m/s", "rpm": "rpm", "dps": "deg/s",
     "mmps": "mm/s", "radps": "rad/s", "degps": "deg/s",
+    "um": "um", "m ah": "mAh", "ah": "Ah", "m ohm": "mOhm", "mohm": "mOhm", "ohm": "ohm",
     "nm": "Nm", "pct": "%", "percent": "%", "deg c": "degC", "celsius": "degC", "bar": "bar",
     "kpa": "kPa", "mpa": "MPa", "mbar": "mbar", "psi": "psi", "kw": "kW", "kn": "kN",
     "m s": "m/s", "cm s": "cm/s", "mm s": "mm/s", "rad s": "rad/s", "deg s": "deg/s",
