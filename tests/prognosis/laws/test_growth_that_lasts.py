@@ -7,7 +7,15 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from evertwin.prognosis.laws import Indicator, Life, Limit, NotEnough, predict_life
+from evertwin.prognosis.laws import (
+    Fleet,
+    Indicator,
+    Life,
+    Limit,
+    NotEnough,
+    learn,
+    predict_life,
+)
 from evertwin.prognosis.laws.alarms import alarm_of
 from planted.metrics import covers
 
@@ -20,8 +28,8 @@ def rows(t: np.ndarray, y: np.ndarray, limit: float) -> Indicator:
     return Indicator.of("wear", "mm", Limit(limit, side), t, y).with_(clock="d")  # type: ignore[arg-type]
 
 
-def alarmed(history: Indicator) -> bool:
-    return alarm_of("part", history, predict_life(history), None, 0.1) is not None
+def alarmed(history: Indicator, fleet: Fleet | None = None) -> bool:
+    return alarm_of("part", history, predict_life(history, fleet=fleet), None, 0.1) is not None
 
 
 def run_in(rng: np.random.Generator) -> Indicator:
@@ -103,3 +111,26 @@ def test_slow_growth_after_a_run_in_goes_on() -> None:
         level = 0.1 * (1.0 - np.exp(-t / (0.05 * life))) + 0.2 * t / life
         told = predict_life(rows(t, level + rng.normal(0.0, 0.006, len(t)), 0.3))
         assert isinstance(told, Life) and covers(told.interval80, life - float(t[-1]))
+
+
+def bearing(rng: np.random.Generator) -> Indicator:
+    """Flat, at a level of its own, for nearly all of its life."""
+    life, level = rng.uniform(600.0, 1600.0), rng.uniform(0.08, 0.14)
+    h = np.arange(0.0, 1.1 * life)
+    late = np.maximum(h / life - 0.95, 0.0) / 0.05
+    grown = level * (1.0 + 0.15 * np.expm1(3.2 * np.minimum(late, 2.0)))
+    return rows(h, grown * np.exp(rng.normal(0.0, 0.06, len(h))), 0.4)
+
+
+def test_like_machines_alarm_no_one_that_is_flat_and_young() -> None:
+    young = old = 0
+    for seed in range(SEEDS):
+        rng = np.random.default_rng(seed)
+        fleet = learn([bearing(rng) for _ in range(7)])
+        for _ in range(3):
+            one = bearing(rng)
+            life = float(one.at[-1]) / 1.1
+            young += alarmed(one.until(0.3 * life), fleet)
+            old += alarmed(one.until(0.99 * life), fleet)
+    assert young == 0
+    assert old >= 0.75 * 3 * SEEDS

@@ -75,7 +75,10 @@ def predict_life(
         found: Life | NotEnough = over(indicator, problem)
     elif fleet is not None and way is not None:
         told = fleet.told_of(way)
-        found = Life(indicator.clock, told.remaining, problem.now, pace=told.pace)
+        by_age = fleet.by_age(way) if onset is None else None
+        found = Life(
+            indicator.clock, told.remaining, problem.now, pace=told.pace, by_age=by_age
+        )  # fmt: skip
     else:
         found, onset = alone(even, laws, onset)
     found = replace(found, onset=onset)
