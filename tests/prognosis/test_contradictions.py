@@ -100,3 +100,18 @@ def test_what_only_looks_odd_is_believed(tmp_path: Path) -> None:
         file.write_text(f"{head},x\n" + "\n".join(rows))
         direction: Direction = "below" if limit < 0.0 else "above"
         assert life_of_series(Series(file, limit, direction)).components["x"].life is not None
+
+
+def test_a_life_between_adjustments_says_that_it_is_told_without_another(tmp_path: Path) -> None:
+    file = tmp_path / "filter.csv"
+    for often in (1, 3):
+        cleaned = {40 * (k + 1) for k in range(often)}
+        rows = [
+            f"{d},{120 + 0.4 * d + 4.0 * (d - max([c for c in cleaned if c <= d], default=0)):.0f},"
+            f"{'adjusted' if d in cleaned else ''}"
+            for d in range(150)
+        ]
+        file.write_text("d,dp [Pa],maintenance\n" + "\n".join(rows))
+        said = [n for n in life_of_series(Series(file, 900.0)).notes if "not adjusted again" in n]
+        assert len(said) == (often >= 3)
+        assert all("3 times, about every 40 d" in note for note in said)
