@@ -31,6 +31,8 @@ LONE = 1000.0
 """A count lies far off beyond so many times the span of the others."""
 SMALL = 0.05
 """Share of the rows that may lie far off in time together."""
+ZEROS = 3
+"""Zeros at the end that are no slip of one reading; as many values beyond the limit end a life."""
 _YEAR = 365.25 * UNITS["d"]
 
 
@@ -147,3 +149,31 @@ def check_limit(own: Indicator, where: str, *, alone: bool = True) -> None:
             f"{value[0]:.4g} with a limit {limit:g} ({own.limit.direction}): is the harmful side "
             f"{other}, or direction in the twin file)?"
         )
+
+
+def check_end(own: Indicator, name: str, table: Table | None = None) -> None:
+    """Asks back where a life leaps to exactly zero and stays: no wear does, a dead sensor may.
+
+    Args:
+        own: the series.
+        name: its file.
+        table: that file, where its rows can be told.
+
+    Raises:
+        DataError: with the rows.
+    """
+    life = own.since_replaced()
+    value = life.value[np.isfinite(life.value)]
+    rest = value[value != 0.0]
+    count = len(value) - 1 - int(np.flatnonzero(value)[-1]) if len(rest) else 0
+    if count < ZEROS or own.failed is not None or not abs(rest[-1]) > np.ptp(rest):
+        return
+    since = own.moment(float(life.at[np.isfinite(life.value)][-count]))
+    if table is not None and own.name in table.names:
+        there = [table.lines[k] for k in np.flatnonzero(table.column(own.name) == 0.0)[-count:]]
+        name, since = f"{name}:{there[0]}", f"{since} (rows {there[0]} to {there[-1]})"
+    raise DataError(
+        f"{name}: {own.name}: expected values that go on from {rest[-1]:.4g}, got {count} that are "
+        f"exactly 0 since {since}: readings that were broken off, or a dead sensor? Delete these "
+        "rows, or say failed in a column maintenance"
+    )

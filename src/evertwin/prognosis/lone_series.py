@@ -22,7 +22,7 @@ import numpy as np
 
 from evertwin.config.prognosis import IndicatorSpec, PrognosisSpec
 from evertwin.errors import DataError, UsageError
-from evertwin.prognosis.contradictions import check_limit
+from evertwin.prognosis.contradictions import check_end, check_limit
 from evertwin.prognosis.formula import Formula
 from evertwin.prognosis.headings import COUNTS, clock_of, counting
 from evertwin.prognosis.health import indicator_of, seen, today_of, unless_overdue
@@ -85,6 +85,7 @@ def life_of_series(asked: Series) -> Lives:
     )  # fmt: skip
     own = indicator_of(rule, of_table(rule, table, clock), limit, clock, None)
     check_limit(own, f"{table.name}:{table.lines[0]}")
+    check_end(own, table.name, table)
     fleet = fleet_of(Likes(rule, limit, clock, asked.fleet, asked.failed))
     if asked.from_today:
         own = seen(own, today_of((own,)))
