@@ -60,15 +60,19 @@ VARIES = 0.3
 
 
 def at_once(
-    rows: tuple[Setup, Model, ParameterVector, Windows],
+    rows: tuple[Setup, Model, ParameterVector, Windows], history: Windows
 ) -> tuple[SensorChange | None, TooFew | None]:
     """What became of a channel, before anything is tuned; or that the rows are too few to tell.
+
+    Args:
+        rows: with the version's numbers, of the machine as it is now.
+        history: rows before.
 
     Raises:
         TooFew: of a static map, of which tuning beside it tells no more.
     """
     try:
-        return unit_change(*rows) or misread(*rows), None
+        return unit_change(*rows) or misread(*rows, history=history), None
     except TooFew as error:
         if not len(rows[1].states):
             raise
@@ -133,19 +137,10 @@ def _plausible(rows: Rows, one: Reading, first: int, stop: int) -> bool:
     if np.count_nonzero(apart) < LEAST:
         return True
     old, new = rows.values[apart], rows.values[first:stop]
-    low, high = np.nanmin(old, axis=0), np.nanmax(old, axis=0)
-    usual = np.nanmedian(one.of(new), axis=0)
-    room, moved = 0.5 * (high - low) + 1e-12, one.moved
-    if one.at_usual_levels(old, new):
-        return False
     scale = np.abs(one.factors) * np.nanstd(new, axis=0) < VARIES * np.nanstd(old, axis=0)
-    if (moved & scale & (one.shifts == 0.0) & (np.abs(one.factors) < 1.0)).any():
+    if (one.moved & scale & (one.shifts == 0.0) & (np.abs(one.factors) < 1.0)).any():
         return False  # divided by enough anything is nothing
-    if one.exchanged:  # what hardly varied may have gone on
-        away = np.nanmedian(new, axis=0)
-        room = np.maximum(room, LEFT * np.maximum(low - away, away - high))
-    inside = (low - room <= usual) & (usual <= high + room)
-    return bool((inside | ~moved | ~np.isfinite(usual)).all())
+    return not one.at_usual_levels(old, new) and one.lies_among(old, new)
 
 
 def _helps(rows: Rows, one: Reading, first: int = 0) -> bool:

@@ -1,6 +1,7 @@
 """Is a channel off by a constant since a change, as an offset of its sensor would have it?
 
-An output may be, and an input that jumped as it never had: commands jump as they did.
+An output may be, by a share too where it leapt, and an input that jumped as it never had: commands
+jump as they did.
 
 Where an output leapt, so that its samples overruled the simulation, and the deviation goes with a
 constant of about that size since then, tuning gets no say: no number of a machine makes what it
@@ -57,7 +58,7 @@ def offset(rows: Rows) -> SensorChange | None:
     nu = len(rows.setup.model.inputs)
     for k in range(nu):
         place = _jump(rows, k)
-        found = _constant(replace(rows, begins=place), (k,)) if place else None
+        found = _constant(replace(rows, begins=place), ((k, False),)) if place else None
         if found is not None:
             return found
     shifts = shifted_inputs(rows)
@@ -66,15 +67,19 @@ def offset(rows: Rows) -> SensorChange | None:
     watched = np.flatnonzero(rows.setup.watched).tolist()
     leaps = [(replace(rows, begins=place), k) for k in watched for place in _leaps(rows, k)]
     for some, k in leaps:
-        found = _constant(some, (nu + k,), _leap(some, nu + k, rows.whole.full(rows.whole.start)))
+        leap = _leap(some, nu + k, rows.whole.full(rows.whole.start))
+        found = _constant(some, [(nu + k, scaled) for scaled in (False, True)], leap)
         if found is not None:
             return found
-    found = _constant(rows, [nu + k for k in watched if not _has_offset(rows, k)])
+    found = _constant(rows, [(nu + k, False) for k in watched if not _has_offset(rows, k)])
     return of_inputs(rows, shifts, found) if shifts else found
 
 
-def _constant(rows: Rows, columns: Sequence[int], leap: float = 0.0) -> SensorChange | None:
-    """``leap``: of the one column, where the rows begin; tuning gets no say then.
+def _constant(
+    rows: Rows, columns: Sequence[tuple[int, bool]], leap: float = 0.0
+) -> SensorChange | None:
+    """``columns``: and whether each is off by a share. ``leap``: of the one column, where the rows
+    begin; tuning gets no say then.
 
     Raises:
         TooFew: it leapt, and is off by about that, on rows that are too few to tell.
@@ -83,15 +88,15 @@ def _constant(rows: Rows, columns: Sequence[int], leap: float = 0.0) -> SensorCh
     places = np.flatnonzero(scored)
     if len(places) < 2 * LEAST:
         if leap:
-            _wait(rows, columns[0], leap, scored)
+            _wait(rows, columns, leap, scored)
         return None
     cut = int(places[round(FIRST * len(places))])
     seen, unseen = scored.copy(), scored.copy()
     seen[cut:], unseen[:cut] = False, False
     found = [
-        (left, k, shift)
-        for k in columns
-        for left, shift in (_shifted(rows, k, seen, leap),)
+        (left, k, shift, scaled)
+        for k, scaled in columns
+        for left, shift in (_shifted(rows, (k, scaled), seen, leap),)
         if left is not None
         and (leap or _stepped(rows, k, shift))
         and all(
@@ -101,7 +106,7 @@ def _constant(rows: Rows, columns: Sequence[int], leap: float = 0.0) -> SensorCh
     ]
     if not found:
         return None
-    left, k, shift = min(found, key=lambda one: rows.total(one[0], unseen))
+    left, k, shift, scaled = min(found, key=lambda one: rows.total(one[0], unseen))
     rival = _fit_of(rows, cut)
     if rival is None or (leap and _quick(rows, k, leap)):
         return None
@@ -112,8 +117,9 @@ def _constant(rows: Rows, columns: Sequence[int], leap: float = 0.0) -> SensorCh
     share = 100.0 * (1.0 - rows.total(left, unseen) / rows.total(rows.before, unseen))
     row, until = called(rows.row(rows.since)), rows.until(rows.stop)
     size = in_words.difference(rows.setup, channel, leap or shift)
+    size, what = (f"{100.0 * shift:+.3g} %", "a scale") if scaled else (size, "an offset")
     known = (
-        f"{channel.name} looks off by {size} from {row}{until}: as an offset of its sensor "
+        f"{channel.name} looks off by {size} from {row}{until}: as {what} of its sensor "
         f"this explains {share:.0f} % of the deviation on rows that it was not learned on, "
     )
     lasts = rows.goes_on(rows.since, rows.stop)
@@ -130,16 +136,17 @@ def _constant(rows: Rows, columns: Sequence[int], leap: float = 0.0) -> SensorCh
     ), None, lasts if leap else None)  # fmt: skip
 
 
-def _wait(rows: Rows, k: int, leap: float, scored: Bools) -> None:
+def _wait(rows: Rows, columns: Sequence[tuple[int, bool]], leap: float, scored: Bools) -> None:
     """Rows too few to be learned on and judged by, which an offset explains.
 
     Raises:
         TooFew: it does.
     """
-    left = _shifted(rows, k, scored, leap)[0] if scored.any() and rows.stop == rows.count else None
-    explains = left is not None and (
-        rows.total(left, scored) < HALF * rows.total(rows.before, scored)
-    )
+    if not scored.any() or rows.stop != rows.count:
+        return
+    lefts = [_shifted(rows, one, scored, leap)[0] for one in columns]
+    off, k = HALF * rows.total(rows.before, scored), columns[0][0]
+    explains = any(left is not None and rows.total(left, scored) < off for left in lefts)
     if explains and not _quick(rows, k, leap):
         name = (*rows.setup.model.inputs, *rows.setup.model.outputs)[k].name
         said = f"an offset of {name} from a machine that changed"
@@ -195,15 +202,23 @@ def _has_offset(rows: Rows, k: int) -> bool:
     return bool(((size > 0) & (np.nanstd(columns, axis=0) <= 1e-6 * size)).any())
 
 
-def _shifted(rows: Rows, k: int, seen: Bools, leap: float = 0.0) -> tuple[Outputs | None, float]:
-    """Residual with the constant on column ``k`` that fits the rows ``seen`` best, and it; where
-    that leapt, one of about that size."""
+def _shifted(
+    rows: Rows, one: tuple[int, bool], seen: Bools, leap: float = 0.0
+) -> tuple[Outputs | None, float]:
+    """Residual with the constant, or the share, on a column that fits the rows ``seen`` best, and
+    it; where that leapt, one of about that size."""
+    k, scaled = one
     nu = len(rows.setup.model.inputs)
     usual = np.abs(np.diff(rows.values[:, k]))
     shift, step = 0.0, float(rows.sizes[k - nu] if k >= nu else np.nanmax(usual))
+    if scaled:
+        true = float(rows.values[rows.since, k]) - leap
+        leap = step = leap / true if true else np.nan
+        if not leap > -1.0:  # a sign that turned is a reading of its own
+            return None, 0.0
     here = rows.before
     for _ in range(3):
-        there = _with(rows, k, shift + step)
+        there = _with(rows, one, shift + step)
         slope = (there - here) / step
         known = seen[:, None] & np.isfinite(slope) & np.isfinite(here)
         a = np.where(known, slope / rows.sizes, 0.0)
@@ -213,21 +228,25 @@ def _shifted(rows: Rows, k: int, seen: Bools, leap: float = 0.0) -> tuple[Output
         shift -= float(np.sum(a * b) / np.sum(a * a))
         if leap:
             shift = leap * min(max(shift / leap, HALF), 1.0 + HALF)
-        here = _with(rows, k, shift)
+        here = _with(rows, one, shift)
     return here, shift
 
 
-def _with(rows: Rows, k: int, shift: float) -> Outputs:
-    nu = len(rows.setup.model.inputs)
+def _with(rows: Rows, one: tuple[int, bool], shift: float) -> Outputs:
+    """Residual with that taken off, in what was recorded."""
+    (k, scaled), nu = one, len(rows.setup.model.inputs)
 
     def moved(window: Block) -> Block:
         u, y = window.u.copy(), window.y.copy()
         side, column = (u, k) if k < nu else (y, k - nu)
-        side[:, column] -= shift
+        side[:, column] = side[:, column] / (1.0 + shift) if scaled else side[:, column] - shift
         return window._replace(u=u, y=y)
 
     posed = rows.pose(rows.changed(rows.since, rows.stop, moved))
-    return residual(posed, posed.start)
+    left = residual(posed, posed.start)
+    if scaled and k >= nu:
+        left[rows.since : rows.stop, k - nu] *= 1.0 + shift
+    return left
 
 
 def _stepped(rows: Rows, k: int, shift: float) -> bool:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,9 +20,8 @@ from evertwin.correction.improve import TooFew
 from evertwin.errors import DataError, ModelError, UsageError
 from evertwin.fold import plain, take
 from evertwin.gauges.change import changed, split, suddenly
-from evertwin.gauges.gauge import at_once, misgauged, reread
+from evertwin.gauges.gauge import at_once
 from evertwin.gauges.misread import misread
-from evertwin.gauges.sensor_change import SensorChange
 from evertwin.gauges.silent import silent
 from evertwin.gauges.stuck import stuck
 from evertwin.ledger.versions import Versions
@@ -31,6 +29,7 @@ from evertwin.machines.friction.resisting import not_physical
 from evertwin.models import Model
 from evertwin.models.form import Form, Version
 from evertwin.refit.answering import changed_since, event, of_a_sensor, rejected
+from evertwin.refit.channels import ENOUGH, of_a_channel
 from evertwin.refit.correcting import learn, nearest
 from evertwin.refit.judgement import NEARLY_ALL, judged
 from evertwin.refit.named_cause import named_first
@@ -58,8 +57,6 @@ surpass one that is on trial."""
 HALF = 0.5
 """Part of the deviation that tuning explains at least where the form is wrong and tuned numbers are
 tried all the same; and that a state which came or went takes away on unseen rows."""
-ENOUGH = 10
-"""Rows a parameter behind a change that a fit needs."""
 
 
 def work_of(spec: TwinSpec, rate: float | None) -> Work:
@@ -186,7 +183,9 @@ class Work(Tuner):
         since = {"since": windows[0].row} if windows is not task.windows else {}
         model = self.versions.model_of(version.form)
         rows = self.setup, model, version.p, windows
-        other, few = at_once(rows) if commissioned else (None, None)
+        old = sum(len(one.t) for one in task.windows) - sum(len(one.t) for one in windows)
+        history, _ = split(task.windows, old)
+        other, few = at_once(rows, history) if commissioned else (None, None)
         if other:
             return of_a_sensor(other, *events) | since
         posed = self.problem(version, windows, names)
@@ -205,9 +204,8 @@ class Work(Tuner):
             other = misread(*rows, fit.p)
             if other:
                 return of_a_sensor(other, *events) | since
-        other = None if commissioned else self._reread(task, names)
-        if commissioned and (verdict.kind == "abnormal" or explained(fit, fit.noise) >= MUCH):
-            other = self._of_a_channel(task, problem, fit)
+        much = verdict.kind == "abnormal" or explained(fit, fit.noise) >= MUCH or task.waits
+        other, alike = of_a_channel(self, task, (problem, fit), names, told=much)
         if other:  # the rows before it go on to tell how it was
             return of_a_sensor(other, *events)
         if few is not None:
@@ -217,7 +215,8 @@ class Work(Tuner):
             for k, name in enumerate(fit.names)
             if fit.verdict[k] == "not"
         ]
-        events.append(event(verdict.kind, verdict.cause, verdict.reason, verdict.evidence))
+        said = verdict.reason + alike
+        events.append(event(verdict.kind, verdict.cause, said, verdict.evidence))
         part = explained(fit, fit.noise)
         if task.waits and (verdict.kind == "normal" or verdict.alone) and part < MUCH:
             raise TooFew(f"tuning explains {100 * part:.0f} % of the deviation so far")
@@ -230,27 +229,9 @@ class Work(Tuner):
             content |= {} if content["candidate"] else {"next": self._next()}
         elif helps and part >= self.setup.trial.margin:  # less would not be worth a switch
             found = self.tuned(version, problem, fit, windows, events)
-            said = acting(chosen, problem, fit).said
+            said = acting(chosen, problem, fit).said + alike
             content["candidate"] = found and found | {"reason": found["reason"] + said}
         return content | since
-
-    def _of_a_channel(self, task: Task, problem: Problem, fit: Fit) -> SensorChange | None:
-        """What became of a channel; an input that never changes is one only where tuning fails."""
-        held = self.holds(problem, fit.values)
-        silent_input = None if held else stuck(self.setup, task.windows)
-        return misgauged(self.rows(task, problem, fit), silent_input)
-
-    def _reread(self, task: Task, names: tuple[str, ...]) -> SensorChange | None:
-        """The reading of a channel by which a twin that never held is suddenly off by far more."""
-        pose = partial(self.problem, task.version, names=names)
-        new = suddenly(task.windows, pose)
-        if sum(len(block.t) for block in new) < ENOUGH * len(names):
-            return None
-        try:
-            problem, fit, _ = self.tune(pose(new))
-        except (DataError, ModelError):
-            return None
-        return reread(self.rows(task, problem, fit))
 
     def _named(
         self, verdict: Verdict, version: Version, problem: Problem, events: list[dict[str, Any]]
@@ -327,11 +308,11 @@ class Work(Tuner):
         task = task._replace(version=version)
         if task.commissioned:
             model = self.versions.model_of(version.form)
-            other = stuck(self.setup, windows) or misread(self.setup, model, version.p, windows)
-            if other is None and names:
-                other = silent(
-                    self.rows(task, *self.tune(self.problem(version, windows, names))[:2])
-                )
+            posed = self.problem(version, windows, names)
+            rows = self.rows(task, *self.tune(posed)[:2]) if len(model.parameters) else None
+            other = stuck(rows) if rows else None
+            other = other or misread(self.setup, model, version.p, windows)
+            other = other or (silent(rows) if rows and names else None)
             if other:
                 return of_a_sensor(other)
         if task.held and names:

@@ -1,0 +1,211 @@
+"""Is it what a sensor adds to an output, or multiplies it by, or is the machine another one?
+
+Either is told by numbers that go with time: what the sensor is off by, or the parameters of the
+machine. Over parts of the rows both may go in straight lines; the machine may also leap from part
+to part, and has all its parameters. So where one number of one sensor leaves as little as before,
+and far less than any machine, it is the sensor. Where both leave about as little (one output of a
+machine that one parameter makes as much larger), nobody can tell; the machine is learned, and it is
+said what would look the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from evertwin.fold import Block
+from evertwin.gauges import in_words
+from evertwin.gauges.change import split
+from evertwin.gauges.gauge_rows import LEAST, Rows, residual
+from evertwin.gauges.sensor_change import SensorChange, unmeasured
+from evertwin.models.kernel import CONTINUE
+from evertwin.rows.ring import called
+from evertwin.types import Float64, Outputs, Vector
+
+PARTS = 6
+"""Parts of the rows, at most."""
+ROWS = 60
+"""Rows of a part, at least."""
+PREDICTIONS = 4
+"""Predictions of a part, at least."""
+STEPS = 3
+"""Steps towards what the sensor is off by."""
+EXPLAINED = 0.5
+"""Share of the squared deviation that a sensor leaves at most."""
+RESTORED = 2.0
+"""So many times the usual mean square it leaves at most."""
+CLEARLY = 2.0
+"""So many times what a sensor leaves the machine has to leave for the sensor to be named."""
+ALIKE = 1.5
+"""So many times what the machine leaves a sensor may leave to look the same."""
+SHARE = 0.1
+"""What a share is tried with."""
+
+
+class Off(NamedTuple):
+    """What an output is off by.
+
+    >>> Off(0, True, np.array([0.0, 0.25]), np.zeros((2, 1))).by[-1]
+    0.25
+    """
+
+    column: int
+    scaled: bool
+    """Is it a share of what is read?"""
+    by: Vector
+    """At each row, in SI or as a share, (n,)."""
+    left: Outputs
+    """Residual without it, (n, ny)."""
+
+
+@unmeasured()
+def shifted_output(rows: Rows) -> tuple[SensorChange | None, str]:
+    """The output whose sensor explains the rows as no machine does; or what is said of one that
+    explains them as well.
+
+    Args:
+        rows: before the deviation and since then, tuned.
+    """
+    edges = _edges(rows)
+    found, machine = _explained(rows, edges)
+    if rows.fitted < LEAST and machine is not None:  # what is usual is what anybody leaves at least
+        lefts = [machine, *(one.left for one in found)]
+        size = np.nanmin([np.nanmedian(np.abs(left), axis=0) for left in lefts], axis=0)
+        rows = replace(rows)
+        rows.__dict__["sizes"] = np.where(size > 0.0, size, rows.sizes)
+        found, machine = _explained(rows, edges)
+    if machine is None:
+        return None, ""
+    known = np.isfinite(machine) & np.isfinite(rows.before)
+    for one in found:
+        known &= np.isfinite(one.left)
+    count = np.count_nonzero(known.any(axis=1))
+    enough = count >= LEAST
+    best = min(found, key=lambda one: rows.total(one.left, known))
+    ours, theirs, off = (rows.total(r, known) for r in (best.left, machine, rows.before))
+    if not count or ours > EXPLAINED * off:
+        return None, ""
+    usual = rows.squares(rows.before)[: rows.fitted]
+    restored = len(usual) < LEAST or ours <= RESTORED * count * float(np.mean(usual))
+    channel, said = rows.setup.model.outputs.channels[best.column], _said(rows, best, edges[0])
+    if enough and restored and theirs >= CLEARLY * ours:
+        return SensorChange(channel.name, 1.0, (
+            f"{channel.name} looks off by {said}: as its sensor's this explains "
+            f"{100 * (1.0 - ours / off):.0f} % of the deviation, and no machine explains as much; "
+            "nothing is learned from it"
+        ), None, rows.row(edges[0])), ""  # fmt: skip
+    if ours <= ALIKE * theirs:
+        return None, f"; a sensor of {channel.name} that is off by {said} would look the same"
+    return None, ""
+
+
+def _explained(rows: Rows, edges: list[int]) -> tuple[list[Off], Outputs | None]:
+    """What each output may be off by, and the residual of the machine; None: there is none."""
+    found = [
+        one
+        for k in range(len(rows.setup.model.outputs))
+        for scaled in (False, True)
+        for one in (_off(rows, k, edges, scaled=scaled),)
+        if one is not None
+    ]
+    return found, _machine(rows, edges) if found else None
+
+
+def _said(rows: Rows, one: Off, first: int) -> str:
+    channel = rows.setup.model.outputs.channels[one.column]
+    last = float(one.by[-1])
+    size = f"{100 * last:+.3g} %" if one.scaled else in_words.difference(rows.setup, channel, last)
+    since = f" (since {called(rows.row(first))})" if first else ""
+    return f"{size} at {called(rows.row(rows.count - 1))}{since}"
+
+
+def _edges(rows: Rows) -> list[int]:
+    """Positions at which parts begin, and the end; fewer than two: too few rows."""
+    first, count = rows.fitted, rows.count - rows.fitted
+    begins = np.count_nonzero(rows.whole.restart.code[first:] != CONTINUE)
+    states = len(rows.setup.model.states)
+    parts = min(PARTS, count // ROWS, begins // PREDICTIONS if states else PARTS)
+    return [round(edge) for edge in np.linspace(first, rows.count, max(parts, 1) + 1).tolist()]
+
+
+def _lines(n: int, edges: list[int]) -> Float64[np.ndarray, "n k"]:
+    """Broken lines over the parts, one for each edge; zero before, (n, edges)."""
+    at = np.arange(n)
+    each = np.stack([np.interp(at, edges, row) for row in np.eye(len(edges))], axis=1)
+    each[: edges[0]] = 0.0
+    return each
+
+
+def _off(rows: Rows, k: int, edges: list[int], *, scaled: bool) -> Off | None:
+    """What output ``k`` has to be off by to leave least, beside one machine tuned to all rows."""
+    lines = _lines(rows.count, edges)
+    step = SHARE if scaled else 5.0 * float(rows.sizes[k])
+
+    def undone(by: Vector) -> tuple[Block, ...]:
+        found, at = list[Block](), 0
+        for window in rows.windows:
+            y, own = window.y.copy(), by[at : at + len(window.t)]
+            y[:, k] = y[:, k] / (1.0 + own) if scaled else y[:, k] - own
+            at += len(own)
+            found.append(window._replace(y=y))
+        return tuple(found)
+
+    def recorded(left: Outputs, by: Vector) -> Outputs:
+        """A residual in what was recorded."""
+        if scaled:
+            left = left.copy()
+            left[:, k] *= 1.0 + by
+        return left
+
+    def left_with(by: Vector) -> Outputs:
+        posed = rows.pose(undone(by))
+        return recorded(residual(posed, posed.start), by)
+
+    since = np.where(np.arange(rows.count) >= edges[0], step, 0.0)
+    slope = (left_with(since) - rows.before) / step
+    by, left = np.zeros(rows.count), rows.before
+    for _ in range(STEPS):
+        by = by + lines @ _least(rows, slope[:, :, None] * lines[:, None, :], left)
+        if scaled and (by <= -1.0 + SHARE).any():
+            return None
+        left = left_with(by)
+    tuned = rows.left_on(undone(by))
+    if tuned is not None:
+        columns = slope[:, :, None] * lines[:, None, :]
+        tuned = recorded(tuned, by)
+        more = _least(rows, columns, tuned)
+        tuned = tuned + columns @ more
+        known = np.isfinite(tuned) & np.isfinite(left)
+        if rows.total(tuned, known) < rows.total(left, known):
+            by, left = by + lines @ more, tuned
+    return Off(k, scaled, by, left)
+
+
+def _least(rows: Rows, columns: Float64[np.ndarray, "n ny k"], left: Outputs) -> Vector:
+    """How much of each column takes most of what is left away, (k,)."""
+    a = columns / rows.sizes[:, None]
+    b = left / rows.sizes
+    known = np.isfinite(b) & np.isfinite(a).all(axis=2)
+    if not known.any():
+        return np.zeros(columns.shape[2])
+    return -np.asarray(np.linalg.lstsq(a[known], b[known], rcond=1e-9)[0])
+
+
+def _machine(rows: Rows, edges: list[int]) -> Outputs | None:
+    """Residual of the machine, tuned anew to each part, its numbers in straight lines, (n, ny);
+    None: a part tells no machine."""
+    out = np.full(rows.before.shape, np.nan)
+    for a, b in pairwise(edges):
+        part = split(split(rows.windows, b)[0], a)[1]
+        fit = rows.tuned_on(part)
+        if fit is None:
+            return None
+        posed = rows.pose(part).tuning(fit.names)
+        left, pull = residual(posed, fit.values), -posed.jacobian(fit.values)
+        grown = np.linspace(-1.0, 1.0, b - a)[:, None, None]
+        columns = np.concatenate([pull, pull * grown], axis=2)
+        out[a:b] = left + columns @ _least(rows, columns, left)
+    return out

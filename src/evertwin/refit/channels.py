@@ -1,0 +1,59 @@
+"""What became of a channel, asked of rows that a version was tuned on."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import NamedTuple
+
+from evertwin.errors import DataError, ModelError
+from evertwin.gauges.change import suddenly
+from evertwin.gauges.gauge import misgauged, reread
+from evertwin.gauges.output_shift import shifted_output
+from evertwin.gauges.sensor_change import SensorChange
+from evertwin.gauges.stuck import stuck
+from evertwin.refit.tuner import Tuner
+from evertwin.setup.task import Task
+from evertwin.tuning import Fit, Problem
+
+ENOUGH = 10
+"""Rows a parameter behind a change that a fit needs."""
+
+
+class Asked(NamedTuple):
+    """What was found.
+
+    >>> Asked().alike
+    ''
+    """
+
+    change: SensorChange | None = None
+    alike: str = ""
+    """What a sensor would have to be for the rows to look the same."""
+
+
+def of_a_channel(
+    tuner: Tuner, task: Task, tuned: tuple[Problem, Fit], names: tuple[str, ...], *, told: bool
+) -> Asked:
+    """What became of a channel; of rows of a machine that held which are not ``told`` to say much,
+    whether an input stays where it is."""
+    if not task.commissioned:
+        return Asked(_reread(tuner, task, names))
+    rows = tuner.rows(task, *tuned)
+    still = stuck(rows, reached=tuner.holds(tuned[0], tuned[1].values))
+    if not told:
+        return Asked(still)
+    found = misgauged(rows, still)
+    return Asked(found) if found else Asked(*shifted_output(rows))
+
+
+def _reread(tuner: Tuner, task: Task, names: tuple[str, ...]) -> SensorChange | None:
+    """The reading of a channel by which a twin that never held is suddenly off by far more."""
+    pose = partial(tuner.problem, task.version, names=names)
+    new = suddenly(task.windows, pose)
+    if sum(len(block.t) for block in new) < ENOUGH * len(names):
+        return None
+    try:
+        problem, fit, _ = tuner.tune(pose(new))
+    except (DataError, ModelError):
+        return None
+    return reread(tuner.rows(task, problem, fit))

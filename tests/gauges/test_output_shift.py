@@ -1,0 +1,92 @@
+"""A flow meter that reads more, a winding's sensor that drifts; or the machine that changed so."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from evertwin import FunctionModel, Layout, Parameters, RunResult, Twin, TwinSpec
+from evertwin.anomaly.spec import AnomalySpec
+from evertwin.config.spec import ModelSpec, PredictionSpec, Span
+from evertwin.models.translated import translated
+from evertwin.types import ParameterVector, Vector
+
+ROWS, AT, DT = 2600, 1400, 2.0
+Step = tuple[list[float], list[float]]
+
+
+def filled(x: Vector, u: Vector, dt: float, p: ParameterVector) -> Step:
+    flow = p[0] * u[0]
+    level = x[0] + dt * (flow - p[1] * max(x[0], 0.0) ** 0.5) / 2.0
+    return [level], [flow, level]
+
+
+def basin(seed: int, reads: float = 1.0, pumps: float = 1.0) -> RunResult:
+    """A pump fills a basin of a known area; from AT on its meter ``reads``, or it ``pumps``, so
+    many times as much."""
+    rng, level, flow, pump = np.random.default_rng(seed), 1.0, 0.025, 0.5
+    data = np.empty((ROWS, 3))
+    for k in range(ROWS):
+        pump = rng.uniform(0.2, 1.0) if k % 37 == 0 else pump
+        data[k] = pump, (reads if k >= AT else 1.0) * flow, level
+        flow = 0.05 * pump * (pumps if k >= AT else 1.0)
+        for _ in range(4):
+            level += DT / 4 * (flow - 0.03 * level**0.5) / 2.0
+    data += rng.normal(0.0, (0.0, 0.0008, 0.002), (ROWS, 3))
+    model = FunctionModel(
+        filled, Layout.of(pump="1"), Layout.of(flow="m^3/s", level="m"), Layout.of(level="m"),
+        Parameters.of(gain=(0.05, "m^3/s"), outlet=(0.03, "m^2.5/s")),
+    )  # fmt: skip
+    spec = TwinSpec(
+        "basin", ModelSpec("python"), beat=Span(20), prediction=PredictionSpec(40.0),
+        anomaly=AnomalySpec(requirement=0.06, window=Span(300)),
+    )  # fmt: skip
+    columns = dict(zip(("pump", "flow", "level"), data.T, strict=True))
+    with Twin(spec, translated(model)) as twin:
+        return twin.run({"t": DT * np.arange(ROWS)} | columns)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("reads", [0.75, 1.3])
+def test_a_meter_that_reads_otherwise_than_the_level_goes_is_named(reads: float, seed: int) -> None:
+    result = basin(seed, reads=reads)
+    told = [e for e in result.of_kind("abnormal") if "number" in e.evidence]
+    assert told and told[0].signal == "flow" and "looks off by" in told[0].reason
+    assert not result.of_kind("promoted")
+
+
+@pytest.mark.parametrize("pumps", [0.75, 1.3])
+def test_a_pump_that_changed_is_tuned(pumps: float) -> None:
+    result = basin(1, pumps=pumps)
+    assert result.of_kind("promoted")
+    assert not [e for e in result.of_kind("abnormal") if "number" in e.evidence]
+
+
+def poured(x: Vector, u: Vector, dt: float, p: ParameterVector) -> Step:
+    return [], [p[0] * u[0] * u[1] ** 0.5]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_machine_that_looks_like_its_sensor_is_learned_and_said_to(seed: int) -> None:
+    """A valve that opens 1.25 times as far and a meter that reads so much give the same rows."""
+    rng = np.random.default_rng(seed)
+    valve, drop = (
+        np.repeat(rng.uniform(low, high, ROWS // 20), 20) for low, high in ((0.2, 1.0), (1.0, 4.0))
+    )
+    flow = 1.7 * valve * drop**0.5 * np.where(np.arange(ROWS) >= AT, 1.25, 1.0)
+    model = FunctionModel(
+        poured, Layout.of(valve="1", drop="Pa"), Layout.of(flow="m^3/s"), Layout(),
+        Parameters.of(gain=(1.7, "m^3/s/Pa^0.5")),
+    )  # fmt: skip
+    spec = TwinSpec(
+        "valve", ModelSpec("python"), beat=Span(20),
+        anomaly=AnomalySpec(requirement=0.1, relative=False, window=Span(300)),
+    )  # fmt: skip
+    with Twin(spec, translated(model)) as twin:
+        result = twin.run({
+            "t": 0.5 * np.arange(ROWS), "valve": valve, "drop": drop,
+            "flow": flow + rng.normal(0.0, 0.02, ROWS),
+        })  # fmt: skip
+    assert result.of_kind("promoted")
+    assert "a sensor of flow that is off by +" in result.headline
+    assert "would look the same" in result.headline
