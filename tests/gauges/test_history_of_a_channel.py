@@ -58,3 +58,20 @@ def test_a_flow_in_tenths_is_named(seed: int) -> None:
     result = exchanger(seed, transfer=1.0, recorded=10.0)
     assert "flow looks 10 times what it is" in result.headline
     assert not result.of_kind("promoted")
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_command_whose_level_rose_by_a_units_number_is_named(seed: int) -> None:
+    """A cart drives as before, its command in km/h from a standstill on: no jump tells of it."""
+    rng, row = np.random.default_rng(seed), np.arange(ROWS)
+    v = np.interp(row, np.arange(0, ROWS + 60, 60), rng.uniform(0, 0.9, ROWS // 60 + 1))
+    v *= np.minimum(np.abs(row - AT) / 40, 1.0)
+    x = np.cumsum(0.1 * np.append(0.0, v[:-1])) + rng.normal(0, 0.002, ROWS)
+    spec = TwinSpec(
+        "cart", ModelSpec("robot1d"), prediction=PredictionSpec(horizon=1.0), beat=Span(20),
+        anomaly=AnomalySpec(requirement=0.02, relative=False, window=Span(200)),
+    )  # fmt: skip
+    with Twin(spec) as twin:
+        result = twin.run({"t": 0.1 * row, "v": np.where(row >= AT, 3.6, 1.0) * v, "x": x})
+    assert "v looks 3.6 times what it is" in result.headline
+    assert not result.of_kind("promoted")

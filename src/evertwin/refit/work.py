@@ -183,9 +183,7 @@ class Work(Tuner):
         since = {"since": windows[0].row} if windows is not task.windows else {}
         model = self.versions.model_of(version.form)
         rows = self.setup, model, version.p, windows
-        old = sum(len(one.t) for one in task.windows) - sum(len(one.t) for one in windows)
-        history, _ = split(task.windows, old)
-        other, few = at_once(rows, history) if commissioned else (None, None)
+        other, few = at_once(rows, task.windows) if commissioned else (None, None)
         if other:
             return of_a_sensor(other, *events) | since
         posed = self.problem(version, windows, names)
