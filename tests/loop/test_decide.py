@@ -213,12 +213,16 @@ def test_a_fit_looks_at_what_the_deviation_was_found_on() -> None:
     assert bench.setup.window("fit") == 98
 
 
-def test_too_few_rows_say_nothing_before_the_task_ends() -> None:
+@pytest.mark.parametrize(("off", "early"), [(0.012, []), (0.2, ["suspected"])])
+def test_too_few_rows_ask_for_nothing_before_the_task_ends(off: float, early: list[str]) -> None:
+    """What the rest of the window cannot help is told, once."""
     rule = AnomalySpec(requirement=0.01, relative=False, window=Span(98))
     bench = Bench(anomaly=rule)
-    bench.state.scores.watch.residual[:] = 1.0
-    assert bench.beat(copy(bench.state)).kinds == []
-    assert bench.beat(bench.state, end=True).kinds == ["suspected"]
+    bench.state.scores.watch.residual[:] = off**2 * bench.state.scores.watch.samples
+    before = bench.beat(copy(bench.state))
+    assert (before.kinds, before.requests) == (early, [])
+    assert bench.beat(before.state).kinds == []
+    assert bench.beat(before.state, end=True).kinds == ([] if early else ["suspected"])
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,7 @@ from evertwin.rows.ring import Ring
 from evertwin.setup.detectors import Detect
 from evertwin.setup.deviation import (
     Sums,
-    Usual,
+    count_in,
     deviation,
     judged_deviation,
     new_sums,
@@ -35,8 +35,11 @@ from evertwin.setup.residual_filter import ResidualFilter
 from evertwin.setup.scores import accumulate, new_scores
 from evertwin.signals import Layout
 from evertwin.signals.fir import Symmetric
+from evertwin.signals.sizes import sizes
 from evertwin.store import Batch, SqliteStore
 
+RMS = np.zeros(2, np.bool_)
+"""Outputs whose size is their rms."""
 CUTS = st.lists(st.integers(1, 99), max_size=8)
 
 
@@ -71,7 +74,7 @@ def part(rows: Released, where: slice) -> Released:
 @given(CUTS)
 def test_books_are_plain_sums_wherever_rows_are_cut(cuts: list[int]) -> None:
     rows = released()
-    books, pairs = new_scores(new_usual(2), np.zeros(2, np.int64), 0, np.array([1.0, 2.0])), []
+    books, pairs = new_scores(new_usual(RMS), np.zeros(2, np.int64), 0, np.array([1.0, 2.0])), []
     for where in pieces(cuts):
         books, found, _ = accumulate(books, part(rows, where))
         pairs.append(found)
@@ -98,7 +101,7 @@ def test_books_do_not_depend_on_cuts_by_a_bit() -> None:
     rows = released(1)
 
     def end(cuts: list[int]) -> object:
-        books = new_scores(new_usual(2), np.zeros(2, np.int64), 0, np.ones(2))
+        books = new_scores(new_usual(RMS), np.zeros(2, np.int64), 0, np.ones(2))
         for where in pieces(cuts):
             books, _, _ = accumulate(books, part(rows, where))
         return books
@@ -114,17 +117,34 @@ def test_sums_without_rows_have_no_deviation() -> None:
 
 
 def test_rows_near_zero_are_not_far_off() -> None:
-    usual = Usual(np.array([1e5]), np.array([1000]))  # an rms of 10
+    usual = new_usual(RMS[:1])._replace(measured=np.array([1e5]), samples=np.array([1000]))
     quiet = Sums(np.array([20 * 0.3**2]), np.array([20.0]), np.array([20]))
     assert deviation(quiet, relative=True)[0] == pytest.approx(0.3)
     assert judged_deviation(quiet, True, usual)[0] == pytest.approx(0.03)
+
     assert judged_deviation(quiet, False, usual)[0] == pytest.approx(0.3)
     busy = Sums(np.array([9.0]), np.array([40000.0]), np.array([100]))
     for own in (busy, quiet):
-        alone = judged_deviation(own, True, new_usual(1))
+        alone = judged_deviation(own, True, new_usual(RMS[:1]))
         assert alone == pytest.approx(deviation(own, relative=True))
     assert judged_deviation(busy, True, usual) == pytest.approx(deviation(busy, relative=True))
     assert np.isnan(judged_deviation(new_sums(1), True, usual)).all()
+
+
+@pytest.mark.parametrize(("low", "high", "expected"), [(290.0, 310.0, 0.02), (300.0, 300.0, 0.07)])
+def test_a_temperature_is_off_by_a_share_of_its_range(
+    low: float, high: float, expected: float
+) -> None:
+    """One that stood yet scatters by 0.1 K has no range: forty times its noise counts."""
+    y = np.repeat(np.linspace(low, high, 50), 20) + np.tile([0.1, -0.1], 500)
+    sums = Sums(np.array([1000 * 0.4**2]), np.array([np.sum(y**2)]), np.array([1000]))
+    usual = new_usual(np.array([True]))
+    for value in y:
+        count_in(0, usual, value)
+        usual.last[0] = value
+    (size,) = sizes(y[:, None], np.array([True]))
+    assert judged_deviation(sums, True, usual)[0] == pytest.approx(expected, rel=0.05)
+    assert deviation(sums, True, usual)[0] == pytest.approx(0.4 / size, rel=1e-3)
 
 
 # ------------------------------------------------------------------ newest rows

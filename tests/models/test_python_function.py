@@ -95,6 +95,29 @@ def test_a_mistake_is_told_with_its_line_before_anything_runs(
         machine("python", {"file": str(tmp_path / "tank.py")})
 
 
+@pytest.mark.parametrize(
+    ("start", "told"),
+    [("('v0',)", "one entry for each state .x, v.*got 1"), ("(0.0, 'v1')", "no parameter.*'v1'")],
+)
+def test_a_start_has_an_entry_for_each_state(tmp_path: Path, start: str, told: str) -> None:
+    text = (
+        "from evertwin import FunctionModel, Layout, Parameters\n"
+        "def step(x, u, dt, p):\n    return [x[0] + dt * x[1], x[1] + dt * u[0]], [x[0]]\n"
+        "model = FunctionModel(step, Layout.of(u='1'), Layout.of(x='1'), Layout.of(x='1', v='1'),\n"
+        f"    Parameters.of(v0=(0.0, '1')), start={start})\n"
+    )
+    (tmp_path / "cart.py").write_text(text)
+    with pytest.raises(ConfigError, match=told):
+        machine("python", {"file": str(tmp_path / "cart.py")})
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_row_of_zeros_may_be_none_of_the_machines(tmp_path: Path) -> None:
+    text = TEN.replace("u[0] - p[0] * x[0]", "u[0] - p[0] * x[0] / u[0]")
+    (tmp_path / "tank.py").write_text(text)
+    machine("python", {"file": str(tmp_path / "tank.py")})
+
+
 def test_an_error_in_one_row_loses_that_row_and_is_logged_once(
     caplog: pytest.LogCaptureFixture,
 ) -> None:

@@ -50,6 +50,23 @@ def test_a_row_that_contradicts_the_others_is_asked_back(
         Twin(twin).life()
 
 
+@pytest.mark.parametrize(("zeros", "direction", "limit"), [(3, "below", 1.4), (9, "above", 2.5)])
+def test_a_leap_to_exactly_zero_is_asked_back(
+    tmp_path: Path, zeros: int, direction: Direction, limit: float
+) -> None:
+    file = tmp_path / "h.csv"
+    rows = [*COUNTED, *(f"{60 + k},0" for k in range(zeros))]
+    file.write_text("run,x\n" + "\n".join(rows))
+    with pytest.raises(DataError, match=f"h.csv:62: x: .* {zeros} that are exactly 0 since 60 run"):
+        life_of_series(Series(file, limit, direction))
+    rule = spec.IndicatorSpec("x", file="h.csv", limit=limit, direction=direction)
+    with pytest.raises(DataError, match="exactly 0 since 60 run"):
+        Twin(TwinSpec("cart", spec.ModelSpec("robot1d"), indicator=(rule,),
+                      folder=str(tmp_path))).life()  # fmt: skip
+    file.write_text("run,x\n" + "\n".join(rows[:62]))
+    assert life_of_series(Series(file, limit, direction)).components["x"].life is not None
+
+
 @pytest.mark.parametrize("direction", ["above", "below"])
 def test_a_limit_on_the_wrong_side_of_a_twins_indicator_is_asked_back(
     tmp_path: Path, direction: str
@@ -73,6 +90,7 @@ def test_what_only_looks_odd_is_believed(tmp_path: Path) -> None:
                                  for k in range(60)], -1.0),
         ("paused", "date", [*(f"2025-01-{1 + k:02d},{1 + 0.01 * k}" for k in range(9)),
                             "2025-12-01,1.2"], 2.0),
+        ("worn off", "run", [f"{k},{max(1.0 - 0.02 * k, 0.0):.3f}" for k in range(60)], -1.0),
         ("ahead", "date", [f"2050-01-{1 + k:02d},{1 + 0.01 * k}" for k in range(20)], 2.0),
         ("replaced", "run,maintenance",
          [*(f"{k},,{0.001 + 0.05 * k}" for k in range(15)), "15,replaced,0.0005", "16,,0.05"],
@@ -82,3 +100,18 @@ def test_what_only_looks_odd_is_believed(tmp_path: Path) -> None:
         file.write_text(f"{head},x\n" + "\n".join(rows))
         direction: Direction = "below" if limit < 0.0 else "above"
         assert life_of_series(Series(file, limit, direction)).components["x"].life is not None
+
+
+def test_a_life_between_adjustments_says_that_it_is_told_without_another(tmp_path: Path) -> None:
+    file = tmp_path / "filter.csv"
+    for often in (1, 3):
+        cleaned = {40 * (k + 1) for k in range(often)}
+        rows = [
+            f"{d},{120 + 0.4 * d + 4.0 * (d - max([c for c in cleaned if c <= d], default=0)):.0f},"
+            f"{'adjusted' if d in cleaned else ''}"
+            for d in range(150)
+        ]
+        file.write_text("d,dp [Pa],maintenance\n" + "\n".join(rows))
+        said = [n for n in life_of_series(Series(file, 900.0)).notes if "not adjusted again" in n]
+        assert len(said) == (often >= 3)
+        assert all("3 times, about every 40 d" in note for note in said)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -69,3 +71,19 @@ def test_a_correction_is_looked_for_beside_the_tuned_numbers_too() -> None:
     told = content["candidate"]["reason"], content["fit"]["parameters"]
     assert told[0].startswith("tuned gain; v: ") and "gain" in told[1]
     assert effect == pytest.approx(0.13, abs=0.003)
+
+
+@pytest.mark.parametrize(("sway", "kind"), [(0.0, "normal"), (0.2, "abnormal")])
+def test_what_tuning_leaves_beyond_the_requirement_is_not_normal(sway: float, kind: str) -> None:
+    """A cart that is also dragged to and fro, by what no input tells; tuned numbers are tried."""
+    rng = np.random.default_rng(2)
+    v = np.repeat(rng.uniform(0.02, 0.2, 60), 5)
+    drag = sway * np.sin(0.3 * np.arange(len(v)))
+    x = np.cumsum(1.5 * v + drag) + rng.normal(0.0, 0.002, len(v))
+    block = make_block(t=np.arange(len(v)) * 10**9, u=v[:, None], y=x[:, None])
+    with Twin(replace(SPEC, correction=CorrectionSpec())) as twin:
+        content = work(twin).content(Task("fit", twin.champion, (block,), 0))
+    told = [one for one in content["events"] if one["kind"] in ("normal", "abnormal")]
+    assert [one["kind"] for one in told] == [kind]
+    assert ("does not reach it" in told[0]["reason"]) is (kind == "abnormal")
+    assert content["candidate"]["values"]["gain"] == pytest.approx(1.5, abs=0.3)

@@ -317,6 +317,24 @@ def test_a_sensor_at_rest_is_not_frozen() -> None:
     assert "frozen" not in [r.evidence.get("cause") for r in out.records]
 
 
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("gain", [1.0, 2.0, 5.0])
+def test_a_sound_sensor_of_coarse_steps_is_believed(gain: float, seed: int) -> None:
+    """The model moves ``gain`` times as fast as the machine, which creeps; how large a step is the
+    first few tell. A sensor that is frozen is named where the model is right."""
+    rng, n = np.random.default_rng(seed), 900
+    v = np.where(np.arange(n) < 600, 0.005, 0.05 * gain)
+    truth = np.cumsum(v / gain)
+    seen = 0.05 * np.round((truth + rng.normal(0, 0.004, n)) / 0.05)
+    seen[700:800] = seen[700]
+    block = make_block(np.arange(n) * 10**9, v[:, None], seen[:, None])
+    _, out = fold(Track(drive(1.0), Arbiter(Rule(use="blend"))), [block])
+    told = [r for r in out.records if r.kind == "measurement_error"]
+    assert sum(r.row < 700 for r in told) <= 4, told
+    if gain == 1.0:
+        assert any(r.evidence["cause"] == "frozen" and r.row < 720 for r in told if r.row > 700)
+
+
 def held(rng: np.random.Generator, at: np.ndarray) -> np.ndarray:
     return np.full(len(at), at[0])
 

@@ -45,7 +45,7 @@ class AnomalySpec(Section):
     """
 
     requirement: Size = math.inf
-    """Largest deviation: relative to the rms of the measurement, or in the output's unit."""
+    """Largest deviation: a share of the output's rms (of a temperature's range), or in its unit."""
     relative: bool = True
     """Is ``requirement`` a share? By default true for a bare number, false with a unit."""
     unit: str = ""

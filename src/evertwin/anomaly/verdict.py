@@ -84,6 +84,8 @@ class Verdict:
     shares: Mapping[str, float] = field(default_factory=dict)
     """Share of the deviation that each refit explains."""
     evidence: Mapping[str, Json] = field(default_factory=dict)
+    alone: bool = False
+    """Abnormal, and no other form may be tried: tuned numbers are all there is."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "evidence", plain(self.evidence))

@@ -53,7 +53,8 @@ def life(
     data: DataFiles = None,
     report: Report = None,
     limit: Annotated[
-        float | None, typer.Option(help="Of a series alone: where its life ends.")
+        str | None,
+        typer.Option(help="Of a series alone: where its life ends, as in 1.4 or '0.3 mm'."),
     ] = None,
     below: Annotated[
         bool, typer.Option("--below", help="Of a series alone: the harmful side is below.")

@@ -17,7 +17,7 @@ Likes: TypeAlias = "tuple[list[str] | None, list[str] | None]"
 
 
 def show_series(
-    file: Path, told: tuple[float | None, bool, str, bool], likes: Likes, as_json: bool,
+    file: Path, told: tuple[str | None, bool, str, bool], likes: Likes, as_json: bool,
     check: bool,
 ) -> None:  # fmt: skip
     """The life that one series tells.

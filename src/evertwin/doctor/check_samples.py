@@ -1,4 +1,5 @@
-"""Is each row of a recording a sample of its own? Values that are held, recordings that repeat.
+"""Is each row of a recording a sample of its own? Numbers that stand for no value, values that are
+held, recordings that repeat.
 
 A held channel moves by jumps of many of its steps, and still stands between them for as many rows
 each time. What stands because it moves slowly (an encoder) jumps by single steps; what is set now
@@ -15,6 +16,8 @@ import numpy as np
 from evertwin.doctor.examination import Samples, View
 from evertwin.doctor.finding import Finding
 from evertwin.rows.channels import is_held, recorded_as
+from evertwin.signals import from_si
+from evertwin.sources.no_value import no_value
 
 STEPS = 3
 """A jump of so many steps of a channel would not have stood still before, had it been sampled."""
@@ -29,7 +32,8 @@ NAMED = 4
 
 
 def look_samples(view: View) -> Iterator[Finding]:
-    """Held channels, and recordings that are there twice."""
+    """Numbers that stand for no value, held channels, and recordings that are there twice."""
+    yield from _no_value(view)
     yield from _held(view)
     yield from _repeated(view)
 
@@ -49,6 +53,32 @@ def _by_source(view: View) -> Iterator[list[Samples]]:
     """The recordings of each source."""
     for source in dict.fromkeys(one.source for one in view.recorded):
         yield [one for one in view.recorded if one.source == source]
+
+
+def _no_value(view: View) -> Iterator[Finding]:
+    """Of what is measured; in a command it may be meant."""
+    passed, said = _behind(view, commands=True), {s.name: s for s in view.setup.spec.source}
+    for tasks in _by_source(view):
+        channels = said[tasks[0].source].channels if tasks[0].source in said else {}
+        for k, name in enumerate(tasks[0].names):
+            if name in passed or name not in channels:
+                continue
+            one, si = channels[name], np.concatenate([task.v[:, k] for task in tasks])
+            cells = (from_si(si[np.isfinite(si)], one.unit) - one.offset) / one.scale
+            found = no_value(cells)
+            if found is None:
+                continue
+            part = 100 * float(np.mean(cells == found))
+            also = ", ".join(f"{float(f'{x:.9g}'):g}" for x in (*one.sentinels, found))
+            yield Finding(
+                "sentinel", name,
+                f"{name}: the file says {float(f'{found:.9g}'):g} in {part:.3g} % of its cells, "
+                "each time far off those beside it",
+                f"source {tasks[0].source}",
+                "where that stands for no value: leave these cells empty, or write in "
+                f"[source.channels] {name} = {{ …, sentinels = [{also}] }}",
+                {"value": found, "share": 0.01 * part},
+            )  # fmt: skip
 
 
 def _held(view: View) -> Iterator[Finding]:

@@ -87,11 +87,11 @@ def look_units(view: View, figures: dict[str, Any]) -> list[Finding]:
     found, applied = list(_ranges(view)), tuple[_Factor, ...]()
     window = _liveliest(view)
     found += _exchanged(view, window)
-    at_start = _changes(view, view.version.p, window).mismatch
+    at_start = changed(view, view.version.p, window).mismatch
     figures["mismatch"] = dict(zip(view.model.outputs.names, at_start.tolist(), strict=True))
     for _ in range(0 if "exchanged" in {one.kind for one in found} else 4):
         p = _numbers(view, partial(_scaled, by=applied))
-        seen = _changes(view, p, _scaled(window, applied))
+        seen = changed(view, p, _scaled(window, applied))
         before = seen.mismatch
         best = _best(view, p, (window, applied), seen) if (before > WRONG).any() else []
         if not best:
@@ -207,10 +207,10 @@ def _numbers(
 ) -> ParameterVector:
     """The version's, or what the rows tune those of a static map to, once changed; held to resist,
     and in bounds, they take up no sign."""
-    return view.version.p if len(view.model.states) else _tuned(view, change)
+    return view.version.p if len(view.model.states) else tuned(view, change)
 
 
-def _tuned(view: View, change: Callable[[Block], Block]) -> ParameterVector:
+def tuned(view: View, change: Callable[[Block], Block]) -> ParameterVector:
     """What the changed rows tune the numbers to; the version's where they cannot be tuned."""
     work, p = Work(view.setup, view.versions), view.version.p
     windows = tuple(change(window) for window in view.some(view.judged))
@@ -224,7 +224,8 @@ def _tuned(view: View, change: Callable[[Block], Block]) -> ParameterVector:
         return p
 
 
-def _changes(view: View, p: ParameterVector, window: Block) -> Changes:
+def changed(view: View, p: ParameterVector, window: Block) -> Changes:
+    """How unlike the changes over the horizon are, measured and predicted with numbers ``p``."""
     with np.errstate(all="ignore"):
         return changes(view.model, p, window, view.horizon)
 
@@ -267,7 +268,7 @@ def _best(
                 continue
             by = (*applied, (suspect, factor))
             q = _numbers(view, partial(_scaled, by=by)) if factor < 0 else p
-            scaled = _changes(view, q, _scaled(window, by))
+            scaled = changed(view, q, _scaled(window, by))
             if np.count_nonzero(scaled.known) < least:
                 continue  # the model has no answer to it: that explains nothing
             after = scaled.mismatch
@@ -315,12 +316,12 @@ def _lag(view: View, window: Block) -> SharedLag:
     if len(view.model.states):
         if not any(_matters(one, view.step) for one in shared.lags.values()):
             return shared
-        shared = _lag_at(view, window, known, _tuned)
+        shared = _lag_at(view, window, known, tuned)
     for _ in range(ROUNDS):
         more = np.array([_left(shared.lags.get(name), view.step) for name in names])
         if not more.any():
             break
-        after = _lag_at(view, window, known + more, _tuned)
+        after = _lag_at(view, window, known + more, tuned)
         left = np.array([_left(after.lags.get(name), view.step) for name in names])
         if np.abs(left).max() > np.abs(more).max():
             break  # no lag that numbers had taken up a part of: it moves away

@@ -7,6 +7,7 @@ where, why, and the next step. Nothing is changed.
 * `look_samples`: held values, recordings that are there twice;
 * `look_rates`: positions against the speeds that were measured with them;
 * `look_units`: factors, signs and lags between what is predicted and what is measured;
+* `look_inputs`: measured inputs that are taken for commands;
 * `look_clocks`: offset, drift and shared lag between the clocks of two or more sources;
 * `look_tuning`: what the rows determine of the parameters, knobs and bounds;
 * `look_settings`: horizon, tolerance, requirement and action space against noise and range.
@@ -16,6 +17,7 @@ from __future__ import annotations
 
 from evertwin.doctor.check_clocks import look_clocks
 from evertwin.doctor.check_data import look_data
+from evertwin.doctor.check_inputs import look_inputs
 from evertwin.doctor.check_rates import look_rates
 from evertwin.doctor.check_samples import look_samples
 from evertwin.doctor.check_settings import look_bounds, look_settings, look_tuning
@@ -46,8 +48,9 @@ def diagnose(setup: Setup, versions: Versions, number: int, data: Data) -> Diagn
         figures["simulated_rows"] = sum(len(window.t) for window in seen.simulated)
         figures["judged_rows"] = sum(len(window.t) for window in seen.judged)
     found = [*look_data(seen), *look_samples(seen), *look_rates(seen, figures)]
-    units = look_units(seen, figures)
-    found += units
+    late = [*look_inputs(seen)]
+    units = [] if late else look_units(seen, figures)  # a row late, changes have another size
+    found += late + units
     if not units:
         found += look_lags(seen, figures)
         found += look_clocks(seen, figures)

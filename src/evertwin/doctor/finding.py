@@ -12,8 +12,8 @@ from evertwin.sources.names import listed
 from evertwin.types import Json
 
 RANKS = (
-    "lost", "unit", "sign", "exchanged", "rate", "repeated", "missing", "frozen", "clock", "lag",
-    "held", "jump",
+    "sentinel", "lost", "unit", "sign", "exchanged", "rate", "repeated", "missing", "frozen",
+    "clock", "command", "lag", "held", "jump",
     "absurd", "range", "gap", "not_possible", "not_connected", "horizon", "requirement",
     "tolerance", "gate", "tuning", "at_bound", "not_identifiable", "weak",
 )  # fmt: skip
@@ -32,9 +32,9 @@ class Finding:
     """
 
     kind: str
-    """unit, sign, exchanged, lag, rate, held, repeated, clock, gap, frozen, absurd, missing,
-    lost, not_identifiable, weak, not_connected, at_bound, range, horizon, tolerance,
-    requirement, not_possible."""
+    """unit, sign, exchanged, command, lag, rate, held, repeated, clock, gap, frozen, absurd,
+    missing, sentinel, lost, not_identifiable, weak, not_connected, at_bound, range, horizon,
+    tolerance, requirement, not_possible."""
     subject: str
     """Channel, parameter or setting."""
     reason: str

@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from evertwin.fold import plain
+from evertwin.signals.sizes import size
 from evertwin.tuning.statistics import autocorrelation, dependences, ljung_box
 from evertwin.types import Inputs, Json, Outputs, Vector
 
@@ -235,8 +236,10 @@ def _output(
     residual, measured, moving = columns
     known = ~np.isnan(residual)
     moves = known & moving
-    rms, whole = _rms(residual[known]), _ratio(residual[known], measured[known])
-    moved = _ratio(residual[moves], measured[moves])
+    rms = _rms(residual[known])
+    whole, moved = (
+        _rms(residual[on]) / size(measured[on], rules.units[k] == "K") for on in (known, moves)
+    )
     asked = math.isfinite(rules.requirement) and rules.outputs[k] in rules.watched
     judged = (moved if rules.moving else whole) if rules.relative else rms
     return OutputReport(
@@ -273,8 +276,3 @@ def _left(runs: Sequence[Run], rules: Rules) -> dict[str, dict[str, Any]]:
 
 def _rms(values: Vector) -> float:
     return float(np.sqrt(np.mean(values**2))) if len(values) else math.nan
-
-
-def _ratio(residual: Vector, measured: Vector) -> float:
-    base = _rms(measured)
-    return _rms(residual) / base if base > 0 else math.nan

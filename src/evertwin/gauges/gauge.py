@@ -55,20 +55,28 @@ HALF = 0.5
 """Share of the squared deviation that a reading leaves on these, at most."""
 JUMP = 2.0
 """Times the largest step before from which a step is a jump."""
+LEVEL = 0.9
+"""Quantile of a channel's size that is its level."""
 VARIES = 0.3
 """Spread of an input by which the machine is driven, at least [of its usual one]."""
 
 
 def at_once(
-    rows: tuple[Setup, Model, ParameterVector, Windows],
+    rows: tuple[Setup, Model, ParameterVector, Windows], whole: Windows
 ) -> tuple[SensorChange | None, TooFew | None]:
     """What became of a channel, before anything is tuned; or that the rows are too few to tell.
+
+    Args:
+        rows: with the version's numbers, of the machine as it is now.
+        whole: these rows and those before.
 
     Raises:
         TooFew: of a static map, of which tuning beside it tells no more.
     """
+    old = sum(len(one.t) for one in whole) - sum(len(one.t) for one in rows[-1])
+    history, _ = split(whole, old)
     try:
-        return unit_change(*rows) or misread(*rows), None
+        return unit_change(*rows) or misread(*rows, history=history), None
     except TooFew as error:
         if not len(rows[1].states):
             raise
@@ -133,19 +141,10 @@ def _plausible(rows: Rows, one: Reading, first: int, stop: int) -> bool:
     if np.count_nonzero(apart) < LEAST:
         return True
     old, new = rows.values[apart], rows.values[first:stop]
-    low, high = np.nanmin(old, axis=0), np.nanmax(old, axis=0)
-    usual = np.nanmedian(one.of(new), axis=0)
-    room, moved = 0.5 * (high - low) + 1e-12, one.moved
-    if one.at_usual_levels(old, new):
-        return False
     scale = np.abs(one.factors) * np.nanstd(new, axis=0) < VARIES * np.nanstd(old, axis=0)
-    if (moved & scale & (one.shifts == 0.0) & (np.abs(one.factors) < 1.0)).any():
+    if (one.moved & scale & (one.shifts == 0.0) & (np.abs(one.factors) < 1.0)).any():
         return False  # divided by enough anything is nothing
-    if one.exchanged:  # what hardly varied may have gone on
-        away = np.nanmedian(new, axis=0)
-        room = np.maximum(room, LEFT * np.maximum(low - away, away - high))
-    inside = (low - room <= usual) & (usual <= high + room)
-    return bool((inside | ~moved | ~np.isfinite(usual)).all())
+    return not one.at_usual_levels(old, new) and one.lies_among(old, new)
 
 
 def _helps(rows: Rows, one: Reading, first: int = 0) -> bool:
@@ -232,6 +231,7 @@ def _left(rows: Rows, one: Reading, first: int, stop: int) -> float:
     nearly = one.exchanged and left <= NEARLY * off and _together(rows, one) > 0
     good = excess <= LEFT * more and (nearly or _restored(rows, one, after, known))
     jumped = (not of_input or rival >= HALF) and _jumped(rows, one, first)
+    jumped = bool(jumped or (of_input and _risen(rows, one, first, stop)))
     told = bool(rival >= worse or not tuned.any() or jumped)
     if good and not told and was > LEFT * left:  # tuning took away what was off before, too
         told = bool(_rival(rows, one, stop, tuned) >= worse)
@@ -281,6 +281,20 @@ def _jumped(rows: Rows, one: Reading, first: int) -> bool:
         if not (steps.max() > JUMP * usual and left <= min(least, HALF * steps.max())):
             return False
     return True
+
+
+def _risen(rows: Rows, one: Reading, first: int, stop: int) -> bool:
+    """Is the level of each channel that is read otherwise nearer to so many times what it was than
+    to what it was? That a machine got weaker by as much at the same time is less likely."""
+    old, new = rows.values[: max(first - NEAR, 0)], rows.values[first:stop]
+    which = np.flatnonzero(one.moved)
+    if len(old) < LEAST or one.exchanged or (one.shifts[which] != 0.0).any():
+        return False
+    before, after = (np.nanquantile(np.abs(v[:, which]), LEVEL, axis=0) for v in (old, new))
+    number = 1.0 / np.abs(one.factors[which])
+    far = (number >= CLEARLY) | (number <= 1.0 / CLEARLY)
+    risen = np.log(np.maximum(after, 1e-300) / np.maximum(before, 1e-300)) / np.log(number)
+    return bool((far & (risen > HALF)).all())
 
 
 def _restored(rows: Rows, one: Reading, after: Outputs, known: np.ndarray) -> bool:

@@ -46,6 +46,8 @@ class Rows:
     tune: Callable[[Problem], Fit]
     begins: int | None = None
     """Position of the first row that may be otherwise; None: that of the first that is tuned."""
+    given: Vector | None = None
+    """What counts as 1 of each output's residual, (ny,); None: its usual size."""
 
     @cached_property
     def whole(self) -> Problem:
@@ -94,6 +96,8 @@ class Rows:
     @cached_property
     def sizes(self) -> Vector:
         """What counts as 1 of each output's residual: its usual size, (ny,)."""
+        if self.given is not None:
+            return self.given
         usual = self.before[: self.since] if self.since >= LEAST else self.before
         with np.errstate(all="ignore"):
             found = np.nanmedian(np.abs(usual), axis=0)

@@ -21,7 +21,7 @@ import numpy as np
 
 from evertwin.correction.improve import TooFew
 from evertwin.fold import Block, Mark, take
-from evertwin.gauges.sensor_change import SensorChange, since_change
+from evertwin.gauges.sensor_change import LEAST, SensorChange, since_change
 from evertwin.gauges.unlike import Changes, changes
 from evertwin.models import Model
 from evertwin.rows.channels import averaged, unit_recorded
@@ -51,6 +51,8 @@ BRIEF = 200
 """Newest of them, which a reading has to better first; most better nothing."""
 HALF = 0.5
 """Share of their squared mismatch that it may leave."""
+ASIDE = 0.1
+"""Part of the way that an exchange moves a channel by which it may miss where it lay."""
 FEW = 6
 """Channels, or inputs, up to which any two may have been exchanged; of more, those of one unit."""
 
@@ -111,6 +113,18 @@ class Reading(NamedTuple):
         kept = [np.isin(new[:, k], [*old[:, k], *SWITCH]).all() for k in moved]
         return not self.exchanged and bool((self.factors > 0.0).all()) and any(kept)
 
+    def lies_among(
+        self, old: Float64[np.ndarray, "before c"], new: Float64[np.ndarray, "since c"]
+    ) -> bool:
+        """Read so, do the channels that it moves lie where they lay, by half a range at most?"""
+        low, high = np.nanmin(old, axis=0), np.nanmax(old, axis=0)
+        room, usual = 0.5 * (high - low) + 1e-12, np.nanmedian(self.of(new), axis=0)
+        if self.exchanged:  # what hardly varied may have gone on
+            away = np.nanmedian(new, axis=0)
+            room = np.maximum(room, ASIDE * np.maximum(low - away, away - high))
+        inside = (low - room <= usual) & (usual <= high + room)
+        return bool((inside | ~self.moved | ~np.isfinite(usual)).all())
+
     def undone(self, window: Block) -> Block:
         """The rows as they would be, had they been read so."""
         nu, columns = window.u.shape[1], list(self.columns)
@@ -121,7 +135,7 @@ class Reading(NamedTuple):
 
 def misread(
     setup: Setup, model: Model, p: ParameterVector, windows: Windows,
-    tuned: ParameterVector | None = None,
+    tuned: ParameterVector | None = None, history: Windows = (),
 ) -> SensorChange | None:  # fmt: skip
     """The reading that the rows since a change speak for; None: none, or a static map's rows.
 
@@ -131,6 +145,7 @@ def misread(
         p: parameters, (np,).
         windows: rows; which of the newest have changed is found out.
         tuned: parameters that may explain the rows as well; None: they had held before.
+        history: rows before, as they were recorded.
 
     Raises:
         TooFew: it looks so, on fewer rows than a deviation is judged on.
@@ -139,15 +154,15 @@ def misread(
         return None
     rows = sum(len(window.t) for window in windows)
     since = rows - since_change(_deviation(setup, model, p, _newest(windows, rows)))
-    values = np.concatenate([np.concatenate([one.u, one.y], axis=1) for one in windows])
+    values = _recorded(windows)
     for count in (since, *(round(part * rows) for part in PARTS)):
         newest = _newest(windows, min(count, ROWS))
         new = len(values) - min(count, ROWS)
-        found = tuple(
-            one
-            for one in likeliest(setup, model, p, newest)
-            if not one.at_usual_levels(values[:new], values[new:])
-        )
+        found, old = likeliest(setup, model, p, newest), values[:new]
+        old = np.concatenate([_recorded(history), old]) if history else old
+        if tuned is None and len(old) >= LEAST:  # what is recorded has a history
+            found = tuple(one for one in found if one.lies_among(old, values[new:]))
+        found = tuple(one for one in found if not one.at_usual_levels(old, values[new:]))
         if not found:
             continue
         left = _off(setup, model, p, [found[0].undone(one) for one in newest])
@@ -164,6 +179,10 @@ def misread(
             "recording"
         ), None, newest[0].row if tuned is None else None)  # fmt: skip
     return None
+
+
+def _recorded(windows: Windows) -> Float64[np.ndarray, "n c"]:
+    return np.concatenate([np.concatenate([one.u, one.y], axis=1) for one in windows])
 
 
 def likeliest(

@@ -74,11 +74,7 @@ def floor(setup: Setup, level: Vector, windows: Sequence[Block]) -> Vector:
     rule, rate = setup.spec.filter, setup.spec.clock.rate
     passed = 1.0 if rule is None or rate is None else math.sqrt(min(1.0, 2 * rule.cutoff / rate))
     found = passed * level * np.where(setup.adopts, math.sqrt(2), 1.0)
-    if not setup.relative:
-        return found
-    y = np.concatenate([np.where(setup.moving(w.u), w.y, np.nan) for w in windows])
-    rows = np.maximum(np.count_nonzero(np.isfinite(y), axis=0), 1)
-    size = np.sqrt(np.nansum(y**2, axis=0) / rows)
+    size = setup.sizes(np.concatenate([np.where(setup.moving(w.u), w.y, np.nan) for w in windows]))
     return np.asarray(np.divide(found, size, out=np.zeros_like(found), where=size > 0.0))
 
 

@@ -75,8 +75,7 @@ def shifted_output(rows: Rows) -> tuple[SensorChange | None, str]:
     if rows.fitted < LEAST and machine is not None:  # what is usual is what anybody leaves at least
         lefts = [machine, *(one.left for one in found)]
         size = np.nanmin([np.nanmedian(np.abs(left), axis=0) for left in lefts], axis=0)
-        rows = replace(rows)
-        rows.__dict__["sizes"] = np.where(size > 0.0, size, rows.sizes)
+        rows = replace(rows, given=np.where(size > 0.0, size, rows.sizes))
         found, machine = _explained(rows, edges)
     if machine is None:
         return None, ""

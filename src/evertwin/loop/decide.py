@@ -23,7 +23,7 @@ from evertwin.loop.follow import EMPTY, Follow
 from evertwin.loop.heeding import heed
 from evertwin.loop.in_stream import tell_followed
 from evertwin.loop.looking import adopted, in_vain, looks, returned
-from evertwin.loop.requirement import deviates, heard
+from evertwin.loop.requirement import deviates, foreseen, heard
 from evertwin.loop.succession import driven, in_doubt, makes_room, opening
 from evertwin.loop.unanswered import unanswered
 from evertwin.models.form import Form
@@ -156,8 +156,13 @@ class Decide:
         if reason or alarm.kind or due:
             makes_room(setup, decision)
         free = self._free(decision.state, bool(reason or alarm.kind), every)
-        if reason and not state.agenda.told:
-            decision.say("suspected", signal, reason, evidence)
+        if reason is None and not alarm.kind:
+            early, signal, evidence = foreseen(setup, state)
+            decision.remember(told=state.agenda.told or bool(early))
+        else:
+            early = reason or ""
+        if early and not state.agenda.told:
+            decision.say("suspected", signal, early, evidence)
         elif alarm.kind and not state.agenda.told:
             decision.say(alarm.kind, alarm.signal, alarm.reason, alarm.evidence)
         if reason is not None:

@@ -122,9 +122,10 @@ class Driver:
 
     def init(self) -> TwinState:
         """The state before the first row."""
-        setup, ny = self.setup, len(self.setup.model.outputs)
+        setup, outputs = self.setup, self.setup.model.outputs
         scale = setup.spec.prediction.scale
-        sizes = np.array([scale.get(name, 1.0) for name in setup.model.outputs.names])
+        sizes = np.array([scale.get(name, 1.0) for name in outputs.names])
+        usual = new_usual(outputs.temperatures)
         return TwinState(
             row=0, task=-1, time=0, began=0, elapsed=0,
             live=self.follow.lane(self.champion, tracked=True),
@@ -134,7 +135,7 @@ class Driver:
             kinematics=setup.kinematics.init(),
             still=setup.still.init(len(setup.model.inputs)), recurrence=setup.recurrence.init(),
             trial=setup.trial.init(),
-            scores=new_scores(new_usual(ny), np.zeros(2, dtype=np.int64), 0, sizes),
+            scores=new_scores(usual, np.zeros(2, dtype=np.int64), 0, sizes),
             agenda=Agenda(
                 pinned=self.pinned, versions=self.versions.known, commissioned=self.champion > 0
             ),

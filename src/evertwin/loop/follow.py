@@ -29,6 +29,14 @@ EMPTY = Lane(-1, (), ())
 NONE = np.zeros(0, dtype=np.int64)
 
 
+def early(setup: Setup, state: TwinState) -> bool:
+    """May a deviation be told before its whole window has come? Once; of a share not before the
+    size of what is measured is known as well as after a window."""
+    usual = state.scores.usual.samples[setup.watched]
+    known = not setup.relative or int(usual.min(initial=setup.enough)) >= setup.enough
+    return known and not state.agenda.told
+
+
 class Followed(NamedTuple):
     """What came out of a piece: the displayed rows, and what became known.
 
@@ -224,7 +232,8 @@ class Follow:
         if len(rows.row) == 0:
             return state, (), -1
         delay = self.setup.residual_filter.delay
-        watch = self.setup.watch(beats - delay, state.agenda.held) if len(beats) else NEVER
+        soon = state.agenda.held or early(self.setup, state)
+        watch = self.setup.watch(beats - delay, soon) if len(beats) else NEVER
         scores, pairs, off = accumulate(state.scores, rows, watch)
         detect, found = self.setup.detect.step(state.detect, rows)
         stop = -1 if off < 0 else int(beats[off])

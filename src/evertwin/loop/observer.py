@@ -202,7 +202,7 @@ def figures(setup: Setup, state: TwinState) -> dict[str, OutputFigures]:
         (scores.live, scores.live_moving) if alone else (scores.first, scores.first_moving)
     )
     pairs, moving = (
-        [[deviation(sums, relative=relative) for sums in both] for relative in (False, True)]
+        [[deviation(sums, relative, scores.usual) for sums in both] for relative in (False, True)]
         for both in ((first, scores.live), (first_moving, scores.live_moving))
     )
     judged = judged_deviation(scores.live_moving, setup.relative, scores.usual)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from evertwin.loop.follow import NONE
+from evertwin.loop.follow import NONE, early
 from evertwin.setup.detectors import Alarm
 from evertwin.setup.deviation import Sums, judged_deviation
 from evertwin.setup.setup import Setup
@@ -49,12 +49,23 @@ def deviates(
     setup: Setup, state: TwinState, task_end: bool
 ) -> tuple[str | None, str, dict[str, Any]]:
     """Reason, output, evidence; (None, …) when it is too early to say, ("", …) when it is not."""
-    watch = state.scores.watch
-    samples = max(watch.samples.tolist(), default=0)
+    samples = max(state.scores.watch.samples.tolist(), default=0)
     rule = setup.watch(NONE, state.agenda.held)
     enough = samples >= setup.least if task_end else rule.enough(state.scores)
     if not np.isfinite(setup.requirement) or not enough:
         return None, "", {}
+    return _off(setup, state)
+
+
+def foreseen(setup: Setup, state: TwinState) -> tuple[str, str, dict[str, Any]]:
+    """The same where it is too early to say, but what is left of the window cannot help any more:
+    it is told, and nothing is asked yet."""
+    rule = setup.watch(NONE, early(setup, state))
+    return _off(setup, state) if rule.held and rule.enough(state.scores) else ("", "", {})
+
+
+def _off(setup: Setup, state: TwinState) -> tuple[str, str, dict[str, Any]]:
+    watch = state.scores.watch
     values = judged_deviation(watch, setup.relative, state.scores.usual)
     values = np.where(setup.watched, values, np.nan)
     if not np.nanmax(values) > setup.requirement:
@@ -65,6 +76,7 @@ def deviates(
     limit = setup.shown(worst, setup.requirement)
     first = state.row - int(state.scores.seen[0])
     evidence = {
-        "deviation": values, "limit": setup.requirement, "rows": samples, "first": first,
+        "deviation": values, "limit": setup.requirement, "rows": max(watch.samples.tolist()),
+        "first": first,
     }  # fmt: skip
     return f"{name} is off by {shown[worst]} (limit {limit})", name, evidence

@@ -27,7 +27,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from evertwin.errors import ModelError
+from evertwin.errors import ModelError, UsageError
 from evertwin.models.contract import KernelModel, Model
 from evertwin.models.kernel import Kernel
 from evertwin.models.parameters import Parameters
@@ -57,8 +57,17 @@ class FunctionModel:
     states: Layout = Layout()
     parameters: Parameters = Parameters()
     start: tuple[float | str, ...] = ()
-    """State before the first row; zeros by default. The name of a parameter: a state that nothing
-    measures, fitted to each recording."""
+    """State before the first row, one entry a state; zeros by default. The name of a parameter: a
+    state that nothing measures, fitted to each recording."""
+
+    def __post_init__(self) -> None:
+        if self.start and len(self.start) != len(self.states):
+            raise UsageError(
+                f"start: expected one entry for each state ({', '.join(self.states.names)}), a "
+                f"number or the name of a parameter, got {len(self.start)}: {self.start!r}"
+            )
+        for name in self.initials:
+            self.parameters.index(name)
 
     @property
     def initials(self) -> tuple[str, ...]:

@@ -59,6 +59,12 @@ class ModelSpec(Section):
     parameters: Mapping[str, ParameterSpec] = field(default_factory=dict)
     """Parameters by name; those not named stay as the model proposes them."""
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name, said in self.options.items():
+            if said == "?":
+                raise UsageError(f"options: {name}: a question that was left open, answer it")
+
 
 @dataclass(frozen=True)
 class ChangeSpec(Section):

@@ -31,6 +31,8 @@ LONE = 1000.0
 """A count lies far off beyond so many times the span of the others."""
 SMALL = 0.05
 """Share of the rows that may lie far off in time together."""
+ZEROS = 3
+"""Zeros at the end that are no slip of one reading; as many values beyond the limit end a life."""
 _YEAR = 365.25 * UNITS["d"]
 
 
@@ -49,15 +51,22 @@ def check_times(table: Table, by: str, at: Vector, calendar: Calendar | None) ->
     row = _odd(at, calendar) if len(at) > FEW else None
     if row is None:
         return
-    rest = np.delete(at, row)
+    rest, reason = np.delete(at, row), ""
+    if calendar is not None and at[row] > _tomorrow(calendar):
+        rest, reason = at[at <= _tomorrow(calendar)], ", which lies ahead of today"
     first, last, got = (
         f"{x:g}" if calendar is None else calendar.said(x)
         for x in (float(rest.min()), float(rest.max()), float(at[row]))
     )
     raise DataError(
         f"{table.name}:{table.lines[row]}: {by}: expected a time like those of the other rows "
-        f"({first} to {last}), got {got}: correct it, or delete the row"
+        f"({first} to {last}), got {got}{reason}: correct it, or delete the row"
     )
+
+
+def _tomorrow(calendar: Calendar) -> float:
+    """On its clock: zones differ by up to a day."""
+    return calendar.today() + UNITS["d"] / UNITS[calendar.clock]
 
 
 def _odd(at: Vector, calendar: Calendar | None) -> int | None:
@@ -72,7 +81,7 @@ def _odd(at: Vector, calendar: Calendar | None) -> int | None:
     if calendar is not None:
         unit = UNITS[calendar.clock]
         far = max(APART * span, YEARS * _YEAR / unit)
-        ahead = np.flatnonzero(at > calendar.today() + UNITS["d"] / unit)
+        ahead = np.flatnonzero(at > _tomorrow(calendar))
         if 0 < len(ahead) <= few:
             return int(ahead[0])
     lonely = len(apart) <= few and span > 0.0 and gaps[k - 1] > far
@@ -140,3 +149,31 @@ def check_limit(own: Indicator, where: str, *, alone: bool = True) -> None:
             f"{value[0]:.4g} with a limit {limit:g} ({own.limit.direction}): is the harmful side "
             f"{other}, or direction in the twin file)?"
         )
+
+
+def check_end(own: Indicator, name: str, table: Table | None = None) -> None:
+    """Asks back where a life leaps to exactly zero and stays: no wear does, a dead sensor may.
+
+    Args:
+        own: the series.
+        name: its file.
+        table: that file, where its rows can be told.
+
+    Raises:
+        DataError: with the rows.
+    """
+    life = own.since_replaced()
+    value = life.value[np.isfinite(life.value)]
+    rest = value[value != 0.0]
+    count = len(value) - 1 - int(np.flatnonzero(value)[-1]) if len(rest) else 0
+    if count < ZEROS or own.failed is not None or not abs(rest[-1]) > np.ptp(rest):
+        return
+    since = own.moment(float(life.at[np.isfinite(life.value)][-count]))
+    if table is not None and own.name in table.names:
+        there = [table.lines[k] for k in np.flatnonzero(table.column(own.name) == 0.0)[-count:]]
+        name, since = f"{name}:{there[0]}", f"{since} (rows {there[0]} to {there[-1]})"
+    raise DataError(
+        f"{name}: {own.name}: expected values that go on from {rest[-1]:.4g}, got {count} that are "
+        f"exactly 0 since {since}: readings that were broken off, or a dead sensor? Delete these "
+        "rows, or say failed in a column maintenance"
+    )

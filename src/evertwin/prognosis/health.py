@@ -30,6 +30,9 @@ from evertwin.signals.units import compatible
 from evertwin.sources.small_table import Table, read_table
 from evertwin.types import Vector
 
+SEVERAL = 3
+"""Adjustments from which more are likely."""
+
 
 def check_names(rule: IndicatorSpec, model: Model, found: History) -> None:
     """Refuses what neither the model nor the history knows: it would never have a value.
@@ -136,8 +139,22 @@ def indicator_of(
         maintenance=known.maintenance, reference=dict(rule.reference), notes=known.notes,
         calendar=known.calendar,
     )  # fmt: skip
+    found = found.with_(notes=(*found.notes, *_adjusted(found)))
     warm = {"warm_up": 0.0} if "warm_up" in known.factors else {}
     return divided(found, known.factors, warm | dict(rule.reference))
+
+
+def _adjusted(indicator: Indicator) -> tuple[str, ...]:
+    """Says that a life holds without another adjustment, where there were several."""
+    life = indicator.since_replaced()
+    marks = [m.at for m in life.maintenance if m.kind == "adjusted"]
+    if len(marks) < SEVERAL:
+        return ()
+    every = float(np.median(np.diff(sorted(marks))))
+    return (
+        f"{indicator.name}: it was adjusted {len(marks)} times, about every {every:.4g} "
+        f"{indicator.clock}; its life is told as if it were not adjusted again",
+    )
 
 
 def seen(indicator: Indicator, now: float) -> Indicator:

@@ -34,6 +34,7 @@ from evertwin.config.prognosis import IndicatorSpec
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import Event
 from evertwin.prognosis.contradictions import check_times, check_values
+from evertwin.prognosis.headings import clock_of, counting, numbering
 from evertwin.prognosis.laws import Maintenance
 from evertwin.prognosis.laws.calendar import FIRST, LAST, UNITS, Calendar
 from evertwin.prognosis.observed_series import Observed, component_of, marks_of, warm_of
@@ -225,7 +226,8 @@ def _counted(table: Table, clock: str) -> Counted:
     """The column that life is counted by; time in its unit."""
     there = (*table.names, *table.text)
     if clock not in UNITS:
-        by = _found((clock, "run", "cycle"), there)
+        said = (clock, "run", "cycle")
+        by = _found(said, there) or counting(said, table) or numbering(table)
         return _by_row(table, clock) if by is None else Counted(_whole(table, by), by)
     by = counted_by(table, clock)
     if by is None:
@@ -233,7 +235,7 @@ def _counted(table: Table, clock: str) -> Counted:
             f"{table.name}: expected a column {clock!r}, or one of {', '.join(TIMES)}, to count "
             f"life by; got {', '.join(there)}: add one, or count runs with [prognosis] clock"
         )
-    plain = by == clock and by not in table.dates
+    plain = clock in (by, clock_of(by)) and by not in (*table.dates, *table.units)
     at, notes = (_whole(table, by), ()) if plain else in_seconds(table, by)
     stamps = clock == "s" or not plain
     dated = by in table.dates or (stamps and bool(np.all((at > FIRST) & (at < LAST))))
@@ -244,7 +246,8 @@ def _counted(table: Table, clock: str) -> Counted:
 def counted_by(table: Table, clock: str = "s") -> str | None:
     """The column that tells the time: by its name, or as the only one of dates."""
     by = _found((clock, *TIMES), (*table.names, *table.text))
-    return next(iter(table.dates)) if by is None and len(table.dates) == 1 else by
+    by = next(iter(table.dates)) if by is None and len(table.dates) == 1 else by
+    return counting((clock,), table) if by is None else by
 
 
 def in_seconds(table: Table, by: str) -> tuple[Vector, tuple[str, ...]]:

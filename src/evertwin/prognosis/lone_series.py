@@ -22,8 +22,9 @@ import numpy as np
 
 from evertwin.config.prognosis import IndicatorSpec, PrognosisSpec
 from evertwin.errors import DataError, UsageError
-from evertwin.prognosis.contradictions import check_limit
+from evertwin.prognosis.contradictions import check_end, check_limit
 from evertwin.prognosis.formula import Formula
+from evertwin.prognosis.headings import COUNTS, clock_of, counting
 from evertwin.prognosis.health import indicator_of, seen, today_of, unless_overdue
 from evertwin.prognosis.history_file import TIMES, counted_by, in_seconds, of_table
 from evertwin.prognosis.laws import Limit, predict_life
@@ -32,12 +33,14 @@ from evertwin.prognosis.laws.calendar import FIRST
 from evertwin.prognosis.laws.indicator import Direction
 from evertwin.prognosis.like_machines import Likes, fleet_of
 from evertwin.prognosis.lives import ComponentLife, Lives
+from evertwin.settings.quantity import written
+from evertwin.signals.units import compatible, from_si, to_si
+from evertwin.sources.names import split_unit
 from evertwin.sources.small_table import Table, read_table
+from evertwin.starter.words import said_unit
 from evertwin.types import Vector
 
 CLOCKS = ("run", "cycle", "s", "h", "d")
-COUNTS = ("index", "row", "n", "number")
-"""Columns that count rows."""
 SELDOM = 5.0
 """Seconds from one row to the next from which a table is no recording of motion."""
 
@@ -51,8 +54,8 @@ class Series:
     """
 
     file: Path
-    limit: float
-    """In the unit that the heading of the values gives."""
+    limit: float | str
+    """In the unit that the heading of the values gives, or in its own, as in '300 um'."""
     direction: Direction = "above"
     column: str = ""
     """Of the values; empty: the only one there is."""
@@ -75,13 +78,14 @@ def life_of_series(asked: Series) -> Lives:
     """
     table = read_table(asked.file)
     column, clock = asked.column or _column(table), asked.clock or _clock(table)
+    limit = Limit(_limit(asked.limit, table, column), asked.direction)
     rule = IndicatorSpec(
-        column, parameter=column, limit=asked.limit, direction=asked.direction,
+        column, parameter=column, limit=limit.value, direction=asked.direction,
         unit=table.written.get(column, ""),
     )  # fmt: skip
-    limit = Limit(asked.limit, asked.direction)
     own = indicator_of(rule, of_table(rule, table, clock), limit, clock, None)
     check_limit(own, f"{table.name}:{table.lines[0]}")
+    check_end(own, table.name, table)
     fleet = fleet_of(Likes(rule, limit, clock, asked.fleet, asked.failed))
     if asked.from_today:
         own = seen(own, today_of((own,)))
@@ -128,9 +132,9 @@ def wear_in(file: Path) -> Wear | None:
         clock, columns = _clock(table), _columns(table)
         by = counted_by(table)
         step = np.inf
-        if by is not None and not {n.lower() for n in table.names} & {"run", "cycle"}:
+        if by is not None and clock not in ("run", "cycle"):
             step = float(np.median(np.diff(in_seconds(table, by)[0])))
-        elif by is None and not {n.lower() for n in table.names} & set(CLOCKS):
+        elif by is None and counting(CLOCKS, table) is None and "s" not in table.names:
             return None
     except DataError:
         return None
@@ -143,12 +147,40 @@ def wear_in(file: Path) -> Wear | None:
     return Wear(clock, columns, table.rows, falls)
 
 
+def _limit(said: float | str, table: Table, column: str) -> float:
+    """Where life ends, in the unit of the values.
+
+    Raises:
+        UsageError: it is no number, or in a unit that the values have not.
+    """
+    if not isinstance(said, str):
+        return said
+    try:
+        number, unit = written(said)
+    except UsageError as error:
+        raise UsageError(f"--limit: {error}") from error
+    values = table.column(column)
+    own = table.written.get(column) or split_unit(column)[1] or said_unit(column)
+    if not unit or (own and compatible(unit, own)):
+        return float(from_si(to_si(number, unit), own)) if unit else number
+    if unit == "%":
+        first = float(values[np.isfinite(values)][0]) if np.isfinite(values).any() else np.nan
+        first = float(from_si(first, own)) if column in table.units else first
+        raise UsageError(
+            f"--limit {said!r}: per cent of what? Say the value itself: of the first {column}, "
+            f"{first:.4g}, it is --limit {0.01 * number * first:.4g}"
+        )
+    expected = f"a unit like {own!r}" if own else f"a number alone, for {column} states no unit"
+    raise UsageError(f"--limit {said!r}: expected {expected}, got {unit!r}")
+
+
 def _columns(table: Table) -> tuple[str, ...]:
     """Columns that may be values."""
     clocks = {*CLOCKS, *TIMES, *COUNTS}
     there = [
         n for n in table.names
-        if n.lower() not in clocks and not n.endswith("sigma") and n not in table.dates
+        if n.lower() not in clocks and not clock_of(n) and not n.endswith("sigma")
+        and n not in table.dates
     ]  # fmt: skip
     return tuple(n for n in there if not _counts(table.column(n))) or tuple(there)
 
@@ -174,9 +206,12 @@ def _clock(table: Table) -> str:
     names = {n.lower() for n in table.names}
     if found := [clock for clock in CLOCKS if clock in names]:
         return found[0]
+    if by := counting(("run", "cycle"), table):
+        return clock_of(by)
     by = counted_by(table)
     if by is None:
-        return "run"
+        by = counting(("h", "d"), table)
+        return clock_of(by) if by else "run"
     at, _ = in_seconds(table, by)
     span = float(np.ptp(at))
     if by not in table.dates and not np.all(at > FIRST):

@@ -15,7 +15,7 @@ from evertwin.ahead.basis import Basis
 from evertwin.ahead.whatif import Today, today
 from evertwin.config.prognosis import IndicatorSpec, PrognosisSpec
 from evertwin.errors import ConfigError
-from evertwin.prognosis.contradictions import check_limit
+from evertwin.prognosis.contradictions import check_end, check_limit
 from evertwin.prognosis.course import Course, course
 from evertwin.prognosis.health import (
     check_names,
@@ -119,7 +119,9 @@ class Prospect:
         parameters = self.basis.model.parameters
         found = indicator_of(rule, known, limit, self.rule.clock, parameters)
         if self.table is not None or rule.file:
-            check_limit(found, f"{self.table.name if self.table else rule.file}", alone=False)
+            file = self.table.name if self.table else str(rule.file)
+            check_limit(found, file, alone=False)
+            check_end(found, file, self.table)
         kept = self.table is not None or rule.file or self.history.moments
         if kept or self.basis.setup.spec.store.path is not None:
             return found

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from evertwin.anomaly.verdict import Verdict, branch
+from evertwin.anomaly.verdict import Verdict, branch, explained
 from evertwin.gauges.noise import buried
 from evertwin.setup.evaluation import falls_short
 from evertwin.setup.setup import Setup
 from evertwin.tuning import Fit, Problem, solve
+
+NEARLY_ALL = 0.9
+"""Part of the deviation from which on tuned numbers are tried before another form is looked for."""
 
 
 def judged(setup: Setup, problem: Problem, fit: Fit) -> Verdict:
@@ -24,6 +27,12 @@ def judged(setup: Setup, problem: Problem, fit: Fit) -> Verdict:
     if noisy and (found.kind == "normal" or found.evidence["dependence"]):
         return replace(found, kind="noise", reason=noisy)
     short = falls_short(setup, problem, fit)
-    if found.kind == "normal" and short and setup.spec.correction.terms:
+    if found.kind != "normal" or not short:
+        return found
+    if setup.spec.correction.terms:
         return replace(found, kind="abnormal", reason=f"{short}: the form does not reach it")
-    return found
+    part = explained(fit, fit.noise)
+    if found.cause or part >= NEARLY_ALL:  # the window may hold rows of the machine as it was
+        return replace(found, reason=f"{found.reason}; {short}")
+    reason = f"{short}, and explains {100 * part:.0f} %: the form does not reach it"
+    return replace(found, kind="abnormal", reason=reason, alone=True)

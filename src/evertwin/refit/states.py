@@ -170,11 +170,8 @@ class States:
 
     def _size(self, y: Outputs) -> PerOutput:
         limit = self.setup.requirement if np.isfinite(self.setup.requirement) else 1.0
-        if not self.setup.relative:
-            return np.full(y.shape[1], limit**2)
-        rows = np.maximum(np.count_nonzero(np.isfinite(y), axis=0), 1)
-        size = np.nansum(np.square(y), axis=0) / rows
-        return np.asarray(limit**2 * np.where(size > 0, size, 1.0))
+        size = self.setup.sizes(y)
+        return np.asarray(np.square(limit * np.where(size > 0, size, 1.0)))
 
 
 def _counting(windows: Windows) -> Windows:

@@ -78,7 +78,7 @@ class Tuner:
         """Is what is watched within the requirement?"""
         on = self.setup.watched
         off = rms(np.where(problem.rows.used, problem.residuals(values), np.nan)[:, on])
-        limit = self.setup.requirement * (rms(problem.rows.y[:, on]) if self.setup.relative else 1)
+        limit = self.setup.requirement * self.setup.sizes(problem.rows.y)[on]
         return bool((off <= limit).all())
 
     def editable(self, version: Version) -> tuple[str, ...]:

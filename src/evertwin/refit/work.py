@@ -31,7 +31,7 @@ from evertwin.models.form import Form, Version
 from evertwin.refit.answering import changed_since, event, of_a_sensor, rejected
 from evertwin.refit.channels import ENOUGH, of_a_channel
 from evertwin.refit.correcting import learn, nearest
-from evertwin.refit.judgement import judged
+from evertwin.refit.judgement import NEARLY_ALL, judged
 from evertwin.refit.named_cause import named_first
 from evertwin.refit.physical import passive
 from evertwin.refit.posterior import posterior
@@ -57,8 +57,6 @@ surpass one that is on trial."""
 HALF = 0.5
 """Part of the deviation that tuning explains at least where the form is wrong and tuned numbers are
 tried all the same; and that a state which came or went takes away on unseen rows."""
-NEARLY_ALL = 0.9
-"""Part of the deviation from which on tuned numbers are tried before another form is looked for."""
 
 
 def work_of(spec: TwinSpec, rate: float | None) -> Work:
@@ -78,7 +76,7 @@ class Work(Tuner):
     def __reduce__(self) -> tuple[Any, ...]:
         return work_of, (self.setup.spec, self.setup.measured_rate)
 
-    @np.errstate(over="ignore", invalid="ignore")
+    @np.errstate(all="ignore")  # numbers are tried at which a model has no value
     def content(self, task: Task) -> dict[str, Json]:
         """What the answer says, in plain values; what cannot be done is an event in it."""
         try:
@@ -185,7 +183,7 @@ class Work(Tuner):
         since = {"since": windows[0].row} if windows is not task.windows else {}
         model = self.versions.model_of(version.form)
         rows = self.setup, model, version.p, windows
-        other, few = at_once(rows) if commissioned else (None, None)
+        other, few = at_once(rows, task.windows) if commissioned else (None, None)
         if other:
             return of_a_sensor(other, *events) | since
         posed = self.problem(version, windows, names)
@@ -200,7 +198,7 @@ class Work(Tuner):
             verdict = Verdict("normal", "", "tuned the share of the parameters whose turn it is")
         else:
             verdict = judged(self.setup, problem, fit)
-        if verdict.kind == "abnormal" and not commissioned:
+        if verdict.kind == "abnormal" and not (commissioned or verdict.alone):
             other = misread(*rows, fit.p)
             if other:
                 return of_a_sensor(other, *events) | since
@@ -218,12 +216,12 @@ class Work(Tuner):
         said = verdict.reason + alike
         events.append(event(verdict.kind, verdict.cause, said, verdict.evidence))
         part = explained(fit, fit.noise)
-        if task.waits and verdict.kind == "normal" and part < MUCH:
+        if task.waits and (verdict.kind == "normal" or verdict.alone) and part < MUCH:
             raise TooFew(f"tuning explains {100 * part:.0f} % of the deviation so far")
         content: dict[str, Any] = {
             "events": events, "fit": fit.to_dict(timing=False), "tuned": True, **rounds,
         }  # fmt: skip
-        helps = verdict.kind != "abnormal" or self._helps(verdict, fit)
+        helps = verdict.kind != "abnormal" or verdict.alone or self._helps(verdict, fit)
         if verdict.kind == "abnormal" and self._next() and not (helps and part >= NEARLY_ALL):
             content["candidate"] = self._named(verdict, version, problem, events)
             content |= {} if content["candidate"] else {"next": self._next()}

@@ -86,8 +86,8 @@ def _decisions(setup: Setup) -> None:
         state = gate.init()
         gate.step(state, np.ones((1, 2 + len(state.harm))))
     setup.trial.verdict(setup.trial.init())
-    ny = len(setup.model.outputs)
-    scores = new_scores(new_usual(ny), np.zeros(2, dtype=np.int64), 0, np.ones(ny))
+    ny, usual = len(setup.model.outputs), new_usual(setup.model.outputs.temperatures)
+    scores = new_scores(usual, np.zeros(2, dtype=np.int64), 0, np.ones(ny))
     scores.seen[0] = 1
     outputs = np.ones(ny, dtype=np.bool_)
     exceeds(scores.watch, scores.seen, scores.usual, NEVER._replace(outputs=outputs))

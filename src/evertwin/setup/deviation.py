@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evertwin.compiled.functions import njit
-from evertwin.types import Vector
+from evertwin.signals.sizes import STOOD
+from evertwin.types import Bool, Vector
 
 
 class Sums(NamedTuple):
@@ -38,19 +39,40 @@ def new_sums(outputs: int) -> Sums:
 class Usual(NamedTuple):
     """How large the measurements of moving rows have been since the start, whatever was live.
 
-    >>> new_usual(2).samples.tolist()
-    [0, 0]
+    >>> new_usual(np.array([False, True])).lowest.tolist()
+    [nan, inf]
     """
 
     measured: Vector
     """Σ measurement², per output."""
     samples: np.ndarray
     """Rows with a residual, int64."""
+    lowest: Vector
+    """Of a temperature, whose size is its range; NaN of other outputs."""
+    highest: Vector
+    last: Vector
+    """Of the row before."""
+    jumps: Vector
+    """Σ (change since the row before)², of temperatures."""
 
 
-def new_usual(outputs: int) -> Usual:
+def new_usual(temperatures: Bool[np.ndarray, " ny"]) -> Usual:
     """Nothing was measured yet."""
-    return Usual(np.zeros(outputs), np.zeros(outputs, dtype=np.int64))
+    none, unknown = np.zeros(len(temperatures)), np.full(len(temperatures), np.nan)
+    far = np.where(temperatures, np.inf, np.nan)
+    return Usual(none, none.astype(np.int64), far, -far, unknown, none.copy())
+
+
+@njit(cache=True)
+def count_in(k: int, usual: Any, y: float) -> None:
+    """One more measurement of an output."""
+    measured, samples, lowest, highest, last, jumps = usual
+    measured[k] += y * y
+    samples[k] += 1
+    if lowest[k] == lowest[k]:
+        lowest[k], highest[k] = min(lowest[k], y), max(highest[k], y)
+        jump = 0.0 if last[k] != last[k] else y - last[k]
+        jumps[k] += jump * jump
 
 
 @njit(cache=True)
@@ -58,8 +80,12 @@ def mean_square(k: int, sums: Any, usual: Any) -> float:
     """Mean square of an output's measurements, which its residual is relative to.
 
     Never less than usual: where a window is short, lacks samples or hardly moves, a few rows near
-    zero make no deviation large.
+    zero make no deviation large. Of a temperature it is the square of its range.
     """
+    _, samples, lowest, highest, _, jumps = usual
+    if lowest[k] == lowest[k] and samples[k] > 0:
+        span, noise = highest[k] - lowest[k], jumps[k] / (2.0 * samples[k])
+        return float(max(span * span, STOOD * STOOD * noise))
     size = sums[1][k] / sums[2][k]
     return float(max(size, usual[0][k] / usual[1][k]) if usual[1][k] > 0 else size)
 
@@ -75,10 +101,13 @@ def judged_deviation(sums: Sums, relative: bool, usual: Usual) -> Vector:
     return ratio
 
 
-def deviation(sums: Sums, relative: bool) -> Vector:
+def deviation(sums: Sums, relative: bool, usual: Usual | None = None) -> Vector:
     """Rms of the residual per output, relative to the measurement's or not; NaN without rows."""
     count = np.where(sums.samples > 0, sums.samples, np.nan)
     base = sums.measured if relative else count
+    if relative and usual is not None:
+        own = [mean_square(k, sums, usual) if n else np.nan for k, n in enumerate(sums.samples)]
+        base = np.where(np.isnan(usual.lowest), base, count * own)
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio: Vector = np.sqrt(sums.residual / np.where(sums.samples > 0, base, np.nan))
     return ratio

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from evertwin.fold import Block
 from evertwin.models import Model
 from evertwin.models.batch import Batch, mapped
 from evertwin.setup.setup import Setup
+from evertwin.signals.sizes import size
 from evertwin.sync.horizon import residuals, restarts
 from evertwin.tuning import Fit, Problem
 from evertwin.types import Json, Outputs, ParameterVector, PerOutput, Vector
@@ -98,8 +98,8 @@ def deviations(setup: Setup, predictions: Sequence[Prediction]) -> tuple[Deviati
                 channel.name,
                 channel.unit,
                 _rms(residual[known, k]),
-                _ratio(residual[known, k], measured[known, k]),
-                _ratio(residual[moves, k], measured[moves, k]),
+                _rms(residual[known, k]) / size(measured[known, k], channel.unit == "K"),
+                _rms(residual[moves, k]) / size(measured[moves, k], channel.unit == "K"),
                 int(moves.sum()),
                 int(known.sum()),
             )
@@ -109,11 +109,6 @@ def deviations(setup: Setup, predictions: Sequence[Prediction]) -> tuple[Deviati
 
 def _rms(values: Vector) -> float:
     return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
-
-
-def _ratio(residual: Vector, measured: Vector) -> float:
-    base: Any = _rms(measured)
-    return _rms(residual) / base if base > 0 else float("nan")
 
 
 def at_ends(problem: Problem, values: np.ndarray) -> list[float]:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evertwin.compiled.functions import njit
-from evertwin.setup.deviation import Usual, mean_square, new_sums
+from evertwin.setup.deviation import Usual, count_in, mean_square, new_sums
 from evertwin.setup.released import Released
 from evertwin.setup.twin_state import Scores
 from evertwin.types import Bool, Int64
@@ -102,8 +102,8 @@ def _accumulate(
         for k in range(live.shape[1]):
             y, a, b, c = measured[i, k], live[i, k], first[i, k], other[i, k]
             if a == a and moving[i, k]:
-                usual[0][k] += y * y
-                usual[1][k] += 1
+                count_in(k, usual, y)
+            usual[4][k] = y
             for s in range(1 if outside[i] else 5):  # what watches forgets a contact
                 r = b if s == 2 or s == 4 else a
                 if r != r or ((s == 0 or s >= 3) and not moving[i, k]):

@@ -24,11 +24,12 @@ from evertwin.setup.at_horizon import AtHorizon
 from evertwin.setup.detectors import Detect
 from evertwin.setup.residual_filter import ResidualFilter
 from evertwin.setup.scores import Watch
+from evertwin.signals.sizes import sizes
 from evertwin.signals.spoken import MANY, share, suited
 from evertwin.sync import Track
 from evertwin.sync.horizon import nanoseconds
 from evertwin.trial import Probation, Trial
-from evertwin.types import Bools
+from evertwin.types import Bools, Outputs, PerOutput
 
 BACK = 10
 """Windows of a table that are kept: a machine is seldom at all levels within one."""
@@ -158,16 +159,14 @@ class Setup:
         """Which rows count as moving, per output, (n, ny); all where nothing is said of one."""
         rule = self.spec.moving
         if rule is None:
-            moving = np.empty((len(u), len(self.model.outputs)), dtype=np.bool_)
-            moving.fill(True)
-            return moving
+            return np.ones((len(u), len(self.model.outputs)), dtype=np.bool_)
         columns, unsaid = self.judged_by
-        return np.asarray((np.abs(u.take(columns, axis=1)) > rule.above) | unsaid)
+        return np.asarray((np.abs(u[:, columns]) > rule.above) | unsaid)
 
     @cached_property
     def judged_by(self) -> tuple[np.ndarray, np.ndarray]:
         """Column of the inputs that tells whether an output moves; and the outputs without one."""
-        channels = {} if self.spec.moving is None else self.spec.moving.channels
+        channels = self.spec.moving.channels if self.spec.moving else {}
         said = [channels.get(name) for name in self.model.outputs.names]
         columns = [0 if name is None else self.model.inputs.index(name) for name in said]
         return np.array(columns), np.array([name is None for name in said])
@@ -293,6 +292,10 @@ class Setup:
         """The unit of each output in the twin file; empty where it has none."""
         return tuple(unit_recorded(self.spec, name) for name in self.model.outputs.names)
 
+    def sizes(self, y: Outputs) -> PerOutput:
+        """What the requirement is a share of, (ny,); 1 where it has a unit."""
+        return sizes(y, self.model.outputs.temperatures) if self.relative else np.ones(y.shape[1])
+
     def shown(self, output: int, value: float) -> str:
         """A deviation in words."""
         if self.relative:
@@ -336,8 +339,7 @@ class Setup:
     @cached_property
     def once(self) -> frozenset[str]:
         """Names of the parameters that stay once the twin has held its requirement."""
-        names, given = self.model.parameters.names, self.spec.tuning.once
-        return frozenset(matching(names, given, key="once"))
+        return frozenset(matching(self.model.parameters.names, self.spec.tuning.once, key="once"))
 
     @cached_property
     def trial(self) -> Trial:
@@ -384,16 +386,15 @@ class Setup:
         by, unsaid = self.judged_by
         rate = self.known_rate if self.static else None
         deciding = set(by[~unsaid].tolist()) if rate else set()
-        channels = measured(self.spec, self.model.inputs).values()
-        which = tuple(tuple(columns) for columns, _ in channels if deciding & set(columns))
+        found = measured(self.spec, self.model.inputs).values()
+        which = tuple(tuple(columns) for columns, _ in found if deciding & set(columns))
         return Still(which, max(LEAST_STILL, round(STILL * (rate or 1.0))))
 
     @cached_property
     def kinematics(self) -> Kinematics:
         """The observer of measured positions and speeds that a static map takes as inputs."""
-        rate = self.known_rate
-        inputs = self.model.inputs
-        pairs = tuple(motions(self.spec, inputs)) if self.static and rate else ()
+        rate, inputs = self.known_rate if self.static else None, self.model.inputs
+        pairs = tuple(motions(self.spec, inputs)) if rate else ()
         names = tuple((inputs.names[q], inputs.names[v]) for q, v in pairs)
         columns = tuple((q, v, int(inputs.angles[q])) for q, v in pairs)
         return Kinematics(names, columns, rate or 1.0)

@@ -98,6 +98,11 @@ class Layout:
         return np.array([channel.kind == "angle" for channel in self.channels], dtype=np.bool_)
 
     @cached_property
+    def temperatures(self) -> np.ndarray:
+        """True where a channel is a temperature, whose zero tells nothing of its size, (k,)."""
+        return np.array([channel.unit == "K" for channel in self.channels], dtype=np.bool_)
+
+    @cached_property
     def groups(self) -> tuple[str, ...]:
         """Names of the groups, in order of their first channel."""
         return tuple(dict.fromkeys(channel.group for channel in self.channels))

@@ -40,6 +40,8 @@ _TOKEN = re.compile(
     )""",
     re.VERBOSE,
 )
+_NONE = {"-", "–", "a.u.", "a. u.", "arb. unit", "arb. units", "arb.u."}
+"""What headings write of a number that has no unit, or one of its own."""
 _SPELT: dict[str, Factors] = {
     "1": (), "dimensionless": (), "°": (("degree", 1.0),), "deg": (("degree", 1.0),),
     "kgm2": (("kg", 1.0), ("m", 2.0)),
@@ -56,6 +58,8 @@ _ARMS: dict[str, Factors] = {
 @lru_cache(4096)
 def factors(text: str) -> Factors | None:
     """(symbol, power) of a unit, in order; None for a text that is none."""
+    if text in _NONE:
+        return ()
     tokens = _tokens(text)
     if tokens is None:
         return None

@@ -14,6 +14,7 @@ is done by `pint`; angles count as dimensionless radians.
 from __future__ import annotations
 
 import math
+import re
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -65,6 +66,9 @@ _SPELLINGS = {
 }  # fmt: skip
 
 
+_OHMS = re.compile("Ohms?$")
+
+
 @lru_cache(4096)
 def _name(symbol: str, unit: str) -> str:
     """What pint calls one symbol: the only text of a unit that it is given."""
@@ -72,7 +76,7 @@ def _name(symbol: str, unit: str) -> str:
 
     registry = _registry()
     try:
-        name = _SPELLINGS.get(symbol) or str(registry.get_name(symbol))
+        name = _SPELLINGS.get(symbol) or str(registry.get_name(_OHMS.sub("ohm", symbol)))
     except pint.errors.PintError:
         raise _unknown(unit) from None
     if registry._units[name].is_logarithmic:
@@ -135,7 +139,7 @@ def si_unit(unit: str) -> str:
     if known is not None:
         return known.si
     if conversion(unit) == (1.0, 0.0):
-        return unit
+        return unit if factors(unit) else "1"
     if "deg" in unit and compatible(unit, "degC"):
         return "K"
     base = _registry().Quantity(1.0, _parse(unit)).to_base_units().units

@@ -80,6 +80,8 @@ class ColumnInfo:
     """(value, line) far outside the rest; at most ten to either side."""
     sentinels: tuple[float, ...] = ()
     """Extremes that are common words for "no measurement"."""
+    recurring: tuple[float, int] | None = None
+    """A value that recurs far off those beside it each time, and in how many cells."""
     also: tuple[str, ...] = ()
     """Further names that the file gives it."""
 

@@ -25,6 +25,7 @@ from evertwin.sources.description import (
 from evertwin.sources.guard import Guarded, Watch, typical
 from evertwin.sources.images import BagImage, Images, images_of
 from evertwin.sources.info_text import column_findings, table_findings
+from evertwin.sources.no_value import SENTINELS
 from evertwin.sources.recording import open_recording
 from evertwin.sources.scans import Scans
 from evertwin.sources.stamps import NO_STAMP, StampError, past_midnight, to_ns
@@ -193,14 +194,9 @@ def _column(column: Column, s: ColumnStatistics, words: dict[str, int]) -> Colum
         s.lows[0][0] if s.lows else float("nan"),
         s.highs[0][0] if s.highs else float("nan"),
         s.mean, s.std, s.longest, s.longest_line, s.changes, absurd,
-        tuple(sorted(extremes & _SENTINELS)), column.also,
+        tuple(sorted(extremes & SENTINELS - {s.none})),
+        None if s.none is None else (s.none, s.nones), column.also,
     )  # fmt: skip
-
-
-_SENTINELS = frozenset(
-    {-999.0, -9999.0, -99999.0, 9999.0, 99999.0, 32767.0, -32768.0, 65535.0, 2147483647.0,
-     -2147483648.0, 4294967295.0}
-)  # fmt: skip
 
 
 def _time(column: Column, unit: TimeGuess, clock: ClockStatistics, tally: Tally) -> TimeInfo | None:

@@ -175,6 +175,12 @@ def _values(column: ColumnInfo) -> Iterator[str]:
     if column.absurd:
         value, line = max(column.absurd, key=lambda pair: abs(pair[0]))
         yield f"{len(column.absurd)} or more absurd values, such as {value:.6g} in line {line}"
+    if column.recurring is not None:
+        value, count = column.recurring
+        yield (
+            f"{value:g} in {100 * count / column.count:.3g} % of its cells, each time far off "
+            f"those beside it: where it stands for no value, write sentinels = [{value:g}]"
+        )
     for sentinel in column.sentinels:
         yield f"{sentinel:g} may stand for no measurement: name it as a sentinel"
     if column.kind == "number" and column.count > 1 and column.low == column.high:

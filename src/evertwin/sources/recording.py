@@ -19,6 +19,7 @@ from evertwin.sources.arrays import open_npy, open_npz
 from evertwin.sources.bags import open_bag
 from evertwin.sources.carmen import open_carmen
 from evertwin.sources.dialect import FOUND, Stated
+from evertwin.sources.exported import exported
 from evertwin.sources.foreign import foreign
 from evertwin.sources.mat import open_mat, open_mat73
 from evertwin.sources.parquet import open_parquet
@@ -89,9 +90,9 @@ def _recording(path: Path, stated: Stated) -> Recording:
             return _opened(point.load(), path)
     kind = sniff(path)
     if kind == "text":
-        return Recording(path, "csv", (TextTable(path, stated=stated),))
+        return exported(Recording(path, "csv", (TextTable(path, stated=stated),)))
     if kind in _OPEN:
-        return _OPEN[kind](path)
+        return exported(_OPEN[kind](path))
     return open_bag(path, kind)
 
 

@@ -148,7 +148,10 @@ def parse(lines: Iterable[str], name: str) -> Table:
         got = f"only {','.join(rows[0][1])[:60]!r}" if rows else "an empty file"
         raise DataError(f"{name}: expected a line of headings and rows below it, got {got}")
     parts = [_HEAD.match(cell) for cell in rows[0][1]]
-    heads = [((m and m[1]) or f"c{k}", (m and m[2]) or "") for k, m in enumerate(parts, 1)]
+    heads = [
+        ((m and m[1]) or f"c{k}", ((m and m[2]) or "").strip("-"))  # [-] is no unit
+        for k, m in enumerate(parts, 1)
+    ]
     names = [head for head, _ in heads]
     if len(set(names)) < len(names):
         wrong = next(n for k, n in enumerate(names) if n in names[:k])

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from evertwin.sources.no_value import no_value
 from evertwin.types import Stamps
 
 EXTREMES = 10
@@ -69,6 +70,9 @@ class ColumnStatistics:
     lows: list[tuple[float, int]] = field(default_factory=list)
     highs: list[tuple[float, int]] = field(default_factory=list)
     sample: EvenSample = field(default_factory=EvenSample)
+    none: float | None = None
+    """What may stand for no value."""
+    nones: int = 0
 
     def add(self, line: Stamps, v: Array) -> None:
         """The next rows: their lines and values, (n,)."""
@@ -87,6 +91,8 @@ class ColumnStatistics:
         self.sample.add(kept)
         self._extremes(where, kept)
         self._runs(where, kept)
+        self.none = no_value(kept) if self.none is None else self.none
+        self.nones += 0 if self.none is None else int(np.sum(kept == self.none))
 
     def _extremes(self, line: Stamps, v: Array) -> None:
         few = min(EXTREMES, len(v))

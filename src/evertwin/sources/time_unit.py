@@ -35,6 +35,7 @@ import numpy as np
 from evertwin.errors import DataError
 from evertwin.sources.dates import ORDERS, is_date, is_whole, order_of
 from evertwin.sources.description import ClockInfo
+from evertwin.sources.exported import parts_of
 from evertwin.sources.stamps import NO_STAMP, to_ns
 from evertwin.sources.table import Column, Table
 from evertwin.types import Int64, Stamps
@@ -151,12 +152,16 @@ NAMES = ("t", "time", "timestamp", "stamp", "times", "datetime", "date", "zeit",
 """Usual first words of a column of time."""
 
 
+_OWN = ["header", "stamp"]
+"""Last words of a message's own stamp."""
+
+
 def time_column(table: Table) -> Column | None:
     """The column that holds the stamps: by its kind, its name, or first and increasing.
 
     A bag's own stamps come first; then calendar stamps; then usual names; then times of day; then
     dates without a time; then the first column, if it is a number that grows all through the first
-    rows, and nearly all through thousands.
+    rows, and nearly all through thousands. A message's number in its sequence is no time.
     """
     columns = table.columns
     usual = [column for column in columns if column.kind == "number" and _usual(column)]
@@ -169,7 +174,7 @@ def time_column(table: Table) -> Column | None:
     if usual:
         return usual[0]
     numeric = [c.name for c in columns if c.kind == "number"]
-    if len(numeric) < 2 or columns[0].name != numeric[0]:
+    if len(numeric) < 2 or columns[0].name != numeric[0] or "seq" in _words(numeric[0]):
         return None
     rows = next(iter(table.rows(numeric, None, strict=False)), None)
     if rows is None or len(rows.line) < 3:
@@ -180,8 +185,12 @@ def time_column(table: Table) -> Column | None:
 
 
 def _usual(column: Column) -> bool:
-    every = (re.split(r"[^a-z]+", name.lower().strip()) for name in (column.name, *column.also))
-    return any(words[0] in NAMES for words in every)
+    every = (_words(name) for name in (column.name, *column.also))
+    return any((words[:1] and words[0] in NAMES) or words[-2:] == _OWN for words in every)
+
+
+def _words(name: str) -> list[str]:
+    return [word for word in re.split(r"[^a-z]+", name.lower()) if word]
 
 
 def _lacks(table: Table, column: Column) -> int:
@@ -239,9 +248,9 @@ class Line:
 
 def other_clocks(table: Table, first: Column) -> tuple[ClockInfo, ...]:
     """Every further column of time, compared with the first, in one more pass over the table."""
-    found = []
+    found, parts = [], parts_of(column.name for column in table.columns)
     for column in table.columns:
-        if column != first and _tells_time(column):
+        if column != first and column.name not in parts and _tells_time(column):
             line = _line(table, first, column)
             info = None if line is None else line.result(column.name)
             # A clock that runs twice as fast as the other is a counter or another unit.
@@ -251,7 +260,7 @@ def other_clocks(table: Table, first: Column) -> tuple[ClockInfo, ...]:
 
 
 def _tells_time(column: Column) -> bool:
-    words = [w for w in re.split(r"[^a-z]+", column.name.lower()) if w]
+    words = _words(column.name)
     named = bool(words) and (words[0] in NAMES or any(w in NAMES[1:] for w in words))
     return column.kind == "time" or (column.kind == "number" and named)
 

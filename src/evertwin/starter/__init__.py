@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from evertwin.starter.mapping import mapped as mapped
     from evertwin.starter.options import options_of as options_of
     from evertwin.starter.proposal import (
-        Derivation as Derivation, Match as Match, Proposal as Proposal,
+        ASK as ASK, Derivation as Derivation, Match as Match, Proposal as Proposal,
     )  # fmt: skip
     from evertwin.starter.pump_file import pump_model as pump_model
     from evertwin.starter.seen import Seen as Seen, look as look

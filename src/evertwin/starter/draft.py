@@ -236,7 +236,8 @@ class Draft:
     def questions(self) -> tuple[str, ...]:
         """What a person has to say before a run."""
         rates = (f"{s.name}: rate of the rows" for s in self.sources if s.period is None)
-        return (*rates, *self.proposal.questions)
+        options = (f"model: {name}" for name, said in self.options.items() if said == ASK)
+        return (*options, *rates, *self.proposal.questions)
 
     def text(self) -> str:
         """The twin file."""

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+import numpy as np
+
 from evertwin.machines.catalog import machine
 from evertwin.sources.description import ColumnInfo
 from evertwin.starter.axes import by_axis
 from evertwin.starter.mapping import mapped
 from evertwin.starter.named import unit_of
-from evertwin.starter.proposal import Match
+from evertwin.starter.proposal import Match, Proposal
 from evertwin.starter.seen import Seen
 from evertwin.starter.words import AMBIENT, HEATER, is_temperature, quantity, role, same_kind, words
 
@@ -27,9 +29,9 @@ _AXES = 3
 
 def kind_of(seen: Sequence[Seen]) -> str:
     """A model's name, ``pump``, or ``python`` where the headings do not say."""
-    base = mapped(machine("differential", {}), seen)
-    if not base.questions and not base.derivations:
-        return "differential"
+    base = _base(seen)
+    if base:
+        return base
     columns = [column for _, column in _varying(seen)]
     if len(pump(seen)) == len(("speed", "flow", "pressure")):
         return PUMP
@@ -43,6 +45,33 @@ def kind_of(seen: Sequence[Seen]) -> str:
     if len(axes) <= _AXES and all(_is_driven(part) for _, part in axes):
         return "drive_force"
     return "python"
+
+
+def _base(seen: Sequence[Seen]) -> str:
+    """The kind of a mobile base, where speeds and pose leave nothing to ask: one that is steered,
+    one that is told to go sideways as it is told to go ahead, or one of two wheels; else empty."""
+    steers = any("steering" in _meant(words(column.name)) for _, column in _varying(seen))
+    for kind in (*["bicycle"] * steers, "omni", "differential"):
+        found = mapped(machine(kind, {}), seen)
+        sound = not found.questions and not found.derivations
+        if sound and (kind != "omni" or _sideways(found, seen)):
+            return kind
+    return ""
+
+
+def _meant(said: Sequence[str]) -> set[str]:
+    return {"steering" if word in ("steer", "steered") else word for word in said}
+
+
+def _sideways(found: Proposal, seen: Sequence[Seen]) -> bool:
+    """Are the speeds ahead and to the side said alike? What a base is not told is slip, if it is
+    small."""
+    ahead, side = (next(m for m in found.matches if m.channel == name) for name in ("vx", "vy"))
+    said = words(side.column)
+    if [word if word != "y" else "x" for word in said] != words(ahead.column):
+        return False
+    across, along = (np.nanstd(seen[m.source].values(m.column)) for m in (side, ahead))
+    return role(said) == "command" or bool(across > 0.3 * along)
 
 
 def _varying(seen: Sequence[Seen]) -> Iterator[tuple[int, ColumnInfo]]:

@@ -26,6 +26,7 @@ from evertwin.sources.description import ColumnInfo
 from evertwin.sources.names import unit_problem
 from evertwin.starter.arm import of_arm
 from evertwin.starter.base import of_odometry, of_pose, of_wheels
+from evertwin.starter.compass import as_compass
 from evertwin.starter.named import matched, sole, unit_of
 from evertwin.starter.proposal import ASK, Derivation, Match, Proposal
 from evertwin.starter.relations import wraps
@@ -47,6 +48,7 @@ def mapped(model: Model | None, seen: Sequence[Seen]) -> Proposal:
         matches, derived = list(found.matches), list(found.derivations)
     else:
         matches, derived = _other(channels, model.inputs.names if len(model.states) else (), seen)
+    matches = as_compass(matches, seen)
     derived = _unwrapped(matches, derived, seen)
     return _rest(matches, derived, _lacking(channels, matches, derived), seen)
 

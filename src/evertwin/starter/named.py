@@ -17,6 +17,7 @@ from collections.abc import Collection, Iterable, Sequence
 from evertwin.signals import Channel, conversion, lacks_angle
 from evertwin.sources.description import ColumnInfo
 from evertwin.sources.names import unit_problem
+from evertwin.starter.compass import COMPASS, EAST, NORTH
 from evertwin.starter.proposal import ASK, Answer, Match
 from evertwin.starter.seen import Seen
 from evertwin.starter.words import AMBIENT, HEATER, WHEEL, role, said_unit, same_kind, words
@@ -25,7 +26,9 @@ _SYNONYMS = (
     {"v", "speed", "velocity", "vel", "linear", "lin", "forward"},
     {"speed", "rpm"},
     {"w", "omega", "turn", "yawrate", "angular", "ang", "rotational", "rotation", "wz"},
-    {"heading", "yaw", "theta", "orientation", "psi", "phi", "angle"},
+    {"heading", "hdg", "yaw", "theta", "orientation", "psi", "phi", "angle", *COMPASS},
+    {"x"} | EAST,
+    {"y"} | NORTH,
     {"steering", "steer", "steered"},
     {"position", "pos", "q", "qm", "angle", "joint"},
     {"qd", "dq", "velocity", "vel", "speed"},
@@ -150,7 +153,7 @@ def unit_of(wanted: str, column: ColumnInfo) -> tuple[str, Answer, str]:
         return wanted, ASK, f"drives the {what}: how many {wanted} is one?"
     largest = max(abs(column.low), abs(column.high))
     for inside, outside, above, below in _RANGES:
-        if wanted == inside and above < largest < below:
+        if wanted == inside and above < largest < below and (EAST | NORTH).isdisjoint(said):
             size = "small" if above < 0 else "large"
             return outside, 1.0, f"values reach {largest:.4g}: too {size} for {inside}"
     return wanted, 1.0, "assumed: please check"

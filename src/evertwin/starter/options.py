@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from evertwin.errors import UsageError
+from evertwin.starter.proposal import ASK
 
 
 def options_of(kind: str, urdf: Path | None, own: Path) -> Sequence[dict[str, Any]]:
@@ -26,6 +27,8 @@ def options_of(kind: str, urdf: Path | None, own: Path) -> Sequence[dict[str, An
         slides, turns = f"{law}+spring", f"{law}+position+spring+balance"
         return [{"law": slides}, {"law": law}, {"law": turns, "rotary": True},
                 {"law": law, "rotary": True}]  # fmt: skip
+    if kind == "bicycle":
+        return [{"wheel_base": ASK, "front_drive": ASK}]
     if kind != "arm":
         return [{}]
     # a description's inertias are a start: friction alone would have to explain what they leave

@@ -30,6 +30,8 @@ class Match:
     """Why this column, and where its unit comes from."""
     scale: Answer = 1.0
     """Multiplies the column's numbers before its unit is converted."""
+    offset: float = 0.0
+    """Added after that, in the column's unit."""
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ import numpy as np
 from evertwin.errors import DataError
 from evertwin.publishers.ros_spec import RosOutSettings
 from evertwin.sources.description import ColumnInfo, Info, TableInfo
+from evertwin.sources.exported import parts_of
 from evertwin.sources.info import inspect
 from evertwin.sources.recording import open_recording
 from evertwin.sources.stamps import NO_STAMP, to_ns
@@ -47,7 +48,7 @@ class Seen:
 
     @property
     def columns(self) -> tuple[ColumnInfo, ...]:
-        """Columns of numbers beside the clocks."""
+        """Columns of numbers beside the clocks, and beside the parts of what is a column."""
         return _numbers(self.table)
 
     def values(self, column: str) -> Vector:
@@ -70,6 +71,7 @@ class Seen:
 def _numbers(table: TableInfo) -> tuple[ColumnInfo, ...]:
     clocks = {clock.column for clock in table.clocks}
     clocks |= set() if table.time is None else {table.time.column}
+    clocks |= parts_of(column.name for column in table.columns)
     return tuple(
         c if c.unit else replace(c, unit=said_unit(c.name))
         for c in table.columns if c.kind in ("number", "boolean") and c.name not in clocks

@@ -65,6 +65,8 @@ _PREFIXED = re.compile(r"(?<![A-Za-z])[km](Pa|[AVWN])(?![A-Za-z])")
 
 ENDS = {
     "deg": "deg", "rad": "rad", "mm": "mm", "cm": "cm", "mps": "m/s", "rpm": "rpm", "dps": "deg/s",
+    "mmps": "mm/s", "radps": "rad/s", "degps": "deg/s",
+    "um": "um", "m ah": "mAh", "ah": "Ah", "m ohm": "mOhm", "mohm": "mOhm", "ohm": "ohm",
     "nm": "Nm", "pct": "%", "percent": "%", "deg c": "degC", "celsius": "degC", "bar": "bar",
     "kpa": "kPa", "mpa": "MPa", "mbar": "mbar", "psi": "psi", "kw": "kW", "kn": "kN",
     "m s": "m/s", "cm s": "cm/s", "mm s": "mm/s", "rad s": "rad/s", "deg s": "deg/s",
@@ -79,7 +81,8 @@ LETTERS = {
     "f": {"temperature": "degF"}, "m": {"position": "m"}, "w": {"power": "W"},
 }  # fmt: skip
 """A letter that is a unit where the words before it name the quantity that it measures."""
-_PLACES, _POWERS = {"x", "y", "z", "distance"}, {"power", "heater", "heating"}
+_PLACES = {"x", "y", "z", "distance", "east", "north", "easting", "northing"}
+_POWERS = {"power", "heater", "heating"}
 _RATES = re.compile(r"(?:^|_)(m|l|u)_(min)$|(?:^|_)(m)_(3)_(h|s)$")
 """Rates in a heading's last words: a minute is no minimum there, the 3 of a volume no number."""
 

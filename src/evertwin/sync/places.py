@@ -35,7 +35,12 @@ began; output after the row at which it began, and offset then."""
 ALIKE, EXPECTED = 28, 29
 """Memory per output that no state adopts, of its newest trusted samples: mean product of measured
 and expected, mean square of what was expected."""
-VALUES = 30
+STEP, CHANGED = 30, 31
+"""Memory per output: the smallest change from sample to sample, by which a coarse sensor counts,
+and how many changes were about as small."""
+SOUND = 32
+"""And per kind of run: how far the prediction went while values stayed that went on by one step."""
+VALUES = 34
 (
     STARTED, VALID, GOOD_AT, LAST_AT, CAUSE, ONSET, UNTIL, FAULTS, TOLD, CONTEST, BATCH, BATCH_ROW,
     LEFT, SAMPLES, UPDATES, RESETS, CONTESTED, ERRORS, TURNS, HELD_BY, QUIET,
@@ -79,6 +84,8 @@ LEARN = 16
 """Innovations from which the first variance is taken, robustly, where none is given."""
 FEW = 5
 """Innovations after which a provisional one is used."""
+STEPS = 6
+"""Such changes by which a sensor is known to be coarse: a spike is two."""
 KNOWN = 64
 """Innovations after which the noise is known well enough to tell a factor by it."""
 FAR = 2.0

@@ -18,7 +18,7 @@ from evertwin.sync import places as at
 from evertwin.sync.horizon_loop import wrapped
 from evertwin.sync.options import COLD, HOT
 from evertwin.sync.places import Cause
-from evertwin.sync.run_loop import is_frozen, may_revive
+from evertwin.sync.run_loop import is_frozen, may_revive, step_of
 
 NONE, RANGE, RATE = int(Cause.NONE), int(Cause.RANGE), int(Cause.RATE)
 FROZEN, SENTINEL, FACTOR = int(Cause.FROZEN), int(Cause.SENTINEL), int(Cause.FACTOR)
@@ -109,7 +109,9 @@ def measure(
         j = room[k]
         nu = wrapped(y[j] - predicted[j] - values[j, at.OFFSET], limits[j, at.ANGLE] > 0)
         floor = 1e-9 * (abs(predicted[j]) + abs(y[j])) + 1e-15
+        coarse = step_of(values, j)
         base = variance_of(statistics[0], statistics[1], phase, j) + floor * floor
+        base = max(base, coarse * coarse / 12.0)  # what rounding scatters by
         values[j, at.NU], values[j, at.BASE], values[j, at.MOVE] = nu, base, values[j, at.WAY]
         spread = base * growth
         if rules[g, at.GROWTH] > 0:

@@ -28,6 +28,10 @@ SURE = 12
 """Near values in a row: of Gaussian noise, four in ten lie as near to the first."""
 MEMORY = 2000
 """Samples that the noise of the sensor is estimated from."""
+ALIKE = 1.5
+"""Times the smallest change that another is larger by, if it is about as small."""
+FORGET = 1.0 / 64
+"""Part of the way of a sound run that each later run forgets."""
 MOVED, MANY = 0.25, 200
 """Share of an output's usual size that it has to be predicted to move, and samples that tell it."""
 
@@ -115,6 +119,41 @@ def standstill(settings: Any, memory: Any, sample: Any, g: int, size: int, kind:
 
 
 @njit(**HOT)
+def learn_step(limits: Any, values: Any, sample: Any, size: int) -> None:
+    """The smallest change of an output; what rounding makes is none."""
+    room, y = sample[0], sample[1]
+    for k in range(size):
+        j = room[k]
+        change = abs(wrapped(y[j] - values[j, at.LAST], limits[j, at.ANGLE] > 0))
+        if not change > 1e-9 * abs(y[j]):
+            continue
+        step = values[j, at.STEP] if values[j, at.STEP] > 0.0 else np.inf
+        if change * ALIKE < step:
+            values[j, at.CHANGED] = 0.0
+        values[j, at.CHANGED] += change < step * ALIKE
+        values[j, at.STEP] = min(change, step)
+
+
+@njit(**HOT)
+def step_of(values: Any, j: int) -> float:
+    """Of a coarse sensor; 0 where it is none, or not known."""
+    return float(values[j, at.STEP] if values[j, at.CHANGED] >= at.STEPS else 0.0)
+
+
+@njit(**HOT)
+def learn_sound(limits: Any, values: Any, sample: Any, size: int, kind: int) -> None:
+    """A run ends: by one step of a coarse sensor, it was sound. A frozen one goes on elsewhere."""
+    room, y = sample[0], sample[1]
+    for k in range(size):
+        j = room[k]
+        angle, gone = limits[j, at.ANGLE] > 0, abs(values[j, at.GONE + kind])
+        away = abs(wrapped(y[j] - values[j, at.HELD + kind], angle))
+        values[j, at.SOUND + kind] *= 1.0 - FORGET
+        if away < ALIKE * values[j, at.STEP]:
+            values[j, at.SOUND + kind] = max(gone, values[j, at.SOUND + kind])
+
+
+@njit(**HOT)
 def follow(
     settings: Any, memory: Any, sample: Any, g: int, size: int, now: Any, outside: bool
 ) -> None:
@@ -127,6 +166,7 @@ def follow(
     room, y, again = sample[0], sample[1], True
     for k in range(size):
         again = again and y[room[k]] == values[room[k], at.LAST]
+    learn_step(limits, values, sample, size)
     for kind in range(2):
         place = place_in_run(limits, values, numbers, sample, g, size, kind)
         if place > 0:
@@ -142,6 +182,7 @@ def follow(
         if outside and lasting and numbers[g, at.AWAY + kind] + 1 < rules[g, at.FROZEN]:
             numbers[g, at.AWAY + kind] += 1
             continue
+        learn_sound(limits, values, sample, size, kind)
         numbers[g, at.STILL + kind] += numbers[g, at.STOOD + kind]
         ended = numbers[g, at.RUN + kind]
         numbers[g, at.RUN + kind], numbers[g, at.AWAY + kind] = 1, 0
@@ -180,9 +221,12 @@ def enough(rules: Any, values: Any, numbers: Any, g: int, j: int, kind: int) -> 
     """Predicted motion that a sound sensor shows.
 
     An error of the form widens the gate of an output that no state adopts, and a wide gate would
-    hide a frozen sensor. Where equal values never were sound, a share of its usual size does.
+    hide a frozen sensor. Where equal values never were sound, a share of its usual size does. A
+    coarse sensor stays while its machine moves by less than a step: twice as far as the prediction
+    went while it did.
     """
     gate = rules[g, at.GATE] * np.sqrt(values[j, at.BASE])
+    gate = max(gate, ALIKE * values[j, at.STEP], 2.0 * values[j, at.SOUND + kind])
     known = kind == EQUAL and numbers[g, at.QUIET] == 0 and numbers[g, at.SAMPLES] >= MANY
     if known and values[j, at.EXPECTED] > 0:
         return float(min(gate, MOVED * np.sqrt(values[j, at.EXPECTED])))
@@ -195,18 +239,17 @@ def is_frozen(rules: Any, memory: Any, room: Any, g: int, size: int) -> bool:
 
     Of two values in turn, motion beyond twice as much: a machine may creep from one to the other.
     Equal values that leave the prediction need no motion, where the sensor's noise never let any be
-    equal. An output that no state adopts is `enough` on the move, and stays frozen while its run
-    lasts, though the prediction passes its value again.
+    equal. Equal values, and those of an output that no state adopts, stay frozen while their run
+    lasts, though the prediction passes them again.
     """
     values, numbers, _ = memory
     if not rules[g, at.FROZEN] > 0:
         return False
     if numbers[g, at.CAUSE] == FROZEN:
         by = numbers[g, at.HELD_BY]
-        static = values[room[0], at.EXPECTED] > 0
-        if numbers[g, at.AWAY + by] > 0 or (
-            static and numbers[g, at.RUN + by] > needed(rules, g, by)
-        ):
+        lasts = by == EQUAL or values[room[0], at.EXPECTED] > 0
+        lasts = lasts and numbers[g, at.RUN + by] > needed(rules, g, by)
+        if lasts or numbers[g, at.AWAY + by] > 0:
             return True
     for kind in range(2):
         if numbers[g, at.AWAY + kind] > 0 or numbers[g, at.RUN + kind] < needed(rules, g, kind):

@@ -13,19 +13,20 @@ for filtered or coloured residuals it is larger. Degrees of freedom count effect
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 import scipy
 
 from evertwin.models.kernel import ANEW
+from evertwin.signals.sizes import sizes
 from evertwin.tuning.advice import advise
 from evertwin.tuning.autocorrelation import Correlation, effective
 from evertwin.tuning.closed import dense, summed
+from evertwin.tuning.doubted import doubted, strays
 from evertwin.tuning.fit import Fit, Residual
 from evertwin.tuning.gram import combined
-from evertwin.tuning.identifiability import WEAK, gate, grade
+from evertwin.tuning.identifiability import gate, grade
 from evertwin.tuning.noisy_starts import widened_by
 from evertwin.tuning.problem import Problem
 from evertwin.tuning.sensitivity import Sensitivity, Spectrum
@@ -97,6 +98,11 @@ class Squares(NamedTuple):
 def squares(problem: Problem, r: Outputs) -> Squares:
     """Of a residual (n, ny)."""
     found, roots = tally(problem.rows.y, r, problem.rows.moving)
+    warm = problem.model.outputs.temperatures
+    if warm.any():
+        y = np.where(np.isnan(r), np.nan, problem.rows.y)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            roots[1:, warm] = roots[0, warm] / sizes(y, warm)[warm]
     rms, relative, moving = (tuple(row) for row in roots.tolist())
     rows, measured, left, *_, counted = found
     return Squares(rows, measured, left, rms, relative, moving, tuple(map(int, counted)), r)
@@ -162,9 +168,9 @@ def assemble(problem: Problem, outcome: Outcome, acting: Sensitivity, began: flo
         problem, outcome.values, acting, correlation, (sigma, spectrum)
     )
     half = quantile * np.sqrt(covariance.diagonal())
-    verdicts, reasons = grade(refused, half / sizes)
-    verdicts, reasons = _doubted(problem, outcome.values, half, (verdicts, reasons))
+    astray = strays(problem.model, left.relative)
     values = outcome.values
+    verdicts, reasons = doubted(problem, values, half, grade(refused, half / sizes), astray)
     if "not" in verdicts:
         free = np.array([verdict != "not" for verdict in verdicts])
         wide = ~free & np.array([not reason for reason in refused])
@@ -201,7 +207,7 @@ def assemble(problem: Problem, outcome: Outcome, acting: Sensitivity, began: flo
         evaluations=outcome.evaluations,
         method=outcome.method,
         converged=outcome.converged,
-        message=outcome.message + said,
+        message=outcome.message + said + (f"; {astray}" if astray else ""),
         seconds=time.perf_counter() - began,
     )
 
@@ -227,26 +233,6 @@ def _put_back(
     # what runs away is predicted on fewer rows
     alike = tuple(there.rows) == there.counted and one <= min(ALIKE**2 * two, first)
     return (back, there) if alike else found
-
-
-def _doubted(
-    problem: Problem, values: Vector, half: Vector, judged: tuple[Sequence[str], Sequence[str]]
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Not called identifiable: what is not told from zero, or resists and was fitted below it."""
-    words, why = map(list, judged)
-    for k, (value, place) in enumerate(zip(values.tolist(), problem.places.tolist(), strict=True)):
-        if words[k] != "identifiable":
-            continue
-        if half[k] >= abs(value):
-            words[k] = "weak"
-            why[k] = f"not told from zero: {value - half[k]:.3g} to {value + half[k]:.3g}"
-        elif len(problem.model.states) and half[k] > WEAK * abs(value):
-            words[k] = "weak"  # a start that was far too large is no measure of it
-            why[k] = f"its 95 % interval is ± {100 * half[k] / abs(value):.0f} % of its value"
-        elif value < 0 and problem.parameters.items[place].resists:
-            words[k] = "weak"
-            why[k] = "negative, so it would drive: the rows or the form mislead it"
-    return tuple(words), tuple(why)
 
 
 def _followed(

@@ -1,11 +1,12 @@
 """Alarms: few, and each with its reason, interval, evidence and action.
 
 An alarm is due when the limit is passed, when a failure within the time ahead is likelier than the
-accepted risk, or when wear has begun where nothing else can be said yet. It is raised once, not at
-every look, and again when it had cleared and returns; a failure that was due has cleared when its
-risk is half of the accepted one, so that a risk that wavers is no flood. A day has a budget: the
-most urgent are raised first, the rest is held back, shown and counted. That a limit is passed is
-never held back.
+accepted risk, or when wear has begun where nothing else can be said yet. Like machines tell no such
+failure of one whose own growth does not stand out, unless their lives end at its age. It is raised
+once, not at every look, and again when it had cleared and returns; a failure that was due has
+cleared when its risk is half of the accepted one, so that a risk that wavers is no flood. A day has
+a budget: the most urgent are raised first, the rest is held back, shown and counted. That a limit
+is passed is never held back.
 
 >>> from evertwin.prognosis.laws.indicator import Indicator, Limit
 >>> from evertwin.prognosis.laws.life import LEVELS, Life
@@ -103,7 +104,7 @@ def alarm_of(
     low, high = life.interval80
     interval = (low, high if np.isfinite(high) else None)
     ahead = lead(indicator, life) if ahead is None else ahead
-    chance = life.probability_before(ahead)
+    chance = life.risk_before(ahead)
     evidence |= {"probability": chance, "ahead": ahead, "law": life.law, "median": life.median}
     if life.median <= 0.0:
         reason = f"{shown}: {'it has failed' if life.failed else 'the limit is passed'}"

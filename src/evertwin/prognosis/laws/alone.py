@@ -102,7 +102,8 @@ def _rushed(s: Vector, y: Vector) -> float:
     level = medians(y, width)[first:]
     noise = CERTAIN * noise_of(y) * np.sqrt(np.pi / width)  # of the difference of two medians
     risen = level[width:] - level[:-width] - noise
-    took = s[first + width :] - s[first:-width]
+    when = medians(s, width)[first:]
+    took = when[width:] - when[:-width]
     if not np.any(risen > 0.0) or not np.median(took) > 0.0:
         return np.inf
     # Values in quick succession tell no pace: over no less than the usual time.

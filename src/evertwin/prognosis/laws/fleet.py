@@ -217,6 +217,14 @@ class Lives(NamedTuple):
         whole = middle + self.spread * float(scipy.special.ndtri(0.5 + 0.5 * ended))
         return age + float(np.log(max(np.expm1(whole - age), LEAST)))
 
+    def remaining(self, age: float, wider: float) -> Float64[np.ndarray, " k"]:
+        """What they last beyond an age, at `LEVELS`, with so much more spread."""
+        spread = wider * self.spread
+        ended = float(scipy.special.ndtr((np.log(age) - self.middle) / spread))
+        share = np.minimum(ended + (1.0 - ended) * LEVELS, 1.0 - 1e-9)
+        whole = np.exp(self.middle + spread * scipy.special.ndtri(share))
+        return np.asarray(np.maximum(whole - age, 0.0))
+
 
 @dataclass(frozen=True)
 class Fleet:
@@ -300,6 +308,10 @@ class Fleet:
         scores = scipy.special.ndtri(LEVELS)
         out = np.exp(middle + np.where(scores < 0.0, below, above) * scores)
         return Told(np.asarray(out), float(np.exp(shift)))
+
+    def by_age(self, way: Way) -> Float64[np.ndarray, " k"]:
+        """What its lives last beyond the age of a machine, whatever its level."""
+        return Lives.of(self.ways).remaining(way.now, self._few)
 
     def shares(self, way: Way, levels: Vector) -> Vector:
         """Shares of the time that is left at which levels between now and the limit are passed."""

@@ -176,6 +176,9 @@ class Life:
     """Where that clock counts from 1970."""
     pace: float | None = None
     """How much slower it wears than its like machines, as a factor of time; None: told alone."""
+    by_age: Float64[np.ndarray, " k"] | None = None
+    """What lives of its like machines last beyond its age, as long as its own growth does not stand
+    out; None: it does, or told alone."""
 
     @classmethod
     def of(
@@ -192,7 +195,10 @@ class Life:
 
     def through(self, workload: Workload, unit: str) -> Life:
         """The life as a time, where ``remaining`` is work and this much of it is planned."""
-        return replace(self, unit=unit, remaining=workload.time_of(self.remaining))
+        by_age = None if self.by_age is None else workload.time_of(self.by_age)
+        return replace(
+            self, unit=unit, remaining=workload.time_of(self.remaining), by_age=by_age
+        )  # fmt: skip
 
     def quantile(self, p: float) -> float:
         """Time within which life ends with probability ``p``; infinite if it may never."""
@@ -252,6 +258,13 @@ class Life:
         return float(p[np.searchsorted(r, time, side="right") - 1]) if time >= r[-1] else float(
             np.interp(time, r, p)
         )  # fmt: skip
+
+    def risk_before(self, time: float) -> float:
+        """The same as it is believed: without growth of its own not beyond what its age tells."""
+        risk = self.probability_before(time)
+        if self.by_age is None:
+            return risk
+        return min(risk, replace(self, remaining=self.by_age).probability_before(time))
 
     def sample(self, n: int, rng: np.random.Generator) -> Float64[np.ndarray, " n"]:
         """``n`` remaining lives drawn from the distribution."""

@@ -31,8 +31,8 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from evertwin.prognosis.laws.bank import Posterior, without_growth
-from evertwin.prognosis.laws.hypotheses import Look
+from evertwin.prognosis.laws.bank import Posterior, evaluate, without_growth
+from evertwin.prognosis.laws.hypotheses import Family, Look, look
 from evertwin.prognosis.laws.passage import path, process
 from evertwin.prognosis.laws.scaled import Problem
 from evertwin.types import Float64
@@ -42,6 +42,8 @@ COARSE: Float64[np.ndarray, " m"] = np.concatenate([[0.0], np.logspace(-4.0, 3.0
 FINE = 140
 """Nodes over the part that holds the probability."""
 TAIL = 2e-4
+TOWARDS, TRIES = (0.5, 40.0), 40
+"""Exponents, over the age, of growth towards a level."""
 
 
 class Mixture(NamedTuple):
@@ -132,3 +134,36 @@ def life_prior(
 def no_onset(problem: Problem) -> float:
     """Log weight of a level without growth: half a law's."""
     return without_growth(problem.y, problem.omega, problem.fixed) + float(np.log(0.5))
+
+
+def never(problem: Problem, looks: Sequence[Look]) -> float:
+    """P(growth tends to a level this side of the limit): no life ends there.
+
+    Beside the laws as they are asked stands growth towards a level with any exponent, whether it
+    passes the limit or not, with half a law's weight; and the same on top of a line, which does:
+    run-in, and wear.
+    """
+    wide = Family("saturating", np.linspace(np.log(TOWARDS[0]), np.log(TOWARDS[1]), TRIES))
+    near = look(problem, wide)
+    over = np.column_stack([problem.fixed, problem.s]), np.append(problem.base, 1.0)
+    lined = []
+    for family in (wide, near.family):
+        clocks, q = family.hypotheses()
+        found = evaluate(problem.y, problem.omega, over[0], clocks.at(problem.s), q, over[1])
+        lined.append(_whole(found.evidence + _even(family)))
+    beside = [_whole(x.weight) for x in looks if x.family.law != "saturating" and len(x.weight)]
+    rest = 1.0 / np.expm1(np.exp(near.family.first))
+    passes = path(near.posterior, problem.limit, rest[:, None])[:, 0]
+    own = near.posterior.evidence + _even(near.family) + np.log(0.5)
+    whole = _whole(np.array([*own, *beside, max(lined), no_onset(problem)]))
+    return float(np.exp(own - whole) @ (1.0 - passes))
+
+
+def _even(family: Family) -> float:
+    """Log prior of one of the family's nodes over `TOWARDS`."""
+    return float(np.log((family.first[1] - family.first[0]) / np.log(TOWARDS[1] / TOWARDS[0])))
+
+
+def _whole(weight: np.ndarray) -> float:
+    """Logarithm of the sum of weights."""
+    return float(scipy.special.logsumexp(weight))

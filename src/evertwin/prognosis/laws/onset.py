@@ -26,6 +26,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from evertwin.prognosis.laws.crowded import usual_step
 from evertwin.prognosis.laws.indicator import Indicator
 from evertwin.prognosis.laws.life import Onset
 from evertwin.prognosis.laws.scaled import Problem, noise_of, scaled
@@ -49,7 +50,7 @@ def find_onset(indicator: Indicator) -> Onset | None:
     if isinstance(problem, str):
         return None
     life = indicator.since_replaced()
-    at = life.at[_known(life)]
+    at = life.at[known_rows(life)]
     y = without_covariates(problem)
     starts = stops(at, life)
     short = int(np.clip(len(y) // 4, 3, SHORT))
@@ -97,13 +98,13 @@ def without_covariates(problem: Problem) -> Float64[np.ndarray, " n"]:
 def stops(at: Vector, life: Indicator) -> list[int]:
     """Rows that follow a stop or an adjustment."""
     steps = np.diff(at)
-    usual = float(np.median(steps)) if len(steps) else 0.0
-    after = set((np.flatnonzero(steps > GAP * usual) + 1).tolist())
+    after = set((np.flatnonzero(steps > GAP * usual_step(at)) + 1).tolist())
     after |= {int(np.searchsorted(at, m.at)) for m in life.maintenance if m.kind == "adjusted"}
     return sorted(k for k in after if 0 < k < len(at))
 
 
-def _known(life: Indicator) -> np.ndarray:
+def known_rows(life: Indicator) -> np.ndarray:
+    """Rows with a value and all covariates."""
     every = np.stack([life.value, *life.covariates.values()])
     good: np.ndarray = np.isfinite(every).all(axis=0)
     return good
@@ -127,7 +128,7 @@ def _shifted(y: Vector, starts: list[int], width: int) -> Vector:
 
 def _stated(life: Indicator, scale: float, width: int) -> Vector:
     """Half of the newest values' own standard deviation at each row; 0 where none is stated."""
-    sigma = life.sigma[_known(life)]
+    sigma = life.sigma[known_rows(life)]
     return 0.5 * medians(np.where(np.isfinite(sigma), sigma, 0.0), width) / abs(scale)
 
 

@@ -34,11 +34,13 @@ import numpy as np
 
 from evertwin.errors import UsageError
 from evertwin.prognosis.laws.alone import newest, pace_of, widened
+from evertwin.prognosis.laws.crowded import by_time
 from evertwin.prognosis.laws.fleet import Fleet, Member, Way, way_of
 from evertwin.prognosis.laws.hypotheses import LAWS, every_look, sharpened
 from evertwin.prognosis.laws.indicator import Indicator
-from evertwin.prognosis.laws.life import Life, NotEnough, Onset, Workload, quantiles
-from evertwin.prognosis.laws.mixture import COARSE, fine_nodes, mixture
+from evertwin.prognosis.laws.lasting import comes_and_goes, flat_since
+from evertwin.prognosis.laws.life import LEVELS, Life, NotEnough, Onset, Workload, quantiles
+from evertwin.prognosis.laws.mixture import COARSE, fine_nodes, mixture, never
 from evertwin.prognosis.laws.onset import SHARE, find_onset
 from evertwin.prognosis.laws.scaled import Problem, noise_of, scaled, steady
 
@@ -66,8 +68,20 @@ def predict_life(
     problem = scaled(indicator)
     if isinstance(problem, str):
         return NotEnough(problem)
-    onset = find_onset(indicator)
-    found = replace(from_problem(indicator, problem, laws, fleet, onset), onset=onset)
+    even = by_time(indicator)
+    onset = find_onset(even)
+    way = None if fleet is None else way_of(indicator)
+    if beyond_for_good(indicator) or (way is not None and way.level[-1] >= 0.0):
+        found: Life | NotEnough = over(indicator, problem)
+    elif fleet is not None and way is not None:
+        told = fleet.told_of(way)
+        by_age = fleet.by_age(way) if onset is None else None
+        found = Life(
+            indicator.clock, told.remaining, problem.now, pace=told.pace, by_age=by_age
+        )  # fmt: skip
+    else:
+        found, onset = alone(even, laws, onset)
+    found = replace(found, onset=onset)
     if isinstance(found, NotEnough) and found.onset is not None:
         begun = f"; wear has begun at {indicator.moment(found.onset.begin)}"
         return replace(found, reason=found.reason + begun)
@@ -79,32 +93,57 @@ def predict_life(
     return found.through(Workload.as_before(indicator), indicator.clock)
 
 
-def from_problem(
-    indicator: Indicator, problem: Problem, laws: Sequence[str], fleet: Fleet | None,
-    onset: Onset | None,
-) -> Life | NotEnough:  # fmt: skip
-    """The life on the law's own clock: by a fleet, or as wide as one told alone has to be."""
-    way = None if fleet is None else way_of(indicator)
-    if fleet is not None and way is not None:
-        if beyond_for_good(indicator) or way.level[-1] >= 0.0:
-            return over(indicator, problem)
-        told = fleet.told_of(way)
-        return Life(indicator.clock, told.remaining, problem.now, pace=told.pace)
+def alone(
+    indicator: Indicator, laws: Sequence[str], onset: Onset | None
+) -> tuple[Life | NotEnough, Onset | None]:
+    """The life on the law's own clock, as wide as one told alone has to be; its onset if it stands.
+
+    Growth that has ended, or comes and goes, tells neither a life nor an onset.
+    """
+    problem = scaled(indicator)
+    if isinstance(problem, str):
+        return NotEnough(problem), onset
     found = by_laws(indicator, problem, laws)
     if isinstance(found, Life) and found.passed is not None:
-        return found
+        return found, onset
     if onset is None:
-        return not_begun(indicator, problem)
+        return not_begun(indicator, problem), None
+    if (still := stands_still(indicator)) is not None:
+        return still, None
+    level = never(problem, every_look(problem, laws))
+    if level > 0.5:
+        return NotEnough(
+            "growth that goes on to the limit: it slows down towards a level this side of it, with "
+            f"probability {level:.2f}",
+            "growth is not established beyond that level",
+        ), None
     lately = newest(indicator)
     recent, whole = scaled(lately), scaled(indicator, most=0)
     newer = found if isinstance(recent, str) else by_laws(lately, recent, laws)
     newer = found if isinstance(newer, NotEnough) or newer.passed is not None else newer
     if isinstance(newer, NotEnough):
-        return newer
+        return newer, onset
     remaining = widened(newer.remaining, pace_of(problem if isinstance(whole, str) else whole))
-    return (
-        not_begun(indicator, problem) if remaining is None else replace(newer, remaining=remaining)
-    )
+    if remaining is None:
+        return not_begun(indicator, problem), onset
+    ends = np.where(1.0 - level > LEVELS, remaining, np.inf)
+    return replace(newer, remaining=ends), onset
+
+
+def stands_still(indicator: Indicator) -> NotEnough | None:
+    """The answer where growth has ended, or comes and goes; None where it goes on."""
+    if (flat := flat_since(indicator)) is not None:
+        since = indicator.moment(flat.since)
+        return NotEnough(
+            f"growth that goes on: {indicator.shown(flat.rise)} towards the limit since {since}",
+            f"growth is not established: the level has been flat since {since}",
+        )
+    if comes_and_goes(indicator):
+        return NotEnough(
+            "growth that stays, beyond every rise that was given back so far",
+            "growth is not established over what comes and goes",
+        )
+    return None
 
 
 def by_laws(indicator: Indicator, problem: Problem, laws: Sequence[str] = LAWS) -> Life | NotEnough:
