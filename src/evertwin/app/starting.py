@@ -19,11 +19,11 @@ from evertwin.prognosis.lone_series import Wear, wear_in
 from evertwin.setup.configured_model import model_of
 from evertwin.sources.names import unit_problem
 from evertwin.starter import (
-    ASK,
     PUMP,
     Draft,
     Proposal,
     Seen,
+    answered,
     by_axis,
     kind_of,
     look,
@@ -86,8 +86,7 @@ def _draft(out: Path, model: tuple[str, Path | None], seen: tuple[Seen, ...]) ->
     drafts = [
         Draft(out, kind, options, built, seen, mapped(built, seen))
         for options in options_of(kind, urdf, _own(out))
-        for known in ({k: v for k, v in options.items() if v != ASK},)
-        for built in (None if kind == "python" else machine(kind, known),)
+        for built in (None if kind == "python" else machine(kind, answered(options)),)
     ]
     return min(drafts, key=lambda one: len(one.questions))
 

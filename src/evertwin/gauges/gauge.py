@@ -231,7 +231,8 @@ def _left(rows: Rows, one: Reading, first: int, stop: int) -> float:
     nearly = one.exchanged and left <= NEARLY * off and _together(rows, one) > 0
     good = excess <= LEFT * more and (nearly or _restored(rows, one, after, known))
     jumped = (not of_input or rival >= HALF) and _jumped(rows, one, first)
-    jumped = bool(jumped or (of_input and _risen(rows, one, first, stop)))
+    exact = rival >= 1.0 / LIKE_TUNING  # no number of the machine does better than a unit's
+    jumped = bool(jumped or (of_input and exact and _risen(rows, one, first, stop)))
     told = bool(rival >= worse or not tuned.any() or jumped)
     if good and not told and was > LEFT * left:  # tuning took away what was off before, too
         told = bool(_rival(rows, one, stop, tuned) >= worse)

@@ -48,8 +48,8 @@ SHARE = 0.1
 class Off(NamedTuple):
     """What a channel is off by.
 
-    >>> Off(0, True, np.array([0.0, 0.25]), np.zeros((2, 1))).by[-1]
-    0.25
+    >>> Off(0, True, np.array([0.0, 0.25]), np.zeros((2, 1))).by.tolist()
+    [0.0, 0.25]
     """
 
     column: int

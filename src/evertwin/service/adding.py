@@ -35,7 +35,7 @@ from evertwin.signals.units import conversion
 from evertwin.sources.live.contract import Around
 from evertwin.sources.live.registry import open_live, read_settings
 from evertwin.sources.spec import ChannelSpec, SourceSpec, TimeSpec
-from evertwin.starter import Draft, Match, Proposal, look, mapped, options_of
+from evertwin.starter import Draft, Match, Proposal, answered, look, mapped, options_of
 from evertwin.twin import Twin
 
 LONGEST = 20.0
@@ -140,7 +140,7 @@ def _register(place: str) -> dict[str, Any]:
 @cache
 def roles(kind: Kind) -> Sequence[Mapping[str, str]]:
     """The channels of a model, as names that columns may have: name, unit, and in or out."""
-    model: Model = machine(kind, options_of(kind, None, Path())[0])
+    model: Model = machine(kind, answered(options_of(kind, None, Path())[0]))
     sides = (("input", model.inputs), ("output", model.outputs))
     return [{"name": c.name, "unit": c.unit, "side": side} for side, of in sides for c in of]
 
@@ -235,7 +235,7 @@ def first_twin(
                     file, kind, options, model, seen, _as_named(model, mapped(model, seen), columns)
                 )
                 for options in options_of(kind, None, file)
-                for model in (machine(kind, options),)
+                for model in (machine(kind, answered(options)),)
             ]
         except EvertwinError as error:
             return {"twin": "", "questions": [str(error)], "residual": []}

@@ -21,7 +21,7 @@ def sizes(y: Outputs, temperatures: Bool[np.ndarray, " ny"]) -> PerOutput:
 
     >>> y = np.array([[3.0, 300.0], [4.0, 310.0], [3.0, 320.0]] + [[4.0, 320.0]] * 9)
     >>> sizes(y, np.array([False, True])).round(1).tolist()
-    [3.8, 120.6]
+    [3.9, 115.5]
     """
     return np.array([size(*one) for one in zip(y.T, temperatures.tolist(), strict=True)])
 

@@ -10,6 +10,15 @@ from evertwin.errors import UsageError
 from evertwin.starter.proposal import ASK
 
 
+def answered(options: dict[str, Any]) -> dict[str, Any]:
+    """Options but for those that are asked.
+
+    >>> answered({"wheel_base": ASK, "front_drive": True})
+    {'front_drive': True}
+    """
+    return {name: said for name, said in options.items() if said != ASK}
+
+
 def options_of(kind: str, urdf: Path | None, own: Path) -> Sequence[dict[str, Any]]:
     """Options of the model; several to choose from by what the columns answer.
 
