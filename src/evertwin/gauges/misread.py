@@ -21,7 +21,7 @@ import numpy as np
 
 from evertwin.correction.improve import TooFew
 from evertwin.fold import Block, Mark, take
-from evertwin.gauges.sensor_change import LEAST, SensorChange, since_change
+from evertwin.gauges.sensor_change import LEAST, SensorChange, since_change, unmeasured
 from evertwin.gauges.unlike import Changes, changes
 from evertwin.models import Model
 from evertwin.rows.channels import averaged, unit_recorded
@@ -133,6 +133,7 @@ class Reading(NamedTuple):
         return window._replace(u=u, y=y, mark=np.ascontiguousarray(window.mark[:, columns]))
 
 
+@unmeasured()
 def misread(
     setup: Setup, model: Model, p: ParameterVector, windows: Windows,
     tuned: ParameterVector | None = None, history: Windows = (),

@@ -87,7 +87,7 @@ def deviations(setup: Setup, predictions: Sequence[Prediction]) -> tuple[Deviati
     measured = np.concatenate([p.measured for p in predictions])
     moving = np.concatenate([p.moving for p in predictions])
     found = []
-    signals = setup.spec.signals
+    signals, warm = setup.spec.signals, setup.model.outputs.temperatures
     for k, channel in enumerate(channels):
         if channel.name in signals and not signals[channel.name].judge:
             continue
@@ -98,8 +98,8 @@ def deviations(setup: Setup, predictions: Sequence[Prediction]) -> tuple[Deviati
                 channel.name,
                 channel.unit,
                 _rms(residual[known, k]),
-                _rms(residual[known, k]) / size(measured[known, k], channel.unit == "K"),
-                _rms(residual[moves, k]) / size(measured[moves, k], channel.unit == "K"),
+                _rms(residual[known, k]) / size(measured[known, k], bool(warm[k])),
+                _rms(residual[moves, k]) / size(measured[moves, k], bool(warm[k])),
                 int(moves.sum()),
                 int(known.sum()),
             )
