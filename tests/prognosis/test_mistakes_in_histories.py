@@ -64,6 +64,8 @@ def told(text: str, clock: str = "run", rule: IndicatorSpec = WEAR) -> Observed:
         ("run,wear\nR1,2\n2,3", "h.csv:2: run: expected a number or a date"),
         ("run,wear\n1,2\n2,3\n2,4\n", "h.csv:4: expected one wear for each run, got 4, and 3 for "
          "the same one in row 3: delete one, or write their mean"),
+        ("pump,run,wear\nA,1,2\nA,2,3\nB,1,4\nB,2,5\n", "of several machines keep the rows of one "
+         "pump"),
         ("run,wear\n2,3\n1,2\n2,4\n1,9", "in row 3, and 1 more such rows: delete one"),
         ("run,wear,sigma\n1,2,0.1\n2,3,-0.1", "h.csv:3: sigma: expected a standard deviation above "
          "0, got -0.1: leave the cell empty where it is not known"),

@@ -333,6 +333,16 @@ def _unsorted(table: Table, counted: Counted) -> tuple[str, ...]:
     return (f"{table.name}: rows were sorted by {counted.by}: {said}{also}",)
 
 
+def _divided(table: Table, name: str, first: np.ndarray, second: np.ndarray) -> str:
+    """Says which column tells rows of one moment apart, where a file holds several machines."""
+    columns = {n: np.asarray(c) for n, c in (*table.text.items(), *table.numbers.items())}
+    for other, cells in columns.items():
+        few = 2 * len(np.unique(cells)) <= len(cells)
+        if other != name and few and len(first) > 1 and (cells[first] != cells[second]).all():
+            return f"; of several machines keep the rows of one {other}"
+    return ""
+
+
 def _once(
     table: Table, name: str, counted: Counted, order: np.ndarray, value: Vector
 ) -> tuple[np.ndarray, tuple[str, ...]]:
@@ -351,7 +361,7 @@ def _once(
         raise DataError(
             f"{table.name}:{table.lines[j]}: expected one {name} for each {counted.by}, got "
             f"{value[j]:g}, and {value[i]:g} for the same one in row {table.lines[i]}{more}: "
-            "delete one, or write their mean"
+            f"delete one, or write their mean{_divided(table, name, first, second)}"
         )
     again = ", ".join(str(table.lines[k]) for k in second[:5].tolist())
     more = f" and {len(second) - 5} more" if len(second) > 5 else ""
