@@ -52,6 +52,10 @@ CLEAR = 3.0
 """Logarithm of the likelihood ratio from which on the record speaks for one side."""
 ORDER = 5
 """Rows that the usual course goes back."""
+STRETCHES = 12
+"""Parts of the rows before whose means tell how far the record strays slowly."""
+STRAYS = 2.0
+"""So many times as far as it strays in as long by itself what has grown has to be."""
 AT_ONCE = 8
 """Rows within which a step is complete, and up to so many from where it is looked for."""
 FREEDOM = 3.0
@@ -229,10 +233,23 @@ def _shift(rows: Rows, guess: Guess) -> Shift | None:
     evidence = _evidence(rows.values[:, k], size, (first, last))
     if ours > least or ours > _no_worse(rows, both) * theirs or evidence < -CLEAR:
         return None
+    grown = rows.total(_growing(rows, guess.shape), both)
+    if ours > (CLEARLY if evidence > CLEAR else NO_WORSE) * grown:
+        return None
     if abs(evidence) <= CLEAR and rows.count - first < rows.setup.enough:
         name = rows.setup.model.inputs.names[k]
         raise TooFew(f"{rows.count - first} rows do not tell a shift of {name} from the machine")
     return Shift(k, size * guess.shape, first, left, evidence)
+
+
+def _growing(rows: Rows, shape: Vector) -> Outputs:
+    """Residual of one machine whose numbers go by ``shape``, to first order, (n, ny)."""
+    posed, values = rows.whole.tuning(rows.fit.names), rows.fit.values
+    left, pull = residual(posed, values), -posed.jacobian(values)
+    columns = np.concatenate([pull, pull * shape[:, None, None]], axis=2)
+    a, b = columns / rows.sizes[:, None], left / rows.sizes
+    known = np.isfinite(b) & np.isfinite(a).all(axis=2)
+    return np.asarray(left - columns @ np.linalg.lstsq(a[known], b[known], rcond=1e-9)[0])
 
 
 def _no_worse(rows: Rows, both: np.ndarray) -> float:
@@ -291,22 +308,32 @@ def _evidence(record: Vector, size: float, span: tuple[int, int]) -> float:
     """Logarithm of how much likelier the record is with a shift in it than without, by its course
     before; 0: too few rows tell it."""
     first, last = span
-    if first < LEAST * ORDER:
+    if first < LEAST * ORDER or last > 2 * first:  # no longer than it was seen a course is known
         return 0.0
     course = _innovations(record, _shape(len(record), first, last), first)
     if course is None:
         return 0.0
     innovation, shape, spread = course
     at = first + AT_ONCE if first == last else first
-    g, e = shape[at:], innovation[at:]
+    g, e = shape[at : 2 * first], innovation[at : 2 * first]
     known = np.isfinite(e)
     g, e = g[known], e[known]
+    if abs(size) < STRAYS * _strays(record[:first], last - first):
+        return 0.0
     found = 0.0
     if (power := float(g @ g)) > 0.0:
         seen = float(g @ e) / power
         variance = spread**2 * (1.0 / power + (float(g.sum()) / power) ** 2 / first)
         found = (seen**2 - (seen - size) ** 2) / (2.0 * variance)
     return found + (_stepped(record, size, first) if first == last else 0.0)
+
+
+def _strays(record: Vector, rows: int) -> float:
+    """How far a record strays by itself within so many rows; a step takes none."""
+    half = STRETCHES // 2
+    means = np.array([np.nanmean(part) for part in np.array_split(record, STRETCHES)])
+    usual = float(np.sqrt(np.mean(np.square(means[half:] - means[:half]))))
+    return usual * rows / (len(record) / 2.0)
 
 
 def _innovations(record: Vector, shape: Vector, first: int) -> tuple[Vector, Vector, float] | None:

@@ -33,6 +33,7 @@ from evertwin.refit.channels import ENOUGH, of_a_channel
 from evertwin.refit.correcting import learn, nearest
 from evertwin.refit.judgement import NEARLY_ALL, judged
 from evertwin.refit.named_cause import named_first
+from evertwin.refit.newest import newest
 from evertwin.refit.physical import passive
 from evertwin.refit.posterior import posterior
 from evertwin.refit.recursive_fit import Recursion
@@ -226,7 +227,9 @@ class Work(Tuner):
             content["candidate"] = self._named(verdict, version, problem, events)
             content |= {} if content["candidate"] else {"next": self._next()}
         elif helps and part >= self.setup.trial.margin:  # less would not be worth a switch
-            found = self.tuned(version, problem, fit, windows, events)
+            if task.held:
+                problem, fit = self._newest(version, problem, fit)
+            found = self.tuned(version, problem, fit, problem.windows, events)
             said = acting(chosen, problem, fit).said + alike
             content["candidate"] = found and found | {"reason": found["reason"] + said}
         return content | since
@@ -257,6 +260,11 @@ class Work(Tuner):
         if rows < ENOUGH * len(names):
             raise TooFew(f"the machine has changed, {rows} rows ago")
         return new, [changed_since(new)]
+
+    def _newest(self, version: Version, problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
+        """The fit, of the newest rows where the machine goes on changing."""
+        names = problem.names
+        return newest(problem, fit, lambda rows: self.problem(version, rows, names), self.tune)
 
     def _helps(self, verdict: Verdict, fit: Fit) -> bool:
         """The form is wrong, and none may be learned: is tuning the better half all the same?

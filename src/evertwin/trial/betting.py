@@ -144,10 +144,13 @@ def evidence(bets: Any) -> float:
 
 @njit(cache=True)
 def _inflation(serial: Any) -> float:
-    """By what serial correlation inflates the variance of payoffs, from their running sums."""
+    """By what serial correlation inflates the mean square of payoffs, from their running sums: their
+    variance, not the square of their mean."""
     told = max(serial[5], 1.0)
     rho = min(_correlation(told, serial) + 0.5 / math.sqrt(told), STEADIEST)
-    return float(max((1.0 + rho) / (1.0 - rho), 1.0))
+    square, mean = serial[1] / told, serial[0] / told
+    varies = 1.0 - mean * mean / square if square > 0.0 else 1.0
+    return float(1.0 + varies * max((1.0 + rho) / (1.0 - rho) - 1.0, 0.0))
 
 
 @njit(cache=True)
