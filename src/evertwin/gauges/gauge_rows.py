@@ -17,7 +17,7 @@ from evertwin.rows.ring import called
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Windows
 from evertwin.tuning import Fit, Problem
-from evertwin.types import Outputs, Vector
+from evertwin.types import Bools, Outputs, Vector
 
 LEAST = 30
 """Rows that tell anything."""
@@ -92,6 +92,17 @@ class Rows:
         if fit is None:
             return None
         return residual(self.pose(windows).tuning(fit.names), fit.values)
+
+    def growing(self, shape: Vector, seen: Bools | None = None) -> Outputs:
+        """Residual of one machine whose numbers go by ``shape``, to first order, (n, ny); learned
+        on the rows ``seen``, by default all."""
+        posed, values = self.whole.tuning(self.fit.names), self.fit.values
+        left, pull = residual(posed, values), -posed.jacobian(values)
+        columns = np.concatenate([pull, pull * shape[:, None, None]], axis=2)
+        a, b = columns / self.sizes[:, None], left / self.sizes
+        known = np.isfinite(b) & np.isfinite(a).all(axis=2)
+        on = known if seen is None else known & seen[:, None]
+        return np.asarray(left - columns @ np.linalg.lstsq(a[on], b[on], rcond=1e-9)[0])
 
     @cached_property
     def sizes(self) -> Vector:

@@ -30,7 +30,7 @@ from evertwin.models.kernel import CONTINUE
 from evertwin.rows.channels import is_held, measured
 from evertwin.rows.ring import called
 from evertwin.setup.task import Windows
-from evertwin.types import Bools, Outputs, Vector
+from evertwin.types import Bools, Float64, Outputs, Vector
 
 PARTS = 24
 """Parts of the rows at whose edges a shift may begin to grow, and end."""
@@ -62,6 +62,8 @@ FREEDOM = 3.0
 """Degrees of freedom of steps (Student's t): some are far larger than most."""
 BUSY = 0.5
 """Share of rows at which a channel changes that is measured, though nobody says so."""
+FED_BACK = 0.1
+"""Share of what its own course does not tell of a command that the outputs before it tell."""
 
 
 class Shift(NamedTuple):
@@ -163,10 +165,36 @@ def _measured(rows: Rows) -> list[int]:
         said = setup.spec.signals.get(inputs.names[k])
         busy = np.mean(np.nan_to_num(rows.steps[:, k]) != 0.0) > BUSY
         if not is_held(setup.spec, inputs.names[k], dynamic=True) or (
-            busy and (said is None or said.hold is None)
+            busy and (said is None or said.hold is None) and not _fed_back(rows, k)
         ):
             found.append(k)
     return found
+
+
+def _fed_back(rows: Rows, k: int) -> bool:
+    """Does a controller make input ``k`` of the outputs? By a machine that changed it leaves its
+    usual course as well; told on the rows before that."""
+    nu, early = len(rows.setup.model.inputs), slice(0, rows.fitted or rows.count)
+    record, outputs = rows.values[early, k], rows.values[early, nu:]
+    if len(record) < LEAST * ORDER:
+        return False
+    own, theirs = _lagged(record[:, None]), _lagged(outputs)
+    known = np.isfinite(record[ORDER:]) & np.isfinite(np.column_stack([own, theirs])).all(axis=1)
+    if np.count_nonzero(known) < LEAST * ORDER:
+        return False
+    goal, ones = record[ORDER:][known], np.ones((np.count_nonzero(known), 1))
+    left = [
+        float(np.sum(np.square(goal - a @ np.linalg.lstsq(a, goal, rcond=None)[0])))
+        for columns in ([own], [own, theirs])
+        for a in (np.hstack([ones, *(one[known] for one in columns)]),)
+    ]
+    return left[1] < (1.0 - FED_BACK) * left[0]
+
+
+def _lagged(columns: Float64[np.ndarray, "n k"]) -> Float64[np.ndarray, "m j"]:
+    """What each column was 1 to ``ORDER`` rows before, of the rows from ``ORDER`` on."""
+    n = len(columns)
+    return np.hstack([columns[ORDER - 1 - j : n - 1 - j] for j in range(ORDER)])
 
 
 def _guess(rows: Rows, k: int) -> Guess | None:
@@ -233,23 +261,14 @@ def _shift(rows: Rows, guess: Guess) -> Shift | None:
     evidence = _evidence(rows.values[:, k], size, (first, last))
     if ours > least or ours > _no_worse(rows, both) * theirs or evidence < -CLEAR:
         return None
-    grown = rows.total(_growing(rows, guess.shape), both)
+    lines = guess.shape, np.linspace(-1.0, 1.0, rows.count)
+    grown = min(rows.total(rows.growing(shape), both) for shape in lines)
     if ours > (CLEARLY if evidence > CLEAR else NO_WORSE) * grown:
         return None
     if abs(evidence) <= CLEAR and rows.count - first < rows.setup.enough:
         name = rows.setup.model.inputs.names[k]
         raise TooFew(f"{rows.count - first} rows do not tell a shift of {name} from the machine")
     return Shift(k, size * guess.shape, first, left, evidence)
-
-
-def _growing(rows: Rows, shape: Vector) -> Outputs:
-    """Residual of one machine whose numbers go by ``shape``, to first order, (n, ny)."""
-    posed, values = rows.whole.tuning(rows.fit.names), rows.fit.values
-    left, pull = residual(posed, values), -posed.jacobian(values)
-    columns = np.concatenate([pull, pull * shape[:, None, None]], axis=2)
-    a, b = columns / rows.sizes[:, None], left / rows.sizes
-    known = np.isfinite(b) & np.isfinite(a).all(axis=2)
-    return np.asarray(left - columns @ np.linalg.lstsq(a[known], b[known], rcond=1e-9)[0])
 
 
 def _no_worse(rows: Rows, both: np.ndarray) -> float:
@@ -339,8 +358,7 @@ def _strays(record: Vector, rows: int) -> float:
 def _innovations(record: Vector, shape: Vector, first: int) -> tuple[Vector, Vector, float] | None:
     """What the record brings that the rows before it do not tell, the same of a shift's shape, and
     the usual size of the former; an autoregression of the rows before ``first``."""
-    n = len(record)
-    back = np.column_stack([record[ORDER - 1 - j : n - 1 - j] for j in range(ORDER)])
+    n, back = len(record), _lagged(record[:, None])
     known = np.isfinite(back).all(axis=1) & np.isfinite(record[ORDER:])
     early = known & (np.arange(ORDER, n) < first)
     if np.count_nonzero(early) < LEAST:
@@ -350,8 +368,7 @@ def _innovations(record: Vector, shape: Vector, first: int) -> tuple[Vector, Vec
     weights = np.linalg.lstsq(columns[early], record[ORDER:][early], rcond=None)[0]
     e, g = np.full(n, np.nan), np.zeros(n)
     e[ORDER:] = np.where(known, record[ORDER:] - columns @ weights, np.nan)
-    before = np.column_stack([shape[ORDER - 1 - j : n - 1 - j] for j in range(ORDER)])
-    g[ORDER:] = shape[ORDER:] - before @ weights[1:]
+    g[ORDER:] = shape[ORDER:] - _lagged(shape[:, None]) @ weights[1:]
     spread = float(np.std(e[ORDER:][early]))
     return (e, g, spread) if spread > 0.0 else None
 

@@ -110,9 +110,16 @@ def _constant(
     rival = _fit_of(rows, cut)
     if rival is None or (leap and _quick(rows, k, leap)):
         return None
-    lead = _lead(rows, left, rival, np.flatnonzero(unseen))
+    places = np.flatnonzero(unseen)
+    lead = _lead(rows, left, rival, places)
     if lead < -SURE and not leap:
         return None
+    grown = np.maximum(np.arange(rows.count) - rows.since, 0) / rows.count
+    if (
+        not leap
+        and _lead(rows, left, rows.growing(grown, np.arange(rows.count) < cut), places) < -SURE
+    ):
+        return None  # it goes on changing, as no constant does
     channel = (*rows.setup.model.inputs, *rows.setup.model.outputs)[k]
     share = 100.0 * (1.0 - rows.total(left, unseen) / rows.total(rows.before, unseen))
     row, until = called(rows.row(rows.since)), rows.until(rows.stop)

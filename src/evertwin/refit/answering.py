@@ -27,6 +27,12 @@ def changed_since(new: Windows) -> dict[str, Any]:
     return event("changed", "", said, evidence)
 
 
+def goes_on(new: Windows) -> dict[str, Any]:
+    """The machine changes all the while; ``new`` are the rows that tell what it is now."""
+    said = f"the machine goes on changing: what it is now is told by rows from {called(new[0].row)}"
+    return event("changed", "", said, {"row": new[0].row, "time": int(new[0].t[0])})
+
+
 def of_a_sensor(found: SensorChange, *events: dict[str, Any]) -> dict[str, Any]:
     """The content of an answer: a channel is not what it was, or is said to be; nothing is learned
     from it, and nothing that was learned from it stays on trial."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,7 @@ from evertwin.ledger.versions import Versions
 from evertwin.machines.friction.resisting import not_physical
 from evertwin.models import Model
 from evertwin.models.form import Form, Version
-from evertwin.refit.answering import changed_since, event, of_a_sensor, rejected
+from evertwin.refit.answering import changed_since, event, goes_on, of_a_sensor, rejected
 from evertwin.refit.channels import ENOUGH, of_a_channel
 from evertwin.refit.correcting import learn, nearest
 from evertwin.refit.judgement import NEARLY_ALL, judged
@@ -125,19 +126,17 @@ class Work(Tuner):
         if "sensor" in content:
             return content
         if found is not None:
-            new = left(self.setup, *self._made(task.version, found), task.windows)
-            gain = MUCH if self._pays(task, rival) else self.setup.trial.margin
-            if np.nanmean(new / self._left(rival, task.windows)) <= 1.0 - gain:
+            unseen = _after(task.windows, rival.row)
+            rows = _newer(unseen, self.setup.enough) or task.windows
+            new = left(self.setup, *self._made(task.version, found), rows)
+            gain = MUCH if self._pays(task, rival, unseen) else self.setup.trial.margin
+            if np.nanmean(new / self._left(rival, rows)) <= 1.0 - gain:
                 return content
         keys = ("next", "lacking", "fit" if task.kind == "fit" else "")
         return {"events": []} | {k: content[k] for k in keys if k in content}
 
-    def _pays(self, task: Task, rival: Version) -> bool:
+    def _pays(self, task: Task, rival: Version, unseen: Windows) -> bool:
         """Is the rival better than the live version on the rows that came after it?"""
-        unseen = tuple(
-            take(block, max(rival.row - block.row, 0), len(block.t))
-            for block in task.windows if block.row + len(block.t) > rival.row
-        )  # fmt: skip
         live = task.version
         share = self._left(rival, unseen) / self._left(live, unseen) if unseen else np.zeros(0)
         known = share[np.isfinite(share)]
@@ -193,6 +192,11 @@ class Work(Tuner):
             return named | since
         problem, chosen = law_now(self.setup, posed, self.tune if commissioned else None)
         problem, fit, rounds = self.tune(problem)
+        whole = problem, fit
+        if commissioned and not rounds:
+            problem, fit = newest(
+                *whole, partial(self.problem, version, names=problem.names), self.tune
+            )
         if rounds and fit.converged:
             verdict = Verdict("normal", "", f"tuned by rounds: {fit.message}")
         elif len(names) < len(self.editable(version)):
@@ -204,11 +208,13 @@ class Work(Tuner):
             if other:
                 return of_a_sensor(other, *events) | since
         much = verdict.kind == "abnormal" or explained(fit, fit.noise) >= MUCH
-        other, alike = of_a_channel(self, task, (problem, fit), names, told=much)
+        other, alike = of_a_channel(self, task, whole, names, told=much)
         if other:  # the rows before it go on to tell how it was
             return of_a_sensor(other, *events)
         if few is not None:
             raise few
+        if fit is not whole[1]:
+            events.append(goes_on(problem.windows))
         events += [
             event("not_identifiable", name, fit.reasons[k], {"verdict": fit.verdict[k]})
             for k, name in enumerate(fit.names)
@@ -227,8 +233,6 @@ class Work(Tuner):
             content["candidate"] = self._named(verdict, version, problem, events)
             content |= {} if content["candidate"] else {"next": self._next()}
         elif helps and part >= self.setup.trial.margin:  # less would not be worth a switch
-            if task.held:
-                problem, fit = self._newest(version, problem, fit)
             found = self.tuned(version, problem, fit, problem.windows, events)
             said = acting(chosen, problem, fit).said + alike
             content["candidate"] = found and found | {"reason": found["reason"] + said}
@@ -260,11 +264,6 @@ class Work(Tuner):
         if rows < ENOUGH * len(names):
             raise TooFew(f"the machine has changed, {rows} rows ago")
         return new, [changed_since(new)]
-
-    def _newest(self, version: Version, problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
-        """The fit, of the newest rows where the machine goes on changing."""
-        names = problem.names
-        return newest(problem, fit, lambda rows: self.problem(version, rows, names), self.tune)
 
     def _helps(self, verdict: Verdict, fit: Fit) -> bool:
         """The form is wrong, and none may be learned: is tuning the better half all the same?
@@ -383,3 +382,18 @@ class Work(Tuner):
             return np.zeros((0, 2))
         u = np.concatenate([w.u[:, columns] for w in windows])
         return np.stack([np.nanmin(u, axis=0), np.nanmax(u, axis=0)], axis=1)
+
+
+def _after(windows: Windows, row: int) -> Windows:
+    """The rows from number ``row`` on."""
+    return tuple(
+        take(block, max(row - block.row, 0), len(block.t))
+        for block in windows if block.row + len(block.t) > row
+    )  # fmt: skip
+
+
+def _newer(windows: Windows, least: int) -> Windows:
+    """The newer half of some rows: what is of a machine that goes on changing is judged there; none
+    where it would be fewer than ``least``."""
+    count = sum(len(block.t) for block in windows)
+    return split(windows, count // 2)[1] if count - count // 2 >= least else ()

@@ -144,8 +144,8 @@ def evidence(bets: Any) -> float:
 
 @njit(cache=True)
 def _inflation(serial: Any) -> float:
-    """By what serial correlation inflates the mean square of payoffs, from their running sums: their
-    variance, not the square of their mean."""
+    """By what serial correlation inflates the mean square of payoffs, from their running sums: by
+    their variance, not the square of their mean."""
     told = max(serial[5], 1.0)
     rho = min(_correlation(told, serial) + 0.5 / math.sqrt(told), STEADIEST)
     square, mean = serial[1] / told, serial[0] / told
