@@ -18,6 +18,7 @@ from evertwin.fold import Block, take
 from evertwin.gauges.sensor_change import unmeasured
 from evertwin.gauges.settled import settled
 from evertwin.tuning import Problem
+from evertwin.tuning.recordings import initials
 from evertwin.types import Inputs, Outputs, PerOutput, Vector
 
 BLOCKS, ROWS = 384, 10
@@ -96,8 +97,10 @@ def changed(windows: Windows, pose: Callable[[Windows], Problem]) -> int:
     if not place:
         return 0
     fitted = settled(pose(split(windows, place)[1]))
-    values = whole.start.copy()
-    values[[whole.names.index(name) for name in fitted.names]] = fitted.values
+    values, begins = whole.start.copy(), initials(whole.model)  # these are of the first rows
+    for name, value in zip(fitted.names, fitted.values, strict=True):
+        if name in whole.names and name not in begins:
+            values[whole.names.index(name)] = value
     start, fit = (np.square(_residuals(whole, v)) for v in (whole.start, values))
     size = _mean(start)
     # the row from which on the fit is the better one, summed over all rows

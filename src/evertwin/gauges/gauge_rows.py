@@ -17,7 +17,7 @@ from evertwin.rows.ring import called
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Windows
 from evertwin.tuning import Fit, Problem
-from evertwin.types import Bools, Outputs, Vector
+from evertwin.types import Bools, Float64, Outputs, Vector
 
 LEAST = 30
 """Rows that tell anything."""
@@ -93,12 +93,14 @@ class Rows:
             return None
         return residual(self.pose(windows).tuning(fit.names), fit.values)
 
-    def growing(self, shape: Vector, seen: Bools | None = None) -> Outputs:
-        """Residual of one machine whose numbers go by ``shape``, to first order, (n, ny); learned
+    def growing(self, shapes: Float64[np.ndarray, "n k"], seen: Bools | None = None) -> Outputs:
+        """Residual of one machine whose numbers go by ``shapes``, to first order, (n, ny); learned
         on the rows ``seen``, by default all."""
-        posed, values = self.whole.tuning(self.fit.names), self.fit.values
+        names = tuple(name for name in self.fit.names if name in self.whole.names)
+        posed, values = self.whole.tuning(names), np.array([self.fit[name] for name in names])
         left, pull = residual(posed, values), -posed.jacobian(values)
-        columns = np.concatenate([pull, pull * shape[:, None, None]], axis=2)
+        grown = [pull * shape[:, None, None] for shape in shapes.T]
+        columns = np.concatenate([pull, *grown], axis=2)
         a, b = columns / self.sizes[:, None], left / self.sizes
         known = np.isfinite(b) & np.isfinite(a).all(axis=2)
         on = known if seen is None else known & seen[:, None]

@@ -262,7 +262,7 @@ def _shift(rows: Rows, guess: Guess) -> Shift | None:
     if ours > least or ours > _no_worse(rows, both) * theirs or evidence < -CLEAR:
         return None
     lines = guess.shape, np.linspace(-1.0, 1.0, rows.count)
-    grown = min(rows.total(rows.growing(shape), both) for shape in lines)
+    grown = min(rows.total(rows.growing(shape[:, None]), both) for shape in lines)
     if ours > (CLEARLY if evidence > CLEAR else NO_WORSE) * grown:
         return None
     if abs(evidence) <= CLEAR and rows.count - first < rows.setup.enough:

@@ -117,7 +117,8 @@ def _constant(
     grown = np.maximum(np.arange(rows.count) - rows.since, 0) / rows.count
     if (
         not leap
-        and _lead(rows, left, rows.growing(grown, np.arange(rows.count) < cut), places) < -SURE
+        and _lead(rows, left, rows.growing(grown[:, None], np.arange(rows.count) < cut), places)
+        < -SURE
     ):
         return None  # it goes on changing, as no constant does
     channel = (*rows.setup.model.inputs, *rows.setup.model.outputs)[k]

@@ -23,7 +23,7 @@ from evertwin.gauges.gauge_rows import LEAST, Rows, residual
 from evertwin.gauges.sensor_change import SensorChange, unmeasured
 from evertwin.models.kernel import CONTINUE
 from evertwin.rows.ring import called
-from evertwin.types import Float64, Outputs, Vector
+from evertwin.types import Bools, Float64, Outputs, Vector
 
 PARTS = 6
 """Parts of the rows, at most."""
@@ -203,8 +203,9 @@ def _least(rows: Rows, columns: Float64[np.ndarray, "n ny k"], left: Outputs) ->
 
 def _machine(rows: Rows, edges: list[int]) -> Outputs | None:
     """Residual of the machine, tuned anew to each part, its numbers in straight lines, (n, ny);
-    None: a part tells no machine."""
-    out = np.full(rows.before.shape, np.nan)
+    None: a part tells no machine. A state that nothing measures does not begin anew with a part:
+    where numbers that go in broken lines over all rows leave less, it is these."""
+    out, whole = np.full(rows.before.shape, np.nan), rows.growing(_lines(rows.count, edges))
     for a, b in pairwise(edges):
         part = split(split(rows.windows, b)[0], a)[1]
         fit = rows.tuned_on(part)
@@ -215,4 +216,12 @@ def _machine(rows: Rows, edges: list[int]) -> Outputs | None:
         grown = np.linspace(-1.0, 1.0, b - a)[:, None, None]
         columns = np.concatenate([pull, pull * grown], axis=2)
         out[a:b] = left + columns @ _least(rows, columns, left)
+        both = np.isfinite(out) & np.isfinite(whole) & _within(rows, a, b)[:, None]
+        if rows.total(whole, both) < rows.total(out, both):
+            out[a:b] = whole[a:b]
     return out
+
+
+def _within(rows: Rows, a: int, b: int) -> Bools:
+    at = np.arange(rows.count)
+    return np.asarray((a <= at) & (at < b))

@@ -16,6 +16,8 @@ from evertwin.errors import DataError, ModelError
 from evertwin.gauges.change import split
 from evertwin.setup.task import Windows
 from evertwin.tuning import Fit, Problem
+from evertwin.tuning.recordings import initials
+from evertwin.types import Vector
 
 CLEARLY = 0.3
 """Share of the squared deviation that newer rows take away at least."""
@@ -51,13 +53,25 @@ def _half(windows: Windows, names: int) -> tuple[Windows, Windows] | None:
 def _better(halves: tuple[Windows, Windows], pose: Pose, tune: Tune) -> bool:
     """Do rows before the newest quarter tell it better without the older half?"""
     old, new = halves
-    before, last = split(new, sum(len(block.t) for block in new) // 2)
-    posed = pose(last)
-    used = posed.rows.used
-    long, short = (
-        np.square(np.where(used, posed.tuning(one.names).residuals(one.values), np.nan))
-        for one in (tune(pose((*old, *before)))[1], tune(pose(before))[1])
-    )
-    known = np.isfinite(long) & np.isfinite(short)
-    sums = [np.where(known, one, 0.0).sum(axis=0) for one in (long, short)]
+    count = sum(len(block.t) for block in new) // 2
+    before, posed = split(new, count)[0], pose(new)
+    long, short = tune(pose((*old, *before)))[1], tune(pose(before))[1]
+    used = posed.rows.used & (np.arange(len(posed.rows.used)) >= count)[:, None]
+    off = [
+        np.square(np.where(used, posed.residuals(_with(posed, fit, short)), np.nan))
+        for fit in (long, short)
+    ]
+    known = np.isfinite(off[0]) & np.isfinite(off[1])
+    sums = [np.where(known, one, 0.0).sum(axis=0) for one in off]
     return bool(np.mean(sums[1] / np.maximum(sums[0], 1e-300)) <= 1.0 - CLEARLY)
+
+
+def _with(posed: Problem, fit: Fit, begins: Fit) -> Vector:
+    """The machine's numbers of one fit; how recordings began of the other, which is of the same."""
+    machine = set(posed.model.parameters.names) - set(initials(posed.model))
+    values = posed.start.copy()
+    for k, name in enumerate(posed.names):
+        one = fit if name in machine else begins
+        if name in one.names:
+            values[k] = one[name]
+    return values

@@ -194,9 +194,8 @@ class Work(Tuner):
         problem, fit, rounds = self.tune(problem)
         whole = problem, fit
         if commissioned and not rounds:
-            problem, fit = newest(
-                *whole, partial(self.problem, version, names=problem.names), self.tune
-            )
+            tuned = tuple(n for n in problem.names if n in model.parameters.names)
+            problem, fit = newest(*whole, partial(self.problem, version, names=tuned), self.tune)
         if rounds and fit.converged:
             verdict = Verdict("normal", "", f"tuned by rounds: {fit.message}")
         elif len(names) < len(self.editable(version)):
