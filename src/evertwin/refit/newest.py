@@ -13,6 +13,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from evertwin.errors import DataError, ModelError
+from evertwin.fold import take
 from evertwin.gauges.change import split
 from evertwin.setup.task import Windows
 from evertwin.tuning import Fit, Problem
@@ -75,3 +76,30 @@ def _with(posed: Problem, fit: Fit, begins: Fit) -> Vector:
         if name in one.names:
             values[k] = one[name]
     return values
+
+
+def after(windows: Windows, row: int) -> Windows:
+    """The rows from number ``row`` on.
+
+    >>> from evertwin.fold import make_block
+    >>> rows = make_block(t=range(4), u=np.zeros((4, 1)), y=np.zeros((4, 1)))
+    >>> [len(block.t) for block in after((rows,), 3)], after((rows,), 4)
+    ([1], ())
+    """
+    return tuple(
+        take(block, max(row - block.row, 0), len(block.t))
+        for block in windows if block.row + len(block.t) > row
+    )  # fmt: skip
+
+
+def newer(windows: Windows, least: int) -> Windows:
+    """The newer half of some rows: what is of a machine that goes on changing is judged there; none
+    where it would be fewer than ``least``.
+
+    >>> from evertwin.fold import make_block
+    >>> rows = make_block(t=range(5), u=np.zeros((5, 1)), y=np.zeros((5, 1)))
+    >>> [[len(block.t) for block in newer((rows,), least)] for least in (3, 4)]
+    [[3], []]
+    """
+    count = sum(len(block.t) for block in windows)
+    return split(windows, count // 2)[1] if count - count // 2 >= least else ()

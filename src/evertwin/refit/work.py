@@ -19,7 +19,7 @@ from evertwin.anomaly.verdict import Verdict, explained
 from evertwin.config.spec import TwinSpec
 from evertwin.correction.improve import TooFew
 from evertwin.errors import DataError, ModelError, UsageError
-from evertwin.fold import plain, take
+from evertwin.fold import plain
 from evertwin.gauges.change import changed, split, suddenly
 from evertwin.gauges.gauge import at_once
 from evertwin.gauges.misread import misread
@@ -34,7 +34,7 @@ from evertwin.refit.channels import ENOUGH, of_a_channel
 from evertwin.refit.correcting import learn, nearest
 from evertwin.refit.judgement import NEARLY_ALL, judged
 from evertwin.refit.named_cause import named_first
-from evertwin.refit.newest import newest
+from evertwin.refit.newest import after, newer, newest
 from evertwin.refit.physical import passive
 from evertwin.refit.posterior import posterior
 from evertwin.refit.recursive_fit import Recursion
@@ -44,6 +44,7 @@ from evertwin.refit.tuner import Tuner
 from evertwin.refit.workers import setup_of
 from evertwin.setup.evaluation import left, sizes
 from evertwin.setup.friction_law import acting
+from evertwin.setup.lasting import begun, lasting
 from evertwin.setup.task import Task, Windows
 from evertwin.trial import admit
 from evertwin.tuning import Fit, Problem
@@ -81,7 +82,9 @@ class Work(Tuner):
     @np.errstate(all="ignore")  # numbers are tried at which a model has no value
     def content(self, task: Task) -> dict[str, Json]:
         """What the answer says, in plain values; what cannot be done is an event in it."""
+        model, p = self.versions.model_of(task.version.form), task.version.p
         try:
+            task = task._replace(windows=begun(task.windows, model, p, self.setup.horizon))
             if task.kind == "correct":
                 content = self.correct(task)
             else:
@@ -126,8 +129,8 @@ class Work(Tuner):
         if "sensor" in content:
             return content
         if found is not None:
-            unseen = _after(task.windows, rival.row)
-            rows = _newer(unseen, self.setup.enough) or task.windows
+            unseen = after(task.windows, rival.row)
+            rows = newer(unseen, self.setup.enough) or task.windows
             new = left(self.setup, *self._made(task.version, found), rows)
             gain = MUCH if self._pays(task, rival, unseen) else self.setup.trial.margin
             if np.nanmean(new / self._left(rival, rows)) <= 1.0 - gain:
@@ -192,10 +195,10 @@ class Work(Tuner):
             return named | since
         problem, chosen = law_now(self.setup, posed, self.tune if commissioned else None)
         problem, fit, rounds = self.tune(problem)
-        whole = problem, fit
+        tuned = problem, fit
         if commissioned and not rounds:
-            tuned = tuple(n for n in problem.names if n in model.parameters.names)
-            problem, fit = newest(*whole, partial(self.problem, version, names=tuned), self.tune)
+            own = tuple(n for n in problem.names if n in model.parameters.names)
+            problem, fit = newest(*tuned, partial(self.problem, version, names=own), self.tune)
         if rounds and fit.converged:
             verdict = Verdict("normal", "", f"tuned by rounds: {fit.message}")
         elif len(names) < len(self.editable(version)):
@@ -207,12 +210,12 @@ class Work(Tuner):
             if other:
                 return of_a_sensor(other, *events) | since
         much = verdict.kind == "abnormal" or explained(fit, fit.noise) >= MUCH
-        other, alike = of_a_channel(self, task, whole, names, told=much)
+        other, alike = of_a_channel(self, task, tuned, names, told=much)
         if other:  # the rows before it go on to tell how it was
             return of_a_sensor(other, *events)
         if few is not None:
             raise few
-        if fit is not whole[1]:
+        if fit is not tuned[1]:
             events.append(goes_on(problem.windows))
         events += [
             event("not_identifiable", name, fit.reasons[k], {"verdict": fit.verdict[k]})
@@ -255,6 +258,9 @@ class Work(Tuner):
         Raises:
             TooFew: there are not enough of them yet.
         """
+        model = self.versions.model_of(version.form)
+        if lasting(model, version.p, windows[0], self.setup.horizon):
+            return windows, []  # what it was where the machine changed would not be known
         place = changed(windows, lambda rows: self.problem(version, rows, names))
         if not place:
             return windows, []
@@ -381,18 +387,3 @@ class Work(Tuner):
             return np.zeros((0, 2))
         u = np.concatenate([w.u[:, columns] for w in windows])
         return np.stack([np.nanmin(u, axis=0), np.nanmax(u, axis=0)], axis=1)
-
-
-def _after(windows: Windows, row: int) -> Windows:
-    """The rows from number ``row`` on."""
-    return tuple(
-        take(block, max(row - block.row, 0), len(block.t))
-        for block in windows if block.row + len(block.t) > row
-    )  # fmt: skip
-
-
-def _newer(windows: Windows, least: int) -> Windows:
-    """The newer half of some rows: what is of a machine that goes on changing is judged there; none
-    where it would be fewer than ``least``."""
-    count = sum(len(block.t) for block in windows)
-    return split(windows, count // 2)[1] if count - count // 2 >= least else ()
