@@ -8,6 +8,7 @@ import pytest
 from evertwin import FunctionModel, Layout, Parameters, RunResult, Twin, TwinSpec
 from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import ModelSpec, PredictionSpec, Span
+from evertwin.sync.spec import SignalSpec
 from evertwin.tuning.spec import TuningSpec
 from evertwin.types import ParameterVector, Vector
 
@@ -36,6 +37,7 @@ def cell(seed: int, start: float | str) -> RunResult:
     )  # fmt: skip
     spec = TwinSpec(
         "cell", ModelSpec("python"), beat=Span(seconds=60.0), prediction=PredictionSpec(60.0),
+        signals={"current": SignalSpec(hold=False)},
         anomaly=AnomalySpec(requirement=0.01, relative=False, window=Span(seconds=600.0)),
         tuning=TuningSpec(window=Span(seconds=1500.0), editable=("charged", "resistance")),
     )  # fmt: skip

@@ -46,6 +46,8 @@ class Rows:
     tune: Callable[[Problem], Fit]
     begins: int | None = None
     """Position of the first row that may be otherwise; None: that of the first that is tuned."""
+    earlier: Windows = ()
+    """Rows before all these, of which nothing is asked but how channels usually go."""
     given: Vector | None = None
     """What counts as 1 of each output's residual, (ny,); None: its usual size."""
 

@@ -55,7 +55,8 @@ def stuck(rows: Rows, *, reached: bool = False) -> SensorChange | None:
         TooFew: it looks so, and it did not change for nearly as long before.
     """
     for k, channel in enumerate(rows.setup.model.inputs.channels):
-        first, longest, still = _since(rows.values[:, k])
+        before = np.concatenate([np.zeros(0), *(one.u[:, k] for one in rows.earlier)])
+        first, longest, still = _since(rows.values[:, k], before)
         count = rows.count - first
         if not first or count < max(LEAST, longest):
             continue
@@ -73,9 +74,10 @@ def stuck(rows: Rows, *, reached: bool = False) -> SensorChange | None:
     return None
 
 
-def _since(values: Vector) -> tuple[int, int, bool]:
+def _since(values: Vector, earlier: Vector) -> tuple[int, int, bool]:
     """Position from which on a channel stays about where it is at the end, but for single rows; the
-    longest time that it did before, in rows; and whether it stays to the last digit."""
+    longest time that it did before, in rows; and whether it stays to the last digit. ``earlier``:
+    what it was before these rows."""
     known = np.flatnonzero(np.isfinite(values))
     record = values[known]
     if len(record) < 2 * LEAST:
@@ -94,12 +96,14 @@ def _since(values: Vector) -> tuple[int, int, bool]:
     if first >= len(record):
         return 0, 0, False
     if not band:
-        changes = np.flatnonzero(np.diff(record[:first])) + 1
-        return int(known[first]), int(np.diff([0, *changes.tolist(), first]).max()), True
+        past = np.concatenate([earlier[np.isfinite(earlier)], record[:first]])
+        changes = np.flatnonzero(np.diff(past)) + 1
+        return int(known[first]), int(np.diff([0, *changes.tolist(), len(past)]).max()), True
     stays = record[(first + len(record)) // 2 :]  # it may have come to rest by and by
     if float(np.mean(np.square(np.diff(stays)))) < WHITE * float(np.var(stays)):
         return 0, 0, False  # it still moves, by less
-    return int(known[first]), _longest(record[:first], 2.0 * band), False
+    past = np.concatenate([earlier[np.isfinite(earlier)], record[:first]])
+    return int(known[first]), _longest(past, 2.0 * band), False
 
 
 def _longest(record: Vector, wide: float) -> int:
@@ -136,7 +140,7 @@ def _goes_on(rows: Rows, k: int, first: int) -> bool | None:
     """
     begins = np.flatnonzero(rows.whole.restart.code != CONTINUE)
     spans = [(a, b) for a, b in pairwise([*begins.tolist(), rows.count]) if a >= first]
-    if not np.isfinite(rows.setup.horizon) or not len(rows.setup.model.states):
+    if not (np.isfinite(rows.setup.horizon) and rows.setup.adopts.any()):
         return None
     found = len(spans) >= FEW and _varies(rows, k, spans, first)
     if not found and len(spans) < ENOUGH:

@@ -46,12 +46,13 @@ class SlowWork:
             return
         window = (agenda.start, agenda.stop)
         version = as_is(self.work.versions, state)
-        rows = self.work.setup.ring.between(state.ring, *window)
+        ring = self.work.setup.ring
+        rows, earlier = (ring.between(state.ring, *some) for some in (window, (0, window[0])))
         request = Request(agenda.open, agenda.kind, version.number, state.row, agenda.due, window)
         rival = self.work.versions[agenda.rival] if agenda.rival else None
         task = Task(
             agenda.kind, version, rows, agenda.tunings, agenda.held, agenda.again > 0, rival,
-            agenda.commissioned, agenda.cause,
+            agenda.commissioned, agenda.cause, earlier,
         )  # fmt: skip
         self.engine.submit(request, partial(self.work.content, task))
 

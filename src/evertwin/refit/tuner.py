@@ -95,7 +95,11 @@ class Tuner:
     def rows(self, task: Task, problem: Problem, fit: Fit) -> Rows:
         """What hypotheses about a gauge are tested on, once ``problem`` is tuned."""
         pose = partial(self.problem, task.version, names=self.editable(task.version))
-        return Rows(self.setup, pose, task.windows, problem, fit, lambda one: self.tune(one)[1])
+
+        def tune(one: Problem) -> Fit:
+            return self.tune(one)[1]
+
+        return Rows(self.setup, pose, task.windows, problem, fit, tune, earlier=task.earlier)
 
     def due(self, version: Version, tunings: int) -> tuple[str, ...]:
         """The parameters whose turn it is."""

@@ -15,7 +15,7 @@ class Task(NamedTuple):
 
     >>> Task._fields
     ('kind', 'version', 'windows', 'tunings', 'held', 'waits', 'rival', 'commissioned',
-    'cause')
+    'cause', 'earlier')
     """
 
     kind: str
@@ -36,3 +36,5 @@ class Task(NamedTuple):
     """Do numbers that are tuned once stay?"""
     cause: str = ""
     """Cause that a person named, which is tried first."""
+    earlier: Windows = ()
+    """Rows that are kept from before these: how channels usually go."""
