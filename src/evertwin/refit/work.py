@@ -29,6 +29,7 @@ from evertwin.ledger.versions import Versions
 from evertwin.machines.friction.resisting import not_physical
 from evertwin.models import Model
 from evertwin.models.form import Form, Version
+from evertwin.models.terms.registry import kind
 from evertwin.refit.answering import changed_since, event, goes_on, of_a_sensor, rejected
 from evertwin.refit.channels import ENOUGH, of_a_channel
 from evertwin.refit.correcting import learn, nearest
@@ -353,7 +354,8 @@ class Work(Tuner):
             if values.get(one := name.removesuffix(" (weak)")) != old.get(one)
         }  # fmt: skip
         first = (f"tuned {', '.join(moved.values())}",) if moved else ()
-        reason = "; ".join((*first, *proposal.describes))
+        alike = {kind(gain.term.kind).alike for gain in proposal.gains if gain.term.channel == "*"}
+        reason = "; ".join((*first, *proposal.describes, *sorted(alike - {""})))
         return {
             "events": [event("corrected", "", reason, evidence)],
             "lacking": len(proposal.unseen),

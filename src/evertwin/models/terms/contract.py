@@ -148,6 +148,9 @@ class CorrectionTerm(ABC):
     initials: ClassVar[tuple[str, ...]] = ()
     """Parameters that are an unmeasured state before a recording: each recording has its own."""
 
+    alike: ClassVar[str] = ""
+    """What would look the same, where it acts on all inputs."""
+
     # ------------------------------------------------------------------ as part of a model
 
     @abstractmethod

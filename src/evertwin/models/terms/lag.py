@@ -109,6 +109,7 @@ class Lag(CorrectionTerm):
     """
 
     kind, rank, variants, steps = "lag", 1, ("", "delay"), ("delay",)
+    alike = "sensors that tell of the outputs as late would look the same"
     functions = Functions(before)
 
     def parameters(self, term: Term, unit: str, source: str) -> Sequence[Parameter]:
