@@ -13,7 +13,7 @@ from typing import Any
 
 from evertwin.fold import Event
 from evertwin.models.form import Version
-from evertwin.outcome.jumps import jumps
+from evertwin.outcome.jumps import jumps, remembered
 from evertwin.outcome.open_faults import open_faults
 from evertwin.outcome.open_trial import OpenTrial, shorter
 from evertwin.outcome.result import OutputFigures
@@ -50,7 +50,8 @@ def headline(
     doubted = _of_a_sensor(events)
     least = 0.0 if setup.relative or not setup.decides else setup.requirement
     # of a channel that is read wrongly, the others step away from the model as well
-    stepped = {} if setup.static or doubted else jumps(events, units, least)
+    stays = remembered(setup.model, setup.model.parameters.values, setup.horizon)
+    stepped = {} if setup.static or doubted else jumps(events, units, least, stays)
     faults = {**stepped, **open_faults(events)}
     if known:
         outcome = _outcome(setup, known, versions, events, trial)

@@ -5,7 +5,8 @@ The arbiter lets samples that agree with each other overrule the model, for the 
 been moved. A sensor that is off for a while looks the same as it leaves, and steps back by as much
 when it is right again; what never came back cannot be told from a machine that was moved. Either
 is the first that a result has to say. Where a signal overrules the model again and again, the model
-is rough there, and nothing of this is said.
+is rough there, and nothing of this is said; nor of an output that forgets where it was, as a
+current does: a sensor that is off would go on to contradict the model.
 
 >>> there = {"delta": {"x": 0.5}, "sigma": {"x": 0.01}, "onset": 10}
 >>> events = [Event(17, 0, "overruled", "pose", "", there)]
@@ -21,8 +22,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from evertwin.fold import Event
+from evertwin.models import Model
 from evertwin.signals.spoken import spoken
+from evertwin.types import ParameterVector
 
 OFTEN = 4
 """Jumps of a signal from which on it is the model that is rough."""
@@ -30,17 +35,54 @@ CLEAR = 6.0
 """Size in standard deviations of the sensor from which a jump is told."""
 BACK = 0.2
 """Share of a jump within which the next one takes it back."""
+HORIZONS, STEPS = 10, 200
+"""How long an output remembers that it was moved, at least, and in how many steps that is asked."""
+STAYS = 0.5
+"""Share of that which is still there then, at least."""
+
+
+def remembered(model: Model, p: ParameterVector, horizon: float) -> frozenset[str]:
+    """Outputs that stay moved, as a position does; all of which that cannot be asked.
+
+    >>> from evertwin.models import FunctionModel, Parameters
+    >>> from evertwin.signals import Layout
+    >>> def cart(x, u, dt, p):
+    ...     speed = x[1] - dt * p[0] * (x[1] - u[0])
+    ...     return [x[0] + dt * speed, speed], [x[0] + dt * speed, speed]
+    >>> both = Layout.of(x="m", v="m/s")
+    >>> model = FunctionModel(
+    ...     cart, Layout.of(u="m/s"), both, both, Parameters.of(quick=(9.0, "1/s")))
+    >>> sorted(remembered(model, model.parameters.values, 1.0))
+    ['x']
+    """
+    names = model.outputs.names
+    if not np.isfinite(horizon):
+        return frozenset(names)
+    x0, dt = model.initial(p), np.full(STEPS, HORIZONS * horizon / STEPS)
+    u, found = np.zeros((STEPS, len(model.inputs))), list[str]()
+    with np.errstate(all="ignore"):
+        for k, name in enumerate(names):
+            here, there = (np.where(np.arange(len(names)) == k, v, np.nan) for v in (0.0, 1.0))
+            at, moved = model.observe(x0, here), model.observe(x0, there)
+            if np.array_equal(at, moved):
+                continue  # no state takes it over
+            one, other = (model.simulate(x, u, dt, p)[1][-1, k] for x in (at, moved))
+            if not abs(other - one) < STAYS:
+                found.append(name)
+    return frozenset(found)
 
 
 def jumps(
-    events: Sequence[Event], units: Mapping[str, tuple[str, str]], least: float = 0.0
-) -> Mapping[str, str]:
+    events: Sequence[Event], units: Mapping[str, tuple[str, str]], least: float = 0.0,
+    stays: frozenset[str] | None = None,
+) -> Mapping[str, str]:  # fmt: skip
     """Signal to the sentence about it.
 
     Args:
         events: of a run.
         units: SI unit of each output, and the one that it is recorded in.
         least: what an output may be off by: a smaller jump is nothing to say first.
+        stays: outputs that remember where they were; None: all.
     """
     found: dict[str, list[Event]] = {}
     for event in events:
@@ -50,16 +92,18 @@ def jumps(
             found.setdefault(event.signal, []).append(event)
     told = {}
     for signal, some in found.items():
-        sentence = _told(signal, some, units, least) if len(some) < OFTEN else ""
+        sentence = _told(signal, some, units, (least, stays)) if len(some) < OFTEN else ""
         if sentence:
             told[signal] = sentence
     return told
 
 
 def _told(
-    signal: str, some: Sequence[Event], units: Mapping[str, tuple[str, str]], least: float
-) -> str:
+    signal: str, some: Sequence[Event], units: Mapping[str, tuple[str, str]],
+    rule: tuple[float, frozenset[str] | None],
+) -> str:  # fmt: skip
     """Of the last jump that is clear and was not the way back of one before."""
+    least, stays = rule
     open_one: tuple[Event, str, float] | None = None
     text = ""
     for event in some:
@@ -79,7 +123,7 @@ def _told(
             open_one = None
         elif sizes[name] > CLEAR and abs(delta) > least:
             open_one = event, name, delta
-    if open_one is not None:
+    if open_one is not None and (stays is None or open_one[1] in stays):
         since: Any = open_one[0].evidence
         text = (
             f"{signal} has stood {_by(signal, *open_one[1:], units)} apart from what the model "
