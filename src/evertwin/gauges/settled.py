@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from evertwin.models.corrected import Corrected
-from evertwin.tuning import Fit, Problem, solve
+from evertwin.tuning import Fit, Problem, solve, told_apart
 
 
 def settled(problem: Problem) -> Fit:
@@ -21,7 +21,7 @@ def settled(problem: Problem) -> Fit:
     >>> settled(Problem(Omni(), (rows,), ("gain", "side_gain"))).names
     ('gain',)
     """
-    fit = solve(problem)
+    fit = told_apart(problem, solve(problem)) if len(problem.model.states) else solve(problem)
     for stays, why in (
         (_superseded(problem, fit), "the correction tells the same"),
         (_untouched(fit), "no row tells them"),

@@ -57,8 +57,9 @@ class Alike(NamedTuple):
 
 
 def told_apart(problem: Problem, fit: Fit) -> Fit:
-    """The fit with one of each group of collinear parameters; of models with a state as it is."""
-    if len(problem.model.states) or fit.names != problem.names or not fit.converged:
+    """The fit with one of each group of collinear parameters; of models with a state only what is
+    collinear to the last digit, as a force's and a mass's scale are."""
+    if fit.names != problem.names or not fit.converged:
         return fit
     found, stays = fit, dict[str, Alike]()
     while len(found.names) > 1:
@@ -79,9 +80,11 @@ def _last(problem: Problem, fit: Fit) -> Alike | None:
     optional = problem.start == 0
     order = np.lexsort((np.arange(len(fit.names)), optional))
     told = _parts(Spectrum.of(acting.information(fit.noise)), order)
-    refused = np.array(["collinear" in reason for reason in fit.reasons])
+    dynamic = len(problem.model.states) > 0
+    word = "collinear: only" if dynamic else "collinear"
+    refused = np.array([one.startswith(word) if dynamic else word in one for one in fit.reasons])
     near = np.array([0.0 < part < NEAR for part, _ in told]) & ~refused
-    if not refused.any() and near.any():
+    if not (dynamic or refused.any()) and near.any():
         wrong = wrong_outputs(problem, fit)
         refused = near & acting.acts[wrong].any(axis=0)
     mine = [k for k in order.tolist() if refused[k] and told[k][1] >= 0]
@@ -136,6 +139,8 @@ def _whole(problem: Problem, fit: Fit, found: Fit, stays: Mapping[str, Alike]) -
 
 
 def _needs(problem: Problem, alike: Alike) -> str:
-    told = problem.model, (alike.beside, alike.name), problem.rows.u
+    dynamic = len(problem.model.states) > 0
+    pair = (alike.beside, alike.name)  # a scale is of all of a model's
+    told = problem.model, problem.parameters.names if dynamic else pair, problem.rows.u
     needs = advise(*told, least=NEAR) or advise(*told, FAR, NEAR)
     return f"needs {' and '.join(needs)}" if needs else "no motion that was tried tells them apart"
