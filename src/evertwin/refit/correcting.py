@@ -28,6 +28,7 @@ from evertwin.models.form import Form, Term, Version
 from evertwin.models.terms.rows import level_count
 from evertwin.refit.recall import recalled
 from evertwin.setup.setup import Setup
+from evertwin.types import Vector
 
 Windows = tuple[Block, ...]
 CLEARLY = 0.05
@@ -89,7 +90,9 @@ def _translation(setup: Setup, base: Model, version: Version, windows: Windows) 
     p = version.p[: len(base.parameters)]
     table = learn_table(base, p, windows, settings)
     terms: tuple[Term, ...] = (Term("table", channel, levels=tuple(table.levels.tolist())),)
-    said = tuple(_said(table, base.inputs.units[base.inputs.index(channel)]))
+    column = base.inputs.index(channel)
+    given = np.concatenate([window.u[:, column] for window in windows])
+    said = tuple(_said(table, given, base.inputs.units[column]))
     values = {f"table.{channel}.{k}": float(v) for k, v in enumerate(table.values)}
     if setup.spec.correction.refine:
         refined = refine_law(base, p, windows, table, setup.horizon)
@@ -112,11 +115,15 @@ def _translation(setup: Setup, base: Model, version: Version, windows: Windows) 
     )  # fmt: skip
 
 
-def _said(table: Table, unit: str) -> Iterator[str]:
-    """What the table rests on, and the missing excitation in words."""
+def _said(table: Table, given: Vector, unit: str) -> Iterator[str]:
+    """What the table rests on, and the missing excitation in words; ``given``: the commands, which
+    may pass a level and not stay there."""
     levels = table.levels
+    middles = 0.5 * (levels[1:] + levels[:-1])
+    passed = np.isin(np.arange(len(levels)), np.digitize(given[np.isfinite(given)], middles))
     yield f"{table.channel}: {int(table.learned.sum())} of {len(levels)} levels learned"
-    opens = np.flatnonzero(np.diff(table.visits == 0, prepend=False, append=False)).tolist()
+    never = (table.visits == 0) & ~passed
+    opens = np.flatnonzero(np.diff(never, prepend=False, append=False)).tolist()
     found = [
         f"{levels[a]:g}" if b == a + 1 else f"{levels[a]:g} to {levels[b - 1]:g}"
         for a, b in zip(opens[::2], opens[1::2], strict=True)
