@@ -10,7 +10,7 @@ import pytest
 from evertwin import FunctionModel, Layout, Parameters, RunResult, Twin, TwinSpec
 from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import ModelSpec, PredictionSpec, Span
-from evertwin.gauges.input_shift import _evidence
+from evertwin.gauges.course import evidence
 from evertwin.sync.spec import SignalSpec
 from evertwin.tuning.spec import TuningSpec
 from evertwin.types import ParameterVector, Vector
@@ -88,4 +88,4 @@ def test_a_sensor_that_drifts_is_not_learned(seed: int) -> None:
 def test_a_record_that_strays_slowly_by_itself_accuses_nobody(phase: float) -> None:
     k = np.arange(1440)
     record = 2.0 * np.sin(k / 360.0 + phase) + np.random.default_rng(3).normal(0.0, 0.05, 1440)
-    assert _evidence(record, -2.4, (240, 1439)) == 0.0
+    assert evidence(record, -2.4, (240, 1439)) == 0.0

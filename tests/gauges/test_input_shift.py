@@ -10,8 +10,8 @@ from evertwin import FunctionModel, Layout, Parameters, RunResult, Twin, TwinSpe
 from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import ModelSpec, PredictionSpec, Span
 from evertwin.errors import UsageError
+from evertwin.gauges.course import evidence
 from evertwin.gauges.in_words import difference, level
-from evertwin.gauges.input_shift import _evidence
 from evertwin.machines.mobile import Robot1D
 from evertwin.setup.setup import Setup
 from evertwin.sources.spec import ChannelSpec, SourceSpec
@@ -90,8 +90,8 @@ def wandering(seed: int) -> Float64[np.ndarray, " n"]:
 def test_a_record_tells_its_sensor_from_the_machine(seed: int) -> None:
     """Twelve steps' size, at once: what is in the record is the sensor's, what is not is not."""
     record, off = wandering(seed), np.where(np.arange(1500) >= 1000, 20.0, 0.0)
-    assert _evidence(record + off, 20.0, (1000, 1000)) > 3.0
-    assert _evidence(record, 20.0, (1000, 1000)) < -3.0
+    assert evidence(record + off, 20.0, (1000, 1000)) > 3.0
+    assert evidence(record, 20.0, (1000, 1000)) < -3.0
 
 
 def turned(x: Vector, u: Vector, dt: float, p: ParameterVector) -> tuple[list[float], list[float]]:

@@ -23,6 +23,7 @@ from evertwin.correction.improve import TooFew
 from evertwin.fold import Block
 from evertwin.gauges import in_words
 from evertwin.gauges.change import split
+from evertwin.gauges.course import AT_ONCE, CLEAR, evidence, fed_back, shape_of
 from evertwin.gauges.gauge_rows import LEAST, Rows, residual
 from evertwin.gauges.noise import CHANCE
 from evertwin.gauges.sensor_change import SensorChange, unmeasured
@@ -30,7 +31,7 @@ from evertwin.models.kernel import CONTINUE
 from evertwin.rows.channels import is_held, measured
 from evertwin.rows.ring import called
 from evertwin.setup.task import Windows
-from evertwin.types import Bools, Float64, Outputs, Vector
+from evertwin.types import Bools, Outputs, Vector
 
 PARTS = 24
 """Parts of the rows at whose edges a shift may begin to grow, and end."""
@@ -48,22 +49,8 @@ ALIKE = 1.5
 """What leaves so many times as much explains it as well."""
 NO_WORSE = 1.1
 """So many times what tuning leaves a shift may leave."""
-CLEAR = 3.0
-"""Logarithm of the likelihood ratio from which on the record speaks for one side."""
-ORDER = 5
-"""Rows that the usual course goes back."""
-STRETCHES = 12
-"""Parts of the rows before whose means tell how far the record strays slowly."""
-STRAYS = 2.0
-"""So many times as far as it strays in as long by itself what has grown has to be."""
-AT_ONCE = 8
-"""Rows within which a step is complete, and up to so many from where it is looked for."""
-FREEDOM = 3.0
-"""Degrees of freedom of steps (Student's t): some are far larger than most."""
 BUSY = 0.5
 """Share of rows at which a channel changes that is measured, though nobody says so."""
-FED_BACK = 0.1
-"""Share of what its own course does not tell of a command that the outputs before it tell."""
 
 
 class Shift(NamedTuple):
@@ -165,36 +152,10 @@ def _measured(rows: Rows) -> list[int]:
         said = setup.spec.signals.get(inputs.names[k])
         busy = np.mean(np.nan_to_num(rows.steps[:, k]) != 0.0) > BUSY
         if not is_held(setup.spec, inputs.names[k], dynamic=True) or (
-            busy and (said is None or said.hold is None) and not _fed_back(rows, k)
+            busy and (said is None or said.hold is None) and not fed_back(rows, k)
         ):
             found.append(k)
     return found
-
-
-def _fed_back(rows: Rows, k: int) -> bool:
-    """Does a controller make input ``k`` of the outputs? By a machine that changed it leaves its
-    usual course as well; told on the rows before that."""
-    nu, early = len(rows.setup.model.inputs), slice(0, rows.fitted or rows.count)
-    record, outputs = rows.values[early, k], rows.values[early, nu:]
-    if len(record) < LEAST * ORDER:
-        return False
-    own, theirs = _lagged(record[:, None]), _lagged(outputs)
-    known = np.isfinite(record[ORDER:]) & np.isfinite(np.column_stack([own, theirs])).all(axis=1)
-    if np.count_nonzero(known) < LEAST * ORDER:
-        return False
-    goal, ones = record[ORDER:][known], np.ones((np.count_nonzero(known), 1))
-    left = [
-        float(np.sum(np.square(goal - a @ np.linalg.lstsq(a, goal, rcond=None)[0])))
-        for columns in ([own], [own, theirs])
-        for a in (np.hstack([ones, *(one[known] for one in columns)]),)
-    ]
-    return left[1] < (1.0 - FED_BACK) * left[0]
-
-
-def _lagged(columns: Float64[np.ndarray, "n k"]) -> Float64[np.ndarray, "m j"]:
-    """What each column was 1 to ``ORDER`` rows before, of the rows from ``ORDER`` on."""
-    n = len(columns)
-    return np.hstack([columns[ORDER - 1 - j : n - 1 - j] for j in range(ORDER)])
 
 
 def _guess(rows: Rows, k: int) -> Guess | None:
@@ -207,7 +168,7 @@ def _guess(rows: Rows, k: int) -> Guess | None:
     off = np.nan_to_num(rows.before / rows.sizes)
     profile, usual = Profile.of(slope / rows.sizes, off), slope / rows.sizes
     first, last = _when(rows, profile, record)
-    shape = _shape(n, first, last)
+    shape = shape_of(n, first, last)
     size, _ = profile.fitted(shape)
     slope *= shape[:, None]
     for _ in range(SECANTS):  # it need not be small
@@ -218,7 +179,7 @@ def _guess(rows: Rows, k: int) -> Guess | None:
     here = _after(rows, first)[:, None] & np.isfinite(rows.before)
     left = rows.total(rows.before + slope * size, here)
     before = rows.total(rows.before, here)
-    if _evidence(record, size, (first, last)) < -CLEAR or not left <= LITTLE * before:
+    if evidence(record, size, (first, last)) < -CLEAR or not left <= LITTLE * before:
         return None
     return Guess(k, shape, (first, last), size, slope, left / before)
 
@@ -258,17 +219,17 @@ def _shift(rows: Rows, guess: Guess) -> Shift | None:
     ours, theirs = rows.total(left, both), rows.total(rival, both)
     # where no change was found, theirs is one machine, too
     least = EXPLAINED * (rows.total(rows.before, both) if rows.fitted else theirs)
-    evidence = _evidence(rows.values[:, k], size, (first, last))
-    if ours > least or ours > _no_worse(rows, both) * theirs or evidence < -CLEAR:
+    told = evidence(rows.values[:, k], size, (first, last))
+    if ours > least or ours > _no_worse(rows, both) * theirs or told < -CLEAR:
         return None
     lines = guess.shape, np.linspace(-1.0, 1.0, rows.count)
     grown = min(rows.total(rows.growing(shape[:, None]), both) for shape in lines)
-    if ours > (CLEARLY if evidence > CLEAR else NO_WORSE) * grown:
+    if ours > (CLEARLY if told > CLEAR else NO_WORSE) * grown:
         return None
-    if abs(evidence) <= CLEAR and rows.count - first < rows.setup.enough:
+    if abs(told) <= CLEAR and rows.count - first < rows.setup.enough:
         name = rows.setup.model.inputs.names[k]
         raise TooFew(f"{rows.count - first} rows do not tell a shift of {name} from the machine")
-    return Shift(k, size * guess.shape, first, left, evidence)
+    return Shift(k, size * guess.shape, first, left, told)
 
 
 def _no_worse(rows: Rows, both: np.ndarray) -> float:
@@ -288,12 +249,6 @@ def without(rows: Rows, k: int, by: Vector) -> Windows:
     return tuple(found)
 
 
-def _shape(n: int, first: int, last: int) -> Vector:
-    """It rises from ``first`` to ``last`` and stays; a step where both are one, (n,)."""
-    grown = (np.arange(n) - first + 1.0) / max(last - first + 1.0, 1.0)
-    return np.asarray(np.clip(grown, 0.0, 1.0))
-
-
 def _when(rows: Rows, profile: Profile, record: Vector) -> tuple[int, int]:
     """When a shift that explains most begins, and when it is complete."""
     n = rows.count
@@ -303,7 +258,7 @@ def _when(rows: Rows, profile: Profile, record: Vector) -> tuple[int, int]:
     ]  # fmt: skip
 
     def gain(span: tuple[int, int]) -> float:
-        return profile.fitted(_shape(n, *span))[1]
+        return profile.fitted(shape_of(n, *span))[1]
 
     best, wide = max(spans, key=gain), n // PARTS
     about = min((a for a, b in spans if a == b), key=lambda a: abs(a - best[1]))
@@ -314,81 +269,13 @@ def _when(rows: Rows, profile: Profile, record: Vector) -> tuple[int, int]:
         return best
     # where several do about as well, the record says where it stepped
     good = [a for a, one in gains.items() if one >= NEARLY * most]
-    size = profile.fitted(_shape(n, good[0], good[0]))[0]
+    size = profile.fitted(shape_of(n, good[0], good[0]))[0]
     first = min(good, key=lambda a: abs(np.nan_to_num(record[a] - record[a - 1]) - size))
     return first, first
 
 
 def _after(rows: Rows, first: int) -> Bools:
     return np.asarray(np.arange(rows.count) >= first)
-
-
-def _evidence(record: Vector, size: float, span: tuple[int, int]) -> float:
-    """Logarithm of how much likelier the record is with a shift in it than without, by its course
-    before; 0: too few rows tell it."""
-    first, last = span
-    if first < LEAST * ORDER or last > 2 * first:  # no longer than it was seen a course is known
-        return 0.0
-    course = _innovations(record, _shape(len(record), first, last), first)
-    if course is None:
-        return 0.0
-    innovation, shape, spread = course
-    at = first + AT_ONCE if first == last else first
-    g, e = shape[at : 2 * first], innovation[at : 2 * first]
-    known = np.isfinite(e)
-    g, e = g[known], e[known]
-    if abs(size) < STRAYS * _strays(record[:first], last - first):
-        return 0.0
-    found = 0.0
-    if (power := float(g @ g)) > 0.0:
-        seen = float(g @ e) / power
-        variance = spread**2 * (1.0 / power + (float(g.sum()) / power) ** 2 / first)
-        found = (seen**2 - (seen - size) ** 2) / (2.0 * variance)
-    return found + (_stepped(record, size, first) if first == last else 0.0)
-
-
-def _strays(record: Vector, rows: int) -> float:
-    """How far a record strays by itself within so many rows; a step takes none."""
-    half = STRETCHES // 2
-    means = np.array([np.nanmean(part) for part in np.array_split(record, STRETCHES)])
-    usual = float(np.sqrt(np.mean(np.square(means[half:] - means[:half]))))
-    return usual * rows / (len(record) / 2.0)
-
-
-def _innovations(record: Vector, shape: Vector, first: int) -> tuple[Vector, Vector, float] | None:
-    """What the record brings that the rows before it do not tell, the same of a shift's shape, and
-    the usual size of the former; an autoregression of the rows before ``first``."""
-    n, back = len(record), _lagged(record[:, None])
-    known = np.isfinite(back).all(axis=1) & np.isfinite(record[ORDER:])
-    early = known & (np.arange(ORDER, n) < first)
-    if np.count_nonzero(early) < LEAST:
-        return None
-    ones = np.ones(len(back))
-    columns = np.column_stack([ones, back])
-    weights = np.linalg.lstsq(columns[early], record[ORDER:][early], rcond=None)[0]
-    e, g = np.full(n, np.nan), np.zeros(n)
-    e[ORDER:] = np.where(known, record[ORDER:] - columns @ weights, np.nan)
-    g[ORDER:] = shape[ORDER:] - _lagged(shape[:, None]) @ weights[1:]
-    spread = float(np.std(e[ORDER:][early]))
-    return (e, g, spread) if spread > 0.0 else None
-
-
-def _stepped(record: Vector, size: float, first: int) -> float:
-    """The same of the step alone, wherever near ``first`` it is."""
-    steps = record[AT_ONCE:] - record[:-AT_ONCE]
-    usual = steps[: first - AT_ONCE]
-    scale = 1.4826 * float(np.nanmedian(np.abs(usual - np.nanmedian(usual))))
-    near = steps[max(first - 2 * AT_ONCE, 0) : first + AT_ONCE]
-    near = near[np.isfinite(near)]
-    if not scale > 0.0 or not len(near):
-        return 0.0
-
-    def loss(off: Vector) -> Vector:
-        half = 0.5 * (FREEDOM + 1.0)
-        return np.asarray(half * np.log1p(np.square(off / scale) / FREEDOM))
-
-    gain = loss(near) - loss(near - size)
-    return float(np.log(np.mean(np.exp(gain - gain.max()))) + gain.max())
 
 
 def of_inputs(

@@ -19,7 +19,7 @@ from evertwin.gauges.input_shift import without
 from evertwin.gauges.sensor_change import SensorChange, unmeasured
 from evertwin.models.kernel import CONTINUE
 from evertwin.rows.ring import called
-from evertwin.types import Outputs, Vector
+from evertwin.types import Float64, Outputs, Vector
 
 LONGER = 2.0
 """Rows without a change, by those of the longest time without one before."""
@@ -74,7 +74,7 @@ def stuck(rows: Rows, *, reached: bool = False) -> SensorChange | None:
     return None
 
 
-def _since(values: Vector, earlier: Vector) -> tuple[int, int, bool]:
+def _since(values: Vector, earlier: Float64[np.ndarray, " m"]) -> tuple[int, int, bool]:
     """Position from which on a channel stays about where it is at the end, but for single rows; the
     longest time that it did before, in rows; and whether it stays to the last digit. ``earlier``:
     what it was before these rows."""

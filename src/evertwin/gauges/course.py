@@ -1,0 +1,137 @@
+"""What the usual course of a channel's own record tells of a shift in it.
+
+Where its sensor goes off, the record leaves its course, an autoregression of the rows before, by
+just that; where the machine changed, it does not. A course is known for no longer than it was seen,
+and a command that a controller makes of the outputs leaves it by a machine that changed, too.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from evertwin.gauges.gauge_rows import LEAST, Rows
+from evertwin.types import Float64, Vector
+
+CLEAR = 3.0
+"""Logarithm of the likelihood ratio from which on the record speaks for one side."""
+ORDER = 5
+"""Rows that the usual course goes back."""
+AT_ONCE = 8
+"""Rows within which a step is complete, and up to so many from where it is looked for."""
+STRETCHES = 12
+"""Parts of the rows before whose means tell how far the record strays slowly."""
+STRAYS = 2.0
+"""So many times as far as it strays in as long by itself what has grown has to be."""
+FREEDOM = 3.0
+"""Degrees of freedom of steps (Student's t): some are far larger than most."""
+FED_BACK = 0.1
+"""Share of what its own course does not tell of a command that the outputs before it tell."""
+
+
+def evidence(record: Vector, size: float, span: tuple[int, int]) -> float:
+    """Logarithm of how much likelier the record is with a shift in it than without, by its course
+    before; 0: too few rows tell it.
+
+    >>> record, off = np.random.default_rng(0).normal(size=900), 9.0 * (np.arange(900) >= 600)
+    >>> evidence(record + off, 9.0, (600, 600)) > 3.0, evidence(record, 9.0, (600, 600)) < -3.0
+    (True, True)
+    """
+    first, last = span
+    if first < LEAST * ORDER or last > 2 * first:  # no longer than it was seen a course is known
+        return 0.0
+    course = _innovations(record, shape_of(len(record), first, last), first)
+    if course is None:
+        return 0.0
+    innovation, shape, spread = course
+    at = first + AT_ONCE if first == last else first
+    g, e = shape[at : 2 * first], innovation[at : 2 * first]
+    known = np.isfinite(e)
+    g, e = g[known], e[known]
+    if abs(size) < STRAYS * _strays(record[:first], last - first):
+        return 0.0
+    found = 0.0
+    if (power := float(g @ g)) > 0.0:
+        seen = float(g @ e) / power
+        variance = spread**2 * (1.0 / power + (float(g.sum()) / power) ** 2 / first)
+        found = (seen**2 - (seen - size) ** 2) / (2.0 * variance)
+    return found + (_stepped(record, size, first) if first == last else 0.0)
+
+
+def shape_of(n: int, first: int, last: int) -> Vector:
+    """It rises from ``first`` to ``last`` and stays; a step where both are one, (n,).
+
+    >>> shape_of(5, 1, 2).tolist(), shape_of(3, 1, 1).tolist()
+    ([0.0, 0.5, 1.0, 1.0, 1.0], [0.0, 1.0, 1.0])
+    """
+    grown = (np.arange(n) - first + 1.0) / max(last - first + 1.0, 1.0)
+    return np.asarray(np.clip(grown, 0.0, 1.0))
+
+
+def fed_back(rows: Rows, k: int) -> bool:
+    """Does a controller make input ``k`` of the outputs? By a machine that changed it leaves its
+    usual course as well; told on the rows before that."""
+    nu, early = len(rows.setup.model.inputs), slice(0, rows.fitted or rows.count)
+    record, outputs = rows.values[early, k], rows.values[early, nu:]
+    if len(record) < LEAST * ORDER:
+        return False
+    own, theirs = _lagged(record[:, None]), _lagged(outputs)
+    known = np.isfinite(record[ORDER:]) & np.isfinite(np.column_stack([own, theirs])).all(axis=1)
+    if np.count_nonzero(known) < LEAST * ORDER:
+        return False
+    goal, ones = record[ORDER:][known], np.ones((np.count_nonzero(known), 1))
+    left = [
+        float(np.sum(np.square(goal - a @ np.linalg.lstsq(a, goal, rcond=None)[0])))
+        for columns in ([own], [own, theirs])
+        for a in (np.hstack([ones, *(one[known] for one in columns)]),)
+    ]
+    return left[1] < (1.0 - FED_BACK) * left[0]
+
+
+def _lagged(columns: Float64[np.ndarray, "n k"]) -> Float64[np.ndarray, "m j"]:
+    """What each column was 1 to ``ORDER`` rows before, of the rows from ``ORDER`` on."""
+    n = len(columns)
+    return np.hstack([columns[ORDER - 1 - j : n - 1 - j] for j in range(ORDER)])
+
+
+def _strays(record: Vector, rows: int) -> float:
+    """How far a record strays by itself within so many rows; a step takes none."""
+    half = STRETCHES // 2
+    means = np.array([np.nanmean(part) for part in np.array_split(record, STRETCHES)])
+    usual = float(np.sqrt(np.mean(np.square(means[half:] - means[:half]))))
+    return usual * rows / (len(record) / 2.0)
+
+
+def _innovations(record: Vector, shape: Vector, first: int) -> tuple[Vector, Vector, float] | None:
+    """What the record brings that the rows before it do not tell, the same of a shift's shape, and
+    the usual size of the former; an autoregression of the rows before ``first``."""
+    n, back = len(record), _lagged(record[:, None])
+    known = np.isfinite(back).all(axis=1) & np.isfinite(record[ORDER:])
+    early = known & (np.arange(ORDER, n) < first)
+    if np.count_nonzero(early) < LEAST:
+        return None
+    ones = np.ones(len(back))
+    columns = np.column_stack([ones, back])
+    weights = np.linalg.lstsq(columns[early], record[ORDER:][early], rcond=None)[0]
+    e, g = np.full(n, np.nan), np.zeros(n)
+    e[ORDER:] = np.where(known, record[ORDER:] - columns @ weights, np.nan)
+    g[ORDER:] = shape[ORDER:] - _lagged(shape[:, None]) @ weights[1:]
+    spread = float(np.std(e[ORDER:][early]))
+    return (e, g, spread) if spread > 0.0 else None
+
+
+def _stepped(record: Vector, size: float, first: int) -> float:
+    """The same of the step alone, wherever near ``first`` it is."""
+    steps = record[AT_ONCE:] - record[:-AT_ONCE]
+    usual = steps[: first - AT_ONCE]
+    scale = 1.4826 * float(np.nanmedian(np.abs(usual - np.nanmedian(usual))))
+    near = steps[max(first - 2 * AT_ONCE, 0) : first + AT_ONCE]
+    near = near[np.isfinite(near)]
+    if not scale > 0.0 or not len(near):
+        return 0.0
+
+    def loss(off: Vector) -> Vector:
+        half = 0.5 * (FREEDOM + 1.0)
+        return np.asarray(half * np.log1p(np.square(off / scale) / FREEDOM))
+
+    gain = loss(near) - loss(near - size)
+    return float(np.log(np.mean(np.exp(gain - gain.max()))) + gain.max())
