@@ -8,6 +8,7 @@ from typing import Any
 from evertwin.gauges.sensor_change import SensorChange
 from evertwin.rows.ring import called
 from evertwin.setup.task import Windows
+from evertwin.tuning import Fit
 
 
 def event(kind: str, signal: str, reason: str, evidence: Mapping[str, Any]) -> dict[str, Any]:
@@ -31,6 +32,15 @@ def goes_on(new: Windows) -> dict[str, Any]:
     """The machine changes all the while; ``new`` are the rows that tell what it is now."""
     said = f"the machine goes on changing: what it is now is told by rows from {called(new[0].row)}"
     return event("changed", "", said, {"row": new[0].row, "time": int(new[0].t[0])})
+
+
+def not_told(fit: Fit) -> list[dict[str, Any]]:
+    """An event for each number that the rows do not determine."""
+    return [
+        event("not_identifiable", name, reason, {"verdict": verdict})
+        for name, reason, verdict in zip(fit.names, fit.reasons, fit.verdict, strict=True)
+        if verdict == "not"
+    ]
 
 
 def of_a_sensor(found: SensorChange, *events: dict[str, Any]) -> dict[str, Any]:

@@ -30,7 +30,14 @@ from evertwin.machines.friction.resisting import not_physical
 from evertwin.models import Model
 from evertwin.models.form import Form, Version
 from evertwin.models.terms.registry import kind
-from evertwin.refit.answering import changed_since, event, goes_on, of_a_sensor, rejected
+from evertwin.refit.answering import (
+    changed_since,
+    event,
+    goes_on,
+    not_told,
+    of_a_sensor,
+    rejected,
+)
 from evertwin.refit.channels import ENOUGH, of_a_channel
 from evertwin.refit.correcting import learn, nearest
 from evertwin.refit.judgement import NEARLY_ALL, judged
@@ -58,6 +65,8 @@ LITTLE = 0.1
 MUCH = 0.3
 """Explained share below which a suspicion waits for more rows, and by which a candidate has to
 surpass one that is on trial."""
+PARTLY = Verdict("normal", "", "tuned the share of the parameters whose turn it is")
+"""Of a schedule's tuning."""
 HALF = 0.5
 """Part of the deviation that tuning explains at least where the form is wrong and tuned numbers are
 tried all the same; and that a state which came or went takes away on unseen rows."""
@@ -191,8 +200,7 @@ class Work(Tuner):
         if other:
             return of_a_sensor(other, *events) | since
         posed = self.problem(version, windows, names)
-        named = named_first(self, task, posed, events) if few is None else None
-        if named:
+        if few is None and (named := named_first(self, task, posed, events)):
             return named | since
         problem, chosen = law_now(self.setup, posed, self.tune if commissioned else None)
         problem, fit, rounds = self.tune(problem)
@@ -202,10 +210,9 @@ class Work(Tuner):
             problem, fit = newest(*tuned, partial(self.problem, version, names=own), self.tune)
         if rounds and fit.converged:
             verdict = Verdict("normal", "", f"tuned by rounds: {fit.message}")
-        elif len(names) < len(self.editable(version)):
-            verdict = Verdict("normal", "", "tuned the share of the parameters whose turn it is")
         else:
-            verdict = judged(self.setup, problem, fit)
+            whole = len(names) == len(self.editable(version))
+            verdict = judged(self.setup, problem, fit) if whole else PARTLY
         if verdict.kind == "abnormal" and not (commissioned or verdict.alone):
             other = misread(*rows, fit.p)
             if other:
@@ -218,11 +225,7 @@ class Work(Tuner):
             raise few
         if fit is not tuned[1]:
             events.append(goes_on(problem.windows))
-        events += [
-            event("not_identifiable", name, fit.reasons[k], {"verdict": fit.verdict[k]})
-            for k, name in enumerate(fit.names)
-            if fit.verdict[k] == "not"
-        ]
+        events += not_told(fit)
         said = verdict.reason + alike
         events.append(event(verdict.kind, verdict.cause, said, verdict.evidence))
         part = explained(fit, fit.noise)
