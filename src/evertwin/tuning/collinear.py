@@ -29,6 +29,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from evertwin.models.corrected import Corrected
 from evertwin.tuning.advice import advise
 from evertwin.tuning.fit import Fit
 from evertwin.tuning.form_error import wrong_outputs
@@ -57,9 +58,13 @@ class Alike(NamedTuple):
 
 
 def told_apart(problem: Problem, fit: Fit) -> Fit:
-    """The fit with one of each group of collinear parameters; of models with a state only what is
-    collinear to the last digit, as a force's and a mass's scale are."""
+    """The fit with one of each group of collinear parameters. Of models with a state only where
+    nothing is told otherwise, as where a force's and a mass's scale are all there is; a correction
+    takes the model's place by rules of its own."""
     if fit.names != problem.names or not fit.converged:
+        return fit
+    told = set(fit.verdict) != {"not"} or isinstance(problem.model, Corrected)
+    if len(problem.model.states) and told:
         return fit
     found, stays = fit, dict[str, Alike]()
     while len(found.names) > 1:
