@@ -30,6 +30,8 @@ class Telling:
         self.received = 0
         self.repeated = 0
         self.reason = ""
+        self._line = ""
+        """Why the line was down last."""
         self._rejected: Counter[str] = Counter()
         self._lost: Counter[str] = Counter()
         self._noted: Counter[str] = Counter()
@@ -41,6 +43,7 @@ class Telling:
         return Health(
             self.state, self.since, self.newest, self.received, dict(self._rejected),
             self.repeated, dict(self._lost), dict(self._noted), max(self._ups - 1, 0), self.reason,
+            self.state == "up" and self.reason == self._line,
         )  # fmt: skip
 
     def give(self, stamp: int, count: int = 1) -> None:
@@ -73,7 +76,7 @@ class Telling:
 
     def down(self, reason: str) -> None:
         """It does not, for this reason; said once until it is up again."""
-        self.reason = reason
+        self.reason = self._line = reason
         if self.state != "down":
             LOG.warning("%s: down: %s", self.name, reason)
             self._turn("down")
