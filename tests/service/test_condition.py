@@ -175,6 +175,17 @@ def test_a_word_on_what_is_out_and_on_what_is_over() -> None:
     assert condition.told(failed=False)["returned"]["label"] == "acknowledged"
 
 
+def test_samples_that_are_trusted_again_end_what_was_not_valid_of_their_signal_alone() -> None:
+    condition = Condition({"log": math.inf}, asked=True)
+    condition.came("log")
+    condition.heard(event(3, "not_valid", "no trusted sample within the time-out", signal="x"))
+    condition.heard(event(4, "valid", signal="y"))
+    condition.looked(Now("held", first=51, since=7))
+    assert condition.told(failed=False)["why"] == "x: no trusted sample within the time-out"
+    condition.heard(event(5, "valid", signal="x"))
+    assert condition.told(failed=False)["condition"] == "good"
+
+
 def test_what_is_over_is_told_in_the_past() -> None:
     said = "speed looks off by +60 rpm: sensor or machine, that cannot be told; x is still off"
     assert past(said) == (

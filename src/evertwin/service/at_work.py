@@ -23,7 +23,7 @@ from evertwin.models import Model
 from evertwin.outcome import View
 from evertwin.outcome.result import OutputFigures
 from evertwin.rows import Numbered
-from evertwin.service.off_now import Now, off_now, rows_of
+from evertwin.service.off_now import Now, off_now, rows_of, told_now
 from evertwin.service.plan import Plan
 from evertwin.service.scene import scene_of
 from evertwin.signals import wrap
@@ -106,6 +106,7 @@ class AtWork:
         self.going = self.twin.going()
         view = self.going.view(1)
         self._row = int(view.row[-1]) if len(view.row) else -1
+        self.going.ledger.now = int(view.t[-1]) if len(view.t) else 0
         self.before = self._news()
         """Events that the log had already."""
 
@@ -164,6 +165,7 @@ class AtWork:
             return None, 0
         skipped = max(int(view.row[0]) - self._row - 1, 0)
         self._row = int(view.row[-1])
+        self.going.ledger.now = int(view.t[-1])
         return shown(view, self.twin.model, new), skipped
 
     def rows(self, count: int, points: int) -> Mapping[str, Any]:
@@ -184,8 +186,11 @@ class AtWork:
     def _outcome(self) -> Mapping[str, Any]:
         self._looked, self._when = self.row, time.monotonic()
         said, found = self.going.outcome
+        judged, limit = self._judge(found), self.going.setup.requirement
+        beyond = any(one.judged > limit for one in found.values())
         return {
-            "trial": plain(self.going.trial), "headline": said, "judged": self._judge(found),
+            "trial": plain(self.going.trial), "judged": judged,
+            "headline": told_now(said, self.now, beyond=beyond),
             "changed": self.going.changed,
             "figures": {name: plain(dataclasses.asdict(one)) for name, one in found.items()},
         }  # fmt: skip

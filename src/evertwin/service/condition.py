@@ -57,6 +57,7 @@ class Alarm:
     """Of the newest word on it."""
     since: int
     """Stamp of the first word on it [ns]."""
+    signal: str = ""
     now: str = ""
     """The same as it is now; empty: as it was first."""
     label: str = ""
@@ -104,8 +105,10 @@ class Condition:
             self._labelled(event["evidence"])
         elif kind in OUT:
             since = when if self._out is None else self._out.since
-            self._out = Alarm(self._number, kind, reason, int(event.get("row", 0)), since)
-        elif self._ends(kind):
+            said = reason if signal in reason else f"{signal}: {reason}"
+            row = int(event.get("row", 0))
+            self._out = Alarm(self._number, kind, said, row, since, signal)
+        elif self._ends(kind, signal):
             self._over(when)
         elif kind == "measurement_error":
             newest = self._errors.setdefault(signal, deque(maxlen=ERRORS))
@@ -122,15 +125,18 @@ class Condition:
         out = self._out
         if now.judged == "off":
             if out is None:
-                self._out = Alarm(self._number + 1, "suspected", now.reason, now.first, now.time)
+                said = "suspected", now.reason, now.first, now.time, now.signal
+                self._out = Alarm(self._number + 1, *said)
             elif out.kind == "suspected":
                 out.now = now.reason
         elif now.judged == "held" and out is not None and out.kind != "not_valid":
             self._behind(now, out)
 
-    def _ends(self, kind: str) -> bool:
+    def _ends(self, kind: str, signal: str) -> bool:
         """Is an event the end of what is out?"""
-        valid = kind == "valid" and self._out is not None and self._out.kind == "not_valid"
+        out = self._out
+        valid = kind == "valid" and out is not None and out.kind == "not_valid"
+        valid = valid and out is not None and out.signal == signal
         return valid or kind in SOUND or (kind == "normal" and not self._asked)
 
     def _behind(self, now: Now, out: Alarm) -> None:

@@ -16,6 +16,7 @@ import numpy as np
 from evertwin.fold.marks import Mark
 from evertwin.outcome import View
 from evertwin.outcome.result import OutputFigures
+from evertwin.service.past import past
 from evertwin.setup.setup import FEW, Setup
 from evertwin.types import Bool, Outputs, PerOutput
 
@@ -105,6 +106,24 @@ def off_now(setup: Setup, view: View, live: int, figures: Mapping[str, OutputFig
     name = setup.model.outputs.names[worst]
     is_off, limit = (setup.shown(worst, v) for v in (seen.deviation[worst], setup.requirement))
     return Now("off", f"{name} is off by {is_off} (limit {limit})", name, *about)
+
+
+def told_now(headline: str, now: Now, *, beyond: bool) -> str:
+    """What came of all rows, where the newest say otherwise: both, each in its tense.
+
+    Args:
+        headline: what came of all rows since the live version came.
+        now: how it does on the newest.
+        beyond: was it off by more than is asked over all of them?
+
+    >>> told_now("The twin fits its machine now.", Now("off", "x is off by 3 cm"), beyond=False)
+    'Now x is off by 3 cm. Over all rows since it went live: The twin fitted its machine then.'
+    """
+    if (now.judged == "held" and beyond) or (now.judged == "off" and not beyond):
+        within = "On its newest rows the twin is within what is asked"
+        first = f"Now {now.reason}" if now.judged == "off" else within
+        return f"{first}. Over all rows since it went live: {past(headline)}"
+    return headline
 
 
 def rows_of(setup: Setup) -> int:

@@ -11,8 +11,8 @@ from __future__ import annotations
 import re
 
 _WAS = {
-    "is": "was", "are": "were", "has": "had", "have": "had", "looks": "looked", "look": "looked",
-    "can": "could", "cannot": "could not", "does": "did", "do": "did", "explains": "explained",
+    "is": "was", "are": "were", "has": "had", "looks": "looked", "can": "could", "does": "did",
+    "cannot": "could not", "explains": "explained", "fits": "fitted", "now": "then",
     "depends": "depended", "drives": "drove", "makes": "made", "reaches": "reached",
     "scatters": "scattered",
 }  # fmt: skip

@@ -54,4 +54,7 @@ def _how(runner: Runner, state: str, over: set[str]) -> Mapping[str, Any]:
             if one.health.reason and one.health.state not in ("up", "ended")
         ]  # fmt: skip
         how["why"] = "; ".join((how["why"], *known))
+    elif how["condition"] == "out_of_specification":
+        hints = [f"{one.name}: {one.health.hint}" for one in runner.sources if one.health.hint]
+        how["why"] = "; ".join((how["why"], *hints))
     return how

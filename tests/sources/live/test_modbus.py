@@ -207,7 +207,8 @@ def test_swapped_words_are_named(caplog: pytest.LogCaptureFixture) -> None:
         listen(source, lambda given: len(given) >= 3)
     said = "speed is of no size that machines have: try word_order = 'big'"
     assert list(source.health.noted) == [said]
-    assert len(caplog.records) == 1 and "it would be 42.5" in caplog.text
+    assert "it would be 42.5" in source.health.hint
+    assert len(caplog.records) == 1 and source.health.hint in caplog.text
 
 
 def test_what_the_map_lacks_is_said_before_anything_is_connected() -> None:

@@ -14,12 +14,13 @@ const newest = (events, kinds, before = Infinity) => events.findLast((e) => kind
 /** What is off now, or was before the live version came, or until it was over by itself. */
 function wrong(about, events, promoted) {
   const silent = ["stale", "check"].includes(conditionOf(about)) ? `${about.age === null ? "No samples have come yet" : "No samples come any more"}. ` : "";
-  if (about.alarm && !silent) return about.why || about.headline;
-  const lies = about.refused?.map((signal) => newest(events.filter((e) => e.signal === signal), ["measurement_error"])).find(Boolean);
+  const off = about.alarm && about.alarm.kind !== "not_valid";
+  const lies = off ? null : about.refused?.map((signal) => newest(events.filter((e) => e.signal === signal), ["measurement_error"])).find(Boolean);
   if (lies) {
     const often = events.filter((e) => e.kind === "measurement_error" && e.signal === lies.signal).length;
     return `${silent}The sensor of ${lies.signal} gives what cannot be, ${count(often, "time")} so far; it is refused. Newest: ${lies.reason}`;
   }
+  if (about.alarm && !silent) return about.why || about.headline;
   const found = promoted && newest(events, ["suspected"], promoted.number);
   if (found) return silent + wasOff(about, found);
   if (about.returned) return silent + about.returned.reason;
@@ -105,7 +106,7 @@ export function trust(about, promoted) {
   const proved = `It proved better on ${count(segments ?? 0, "stretch", "stretches")} that no version had seen`;
   if (over) return ["With care", "care", `${over}${proved}.${unsure}`];
   if ((about.judged ?? "held") !== "held") return ["Not yet", "weak", `${proved}. ${UNJUDGED[about.judged]}${unsure}`];
-  return ["Yes", "good", `${proved}, and is within ${limit(about)}.${unsure}`];
+  return ["Yes", "good", `${proved}, and its newest rows are within ${limit(about)}.${unsure}`];
 }
 
 /** What a trial has gained, in words. */

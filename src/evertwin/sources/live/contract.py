@@ -76,6 +76,8 @@ class Health:
     """The newest thing that went wrong."""
     passed: bool = False
     """Is that over: was it the line, which is up again?"""
+    hint: str = ""
+    """What in the map looks wrong, and what would be right."""
 
     @property
     def losses(self) -> int:
@@ -109,7 +111,7 @@ class Health:
             "state": self.state, "since": self.since, "newest": self.newest,
             "received": self.received, "rejected": dict(self.rejected), "repeated": self.repeated,
             "lost": dict(self.lost), "noted": dict(self.noted), "reconnects": self.reconnects,
-            "reason": "" if self.passed else self.reason,
+            "reason": "" if self.passed else self.reason, "hint": self.hint,
         }  # fmt: skip
 
 

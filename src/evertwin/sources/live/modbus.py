@@ -214,6 +214,7 @@ class Modbus(Line):
                 f"{name} reads {was:.3g}: with word_order = {other!r} it would be {value:.4g}"
             )
             self.told.note(f"{name} is of no size that machines have: try word_order = {other!r}")
+            self.told.hint = "; ".join(self.astray.values())
             LOG.warning("%s: %s", self.name, self.astray[name])
 
     def _factors(self, spec: SourceSpec) -> dict[str, tuple[float, float]]:

@@ -30,6 +30,8 @@ class Telling:
         self.received = 0
         self.repeated = 0
         self.reason = ""
+        self.hint = ""
+        """What in the map looks wrong, and what would be right."""
         self._line = ""
         """Why the line was down last."""
         self._rejected: Counter[str] = Counter()
@@ -43,7 +45,7 @@ class Telling:
         return Health(
             self.state, self.since, self.newest, self.received, dict(self._rejected),
             self.repeated, dict(self._lost), dict(self._noted), max(self._ups - 1, 0), self.reason,
-            self.state == "up" and self.reason == self._line,
+            self.state == "up" and self.reason == self._line, self.hint,
         )  # fmt: skip
 
     def give(self, stamp: int, count: int = 1) -> None:

@@ -18,7 +18,6 @@ import numpy as np
 from evertwin.errors import UsageError
 from evertwin.fold import Chunk
 from evertwin.sources.live.contract import Around, LiveSettings, LiveSource
-from evertwin.sources.live.modbus import Modbus
 from evertwin.sources.live.modbus_spec import ModbusSettings
 from evertwin.sources.live.mqtt import Mqtt
 from evertwin.sources.live.mqtt_line import LISTEN
@@ -62,7 +61,7 @@ async def misfits(
         f"{count} × {health.reason if health.reason.endswith(why) else why}"
         for why, count in health.rejected.items()
     ]
-    found += source.astray.values() if isinstance(source, Modbus) else ()
+    found += [health.hint] if health.hint else []
     if not chunks:
         found += [] if found else [health.reason or await _silent(source)]
     elif isinstance(spec, SourceSpec):
