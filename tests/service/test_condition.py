@@ -170,6 +170,8 @@ def test_a_word_on_what_is_out_and_on_what_is_over() -> None:
     assert condition.told(failed=False)["condition"] == "out_of_specification"
     condition.looked(Now("held", first=51, since=7))
     told = condition.told(failed=False)
+    said = "X is off anew. Still, y is off."
+    assert condition.in_past(said) == "X was off anew. Still, y is off."
     assert told["returned"]["over"] == 7 and told["returned"]["label"] == ""
     condition.heard(event(6, "labelled", evidence={"event": 5, "verdict": "acknowledged"}))
     assert condition.told(failed=False)["returned"]["label"] == "acknowledged"

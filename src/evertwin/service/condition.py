@@ -36,6 +36,8 @@ SOUND = ("promoted", "rolled_back")
 ERRORS, SPAN = 5, 600.0
 """Measurements of a channel that were refused within so many seconds, from which on its sensor is
 to be looked at."""
+KEPT = 16
+"""Alarms that are over whose words are known."""
 PERIODS = 3.0
 LEAST = 1.0
 """Seconds of silence that are never stale."""
@@ -83,6 +85,8 @@ class Condition:
         self._alarm = ""
         self._out: Alarm | None = None
         self._returned: dict[str, Any] | None = None
+        self._was: deque[str] = deque(maxlen=KEPT)
+        """Reasons of alarms that are over."""
         self._number = 0
         """Of the newest event."""
         self._errors: dict[str, deque[float]] = {}
@@ -147,8 +151,18 @@ class Condition:
     def _over(self, when: int) -> None:
         """The cause of what was out is gone, whatever a person says to it."""
         if self._out is not None:
+            self._was.append(self._out.reason)
             said = {"reason": past(self._out.reason), "over": when}
             self._returned, self._out = self._out.told | said, None
+
+    def in_past(self, text: str) -> str:
+        """The text, with what alarms said that are over in the past tense."""
+        standing = "" if self._out is None else self._out.reason
+        for said in self._was:
+            if said != standing:
+                for one in (said, said[:1].upper() + said[1:]):
+                    text = text.replace(one, past(one))
+        return text
 
     def _labelled(self, said: Mapping[str, Any]) -> None:
         """A person's word on what is out holds until it is out anew."""

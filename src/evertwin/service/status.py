@@ -23,13 +23,17 @@ def status_of(runner: Runner) -> dict[str, Any]:
     ended = runner.sources and len(over) == len(runner.sources)
     state = "ended" if runner.state == "running" and ended and not runner.open else runner.state
     busy = 0.0 if runner.busy_since is None else time.monotonic() - runner.busy_since
-    about = {} if runner.work is None else runner.work.about
+    about: Mapping[str, Any] = {}
+    if runner.work is not None:
+        about = runner.work.about
+        runner.condition.looked(runner.work.now)
+    headline = runner.condition.in_past(about.get("headline", ""))
     return {
         "name": runner.name, "state": state, "reason": runner.reason,
         **_how(runner, state, over), "rows": runner.row,
         "champion": about.get("champion"), "pinned": about.get("pinned"),
         "versions": len(about.get("versions", ())), "waiting": runner.waiting,
-        "headline": about.get("headline", ""), "judged": about.get("judged"),
+        "headline": headline, "judged": about.get("judged"),
         "dropped": runner.dropped, "busy": round(busy, 3),
         "sources": {
             one.name: one.health.after(runner.before.get(one.name)).to_dict()
