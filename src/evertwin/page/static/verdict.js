@@ -88,7 +88,7 @@ export function trust(about, promoted) {
   const condition = conditionOf(about);
   const weak = (about.parameters ?? []).filter((one) => one.verdict && one.verdict !== "identifiable").map((one) => one.name);
   if (condition === "failure") return ["No", "weak", `it does not run: ${about.reason}`];
-  if (about.state === "starting") return ["Not now", "weak", about.why];
+  if (about.state === "starting") return ["Not now", "weak", "it does not run yet"];
   if (condition === "stale" || condition === "check") return ["Not now", "weak", about.age === null ? "no samples have come yet" : "no samples come: nothing is checked now"];
   if (about.refused?.length) return ["Not now", "weak", `the sensor of ${about.refused.join(", ")} is not believed: nothing is checked there`];
   const rows = Math.max(0, ...Object.values(about.figures ?? {}).map((f) => f.rows));

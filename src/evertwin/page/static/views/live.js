@@ -86,11 +86,15 @@ class Live {
     try {
       const about = await ask(of(this.twin));
       this.about = about;
-      const drawn = JSON.stringify([about.headline, about.condition, about.why, about.champion, about.figures, about.trial, about.label, about.stale, about.judged, about.alarm, about.returned, about.refused, this.context.feed?.cursor]);
-      if (this.context.feed?.cursor === null) this.asked = 0; // how it went live is not known yet
+      const drawn = JSON.stringify([about.state, about.headline, about.condition, about.why, about.champion, about.figures, about.trial, about.label, about.stale, about.judged, about.alarm, about.returned, about.refused, this.context.feed?.cursor]);
+      const waits = this.context.feed?.cursor === null && about.state !== "starting";
+      if (waits) this.asked = 0; // how it went live is not known yet
       else if (drawn !== this.drawn) put(this.head, verdict(about, this.context.feed?.events ?? []));
       if (this.context.feed?.cursor !== null) this.drawn = drawn;
-      if (about.outputs && !this.charts.length) this.#choose();
+      if (about.outputs && !this.charts.length) {
+        this.#choose();
+        if (!this.looks) this.#scene(); // it was asked for while the twin was starting
+      }
     } catch (error) {
       if (!this.about) put(this.head, h("p", {}, error.message));
     }
