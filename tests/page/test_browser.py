@@ -29,6 +29,24 @@ GHOST = """async () => {
   const degrees = (one) => one.map((v) => Math.round((v * 1800) / Math.PI) / 10);
   return [turned(0, null), turned(2, -90)].map(degrees);
 }"""
+TRUST = """async () => {
+  const { trust } = await import("/static/verdict.js");
+  const { quantity, unitOf } = await import("/static/words.js");
+  const about = {
+    state: "running", condition: "good", age: 0, parameters: [], asked: 0.01, refused: [],
+    outputs: [{ name: "x", unit: "m" }], figures: { x: { unit: "m", rows: 99 } },
+  };
+  const promoted = { evidence: { segments: 20, version: 1 } };
+  const out = { judged: "off", condition: "out_of_specification", why: "x is off" };
+  const told = [
+    { judged: "held" }, { judged: "off" }, { judged: "not yet" }, out,
+    { judged: "held", refused: ["x"] }, { judged: "held", state: "starting", condition: "check" },
+  ];
+  const tag = (one, champion, by) => trust({ ...about, ...one, champion }, by)[0];
+  const tags = told.map((one) => [tag(one, 1, promoted), tag(one, 0)]);
+  const rpm = unitOf({ unit: "rad/s", shown: { unit: "rpm", factor: Math.PI / 30 } });
+  return [tags, quantity(Math.PI, rpm)];
+}"""
 VIEWS = ("live", "improvement", "events", "signals", "life", "engineering", "faults")
 ARM = """
 [[twin]]
@@ -296,6 +314,13 @@ def test_the_ghost_of_an_arm_goes_where_the_torques_differ(shown: Shown) -> None
     assert off == [5, -30], "10 % of the usual torque; far more than is drawn"
     picture(page, "twin/arm/arm_live")
     assert "of its usual torque" in page.inner_text("#leans")
+
+
+def test_nothing_is_trusted_that_is_off_or_not_checked(shown: Shown) -> None:
+    """Whatever a trial had proved; and an output is told in the unit of its twin file."""
+    tags, told = shown.go("").evaluate(TRUST)
+    assert tags[0] == ["Yes", "Yes"] and told == "30.0\u00a0rpm"
+    assert all("Yes" not in both for both in tags[1:]), tags
 
 
 def test_a_machine_is_added_from_its_registers_to_a_twin_file(shown: Shown) -> None:

@@ -155,6 +155,8 @@ def test_orders_are_in_the_log_with_person_and_reason(served: Served) -> None:
     assert served.ask("/api/v1/twins/robot/orders", order, CANARY)[0] == 200
     events = served.ask("/api/v1/twins/robot/events", None, CANARY)[1]["events"]
     assert events[-1]["kind"] == "pinned" and "to see" in events[-1]["reason"]
+    rows = served.ask("/api/v1/twins/robot/rows?last=1", None, CANARY)[1]
+    assert 0 < events[-1]["time"] <= rows["t"][-1]  # of the machine's clock
     assert events[-1]["evidence"]["person"] == "anna"  # whose token it is, whatever else is said
     unpin = {"order": "unpin", "reason": "seen"}
     assert served.ask("/api/v1/twins/robot/orders", unpin, CANARY)[0] == 200

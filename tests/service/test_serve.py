@@ -110,6 +110,37 @@ def test_the_configuration_is_taken_anew_without_a_stop(hall: Path) -> None:
         assert (code, told["started"], told["stopped"]) == (200, ["one"], [])
 
 
+def test_a_typo_in_a_twin_file_changes_nothing_and_is_told(hall: Path) -> None:
+    """Of a twin that runs; at a start it is in quarantine, with the reason."""
+    file, twin = site(hall, "one", speed=10), hall / "robot1d.toml"
+    good = twin.read_text()
+    line = 1 + good.splitlines().index(next(t for t in good.splitlines() if t.startswith("kind")))
+    bad = good.replace("\nkind", "\nkint", 1)
+    with Served(file) as served:
+        served.until(lambda status: status["twins"][0]["rows"] > 3)
+        twin.write_text(bad)
+        code, told = served.ask("/api/v1/reload", {})
+        status = served.ask("/api/v1/status")[1]
+        for said in (told["error"], status["error"]):
+            assert f"robot1d.toml:{line}:" in said and "kint" in said
+        assert code == 400 and status["twins"][0]["state"] == "running" and not status["reloads"]
+        served.process.send_signal(signal.SIGHUP)
+        assert served.twin("one")["state"] == "running"
+        received = served.twin("one")["sources"]["log"]["received"]
+        twin.write_text(good)
+        file.write_text(file.read_text().replace("workers = 0", "workers = 0\nqueue = 9", 1))
+        code, told = served.ask("/api/v1/reload", {})
+        assert code == 200 and told["started"] == ["one"]
+        status = served.until(lambda status: status["twins"][0]["state"] in ("running", "ended"))
+        assert status["error"] == ""
+        assert status["twins"][0]["sources"]["log"]["received"] >= received  # counted on
+    twin.write_text(bad)
+    with Served(file) as served:
+        (told,) = served.until(lambda _: True)["twins"]
+    assert (told["state"], told["condition"]) == ("quarantined", "failure")
+    assert f"robot1d.toml:{line}:" in told["why"] and "kint" in told["why"]
+
+
 def test_a_stop_keeps_the_state_tells_systemd_and_a_second_service_is_refused(hall: Path) -> None:
     line, environment = said_to(hall)
     file = site(hall, "robot", speed=50)

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import tomllib
-from collections.abc import Awaitable
+from collections.abc import Awaitable, Coroutine
 from pathlib import Path
+from typing import Any
 
 import typer
 
 from evertwin.app.console import show
 from evertwin.errors import reason_of
 from evertwin.ros.spec import Place
-from evertwin.service.plan import Site, read_site
-from evertwin.sources.live.contract import Around
+from evertwin.service.plan import Plan, Site, read_site
+from evertwin.sources.live.contract import Around, LiveSettings
 from evertwin.sources.live.line import LineDown
 from evertwin.sources.live.look import look
 from evertwin.sources.live.look_ros import look_ros, wanted
 from evertwin.sources.live.ros_spec import RosSettings
+from evertwin.sources.live.trying import misfits
+from evertwin.sync.spec import SignalSpec
 
 
 def is_site(path: Path) -> bool:
@@ -30,23 +34,58 @@ def is_site(path: Path) -> bool:
 
 
 def look_at(path: Path, as_json: bool) -> None:
-    """Each source of each twin; exit code 1 where one does not answer."""
-    seen, whole = asyncio.run(_look(read_site(path)))
-    text = "\n\n".join("\n  ".join((name, *lines)) for name, lines in seen.items())
-    show({"schema": "evertwin.look/1", "sources": seen}, text, as_json)
-    if not whole:
+    """Each source of each twin; exit code 1 where one does not answer, or its map does not fit."""
+    seen, wrong = asyncio.run(_look(read_site(path)))
+    told = {
+        name: [*seen.get(name, ()), *(f"WRONG: {one}" for one in wrong.get(name, ()))]
+        for name in dict.fromkeys((*seen, *wrong))
+    }
+    text = "\n\n".join("\n  ".join((name, *lines)) for name, lines in told.items())
+    show({"schema": "evertwin.look/1", "sources": seen, "wrong": wrong}, text, as_json)
+    if wrong:
         raise typer.Exit(1)
 
 
-async def _look(site: Site) -> tuple[dict[str, list[str]], bool]:
+async def _look(site: Site) -> tuple[dict[str, list[str]], dict[str, list[str]]]:
+    """What each source says, and what is wrong with its map."""
     out: dict[str, list[str]] = {}
-    whole = True
+    wrong = {plan.name: plan.wrong.splitlines() for plan in site.twins if plan.wrong}
+    maps = _maps(site)
     for name, seen in _looks(site).items():
         try:
             out[name] = await seen
+            found = await maps[name] if name in maps else []
         except (LineDown, OSError, TimeoutError) as error:
-            out[name], whole = [f"down: {reason_of(error)}"], False
-    return out, whole
+            found = [f"down: {reason_of(error)}"]
+            out.setdefault(name, [])
+            if name in maps:
+                maps[name].close()
+        wrong |= {name: found} if found else {}
+    return out, wrong
+
+
+def _maps(site: Site) -> dict[str, Coroutine[Any, Any, list[str]]]:
+    """One trial of each source as the twin would read it."""
+    out = {}
+    for plan in site.twins:
+        spec = plan.spec
+        for settings in plan.sources if spec is not None else ():
+            own = {one.name: one for one in spec.source + spec.array} if spec else {}
+            if isinstance(settings, RosSettings) or settings.source not in own or spec is None:
+                continue
+            bounds = {name: _bounds(one) for name, one in spec.signals.items()}
+            around = Around(plan.file.parent)
+            out[_named(plan, settings)] = misfits(settings, own[settings.source], around, bounds)
+    return out
+
+
+def _bounds(signal: SignalSpec) -> tuple[float, float]:
+    low, high = signal.low, signal.high
+    return -math.inf if low is None else low, math.inf if high is None else high
+
+
+def _named(plan: Plan, settings: LiveSettings) -> str:
+    return f"{plan.name}: {settings.source} ({settings.protocol})"
 
 
 def _looks(site: Site) -> dict[str, Awaitable[list[str]]]:
@@ -64,8 +103,7 @@ def _looks(site: Site) -> dict[str, Awaitable[list[str]]]:
                         named = {key: f"{plan.name}: {to}" for key, to in fields.items()}
                         known.setdefault(topic, {}).update(named)
                 continue
-            name = f"{plan.name}: {settings.source} ({settings.protocol})"
-            out[name] = look(settings, Around(plan.file.parent))
+            out[_named(plan, settings)] = look(settings, Around(plan.file.parent))
     for place, known in masters.items():
         out[f"{place.master} (ros)"] = look_ros(place, known)
     return out

@@ -93,6 +93,8 @@ class Ledger:
         """Position of the newest switch from outside of any run."""
         self.at = 0
         """Row that a run of this process has come to."""
+        self.now = 0
+        """Its stamp [ns], the time of what a person says meanwhile; 0: no run is at work."""
         configured = self.versions[0]
         try:
             self._open(configured)
@@ -208,7 +210,10 @@ class Ledger:
         asked, last = self.store.asked()
         if not last:
             return
-        events = [replace(event, row=self.row) for event in asked if self._can(event)]
+        events = [
+            replace(event, row=self.row, time=event.time or self.now)
+            for event in asked if self._can(event)
+        ]  # fmt: skip
         self.commit(Batch(events, heard=last))
         self.orders += [e for e in events if e.kind in ORDERS or _acts(e)]
 
@@ -318,7 +323,7 @@ class Ledger:
 
     def _ordered(self, kind: str, said: str, evidence: dict[str, Any], person: str) -> Event:
         told = evidence | ({"person": person} if person else {})
-        event = Event(self.row, 0, kind, "", said, told)
+        event = Event(self.row, self.now, kind, "", said, told)
         self.say(event)
         return event
 

@@ -298,6 +298,11 @@ class Live:
         return "held" if self._state is not None and self._state.agenda.held else "not yet"
 
     @property
+    def at_rate(self) -> Setup | None:
+        """The setup at the rate of the data; None: that is not known yet."""
+        return None if self._run is None else self._run.setup
+
+    @property
     def trial(self) -> OpenTrial | None:
         """The challenger that is on trial, if one is."""
         if self._run is None or self._state is None:

@@ -90,7 +90,7 @@ class RosOut:
             try:
                 async with node_at(self.settings.place) as node:
                     self._advertise(node)
-                    self._node, self._state = node, "up"
+                    self._node, self._state, self._reason = node, "up", ""
                     LOG.info("%s: ros: up", self._topic)
                     wait.reset()
                     await self._listen(node)

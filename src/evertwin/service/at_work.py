@@ -21,10 +21,14 @@ from evertwin.fold import Block, Chunk, Event, make_block, plain
 from evertwin.ledger import Label
 from evertwin.models import Model
 from evertwin.outcome import View
+from evertwin.outcome.result import OutputFigures
 from evertwin.rows import Numbered
+from evertwin.service.off_now import Now, off_now, rows_of, told_now
 from evertwin.service.plan import Plan
 from evertwin.service.scene import scene_of
 from evertwin.signals import wrap
+from evertwin.signals.spoken import suited
+from evertwin.signals.units import conversion_of
 from evertwin.store import Estimate, Kept, SharedStore, SqliteStore
 from evertwin.store.archive import DAY, Day
 from evertwin.store.spec import StoreSpec
@@ -33,8 +37,8 @@ from evertwin.types import Outputs
 
 MOST = 256
 """Rows that are told at once."""
-LOOK = 50
-"""Rows after which what came of it is told anew."""
+LOOK, OFTEN = 50, 1.0
+"""Rows, or seconds with a row, after which what came of it is told anew."""
 WORKERS = 1
 """Processes of a twin's own for slow work, where nothing else is said."""
 
@@ -90,14 +94,19 @@ class AtWork:
         self._read = 0
         self._row = -1
         self._stored = 0.0
-        self._looked = 0
-        """Row at which what came of it was last told."""
+        self._looked, self._when = 0, 0.0
+        """Row, and second, at which what came of it was last told."""
+        self.now = Now("not yet")
+        """How the live version does on its newest rows."""
+        self._judged: tuple[int, str] = -1, ""
+        """A version, and whether it was within what is asked when that could be told last."""
         self.about: Mapping[str, Any] = {}
         """Versions, parameters, what is live: as the newest entry of the log left it; what came
         of it as it was at most `LOOK` rows ago."""
         self.going = self.twin.going()
         view = self.going.view(1)
         self._row = int(view.row[-1]) if len(view.row) else -1
+        self.going.ledger.now = int(view.t[-1]) if len(view.t) else 0
         self.before = self._news()
         """Events that the log had already."""
 
@@ -145,7 +154,8 @@ class AtWork:
             self.going.fold(one)
         rows, skipped = self._fresh(self.going.view(MOST))
         news = self._news()
-        if self.row >= self._looked + LOOK:
+        often = rows is not None and time.monotonic() >= self._when + OFTEN
+        if often or self.row >= self._looked + LOOK:
             self.looked_at()
         return Said(rows, skipped, news, self.row)
 
@@ -155,6 +165,7 @@ class AtWork:
             return None, 0
         skipped = max(int(view.row[0]) - self._row - 1, 0)
         self._row = int(view.row[-1])
+        self.going.ledger.now = int(view.t[-1])
         return shown(view, self.twin.model, new), skipped
 
     def rows(self, count: int, points: int) -> Mapping[str, Any]:
@@ -173,13 +184,26 @@ class AtWork:
         return self.about
 
     def _outcome(self) -> Mapping[str, Any]:
-        self._looked = self.row
+        self._looked, self._when = self.row, time.monotonic()
         said, found = self.going.outcome
+        judged, limit = self._judge(found), self.going.setup.requirement
+        beyond = any(one.judged > limit for one in found.values())
         return {
-            "trial": plain(self.going.trial), "headline": said, "judged": self.going.judged,
+            "trial": plain(self.going.trial), "judged": judged,
+            "headline": told_now(said, self.now, beyond=beyond),
             "changed": self.going.changed,
             "figures": {name: plain(dataclasses.asdict(one)) for name, one in found.items()},
         }  # fmt: skip
+
+    def _judge(self, found: Mapping[str, OutputFigures]) -> str:
+        """Is the live version within what is asked, by its newest rows that can tell?"""
+        setup, live = self.going.at_rate, self.twin.champion.number
+        if setup is None:
+            return self.going.judged
+        self.now = off_now(setup, self.going.view(rows_of(setup)), live, found)
+        if self.now.judged in ("held", "off"):
+            self._judged = live, self.now.judged
+        return self._judged[1] if self._judged[0] == live else self.going.judged
 
     def newest_block(self, count: int) -> Any:
         """The newest rows of the newest task, to look ahead from.
@@ -226,7 +250,10 @@ class AtWork:
         setup, outputs = self.going.setup, self.twin.model.outputs
         return {
             "champion": live.number, "pinned": self.twin.pinned, "model": self.spec.model.kind,
-            "outputs": [{"name": c.name, "unit": c.unit} for c in self.twin.model.outputs],
+            "outputs": [
+                {"name": c.name, "unit": c.unit, "shown": _shown_in(c.unit, recorded)}
+                for c, recorded in zip(outputs, setup.recorded, strict=True)
+            ],
             "inputs": [{"name": c.name, "unit": c.unit} for c in self.twin.model.inputs],
             "versions": [_version(one) for one in self.twin.versions],
             "causes": self.twin.causes,
@@ -337,6 +364,15 @@ def told(number: int, record: Kept) -> Mapping[str, Any]:
         "number": number, "row": record.row, "time": record.time, "kind": record.kind,
         "signal": record.signal, "reason": record.reason, "evidence": plain(record.evidence),
     }  # fmt: skip
+
+
+def _shown_in(unit: str, recorded: str) -> Mapping[str, Any] | None:
+    """The unit of the twin file in which people are told of an output, and its size in SI; None:
+    that of SI, or one of its own parts, suits."""
+    name, factor = suited(0.0, unit, recorded)
+    other = name == recorded and recorded not in ("1", unit)
+    plain = other and conversion_of(recorded)[1] == 0.0
+    return {"unit": name, "factor": 1.0 / factor} if plain else None
 
 
 def _version(version: Any) -> Mapping[str, Any]:

@@ -1,12 +1,20 @@
 """How a twin is, in the words of NAMUR NE 107, and how old what it shows is.
 
->>> condition = Condition({"camera": math.inf})
+What the live version does now decides, also while another is on trial. An alarm whose cause is over
+has returned to normal, acknowledged or not (IEC 62682): it is told with when, in the past tense.
+
+>>> condition = Condition({"camera": math.inf}, asked=True)
 >>> condition.told(failed=False)["condition"]
 'check'
->>> condition.came("camera"); condition.heard({"kind": "suspected", "reason": "off by 9 %"})
+>>> condition.came("camera")
+>>> condition.heard({"number": 7, "kind": "suspected", "reason": "x is off", "row": 40, "time": 4})
 >>> told = condition.told(failed=False)
 >>> told["condition"], told["why"], told["stale"]
-('out_of_specification', 'off by 9 %', False)
+('out_of_specification', 'x is off', False)
+>>> condition.looked(Now("held", first=50, since=5))
+>>> told = condition.told(failed=False)
+>>> told["condition"], told["returned"]["reason"], told["returned"]["over"]
+('good', 'x was off', 5)
 """
 
 from __future__ import annotations
@@ -15,31 +23,75 @@ import math
 import time
 from collections import deque
 from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 from typing import Any
+
+from evertwin.service.off_now import Now
+from evertwin.service.past import past
 
 OUT = ("suspected", "abnormal", "drift", "not_valid")
 """Events after which the machine is not as its twin expects, until it is."""
-SOUND = ("normal", "promoted", "valid", "rolled_back")
+SOUND = ("promoted", "rolled_back")
+"""Another version is live: it is judged anew."""
 ERRORS, SPAN = 5, 600.0
 """Measurements of a channel that were refused within so many seconds, from which on its sensor is
 to be looked at."""
+KEPT = 16
+"""Alarms that are over whose words are known."""
 PERIODS = 3.0
 LEAST = 1.0
 """Seconds of silence that are never stale."""
 
 
+@dataclass
+class Alarm:
+    """What is, or was, out.
+
+    >>> Alarm(3, "suspected", "x is off", 40, 4).told["since"]
+    4
+    """
+
+    event: int
+    """The newest event that says so; of one that no event has told of, that before it."""
+    kind: str
+    reason: str
+    row: int
+    """Of the newest word on it."""
+    since: int
+    """Stamp of the first word on it [ns]."""
+    signal: str = ""
+    now: str = ""
+    """The same as it is now; empty: as it was first."""
+    label: str = ""
+    """What a person said to it."""
+
+    @property
+    def told(self) -> dict[str, Any]:
+        """In plain values."""
+        return {"event": self.event, "kind": self.kind, "since": self.since, "label": self.label}
+
+
 class Condition:
     """Condition and age of one twin. See the module for an example."""
 
-    def __init__(self, timeouts: Mapping[str, float], stale: float | None = None) -> None:
+    def __init__(
+        self, timeouts: Mapping[str, float], stale: float | None = None, *, asked: bool = False
+    ) -> None:
         """``timeouts``: by source [s], infinite where its rows wait for it; ``stale``: seconds of
-        silence; None: by the usual time between samples."""
-        self._timeouts, self._stale = timeouts, stale
+        silence; None: by the usual time between samples; ``asked``: is a largest deviation?"""
+        self._timeouts, self._stale, self._asked = timeouts, stale, asked
         self._newest: dict[str, float] = {}
         self._period: dict[str, float] = {}
-        self._out = self._alarm = self._label = ""
-        self._since = 0
+        self._alarm = ""
+        self._out: Alarm | None = None
+        self._returned: dict[str, Any] | None = None
+        self._was: deque[str] = deque(maxlen=KEPT)
+        """Reasons of alarms that are over."""
+        self._number = 0
+        """Of the newest event."""
         self._errors: dict[str, deque[float]] = {}
+        self._refused: dict[str, str] = {}
+        """Signal whose measurement is in error now → why."""
 
     def came(self, source: str) -> None:
         """Samples of one source arrived."""
@@ -50,29 +102,79 @@ class Condition:
 
     def heard(self, event: Mapping[str, Any]) -> None:
         """An event."""
-        kind, reason = str(event["kind"]), str(event["reason"])
+        kind, reason, signal = (str(event.get(key, "")) for key in ("kind", "reason", "signal"))
+        when = int(event.get("time", 0))
+        self._number = int(event.get("number", 0))
         if kind == "labelled":
             self._labelled(event["evidence"])
         elif kind in OUT:
-            self._out, self._since, self._label = reason, int(event.get("number", 0)), ""
-        elif kind in SOUND:
-            self._out = ""
+            since = when if self._out is None else self._out.since
+            said = reason if signal in reason else f"{signal}: {reason}"
+            row = int(event.get("row", 0))
+            self._out = Alarm(self._number, kind, said, row, since, signal)
+        elif self._ends(kind, signal):
+            self._over(when)
         elif kind == "measurement_error":
-            newest = self._errors.setdefault(str(event.get("signal", "")), deque(maxlen=ERRORS))
+            newest = self._errors.setdefault(signal, deque(maxlen=ERRORS))
             newest.append(time.monotonic())
+            if _lasts(event):
+                self._refused[signal] = reason
+        elif kind == "measurement_restored":
+            self._refused.pop(signal, None)
         elif kind in ("alarm", "alarm_cleared"):
             self._alarm = reason if kind == "alarm" else ""
 
+    def looked(self, now: Now) -> None:
+        """How the live version does on its newest rows."""
+        out = self._out
+        if now.judged == "off":
+            if out is None:
+                said = "suspected", now.reason, now.first, now.time, now.signal
+                self._out = Alarm(self._number + 1, *said)
+            elif out.kind == "suspected":
+                out.now = now.reason
+        elif now.judged == "held" and out is not None and out.kind != "not_valid":
+            self._behind(now, out)
+
+    def _ends(self, kind: str, signal: str) -> bool:
+        """Is an event the end of what is out?"""
+        out = self._out
+        valid = kind == "valid" and out is not None and out.kind == "not_valid"
+        valid = valid and out is not None and out.signal == signal
+        return valid or kind in SOUND or (kind == "normal" and not self._asked)
+
+    def _behind(self, now: Now, out: Alarm) -> None:
+        """It is over once a whole window lies behind the newest word on it."""
+        if now.first > out.row:
+            self._over(now.since)
+
+    def _over(self, when: int) -> None:
+        """The cause of what was out is gone, whatever a person says to it."""
+        if self._out is not None:
+            self._was.append(self._out.reason)
+            said = {"reason": past(self._out.reason), "over": when}
+            self._returned, self._out = self._out.told | said, None
+
+    def in_past(self, text: str) -> str:
+        """The text, with what alarms said that are over in the past tense."""
+        standing = "" if self._out is None else self._out.reason
+        for said in self._was:
+            if said != standing:
+                for one in (said, said[:1].upper() + said[1:]):
+                    text = text.replace(one, past(one))
+        return text
+
     def _labelled(self, said: Mapping[str, Any]) -> None:
         """A person's word on what is out holds until it is out anew."""
-        if not self._out or int(said["event"]) < self._since:
-            return
-        self._label = str(said["verdict"])
-        if self._label == "false alarm":
-            self._out = ""
+        number, verdict = int(said["event"]), str(said["verdict"])
+        if self._out is not None and number >= self._out.event:
+            self._out.label = verdict
+        elif self._returned is not None and number == self._returned["event"]:
+            self._returned["label"] = verdict
 
     def told(self, *, failed: bool, over: Collection[str] = ()) -> dict[str, Any]:
-        """In plain values: condition, why, what a person said to it, age [s], stale.
+        """In plain values: condition, why, what a person said to it, the alarm that stands and the
+        newest that is over, signals whose sensor is in error, age [s], stale.
 
         Args:
             failed: is it in quarantine?
@@ -84,23 +186,29 @@ class Condition:
         stale = bool(waits) or (bool(silent) and len(silent) == len(self._ages(over)))
         now = time.monotonic()
         age = max(waits, default=now - max(self._newest.values(), default=-math.inf))
+        out = self._out if self._out is not None and self._out.label != "false alarm" else None
         condition, why = "good", ""
         if failed:
             condition = "failure"
         elif silent:
             condition, why = "check", self._who(silent)
-        elif self._out:
-            condition, why = "out_of_specification", self._out
+        elif out is not None:
+            condition, why = "out_of_specification", out.now or out.reason
         elif self._alarm or self._sensors(now):
             condition, why = "maintenance_required", self._alarm or self._sensors(now)
         return {
             "condition": condition, "why": why, "stale": stale,
-            "label": self._label if condition == "out_of_specification" else "",
+            "label": out.label if out and condition == "out_of_specification" else "",
+            "alarm": None if out is None else out.told, "returned": self._returned,
+            "refused": list(self._refused),
             "age": round(age, 3) if age < math.inf else None,
         }  # fmt: skip
 
     def _sensors(self, now: float) -> str:
-        """Whose measurements are refused again and again, in words."""
+        """Whose measurements are refused, now or again and again, in words."""
+        if self._refused:
+            said = "; ".join(f"{signal}: {why}" for signal, why in self._refused.items())
+            return f"look at the sensor of {said}"
         often = [s for s, at in self._errors.items() if len(at) == ERRORS and now - at[0] < SPAN]
         return f"look at the sensor of {', '.join(often)}" if often else ""
 
@@ -127,3 +235,10 @@ class Condition:
             f"{name}: no samples" + ("" if age == math.inf else f" for {age:.0f} s")
             for name, age in silent.items()
         )
+
+
+def _lasts(event: Mapping[str, Any]) -> bool:
+    """Is the error of a measurement going on, as far as its event knows?"""
+    told = event.get("evidence") or {}
+    lasts = told.get("open", told.get("end", -1) == event.get("row"))
+    return bool(lasts) and told.get("cause") != "vote"

@@ -11,6 +11,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import math
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -24,8 +25,7 @@ from evertwin.engine import Pool
 from evertwin.errors import EvertwinError, OwnershipLost, StoreUnwritable, UsageError
 from evertwin.fold import Chunk, Event
 from evertwin.ledger import Label
-from evertwin.publishers.contract import About, Kind, News, Publisher
-from evertwin.publishers.registry import open_publisher
+from evertwin.publishers.contract import Kind, News, Publisher
 from evertwin.rows import Numbered
 from evertwin.service.archiving import keep_days
 from evertwin.service.at_work import AtWork, Said, place_of, told
@@ -34,8 +34,10 @@ from evertwin.service.plan import Plan
 from evertwin.service.questions import answer
 from evertwin.service.queued import at_rest, together
 from evertwin.service.silence import Silence
+from evertwin.service.status import LONG, MAKING, status_of
+from evertwin.service.tellers import tellers
 from evertwin.service.warming import warm
-from evertwin.sources.live.contract import Around, LiveSource
+from evertwin.sources.live.contract import Around, Health, LiveSource
 from evertwin.sources.live.registry import open_live
 from evertwin.store import SqlStore, looked_at
 
@@ -72,7 +74,8 @@ class Runner:
         self.row = 0
         timeouts = {} if plan.spec is None else {s.name: s.timeout for s in plan.spec.source}
         self._silence = Silence(timeouts, time.monotonic())
-        self.condition = Condition(timeouts, plan.entry.stale)
+        asked = plan.spec is not None and math.isfinite(plan.spec.anomaly.requirement)
+        self.condition = Condition(timeouts, plan.entry.stale, asked=asked)
         self.busy_since: float | None = None
         self.worked = 0.0
         """Seconds of work in the twin's thread."""
@@ -87,6 +90,8 @@ class Runner:
         self.listeners = listeners
         """Are set when there is something new."""
         self.sources: list[LiveSource] = []
+        self.before: Mapping[str, Health] = {}
+        """What the sources of the same twin counted before it was taken anew."""
         self.publishers: list[Publisher] = []
         self.work: AtWork | None = None
         self.turn = asyncio.Semaphore(1)
@@ -96,7 +101,10 @@ class Runner:
         """When it is tried again, because its store could not be written; None: not by itself."""
         self._told = ""
         """The reason that the log has."""
-        self._warms = warms
+        self.warms = warms
+        """Is its machine code made before it runs?"""
+        self.began = time.monotonic()
+        """When it was started."""
         self._reader: SqlStore | None = None
         self._thread = ThreadPoolExecutor(1, thread_name_prefix=f"twin {plan.name}")
         self._storing = ThreadPoolExecutor(1, thread_name_prefix=f"keep {plan.name}")
@@ -105,7 +113,7 @@ class Runner:
         )
         self._kept: asyncio.Queue[tuple[Numbered, float]] = asyncio.Queue(plan.entry.queue)
         """Stored, not folded yet."""
-        self._open = 0
+        self.open = 0
         """Pieces of samples that came and are not folded yet."""
         self._reading: list[asyncio.Task[None]] = []
         self._working: list[asyncio.Task[None]] = []
@@ -114,6 +122,7 @@ class Runner:
 
     async def start(self) -> None:
         """Opens the twin, its sources and publishers; what fails puts it into quarantine."""
+        self.began = time.monotonic()
         with self._guarded():
             if self.plan.spec is None:
                 raise UsageError(self.plan.wrong)
@@ -130,29 +139,23 @@ class Runner:
                 if one.source in newest:
                     task, stamp = newest[one.source]
                     source.resume(stamp, task)
-            self._publish()
+            self.publishers = tellers(self.plan, self.work, self.answer)
             self.state, self.worked = "running", 0.0  # what a start costs says nothing of later
             self._reading = [asyncio.create_task(self._read(source)) for source in self.sources]
             every = (self._store(), self._fold(), self._wait())
             self._working = [asyncio.create_task(one) for one in every]
             if self.plan.entry.days is not None:
                 self._working.append(asyncio.create_task(keep_days(self, self.plan.entry.days)))
-            LOG.info("%s: running", self.name, extra={"twin": self.name})
+            took = time.monotonic() - self.began
+            after = f" after {took:.0f} s" if took > LONG else ""
+            LOG.info("%s: running%s", self.name, after, extra={"twin": self.name})
 
     def _opened(self) -> AtWork:
-        if self._warms:
+        if self.warms:
             assert self.plan.spec is not None
+            LOG.info("%s: %s", self.name, MAKING, extra={"twin": self.name})
             warm(self.plan.spec)
         return AtWork(self.plan, self.store, self._pool, self.token)
-
-    def _publish(self) -> None:
-        assert self.work is not None
-        outputs = [(c.name, c.unit) for c in self.work.twin.model.outputs]
-        about = About(self.name, outputs, self.work.scene)
-        for settings in self.plan.publishers:
-            publisher = open_publisher(settings, about, self.answer)
-            publisher.open()
-            self.publishers.append(publisher)
 
     @contextlib.contextmanager
     def _guarded(self) -> Iterator[None]:
@@ -192,7 +195,13 @@ class Runner:
             self.plan, self.store, self.listeners, warms=False, pool=self._pool, token=self.token
         )
         fresh.again, fresh._told, fresh.row = self.again, self._told, self.row
-        return fresh
+        return fresh.carry(self)
+
+    def carry(self, old: Runner) -> Runner:
+        """Counts go on from those of the same twin before."""
+        counted = {one.name: one.health.after(old.before.get(one.name)) for one in old.sources}
+        self.before, self.dropped = {**old.before, **counted}, old.dropped
+        return self
 
     async def stop(self) -> None:
         """Sources closed, what waits folded and durable, a checkpoint kept, the store released."""
@@ -222,8 +231,8 @@ class Runner:
                 if self._came.full() and self.plan.entry.full == "drop":
                     self.dropped += len(self._came.get_nowait()[1].t)
                     self._came.task_done()
-                    self._open -= 1
-                self._open += 1
+                    self.open -= 1
+                self.open += 1
                 await self._came.put((source, chunk, time.perf_counter()))
                 self._silence.came(chunk, time.monotonic())
                 self.condition.came(chunk.source)
@@ -232,7 +241,7 @@ class Runner:
         """For sources that stay away, no longer than the twin file says."""
         with self._guarded():
             async for tick in self._silence.ticks():
-                self._open += 1
+                self.open += 1
                 await self._came.put((None, tick, time.perf_counter()))
 
     async def _store(self) -> None:
@@ -263,7 +272,7 @@ class Runner:
                 now = time.perf_counter()
                 self.folded.extend(now - came for _, came in taken)
                 self._take(said)
-                self._open -= len(taken)
+                self.open -= len(taken)
 
     async def _inside(self, work: Callable[[], T]) -> T:
         """Something in the twin's thread."""
@@ -300,6 +309,8 @@ class Runner:
         self.events.extend(events)
         for _, event in events:
             self.condition.heard(event)
+        if self.work is not None:
+            self.condition.looked(self.work.now)
 
     def _out(self, kind: Literal["rows", "events", "health"], content: Mapping[str, Any]) -> None:
         for publisher in self.publishers:
@@ -383,18 +394,4 @@ class Runner:
 
     def status(self) -> dict[str, Any]:
         """How it is, in plain values."""
-        over = {one.name for one in self.sources if one.health.state == "ended"}
-        ended = self.sources and len(over) == len(self.sources)
-        state = "ended" if self.state == "running" and ended and not self._open else self.state
-        busy = 0.0 if self.busy_since is None else time.monotonic() - self.busy_since
-        how = self.condition.told(failed=state == "quarantined", over=over)
-        about = {} if self.work is None else self.work.about
-        return {
-            "name": self.name, "state": state, "reason": self.reason, **how, "rows": self.row,
-            "champion": about.get("champion"), "pinned": about.get("pinned"),
-            "versions": len(about.get("versions", ())), "waiting": self.waiting,
-            "headline": about.get("headline", ""), "judged": about.get("judged"),
-            "dropped": self.dropped, "busy": round(busy, 3),
-            "sources": {one.name: one.health.to_dict() for one in self.sources},
-            "publishers": [dict(one.health) for one in self.publishers],
-        }  # fmt: skip
+        return status_of(self)

@@ -101,6 +101,10 @@ class Service:
             self.runners.pop(runner.name, None)
         self.site = site
         fresh = [self._runner(plan) for name, plan in wanted.items() if name not in self.runners]
+        before = {runner.name: runner for runner in gone}
+        for one in fresh:
+            if one.name in before:
+                one.carry(before[one.name])
         self.runners |= {runner.name: runner for runner in fresh}
         await asyncio.gather(*(runner.start() for runner in fresh))
         return {
@@ -138,6 +142,7 @@ class Service:
         async with self._turn:
             try:
                 site = await asyncio.to_thread(read_site, self.path)
+                self._refuse(site)
             except ConfigError as error:
                 self.error = str(error)
                 LOG.error("reload: nothing is changed: %s", error)
@@ -151,6 +156,17 @@ class Service:
             self.error, self.reloads = "", self.reloads + 1
             LOG.info("reloaded: %s", told)
             return {**told, "after_restart": later}
+
+    def _refuse(self, site: Site) -> None:
+        """A twin file that was taken, or is new, and has a mistake now changes nothing either.
+
+        Raises:
+            ConfigError: one line for each problem.
+        """
+        broken = {plan.file for plan in self.site.twins if plan.wrong}
+        wrong = [plan.wrong for plan in site.twins if plan.wrong and plan.file not in broken]
+        if wrong:
+            raise ConfigError("\n".join(wrong))
 
     async def stop(self) -> None:
         """Stops every twin; their states are kept."""

@@ -22,9 +22,10 @@ import pytest
 import evertwin
 from evertwin.errors import LawBroken, UsageError
 from evertwin.sources.live import LiveSource, open_live
-from evertwin.sources.live.modbus import Modbus, blocks_of
+from evertwin.sources.live.modbus import FASTER, Modbus, blocks_of
 from evertwin.sources.live.modbus_spec import Register
 from evertwin.sources.live.modbus_wire import READS, Refused, Wire, WrongFrame, answer, request
+from evertwin.sources.live.telling import Telling
 from evertwin.sources.spec import ChannelSpec, SourceSpec, TimeSpec
 from tests.sources.live.peers import HERE, Proxy, free_port, listen, listening, need, process
 
@@ -162,6 +163,54 @@ def test_sequence_decides_what_is_one_sample() -> None:
     assert chunks[0].v.tolist() == [[3.0]]
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_a_gap_of_the_sequence_is_a_counted_loss(seed: int) -> None:
+    """Also where the line was down, or half open; what the machine did not make is none."""
+    rng, asked, n, phase = np.random.default_rng(seed), [0], [0], [0]
+
+    def counts(a: bytes) -> bytes | None:
+        asked[0] += 1
+        if asked[0] == 31:
+            n[0], phase[0] = n[0] + 7, 0
+            return None  # the line is half open for a while
+        alone = a[8:10] == b"\0\3"
+        if alone and phase[0] == 0:
+            n[0] += 1 + (int(rng.integers(0, 5)) if asked[0] > 12 else 0)
+        phase[0] = 0 if alone and phase[0] == 1 else int(not alone)
+        said = struct.pack(">f", n[0]) * (1 if alone else 2)
+        return a[:4] + struct.pack(">HBBB", 3 + len(said), a[6], a[7], len(said)) + said
+
+    with server(counts) as port:
+        registers = {"speed": SPEED, "n": {"address": 3, "type": "float32"}}
+        source = machine(port, registers=registers, sequence="n")
+        chunks = listen(source, lambda given: len(given) >= 25)
+    numbers = [int(chunk.v[0, 0]) for chunk in chunks]
+    missing = numbers[-1] - numbers[0] + 1 - len(numbers)
+    lost = source.health.lost
+    assert source.health.losses == missing > 5 and "the line was down" in lost
+    assert set(lost) == {"the line was down", FASTER}
+
+
+def test_a_clock_for_a_sequence_counts_nothing() -> None:
+    said = [n for n in range(0, 4000, 50) for _ in range(4)]
+    numbers = iter(said)
+    with server(lambda a: right(a, float(next(numbers, 9999.0)))) as port:
+        registers = {"speed": SPEED, "n": {"address": 5, "type": "float32"}}
+        source = machine(port, registers=registers, sequence="n")
+        listen(source, lambda given: len(given) >= 20)
+    assert source.health.losses == 0
+
+
+def test_swapped_words_are_named(caplog: pytest.LogCaptureFixture) -> None:
+    with server(lambda a: right(a, 42.5)) as port:
+        source = machine(port, registers={"speed": {**SPEED, "word_order": "little"}})
+        listen(source, lambda given: len(given) >= 3)
+    said = "speed is of no size that machines have: try word_order = 'big'"
+    assert list(source.health.noted) == [said]
+    assert "it would be 42.5" in source.health.hint
+    assert len(caplog.records) == 1 and source.health.hint in caplog.text
+
+
 def test_what_the_map_lacks_is_said_before_anything_is_connected() -> None:
     spec = SourceSpec("controller", SPEC.channels, time=TimeSpec("t"))
     with pytest.raises(UsageError, match=r"lack t: .* stamp = 'arrival'"):
@@ -206,6 +255,17 @@ def test_a_machine_that_flaps_leaves_nothing_behind(caplog: pytest.LogCaptureFix
     ups = [r for r in caplog.records if r.message.startswith("controller: up")]
     assert health.reconnects == 8 and len(ups) == 9 and len(downs) == 8
     assert health.losses > 0
+
+
+def test_why_the_line_was_down_is_no_reason_once_it_is_up() -> None:
+    told = Telling("controller")
+    told.up()
+    told.down("no answer in time")
+    assert told.health.to_dict()["reason"] == "no answer in time"
+    told.up()
+    assert told.health.to_dict()["reason"] == "" and told.health.reason == "no answer in time"
+    told.reject("a wrong frame")
+    assert told.health.to_dict()["reason"] == "a wrong frame"
 
 
 def test_half_open_line_is_left_after_the_timeout() -> None:

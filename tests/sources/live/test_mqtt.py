@@ -243,6 +243,53 @@ def test_hostile_and_retained_messages_are_counted_and_forgotten(tmp_path: Path)
 
 
 @pytest.mark.system
+def test_what_is_kept_out_here_is_not_lost_elsewhere(tmp_path: Path) -> None:
+    with mosquitto(tmp_path) as broker:
+        source = robot(broker.port)
+
+        def publish() -> None:
+            while source.health.state == "connecting":
+                broker.publish([said(1)])
+            broker.publish([b"{" if n % 4 else said(n) for n in range(2, 41)])
+            broker.publish([said(n) for n in range(41, 46)], "robot/stat")
+            broker.publish([said(46)])
+
+        publishing = threading.Thread(target=publish)
+        publishing.start()
+        listen(source, lambda given: 46 in numbers(given))
+        publishing.join()
+    assert source.health.rejected == {"a message that is not JSON": 29}
+    (cause,) = source.health.lost
+    assert source.health.losses == 5 and "published elsewhere" in cause
+
+
+@pytest.mark.system
+def test_a_topic_on_which_nothing_comes_is_said_with_what_does(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr("evertwin.sources.live.mqtt.SILENT", 0.3)
+    monkeypatch.setattr("evertwin.sources.live.mqtt.LISTEN", 1.0)
+    with mosquitto(tmp_path) as broker:
+        source = robot(broker.port, topic="robot/stat")
+        ends = threading.Event()
+
+        def publish() -> None:
+            while not ends.wait(0.1):
+                broker.publish([said(1)])
+                broker.publish([said(1)], "shop/lamp")
+
+        publishing = threading.Thread(target=publish)
+        publishing.start()
+        listen(source, lambda given: "sends" in source.health.reason, 20.0)
+        ends.set()
+        publishing.join()
+    assert source.health.reason == (
+        "nothing came on robot/stat in 0 s; what the broker sends: robot/state, shop/lamp"
+    )
+    assert len(caplog.records) == 1 and not source.health.received
+
+
+@pytest.mark.system
 def test_plain_values_of_several_topics(tmp_path: Path) -> None:
     spec = SourceSpec("robot", SPEC.channels, time=TimeSpec(rate=1.0))
     columns = {"x": {"topic": "robot/x"}, "q": {"topic": "robot/q"}}

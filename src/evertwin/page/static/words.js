@@ -9,8 +9,12 @@ const SCALES = {
   "rad/s": [[Math.PI / 180, "°/s"]],
 };
 
+/** The unit of an output: that of the twin file, where it names another than SI and its parts. */
+export const unitOf = (output) => output.shown ?? output.unit;
+
 /** Factor and name of the unit in which so large a value is told; a third says from which size on. */
 export function scale(unit, size) {
+  if (unit?.factor) return [unit.factor, unit.unit];
   const known = SCALES[unit];
   if (!known) return [1, unit === "1" ? "" : unit];
   return known.find(([factor, , least = factor]) => Math.abs(size) >= least) ?? known[known.length - 1];
@@ -94,6 +98,7 @@ export const KINDS = {
   measurement_restored: "sensor restored", external: "pushed", alarm: "alarm", alarm_cleared: "alarm over",
   labelled: "labelled", heeded: "label acted", pinned: "pinned", configured: "configured", started: "started", changed: "machine changed",
   not_identifiable: "cannot be told", not_valid: "no trusted sample", valid: "trusted again", overruled: "measurement believed",
+  silent: "no samples", back: "samples again",
   not_calibrated: "limits not known yet", gate_widened: "gate widened", superseded: "overtaken", recovered: "store recovered",
 };
 export const kind = (name) => KINDS[name] ?? name.replaceAll("_", " ");

@@ -13,7 +13,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import AsyncIterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, Protocol, TypeAlias
 
@@ -74,19 +74,44 @@ class Health:
     reconnects: int = 0
     reason: str = ""
     """The newest thing that went wrong."""
+    passed: bool = False
+    """Is that over: was it the line, which is up again?"""
+    hint: str = ""
+    """What in the map looks wrong, and what would be right."""
 
     @property
     def losses(self) -> int:
         """Samples lost, of all causes."""
         return sum(self.lost.values())
 
+    def after(self, before: Health | None) -> Health:
+        """The same, counted on from what the source said before it was opened anew.
+
+        >>> Health(received=2, lost={"gap": 1}).after(Health(received=3, lost={"gap": 2})).lost
+        {'gap': 3}
+        """
+        if before is None:
+            return self
+        kept, lost, noted = (
+            {key: old.get(key, 0) + new.get(key, 0) for key in (*old, *new)}
+            for old, new in (
+                (before.rejected, self.rejected), (before.lost, self.lost),
+                (before.noted, self.noted),
+            )
+        )  # fmt: skip
+        return replace(
+            self, received=before.received + self.received, rejected=kept, lost=lost, noted=noted,
+            repeated=before.repeated + self.repeated, newest=self.newest or before.newest,
+            reconnects=before.reconnects + self.reconnects,
+        )  # fmt: skip
+
     def to_dict(self) -> dict[str, Json]:
-        """Plain content."""
+        """Plain content; no reason where what went wrong is over."""
         return {
             "state": self.state, "since": self.since, "newest": self.newest,
             "received": self.received, "rejected": dict(self.rejected), "repeated": self.repeated,
             "lost": dict(self.lost), "noted": dict(self.noted), "reconnects": self.reconnects,
-            "reason": self.reason,
+            "reason": "" if self.passed else self.reason, "hint": self.hint,
         }  # fmt: skip
 
 

@@ -23,6 +23,7 @@ from evertwin.sources.live.decode import Columns
 from evertwin.sources.live.telling import Telling
 from evertwin.sources.spec import ArraySpec, SourceSpec
 
+DOWN = "the line was down"
 WAITING = 256
 """Chunks that wait for the reader."""
 
@@ -131,7 +132,7 @@ class Line(ABC):
         if self._left is not None:
             away, self._left = time.monotonic() - self._left, None
             if away >= period:
-                self.told.lose("the line was down", int(away / period))
+                self.told.lose(DOWN, int(away / period))
 
     async def _sessions(self) -> None:
         while True:

@@ -8,11 +8,7 @@ session of a twin is not touched.
 
 from __future__ import annotations
 
-import asyncio
-import dataclasses
 import json
-import os
-from collections import Counter
 from contextlib import suppress
 from typing import Any
 
@@ -23,7 +19,8 @@ from evertwin.sources.live.look_ros import look_ros
 from evertwin.sources.live.modbus import Block, blocks_of, number_of
 from evertwin.sources.live.modbus_spec import Kind, ModbusSettings, Order, Register
 from evertwin.sources.live.modbus_wire import Refused, Wire
-from evertwin.sources.live.mqtt import Connection, Mqtt
+from evertwin.sources.live.mqtt import Mqtt
+from evertwin.sources.live.mqtt_line import LISTEN
 from evertwin.sources.live.mqtt_spec import MqttSettings
 from evertwin.sources.live.opcua import Opcua
 from evertwin.sources.live.opcua_spec import OpcuaSettings
@@ -34,8 +31,6 @@ WIDE = 40
 """Registers that are looked at where there is no map."""
 NODES = 300
 DEEP = 6
-LISTEN = 3.0
-"""Seconds in which topics are heard."""
 _LIKELY: tuple[tuple[Kind, Order], ...] = (
     ("int16", "big"), ("int32", "big"), ("int32", "little"), ("float32", "big"),
     ("float32", "little"), ("float64", "big"),
@@ -99,30 +94,15 @@ def _readings(raw: bytes) -> str:
 
 
 async def _topics(settings: MqttSettings, around: Around) -> list[str]:
-    own = dataclasses.replace(
-        settings, client=f"evertwin-look-{os.getpid()}", session=1.0, will=None, version=5
-    )
-    source = Mqtt(own, SourceSpec("look", {}), around)
-    line, heard, newest = Connection(source.client()), Counter[str](), dict[str, bytes]()
-    try:
-        await line.connect(own, ["#"])
-        with suppress(TimeoutError):
-            async with asyncio.timeout(LISTEN):
-                while True:
-                    message = await line.next()
-                    line.client.ack(message.mid, message.qos)
-                    heard[message.topic] += 1
-                    newest[message.topic] = bytes(message.payload)
-    finally:
-        line.close()
+    found = await Mqtt(settings, SourceSpec("look", {}), around).heard(LISTEN)
     out = [
-        f"the broker sends {line.inflight} messages at most that are not acknowledged; ask in its "
+        f"the broker sends {found.inflight} messages at most that are not acknowledged; ask in its "
         "own settings whether it keeps sessions (persistence, autosave) and how many messages wait "
         "(max_queued_messages)"
     ]
-    for topic, count in sorted(heard.items()):
-        out.append(f"{topic}  {count / LISTEN:.1f} a second  {_content(newest[topic])}")
-    return out if heard else [*out, f"no message within {LISTEN:.0f} s"]
+    for topic, count in sorted(found.topics.items()):
+        out.append(f"{topic}  {count / LISTEN:.1f} a second  {_content(found.newest[topic])}")
+    return out if found.topics else [*out, f"no message within {LISTEN:.0f} s"]
 
 
 def _content(payload: bytes) -> str:

@@ -16,16 +16,20 @@ inf
 from __future__ import annotations
 
 import asyncio
+import logging
+import math
 import struct
 import time
 from collections.abc import AsyncIterator, Iterable
+from dataclasses import replace
 from typing import NamedTuple
 
 from evertwin.errors import UsageError
 from evertwin.signals import compatible, conversion
 from evertwin.sources.live.contract import Around
+from evertwin.sources.live.counted import Counted
 from evertwin.sources.live.decode import BAD, Columns, Raw
-from evertwin.sources.live.line import Line
+from evertwin.sources.live.line import DOWN, Line
 from evertwin.sources.live.modbus_spec import ModbusSettings, Order, Register
 from evertwin.sources.live.modbus_wire import Refused, Wire, WrongFrame
 from evertwin.sources.spec import SourceSpec
@@ -33,6 +37,10 @@ from evertwin.sources.spec import SourceSpec
 MOST = 125
 """Registers that one answer can carry."""
 MOST_BITS = 2000
+LARGE = 1e12
+"""Numbers beyond that, or below its inverse, are of no size that machines have."""
+LOG = logging.getLogger("evertwin.live")
+FASTER = "the machine went on faster than it was read: choose a shorter period"
 TRIES = 3
 """Readings of one sample, where the machine goes on in between."""
 _CODES = {
@@ -81,7 +89,15 @@ class Modbus(Line):
             if _inside(register, block)
         }
         self._units = self._factors(spec)
-        self._before: Raw = None
+        self._before: bytes | None = None
+        self._count = Counted()
+        self._measured = {str(channel.column) for channel in spec.channels.values()}
+        self.astray: dict[str, str] = {}
+        """Column whose number is of no size that machines have, unless its words are swapped."""
+        self._asked_for = Block("", 0, 0)
+        """What is, or was, read just now."""
+        self._away = False
+        """Was the line down since the newest sample?"""
 
     def open(self) -> None:
         """See `LiveSource`."""
@@ -99,12 +115,13 @@ class Modbus(Line):
         """One connection."""
         wire = Wire(self.machine.timeout)
         try:
+            self._away = self._before is not None
             await wire.connect(self.machine.host, self.machine.port)
-            self.lost_since(self.machine.period)
             due = time.monotonic()
             while True:
                 columns = await self._sample(wire)
                 if columns is not None:
+                    self._lost(columns)
                     yield columns
                 due = await self._wait(due + self.machine.period)
         finally:
@@ -113,11 +130,22 @@ class Modbus(Line):
     async def _wait(self, due: float) -> float:
         behind = time.monotonic() - due
         missed = int(behind / self.machine.period)
-        if missed > 0:
+        if missed > 0 and self.machine.sequence is None:
             self.told.lose("readings that took longer than the period", missed)
+        if missed > 0:
             return due + missed * self.machine.period
         await asyncio.sleep(max(-behind, 0.0))
         return due
+
+    def _lost(self, columns: Columns) -> None:
+        """What the machine said and nobody read: known where it counts samples, else by time."""
+        sequence = self.machine.sequence
+        if sequence is None:
+            return self.lost_since(self.machine.period)
+        missing = self._count.missing(columns[sequence])
+        if missing > 0:
+            self.told.lose(DOWN if self._away else FASTER, missing)
+        self._away = False
 
     async def _sample(self, wire: Wire) -> Columns | None:
         """What the machine says now; None where that is no new sample, or none at all."""
@@ -128,6 +156,7 @@ class Modbus(Line):
             raise
         except (Refused, Torn) as error:
             self.told.reject(str(error))
+            self.told.reason = f"{self._named(self._asked_for)}: {error}"
             return None
 
     async def _coherent(self, wire: Wire) -> Columns | None:
@@ -147,7 +176,13 @@ class Modbus(Line):
         raise Torn(f"{sequence} changed during each of {TRIES} readings")
 
     async def _read(self, wire: Wire, block: Block) -> bytes:
+        self._asked_for = block
         return await wire.read(self.machine.device, *block)
+
+    def _named(self, block: Block) -> str:
+        """The columns that stand in a block, and where it is."""
+        names = ", ".join(n for n, r in self.machine.registers.items() if _inside(r, block))
+        return f"{names} ({block.table} {block.address})"
 
     def _columns(self, raw: list[bytes]) -> Columns:
         out: dict[str, Raw] = {}
@@ -158,10 +193,29 @@ class Modbus(Line):
                 continue
             part = raw[k][2 * start : 2 * (start + register.words)]
             value = number_of(register, part, self.machine.word_order, self.machine.byte_order)
+            if name in self._measured and name not in self.astray and not _plain(value):
+                self._swapped(name, register, part)
             factor, zero = self._units.get(name, (1.0, 0.0))
             plain = (factor, zero) == (1.0, 0.0)
             out[name] = value if plain else value * factor + zero
         return out
+
+    def _swapped(self, name: str, register: Register, part: bytes) -> None:
+        """Says where other words first would read a number of a size that machines have."""
+        if not register.type.startswith("float") or part == bytes(len(part)):
+            return
+        order = register.word_order or self.machine.word_order
+        byte = self.machine.byte_order
+        other: Order = "little" if order == "big" else "big"
+        read = (replace(register, word_order=one) for one in (order, other))
+        was, value = (number_of(one, part, order, byte) for one in read)
+        if math.isfinite(was) and _plain(value, 1e6):
+            self.astray[name] = (
+                f"{name} reads {was:.3g}: with word_order = {other!r} it would be {value:.4g}"
+            )
+            self.told.note(f"{name} is of no size that machines have: try word_order = {other!r}")
+            self.told.hint = "; ".join(self.astray.values())
+            LOG.warning("%s: %s", self.name, self.astray[name])
 
     def _factors(self, spec: SourceSpec) -> dict[str, tuple[float, float]]:
         """From the machine's unit of a column to the one that the twin file states."""
@@ -178,6 +232,15 @@ class Modbus(Line):
             (a, b), (c, d) = conversion(register.unit), conversion(channel.unit)
             out[str(channel.column)] = a / c, (b - d) / c
         return out
+
+
+def _plain(value: float, most: float = LARGE) -> bool:
+    """Is it of a size that machines have?
+
+    >>> _plain(0.0), _plain(1.27e34), _plain(3e-30)
+    (True, False, False)
+    """
+    return value == 0.0 or 1.0 / most <= abs(value) <= most
 
 
 def number_of(register: Register, raw: bytes, word_order: Order, byte_order: Order) -> float | int:

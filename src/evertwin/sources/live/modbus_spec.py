@@ -102,6 +102,6 @@ class ModbusSettings(LiveSettings):
     sequence: str | None = None
     """Column that the machine changes with every sample (a counter, a time): read before and after
     the others, and all once more where it changed in between. What shows it unchanged since the
-    last reading is no new sample."""
+    last reading is no new sample; where it counts one by one, a gap is a counted loss."""
     registers: Mapping[str, Register] = field(default_factory=dict)
     """Column of the twin file → its register: ``speed = { address = 10, type = "float32" }``."""

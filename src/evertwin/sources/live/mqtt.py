@@ -13,23 +13,24 @@ or whose queue was full.
 from __future__ import annotations
 
 import asyncio
+import dataclasses
 import hashlib
+import logging
 import os
-import ssl
 import time
 from collections import defaultdict
 from collections.abc import AsyncIterator
-from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from evertwin.errors import UsageError
+from evertwin.errors import UsageError, reason_of
 from evertwin.fold import Chunk
 from evertwin.settings.notes import expand
 from evertwin.sources.foreign import load
 from evertwin.sources.live.contract import Around
 from evertwin.sources.live.decode import Columns
 from evertwin.sources.live.line import Line, LineDown
+from evertwin.sources.live.mqtt_line import LISTEN, Connection, Heard, heard
 from evertwin.sources.live.mqtt_parts import Count, NoMessage, place
 from evertwin.sources.live.mqtt_spec import MqttSettings, Part
 from evertwin.sources.live.secrets import password
@@ -41,8 +42,12 @@ if TYPE_CHECKING:
 
 FORGOTTEN = "the broker forgot the session: is its persistence on, its state saved at each change?"
 FULL = "the broker's queue: raise its max_queued_messages (mosquitto: 1000)"
-BEFORE = "before the broker: the publisher's own queue"
-
+BEFORE = (
+    "not on this topic: lost before the broker (the publisher's own queue), or published elsewhere"
+)
+LOG = logging.getLogger("evertwin.live")
+SILENT = 10.0
+"""Seconds without any message after which it is looked what the broker has in its place."""
 SETTLES = 60.0
 """Seconds after a connection in which a gap is what was lost while the line was down."""
 
@@ -75,6 +80,8 @@ class Mqtt(Line):
         self._cause = BEFORE
         """Of the next gap in the count."""
         self._since = 0.0
+        self._unread = 0
+        """Messages that came since the newest count and whose count could not be read."""
 
     def open(self) -> None:
         """See `LiveSource`."""
@@ -112,7 +119,7 @@ class Mqtt(Line):
             if self.broker.will:
                 line.client.publish(self.broker.will, b"up", qos=1, retain=True)
             while True:
-                message = await line.next()
+                message = await self._message(line)
                 if message.qos:
                     self._waiting.append(message.mid)
                 else:
@@ -129,6 +136,44 @@ class Mqtt(Line):
             for messages in self._given.values():
                 messages.clear()  # they come again under other numbers
             line.close()
+
+    async def _message(self, line: Connection) -> MQTTMessage:
+        """The next message; where none ever comes it is said, and what does."""
+        if self.told.state != "up":
+            waiting = asyncio.ensure_future(line.next())
+            try:
+                while not (await asyncio.wait({waiting}, timeout=SILENT))[0]:
+                    await self._say_silent()
+            finally:
+                waiting.cancel()
+            return waiting.result()
+        return await line.next()
+
+    async def _say_silent(self) -> None:
+        nothing = f"nothing came on {', '.join(self.topics)}"
+        if self.told.reason.startswith(nothing):
+            return
+        self.told.reason = nothing
+        try:
+            found = await self.heard(LISTEN)
+            others = found.like(self.topics) or "nothing on any topic"
+        except (LineDown, OSError, TimeoutError) as error:
+            others = f"not known: {reason_of(error)}"
+        self.told.reason = f"{nothing} in {SILENT:.0f} s; what the broker sends: {others}"
+        LOG.warning("%s: %s", self.name, self.told.reason)
+
+    async def heard(self, seconds: float) -> Heard:
+        """What the broker sends on all topics, under another name; no session is touched.
+
+        Raises:
+            LineDown, OSError, TimeoutError: it is not there, or refuses.
+        """
+        own = dataclasses.replace(
+            self.broker, client=f"evertwin-look-{os.getpid()}-{time.monotonic_ns()}", session=1.0,
+            will=None, version=5,
+        )  # fmt: skip
+        beside = Mqtt(own, SourceSpec("look", {}), self.around)
+        return await heard(beside.client(), own, beside._tls, seconds)
 
     def decode(self, columns: Columns) -> list[Chunk]:
         """See `Line`: what its messages are is kept until it is stored."""
@@ -162,10 +207,13 @@ class Mqtt(Line):
             found = place(bytes(message.payload), [*paths, *extra])
         except NoMessage as error:
             self.told.reject(str(error))
+            self._unread += 1
             return None
         if self.broker.sequence is not None:
             publisher = found[self.broker.publisher] if self.broker.publisher else None
-            missing = self.count.missing(found[self.broker.sequence], publisher)
+            number = found[self.broker.sequence]
+            missing = self.count.missing(number, publisher) - self._unread
+            self._unread = 0 if number is not None else self._unread + 1
             if missing > 0:
                 fresh = time.monotonic() < self._since + SETTLES
                 self.told.lose(self._cause if fresh else BEFORE, missing)
@@ -206,139 +254,3 @@ class Mqtt(Line):
         text = self._file(broker.password_file)
         file = None if text is None else Path(text)
         return password(f"source {self.name!r}", broker.password_env, file)
-
-
-class Connection:
-    """One connection of paho, driven by the event loop: no thread of its own.
-
-    >>> hasattr(Connection, "next")
-    True
-    """
-
-    def __init__(self, client: Client, tls: Tls | None = None) -> None:
-        self.client = client
-        self._tls = tls
-        self._loop = asyncio.get_running_loop()
-        self._inbox: asyncio.Queue[MQTTMessage | str] = asyncio.Queue()
-        self._answer: asyncio.Future[tuple[bool, str]] = self._loop.create_future()
-        self._granted: asyncio.Future[str] = self._loop.create_future()
-        self.inflight = 65535
-        """Messages that the broker sends at most before they are acknowledged."""
-        self._socket: Any = None
-        self._beat: asyncio.Task[None] | None = None
-        client.on_connect = self._on_connect
-        client.on_message = self._on_message
-        client.on_disconnect = self._on_disconnect
-        client.on_subscribe = self._on_subscribe
-        client.on_socket_close = self._on_socket_close
-        client.on_socket_register_write = self._on_register_write
-
-    async def connect(self, broker: MqttSettings, topics: list[str]) -> bool:
-        """Connects and subscribes; did the broker keep the session?
-
-        Raises:
-            LineDown, OSError, TimeoutError: it did not work.
-        """
-        more: dict[str, Any] = {}
-        if broker.version == 5:
-            properties = load("paho.mqtt.properties", "live")
-            kinds = load("paho.mqtt.packettypes", "live")
-            more["properties"] = properties.Properties(kinds.PacketTypes.CONNECT)
-            more["properties"].SessionExpiryInterval = min(int(broker.session), 0xFFFFFFFE)
-            more["clean_start"] = False
-        async with asyncio.timeout(broker.timeout):
-            await asyncio.to_thread(
-                self.client.connect, broker.host, broker.port, broker.keepalive, **more
-            )
-            self._socket = self.client.socket()
-            if self._socket is None:
-                raise LineDown("the broker closed the line")
-            self._loop.add_reader(self._socket, self._read)
-            self._loop.add_writer(self._socket, self._write)
-            self._beat = asyncio.create_task(self._beats())
-            kept, reason = await self._answer
-            if reason:
-                raise LineDown(f"the broker refuses: {reason}")
-            self.client.subscribe([(topic, 1) for topic in topics])
-            refused = await self._granted
-            if refused:
-                raise LineDown(f"the broker refuses the subscription: {refused}")
-        return kept
-
-    async def next(self) -> MQTTMessage:
-        """The next message.
-
-        Raises:
-            LineDown: there is no line any more.
-        """
-        message = await self._inbox.get()
-        if isinstance(message, str):
-            raise LineDown(message)
-        return message
-
-    def close(self) -> None:
-        """Let go; the broker keeps the session."""
-        if self._beat is not None:
-            self._beat.cancel()
-        for future in (self._answer, self._granted):
-            future.cancel()
-        self.client.disconnect()
-        with suppress(OSError):
-            self.client.loop_write()
-        found = self.client.socket()
-        if found is not None:
-            self._on_socket_close(None, None, found)
-            found.close()
-
-    async def _beats(self) -> None:
-        while True:
-            await asyncio.sleep(1.0)
-            self.client.loop_misc()
-
-    def _read(self) -> None:
-        line = self._socket
-        self.client.loop_read()
-        while isinstance(line, ssl.SSLSocket) and line is self._socket and line.pending():
-            self.client.loop_read()
-
-    def _write(self) -> None:
-        line = self._socket
-        self.client.loop_write()
-        if line is not None and line is self._socket and not self.client.want_write():
-            self._loop.remove_writer(line)
-
-    def _on_register_write(self, _c: object, _u: object, line: Any) -> None:
-        def register() -> None:
-            if line is self._socket:
-                self._loop.add_writer(line, self._write)
-
-        self._loop.call_soon_threadsafe(register)
-
-    def _on_socket_close(self, _c: object, _u: object, line: Any) -> None:
-        if self._socket is not None and line.fileno() >= 0:
-            self._loop.remove_reader(line)
-            self._loop.remove_writer(line)
-        self._socket = None
-
-    def _on_connect(self, _c: object, _u: object, flags: Any, code: Any, told: Any) -> None:
-        self.inflight = getattr(told, "ReceiveMaximum", self.inflight)
-        if not self._answer.done():
-            reason = str(code) if code.is_failure else ""
-            self._answer.set_result((bool(flags.session_present), reason))
-
-    def _on_subscribe(self, _c: object, _u: object, _mid: int, codes: Any, _p: object) -> None:
-        refused = [str(code) for code in codes if code.is_failure]
-        if not self._granted.done():
-            self._granted.set_result("; ".join(refused))
-
-    def _on_message(self, _c: object, _u: object, message: MQTTMessage) -> None:
-        self._inbox.put_nowait(message)
-
-    def _on_disconnect(self, _c: object, _u: object, _f: object, code: Any, _p: object) -> None:
-        why = self._tls.why if self._tls is not None and self._tls.why else code
-        reason = f"the broker closed the line ({why})"
-        self._inbox.put_nowait(reason)
-        if not self._answer.done():
-            self._answer.set_result((False, reason))
-        if not self._granted.done():
-            self._granted.set_result(reason)

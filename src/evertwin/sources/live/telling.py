@@ -30,6 +30,10 @@ class Telling:
         self.received = 0
         self.repeated = 0
         self.reason = ""
+        self.hint = ""
+        """What in the map looks wrong, and what would be right."""
+        self._line = ""
+        """Why the line was down last."""
         self._rejected: Counter[str] = Counter()
         self._lost: Counter[str] = Counter()
         self._noted: Counter[str] = Counter()
@@ -41,6 +45,7 @@ class Telling:
         return Health(
             self.state, self.since, self.newest, self.received, dict(self._rejected),
             self.repeated, dict(self._lost), dict(self._noted), max(self._ups - 1, 0), self.reason,
+            self.state == "up" and self.reason == self._line, self.hint,
         )  # fmt: skip
 
     def give(self, stamp: int, count: int = 1) -> None:
@@ -73,7 +78,7 @@ class Telling:
 
     def down(self, reason: str) -> None:
         """It does not, for this reason; said once until it is up again."""
-        self.reason = reason
+        self.reason = self._line = reason
         if self.state != "down":
             LOG.warning("%s: down: %s", self.name, reason)
             self._turn("down")

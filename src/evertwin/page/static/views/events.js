@@ -57,6 +57,17 @@ export function open({ twin, context }) {
     }
   }
 
+  /** Is what an event told over: [tag]; nothing of an event that stands, or is none of an alarm. */
+  function over(event, all) {
+    const now = context.twins.find((one) => one.name === twin);
+    if (!now || !ALARMS.includes(event.kind)) return "";
+    const after = (kind) => all.some((e) => e.kind === kind && e.signal === event.signal && e.number > event.number);
+    if (event.kind === "measurement_error") return after("measurement_restored") || !now.refused?.includes(event.signal) ? "over" : "";
+    if (["alarm", "external"].includes(event.kind)) return event.kind === "alarm" && after("alarm_cleared") ? "over" : "";
+    if (now.alarm && event.number >= now.alarm.event) return "";
+    return now.returned?.event === event.number ? `over since ${clock(now.returned.over, true)}` : "over";
+  }
+
   function show() {
     const asked = search.value.trim().toLowerCase();
     const all = context.feed?.events ?? [];
@@ -65,18 +76,26 @@ export function open({ twin, context }) {
     const seen = all.filter((e) => (!only.checked || ALARMS.includes(e.kind)) && (!asked || `${e.kind} ${kind(e.kind)} ${e.signal} ${e.reason}`.toLowerCase().includes(asked)));
     put(list, seen.slice(-400).reverse().map((e) => {
       const label = labels.get(e.number);
+      const ended = over(e, all);
       return h("li", {}, h("time", {}, e.time ? clock(e.time, true) : `row ${e.row}`), h("b", {}, kind(e.kind)), e.signal && !e.reason.startsWith(e.signal) && ` ${e.signal}`, ` ${e.reason}`, e.evidence?.person && h("span", { class: "quiet" }, ` (${e.evidence.person})`), " ",
-        label && h("span", { class: "tag" }, `${label.evidence.verdict}, ${label.evidence.person ?? "somebody"}`), " ",
+        label && h("span", { class: "tag" }, `${label.evidence.verdict}, ${label.evidence.person ?? "somebody"}`), ended && h("span", { class: "tag" }, ended), " ",
         e.kind !== "labelled" && h("button", { type: "button", id: `event-${e.number}`, "aria-label": `Label event ${e.number}`, onclick: () => choose(e).catch((error) => { said.hidden = false; put(said, error.message); }) }, "Label"),
         did.has(e.number) && h("div", { class: "did" }, h("b", {}, "What the label changed: "), did.get(e.number).reason));
     }), !seen.length && h("li", { class: "quiet" }, "No events."));
   }
 
   const heard = () => show();
+  const standing = () => JSON.stringify(context.twins.filter((one) => one.name === twin).map((one) => [one.alarm, one.returned, one.refused]));
+  let stood = standing();
   context.feed?.addEventListener("events", heard);
   show();
   return {
     element: h("div", {}, h("div", { class: "row" }, h("h1", {}, `Events of ${twin}`), h("span", { class: "grow" }), h("label", {}, only, " only alarms"), h("label", {}, "Search ", search)), said, h("section", { class: "card" }, list)),
+    update: () => {
+      if (stood === standing()) return;
+      stood = standing();
+      show();
+    },
     close: () => context.feed?.removeEventListener("events", heard),
   };
 }

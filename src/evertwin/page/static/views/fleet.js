@@ -1,6 +1,7 @@
 // All twins: what needs attention first.
 
 import { h, put, table } from "../dom.js";
+import { returned } from "../verdict.js";
 import { age, CONDITIONS, conditionOf, count, sign } from "../words.js";
 import { ask } from "../wire.js";
 
@@ -71,7 +72,7 @@ function tile(twin) {
   const show = (now, condition) => {
     const [name, look] = CONDITIONS[condition];
     const old = condition === "stale" ? `STALE for ${age(now.age)}` : name;
-    const why = now.reason || now.why || (now.state === "ended" ? "its sources have ended" : "");
+    const why = now.reason || now.why || (now.state === "ended" ? "its sources have ended" : returned(now));
     const meta = `newest sample ${now.age !== null && now.age >= 1 ? `${age(now.age)} ago` : age(now.age)} · version ${now.champion ?? "–"}${now.pinned ? " pinned" : ""} · ${count(now.rows, "row")}`;
     const key = [old, why, now.headline, meta, now.label, now.judged].join("|");
     if (key === drawn) return;

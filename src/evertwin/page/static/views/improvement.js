@@ -3,7 +3,7 @@
 import { Axis, Chart, fromPixels, fromRows } from "../chart.js";
 import { action, field, h, put, s, table } from "../dom.js";
 import { gains, less, verdict } from "../verdict.js";
-import { clock, count, number, quantity, scale, trimmed } from "../words.js";
+import { clock, count, number, quantity, scale, trimmed, unitOf } from "../words.js";
 import { ask, of } from "../wire.js";
 
 const SPAN = 120;
@@ -27,7 +27,7 @@ export function open({ twin, context }) {
     }
     const events = context.feed?.events ?? [];
     if (context.feed?.cursor === null) return setTimeout(look, 300); // how it went live is not known yet
-    const key = JSON.stringify([about.champion, about.pinned, about.versions?.length, about.trial, about.figures, events.length, about.condition, about.stale]);
+    const key = JSON.stringify([about.champion, about.pinned, about.versions?.length, about.trial, about.figures, events.length, about.condition, about.stale, about.why, about.judged, about.alarm, about.returned, about.refused]);
     if (key === drawn) return undefined;
     drawn = key;
     put(parts.head, verdict(about, events), about.headline && h("p", { class: "card lead", id: "headline" }, about.headline));
@@ -45,14 +45,14 @@ export function open({ twin, context }) {
 
   /** Measured, by the first version and by the live one, on the same rows. */
   async function picture(about) {
-    const name = (gains(about.figures)[0] ?? {}).name ?? about.outputs?.[0]?.name;
+    const name = (gains(about)[0] ?? {}).name ?? about.outputs?.[0]?.name;
     const newest = context.feed?.rows.t.at(-1);
     if (!name || !newest) return;
     const axis = new Axis(SPAN);
     axis.newest(newest * 1e-9);
     const past = await ask(of(twin, `/history?first=${axis.first}&last=${axis.last}&width=1200&signal=${encodeURIComponent(name)}`));
     const part = (key) => () => [fromPixels(past, past.signals[name][key], Infinity)];
-    const unit = about.figures?.[name]?.unit ?? "1";
+    const unit = unitOf(about.outputs?.find((one) => one.name === name) ?? { unit: "1" });
     const before = difference(past, name, "before");
     const lines = [{ name: "measured", look: "measured", parts: part("measured") }];
     if (about.champion) lines.push({ name: "before: by the first version", look: "before", parts: part("before") });

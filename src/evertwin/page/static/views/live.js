@@ -4,7 +4,7 @@ import { Axis, Chart, fromPixels, fromRows } from "../chart.js";
 import { h, put, table } from "../dom.js";
 import { arm, exceeds, floor, leaning, robot, Scene } from "../scene.js";
 import { verdict } from "../verdict.js";
-import { age, clock, number, quantity, trimmed } from "../words.js";
+import { age, clock, number, quantity, trimmed, unitOf } from "../words.js";
 import { ask, of } from "../wire.js";
 
 const SPANS = [["30 s", 30], ["2 min", 120], ["10 min", 600], ["1 h", 3600], ["8 h", 28800]];
@@ -86,11 +86,15 @@ class Live {
     try {
       const about = await ask(of(this.twin));
       this.about = about;
-      const drawn = JSON.stringify([about.headline, about.condition, about.why, about.champion, about.figures, about.trial, about.label, about.stale, this.context.feed?.cursor]);
-      if (this.context.feed?.cursor === null) this.asked = 0; // how it went live is not known yet
+      const drawn = JSON.stringify([about.state, about.headline, about.condition, about.why, about.champion, about.figures, about.trial, about.label, about.stale, about.judged, about.alarm, about.returned, about.refused, this.context.feed?.cursor]);
+      const waits = this.context.feed?.cursor === null && about.state !== "starting";
+      if (waits) this.asked = 0; // how it went live is not known yet
       else if (drawn !== this.drawn) put(this.head, verdict(about, this.context.feed?.events ?? []));
       if (this.context.feed?.cursor !== null) this.drawn = drawn;
-      if (about.outputs && !this.charts.length) this.#choose();
+      if (about.outputs && !this.charts.length) {
+        this.#choose();
+        if (!this.looks) this.#scene(); // it was asked for while the twin was starting
+      }
     } catch (error) {
       if (!this.about) put(this.head, h("p", {}, error.message));
     }
@@ -109,7 +113,7 @@ class Live {
   }
 
   #build() {
-    const unit = Object.fromEntries(this.about.outputs.map((one) => [one.name, one.unit]));
+    const unit = Object.fromEntries(this.about.outputs.map((one) => [one.name, unitOf(one)]));
     this.past = null;
     this.charts = this.memory.chosen.flatMap((name) => {
       const line = (key, look, title, more = {}) => ({ name: title, look, parts: () => this.#parts(name, key), ...more });
@@ -199,7 +203,8 @@ class Live {
   #values(rows) {
     const k = rows.t.length - 1;
     const last = (column) => column?.[k] ?? null;
-    const lines = (this.about?.outputs ?? []).map(({ name, unit }) => {
+    const lines = (this.about?.outputs ?? []).map((output) => {
+      const [name, unit] = [output.name, unitOf(output)];
       const one = rows.outputs[name];
       const size = last(one?.measured) ?? last(one?.predicted) ?? 0;
       return [name, quantity(last(one?.measured), unit, size), quantity(last(one?.predicted), unit, size), quantity(last(one?.residual), unit)];

@@ -1,0 +1,64 @@
+"""How a twin of the service is, in plain values."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from evertwin.service.runner import Runner
+
+MAKING = (
+    "its machine code is being made ready: the first time that takes one to two minutes for each "
+    "model, later some seconds"
+)
+LONG = 5.0
+"""Seconds from which on it is told how long a start took."""
+
+
+def status_of(runner: Runner) -> dict[str, Any]:
+    """Its state, its condition, what came of it so far, its sources and publishers."""
+    over = {one.name for one in runner.sources if one.health.state == "ended"}
+    ended = runner.sources and len(over) == len(runner.sources)
+    state = "ended" if runner.state == "running" and ended and not runner.open else runner.state
+    busy = 0.0 if runner.busy_since is None else time.monotonic() - runner.busy_since
+    about: Mapping[str, Any] = {}
+    if runner.work is not None:
+        about = runner.work.about
+        runner.condition.looked(runner.work.now)
+    headline = runner.condition.in_past(about.get("headline", ""))
+    return {
+        "name": runner.name, "state": state, "reason": runner.reason,
+        **_how(runner, state, over), "rows": runner.row,
+        "champion": about.get("champion"), "pinned": about.get("pinned"),
+        "versions": len(about.get("versions", ())), "waiting": runner.waiting,
+        "headline": headline, "judged": about.get("judged"),
+        "dropped": runner.dropped, "busy": round(busy, 3),
+        "sources": {
+            one.name: one.health.after(runner.before.get(one.name)).to_dict()
+            for one in runner.sources
+        },
+        "publishers": [dict(one.health) for one in runner.publishers],
+    }  # fmt: skip
+
+
+def _how(runner: Runner, state: str, over: set[str]) -> Mapping[str, Any]:
+    """Its condition, and why: also where a twin that does not run has none of its own."""
+    how = runner.condition.told(failed=state == "quarantined", over=over)
+    if state == "quarantined":
+        how["why"] = runner.reason
+    elif state == "starting":
+        so_far = f"{time.monotonic() - runner.began:.0f} s so far"
+        how["why"] = f"{MAKING}; {so_far}" if runner.warms else f"it is being opened; {so_far}"
+        how["condition"] = "check"
+    elif how["condition"] == "check":
+        known = [
+            f"{one.name}: {one.health.reason}" for one in runner.sources
+            if one.health.reason and one.health.state not in ("up", "ended")
+        ]  # fmt: skip
+        how["why"] = "; ".join((how["why"], *known))
+    elif how["condition"] == "out_of_specification":
+        hints = [f"{one.name}: {one.health.hint}" for one in runner.sources if one.health.hint]
+        how["why"] = "; ".join((how["why"], *hints))
+    return how
