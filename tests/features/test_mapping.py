@@ -12,8 +12,9 @@ import pytest
 
 from evertwin.app.cli import main
 from evertwin.errors import DataError
-from evertwin.features.mapping import Mapped, _evened, followed, mapped, surface_of
+from evertwin.features.mapping import Mapped, followed, mapped, surface_of
 from evertwin.features.occupancy import FREE, OCCUPIED, UNKNOWN, counted, of_keyframes, read, save
+from evertwin.features.open_ways import evened
 from evertwin.features.pose_graph import Edge, optimised
 from evertwin.features.poses import Fix, Poses
 from evertwin.features.relocalisation import View, located
@@ -75,7 +76,7 @@ def test_a_leap_goes_back_along_the_open_direction_alone() -> None:
         np.arange(10), pose, wide, np.full(10, Fix.MATCHED, np.uint8), ones, ones.astype(np.uint8),
         zeros, pose, wide, zeros.astype(np.uint8), ones,
     )  # fmt: skip
-    found = _evened(poses, wheels=way).pose
+    found = evened(poses, wheels=way).pose
     assert np.allclose(found[:, 1], way[:, 1], atol=1e-9)
     assert np.abs(found[3:8, 0] - way[3:8, 0]).max() < 0.1
 

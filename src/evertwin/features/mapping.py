@@ -10,7 +10,6 @@ import time
 from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -21,11 +20,12 @@ from evertwin.features.local_map import Surface, seen
 from evertwin.features.look_ahead import read_on
 from evertwin.features.loop_closure import loops
 from evertwin.features.occupancy import of_keyframes
-from evertwin.features.pose_graph import Edge, Optimised, optimised, turned, variance_factor, weak
+from evertwin.features.open_ways import evened, steps_between
+from evertwin.features.pose_graph import Edge, Optimised, optimised, variance_factor, weak
 from evertwin.features.poses import Fix, Poses
 from evertwin.features.relocalisation import PASSED, View, located, through
 from evertwin.features.scan_fit import COMMON
-from evertwin.features.scan_matcher import ScanMatcher, table
+from evertwin.features.scan_matcher import FAMILIAR, ScanMatcher, table
 from evertwin.features.stream import Stream, Turned
 from evertwin.features.troubles import ASKEW, askew, mirrored, troubles, without_body
 from evertwin.fold import join, make_block, take
@@ -45,8 +45,6 @@ ROUGH = np.diag([0.1, 0.1, 0.05]) ** 2
 """Error of a place that was found in a map (m², m², rad²)."""
 OFTEN = 0.9
 """Share of the scans that are placed, below which odometry may be in their way."""
-SURE = 0.2
-"""Spread below which a place is sure [m]."""
 
 
 class Followed(NamedTuple):
@@ -199,7 +197,7 @@ def mapped(scans: Scans, use_odometry: bool = True) -> Mapped:
     """
     scans, (poses, took), said = _upright(without_body(scans), use_odometry)
     fused = streamed(scans, poses)
-    poses = _evened(poses, scans.odometry if use_odometry else None)
+    poses = evened(poses, scans.odometry if use_odometry else None)
     if not ((poses.fix != Fix.LOST) & (poses.segment == 0)).any():
         raise DataError(f"{scans.name}: no scan tells a pose: does the lidar see anything?")
     poses, anchors = found_again(scans, poses)
@@ -256,7 +254,7 @@ def solved(scans: Scans, poses: Poses, anchors: Sequence[Edge] = ()) -> Solved:
     number = {int(k): n for n, k in enumerate(keys)}
     tied = [a._replace(start=number[a.start], end=number[a.end]) for a in anchors]
     begun = {edge.end for edge in tied}
-    steps = [edge for edge in _steps(poses, keys) if edge.end not in begun] + tied
+    steps = [edge for edge in steps_between(poses, keys) if edge.end not in begun] + tied
     graph = Optimised(poses.pose[keys], poses.covariance[keys])
     found: list[Edge] = []
     for _ in range(ROUNDS):
@@ -283,16 +281,19 @@ def _by_scans(scans: Scans, found: Followed) -> Float64[np.ndarray, "n 3"]:
 def found_again(scans: Scans, poses: Poses) -> tuple[Poses, list[Edge]]:
     """Later segments whose place the map so far tells join it; and what ties them to it.
 
-    Looked for is all that some keyframes of a segment saw, together: a single scan of a room may
-    fit in several places. Where its first ones are not found, later ones may be. What the whole
-    segment saw must not contradict the place.
+    Looked for is what some keyframes of a segment saw, together: a single scan of a room may fit in
+    several places. Where its first ones are not found, later ones may be. What the whole segment
+    saw must not contradict the place. One that begins behind a bare corridor of unknown length is
+    left: its corners are like those before it, and the map holds those alone.
     """
     anchors: list[Edge] = []
     number = int(poses.segment[-1])
     for k in range(1, min(number, MOST) + 1):
         mine = poses.segment == k
         keys = np.flatnonzero(poses.keyframe & (poses.fix != Fix.LOST) & mine)
-        if not len(keys):
+        begin = int(np.argmax(mine))
+        gone = np.arange(begin) > np.flatnonzero(poses.fix[:begin] != Fix.LOST)[-1:].sum()
+        if not len(keys) or poses.share[:begin][gone].max(initial=0.0) >= FAMILIAR:
             continue
         first = solved(scans, poses, anchors)
         place = _place(scans, poses, keys, first)
@@ -303,8 +304,8 @@ def found_again(scans: Scans, poses: Poses) -> tuple[Poses, list[Edge]]:
         anchors.append(Edge(int(first.keys[near]), int(keys[0]), tie, ROUGH))
         start = compose(poses.pose[first.keys[near]], tie)
         onward = between(np.broadcast_to(poses.pose[keys[0]], (mine.sum(), 3)), poses.pose[mine])
-        pose, segment = poses.pose.copy(), poses.segment.copy()
-        pose[mine], segment[mine] = compose(np.broadcast_to(start, onward.shape), onward), 0
+        pose, segment = poses.pose.copy(), np.where(mine, 0, poses.segment)
+        pose[mine] = compose(np.broadcast_to(start, onward.shape), onward)
         poses = poses._replace(pose=pose, segment=segment)
     return poses, anchors
 
@@ -332,51 +333,6 @@ def _place(
 def surface_of(scans: Scans, k: int) -> Surface:
     """The surface points of one scan, in the machine's frame."""
     return seen(scans.ranges[k], scans.lidar.angles(scans.ranges.shape[1]), scans.lidar.mount)
-
-
-def _steps(poses: Poses, keys: Sequence[int] | np.ndarray) -> list[Edge]:
-    """From each keyframe to the next, as they were followed.
-
-    Where no pose was told between them, as the first one's place was less and less sure, it grows
-    on at the pace at which it had.
-    """
-    out, lost = [], np.cumsum(poses.fix == Fix.LOST)
-    for n, (a, b) in enumerate(pairwise(keys)):
-        gap = int(lost[b] - lost[a])
-        spread = poses.covariance[b] + gap * poses.covariance[a]
-        covariance = turned(spread, poses.pose[b, 2])
-        out.append(Edge(n, n + 1, between(poses.pose[a], poses.pose[b]), covariance))
-    return out
-
-
-def _evened(poses: Poses, wheels: Float64[np.ndarray, "n 3"] | None) -> Poses:
-    """Poses whose place was not sure along a bare corridor, moved by what the next sure one tells.
-
-    Its innovation along the open direction goes back over them, to each as much as its variance
-    then was of that before the innovation: the smoother of a random walk (Rauch, Tung and Striebel,
-    AIAA Journal 3(8), 1965). What was expected there is told by the ``wheels``, or the last step
-    again.
-    """
-    pose, place = poses.pose.copy(), poses.covariance[:, :2, :2]
-    told = np.flatnonzero(poses.fix == Fix.MATCHED)
-    firm = told[np.trace(place[told], axis1=1, axis2=2) < SURE * SURE]
-    for a, b in pairwise(firm):
-        open_ = told[(told > a) & (told < b)]
-        if len(open_) < 2 or poses.segment[a] != poses.segment[b]:
-            continue
-        before, last = open_[-2:]
-        if wheels is not None and np.isfinite(wheels[[last, b]]).all():
-            usual = compose(pose[last], between(wheels[last], wheels[b]))[:2]
-        else:
-            usual = pose[last, :2] + (pose[last, :2] - pose[before, :2]) / (last - before) * (
-                b - last
-            )
-        along = np.linalg.eigh(place[last])[1][:, 1]
-        variance = np.einsum("i,nij,j->n", along, place[open_], along)
-        ahead = variance[-1] + max(variance[-1] - variance[-2], 0.0)
-        back = np.minimum(variance / ahead, 1.0) * float(along @ (pose[b, :2] - usual))
-        pose[open_, :2] += back[:, None] * along
-    return poses._replace(pose=pose)
 
 
 def _all(poses: Poses, keys: np.ndarray, graph: Optimised) -> Poses:

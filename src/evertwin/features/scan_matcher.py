@@ -92,7 +92,7 @@ MOVED = 0.02
 """By how much the wheels go on while a lidar that repeats a scan is frozen [m, rad]."""
 BLOCKED, MOST_NEAR = 0.35, 0.8
 """A lidar most of whose beams end nearer than this is blocked [m]; and how many."""
-THROUGH = 0.2
+THROUGH = 0.25
 """Share of the beams that pass through known walls from which on the robot is elsewhere."""
 AGAIN = 0.05
 """The same for a robot that was lost: rooms have places that are alike."""
@@ -100,6 +100,8 @@ FOUND = 0.6
 """Share of a scan from which on a lost robot is found again."""
 FAR, OPEN = 1.0, 0.5
 """Spread of a pose from which on it is none: by the wheels, and by habit alone [m]."""
+UNKNOWN = 4.0
+"""How far the way along a corridor may be off what habit has it, before it is of no use [m]."""
 FIRM = 0.1
 """The same for one that is found again: much may look alike [m]."""
 
@@ -150,6 +152,8 @@ class Following(NamedTuple):
     """Times that they came again."""
     lost: int
     """Scans since there was a pose."""
+    open: int
+    """Scans that were matched since, but told no place along their walls."""
     segment: int
 
 
@@ -192,7 +196,7 @@ class ScanMatcher:
         belief = Belief.at_rest(0, np.zeros(3), np.zeros((3, 3)))
         return Following(
             empty(self.beams), belief, Habits.none(), np.full(4, np.nan),
-            np.full(self.beams, np.nan), 0, 0, 0,
+            np.full(self.beams, np.nan), 0, 0, 0, 0,
         )  # fmt: skip
 
     def step(self, state: Following, block: Block) -> tuple[Following, Out]:
@@ -289,7 +293,7 @@ class ScanMatcher:
             return state, Row(segment=state.segment)
         pose = state.belief.pose
         state = state._replace(
-            map=joined(state.map, scan, pose), lost=0,
+            map=joined(state.map, scan, pose), lost=0, open=0,
             belief=state.belief.moved(state.belief.t, pose, np.zeros((3, 3))),
         )  # fmt: skip
         firm = Sighting(pose, np.linalg.inv(COMMON))
@@ -316,8 +320,14 @@ class ScanMatcher:
             found.belief.scale,
         )  # fmt: skip
         if _off(spread, OPEN if blind else FAR):  # walls alike all along the way
+            state = state._replace(open=state.open + 1)
+            if blind and state.open > PATIENCE:  # it may have moved on
+                state = state._replace(map=joined(ring, scan, pose))
             return state, Row(share=fit.share, segment=state.segment)
-        return state, row
+        if blind and state.open * habits.spread > UNKNOWN:
+            state = state._replace(map=empty(self.beams), segment=state.segment + 1)
+            return self._begun(state, scan, True)
+        return state._replace(open=0), row
 
 
 def _decided(scan: Surface, view: Known, expected: Expected, sure: float) -> list[Fit]:
