@@ -84,3 +84,21 @@ def test_behind_a_corridor_of_unknown_length_a_new_segment_begins(seed: int) -> 
         way = found.pose[one, 0] - found.pose[one[0], 0] - (x[one] - x[one[0]])
         sigma = np.sqrt(found.covariance[one, 0, 0] + found.covariance[one, 1, 1])
         assert np.all(np.abs(way) < np.maximum(3 * sigma, 0.5))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_slip_may_end_where_no_scan_tells(seed: int) -> None:
+    """Its scale was held on to through a corridor, and surely."""
+    rng = np.random.default_rng(seed)
+    belief, x = Belief.at_rest(0, np.zeros(3), np.eye(3) * 1e-6), 0.0
+    across = np.diag([0.0, 4e5, 1e6])
+    for k in range(300):
+        slips, told = 100 <= k < 150, k < 150
+        x += 0.1
+        belief = predicted(belief, Step(10**8, np.array([0.16 if slips else 0.1, 0, 0]), np.nan))
+        seen = np.array([x, 0.0, 0.0]) + rng.normal(0, [0.002, 0.0015, 0.001])
+        information = across + np.diag([2e5, 0.0, 0.0]) * told
+        belief = measured(belief, Sighting(seen, information), 0.16 if slips else 0.1).belief
+        if k == 149:
+            assert belief.scale == pytest.approx(0.625, abs=0.03)
+    assert abs(belief.pose[0] - x) < 2.5 * np.sqrt(belief.covariance[0, 0])

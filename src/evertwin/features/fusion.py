@@ -39,6 +39,10 @@ GYRO, DRIFTING = 0.003, 2e-4
 """Error of the gyro's angle (rad/√s), and change of its bias (rad/s/√s)."""
 BIAS, SCALE = 0.02, 0.05
 """Spread of bias [rad/s] and scale before anything is known."""
+ENDS = 0.5
+"""How likely slip ends in a metre (1/m)."""
+LONG = 20.0
+"""Way in which a scale becomes the usual one [m]."""
 OPEN = 0.3
 """Spread of the scale once the wheels slip."""
 LIMIT = 16.27
@@ -72,6 +76,8 @@ class Belief(NamedTuple):
     """Of the errors of x, y, heading, bias and scale."""
     rate: float
     """Variance of the wheels' error over what is usual."""
+    usual: float = 1.0
+    """The scale, when the wheels do not slip."""
 
     @classmethod
     def at_rest(
@@ -159,8 +165,10 @@ def predicted(belief: Belief, step: Step) -> Belief:
     if blind:
         q[2, 2] = belief.rate * (TURNING * TURNING * abs(turned) + ALONG * ALONG * way)
     q[3, 3], q[4, 4] = DRIFTING * DRIFTING * dt, SCALED * SCALED * way
+    q[4, 4] += ENDS * way * max((belief.scale - belief.usual) ** 2 - SCALE * SCALE, 0.0)
     return belief._replace(
         t=belief.t + step.lasts,
+        usual=belief.usual + min(way / LONG, 1.0) * (belief.scale - belief.usual),
         pose=belief.pose + np.array([x, y, turn]),
         covariance=f @ belief.covariance @ f.T + q,
     )
