@@ -27,7 +27,7 @@ from evertwin.features.relocalisation import PASSED, View, located, through
 from evertwin.features.scan_fit import COMMON
 from evertwin.features.scan_matcher import FAMILIAR, ScanMatcher, table
 from evertwin.features.stream import Stream, Turned
-from evertwin.features.troubles import ASKEW, askew, mirrored, troubles, without_body
+from evertwin.features.troubles import ASKEW, askew, mirrored, scaled, troubles, without_body
 from evertwin.fold import join, make_block, take
 from evertwin.signals.planar import between, compose
 from evertwin.sources.scans import Lidar, Scans
@@ -199,7 +199,10 @@ def mapped(scans: Scans, use_odometry: bool = True) -> Mapped:
     fused = streamed(scans, poses)
     poses = evened(poses, scans.odometry if use_odometry else None)
     if not ((poses.fix != Fix.LOST) & (poses.segment == 0)).any():
-        raise DataError(f"{scans.name}: no scan tells a pose: does the lidar see anything?")
+        raise DataError(
+            f"{scans.name}: no scan tells a pose: does the lidar see anything? Ranges are taken "
+            "in metres: in millimetres all of them would be too far"
+        )
     poses, anchors = found_again(scans, poses)
     one = solved(scans, poses, anchors)
     return Mapped(
@@ -220,6 +223,8 @@ def _upright(scans: Scans, use_odometry: bool) -> tuple[Scans, Followed, list[st
         scans = replace(scans, lidar=replace(one, start=-one.start, step=-one.step))
         said.append("the scans turn against the odometry: the beams are taken the other way round")
         found = followed(scans, use_odometry, look_ahead=True)
+    factor = scaled(found.poses.sighted, wheels)
+    said += [factor] * bool(factor)
     angle = askew(_by_scans(scans, found), wheels)
     if angle is None or abs(angle) < ASKEW:
         return scans, found, said

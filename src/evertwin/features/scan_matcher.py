@@ -80,7 +80,7 @@ FREE = 0.3
 FARTHER = 1.2
 """How much longer than the longest one of late a step may be."""
 ABOUT = 1.6
-"""Half the window of its turn, at least: robots turn on the spot [rad]."""
+"""Half the window of its turn, at least: robots turn on the spot; beyond it is doubted [rad]."""
 SLOW = 1.0
 """Time between scans from which on it may turn more in proportion [s], up to `LONG` times."""
 LONG = 5.0
@@ -241,12 +241,16 @@ class ScanMatcher:
         ahead, expected = _expected(state, moved - before, blind, dt)
         sure, least = (SURE, LEAST) if blind else (PLAUSIBLE, SEEN)
         fits = fit(scan, view, expected, sure) if telling else []
+        if fits and expected.window and fits[0].share < FAMILIAR:  # it may have turned far
+            window = (*expected.window[:2], math.pi)
+            fits = fit(scan, view, expected._replace(window=window), sure)
         if state.lost and len(fits) > 1:  # two places alike: neither is told
             fits = [fits[0]._replace(share=0.0)]
         here, good = [], []
         for one in fits:
             usual = blind and expected.square(one.pose) < UNUSUAL
             astray = bool(state.lost) and not (state.lost <= BRIEFLY and usual)
+            astray |= blind and bool(abs(one.pose[2] - state.belief.pose[2]) > ABOUT)
             if self._elsewhere(one, ranges, view, astray):
                 continue
             here.append(one)

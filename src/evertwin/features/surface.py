@@ -71,8 +71,8 @@ def noise(ranges: Any) -> float:
 def gathered(ranges: Any, angles: Any, i: int, way: int, reach: float, sums: Any) -> bool:
     """Fills ``sums``: points on one side of beam ``i`` that lie near it, and their moments.
 
-    True where what comes behind them is farther away by a quarter of ``reach``: the beam met the edge of
-    something. A wall that is met straight on goes back too, but less.
+    True where what comes behind them is farther away by a quarter of ``reach``: the beam met the
+    edge of something. A wall that is met straight on goes back too, but less.
     """
     r = ranges[i]
     x, y = r * math.cos(angles[i]), r * math.sin(angles[i])
