@@ -41,6 +41,8 @@ TOGETHER = 10
 """Keyframes that are looked for as one."""
 TRIES, CHECKED = 8, 40
 """So many of them are tried, and so many keyframes must not contradict the place."""
+AGREE = np.array([0.5, 0.5, 0.1])
+"""How far two of them may place the segment apart (m, m, rad)."""
 ROUGH = np.diag([0.1, 0.1, 0.05]) ** 2
 """Error of a place that was found in a map (m², m², rad²)."""
 OFTEN = 0.9
@@ -322,7 +324,7 @@ def _place(
     chart = of_keyframes(known.graph.poses, known.surfaces, scans.lidar.mount)
     steps = between(np.broadcast_to(poses.pose[keys[0]], (len(keys), 3)), poses.pose[keys])
     views = [View(surface_of(scans, int(k)), step) for k, step in zip(keys, steps, strict=True)]
-    groups = range(0, len(keys), TOGETHER)
+    groups, places = range(0, len(keys), TOGETHER), list[np.ndarray]()
     for begin in groups[:: -(-len(groups) // TRIES)]:
         some, origin = views[begin : begin + TOGETHER], views[begin].pose
         home = between(origin, np.zeros(3))
@@ -330,8 +332,12 @@ def _place(
         if found is None:
             continue
         place = compose(found, home)
-        if through(views[:: max(len(views) // CHECKED, 1)], place, chart) <= PASSED:
+        if through(views[:: max(len(views) // CHECKED, 1)], place, chart) > PASSED:
+            continue
+        alike = (np.abs(between(place, one)) < AGREE for one in places)
+        if len(groups) == 1 or any(same.all() for same in alike):
             return place
+        places.append(place)
     return None
 
 
