@@ -152,3 +152,17 @@ def test_bad_calls_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str
     with pytest.raises(SystemExit) as ended:
         main(["confusions", str(file)])
     assert ended.value.code == 0 and "cannot be told" in capsys.readouterr().out
+
+
+def test_probabilities_in_percent_are_refused(tmp_path: Path) -> None:
+    file = tmp_path / "labels.csv"
+    file.write_text("truth,label,probability,side\na,a,90,simulated\na,b,80,real\n")
+    with pytest.raises(DataError, match="from 0 to 1, got 90: percent"):
+        read_labelled([file], least=0.6)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_would_be_told_is_said_of_groups_too(seed: int) -> None:
+    alone = confusions(rows(ALIKE, ALIKE, seed)).detectable
+    together = confusions(rows(ALIKE, ALIKE, seed, scene=10)).detectable
+    assert 0 < alone < 0.5 * together

@@ -12,11 +12,13 @@ import pytest
 
 from evertwin.app.cli import main
 from evertwin.errors import DataError
-from evertwin.features.mapping import Mapped, _evened, followed, mapped, surface_of
+from evertwin.features import mapping
+from evertwin.features.mapping import Mapped, followed, mapped, surface_of
 from evertwin.features.occupancy import FREE, OCCUPIED, UNKNOWN, counted, of_keyframes, read, save
+from evertwin.features.open_ways import evened
 from evertwin.features.pose_graph import Edge, optimised
 from evertwin.features.poses import Fix, Poses
-from evertwin.features.relocalisation import View, located
+from evertwin.features.relocalisation import Located, View, located
 from evertwin.features.trajectory_error import trajectory_error
 from evertwin.signals.planar import between
 from evertwin.sources.scans import Scans
@@ -75,7 +77,7 @@ def test_a_leap_goes_back_along_the_open_direction_alone() -> None:
         np.arange(10), pose, wide, np.full(10, Fix.MATCHED, np.uint8), ones, ones.astype(np.uint8),
         zeros, pose, wide, zeros.astype(np.uint8), ones,
     )  # fmt: skip
-    found = _evened(poses, wheels=way).pose
+    found = evened(poses, wheels=way).pose
     assert np.allclose(found[:, 1], way[:, 1], atol=1e-9)
     assert np.abs(found[3:8, 0] - way[3:8, 0]).max() < 0.1
 
@@ -234,3 +236,24 @@ def test_bad_calls_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str
         with pytest.raises(SystemExit) as ended:
             main(list(call))
         assert ended.value.code == code, capsys.readouterr().err
+
+
+def test_a_segment_joins_where_two_parts_of_it_place_it_alike(
+    drive: tuple[Scans, np.ndarray, Mapped], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Among pillars that repeat one part fits somewhere: poses leapt by 16 m."""
+    scans, _, _ = drive
+    poses = followed(scans).poses
+    keys = np.flatnonzero(poses.keyframe & (poses.fix != Fix.LOST))
+    known = mapping.solved(scans, poses)
+    place = mapping._place(scans, poses, keys, known)
+    assert place is not None and np.hypot(*place[:2]) < 0.1
+    shift = iter(5.0 * np.arange(100))
+
+    def elsewhere(views: list[View], chart: object) -> Located:
+        found = np.array([next(shift), 0.0, 0.0])
+        return Located(found, np.eye(3) * 1e-4, 1.0)
+
+    monkeypatch.setattr(mapping, "located", elsewhere)
+    monkeypatch.setattr(mapping, "through", lambda *_: 0.0)
+    assert mapping._place(scans, poses, keys, known) is None

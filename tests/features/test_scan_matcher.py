@@ -17,8 +17,8 @@ from evertwin.features.scan_matcher import STANDING, ScanMatcher
 from evertwin.features.surface import surface
 from evertwin.features.trajectory_error import trajectory_error
 from evertwin.fold import check_online, equal, make_block, take
-from evertwin.sources.scans import Scans
-from planted.rooms import Sensor, recorded
+from evertwin.sources.scans import Lidar, Scans
+from planted.rooms import Sensor, box, ranges, recorded
 
 SMALL = Sensor(beams=90, step=np.radians(2.0), apart=0.25)
 
@@ -173,3 +173,32 @@ def test_a_block_in_one_piece_or_many(drive: tuple[Scans, np.ndarray]) -> None:
     state, one = matcher.step(matcher.init(), take(block, 0, 4))
     _, two = matcher.step(state, take(block, 4, 8))
     assert np.array_equal(whole.rows.pose, np.concatenate([one.rows.pose, two.rows.pose]))
+
+
+def turned_round(seed: int) -> tuple[Poses, np.ndarray]:
+    """By the ranges alone in a room of its own; from the 12th scan to the next by some 2.4 rad."""
+    rng = np.random.default_rng(seed)
+    walls = [box(0, 0, 9, 6)]
+    for x in (-3.0, 0.5, 3.0):
+        for y in (-2.4, 2.4):
+            size = rng.uniform(-1, 1), *rng.uniform(0.4, 1.4, 2), rng.uniform(0, 3)
+            walls.append(box(x + size[0], y, *size[1:]))
+    turn = np.r_[0.2 * np.arange(12), 4.6 + 0.05 * np.arange(6)]
+    turn[12:] += rng.uniform(-0.2, 0.2)
+    poses = np.column_stack([0.02 * np.arange(18), np.zeros(18), turn])
+    lidar, angles = Lidar(-1.57, np.radians(2.0), 20.0), -1.57 + np.radians(2.0) * np.arange(90)
+    seen = np.array([ranges(np.concatenate(walls), pose, angles) for pose in poses])
+    t = np.arange(18, dtype=np.int64) * 5 * 10**8
+    found = poses_of(Scans("scan", t, seen + 0.01 * rng.normal(size=seen.shape), lidar))
+    return found, (found.pose[:, 2] - turn + np.pi) % (2 * np.pi) - np.pi
+
+
+def test_after_a_far_turn_a_robot_is_found_again_or_lost() -> None:
+    """It was looked for within 90° alone."""
+    again = 0
+    for seed in range(5):
+        found, off = turned_round(seed)
+        told = (found.fix != Fix.LOST) & (found.segment == 0)
+        assert np.abs(off[told]).max() < 0.2, seed
+        again += int(told[-1])
+    assert again >= 3

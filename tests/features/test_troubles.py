@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from evertwin.errors import DataError
 from evertwin.features.mapping import Mapped, mapped
 from evertwin.features.poses import Fix
+from evertwin.features.troubles import troubles
 from evertwin.signals.planar import between, compose
-from evertwin.sources.scans import Scans
+from evertwin.sources.scans import Lidar, Scans
 from planted.rooms import Sensor, recorded
 
 pytest.importorskip("gtsam", reason="the extra perception is not installed")
@@ -104,3 +107,27 @@ def test_a_robot_that_is_carried_away_is_lost_and_found_again(
     known = np.isfinite(found.poses.pose[:, 0]) & (found.poses.segment == 0)
     assert known[-10:].all()
     assert np.nanmax(off(found, truth[order])[known & (np.arange(len(order)) >= n)]) < 0.2
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_ranges_of_another_scale_than_the_wheels_are_named(
+    drive: tuple[Scans, np.ndarray], factor: float
+) -> None:
+    scans, _ = drive
+    assert "times that by the wheels" not in told(mapped(scans))
+    other = replace(scans, ranges=factor * scans.ranges)
+    named = re.search(r"by the scans is ([\d.]+) times that by the wheels", told(mapped(other)))
+    assert named is not None and float(named[1]) == pytest.approx(factor, rel=0.1)
+
+
+def test_scans_of_few_beams_are_not_said_to_see_nothing() -> None:
+    seen = np.full((6, 40), np.nan)
+    seen[:, :3] = 2.0 + 0.01 * np.random.default_rng(0).normal(size=(6, 3))
+    few = Scans("scan", np.arange(6), seen, Lidar(0.0, 0.1, 30.0))
+    assert troubles(few) == ["scans 0 to 5 get fewer than 10 % of their beams back"]
+
+
+def test_ranges_in_millimetres_are_asked_about(drive: tuple[Scans, np.ndarray]) -> None:
+    scans, _ = drive
+    with pytest.raises(DataError, match="in millimetres"):
+        mapped(replace(scans, ranges=np.full_like(scans.ranges, np.nan), odometry=None))

@@ -96,7 +96,7 @@ class Confusions:
     smallest: float
     """p that these counts could reach at best: above the level no difference can be told."""
     detectable: float
-    """Difference of the most frequent confusion that would be told with 80 %; NaN with groups."""
+    """Difference of the most frequent confusion that is told with 80 %; NaN: none was seen."""
     alone: tuple[str, ...]
     """Classes that one side alone has: not compared."""
     groups: tuple[int, int] | None
@@ -138,10 +138,10 @@ def confusions(rows: Labelled, level: float = 0.01) -> Confusions:
     if rows.group is not None:
         groups = len(np.unique(rows.group[sim])), len(np.unique(rows.group[~sim]))
     known = p[np.isfinite(p)]
+    detectable = _detectable(rows, tables, seen[compared], level)
     return Confusions(
         tuple(cells), bool((known <= level).any()), float(known.min()) if len(known) else np.nan,
-        level, smallest, np.nan if groups else _detectable(tables, seen[compared], level), alone,
-        groups,
+        level, smallest, detectable, alone, groups,
     )  # fmt: skip
 
 
@@ -275,13 +275,17 @@ def _stepped_down(passed: Any, order: Int64[np.ndarray, " m"]) -> Vector:
 
 
 def _detectable(
-    tables: Int64[np.ndarray, "2 c c"], cells: Int64[np.ndarray, "m 2"], level: float
-) -> float:
+    rows: Labelled, tables: Int64[np.ndarray, "2 c c"], cells: Int64[np.ndarray, "m 2"],
+    level: float,
+) -> float:  # fmt: skip
     """Difference of the most frequent confusion that is told with `POWER`, by the bell curve."""
     if not len(cells):
         return np.nan
     i, j = max(cells.tolist(), key=lambda one: int(tables[:, one[0], one[1]].sum()))
     n = tables[:, i].sum(axis=1)
     share = tables[:, i, j].sum() / n.sum()
+    if rows.group is not None:
+        mine = rows.truth == i
+        n = n / max(design_effect(rows.label[mine] == j, rows.group[mine]), 1.0)
     z = stats.norm.isf(level / (2 * len(cells))) + stats.norm.isf(1 - POWER)
     return float(z * np.sqrt(share * (1 - share) * (1 / n[0] + 1 / n[1])))

@@ -39,6 +39,10 @@ GYRO, DRIFTING = 0.003, 2e-4
 """Error of the gyro's angle (rad/√s), and change of its bias (rad/s/√s)."""
 BIAS, SCALE = 0.02, 0.05
 """Spread of bias [rad/s] and scale before anything is known."""
+ENDS = 0.5
+"""How likely slip ends in a metre (1/m)."""
+LONG = 20.0
+"""Way in which a scale becomes the usual one [m]."""
 OPEN = 0.3
 """Spread of the scale once the wheels slip."""
 LIMIT = 16.27
@@ -51,6 +55,8 @@ FIRST = 4.0
 """Rate before anything is known."""
 RATES = (0.1, 100.0)
 """Least and largest rate, as a factor on variances."""
+UNTOLD = 1e-6
+"""Information along a direction, over that across it, up to which a scan leaves it open."""
 CARELESS = 1e-6
 """Information where there is none."""
 
@@ -70,6 +76,8 @@ class Belief(NamedTuple):
     """Of the errors of x, y, heading, bias and scale."""
     rate: float
     """Variance of the wheels' error over what is usual."""
+    usual: float = 1.0
+    """The scale, when the wheels do not slip."""
 
     @classmethod
     def at_rest(
@@ -157,8 +165,10 @@ def predicted(belief: Belief, step: Step) -> Belief:
     if blind:
         q[2, 2] = belief.rate * (TURNING * TURNING * abs(turned) + ALONG * ALONG * way)
     q[3, 3], q[4, 4] = DRIFTING * DRIFTING * dt, SCALED * SCALED * way
+    q[4, 4] += ENDS * way * max((belief.scale - belief.usual) ** 2 - SCALE * SCALE, 0.0)
     return belief._replace(
         t=belief.t + step.lasts,
+        usual=belief.usual + min(way / LONG, 1.0) * (belief.scale - belief.usual),
         pose=belief.pose + np.array([x, y, turn]),
         covariance=f @ belief.covariance @ f.T + q,
     )
@@ -168,12 +178,27 @@ def _error(sighting: Sighting) -> Float64[np.ndarray, "3 3"]:
     return np.asarray(np.linalg.inv(sighting.information + CARELESS * np.eye(3)))
 
 
+def _given_open(p: np.ndarray, sighting: Sighting) -> np.ndarray:
+    """A belief's covariance, had the direction that a scan leaves open been known.
+
+    Which direction that is varies a little from scan to scan. Taken at its word, the place along a
+    corridor would be told by where its walls' directions meet, which is noise.
+    """
+    values, directions = np.linalg.eigh(sighting.information[:2, :2])
+    along = p[:, :2] @ directions[:, 0]
+    spread = float(directions[:, 0] @ along[:2])
+    if values[0] > UNTOLD * values[1] or spread <= 0:
+        return p
+    return np.asarray(p - np.outer(along, along) / spread)
+
+
 def _corrected(belief: Belief, sighting: Sighting) -> tuple[Belief, float]:
     """The Kalman filter's update, and the square of the innovation."""
     p, r = belief.covariance, _error(sighting)
     off = sighting.pose - belief.pose
     off[2:] = wrapped(off[2:])
-    gain = np.linalg.solve(p[:3, :3] + r, p[:3]).T
+    told = _given_open(p, sighting)
+    gain = np.linalg.solve(told[:3, :3] + r, told[:3]).T
     square = float(off @ np.linalg.solve(p[:3, :3] + r, off))
     k = np.eye(5)
     k[:, :3] -= gain

@@ -99,7 +99,7 @@ def read_labelled(files: Sequence[Path], least: float | None = None) -> Labelled
         least: labels less probable than this count as `NOTHING`.
 
     Raises:
-        DataError: a column is absent, or a side has no rows.
+        DataError: a column is absent, a side has no rows, or a probability is none.
         UsageError: a least probability for rows that have none.
     """
     tables = [read_table(file) for file in files]
@@ -116,6 +116,9 @@ def read_labelled(files: Sequence[Path], least: float | None = None) -> Labelled
         if "probability" in names else np.full(len(table.lines), np.nan)
         for table, names in zip(tables, columns, strict=True)
     ])  # fmt: skip
+    if not np.all((np.isnan(probability)) | ((probability >= 0) & (probability <= 1))):
+        worst = probability[np.argmax(np.abs(np.nan_to_num(probability) - 0.5))]
+        raise DataError(f"{files[0]}: expected probabilities from 0 to 1, got {worst:g}: percent?")
     truth, label = (
         [word for table, names in zip(tables, columns, strict=True)
          for word in _words(table, names[what])]

@@ -10,7 +10,6 @@ import time
 from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -21,13 +20,14 @@ from evertwin.features.local_map import Surface, seen
 from evertwin.features.look_ahead import read_on
 from evertwin.features.loop_closure import loops
 from evertwin.features.occupancy import of_keyframes
-from evertwin.features.pose_graph import Edge, Optimised, optimised, turned, variance_factor, weak
+from evertwin.features.open_ways import evened, steps_between
+from evertwin.features.pose_graph import Edge, Optimised, optimised, variance_factor, weak
 from evertwin.features.poses import Fix, Poses
 from evertwin.features.relocalisation import PASSED, View, located, through
 from evertwin.features.scan_fit import COMMON
-from evertwin.features.scan_matcher import ScanMatcher, table
+from evertwin.features.scan_matcher import FAMILIAR, ScanMatcher, table
 from evertwin.features.stream import Stream, Turned
-from evertwin.features.troubles import ASKEW, askew, mirrored, troubles, without_body
+from evertwin.features.troubles import ASKEW, askew, mirrored, scaled, troubles, without_body
 from evertwin.fold import join, make_block, take
 from evertwin.signals.planar import between, compose
 from evertwin.sources.scans import Lidar, Scans
@@ -41,12 +41,12 @@ TOGETHER = 10
 """Keyframes that are looked for as one."""
 TRIES, CHECKED = 8, 40
 """So many of them are tried, and so many keyframes must not contradict the place."""
+AGREE = np.array([0.5, 0.5, 0.1])
+"""How far two of them may place the segment apart (m, m, rad)."""
 ROUGH = np.diag([0.1, 0.1, 0.05]) ** 2
 """Error of a place that was found in a map (m², m², rad²)."""
 OFTEN = 0.9
 """Share of the scans that are placed, below which odometry may be in their way."""
-SURE = 0.2
-"""Spread below which a place is sure [m]."""
 
 
 class Followed(NamedTuple):
@@ -199,9 +199,12 @@ def mapped(scans: Scans, use_odometry: bool = True) -> Mapped:
     """
     scans, (poses, took), said = _upright(without_body(scans), use_odometry)
     fused = streamed(scans, poses)
-    poses = _evened(poses, scans.odometry if use_odometry else None)
+    poses = evened(poses, scans.odometry if use_odometry else None)
     if not ((poses.fix != Fix.LOST) & (poses.segment == 0)).any():
-        raise DataError(f"{scans.name}: no scan tells a pose: does the lidar see anything?")
+        raise DataError(
+            f"{scans.name}: no scan tells a pose: does the lidar see anything? Ranges are taken "
+            "in metres: in millimetres all of them would be too far"
+        )
     poses, anchors = found_again(scans, poses)
     one = solved(scans, poses, anchors)
     return Mapped(
@@ -222,6 +225,8 @@ def _upright(scans: Scans, use_odometry: bool) -> tuple[Scans, Followed, list[st
         scans = replace(scans, lidar=replace(one, start=-one.start, step=-one.step))
         said.append("the scans turn against the odometry: the beams are taken the other way round")
         found = followed(scans, use_odometry, look_ahead=True)
+    factor = scaled(found.poses.sighted, wheels)
+    said += [factor] * bool(factor)
     angle = askew(_by_scans(scans, found), wheels)
     if angle is None or abs(angle) < ASKEW:
         return scans, found, said
@@ -256,7 +261,7 @@ def solved(scans: Scans, poses: Poses, anchors: Sequence[Edge] = ()) -> Solved:
     number = {int(k): n for n, k in enumerate(keys)}
     tied = [a._replace(start=number[a.start], end=number[a.end]) for a in anchors]
     begun = {edge.end for edge in tied}
-    steps = [edge for edge in _steps(poses, keys) if edge.end not in begun] + tied
+    steps = [edge for edge in steps_between(poses, keys) if edge.end not in begun] + tied
     graph = Optimised(poses.pose[keys], poses.covariance[keys])
     found: list[Edge] = []
     for _ in range(ROUNDS):
@@ -283,16 +288,19 @@ def _by_scans(scans: Scans, found: Followed) -> Float64[np.ndarray, "n 3"]:
 def found_again(scans: Scans, poses: Poses) -> tuple[Poses, list[Edge]]:
     """Later segments whose place the map so far tells join it; and what ties them to it.
 
-    Looked for is all that some keyframes of a segment saw, together: a single scan of a room may
-    fit in several places. Where its first ones are not found, later ones may be. What the whole
-    segment saw must not contradict the place.
+    Looked for is what some keyframes of a segment saw, together: a single scan of a room may fit in
+    several places. Where its first ones are not found, later ones may be. What the whole segment
+    saw must not contradict the place. One that begins behind a bare corridor of unknown length is
+    left: its corners are like those before it, and the map holds those alone.
     """
     anchors: list[Edge] = []
     number = int(poses.segment[-1])
     for k in range(1, min(number, MOST) + 1):
         mine = poses.segment == k
         keys = np.flatnonzero(poses.keyframe & (poses.fix != Fix.LOST) & mine)
-        if not len(keys):
+        begin = int(np.argmax(mine))
+        gone = np.arange(begin) > np.flatnonzero(poses.fix[:begin] != Fix.LOST)[-1:].sum()
+        if not len(keys) or poses.share[:begin][gone].max(initial=0.0) >= FAMILIAR:
             continue
         first = solved(scans, poses, anchors)
         place = _place(scans, poses, keys, first)
@@ -303,8 +311,8 @@ def found_again(scans: Scans, poses: Poses) -> tuple[Poses, list[Edge]]:
         anchors.append(Edge(int(first.keys[near]), int(keys[0]), tie, ROUGH))
         start = compose(poses.pose[first.keys[near]], tie)
         onward = between(np.broadcast_to(poses.pose[keys[0]], (mine.sum(), 3)), poses.pose[mine])
-        pose, segment = poses.pose.copy(), poses.segment.copy()
-        pose[mine], segment[mine] = compose(np.broadcast_to(start, onward.shape), onward), 0
+        pose, segment = poses.pose.copy(), np.where(mine, 0, poses.segment)
+        pose[mine] = compose(np.broadcast_to(start, onward.shape), onward)
         poses = poses._replace(pose=pose, segment=segment)
     return poses, anchors
 
@@ -316,7 +324,7 @@ def _place(
     chart = of_keyframes(known.graph.poses, known.surfaces, scans.lidar.mount)
     steps = between(np.broadcast_to(poses.pose[keys[0]], (len(keys), 3)), poses.pose[keys])
     views = [View(surface_of(scans, int(k)), step) for k, step in zip(keys, steps, strict=True)]
-    groups = range(0, len(keys), TOGETHER)
+    groups, places = range(0, len(keys), TOGETHER), list[np.ndarray]()
     for begin in groups[:: -(-len(groups) // TRIES)]:
         some, origin = views[begin : begin + TOGETHER], views[begin].pose
         home = between(origin, np.zeros(3))
@@ -324,59 +332,18 @@ def _place(
         if found is None:
             continue
         place = compose(found, home)
-        if through(views[:: max(len(views) // CHECKED, 1)], place, chart) <= PASSED:
+        if through(views[:: max(len(views) // CHECKED, 1)], place, chart) > PASSED:
+            continue
+        alike = (np.abs(between(place, one)) < AGREE for one in places)
+        if len(groups) == 1 or any(same.all() for same in alike):
             return place
+        places.append(place)
     return None
 
 
 def surface_of(scans: Scans, k: int) -> Surface:
     """The surface points of one scan, in the machine's frame."""
     return seen(scans.ranges[k], scans.lidar.angles(scans.ranges.shape[1]), scans.lidar.mount)
-
-
-def _steps(poses: Poses, keys: Sequence[int] | np.ndarray) -> list[Edge]:
-    """From each keyframe to the next, as they were followed.
-
-    Where no pose was told between them, as the first one's place was less and less sure, it grows
-    on at the pace at which it had.
-    """
-    out, lost = [], np.cumsum(poses.fix == Fix.LOST)
-    for n, (a, b) in enumerate(pairwise(keys)):
-        gap = int(lost[b] - lost[a])
-        spread = poses.covariance[b] + gap * poses.covariance[a]
-        covariance = turned(spread, poses.pose[b, 2])
-        out.append(Edge(n, n + 1, between(poses.pose[a], poses.pose[b]), covariance))
-    return out
-
-
-def _evened(poses: Poses, wheels: Float64[np.ndarray, "n 3"] | None) -> Poses:
-    """Poses whose place was not sure along a bare corridor, moved by what the next sure one tells.
-
-    Its innovation along the open direction goes back over them, to each as much as its variance
-    then was of that before the innovation: the smoother of a random walk (Rauch, Tung and Striebel,
-    AIAA Journal 3(8), 1965). What was expected there is told by the ``wheels``, or the last step
-    again.
-    """
-    pose, place = poses.pose.copy(), poses.covariance[:, :2, :2]
-    told = np.flatnonzero(poses.fix == Fix.MATCHED)
-    firm = told[np.trace(place[told], axis1=1, axis2=2) < SURE * SURE]
-    for a, b in pairwise(firm):
-        open_ = told[(told > a) & (told < b)]
-        if len(open_) < 2 or poses.segment[a] != poses.segment[b]:
-            continue
-        before, last = open_[-2:]
-        if wheels is not None and np.isfinite(wheels[[last, b]]).all():
-            usual = compose(pose[last], between(wheels[last], wheels[b]))[:2]
-        else:
-            usual = pose[last, :2] + (pose[last, :2] - pose[before, :2]) / (last - before) * (
-                b - last
-            )
-        along = np.linalg.eigh(place[last])[1][:, 1]
-        variance = np.einsum("i,nij,j->n", along, place[open_], along)
-        ahead = variance[-1] + max(variance[-1] - variance[-2], 0.0)
-        back = np.minimum(variance / ahead, 1.0) * float(along @ (pose[b, :2] - usual))
-        pose[open_, :2] += back[:, None] * along
-    return poses._replace(pose=pose)
 
 
 def _all(poses: Poses, keys: np.ndarray, graph: Optimised) -> Poses:

@@ -80,7 +80,7 @@ FREE = 0.3
 FARTHER = 1.2
 """How much longer than the longest one of late a step may be."""
 ABOUT = 1.6
-"""Half the window of its turn, at least: robots turn on the spot [rad]."""
+"""Half the window of its turn, at least: robots turn on the spot; beyond it is doubted [rad]."""
 SLOW = 1.0
 """Time between scans from which on it may turn more in proportion [s], up to `LONG` times."""
 LONG = 5.0
@@ -92,7 +92,7 @@ MOVED = 0.02
 """By how much the wheels go on while a lidar that repeats a scan is frozen [m, rad]."""
 BLOCKED, MOST_NEAR = 0.35, 0.8
 """A lidar most of whose beams end nearer than this is blocked [m]; and how many."""
-THROUGH = 0.2
+THROUGH = 0.25
 """Share of the beams that pass through known walls from which on the robot is elsewhere."""
 AGAIN = 0.05
 """The same for a robot that was lost: rooms have places that are alike."""
@@ -100,6 +100,8 @@ FOUND = 0.6
 """Share of a scan from which on a lost robot is found again."""
 FAR, OPEN = 1.0, 0.5
 """Spread of a pose from which on it is none: by the wheels, and by habit alone [m]."""
+UNKNOWN = 4.0
+"""How far the way along a corridor may be off what habit has it, before it is of no use [m]."""
 FIRM = 0.1
 """The same for one that is found again: much may look alike [m]."""
 
@@ -150,6 +152,8 @@ class Following(NamedTuple):
     """Times that they came again."""
     lost: int
     """Scans since there was a pose."""
+    open: int
+    """Scans that were matched since, but told no place along their walls."""
     segment: int
 
 
@@ -192,7 +196,7 @@ class ScanMatcher:
         belief = Belief.at_rest(0, np.zeros(3), np.zeros((3, 3)))
         return Following(
             empty(self.beams), belief, Habits.none(), np.full(4, np.nan),
-            np.full(self.beams, np.nan), 0, 0, 0,
+            np.full(self.beams, np.nan), 0, 0, 0, 0,
         )  # fmt: skip
 
     def step(self, state: Following, block: Block) -> tuple[Following, Out]:
@@ -237,12 +241,16 @@ class ScanMatcher:
         ahead, expected = _expected(state, moved - before, blind, dt)
         sure, least = (SURE, LEAST) if blind else (PLAUSIBLE, SEEN)
         fits = fit(scan, view, expected, sure) if telling else []
+        if fits and expected.window and fits[0].share < FAMILIAR:  # it may have turned far
+            window = (*expected.window[:2], math.pi)
+            fits = fit(scan, view, expected._replace(window=window), sure)
         if state.lost and len(fits) > 1:  # two places alike: neither is told
             fits = [fits[0]._replace(share=0.0)]
         here, good = [], []
         for one in fits:
             usual = blind and expected.square(one.pose) < UNUSUAL
             astray = bool(state.lost) and not (state.lost <= BRIEFLY and usual)
+            astray |= blind and bool(abs(one.pose[2] - state.belief.pose[2]) > ABOUT)
             if self._elsewhere(one, ranges, view, astray):
                 continue
             here.append(one)
@@ -289,7 +297,7 @@ class ScanMatcher:
             return state, Row(segment=state.segment)
         pose = state.belief.pose
         state = state._replace(
-            map=joined(state.map, scan, pose), lost=0,
+            map=joined(state.map, scan, pose), lost=0, open=0,
             belief=state.belief.moved(state.belief.t, pose, np.zeros((3, 3))),
         )  # fmt: skip
         firm = Sighting(pose, np.linalg.inv(COMMON))
@@ -316,8 +324,14 @@ class ScanMatcher:
             found.belief.scale,
         )  # fmt: skip
         if _off(spread, OPEN if blind else FAR):  # walls alike all along the way
+            state = state._replace(open=state.open + 1)
+            if blind and state.open > PATIENCE:  # it may have moved on
+                state = state._replace(map=joined(ring, scan, pose))
             return state, Row(share=fit.share, segment=state.segment)
-        return state, row
+        if blind and state.open * habits.spread > UNKNOWN:
+            state = state._replace(map=empty(self.beams), segment=state.segment + 1)
+            return self._begun(state, scan, True)
+        return state._replace(open=0), row
 
 
 def _decided(scan: Surface, view: Known, expected: Expected, sure: float) -> list[Fit]:

@@ -28,6 +28,8 @@ BEAMS = 3.0
 """The same in steps from beam to beam, where these are far apart."""
 QUARTILE = 1 / (0.3186 * math.sqrt(1.5))
 """Standard deviation over the lower quartile of |a − (b + c)/2|, for normal noise."""
+EQUAL = 1e-9
+"""Lengths that differ by less are equal [m]."""
 WIDEST = 0.5
 """Largest half length of wall [m]."""
 FLAT = 4.0
@@ -42,7 +44,8 @@ ROUND = 0.15
 def noise(ranges: Any) -> float:
     """Standard deviation of the ranges [m], from how far each is off its two neighbours' middle.
 
-    By its lower quartile: what is not flat is off by more.
+    By its lower quartile: what is not flat is off by more. Ranges come in steps, of a centimetre
+    say: among equal ones it lies as far into the step as many of them lie before it.
     """
     off = np.zeros(len(ranges))
     n = 0
@@ -51,14 +54,25 @@ def noise(ranges: Any) -> float:
         if bend >= 0:  # all three came back
             off[n] = bend
             n += 1
-    return QUARTILE * np.sort(off[:n])[n // 4] if n else 0.0
+    if not n:
+        return 0.0
+    sizes = np.sort(off[:n])
+    quarter, low, high = sizes[n // 4], n // 4, n // 4
+    while low > 0 and quarter - sizes[low - 1] < EQUAL:
+        low -= 1
+    while high < n and sizes[high] - quarter < EQUAL:
+        high += 1
+    half = 0.5 * (sizes[high] - quarter) if high < n else 0.0
+    begin, share = max(quarter - half, 0.0), (0.25 * n - low) / (high - low)
+    return float(QUARTILE * (begin + (quarter + half - begin) * share))
 
 
 @njit(cache=True)
 def gathered(ranges: Any, angles: Any, i: int, way: int, reach: float, sums: Any) -> bool:
     """Fills ``sums``: points on one side of beam ``i`` that lie near it, and their moments.
 
-    True where what comes behind them is farther away: the beam met the edge of something.
+    True where what comes behind them is farther away by a quarter of ``reach``: the beam met the
+    edge of something. A wall that is met straight on goes back too, but less.
     """
     r = ranges[i]
     x, y = r * math.cos(angles[i]), r * math.sin(angles[i])
@@ -68,7 +82,7 @@ def gathered(ranges: Any, angles: Any, i: int, way: int, reach: float, sums: Any
         dx = ranges[j] * math.cos(angles[j]) - x
         dy = ranges[j] * math.sin(angles[j]) - y
         if dx * dx + dy * dy > reach * reach:
-            return bool(ranges[j] > r)
+            return bool(ranges[j] > r + 0.25 * reach)
         sums[0] += 1
         sums[1], sums[2] = sums[1] + dx, sums[2] + dy
         sums[3], sums[4], sums[5] = sums[3] + dx * dx, sums[4] + dx * dy, sums[5] + dy * dy

@@ -20,7 +20,7 @@ from evertwin.sources.scans import Scans
 from evertwin.types import Float64
 
 SEES = 0.1
-"""Share of the beams that must come back for a scan to see anything."""
+"""Share of the beams that come back, below which a scan is named."""
 MOST = 5
 """Stretches that are named."""
 LEAST = 0.05
@@ -37,6 +37,9 @@ BODY, SPREAD = 0.5, 0.03
 """Beams that end nearer than this, and never elsewhere, end on the machine itself [m]."""
 ALWAYS, MANY = 0.95, 50
 """In so large a share of the scans, of so many at least."""
+OTHER, MIDDLE = 0.15, 0.1
+"""By how much the scans' way over the wheels' is off 1 to be another scale, and how far it may
+differ in the middle half of the steps."""
 ASKEW = 0.05
 """Angle from which on a lidar looks elsewhere than was said [rad]."""
 
@@ -46,6 +49,7 @@ def troubles(scans: Scans) -> list[str]:
     ranges = scans.ranges
     finite = np.isfinite(ranges)
     empty = finite.mean(axis=1) < SEES
+    nothing = ~finite.any(axis=1)
     near = (finite & (ranges < BLOCKED)).sum(axis=1) >= MOST_NEAR * np.maximum(finite.sum(1), 1)
     same = np.zeros(len(ranges), dtype=np.bool_)
     same[1:] = [np.array_equal(a, b, equal_nan=True) for a, b in pairwise(ranges)]
@@ -54,7 +58,8 @@ def troubles(scans: Scans) -> list[str]:
     said = [
         (held, "say number by number the same: a lidar at rest without noise, or a frozen one"),
         (_stretches(near & ~empty), f"end nearer than {BLOCKED} m: the lidar is blocked"),
-        (_stretches(empty), "see nothing"),
+        (_stretches(nothing), "see nothing"),
+        (_stretches(empty & ~nothing), f"get fewer than {100 * SEES:.0f} % of their beams back"),
     ]
     return [line for found, what in said for line in _named(found, what)]
 
@@ -93,6 +98,26 @@ def askew(poses: Float64[np.ndarray, "n 3"], wheels: Float64[np.ndarray, "n 3"])
     off = np.arctan2(other[tells, 1], other[tells, 0]) - np.arctan2(one[tells, 1], one[tells, 0])
     mean = complex(np.exp(1j * off).mean())
     return float(wrapped(np.angle([mean]))[0]) if abs(mean) > AGREE else None
+
+
+def scaled(poses: Float64[np.ndarray, "n 3"], wheels: Float64[np.ndarray, "n 3"]) -> str:
+    """Whether scans and wheels differ by one factor all along, as a sentence; else empty.
+
+    >>> way = np.column_stack([0.1 * np.arange(20), np.zeros(20), np.zeros(20)])
+    >>> scaled(0.5 * way, way)[:54], scaled(way, way)
+    ('all along the way by the scans is 0.50 times that by t', '')
+    """
+    one, other = (np.hypot(*between(p[:-1], p[1:])[:, :2].T) for p in (poses, wheels))
+    tells = np.isfinite(one) & (other > LEAST)
+    if tells.sum() < ENOUGH:
+        return ""
+    low, factor, high = np.quantile(one[tells] / other[tells], (0.25, 0.5, 0.75))
+    if abs(factor - 1) < OTHER or high - low > MIDDLE * factor:
+        return ""
+    return (
+        f"all along the way by the scans is {factor:.2f} times that by the wheels: ranges or "
+        "wheels in another unit, or a wrong radius"
+    )
 
 
 def mirrored(poses: Float64[np.ndarray, "n 3"], wheels: Float64[np.ndarray, "n 3"]) -> bool:
