@@ -183,8 +183,7 @@ class Work(Tuner):
         if task.held:
             version = self.begun(version, windows)
             task = task._replace(version=version)
-        held = version if task.held else task.rival
-        windows, events = self._now(held, version, windows, names) if held else (windows, [])
+        windows, events = self._now(task, version, names)
         since = {"since": windows[0].row} if windows is not task.windows else {}
         model = self.versions.model_of(version.form)
         rows = self.setup, model, version.p, windows
@@ -253,7 +252,7 @@ class Work(Tuner):
         return self.tuned(version, problem, fit, problem.windows, events)
 
     def _now(
-        self, version: Version, live: Version, windows: Windows, names: tuple[str, ...]
+        self, task: Task, live: Version, names: tuple[str, ...]
     ) -> tuple[Windows, list[dict[str, Any]]]:
         """The rows of the machine as it is now, and what is said of those before, which a version
         followed: the live one, or one on trial, where that does as the live one never did.
@@ -261,13 +260,15 @@ class Work(Tuner):
         Raises:
             TooFew: there are not enough of them yet.
         """
+        version, windows = live if task.held else task.rival, task.windows
+        if version is None or version.form != live.form:
+            return windows, []
         model = self.versions.model_of(version.form)
-        other = version.form != live.form
-        if other or lasting(model, version.p, windows[0], self.setup.horizon):
+        if lasting(model, version.p, windows[0], self.setup.horizon):
             return windows, []  # what it was where the machine changed would not be known
         place = changed(windows, lambda rows: self.problem(version, rows, names))
         old, new = split(windows, place)
-        if not place or (version is not live and not self._follows(version, live, old)):
+        if not place or not (task.held or self._follows(version, live, old)):
             return windows, []
         rows = sum(len(block.t) for block in new)
         if rows < ENOUGH * len(names):
