@@ -117,3 +117,27 @@ def test_what_cannot_be_forecast_is_told() -> None:
         coming(rows, 1e9, "hold")
     with pytest.raises(UsageError, match="rows at this rate"):
         coming(rows, 1e308, "repeat")
+
+
+def changed_world(seed: int, at: int, rows: int) -> dict[str, np.ndarray]:
+    """A cart of which a wheel slips from row ``at`` on."""
+    rng = np.random.default_rng(seed)
+    v = np.repeat(rng.uniform(-0.3, 0.3, rows // 5), 5)
+    gain = np.where(np.arange(rows) < at, 1.0, 0.7)
+    x = np.r_[0.0, np.cumsum((gain * v)[1:])] + rng.normal(0.0, 0.001, rows)
+    return {"t": 1e9 + np.arange(float(rows)), "v": np.r_[v[1:], v[-1:]], "x": x}
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_band_is_learnt_on_the_machine_as_it_is_now(seed: int) -> None:
+    table = changed_world(seed, 1200, 2000)
+    twin = cart()
+    events = twin.run(table).of_kind("changed", "promoted")
+    assert {event.kind for event in events} == {"changed", "promoted"}
+    low, high = twin.forecast(20.0, table).outputs["x"].band(0.95)
+    since = {name: column[1210:] for name, column in table.items()}
+    known = twin.forecast(20.0, since).outputs["x"].band(0.95)
+    assert np.all(high - low < 2.0 * (known[1] - known[0]))
+    other = changed_world(seed + 100, 0, 400)  # of another time: nothing is left out
+    other["t"] -= 5e6
+    assert len(twin.prospect().basis.alike(twin.blocks(other))[0].t) == 400

@@ -150,3 +150,11 @@ def test_changes_that_a_machine_cannot_have_are_refused(tmp_path: Path) -> None:
     rest[box.model.outputs.names[0]] = np.random.default_rng(1).normal(0.0, 1e-3, n)
     with pytest.raises(UsageError, match="is no motion"):
         box.whatif(told("[speed]\nfactor = 2"), rest | {"t": np.arange(n) * 0.01})
+
+
+def test_the_rms_that_will_be_measured_has_the_width_of_what_predictions_miss() -> None:
+    twin = arm()
+    found = twin.whatif(told("[speed]\nfactor = 0.9"), motion(twin))
+    for size in found.after.outputs.values():
+        low, high = size.rms95
+        assert low <= size.rms <= high and 0.0 < high - low < size.peak95[1] - size.peak95[0]

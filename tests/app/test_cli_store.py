@@ -151,3 +151,23 @@ def test_a_wrong_number_of_an_event_says_where_numbers_are(call: Command, ran: P
     wrong = call("label", "robot.toml", "99999", "true", "--reason", "x")
     assert wrong.code == 2 and "evertwin events robot.toml" in wrong.err
     assert str(events[-1]["number"]) in wrong.err and wrong.err.count("\n") == 1
+
+
+def test_what_a_service_keeps_is_found_by_its_site_file(
+    call: Command, ran: Path, folder: Path
+) -> None:
+    (folder / "store").mkdir()
+    (folder / "robot.db").rename(folder / "store" / "left.db")
+    text = (folder / "robot.toml").read_text("utf-8")
+    (folder / "robot.toml").write_text(text.replace('path = "robot.db"', ""), "utf-8")
+    bare = call("model", "list", "robot.toml", "--json")
+    assert [one["version"] for one in bare.json["versions"]] == [0] and not bare.err
+    site = 'schema = 1\nname = "hall"\n[[twin]]\nfile = "robot.toml"\nname = "left"\n'
+    (folder / "site.toml").write_text(site, "utf-8")
+    found = call("model", "list", "robot.toml", "--json")
+    assert len(found.json["versions"]) > 1 and "left.db" in found.err
+    assert call("model", "show", "robot.toml", "1").code == 0
+    assert "promoted" in call("events", "robot.toml").out
+    assert call("store", "verify", "robot.toml").code == 0
+    refused = call("model", "promote", "robot.toml", "0")
+    assert refused.code == 2 and "left.db" in refused.err and "page" in refused.err

@@ -96,3 +96,37 @@ def test_odometry_against_motion_capture(data_dir: Path, monkeypatch: pytest.Mon
     assert clock["lags"]["heading"]["seconds"] == pytest.approx(0.17, abs=0.03)
     assert abs(clock["offset"]["drift"]) < 4 * clock["offset"]["drift_sigma"]
     assert [f.subject for f in found.of_kind("clock")] == ["groundtruth"]
+
+
+def command_in_steps(folder: Path, seed: int, late: float) -> Path:
+    """A cart whose command steps every few seconds; pose and command have clocks of their own."""
+    rng = np.random.default_rng(seed)
+    v = np.repeat(rng.uniform(0.05, 0.3, 200) * rng.choice([-1, 1], 200), rng.integers(20, 60, 200))
+    v = v[:3000]
+    t = 1e9 + 0.1 * np.arange(len(v))
+    x = np.cumsum(v * 0.1) - 0.05 * v + rng.normal(0, 0.001, len(v))  # half an interval behind
+    text = TWIN.replace('[clock]\nrate = "50 Hz"\n', "") + "[anomaly]\nrequirement = '1 cm'\n"
+    (folder / "twin.toml").write_text(text)
+    np.savetxt(folder / "base.csv", np.c_[t, v], "%.14g", ",", header="t,v", comments="")
+    pose = np.c_[t + 0.05 + late, x]
+    np.savetxt(folder / "camera.csv", pose, "%.14g", ",", header="t,x", comments="")
+    return folder / "twin.toml"
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("late", [0.3, -0.3, 0.0])
+def test_sources_that_stamp_in_turn_are_compared_and_the_run_points_there(
+    tmp_path: Path, seed: int, late: float
+) -> None:
+    with Twin.open(command_in_steps(tmp_path, seed, late)) as twin:
+        found, said = twin.doctor(), twin.run().headline
+    told = found.of_kind("clock", "lag")
+    assert bool(told) == (late != 0.0)
+    if late:
+        clock = next(one for one in told if one.kind == "clock")
+        advised = float(clock.step.split("offset = '")[1].split(" s'")[0])
+        assert advised == pytest.approx(-late, abs=0.01)
+        lag = next(one for one in told if one.kind == "lag").evidence["x"]["seconds"]
+        assert lag == pytest.approx(late, abs=0.03)
+    named = "as where the clocks of base and camera differ" in said and "doctor" in said
+    assert named == (late != 0.0)

@@ -91,6 +91,8 @@ OPTIONS: list[dict[str, Any]] = [
     {"rate": 7.7e7, "gap": 1.5e-7, "lines": ("v",)},
     {"rate": 2e7, "depth": 16},
     {"jump": 1e-7, "slack": 2e-8},
+    {"usual": True, "depth": 16},
+    {"usual": True, "rate": 5e7, "lines": ("v",)},
 ]
 
 
@@ -132,7 +134,9 @@ def test_a_known_offset_is_removed() -> None:
 def test_a_single_source_takes_the_straight_way_with_the_same_result(
     chunks: list[Chunk], cut: int
 ) -> None:
-    align = Align(V, X, (Feed("a", ("v", "x")),), gap=1e-7, lines=() if cut % 2 else ("v",))
+    align = Align(
+        V, X, (Feed("a", ("v", "x")),), gap=1e-7, lines=() if cut % 2 else ("v",), usual=cut % 3 > 0
+    )
     mine = [_longer(c, k) for k, c in enumerate(c for c in chunks if c.source == "a")]
     clean = [c._replace(v=np.nan_to_num(c.v, posinf=1.0)) for c in mine]
     for these in (mine, clean):

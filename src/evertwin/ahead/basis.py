@@ -22,7 +22,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from evertwin.errors import DataError, UsageError
-from evertwin.fold import Answer, Block
+from evertwin.fold import Answer, Block, Event, take
 from evertwin.ledger.versions import Versions
 from evertwin.models import Model, Restart, roll
 from evertwin.models.form import Version
@@ -33,6 +33,9 @@ from evertwin.setup.setup import Setup
 from evertwin.store import Store
 from evertwin.sync.horizon import openings, trusted
 from evertwin.types import Float64, Inputs, Intervals, Outputs, ParameterVector, StateVector, Vector
+
+ENOUGH = 100
+"""Rows since the machine changed that tell how far a prediction of it is off."""
 
 
 @dataclass(frozen=True)
@@ -79,6 +82,19 @@ class Basis:
         if not blocks:
             raise DataError("expected recordings to look ahead from, got none: name them with data")
         return screened(self.setup, self.model, self.p, blocks)
+
+    def alike(self, rows: Sequence[Block]) -> tuple[Block, ...]:
+        """Of these rows those of the machine as it is now: since the newest change that the log
+        tells of, if it is in them and `ENOUGH` follow it."""
+        changed = [e for e in self.store.read("event") if isinstance(e, Event)]
+        stamps: list[Any] = [e.evidence.get("time") for e in changed if e.kind == "changed"]
+        for k, block in enumerate(rows):
+            at = int(np.searchsorted(block.t, stamps[-1])) if stamps else len(block.t)
+            if at < len(block.t) and block.t[at] == stamps[-1]:
+                new = (take(block, at, len(block.t)), *rows[k + 1 :])
+                if sum(len(one.t) for one in new) >= ENOUGH:
+                    return new
+        return tuple(rows)
 
 
 def known_sigmas(store: Store, version: Version) -> ParameterVector:

@@ -308,7 +308,7 @@ def dock(basis: Basis, second: Basis, rule: DockSpec, data: Data = None) -> Dock
     commands = approach(plan)
     y, w = plan.run(commands)
     seconds = len(commands) * rule.step
-    known = spread(model, p, rows, seconds)
+    known = spread(model, p, basis.alike(rows), seconds)
     sigma = known.sigma(np.array([seconds]))[0]
     rng = np.random.default_rng(4)
     ps = draws(model, p, basis.sigma, DRAWS, seed=5)

@@ -160,7 +160,7 @@ def forecast(
     """
     rows, model, p = basis.rows(data), basis.model, basis.p
     future = coming(rows[-1], horizon, mode) if inputs is None else inputs
-    known = spread(model, p, rows, float(future.t[-1]))
+    known = spread(model, p, basis.alike(rows), float(future.t[-1]))
     y, by_p = _simulated(basis, rows[-1], future)
     sigma = known.sigma(future.t)
     outputs = {

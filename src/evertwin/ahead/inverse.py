@@ -122,7 +122,7 @@ def inverse(
     note, off = "", 0.0
     try:
         long = steps * dt
-        off = float(spread(model, p, rows, long).sigma(np.array([long]))[0, given])
+        off = float(spread(model, p, basis.alike(rows), long).sigma(np.array([long]))[0, given])
         off /= 1.0 if drive.direct else long
     except DataError:
         note = "recordings are too short to tell how far open-loop runs are off: intervals are of "

@@ -42,6 +42,7 @@ class OutputSize:
     unit: str
     rms: float
     rms95: tuple[float, float]
+    """Interval of the rms that will be measured."""
     peak: float
     """Largest size, of the simulation with the values as they are."""
     peak95: tuple[float, float]
@@ -129,9 +130,9 @@ def simulated(
         ps = ps[:1]
     starts = [model.initial(p) if x is None else x for p in ps]
     y = through(model, starts, ps, future.u, future.dt)
-    peaks = _peaks(y, known, future.dt)
+    peaks, sizes = _measured(y, known, future.dt)
     outputs = {
-        c.name: _size(c.unit, y[:, :, k], peaks[:, k], limits.get(c.name))
+        c.name: _size(c.unit, y[0, :, k], sizes[:, k], peaks[:, k], limits.get(c.name))
         for k, c in enumerate(model.outputs)
     }
     t = future.t
@@ -147,30 +148,35 @@ def simulated(
     )  # fmt: skip
 
 
-def _peaks(
+def _measured(
     y: Float64[np.ndarray, "k n ny"], known: Spread, dt: Intervals
-) -> Float64[np.ndarray, "m ny"]:
-    """Largest sizes that may be measured: of each simulation with courses of the residual on it.
+) -> tuple[Float64[np.ndarray, "m ny"], Float64[np.ndarray, "m ny"]]:
+    """Largest and rms sizes that may be measured: of each simulation with courses of the residual
+    on it.
 
     The largest of many noisy rows lies above the largest row without noise.
     """
     rng = np.random.default_rng(5)
     count = min(max(LARGEST // y.size, 1), max(PATHS // len(y), 1))
-    return np.concatenate([np.abs(one + known.paths(dt, count, rng)).max(axis=1) for one in y])
+    peaks, sizes = [], []
+    for one in y:
+        courses = one + known.paths(dt, count, rng)
+        peaks.append(np.abs(courses).max(axis=1))
+        sizes.append(np.sqrt(np.mean(courses**2, axis=1)))
+    return np.concatenate(peaks), np.concatenate(sizes)
 
 
 def _size(
-    unit: str, y: Float64[np.ndarray, "k n"], peaks: Float64[np.ndarray, " m"], limit: float | None
-) -> OutputSize:
-    rms = np.sqrt(np.mean(y**2, axis=1))
-    low, high = (float(np.quantile(rms, q)) for q in (0.025, 0.975))
-    peak = float(np.abs(y[0]).max())
+    unit: str, y: Float64[np.ndarray, " n"], sizes: Float64[np.ndarray, " m"],
+    peaks: Float64[np.ndarray, " m"], limit: float | None,
+) -> OutputSize:  # fmt: skip
+    rms, peak = float(np.sqrt(np.mean(y**2))), float(np.abs(y).max())
     chance = None if limit is None else float(np.mean(peaks > limit))
-    return OutputSize(unit, float(rms[0]), (low, high), peak, _around(peak, peaks), limit, chance)
+    return OutputSize(unit, rms, _around(rms, sizes), peak, _around(peak, peaks), limit, chance)
 
 
 def _around(peak: float, peaks: Float64[np.ndarray, " m"]) -> tuple[float, float]:
-    """95 % of the peaks that may be measured, with the one without noise, which lies below most."""
+    """95 % of the sizes that may be measured, with the one without noise, which lies below most."""
     low, high = (float(np.quantile(peaks, q)) for q in (0.025, 0.975))
     if peak < low:
         return peak, float(np.quantile(peaks, 0.95 + np.mean(peaks < peak)))

@@ -192,7 +192,7 @@ def today(basis: Basis, data: Data = None, horizon: float | None = None) -> Toda
         begin = int(np.searchsorted(last.t, last.t[-1] - horizon * 1e9, side="right"))
         first = take(last, 0, max(begin, 1))
         future = coming(last, horizon, "repeat")
-    known = spread(model, p, rows, float(future.t[-1]))
+    known = spread(model, p, basis.alike(rows), float(future.t[-1]))
     start, newest = (state_after(model, p, part) for part in (first, last))
     return Today(Case(model, p, basis.sigma, future), start, newest, known)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import typer
 
 from evertwin.app.console import Progress, Search, show
-from evertwin.app.opening import store_path, to_work
+from evertwin.app.opening import as_kept, store_path, to_work
 from evertwin.doctor.finding import SHOWN
 from evertwin.errors import DataError
 from evertwin.fold import plain
@@ -135,14 +135,14 @@ def examine(twin: Path, data: Files, every: bool, as_json: bool) -> None:
 
 def compare_versions(twin: Path, pair: tuple[int, int], data: Files, as_json: bool) -> None:
     """``evertwin compare``."""
-    with Twin.open(twin, reading=True) as opened:
+    with Twin(as_kept(twin), reading=True) as opened:
         found = opened.compare(*pair, _files(data))
         show(found.to_dict(), str(found), as_json)
 
 
 def list_versions(twin: Path, as_json: bool) -> None:
     """``evertwin model list``."""
-    with Twin.open(twin, reading=True) as opened:
+    with Twin(as_kept(twin), reading=True) as opened:
         live = opened.champion.number
         versions = opened.versions
         content = {
@@ -161,7 +161,7 @@ def list_versions(twin: Path, as_json: bool) -> None:
 
 def show_version(twin: Path, number: int, as_json: bool) -> None:
     """``evertwin model show``."""
-    with Twin.open(twin, reading=True) as opened:
+    with Twin(as_kept(twin), reading=True) as opened:
         version = opened.version(number)
         parameters = opened.parameters_of(number)
         about = [e for e in opened.events if e.evidence.get("version") == number]

@@ -2,13 +2,51 @@
 
 from __future__ import annotations
 
+import tomllib
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import typer
 
-from evertwin.config import TwinSpec
+from evertwin.config import TwinSpec, read
 from evertwin.errors import StoreLocked, UsageError
+from evertwin.store.spec import StoreSpec
 from evertwin.twin import Twin
+
+
+def as_kept(twin: Path) -> TwinSpec:
+    """What a twin file says; where it names no store, and a site file beside it does, with that
+    one: it is said on stderr that a service keeps it."""
+    spec = read(twin)
+    kept = of_service(twin, spec)
+    if kept is None:
+        return spec
+    typer.echo(f"evertwin: {twin} names no [store]: read from the service's, {kept}", err=True)
+    return replace(spec, store=StoreSpec(str(kept)))
+
+
+def of_service(twin: Path, spec: TwinSpec) -> Path | None:
+    """The store that a service keeps of a twin whose file names none, by the site files beside it;
+    None where there is none."""
+    if spec.store.path is not None:
+        return None
+    here = twin.resolve()
+    for site in sorted({*here.parent.glob("*.toml"), *here.parent.parent.glob("*.toml")}):
+        try:
+            told: dict[str, Any] = tomllib.loads(site.read_text("utf-8"))
+        except (OSError, ValueError):
+            continue
+        entries = told.get("twin")
+        for entry in entries if isinstance(entries, list) else ():
+            if not isinstance(entry, dict):
+                continue
+            if (site.parent / str(entry.get("file", ""))).resolve() == here:
+                folder = site.parent / str(told.get("store", "store"))
+                kept = folder / f"{entry.get('name') or spec.name}.db"
+                if kept.is_file():
+                    return kept
+    return None
 
 
 def store_path(twin: Path, spec: TwinSpec) -> Path:
@@ -17,6 +55,12 @@ def store_path(twin: Path, spec: TwinSpec) -> Path:
     Raises:
         UsageError: it has none.
     """
+    kept = of_service(twin, spec)
+    if kept is not None:
+        raise UsageError(
+            f"{twin}: names no [store], and a service keeps it in {kept}: give that file to "
+            "evertwin store, and order on the service's page or by its API"
+        )
     if spec.store.path is None:
         raise UsageError(f"{twin}: keeps nothing: say [store] path = 'twin.db'")
     if spec.store.server is not None:

@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeAlias
 import typer
 
 from evertwin.app.console import show
-from evertwin.app.opening import store_path, to_work
+from evertwin.app.opening import as_kept, store_path, to_work
 from evertwin.app.plan_shown import label_document, label_text, plan_text
 from evertwin.errors import UsageError
 from evertwin.files import write_whole
@@ -42,7 +42,7 @@ def show_forecast(
         seconds = number(horizon, "s", difference=True)
     except UsageError as error:
         raise UsageError(f"--horizon: {error}; write it as in '30 s' or '2 h'") from error
-    with Twin.open(twin, reading=True) as opened:
+    with Twin(as_kept(twin), reading=True) as opened:
         found = opened.forecast(seconds, _files(data), *told)
         show(found.to_dict(), str(found), as_json)
 
@@ -66,7 +66,7 @@ def show_life(
 def show_whatif(twin: Path, scenario: Path, known: Known, as_json: bool, check: bool) -> None:
     """``evertwin whatif``."""
     history, data = known
-    with Twin.open(twin, reading=True) as opened:
+    with Twin(as_kept(twin), reading=True) as opened:
         found = opened.whatif(scenario, _files(data), history)
         show(found.to_dict(), str(found), as_json)
     if check and found.findings:
@@ -84,7 +84,7 @@ def show_plan(
     history, data = known
     if out is not None:
         _check_plan(out)
-    with Twin.open(twin, reading=True) as opened:
+    with Twin(as_kept(twin), reading=True) as opened:
         found = opened.plan(history, _files(data))
         if report is not None:
             from evertwin.report.prognosis_report import write_prognosis
@@ -110,7 +110,7 @@ def _check_plan(file: Path) -> None:
 
 def show_decisions(twin: Path, as_json: bool) -> None:
     """``evertwin decide TWIN.toml`` alone."""
-    with Twin.open(twin, reading=True) as opened:
+    with Twin(as_kept(twin), reading=True) as opened:
         found = opened.prospect().history
     items = [label_document(one) for one in found.labels]
     content = {"schema": "evertwin.decisions/1", "clock": found.clock, "decisions": items}

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from evertwin.app.console import show
-from evertwin.app.opening import store_path
+from evertwin.app.opening import as_kept, store_path
 from evertwin.config import read
 from evertwin.errors import StoreDamaged, UsageError
 from evertwin.fold import Chunk, Event
@@ -123,7 +123,7 @@ def export_samples(
         UsageError: no such source, or no samples of it.
     """
     source, store_file = chosen
-    spec = read(twin)
+    spec = read(twin) if store_file is not None else as_kept(twin)
     low, high = (int(1e9 * min(max(edge, -4e9), 4e9)) for edge in span)
     found: dict[str, Series] = {}
     path = store_path(twin, spec) if store_file is None else store_file
@@ -158,11 +158,12 @@ def _path(twin: Path) -> Path:
 
 
 def _store(twin: Path) -> closing[SqlStore]:
-    if twin.suffix != ".db":
-        spec = read(twin)
-        if spec.store.server is not None:
-            return closing(looked_at(spec.store.server, spec.name))
-    return closing(looked_at(_path(twin), ""))
+    if twin.suffix == ".db":
+        return closing(looked_at(twin, ""))
+    spec = as_kept(twin)
+    if spec.store.server is not None:
+        return closing(looked_at(spec.store.server, spec.name))
+    return closing(looked_at(store_path(twin, spec), ""))
 
 
 def _secret(key: Path | None) -> bytes:

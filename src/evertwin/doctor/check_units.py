@@ -356,8 +356,11 @@ def _earlier(window: Block, seconds: Vector) -> Block:
     if not seconds.any():
         return window
     t = (window.t - window.t[0]) * 1e-9
-    y = [np.interp(t + s, t, column) for column, s in zip(window.y.T, seconds, strict=True)]
-    return window._replace(y=np.stack(y, axis=1))
+    y = np.full_like(window.y, np.nan)
+    for j, s in enumerate(seconds):
+        known = np.isfinite(window.y[:, j])  # of several sources, each measures at its own rows
+        y[known, j] = np.interp(t[known] + s, t[known], window.y[known, j])
+    return window._replace(y=y)
 
 
 def _matters(found: Lag, step: float) -> bool:

@@ -135,9 +135,17 @@ class Run:
         for block in () if over else blocks:
             state = self.step(state, block)
         result = self.ended(state, time.perf_counter() - began, over=over)
-        left_out = (looked if over else feed).left_out
-        said = first_of_rows(result.headline, left_out)
-        return replace(result, left_out=left_out, passed=place.offset, headline=said)
+        had = looked if over else feed
+        said = first_of_rows(result.headline, had.left_out)
+        gaps = (
+            replace(event, row=event.row - place.offset)
+            for event in had.events
+            if event.kind == "gap" and event.row >= place.offset
+        )
+        events = tuple(sorted((*gaps, *result.events), key=lambda event: event.row))
+        return replace(
+            result, left_out=had.left_out, passed=place.offset, headline=said, events=events
+        )
 
     def ended(self, state: TwinState, seconds: float, *, over: bool = False) -> RunResult:
         """The end of the run (``over``: it had ended before) and what came of it."""

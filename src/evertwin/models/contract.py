@@ -20,6 +20,7 @@ from evertwin.models.kernel import Kernel, Restart
 from evertwin.models.parameters import Parameters
 from evertwin.signals.channels import Layout
 from evertwin.types import (
+    Bools,
     Float64,
     Inputs,
     Int64,
@@ -153,3 +154,18 @@ class BatchModel(Model, Protocol):
         parameters. Without ``restart`` it is one free run. What diverges is NaN; it never raises.
         """
         ...
+
+
+def is_adopted(model: Model, measured: Bools | None = None) -> bool:
+    """Do the outputs, or those that are ``measured``, tell the whole state? What they do not is
+    lost where it starts anew.
+
+    >>> from evertwin.machines.mobile import Robot1D
+    >>> is_adopted(Robot1D())
+    True
+    """
+    y = np.full(len(model.outputs), 0.5)
+    if measured is not None:
+        y[~measured] = np.nan
+    x = model.initial(model.parameters.values)
+    return np.array_equal(model.observe(x, y), model.observe(x + 1.0, y))

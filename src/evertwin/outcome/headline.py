@@ -17,6 +17,7 @@ from evertwin.outcome.jumps import jumps, remembered
 from evertwin.outcome.open_faults import open_faults
 from evertwin.outcome.open_trial import OpenTrial, shorter
 from evertwin.outcome.result import OutputFigures
+from evertwin.rows.channels import recorded_as
 from evertwin.setup.setup import Setup
 from evertwin.signals.spoken import both, share, spoken
 from evertwin.sources.tally import Tally
@@ -33,6 +34,8 @@ LOST = 0.5
 """Share of the rows left out from which on this is said first."""
 SELDOM = 0.003
 """Share of the rows below which single contradictions are a rough model's."""
+CHANGE = "change of "
+"""Before an input: what depends on that comes late, or early."""
 OFTEN = 10
 """Contacts in a run from which on it is said that they may be none."""
 
@@ -51,7 +54,9 @@ def headline(
     least = 0.0 if setup.relative or not setup.decides else setup.requirement
     # of a channel that is read wrongly, the others step away from the model as well
     stays = remembered(setup.model, setup.model.parameters.values, setup.horizon)
-    stepped = {} if setup.static or doubted else jumps(events, units, least, stays)
+    late = _two_clocks(setup, events) and not setup.spec.correction.terms
+    quiet = setup.static or doubted or late
+    stepped = {} if quiet else jumps(events, units, least, stays)
     faults = {**stepped, **open_faults(events)}
     if known:
         outcome = _outcome(setup, known, versions, events, trial)
@@ -232,12 +237,12 @@ def _nothing_better(setup: Setup, events: Sequence[Event], trial: OpenTrial | No
     verdicts = [e for e in events if e.kind in ("noise", "normal", "abnormal", "promoted")]
     if verdicts and verdicts[-1].kind == "noise":
         return verdicts[-1].reason
-    abnormal: list[Any] = [e.evidence.get("dependence") for e in events if e.kind == "abnormal"]
-    depends = next((str(found["input"]) for found in reversed(abnormal) if found), "")
-    channel = depends.removeprefix("change of ")
+    depends = _dependence(events)
+    channel = depends.removeprefix(CHANGE)
     if channel in setup.model.inputs.names and not setup.spec.correction.terms:
+        two = _two_clocks(setup, events)
         return (
-            f"no parameter of the model explains it: it depends on {depends}. To let the twin "
+            f"no parameter of the model explains it: it depends on {depends}{two}. To let the twin "
             f'learn that, add [correction] channels = ["{channel}"], terms = ["lag", "table", '
             '"law"] to its file'
         )
@@ -247,6 +252,30 @@ def _nothing_better(setup: Setup, events: Sequence[Event], trial: OpenTrial | No
             f"nothing better was found: {tried} candidate{'s were' if tried > 1 else ' was'} tried"
         )
     return "nothing better has been found yet"
+
+
+def _dependence(events: Sequence[Event]) -> str:
+    """What a deviation was found last to depend on, beside the model's parameters."""
+    abnormal: list[Any] = [e.evidence.get("dependence") for e in events if e.kind == "abnormal"]
+    return next((str(found["input"]) for found in reversed(abnormal) if found), "")
+
+
+def _two_clocks(setup: Setup, events: Sequence[Event]) -> str:
+    """Where the change of an input explains a deviation, and outputs are of another source: that
+    one of the two may be late; else nothing."""
+    depends = _dependence(events)
+    if not depends.startswith(CHANGE):
+        return ""
+    of = {name: source.name for source in setup.spec.source for name in source.channels}
+    command = of.get(recorded_as(setup.spec, depends.removeprefix(CHANGE)))
+    outputs = [of.get(recorded_as(setup.spec, name)) for name in setup.model.outputs.names]
+    others = [name for name in dict.fromkeys(outputs) if name not in (None, command)]
+    if command is None or not others:
+        return ""
+    return (
+        f", as where the clocks of {command} and {others[0]} differ or one comes late: evertwin "
+        "doctor measures by how much, and [[source]] offset takes it away"
+    )
 
 
 def _off(setup: Setup, off: Mapping[str, OutputFigures]) -> str:

@@ -192,7 +192,7 @@ class Work(Tuner):
         if task.held:
             version = self.begun(version, windows)
             task = task._replace(version=version)
-        windows, events = self._now(version, windows, names) if task.held else (windows, [])
+        windows, events = self._now(task, version, names)
         since = {"since": windows[0].row} if windows is not task.windows else {}
         model = self.versions.model_of(version.form)
         rows = self.setup, model, version.p, windows
@@ -255,24 +255,33 @@ class Work(Tuner):
         return self.tuned(version, problem, fit, problem.windows, events)
 
     def _now(
-        self, version: Version, windows: Windows, names: tuple[str, ...]
+        self, task: Task, live: Version, names: tuple[str, ...]
     ) -> tuple[Windows, list[dict[str, Any]]]:
-        """The rows of the machine as it is now, and what is said of those before.
+        """The rows of the machine as it is now, and what is said of those before, which a version
+        followed: the live one, or one on trial, where that does as the live one never did.
 
         Raises:
             TooFew: there are not enough of them yet.
         """
+        version, windows = live if task.held else task.rival, task.windows
+        if version is None or version.form != live.form:
+            return windows, []
         model = self.versions.model_of(version.form)
         if lasting(model, version.p, windows[0], self.setup.horizon):
             return windows, []  # what it was where the machine changed would not be known
         place = changed(windows, lambda rows: self.problem(version, rows, names))
-        if not place:
+        old, new = split(windows, place)
+        if not place or not (task.held or self._follows(version, live, old)):
             return windows, []
-        _, new = split(windows, place)
         rows = sum(len(block.t) for block in new)
         if rows < ENOUGH * len(names):
             raise TooFew(f"the machine has changed, {rows} rows ago")
         return new, [changed_since(new)]
+
+    def _follows(self, version: Version, live: Version, rows: Windows) -> bool:
+        """Does a version take away nearly all of the live one's deviation?"""
+        share = self._left(version, rows) / self._left(live, rows)
+        return bool((share**2 <= 1.0 - NEARLY_ALL).all())
 
     def _helps(self, verdict: Verdict, fit: Fit) -> bool:
         """The form is wrong, and none may be learned: is tuning the better half all the same?

@@ -27,6 +27,7 @@ from evertwin.config import TwinSpec
 from evertwin.errors import ConfigError
 from evertwin.fold import Block, Chunk, Event
 from evertwin.models import Model
+from evertwin.models.contract import is_adopted
 from evertwin.rows.channels import is_held, is_measured, recorded_as
 from evertwin.signals import Channel, Layout
 from evertwin.signals.fir import Symmetric
@@ -86,10 +87,13 @@ class Alignment:
         )
         lines = tuple(name for name in columns.inputs if not name.startswith(HELD))
         clock = spec.clock
+        known = np.array([one.column is not None for one in outputs], dtype=bool)
         align = Align(
             held, measured, tuple(feeds), lines,
-            clock.gap, clock.rate, recorded={n: n.removeprefix(HELD) for n in columns.inputs},
+            np.inf if clock.gap is None else clock.gap, clock.rate,
+            recorded={n: n.removeprefix(HELD) for n in columns.inputs},
             cut=any(one.op in WIDE for one in operations),
+            usual=clock.gap is None and is_adopted(model, known),
         )  # fmt: skip
         span = tuple(
             nanoseconds(edge) if np.isfinite(edge) else int(np.sign(edge)) * 2**62

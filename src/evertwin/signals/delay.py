@@ -185,6 +185,8 @@ def _refined(rates: _Pair, tau: float, score: Vector, window: int) -> Lag:
     gain = float(model @ b / (model @ model))
     residual = b - gain * model
     jacobian = np.column_stack([model, -gain * slope(at - tau)])
+    if not np.linalg.cond(jacobian.T @ jacobian) < 1 / np.finfo(float).eps:
+        return _none("the two signals hardly change while both are there")
     sigma = float(np.sqrt(_sandwich(jacobian, residual, window)[1, 1]))
     fit = 1 - float(residual @ residual) / float(b @ b)
     correlation = float(np.sqrt(max(fit, 0.0)))

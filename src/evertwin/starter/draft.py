@@ -19,6 +19,7 @@ import numpy as np
 from jinja2 import Environment, PackageLoader
 
 from evertwin.models import Model
+from evertwin.models.contract import is_adopted
 from evertwin.signals import conversion
 from evertwin.starter.named import short
 from evertwin.starter.proposal import ASK, Match, Proposal, position, together
@@ -142,8 +143,11 @@ class Draft:
         return max((time.duration for time in times if time is not None), default=math.inf)
 
     @property
-    def gap(self) -> float:
-        """Longest interval that is simulated over [s]: a few lost rows are none."""
+    def gap(self) -> float | None:
+        """Longest interval that is simulated over [s]: a few lost rows are none. None: what is
+        usual tells it, where a measurement gives the whole state."""
+        if self.model is None or is_adopted(self.model):
+            return None
         return max(10.0, float(f"{10.0 * (self.period or 0.0):.2g}"))
 
     @property

@@ -41,6 +41,7 @@ from evertwin.fold import Block, Chunk, Event, Out
 from evertwin.fold.block import LARGEST
 from evertwin.signals import Layout
 from evertwin.sync import align_loop as loop
+from evertwin.sync import pace_loop
 from evertwin.sync.horizon import nanoseconds
 from evertwin.sync.horizon_loop import NEVER
 from evertwin.types import Bools, Float64, Inputs, Int64, Intervals, Marks, Outputs, Stamps, Tasks
@@ -88,6 +89,9 @@ class AlignState(NamedTuple):
     known_v: Float64[np.ndarray, " channels"]
     broken_t: Int64[np.ndarray, " channels"]
     """Stamp of its newest infinite one."""
+    pace: Int64[np.ndarray, " memory"]
+    """Newest intervals between samples, whichever source they are of
+    (`evertwin.sync.pace_loop`)."""
 
 
 class Rows(NamedTuple):
@@ -135,6 +139,9 @@ class Align:
     cut: bool = False
     """Does a grid start anew behind a hole too (`evertwin.sync.align_loop.CUT`)? For rows that are
     differentiated or filtered: a straight line is no motion."""
+    usual: bool = False
+    """Does the state start anew too where nothing came for far longer than usual
+    (`evertwin.sync.pace_loop.is_unusual`)?"""
     depth: int = 4096
     """Samples per source that may wait."""
     recorded: Mapping[str, str] = field(default_factory=dict)
@@ -194,7 +201,8 @@ class Align:
         sources[:, loop.NEWEST] = NEVER
         waiting = np.zeros((ns, self.depth), dtype=np.int64), np.zeros((ns, self.depth, width))
         known = np.full(nc, NEVER), np.full(nc, np.nan), np.full(nc, NEVER)
-        return AlignState(clock, sources, *waiting, *known)
+        pace = np.zeros(pace_loop.FIRST + pace_loop.KNOWN, dtype=np.int64)
+        return AlignState(clock, sources, *waiting, *known, pace)
 
     def step(self, state: AlignState, block: Chunk) -> tuple[AlignState, Out]:
         """A chunk of samples, or of ticks (source ``""``).
@@ -244,7 +252,7 @@ class Align:
             extent = np.zeros(2, dtype=np.int64)
             start = loop.push(
                 s, start, t, v, chunk.task, *self._plan, *state, *rows, found, extent, *self._times,
-                self.cut and self.rate is not None,
+                self.cut and self.rate is not None, self.usual,
             )  # fmt: skip
             given, said = extent.tolist()
             if given:
@@ -279,6 +287,11 @@ class Align:
         sound = np.isfinite(values).all() and not (np.abs(chunk.v) > LARGEST).any()
         if not (sound and t[0] > clock[loop.LAST] and (t[1:] > t[:-1]).all()):
             return None
+        if self.usual:
+            pace = state.pace.copy()
+            if not pace_loop.is_steady(pace, np.diff(t, prepend=clock[loop.LAST])):
+                return None
+            state.pace[:] = pace
         return self._columns(state, t, values, chunk)
 
     def _columns(
@@ -306,18 +319,29 @@ class Align:
         state.sources[0, loop.HEAD] = (state.sources[0, loop.HEAD] + n) % self.depth
         state.known_t[:], state.known_v[:] = t[-1], values[-1]
         tasks, gap = np.full(n, chunk.task, dtype=np.int64), steps > self._times[0]
+        state.pace[pace_loop.TAKEN] = t[-1]
         return Rows(
             number, t, steps * 1e-9, u, np.ascontiguousarray(values[:, nu:]), mark, tasks, gap
         )
 
     def _event(self, note: Sequence[int]) -> Event:
         row, s, kind, first, last, number = note
-        name = self.feeds[s].name
+        name = self.feeds[s].name if kind != loop.HOLE else ""
         word, text = _SAYS[kind]
-        evidence = {"first": None if first == NEVER else first, "last": last, "samples": number}
+        began = None if first == NEVER else first
+        evidence: dict[str, Any] = {"first": began, "last": last, "samples": number}
+        if kind == loop.HOLE:
+            evidence = {"first": first, "last": last, "seconds": (last - first) * 1e-9}
         if kind in (loop.JUMPED, loop.SHIFTED):
             evidence = {"stamp": first, "followed_as": last, "shift": number}
-        return Event(row, last, word, name, text.format(name=name, number=number), evidence)
+        return Event(
+            row,
+            last,
+            word,
+            name,
+            text.format(name=name, number=number, seconds=(last - first) * 1e-9),
+            evidence,
+        )
 
 
 _SAYS = {
@@ -328,5 +352,10 @@ _SAYS = {
     loop.IS_QUIET: ("silent", "{name}: silent beyond its time-out, no longer waited for"),
     loop.BACK: ("back", "{name}: sends again"),
     loop.OVERFLOW: ("overflow", "{number} samples wait: rows leave without the silent sources"),
+    loop.HOLE: (
+        "gap",
+        "nothing came for {seconds:.4g} s, far longer than usual: the state is measured "
+        "anew behind such a gap, and no prediction runs over it",
+    ),
     loop.SHIFTED: ("task_shifted", "the task's stamps lie before the one before: moved behind it"),
 }

@@ -14,7 +14,7 @@ from evertwin.compiled.functions import njit
 from evertwin.compiled.memory import borrowed
 from evertwin.fold.block import LARGEST
 from evertwin.sync.horizon_loop import NEVER, wrapped
-from evertwin.sync.pace_loop import is_hole, is_over, paced
+from evertwin.sync.pace_loop import TAKEN, is_hole, is_over, is_told, is_unusual, learn, paced
 
 SLACK, TIMEOUT = 0, 1
 """Settings per source [ns]."""
@@ -32,7 +32,7 @@ ROW, LAST, TASK, BEGUN, ANEW, SHIFT, NOW, GRID, STEP, PENDING, FORCED = range(11
 """Memory of the clock: next row's number, last row's stamp, task, has a row left?, does the next
 one start anew?, shift of this task, newest tick, first stamp and number of the grid's next row, is
 a sample accepted but its rows not yet released?, was the last row forced out?"""
-FINE, IS_LATE, IS_REPEATED, IS_FUTURE, JUMPED, IS_QUIET, BACK, OVERFLOW, SHIFTED = range(9)
+FINE, IS_LATE, IS_REPEATED, IS_FUTURE, JUMPED, IS_QUIET, BACK, OVERFLOW, SHIFTED, HOLE = range(10)
 """What is noted about a source."""
 MOVE = 10 * 10**9
 """Distance that a task keeps whose stamps had to be shifted [ns]."""
@@ -175,11 +175,12 @@ def oldest(sources: Any, times: Any) -> int:
 @njit(cache=True, error_model="numpy")
 def consume(channels: Any, sources: Any, times: Any, values: Any, known: Any, until: int) -> None:
     """Takes the samples up to ``until`` out of the rings and remembers them per channel."""
-    known_t, known_v, broken_t = known
+    known_t, known_v, broken_t, pace = known
     depth = times.shape[1]
     for s in range(sources.shape[0]):
         while sources[s, COUNT] > 0 and times[s, sources[s, HEAD]] <= until:
             head = sources[s, HEAD]
+            pace[TAKEN] = max(pace[TAKEN], times[s, head])
             for k in range(channels.shape[0]):
                 if channels[k, SOURCE] == s:
                     value = values[s, head, channels[k, COLUMN]]
@@ -196,7 +197,7 @@ def between(
     channels: Any, sources: Any, times: Any, values: Any, known: Any, k: int, stamp: int, gap: int
 ) -> Any:
     """(channel ``k`` on the line to its next finite sample that waits, its mark); NaN without."""
-    known_t, known_v, _ = known
+    known_t, known_v, _, _ = known
     s, depth = channels[k, SOURCE], times.shape[1]
     for m in range(sources[s, COUNT]):
         place = (sources[s, HEAD] + m) % depth
@@ -215,16 +216,24 @@ def between(
 @njit(cache=True, error_model="numpy")
 def emit(
     channels: Any, clock: Any, sources: Any, times: Any, values: Any, known: Any, rows: Any,
-    at: int, stamp: int, gap: int, grid: bool,
+    notes: Any, stamp: int, rule: Any,
 ) -> None:  # fmt: skip
-    """Fills row ``at`` with stamp ``stamp``."""
+    """The next row, with stamp ``stamp``."""
     number, t, dt, u, y, mark, task, new = rows
-    known_t, known_v, broken_t = known
-    nu = u.shape[1]
+    known_t, known_v, broken_t, pace = known
+    gap, period, _, usual = rule
+    grid, nu, at, came = period > 0, u.shape[1], notes[1][0], oldest(sources, times)
     first = clock[BEGUN] == 0 or clock[ANEW] == 1
     number[at], t[at], task[at] = clock[ROW], stamp, clock[TASK]
     dt[at] = 0.0 if clock[BEGUN] == 0 else (stamp - clock[LAST]) * 1e-9
     new[at] = first or stamp - clock[LAST] > gap
+    if usual and clock[BEGUN] == 1 and came <= stamp:
+        passed = came - pace[TAKEN]
+        if is_unusual(pace, passed):
+            new[at] = True
+            if is_told(pace, passed, came):
+                tell(notes, clock, 0, HOLE, (came - passed, came, 0))
+        learn(pace, passed)
     for k in range(nu):
         # A command acts from its stamp on: what is held is the newest before the interval.
         u[at, k] = known_v[k]
@@ -275,10 +284,11 @@ def release(
     rows: Any, notes: Any, rule: Any, everything: bool,
 ) -> bool:  # fmt: skip
     """Lets rows leave; False if the output is full."""
-    gap, period, cut = rule
+    gap, period, cut, usual = rule
     extent, capacity, depth = notes[1], rows[1].shape[0], times.shape[1]
+    spare = notes[0].shape[0] - 4 - sources.shape[0]
     while True:
-        stamp = oldest(sources, times)
+        stamp = following = oldest(sources, times)
         if stamp == np.iinfo(np.int64).max:
             return True
         full = sources[:, COUNT].max() >= depth
@@ -292,18 +302,20 @@ def release(
             if everything and following > newest(sources):
                 consume(channels, sources, times, values, known, newest(sources))
                 return True
-            stamp = following
-        if not (everything or full or edge(plan, clock, sources) >= stamp):
+        if not (everything or full or edge(plan, clock, sources) >= following):
             return True
-        if extent[0] >= capacity:
+        resumed = clock[BEGUN] == 0 or clock[ANEW] == 1
+        if usual and period > 0 and not resumed and is_unusual(known[3], stamp - known[3][TAKEN]):
+            clock[ANEW] = 1
+            continue
+        stamp = following
+        if extent[0] >= capacity or extent[1] > spare:
             return False
         forced = full and not everything and edge(plan, clock, sources) < stamp
         if forced and not clock[FORCED]:
             tell(notes, clock, 0, OVERFLOW, (stamp, stamp, sources[:, COUNT].max()))
         clock[FORCED] = forced
-        emit(
-            channels, clock, sources, times, values, known, rows, extent[0], stamp, gap, period > 0
-        )
+        emit(channels, clock, sources, times, values, known, rows, notes, stamp, rule)
         extent[0] += 1
         clock[STEP] += 1
 
@@ -311,7 +323,7 @@ def release(
 @njit(cache=True, error_model="numpy")
 def open_task(clock: Any, sources: Any, known: Any, notes: Any, task: int, stamp: int) -> None:
     """Another task: nothing is held over from the one before, and stamps lie behind it."""
-    known_t, known_v, broken_t = known
+    known_t, known_v, broken_t, _ = known
     known_t[:], known_v[:], broken_t[:] = NEVER, np.nan, NEVER
     sources[:, NEWEST], clock[SHIFT], clock[NOW] = NEVER, 0, NEVER
     if clock[ROW] > 0 and stamp <= clock[LAST]:
@@ -323,9 +335,10 @@ def open_task(clock: Any, sources: Any, known: Any, notes: Any, task: int, stamp
 @njit("v", cache=True, error_model="numpy")
 def push(
     s: int, start: int, t: Any, v: Any, task: int, settings: Any, wiring: Any, counters: Any,
-    memory: Any, ring_t: Any, ring_v: Any, known_t: Any, known_v: Any, broken_t: Any, number: Any,
-    row_t: Any, dt: Any, u: Any, y: Any, mark: Any, tasks: Any, new: Any, found: Any, extent: Any,
-    gap: int, period: float, jump: int, cut: bool,
+    memory: Any, ring_t: Any, ring_v: Any, known_t: Any, known_v: Any, broken_t: Any, pace: Any,
+    number: Any, row_t: Any, dt: Any, u: Any, y: Any, mark: Any, tasks: Any, new: Any,
+    found: Any, extent: Any,
+    gap: int, period: float, jump: int, cut: bool, usual: bool,
 ) -> int:  # fmt: skip
     """Samples from ``start`` on, until the output is full; gives the next one.
 
@@ -333,10 +346,10 @@ def push(
     """
     plan, channels, clock = borrowed(settings), borrowed(wiring), borrowed(counters)
     sources, times, values = borrowed(memory), borrowed(ring_t), borrowed(ring_v)
-    known = borrowed(known_t), borrowed(known_v), borrowed(broken_t)
+    known = borrowed(known_t), borrowed(known_v), borrowed(broken_t), borrowed(pace)
     notes = borrowed(found), borrowed(extent)
     heads = borrowed(number), borrowed(row_t), borrowed(dt), borrowed(u)
-    rule = gap, period, cut
+    rule = gap, period, cut, usual
     rows = (*heads, borrowed(y), borrowed(mark), borrowed(tasks), borrowed(new))
     room = found.shape[0] - 8 - sources.shape[0]
     if s == FINISH:

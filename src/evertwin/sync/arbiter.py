@@ -82,8 +82,9 @@ class Rule:
     """Growth of the prediction's standard deviation [unit/√s]; 0: from ``blend``, per sample."""
     frozen: int = 5
     """Equal values in a row, while motion is predicted, that make a sensor frozen; 0: never."""
-    timeout: float = math.inf
-    """Without a trusted sample for this long [s] the group is shown as not valid."""
+    timeout: float | None = None
+    """Without a trusted sample for this long [s] the group is shown as not valid; None: without any
+    sample for far longer than usual."""
     blend: float = 0.2
     """Weight of a sample in a steady blend; more after a pause."""
     share: float = 2.0
@@ -92,7 +93,7 @@ class Rule:
 
     def __post_init__(self) -> None:
         for name in ("gate", "timeout", "tolerance", "tolerance_angle"):
-            if not getattr(self, name) > 0:
+            if getattr(self, name) is not None and not getattr(self, name) > 0:
                 raise UsageError(f"{name}: expected a number above 0, got {getattr(self, name)}")
         for name in ("sigma", "sigma_angle", "growth", "share"):
             if not 0 <= getattr(self, name) < math.inf:
@@ -107,7 +108,7 @@ class Rule:
         """The settings in the order of the compiled loop."""
         return (
             self.gate, float(self.vote), float(_USE[self.use]), self.blend, self.share,
-            self.growth, float(self.frozen), self.timeout,
+            self.growth, float(self.frozen), self.timeout or 0.0,
         )  # fmt: skip
 
 
@@ -227,7 +228,10 @@ def describe(model: Model, found: np.ndarray, detail: np.ndarray) -> Event:
             row, time, "overruled", group, reason, {**evidence, "delta": delta, "sigma": sigma}
         )
     if kind == at.Finding.STALE:
-        return _event(row, time, "not_valid", group, "no trusted sample within the time-out", {})
+        reason = "no trusted sample within the time-out"
+        if number:  # milliseconds
+            reason = f"no value of it came for {number * 1e-3:.3g} s, far longer than usual"
+        return _event(row, time, "not_valid", group, reason, {})
     if kind == at.Finding.FRESH:
         return _event(row, time, "valid", group, "trusted samples are back", {"since": first})
     reason = "too many samples outside the gate: its variance was doubled"

@@ -53,7 +53,10 @@ showed the sensor frozen; were there equal values that were none?"""
 RUN, RUN_ROW, RUN_AT, AWAY, STOOD, STILL = range(21, 33, 2)
 """Memory per group and kind of run: samples, first row and stamp; samples away from it by now, and
 whether the first of them told of a machine that stood still; runs that did."""
-NUMBERS = 33
+HEARD, PAUSE = 33, 34
+"""And per group: stamp of the last row with a sample, whatever it is worth, or at which the state
+started anew; the longest of its newest pauses [ns], slowly forgotten."""
+NUMBERS = 35
 SPREAD, INTERVAL, OUTSIDE, FACTOR, SOUND_BY = range(5)
 """Memory per group, numbers: variance of the state over that of the measurement; mean interval of
 trusted samples [ns]; share of contested samples; suspected factor; how much likelier it is that it

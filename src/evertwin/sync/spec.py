@@ -110,8 +110,11 @@ class ClockSpec(Section):
 
     rate: Hertz | None = None
     """Resample each task onto a uniform grid; absent: the union of the stamps."""
-    gap: Duration = math.inf
-    """Longest interval that is simulated over."""
+    gap: Duration | None = None
+    """Longest interval that is simulated over: behind a longer one the state starts anew. Absent:
+    four times the longest of the usual intervals between samples (of whichever source; pauses that
+    come more often than one interval in 32 are usual), where the model's whole state is measured;
+    else any."""
     start: Seconds = -math.inf
     """Leave out what lies before, from the start of each task."""
     stop: Seconds = math.inf
@@ -188,8 +191,9 @@ class GroupSpec(Section):
     """Growth of the prediction's standard deviation per √s while it predicts; 0: learned."""
     frozen: Annotated[int, Ge(0), Le(1_000_000)] = 5
     """Equal values in a row, while motion is predicted, that make a sensor frozen; 0: never."""
-    timeout: Duration = math.inf
-    """Without a trusted measurement for this long, the state is shown as not valid."""
+    timeout: Duration | None = None
+    """Without a trusted measurement for this long, the state is shown as not valid. Absent: without
+    any for five times its longest usual pause, and 1 s at least."""
 
 
 @dataclass(frozen=True)

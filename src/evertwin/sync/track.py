@@ -207,7 +207,7 @@ class Track:
         values[:, [at.AFTER, at.NU_BEFORE, at.OTHER]], values[:, at.BASE] = np.nan, np.inf
         values[:, at.SQUARE] = np.where(sigma > 0, sigma**2, np.inf)
         numbers = np.zeros((ng, at.NUMBERS), dtype=np.int64)
-        numbers[:, [at.GOOD_AT, at.LAST_AT]] = NEVER
+        numbers[:, [at.GOOD_AT, at.LAST_AT, at.HEARD]] = NEVER
         return TrackState(
             x0.copy(), p, x0, values, numbers, np.zeros((ng, 5)), variance, counts,
             np.zeros((at.LEARN, ny)), np.zeros((vote, ny)), np.zeros((vote, ny)),

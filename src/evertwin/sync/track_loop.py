@@ -17,7 +17,7 @@ from evertwin.fold import Mark
 from evertwin.sync import places as at
 from evertwin.sync.arbiter_loop import RESET, forget, judge
 from evertwin.sync.beside_loop import CREPT, JUMPED, STARTED, begin, is_doubtful, outcome, turn_back
-from evertwin.sync.horizon_loop import is_known, wrapped
+from evertwin.sync.horizon_loop import NEVER, is_known, wrapped
 from evertwin.sync.input_loop import (
     REACH,
     believe,
@@ -38,6 +38,9 @@ from evertwin.sync.vote_loop import note
 TASK, BEGUN = 0, 1
 ABSENT, OVERRULED, ERROR = int(Mark.ABSENT), int(Mark.OVERRULED), int(Mark.ERROR)
 FIRST = 4
+PAUSES, LEAST, REMEMBERS, GROWS = 5, 10**9, 512, 4
+"""Without a time-out, a group is missed after so many of its longest usual pauses, and so long [ns]
+at least; samples that a pause is remembered for; times it that a single longer one counts."""
 FOUND_STALE = int(Finding.STALE)
 
 
@@ -104,10 +107,26 @@ def age(rules: Any, memory: Any, notes: Any, g: int, now: Any) -> float:
     if numbers[g, at.VALID] == 0:
         return np.nan
     seconds = (now[1] - numbers[g, at.GOOD_AT]) * 1e-9
-    if seconds > rules[g, at.TIMEOUT] and numbers[g, at.VALID] == 1:
+    absent, usual = now[1] - numbers[g, at.HEARD], numbers[g, at.PAUSE]
+    late = seconds > rules[g, at.TIMEOUT]
+    if rules[g, at.TIMEOUT] == 0.0:
+        late = numbers[g, at.SAMPLES] >= at.LEARN and absent > max(PAUSES * usual, LEAST)
+    if late and numbers[g, at.VALID] == 1:
         numbers[g, at.VALID] = 2
-        note(notes, memory, now, FOUND_STALE, g, 0, (now[0], now[0], 0))
+        known = absent // 1_000_000 if rules[g, at.TIMEOUT] == 0.0 else 0
+        note(notes, memory, now, FOUND_STALE, g, 0, (now[0], now[0], known))
     return float(seconds)
+
+
+@njit(**HOT)
+def hear(numbers: Any, g: int, stamp: int) -> None:
+    """A sample of the group came: how long its pauses usually are."""
+    passed, usual = stamp - numbers[g, at.HEARD], numbers[g, at.PAUSE]
+    if numbers[g, at.HEARD] != NEVER and passed > 0:
+        # what it fails for once is no usual pause
+        passed = min(passed, GROWS * usual) if usual > 0 else passed
+        numbers[g, at.PAUSE] = max(usual - usual // REMEMBERS, passed)
+    numbers[g, at.HEARD] = stamp
 
 
 @njit(cache=True, error_model="numpy")
@@ -151,6 +170,8 @@ def run(
         refuse_impossible(ranges_of, known[0], known[1], notes, inputs, doubted, i, now, nx > 0)
         phase = phase_of(inputs, i, column, borders)
         anew = clock[BEGUN] == 0 or gap[i] or task[i] != clock[TASK] or not is_row_known(inputs, i)
+        for g in range(ng if clock[BEGUN] == 0 or gap[i] or task[i] != clock[TASK] else 0):
+            numbers[g, at.HEARD] = t[i]
         clock[BEGUN], clock[TASK] = 1, task[i]
         failed = anew and nx > 0
         if not failed:
@@ -209,6 +230,7 @@ def run(
             size = present(groups, g, sample[1], seen, sample[0])
             if size == 0:
                 continue
+            hear(memory[1], g, now[1])
             returned, account_of = 0.0, matter[at.OWNER] == g + 1
             if account_of and size > 0:
                 returned = outcome(settings, memory, told, sample, tried, g, size, now[1])
