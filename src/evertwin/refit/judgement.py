@@ -12,6 +12,8 @@ from evertwin.tuning import Fit, Problem, solve
 
 NEARLY_ALL = 0.9
 """Part of the deviation from which on tuned numbers are tried before another form is looked for."""
+PARTLY = Verdict("normal", "", "tuned the share of the parameters whose turn it is")
+"""Of a schedule's tuning."""
 
 
 def judged(setup: Setup, problem: Problem, fit: Fit) -> Verdict:

@@ -40,7 +40,7 @@ from evertwin.refit.answering import (
 )
 from evertwin.refit.channels import ENOUGH, of_a_channel
 from evertwin.refit.correcting import learn, nearest
-from evertwin.refit.judgement import NEARLY_ALL, judged
+from evertwin.refit.judgement import NEARLY_ALL, PARTLY, judged
 from evertwin.refit.named_cause import named_first
 from evertwin.refit.newest import after, newer, newest
 from evertwin.refit.physical import passive
@@ -65,8 +65,6 @@ LITTLE = 0.1
 MUCH = 0.3
 """Explained share below which a suspicion waits for more rows, and by which a candidate has to
 surpass one that is on trial."""
-PARTLY = Verdict("normal", "", "tuned the share of the parameters whose turn it is")
-"""Of a schedule's tuning."""
 HALF = 0.5
 """Part of the deviation that tuning explains at least where the form is wrong and tuned numbers are
 tried all the same; and that a state which came or went takes away on unseen rows."""
@@ -214,8 +212,7 @@ class Work(Tuner):
             whole = len(names) == len(self.editable(version))
             verdict = judged(self.setup, problem, fit) if whole else PARTLY
         if verdict.kind == "abnormal" and not (commissioned or verdict.alone):
-            other = misread(*rows, fit.p)
-            if other:
+            if other := misread(*rows, fit.p):
                 return of_a_sensor(other, *events) | since
         much = verdict.kind == "abnormal" or explained(fit, fit.noise) >= MUCH
         other, alike = of_a_channel(self, task, tuned, names, told=much)
