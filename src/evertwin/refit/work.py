@@ -211,9 +211,9 @@ class Work(Tuner):
         else:
             whole = len(names) == len(self.editable(version))
             verdict = judged(self.setup, problem, fit) if whole else PARTLY
-        if verdict.kind == "abnormal" and not (commissioned or verdict.alone):
-            if other := misread(*rows, fit.p):
-                return of_a_sensor(other, *events) | since
+        new = verdict.kind == "abnormal" and not (commissioned or verdict.alone)
+        if new and (other := misread(*rows, fit.p)):
+            return of_a_sensor(other, *events) | since
         much = verdict.kind == "abnormal" or explained(fit, fit.noise) >= MUCH
         other, alike = of_a_channel(self, task, tuned, names, told=much)
         if other:  # the rows before it go on to tell how it was
