@@ -335,6 +335,29 @@ def test_a_sound_sensor_of_coarse_steps_is_believed(gain: float, seed: int) -> N
         assert any(r.evidence["cause"] == "frozen" and r.row < 720 for r in told if r.row > 700)
 
 
+def test_a_noisy_sensor_of_coarse_steps_is_seldom_called_frozen() -> None:
+    """A stirred bath is 7 % colder than its model says: thirty of them were accused 9 times."""
+    keeps, false = np.exp(-5.0 / 60.0), 0
+    model = FunctionModel(
+        lambda x, u, dt, p: ((y := [u[0] + (x[0] - u[0]) * keeps]), y),
+        Layout.of(u="K"), Layout.of(T="K"), Layout.of(T="K"),
+    )  # fmt: skip
+    for seed in range(30):
+        rng, n, x = np.random.default_rng(seed), 3000, 15.0
+        u, truth = np.repeat(rng.uniform(10.0, 20.0, 40), 75), np.empty(3000)
+        for k in range(n):
+            u[k] = u[k - 1] + 0.2 * (u[k] - u[k - 1]) if k else u[0]
+            truth[k] = x = 0.93 * u[k] + (x - 0.93 * u[k]) * keeps
+        seen = 0.1 * np.round((truth + rng.normal(0.0, 0.08, n)) / 0.1)
+        seen[2500:2700] = seen[2500]
+        block = make_block(np.arange(n) * 5 * 10**9, u[:, None], seen[:, None])
+        _, out = fold(Track(model, Arbiter(Rule(use="blend"))), [block])
+        told = [r.row for r in out.records if r.kind == "measurement_error"]
+        false += sum(row < 2500 for row in told)
+        assert any(2500 < row < 2570 for row in told)
+    assert false <= 6
+
+
 def held(rng: np.random.Generator, at: np.ndarray) -> np.ndarray:
     return np.full(len(at), at[0])
 

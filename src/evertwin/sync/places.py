@@ -40,7 +40,9 @@ STEP, CHANGED = 30, 31
 and how many changes were about as small."""
 SOUND = 32
 """And per kind of run: how far the prediction went while values stayed that went on by one step."""
-VALUES = 34
+STAYED = 34
+"""And for how many samples they did, where it went by a step or more."""
+VALUES = 36
 (
     STARTED, VALID, GOOD_AT, LAST_AT, CAUSE, ONSET, UNTIL, FAULTS, TOLD, CONTEST, BATCH, BATCH_ROW,
     LEFT, SAMPLES, UPDATES, RESETS, CONTESTED, ERRORS, TURNS, HELD_BY, QUIET,

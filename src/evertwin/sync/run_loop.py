@@ -32,6 +32,8 @@ ALIKE = 1.5
 """Times the smallest change that another is larger by, if it is about as small."""
 FORGET = 1.0 / 64
 """Part of the way of a sound run that each later run forgets."""
+KEEPS, LONGER = 1.0 / 1024, 1.5
+"""The same of its samples; so many times as many are no sound run any more."""
 MOVED, MANY = 0.25, 200
 """Share of an output's usual size that it has to be predicted to move, and samples that tell it."""
 
@@ -141,7 +143,7 @@ def step_of(values: Any, j: int) -> float:
 
 
 @njit(**HOT)
-def learn_sound(limits: Any, values: Any, sample: Any, size: int, kind: int) -> None:
+def learn_sound(limits: Any, values: Any, sample: Any, size: int, kind: int, samples: int) -> None:
     """A run ends: by one step of a coarse sensor, it was sound. A frozen one goes on elsewhere."""
     room, y = sample[0], sample[1]
     for k in range(size):
@@ -149,8 +151,11 @@ def learn_sound(limits: Any, values: Any, sample: Any, size: int, kind: int) -> 
         angle, gone = limits[j, at.ANGLE] > 0, abs(values[j, at.GONE + kind])
         away = abs(wrapped(y[j] - values[j, at.HELD + kind], angle))
         values[j, at.SOUND + kind] *= 1.0 - FORGET
+        values[j, at.STAYED + kind] *= 1.0 - KEEPS
         if away < ALIKE * values[j, at.STEP]:
             values[j, at.SOUND + kind] = max(gone, values[j, at.SOUND + kind])
+            if gone >= values[j, at.STEP]:
+                values[j, at.STAYED + kind] = max(samples, values[j, at.STAYED + kind])
 
 
 @njit(**HOT)
@@ -182,7 +187,7 @@ def follow(
         if outside and lasting and numbers[g, at.AWAY + kind] + 1 < rules[g, at.FROZEN]:
             numbers[g, at.AWAY + kind] += 1
             continue
-        learn_sound(limits, values, sample, size, kind)
+        learn_sound(limits, values, sample, size, kind, numbers[g, at.RUN + kind])
         numbers[g, at.STILL + kind] += numbers[g, at.STOOD + kind]
         ended = numbers[g, at.RUN + kind]
         numbers[g, at.RUN + kind], numbers[g, at.AWAY + kind] = 1, 0
@@ -265,9 +270,11 @@ def is_frozen(rules: Any, memory: Any, room: Any, g: int, size: int) -> bool:
             levels = 0
         for k in range(size):
             j = room[k]
+            # a coarse sensor stays as long while its machine moves
+            usual = numbers[g, at.RUN + kind] < LONGER * values[j, at.STAYED + kind]
             noisy = levels > 0 or near_square(values, numbers, g, j) > 0
             moved = enough(rules, values, numbers, g, j, kind)
-            if noisy and abs(values[j, at.GONE + kind]) >= levels * moved:
+            if noisy and abs(values[j, at.GONE + kind]) >= (levels + usual) * moved:
                 if numbers[g, at.CAUSE] != FROZEN:
                     numbers[g, at.HELD_BY] = kind
                 return True
