@@ -53,10 +53,12 @@ def headline(
     doubted = _of_a_sensor(events)
     least = 0.0 if setup.relative or not setup.decides else setup.requirement
     # of a channel that is read wrongly, the others step away from the model as well
-    stays = remembered(setup.model, setup.model.parameters.values, setup.horizon)
     late = _two_clocks(setup, events) and not setup.spec.correction.terms
     quiet = setup.static or doubted or late
-    stepped = {} if quiet else jumps(events, units, least, stays)
+    stepped = {} if quiet else jumps(events, units, least)
+    if stepped:  # simulated only where it matters
+        stays = remembered(setup.model, setup.model.parameters.values, setup.horizon)
+        stepped = jumps(events, units, least, stays)
     faults = {**stepped, **open_faults(events)}
     if known:
         outcome = _outcome(setup, known, versions, events, trial)
