@@ -15,7 +15,7 @@ from evertwin.sync.spec import SignalSpec
 from evertwin.tuning.spec import TuningSpec
 from evertwin.types import ParameterVector, Vector
 
-ROWS, AT, DT = 5400, 2700, 5.0
+ROWS, AT, GROWS, DT = 6400, 2700, 2700, 5.0
 MEASURED = ("hot_flow", "cold_flow", "hot_in", "cold_in")
 
 
@@ -41,7 +41,7 @@ def exchanger(seed: int, fouls: float = 0.0, drifts: float = 0.0) -> RunResult:
             column[k] = column[k - 1] + 0.2 * (column[k] - column[k - 1])
         inputs.append(column)
     u = np.column_stack([*inputs, np.full(ROWS, 288.0)])
-    grown, out, y = np.clip((np.arange(ROWS) - AT) / (ROWS - AT), 0.0, 1.0), 300.0, np.empty(ROWS)
+    grown, out, y = np.clip((np.arange(ROWS) - AT) / GROWS, 0.0, 1.0), 300.0, np.empty(ROWS)
     for k in range(ROWS):
         y[k] = out
         out = heated([out], u[k], DT, [900.0 * (1.0 - fouls * grown[k]), 60.0])[0][0]  # type: ignore[arg-type]
@@ -72,7 +72,7 @@ def _of_sensors(result: RunResult) -> list[str]:
 @pytest.mark.parametrize("seed", range(3))
 def test_slow_fouling_is_named_and_tuned(seed: int) -> None:
     result = exchanger(seed, fouls=0.4)
-    assert not _of_sensors(result)
+    assert not [said for said in _of_sensors(result) if "cannot be told" not in said]
     assert result.of_kind("normal")[0].signal == "fouling"
     assert result.of_kind("promoted")
 

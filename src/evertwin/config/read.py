@@ -2,7 +2,7 @@
 
 >>> twin = reads('schema = 1\\nname = "axis"\\n[model]\\nkind = "drive"\\n[clock]\\nrate = "1 kHz"')
 >>> twin.name, twin.clock.rate, twin.clock.gap
-('axis', 1000.0, inf)
+('axis', 1000.0, None)
 >>> reads('schema = 1\\nname = "axis"\\n[model]\\nkind = "drive"\\n[clock]\\nrat = 5', "axis.toml")
 Traceback (most recent call last):
 evertwin.errors.ConfigError: axis.toml:6: [clock] unknown key 'rat', did you mean 'rate'?

@@ -130,18 +130,18 @@ def _constant(
         f"{channel.name} looks off by {size} from {row}{until}: as {what} of its sensor "
         f"this explains {share:.0f} % of the deviation on rows that it was not learned on, "
     )
-    lasts = rows.goes_on(rows.since, rows.stop)
+    jumped = leap or k < len(rows.setup.model.inputs)  # rows since then alone do not tell it
+    lasts = rows.goes_on(rows.since, rows.stop) if jumped else None
     if lead > SURE:
         return SensorChange(
             channel.name, 1.0, f"{known}more than tuning does; nothing is learned from it",
-            rows.refused((channel.name,), rows.since, rows.stop),
-            lasts if leap or k < len(rows.setup.model.inputs) else None,
+            rows.refused((channel.name,), rows.since, rows.stop), lasts,
         )  # fmt: skip
     why = "and no number of the model makes it leap so" if leap else "and tuning no less"
     return SensorChange(channel.name, 1.0, (
         f"{known}{why}: sensor or machine, that cannot be told from these rows; "
         "nothing is learned until it can"
-    ), None, lasts if leap else None)  # fmt: skip
+    ), None, lasts)  # fmt: skip
 
 
 def _wait(rows: Rows, columns: Sequence[tuple[int, bool]], leap: float, scored: Bools) -> None:
