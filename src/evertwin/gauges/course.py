@@ -1,15 +1,14 @@
 """What the usual course of a channel's own record tells of a shift in it.
 
 Where its sensor goes off, the record leaves its course, an autoregression of the rows before, by
-just that; where the machine changed, it does not. A course is known for no longer than it was seen,
-and a command that a controller makes of the outputs leaves it by a machine that changed, too.
+just that; where the machine changed, it does not. A course is known for no longer than it was seen.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from evertwin.gauges.gauge_rows import LEAST, Rows
+from evertwin.gauges.gauge_rows import LEAST
 from evertwin.types import Float64, Vector
 
 CLEAR = 3.0
@@ -24,8 +23,6 @@ STRAYS = 2.0
 """So many times as far as it strays in as long by itself what has grown has to be."""
 FREEDOM = 3.0
 """Degrees of freedom of steps (Student's t): some are far larger than most."""
-FED_BACK = 0.1
-"""Share of what its own course does not tell of a command that the outputs before it tell."""
 
 
 def evidence(record: Vector, size: float, span: tuple[int, int]) -> float:
@@ -65,26 +62,6 @@ def shape_of(n: int, first: int, last: int) -> Vector:
     """
     grown = (np.arange(n) - first + 1.0) / max(last - first + 1.0, 1.0)
     return np.asarray(np.clip(grown, 0.0, 1.0))
-
-
-def fed_back(rows: Rows, k: int) -> bool:
-    """Does a controller make input ``k`` of the outputs? By a machine that changed it leaves its
-    usual course as well; told on the rows before that."""
-    nu, early = len(rows.setup.model.inputs), slice(0, rows.fitted or rows.count)
-    record, outputs = rows.values[early, k], rows.values[early, nu:]
-    if len(record) < LEAST * ORDER:
-        return False
-    own, theirs = _lagged(record[:, None]), _lagged(outputs)
-    known = np.isfinite(record[ORDER:]) & np.isfinite(np.column_stack([own, theirs])).all(axis=1)
-    if np.count_nonzero(known) < LEAST * ORDER:
-        return False
-    goal, ones = record[ORDER:][known], np.ones((np.count_nonzero(known), 1))
-    left = [
-        float(np.sum(np.square(goal - a @ np.linalg.lstsq(a, goal, rcond=None)[0])))
-        for columns in ([own], [own, theirs])
-        for a in (np.hstack([ones, *(one[known] for one in columns)]),)
-    ]
-    return left[1] < (1.0 - FED_BACK) * left[0]
 
 
 def _lagged(columns: Float64[np.ndarray, "n k"]) -> Float64[np.ndarray, "m j"]:

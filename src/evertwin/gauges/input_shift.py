@@ -23,7 +23,7 @@ from evertwin.correction.improve import TooFew
 from evertwin.fold import Block
 from evertwin.gauges import in_words
 from evertwin.gauges.change import split
-from evertwin.gauges.course import AT_ONCE, CLEAR, evidence, fed_back, shape_of
+from evertwin.gauges.course import AT_ONCE, CLEAR, evidence, shape_of
 from evertwin.gauges.gauge_rows import LEAST, Rows, residual
 from evertwin.gauges.noise import CHANCE
 from evertwin.gauges.sensor_change import SensorChange, unmeasured
@@ -152,7 +152,7 @@ def _measured(rows: Rows) -> list[int]:
         said = setup.spec.signals.get(inputs.names[k])
         busy = np.mean(np.nan_to_num(rows.steps[:, k]) != 0.0) > BUSY
         if not is_held(setup.spec, inputs.names[k], dynamic=True) or (
-            busy and (said is None or said.hold is None) and not fed_back(rows, k)
+            busy and (said is None or said.hold is None)
         ):
             found.append(k)
     return found
