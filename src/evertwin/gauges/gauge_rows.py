@@ -103,10 +103,18 @@ class Rows:
         left, pull = residual(posed, values), -posed.jacobian(values)
         grown = [pull * shape[:, None, None] for shape in shapes.T]
         columns = np.concatenate([pull, *grown], axis=2)
+        return np.asarray(left + columns @ self.least(columns, left, seen))
+
+    def least(
+        self, columns: Float64[np.ndarray, "n ny k"], left: Outputs, seen: Bools | None = None
+    ) -> Vector:
+        """How much of each column takes most of what is left away, (k,)."""
         a, b = columns / self.sizes[:, None], left / self.sizes
         known = np.isfinite(b) & np.isfinite(a).all(axis=2)
-        on = known if seen is None else known & seen[:, None]
-        return np.asarray(left - columns @ np.linalg.lstsq(a[on], b[on], rcond=1e-9)[0])
+        known = known if seen is None else known & seen[:, None]
+        if not known.any():
+            return np.zeros(columns.shape[2])
+        return -np.asarray(np.linalg.lstsq(a[known], b[known], rcond=1e-9)[0])
 
     @cached_property
     def sizes(self) -> Vector:

@@ -114,12 +114,9 @@ def _constant(
     lead = _lead(rows, left, rival, places)
     if lead < -SURE and not leap:
         return None
-    grown = np.maximum(np.arange(rows.count) - rows.since, 0) / rows.count
-    if (
-        not leap
-        and _lead(rows, left, rows.growing(grown[:, None], np.arange(rows.count) < cut), places)
-        < -SURE
-    ):
+    at = np.arange(rows.count)
+    grown = np.maximum(at - rows.since, 0)[:, None] / rows.count
+    if not leap and _lead(rows, left, rows.growing(grown, at < cut), places) < -SURE:
         return None  # it goes on changing, as no constant does
     channel = (*rows.setup.model.inputs, *rows.setup.model.outputs)[k]
     share = 100.0 * (1.0 - rows.total(left, unseen) / rows.total(rows.before, unseen))

@@ -175,7 +175,7 @@ def _off(rows: Rows, channel: tuple[int, bool], edges: list[int]) -> Off | None:
     slope = (left_with(since) - rows.before) / step
     by, left = np.zeros(rows.count), rows.before
     for _ in range(STEPS):
-        by = by + lines @ _least(rows, slope[:, :, None] * lines[:, None, :], left)
+        by = by + lines @ rows.least(slope[:, :, None] * lines[:, None, :], left)
         if scaled and (by <= -1.0 + SHARE).any():
             return None
         left = left_with(by)
@@ -183,22 +183,12 @@ def _off(rows: Rows, channel: tuple[int, bool], edges: list[int]) -> Off | None:
     if tuned is not None:
         columns = slope[:, :, None] * lines[:, None, :]
         tuned = recorded(tuned, by)
-        more = _least(rows, columns, tuned)
+        more = rows.least(columns, tuned)
         tuned = tuned + columns @ more
         known = np.isfinite(tuned) & np.isfinite(left)
         if rows.total(tuned, known) < rows.total(left, known):
             by, left = by + lines @ more, tuned
     return Off(k, scaled, by, left)
-
-
-def _least(rows: Rows, columns: Float64[np.ndarray, "n ny k"], left: Outputs) -> Vector:
-    """How much of each column takes most of what is left away, (k,)."""
-    a = columns / rows.sizes[:, None]
-    b = left / rows.sizes
-    known = np.isfinite(b) & np.isfinite(a).all(axis=2)
-    if not known.any():
-        return np.zeros(columns.shape[2])
-    return -np.asarray(np.linalg.lstsq(a[known], b[known], rcond=1e-9)[0])
 
 
 def _machine(rows: Rows, edges: list[int]) -> Outputs | None:
@@ -215,7 +205,7 @@ def _machine(rows: Rows, edges: list[int]) -> Outputs | None:
         left, pull = residual(posed, fit.values), -posed.jacobian(fit.values)
         grown = np.linspace(-1.0, 1.0, b - a)[:, None, None]
         columns = np.concatenate([pull, pull * grown], axis=2)
-        out[a:b] = left + columns @ _least(rows, columns, left)
+        out[a:b] = left + columns @ rows.least(columns, left)
         both = np.isfinite(out) & np.isfinite(whole) & _within(rows, a, b)[:, None]
         if rows.total(whole, both) < rows.total(out, both):
             out[a:b] = whole[a:b]

@@ -11,7 +11,6 @@ is kept, here or at the machine. Only models that need no file may be asked for.
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import os
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -28,12 +27,12 @@ from evertwin.config import read
 from evertwin.engine import EngineSpec
 from evertwin.engine.process import Process, packed
 from evertwin.errors import ConfigError, EvertwinError, UsageError
-from evertwin.fold import Chunk
 from evertwin.machines.catalog import machine
 from evertwin.models import Model
 from evertwin.signals.units import conversion
 from evertwin.sources.live.contract import Around
 from evertwin.sources.live.registry import open_live, read_settings
+from evertwin.sources.live.trying import some
 from evertwin.sources.spec import ChannelSpec, SourceSpec, TimeSpec
 from evertwin.starter import Draft, Match, Proposal, answered, look, mapped, options_of
 from evertwin.twin import Twin
@@ -174,21 +173,8 @@ async def _sampled(asked: Machine) -> tuple[np.ndarray, np.ndarray]:
         source = open_live(read_settings(table, "machine"), asked.source, Around())
     except ConfigError as error:
         raise UsageError(str(error)) from error
-    chunks = list[Chunk]()
     source.open()
-
-    async def take() -> None:
-        async for chunk in source.chunks():
-            source.committed(chunk)
-            chunks.append(chunk)
-            if sum(len(one.t) for one in chunks) >= MOST:
-                return
-
-    try:
-        with contextlib.suppress(TimeoutError):
-            await asyncio.wait_for(take(), asked.seconds)
-    finally:
-        source.close()
+    chunks = await some(source, MOST, asked.seconds)
     rows = sum(len(one.t) for one in chunks)
     if rows < 2:
         why = source.health.reason or f"{rows} samples within {asked.seconds:g} s"

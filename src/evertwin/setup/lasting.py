@@ -11,6 +11,7 @@ import numpy as np
 from evertwin.errors import DataError
 from evertwin.fold import Block
 from evertwin.models import KernelModel, Model, Restart
+from evertwin.models.corrected import Corrected
 from evertwin.models.function import kernel_of
 from evertwin.models.rollout import roll
 from evertwin.rows.ring import called
@@ -46,7 +47,8 @@ def lasting(model: Model, p: ParameterVector, block: Block, horizon: float) -> t
     plan = restarts(block, horizon, x0)
     usual = _predicted(model, p, block, plan, x0)
     found, size = [], max(len(block.t) // PARTS, 2)
-    for k, name in enumerate(model.states.names):
+    own = model.model if isinstance(model, Corrected) else model  # a term's memory is short
+    for k, name in enumerate(own.states.names):
         moved = x0.copy()
         moved[k] += LITTLE * max(abs(moved[k]), 1.0)
         if name in model.outputs.names or _told(model, p, k):

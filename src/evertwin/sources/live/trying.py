@@ -52,10 +52,7 @@ async def misfits(
         source.open()
     except UsageError as error:
         return [str(error)]
-    chunks = list[Chunk]()
-    with contextlib.suppress(TimeoutError):
-        async with asyncio.timeout(LISTEN):
-            await _read(source, chunks)
+    chunks = await some(source, ENOUGH, LISTEN)
     health, found = source.health, list[str]()
     found += [
         f"{count} × {health.reason if health.reason.endswith(why) else why}"
@@ -69,15 +66,20 @@ async def misfits(
     return found
 
 
-async def _read(source: LiveSource, chunks: list[Chunk]) -> None:
+async def some(source: LiveSource, most: int, seconds: float) -> list[Chunk]:
+    """About ``most`` samples of an open source, or what comes in so many seconds; it is closed."""
+    chunks = list[Chunk]()
     try:
-        async for chunk in source.chunks():
-            source.committed(chunk)
-            chunks.append(chunk)
-            if sum(len(one.t) for one in chunks) >= ENOUGH:
-                return
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(seconds):
+                async for chunk in source.chunks():
+                    source.committed(chunk)
+                    chunks.append(chunk)
+                    if sum(len(one.t) for one in chunks) >= most:
+                        break
     finally:
         source.close()
+    return chunks
 
 
 def _mapped(settings: LiveSettings) -> bool:
