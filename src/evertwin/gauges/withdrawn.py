@@ -17,11 +17,18 @@ CAUSES = ("frozen", "factor", "away")
 
 def withdraw(rows: Rows, events: Sequence[Event], model: Model) -> None:
     """No fit sees the rows of an output from the onset of its fault on. Writes into ``rows``."""
-    outputs, nu = model.outputs, len(model.inputs)
-    for event in events:
+    for event, outputs in believed(events, model):
         found: Any = event.evidence
-        told = event.kind == "measurement_error" and found.get("cause") in CAUSES
-        if told and event.signal in outputs.groups:
-            group = outputs.groups.index(event.signal)
-            columns = nu + np.flatnonzero(outputs.group_of == group)
-            refuse(rows, columns.tolist(), found["onset"], min(found["end"], rows.end - 1))
+        columns = [len(model.inputs) + k for k in outputs]
+        refuse(rows, columns, found["onset"], min(found["end"], rows.end - 1))
+
+
+def believed(events: Sequence[Event], model: Model) -> list[tuple[Event, list[int]]]:
+    """Events of such faults, and the outputs that they are of."""
+    outputs = model.outputs
+    return [
+        (event, np.flatnonzero(outputs.group_of == outputs.groups.index(event.signal)).tolist())
+        for event in events
+        if event.kind == "measurement_error" and event.evidence.get("cause") in CAUSES
+        and event.signal in outputs.groups
+    ]  # fmt: skip

@@ -18,7 +18,7 @@ from evertwin.fold import Answer, Event, Request, copy
 from evertwin.loop.contradictions import told
 from evertwin.loop.crossing import outside
 from evertwin.loop.decision import Decision
-from evertwin.loop.disturbances import disturbed
+from evertwin.loop.disturbances import disturbed, unlearn
 from evertwin.loop.follow import EMPTY, Follow
 from evertwin.loop.heeding import heed
 from evertwin.loop.in_stream import tell_followed
@@ -52,6 +52,7 @@ class Decide:
     ) -> tuple[TwinState, list[Event], list[Request]]:
         """The decisions of one beat, in a fixed order. Consumes ``state``."""
         decision = Decision(state, [], [])
+        unlearn(decision, self.follow.setup)
         contradicted = told(decision, self.follow.setup)
         contradicted |= unanswered(decision, self.follow.setup, self.follow.versions)
         veto = disturbed(decision, self.follow.setup, self.follow.versions) or contradicted

@@ -96,6 +96,21 @@ def forget(decision: Decision) -> None:
     )
 
 
+def unlearn(decision: Decision, setup: Setup) -> None:
+    """The same, of outputs alone whose fault was found out some rows late. Writes into the sums."""
+    scores, detect = decision.state.scores, decision.state.detect
+    if not scores.spoiled.any():
+        return
+    for column in scores.watch:
+        column[scores.spoiled] = 0
+    decision.state.newest.values.reshape(4, -1)[:, scores.spoiled] = np.nan
+    names = [name for name, off in zip(setup.model.outputs.names, scores.spoiled) if off]
+    if detect.pending.signal in names:
+        detect = detect._replace(pending=Alarm())
+    scores.spoiled[:] = False
+    decision.state = decision.state._replace(detect=detect)
+
+
 def _tell(decision: Decision, setup: Setup, contact: Contact, *, new: bool) -> None:
     """A contact, or the place where contacts come again and again."""
     place, known = None, False

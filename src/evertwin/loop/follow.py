@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evertwin.fold import Block, Event, Mark, Record, copy
+from evertwin.gauges.withdrawn import believed
 from evertwin.ledger.versions import Versions
 from evertwin.loop.contacts import unsure, watched
 from evertwin.loop.contradictions import compared
@@ -203,15 +204,18 @@ class Follow:
             still=still,
         )  # fmt: skip
         state, found, stop = self._judge(state, released, beats)
-        news = (
+        news: tuple[int, ...] = (
             self.setup.external.known(external), self.setup.kinematics.known(kinematics),
             self.setup.still.known(still),
         )  # fmt: skip
+        told = unsure(_events(out.records), state.ring, judged)
+        for event, outputs in believed(told, self.setup.model):
+            state.scores.spoiled[outputs] = True
+            news += (event.row + 1,)
         for known in news:
             after = beats[beats >= known]
             if known and len(after) and (stop < 0 or after[0] < stop):
                 stop = int(after[0])
-        told = unsure(_events(out.records), state.ring, judged)
         events = _by_beat(told, found, beats, self.setup.residual_filter.delay)
         return state, Followed(out.rows, before, judged, off, events, stop)
 

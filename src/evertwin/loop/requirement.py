@@ -68,7 +68,7 @@ def _off(setup: Setup, state: TwinState) -> tuple[str, str, dict[str, Any]]:
     watch = state.scores.watch
     values = judged_deviation(watch, setup.relative, state.scores.usual)
     values = np.where(setup.watched, values, np.nan)
-    if not np.nanmax(values) > setup.requirement:
+    if not np.nanmax(values, initial=0.0) > setup.requirement:
         return "", "", {}
     worst = int(np.nanargmax(values))
     name = setup.model.outputs.names[worst]

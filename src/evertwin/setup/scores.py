@@ -24,7 +24,7 @@ def new_scores(usual: Usual, updates: np.ndarray, row: int, scale: np.ndarray) -
     watch, live, first, live_moving, first_moving = (new_sums(outputs) for _ in range(5))
     return Scores(
         watch, live, first, live_moving, first_moving, updates, row, np.zeros(1, np.int64),
-        np.zeros(3), scale, usual,
+        np.zeros(outputs, dtype=np.bool_), np.zeros(3), scale, usual,
     )  # fmt: skip
 
 

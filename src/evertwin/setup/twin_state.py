@@ -54,6 +54,8 @@ class Scores(NamedTuple):
     """Row since which ``live`` and ``first`` count."""
     seen: np.ndarray
     """Rows since the deviation was last judged, int64 (1,)."""
+    spoiled: np.ndarray
+    """Outputs with rows among these of a fault that was found out later, bool (ny,)."""
     pair: np.ndarray
     """Running segment: Σ loss of champion and of the other, rows; (3,). NaN: it does not count."""
     scale: np.ndarray

@@ -236,10 +236,10 @@ def judge(
     follow(settings, memory, sample, g, size, now, ratio > 1.0)
     cause = implausible(settings, memory, sample, g, size, now[1])
     open_factor, held = started and numbers[g, at.CAUSE] == FACTOR, 0
-    if open_factor and cause == 0:
+    if open_factor and cause in (0, FROZEN):  # a factor may leave few digits that change
         growth = grown(rules, numbers, figures, g, now[1])
         held = persists(settings, memory, sample, g, size, growth)
-        cause = FACTOR if held > 0 else 0
+        cause = FACTOR if held > 0 else cause
     if cause == 0 and ratio > 1.0:
         cause = doubted(settings, memory, sample, g, size)
     for k in range(size):

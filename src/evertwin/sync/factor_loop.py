@@ -19,10 +19,14 @@ from evertwin.sync import places as at
 from evertwin.sync.horizon_loop import wrapped
 from evertwin.sync.options import COLD, HOT
 from evertwin.sync.places import Cause
+from evertwin.sync.run_loop import step_of
 
 FACTOR = int(Cause.FACTOR)
 CLEAR = 4.0
-"""Evidence from which a factor is over, and the most that one row may say [log-likelihood]."""
+"""Evidence by which a row speaks for a sound sensor, and the most that it may say for a factor
+[log-likelihood]."""
+OVER = 4.0 * CLEAR
+"""Evidence from which a factor is over: near zero a row or two look sound by chance."""
 COMMON = 3.0
 """How much likelier a machine that moved is than a factor, and one that keeps its speed than one
 that does not [log]."""
@@ -58,9 +62,10 @@ def persists(settings: Any, memory: Any, sample: Any, g: int, size: int, growth:
     """Does the factor of the open fault still hold? 1: the row says so, 0: unknown, −1: it is over.
 
     The log-likelihood of the sound sensor against that of the factor is summed from the last row
-    that spoke for the factor; it is over from `CLEAR` on. How far the prediction has drifted by now
+    that spoke for the factor; it is over from `OVER` on. How far the prediction has drifted by now
     is known from measured/f, and the same for both: so a passage through zero, where both explain
-    a row, ends nothing.
+    a row, ends nothing. The step of a coarse sensor comes behind the factor, and measured/f is off
+    by as much of it.
     """
     limits, rules, _ = settings
     values, _, figures = memory
@@ -69,10 +74,14 @@ def persists(settings: Any, memory: Any, sample: Any, g: int, size: int, growth:
         j = room[k]
         angle, nu, drift = limits[j, at.ANGLE] > 0, values[j, at.NU], values[j, at.DRIFT]
         off = wrapped(y[j] / f - (y[j] - nu), angle)
-        held = held and abs(off) <= allowed(rules, values, g, j, growth)
+        step = step_of(values, j) / f
+        rounded = 1.0 + step * step / (12.0 * values[j, at.BASE])
+        held = held and abs(off) <= allowed(rules, values, g, j, growth * rounded)
         spoken, plain = wrapped(off - drift, angle), wrapped(nu - drift, angle)
-        gain += 0.5 * (spoken * spoken - plain * plain) / values[j, at.BASE] + math.log(abs(f))
-    gain = min(max(gain, -CLEAR), CLEAR)
+        factor = 0.5 * spoken * spoken / (values[j, at.BASE] * rounded)
+        factor += math.log(abs(f) * math.sqrt(rounded))
+        gain += factor - 0.5 * plain * plain / values[j, at.BASE]
+    gain = min(max(gain, -CLEAR), OVER)
     held = held and gain < CLEAR
     figures[g, at.SOUND_BY] = max(0.0, figures[g, at.SOUND_BY] + gain)
     for k in range(size):
@@ -80,7 +89,7 @@ def persists(settings: Any, memory: Any, sample: Any, g: int, size: int, growth:
         if held and gain <= 0.0:
             off = wrapped(y[j] / f - (y[j] - values[j, at.NU]), limits[j, at.ANGLE] > 0)
             values[j, at.DRIFT] += (off - values[j, at.DRIFT]) * FOLLOWED
-    if figures[g, at.SOUND_BY] >= CLEAR:
+    if figures[g, at.SOUND_BY] >= OVER:
         return -1
     return 1 if held else 0
 
@@ -178,7 +187,8 @@ def scaled(
     And only where the model is in scale: of an untuned one it cannot be told which is wrong.
     """
     limits, rules, pool = settings[0], settings[1], counts.shape[0] - 1
-    if rules[g, at.VOTE] < 3:
+    widened = memory[1][g, at.WIDENED]
+    if rules[g, at.VOTE] < 3 or 0 < widened > memory[1][g, at.SAMPLES] - at.AGAIN:
         return 0.0
     for k in range(size):
         j = room[k]

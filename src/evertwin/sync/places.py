@@ -55,10 +55,11 @@ showed the sensor frozen; were there equal values that were none?"""
 RUN, RUN_ROW, RUN_AT, AWAY, STOOD, STILL = range(21, 33, 2)
 """Memory per group and kind of run: samples, first row and stamp; samples away from it by now, and
 whether the first of them told of a machine that stood still; runs that did."""
-HEARD, PAUSE = 33, 34
+HEARD, PAUSE, WIDENED = 33, 34, 35
 """And per group: stamp of the last row with a sample, whatever it is worth, or at which the state
-started anew; the longest of its newest pauses [ns], slowly forgotten."""
-NUMBERS = 35
+started anew; the longest of its newest pauses [ns], slowly forgotten; trusted samples before the
+variance was widened."""
+NUMBERS = 36
 SPREAD, INTERVAL, OUTSIDE, FACTOR, SOUND_BY = range(5)
 """Memory per group, numbers: variance of the state over that of the measurement; mean interval of
 trusted samples [ns]; share of contested samples; suspected factor; how much likelier it is that it
@@ -91,8 +92,9 @@ FEW = 5
 """Innovations after which a provisional one is used."""
 STEPS = 6
 """Such changes by which a sensor is known to be coarse: a spike is two."""
-KNOWN = 64
-"""Innovations after which the noise is known well enough to tell a factor by it."""
+KNOWN, AGAIN = 64, 16
+"""Innovations after which the noise is known well enough to tell a factor by it; and trusted ones
+after its variance was widened."""
 FAR = 2.0
 """Measured over expected from which, or from whose inverse, a model is out of scale."""
 SCALE = 256

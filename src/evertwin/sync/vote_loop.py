@@ -138,12 +138,13 @@ def widen(
 ) -> bool:
     """Too many samples outside: the noise has risen, the gate is set anew (never switched off)."""
     variance, counts, _ = statistics
-    values, _, figures = memory
+    values, numbers, figures = memory
     share = 1.0 / (4.0 * rules[g, at.VOTE])
     figures[g, at.OUTSIDE] += (1.0 - figures[g, at.OUTSIDE]) * share
     if figures[g, at.OUTSIDE] <= 0.3:
         return False
     figures[g, at.OUTSIDE] = 0.15
+    numbers[g, at.WIDENED] = numbers[g, at.SAMPLES]
     pool = variance.shape[0] - 1
     for k in range(size):
         j = room[k]
