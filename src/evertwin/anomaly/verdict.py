@@ -2,7 +2,8 @@
 
 A deviation was suspected, and the window was tuned. The answer is read from what is left:
 
-* the tuned residual is independent of the inputs: the parameters had moved, *normal*;
+* the tuned residual is independent of the inputs, output by output and along what each input does
+  to all of them: the parameters had moved, *normal*;
 * it still depends on the inputs, or tuning had to leave the bounds: the form is wrong, *abnormal*.
 
 Dependence is tested on each input and on its change since the prediction began (a missing lag shows
@@ -40,13 +41,14 @@ from typing import Any
 
 import numpy as np
 
+from evertwin.anomaly.along import along, effects
 from evertwin.fold import plain
 from evertwin.models.kernel import CONTINUE
 from evertwin.tuning import Dependence, Fit, Problem
 from evertwin.tuning.autocorrelation import Correlation
 from evertwin.tuning.classes import Classes
 from evertwin.tuning.statistics import depends
-from evertwin.types import Inputs, Json
+from evertwin.types import Inputs, Json, Vector
 
 
 @dataclass(frozen=True)
@@ -170,14 +172,23 @@ def _dependence(fit: Fit, problem: Problem, rule: Rule) -> tuple[Dependence | No
     """The dependence that weighs most, None if none counts; and its part of the deviation."""
     rows, model = problem.rows, problem.model
     names = model.inputs.names
-    found = depends(
-        Correlation.of(problem.residuals(fit.values)),
-        rows.classes.beside(Classes.of(_change(rows.u, problem.restart.code))),
-        model.outputs.names,
-        (*names, *(f"change of {name}" for name in names)),
-    )
+    left, outputs = problem.residuals(fit.values), model.outputs.names
     before = {r.output: r.rms_before for r in fit.residuals}
     after = {r.output: r.rms_after for r in fit.residuals}
+    if len(outputs) > 1 and len(model.states):
+        start, told = problem.residuals(problem.start), [*left.T]
+        for name, effect in zip(names, effects(problem, fit.values), strict=True):
+            now, was = (along(effect, r, fit.noise) for r in (left, start))
+            told.append(now)
+            outputs = (*outputs, f"what {name} does")
+            before[outputs[-1]], after[outputs[-1]] = _rms(was), _rms(now)
+        left = np.stack(told, axis=1)
+    found = depends(
+        Correlation.of(left),
+        rows.classes.beside(Classes.of(_change(rows.u, problem.restart.code))),
+        outputs,
+        (*names, *(f"change of {name}" for name in names)),
+    )
     worst, most = None, 0.0
     for one in found:
         if not (one.p <= rule.chance and before[one.output] > 0):
@@ -186,6 +197,11 @@ def _dependence(fit: Fit, problem: Problem, rule: Rule) -> tuple[Dependence | No
         if part >= max(rule.part, most):
             worst, most = one, part
     return worst, most
+
+
+def _rms(values: Vector) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if len(known) else 0.0
 
 
 def _change(u: Inputs, code: np.ndarray) -> Inputs:

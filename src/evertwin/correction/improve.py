@@ -37,6 +37,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from evertwin.correction.absorbed import absorbed
 from evertwin.correction.candidates import propose
 from evertwin.correction.describe import describe
 from evertwin.correction.evidence import Evidence, asked_of, gather, mean_deviation
@@ -93,6 +94,8 @@ class Selection:
     """Step of a table's levels; 0: proposed from the data."""
     outputs: tuple[str, ...] = ()
     """Outputs that terms have to pay on; empty: all. Nothing rides along that pays on others."""
+    numbers: tuple[str, ...] = ()
+    """Numbers of the base model that may take over the gain of a law."""
     least: int = 30
     """Fewest segments that a search may be based on."""
 
@@ -152,6 +155,8 @@ class Proposal:
     """Every step on the way, terms that were replaced or dropped later included."""
     table: Mapping[str, Any] = field(default_factory=dict)
     """The translation table that a law was refined from: levels, values, visits, learned."""
+    taken: tuple[str, ...] = ()
+    """Gains of terms that numbers of the base model took over."""
     unseen: tuple[float, ...] = ()
     """Levels of the table that the machine was not at."""
 
@@ -333,10 +338,11 @@ class _Search:
         new = {id(g.term) for g in kept}
         few = [k for k, part in enumerate(best.parts) if id(part.term) in new and part.few]
         best, after = (settled(best, few, self.evidence), after) if kept else (stack, before)
+        best, taken = absorbed(best, few if kept else (), self.settings.numbers, self.evidence)
         return Proposal(
             Form(tuple(part.term for part in best.parts), form.variant),
             best.model.parameters.names, best.p, before, after, self.scale(best), kept,
-            describe(best), tried, tuple(gains),
+            describe(best), tried, tuple(gains), taken=taken,
         )  # fmt: skip
 
 

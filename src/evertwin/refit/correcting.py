@@ -42,7 +42,10 @@ def learn(setup: Setup, base: Model, version: Version, windows: Windows) -> Prop
     rule = setup.spec.correction
     if rule.translated:
         return _translation(setup, base, version, windows)
-    settings = Selection(rule.terms, rule.channels, quantum=rule.quantum, outputs=rule.outputs)
+    settings = Selection(
+        rule.terms, rule.channels, quantum=rule.quantum, outputs=rule.outputs,
+        numbers=setup.editable,
+    )  # fmt: skip
     return improve(base, version.form, windows, setup.horizon, settings, version.p)
 
 

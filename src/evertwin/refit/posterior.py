@@ -35,7 +35,7 @@ def posterior(
         tuned: numbers of the base model that were tuned as well.
     """
     base = setup.model.parameters.names
-    names = tuple(name for name in proposal.names if name not in base)
+    names = tuple(n for n in proposal.names if n not in base and n not in proposal.taken)
     if not names:
         return None
     assert isinstance(model, Corrected)

@@ -358,10 +358,9 @@ class Work(Tuner):
             return {"events": events, "candidate": tuned}
         values = dict(zip(proposal.names, proposal.p.tolist(), strict=True))
         old = dict(zip(version.names, version.p.tolist(), strict=True))
-        moved = {
-            one: name for name in (found[1].moved if found else ())
-            if values.get(one := name.removesuffix(" (weak)")) != old.get(one)
-        }  # fmt: skip
+        said = {one.removesuffix(" (weak)"): one for one in (found[1].moved if found else ())}
+        names = [one for one in base.parameters.names if values.get(one) != old.get(one)]
+        moved = {one: said.get(one, one) for one in names}
         first = (f"tuned {', '.join(moved.values())}",) if moved else ()
         alike = {kind(gain.term.kind).alike for gain in proposal.gains if gain.term.channel == "*"}
         reason = "; ".join((*first, *proposal.describes, *sorted(alike - {""})))

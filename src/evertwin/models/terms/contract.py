@@ -207,6 +207,11 @@ class CorrectionTerm(ABC):
         """Is this number of the size of its channel? Else it is of the size of its value."""
         return False
 
+    def behind_gain(self, term: Term, values: tuple[float, ...]) -> tuple[float, tuple[float, ...]]:
+        """Its gain, and its numbers with a gain of 1 that make as much of a command once what comes
+        out is multiplied by it; 1 and the numbers as they are where it has none."""
+        return 1.0, values
+
     @abstractmethod
     def say(self, term: Term, values: Sequence[float], unit: str, intervals: Intervals) -> str:
         """One sentence: what the machine does with its commands; quantities in SI.

@@ -73,6 +73,14 @@ class Law(CorrectionTerm):
     def by_channel(self, name: str) -> bool:
         return name in ("threshold", "cap")
 
+    def behind_gain(self, term: Term, values: tuple[float, ...]) -> tuple[float, tuple[float, ...]]:
+        *start, gain, offset, cap = values
+        if not gain > DEAF:
+            return 1.0, values
+        start = [one / gain for one in start] if term.variant == "clamp" else start
+        most = cap / gain if cap < UNBOUNDED else cap
+        return gain, (*start, 1.0, offset / gain, most)
+
     def propose(self, rows: Rows) -> Iterator[Candidate]:
         for channel in rows.chosen:
             yield from _laws(channel, rows.inputs(channel), rows.reach[channel])
@@ -83,10 +91,13 @@ class Law(CorrectionTerm):
             threshold = told("threshold", values[0], unit, intervals)
             said.append(f"start threshold {threshold} ({term.variant})")
         gain, offset, cap = values[-3:]
-        answers = f"gain {told('gain', gain, '', intervals)}"
-        said.append(answers if gain > DEAF else "no answer to it (or its sign is turned)")
         capped = cap < UNBOUNDED
-        if abs(offset) > (5e-3 * cap if capped else 0.0):
+        lost = abs(offset) > (5e-3 * cap if capped else 0.0)
+        if gain <= DEAF:
+            said.append("no answer to it (or its sign is turned)")
+        elif gain != 1.0 or not (said or lost or capped):
+            said.append(f"gain {told('gain', gain, '', intervals)}")
+        if lost:
             said.append(f"offset {told('offset', offset, unit, intervals)}")
         if capped:
             said.append(f"saturation at {told('cap', cap, unit, intervals)}")
