@@ -84,6 +84,8 @@ class Ledger:
         self._name = name
         self.lives: list[int] = []
         """Versions that have been live, in order; the last one is."""
+        self._back: list[int] = []
+        """The live version, behind those to which one may go back: none that was rolled back."""
         self.pinned = False
         self.runs: list[Begun] = []
         self.reading = reading
@@ -102,7 +104,7 @@ class Ledger:
             if reading:
                 raise
             store.repair()
-            self.lives, self.runs, self.pinned = [], [], False
+            self.lives, self._back, self.runs, self.pinned = [], [], [], False
             self._open(configured)
         if not reading:
             self.hear()
@@ -132,7 +134,7 @@ class Ledger:
 
     def _configured(self, number: int) -> None:
         if self.reading:
-            self.lives.append(number)
+            self._live(number)
         else:
             self.switch(number, "configured", "as the twin file says")
 
@@ -143,9 +145,8 @@ class Ledger:
 
     @property
     def before(self) -> int | None:
-        """The version that was live before the present one."""
-        others = [number for number in self.lives if number != self.champion]
-        return others[-1] if others else None
+        """The version that was live before the present one, and was not rolled back since."""
+        return self._back[-2] if len(self._back) > 1 else None
 
     @property
     def unfinished(self) -> Begun | None:
@@ -245,7 +246,10 @@ class Ledger:
             UsageError: there was none before, or the present one is pinned.
         """
         if self.before is None:
-            raise UsageError("roll back: no other version has been live before this one")
+            raise UsageError(
+                f"roll back: no other version has been live before version {self.champion} (but "
+                "what was rolled back): promote one by its number"
+            )
         self._refuse_pinned(self.before)
         return self.switch(self.before, "rolled_back", reason, person)
 
@@ -272,6 +276,8 @@ class Ledger:
         evidence: dict[str, Any] = {"version": number, "hash": version.hash}
         if kind == "configured":
             evidence["twin"] = self._name
+        else:
+            evidence["replaced"] = self.champion
         return self._ordered(kind, f"version {number}: {reason}", evidence, person)
 
     def pin(self, number: int | None, reason: str, person: str = "") -> Event:
@@ -360,15 +366,22 @@ class Ledger:
         if event.kind in ORDERS and entry.run == 0:
             self.spoken = entry.number
         if event.kind in SWITCHES:
-            self.lives.append(number)
+            while event.kind == "rolled_back" and self._back[-1:] not in ([], [number]):
+                del self._back[-1]
+            self._live(number)
         elif event.kind == "pinned":
             self.pinned = bool(event.evidence["pinned"])
             if isinstance(number, int) and number != self.champion:
-                self.lives.append(number)
+                self._live(number)
         elif event.kind == "started":
             self.runs.append(Begun(entry.run, entry.number, dict(event.evidence)))
         elif event.kind == "ran":
             self.runs[-1] = replace(self.runs[-1], ended=dict(event.evidence), last=entry.number)
+
+    def _live(self, number: int) -> None:
+        self.lives.append(number)
+        if self._back[-1:] != [number]:
+            self._back.append(number)
 
     def _estimates(self, content: Any, version: int, row: int, run: int) -> list[Estimate]:
         """The parameter history: one entry per tuned parameter."""

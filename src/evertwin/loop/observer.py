@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -162,7 +162,7 @@ class Observer:
         parameters: Parameters = model.parameters.with_values(now.p)
         outputs = figures(self.setup, state)
         trial, trace = open_trial(driver.setup, driver.versions, state), self.trace.columns()
-        measured, told = 0, compared(driver.versions, state)
+        measured, told = 0, succeeded(driver.versions, champion, self.events)
         if trace:
             trace["moving"] = self.setup.moving(trace["input"])
             measured = int(np.isfinite(trace["measured"]).any(axis=1).sum())
@@ -189,10 +189,15 @@ def _columns(piece: Block, out: Followed) -> tuple[np.ndarray, ...]:
     )  # fmt: skip
 
 
-def compared(versions: Versions, state: TwinState) -> tuple[Version, ...]:
-    """The live version, and that which the figures before are of, if it is another."""
-    numbers = (state.live.version, state.first.version)
-    return tuple(versions[number] for number in numbers if number >= 0)
+def succeeded(
+    versions: Versions, champion: Version, events: Sequence[Event]
+) -> tuple[Version, ...]:
+    """The live version, and that which it replaced, if it did."""
+    before: Any = champion.parent
+    for event in events:
+        if event.kind == "promoted" and event.evidence.get("version") == champion.number:
+            before = event.evidence.get("replaced", before)
+    return (champion,) if before is None else (champion, versions[before])
 
 
 def figures(setup: Setup, state: TwinState) -> dict[str, OutputFigures]:

@@ -40,7 +40,7 @@ from evertwin.refit.answering import (
 )
 from evertwin.refit.channels import ENOUGH, of_a_channel
 from evertwin.refit.correcting import learn, nearest
-from evertwin.refit.judgement import NEARLY_ALL, PARTLY, judged
+from evertwin.refit.judgement import NEARLY_ALL, judged, partly
 from evertwin.refit.named_cause import named_first
 from evertwin.refit.newest import after, newer, newest
 from evertwin.refit.physical import passive
@@ -209,8 +209,9 @@ class Work(Tuner):
         if rounds and fit.converged:
             verdict = Verdict("normal", "", f"tuned by rounds: {fit.message}")
         else:
-            whole = len(names) == len(self.editable(version))
-            verdict = judged(self.setup, problem, fit) if whole else PARTLY
+            all_of = self.editable(version)
+            whole = len(names) == len(all_of)
+            verdict = judged(self.setup, problem, fit) if whole else partly(names, all_of)
         new = verdict.kind == "abnormal" and not (commissioned or verdict.alone)
         if new and (other := misread(*rows, fit.p)):
             return of_a_sensor(other, *events) | since
