@@ -49,8 +49,8 @@ def test_a_version_is_told_from_the_one_before_with_the_intervals_of_its_fit() -
         known = {n: {"value": now[n], "interval95": (now[n] - h, now[n] + h)}
                  for n, h in halves.items()}  # fmt: skip
         fit = Event(9, 0, "tuned", "", reason, {"parameters": known})
-        assert changes(twin.setup, two, one).startswith("mass 80 → 110 kg")
-        assert changes(twin.setup, two, one, [fit]).startswith("Fc 119 → 122 N, mass 80 → 110 kg")
+        assert changes(twin.setup, (two, one)).startswith("mass 80 → 110 kg")
+        assert changes(twin.setup, (two, one), [fit]).startswith("Fc 119 → 122 N, mass 80 → 110 kg")
 
 
 @pytest.mark.parametrize("seed", [1, 2])

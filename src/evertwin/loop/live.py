@@ -288,7 +288,7 @@ class Live:
         """What is other in the live version than in that before; nothing: nothing is."""
         if self._state is None or not self._state.live.version:
             return ""
-        return changes(self.setup, *self._succeeded, events=self._observer.events)
+        return changes(self.setup, self._succeeded, self._observer.events)
 
     @property
     def _succeeded(self) -> tuple[Version, ...]:

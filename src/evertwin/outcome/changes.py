@@ -22,16 +22,16 @@ Move = tuple[str, float, float]
 """Name, value before, value now."""
 
 
-def changes(
-    setup: Setup, champion: Version, before: Version | None = None, events: Sequence[Event] = ()
-) -> str:
-    """What is other in the live version than in the one ``before``, or than was configured: of many
-    numbers those that moved most, by their intervals where ``events`` have a fit's; where a state
-    begins is none of the machine's."""
+def changes(setup: Setup, versions: Sequence[Version], events: Sequence[Event] = ()) -> str:
+    """What is other in the live version, the first, than in the one before it, the second, or than
+    was configured: of many numbers those that moved most, by their intervals where ``events`` have
+    a fit's; where a state begins is none of the machine's."""
+    champion = versions[0]
     tuned, *terms = champion.reason.split("; ")
     names = [name.removesuffix(" (weak)") for name in tuned.removeprefix("tuned ").split(", ")]
     old = {item.name: item.value for item in setup.model.parameters}
-    old |= {} if before is None else dict(zip(before.names, before.values, strict=True))
+    for before in versions[1:]:
+        old |= zip(before.names, before.values, strict=True)
     now = dict(zip(champion.names, champion.values, strict=True))
     units = {item.name: item.unit for item in setup.model.parameters}
     if not tuned.startswith("tuned ") or not set(names) <= set(now) & set(old) & set(units):
@@ -90,5 +90,5 @@ def spelled(event: Event, setup: Setup, versions: Versions, live: int) -> Event:
         return event
     number: Any = event.evidence["version"]
     new, old = versions[number], versions[live]
-    evidence = event.evidence | {"replaced": live}
-    return replace(event, reason=f"{event.reason}; {changes(setup, new, old)}", evidence=evidence)
+    evidence = {**event.evidence, "replaced": live}
+    return replace(event, reason=f"{event.reason}; {changes(setup, (new, old))}", evidence=evidence)

@@ -303,7 +303,7 @@ def _changed(setup: Setup, versions: tuple[Version, ...], events: Sequence[Event
         if e.kind == "promoted" and e.evidence.get("version") == champion.number
     ]  # fmt: skip
     by = f" by {went[-1]}" if went else ""
-    return f"Changed{by}: {changes(setup, *versions, events=events)}"
+    return f"Changed{by}: {changes(setup, versions, events)}"
 
 
 def _asked(setup: Setup, known: Mapping[str, OutputFigures]) -> str:
