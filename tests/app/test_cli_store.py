@@ -171,3 +171,20 @@ def test_what_a_service_keeps_is_found_by_its_site_file(
     assert call("store", "verify", "robot.toml").code == 0
     refused = call("model", "promote", "robot.toml", "0")
     assert refused.code == 2 and "left.db" in refused.err and "page" in refused.err
+
+
+def test_what_only_looks_reads_the_store_that_a_service_keeps(call: Command, folder: Path) -> None:
+    assert call("run", "robot.toml", "--data", "robot.csv").code == 0
+    file = folder / "robot.toml"
+    file.write_text(file.read_text().partition("[store]")[0])
+    (folder / "site.toml").write_text('[[twin]]\nfile = "robot.toml"\n')
+    (folder / "store").mkdir()
+    (folder / "robot.db").rename(folder / "store" / "robot.db")
+    live = call("model", "list", "robot.toml", "--json").json["champion"]
+    assert live > 0
+    done = call("export", "robot.toml", "--format", "json", "-o", "out.json")
+    assert f"version {live}" in done.out and "read from the service's" in done.err
+    told = call("fit", "robot.toml", "--train", "robot.csv")
+    assert told.code == 0 and "read from the service's" in told.err
+    set_ = call("setpoint", "robot.toml", "--wanted", "10 cm/s", "--data", "robot.csv")
+    assert f"version {live}:" in set_.out

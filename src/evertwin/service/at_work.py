@@ -90,7 +90,8 @@ class AtWork:
         )  # fmt: skip
         kept = None if token is None else SharedStore(str(store), plan.name, token)
         self.twin = Twin(self.spec, store=kept, engine=None if shared is None else shared.share())
-        self._estimates: dict[str, Estimate] = {}
+        self._estimates: dict[tuple[str, float], Estimate] = {}
+        """The newest of each number's values: the live one need not be of the newest fit."""
         self._read = 0
         self._row = -1
         self._stored = 0.0
@@ -237,7 +238,7 @@ class AtWork:
         for entry in store.entries(self._read, ("event", "estimate")):
             record = store.record(entry)
             if isinstance(record, Estimate):
-                self._estimates[record.name] = record
+                self._estimates[record.name, record.value] = record
             elif isinstance(record, Event):
                 found.append((entry.number, told(entry.number, record)))
         self._read = store.head.length
@@ -272,8 +273,8 @@ class AtWork:
 
     def _interval(self, name: str, value: float) -> Mapping[str, Any]:
         """What the fit that a value comes from said of it."""
-        known = self._estimates.get(name)
-        if known is None or known.value != value:
+        known = self._estimates.get((name, value))
+        if known is None:
             return {"interval95": None, "verdict": None}
         return {"interval95": plain((known.low, known.high)), "verdict": known.verdict}
 
