@@ -238,3 +238,20 @@ def test_rows_left_out_are_said_and_are_a_finding(call: Command, folder: Path) -
     )
     fitted = call("fit", "robot.toml", "--train", "robot.csv", "--check")
     assert fitted.code == 1 and "look like ns" in fitted.out
+
+
+@pytest.mark.parametrize("command", ["run --data", "fit --train", "doctor --data"])
+def test_a_recording_that_is_given_twice_is_refused(
+    call: Command, folder: Path, command: str
+) -> None:
+    verb, option = command.split()
+    (folder / "copy.csv").write_bytes((folder / "robot.csv").read_bytes())
+    for twice, said in (
+        (("robot.csv", "robot.csv"), "robot.csv: given twice: its rows would count twice"),
+        (("robot.csv", "copy.csv"), "copy.csv: the same content as robot.csv"),
+        (("robot.csv@0:60", "robot.csv@50:90"), "and the parts overlap"),
+    ):
+        done = call(verb, "robot.toml", option, *twice)
+        assert done.code == 2 and said in done.err
+    done = call(verb, "robot.toml", option, "robot.csv@0:60", "robot.csv@60:90")
+    assert done.code in (0, 1)

@@ -21,7 +21,7 @@ from evertwin.fold import Block, Chunk, Event, concatenate, take
 from evertwin.models import Model
 from evertwin.rows.alignment import Alignment
 from evertwin.rows.crop import cropped
-from evertwin.sources.merging import Excerpt, merge
+from evertwin.sources.merging import Excerpt, each_once, merge
 from evertwin.sources.recorded import Recorded
 from evertwin.sources.tally import Tally
 from evertwin.sync import Feed as Brings
@@ -171,8 +171,12 @@ class Feed:
             return
         parts = _parts(data)
         if all(part.whole for part in parts):
-            yield from self._merged(files_of(self.spec, [part.path for part in parts]))
+            files = files_of(self.spec, [part.path for part in parts])
+            for paths in files.values():
+                each_once([Excerpt(path) for path in paths])
+            yield from self._merged(files)
             return
+        each_once(parts)
         task = 0
         for files, part in self._recordings(parts):
             newest = task
