@@ -219,6 +219,20 @@ def test_nothing_is_there_to_roll_back_to() -> None:
         fresh.rollback()
 
 
+def test_a_pinned_version_is_said_to_be_pinned() -> None:
+    with Twin(spec()) as twin:
+        free = twin.run(drive(200, gain=1.0))
+        twin.pin(0, "acceptance")
+        result = twin.run(drive(200, gain=1.0, seed=2))
+        twin.push(drive(200, gain=1.0, seed=3))
+        assert "Version 0 is pinned" in twin.going().outcome[0]
+    assert "pinned" not in str(free) and not free.to_dict()["champion"]["pinned"]
+    assert result.headline.endswith("Version 0 is pinned: nothing else is tuned or goes live until "
+                                    "it is unpinned.")  # fmt: skip
+    assert "version 0 is live, pinned (as configured)" in str(result)
+    assert result.to_dict()["champion"]["pinned"]
+
+
 def test_a_second_roll_back_goes_further_back_or_says_that_it_cannot() -> None:
     with Twin(spec()) as twin:
         for gain in (0.9, 0.8):

@@ -33,7 +33,7 @@ from evertwin.loop.observer import Observer, figures, succeeded
 from evertwin.loop.run import Run, settings_hash
 from evertwin.models.form import Version
 from evertwin.outcome.changes import changes
-from evertwin.outcome.headline import headline
+from evertwin.outcome.headline import also_pinned, headline
 from evertwin.outcome.open_trial import OpenTrial, open_trial
 from evertwin.outcome.result import OutputFigures, RunResult
 from evertwin.outcome.view import View
@@ -281,7 +281,9 @@ class Live:
         if self._run is None or self._state is None:
             return "No rows yet.", {}
         setup, found = self._run.setup, figures(self._run.setup, self._state)
-        return headline(setup, found, self._succeeded, self._observer.events, self.trial), found
+        said = headline(setup, found, self._succeeded, self._observer.events, self.trial)
+        agenda, live = self._state.agenda, self._state.live.version
+        return also_pinned(said, live, pinned=agenda.pinned), found
 
     @property
     def changed(self) -> str:

@@ -15,7 +15,7 @@ from evertwin.loop.follow import Followed
 from evertwin.loop.in_stream import as_is
 from evertwin.models import Parameters
 from evertwin.models.form import Version
-from evertwin.outcome.headline import headline
+from evertwin.outcome.headline import also_pinned, headline
 from evertwin.outcome.open_trial import open_trial
 from evertwin.outcome.result import OutputFigures, RunResult
 from evertwin.outcome.trace import Tail, Trace
@@ -166,6 +166,8 @@ class Observer:
         if trace:
             trace["moving"] = self.setup.moving(trace["input"])
             measured = int(np.isfinite(trace["measured"]).any(axis=1).sum())
+        said = headline(self.setup, outputs, told, self.events, trial, measured)
+        pinned = state.agenda.pinned
         return RunResult(
             name=self.setup.spec.name, samples=state.row, seconds=seconds,
             outputs=outputs, position_updates=updates(state),
@@ -176,7 +178,7 @@ class Observer:
             models={v.form: driver.versions.model(v.number) for v in driver.versions},
             trace=trace, rounds=tuple(self.rounds),
             trial=trial,
-            headline=headline(self.setup, outputs, told, self.events, trial, measured),
+            headline=also_pinned(said, champion.number, pinned=pinned), pinned=pinned,
             relative=self.setup.relative or not self.setup.decides,
         )  # fmt: skip
 

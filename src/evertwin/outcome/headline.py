@@ -93,6 +93,16 @@ def headline(
     return " ".join(told)
 
 
+def also_pinned(told: str, version: int, *, pinned: bool) -> str:
+    """``told``, and that no other version goes live, where the live one is pinned.
+
+    >>> also_pinned("It fits.", 3, pinned=True)
+    'It fits. Version 3 is pinned: nothing else is tuned or goes live until it is unpinned.'
+    """
+    said = f" Version {version} is pinned: nothing else is tuned or goes live until it is unpinned."
+    return told + said * pinned
+
+
 def first_of_rows(told: str, left_out: Sequence[Tally]) -> str:
     """``told``, after what became of most rows of a source, where most were left out."""
     for tally in left_out:
