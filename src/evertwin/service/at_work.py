@@ -27,6 +27,7 @@ from evertwin.service.off_now import Now, off_now, rows_of, told_now
 from evertwin.service.plan import Plan
 from evertwin.service.scene import scene_of
 from evertwin.signals import wrap
+from evertwin.signals.channels import same_turn
 from evertwin.signals.spoken import suited
 from evertwin.signals.units import conversion_of
 from evertwin.store import Estimate, Kept, SharedStore, SqliteStore
@@ -338,9 +339,12 @@ def shown(view: View, model: Model, which: np.ndarray) -> Mapping[str, Any]:
         "row": view.row[which].tolist(), "t": view.t[which].tolist(),
         "version": view.version[which].tolist(),
     }  # fmt: skip
-    columns = {"measured": view.measured, "predicted": view.predicted,
+    predicted, before = (
+        same_turn(one, view.measured, model.outputs.angles) for one in (view.predicted, view.first)
+    )
+    columns = {"measured": view.measured, "predicted": predicted,
                "residual": off(view.measured, view.predicted, model), "sigma": view.band,
-               "before": view.first, "off": view.off}  # fmt: skip
+               "before": before, "off": view.off}  # fmt: skip
     groups = model.outputs.group_of
     told["outputs"] = {
         name: {key: plain(column[which, k]) for key, column in columns.items()}
