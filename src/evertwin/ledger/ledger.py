@@ -15,7 +15,7 @@ from typing import Any
 
 from evertwin.errors import StoreDamaged, StoreError, UsageError
 from evertwin.fold import Answer, Event, Record
-from evertwin.ledger.label import ACTS, Label
+from evertwin.ledger.label import Label, acts
 from evertwin.ledger.versions import Versions
 from evertwin.machines.friction.resisting import not_physical
 from evertwin.models.form import Form, Version
@@ -84,8 +84,7 @@ class Ledger:
         self._name = name
         self.lives: list[int] = []
         """Versions that have been live, in order; the last one is."""
-        self._back: list[int] = []
-        """The live version, behind those to which one may go back: none that was rolled back."""
+        self._back: list[int] = []  # to where one may go, the live one last
         self.pinned = False
         self.runs: list[Begun] = []
         self.reading = reading
@@ -191,7 +190,7 @@ class Ledger:
         batch = self.batch(events, 0)
         if batch:
             self.commit(Batch(batch))
-        self.orders += [e for e in events if e.kind in ORDERS or _acts(e)]
+        self.orders += [e for e in events if e.kind in ORDERS or acts(e)]
 
     def keep(self, form: Form, values: Mapping[str, float], reason: str) -> Version:
         """A version of what was found outside of any run, its parent the live one; nothing more.
@@ -216,7 +215,7 @@ class Ledger:
             for event in asked if self._can(event)
         ]  # fmt: skip
         self.commit(Batch(events, heard=last))
-        self.orders += [e for e in events if e.kind in ORDERS or _acts(e)]
+        self.orders += [e for e in events if e.kind in ORDERS or acts(e)]
 
     def _can(self, event: Event) -> bool:
         """Does an order name a version that there is? What cannot be heeded is dropped."""
@@ -246,10 +245,7 @@ class Ledger:
             UsageError: there was none before, or the present one is pinned.
         """
         if self.before is None:
-            raise UsageError(
-                f"roll back: no other version has been live before version {self.champion} (but "
-                "what was rolled back): promote one by its number"
-            )
+            raise UsageError(f"roll back: no other version has been live before {self.champion}")
         self._refuse_pinned(self.before)
         return self.switch(self.before, "rolled_back", reason, person)
 
@@ -315,7 +311,7 @@ class Ledger:
         for entry in self.store.entries(before, ("event",)):
             record = self.store.record(entry)
             assert isinstance(record, Event)
-            if entry.run == 0 and entry.number < run.position and _acts(record):
+            if entry.run == 0 and entry.number < run.position and acts(record):
                 found.append(record)
             if entry.run == run.number and entry.number <= position and record.kind == "heeded":
                 return []
@@ -402,8 +398,3 @@ class Ledger:
         """Tasks of the runs before a run, and the time within them [ns]."""
         ended = [one.ended for one in self.runs if one.ended is not None and one.number < run]
         return sum(e["tasks"] for e in ended), sum(e["elapsed"] for e in ended)
-
-
-def _acts(event: Event) -> bool:
-    """Is it a label that a run heeds?"""
-    return event.kind == "labelled" and event.evidence["verdict"] in ACTS
