@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from evertwin import Twin, TwinSpec
+from evertwin.ahead.simulated import Exceeded, OutputSize, Simulated
 from evertwin.ahead.spec import SCENARIO, ScenarioSpec, read_scenario
+from evertwin.ahead.whatif import WhatIf
 from evertwin.config import spec
 from evertwin.errors import ConfigError, DataError, UsageError
 from evertwin.settings.schema import schema
@@ -158,3 +161,38 @@ def test_the_rms_that_will_be_measured_has_the_width_of_what_predictions_miss() 
     for size in found.after.outputs.values():
         low, high = size.rms95
         assert low <= size.rms <= high and 0.0 < high - low < size.peak95[1] - size.peak95[0]
+
+
+def test_temperatures_are_told_in_the_unit_of_their_source() -> None:
+    def case(peak: float, over: bool) -> Simulated:
+        limit, chance = 313.15, 1.0
+        size = OutputSize("K", 300.0, (299.0, 301.0), peak, (peak - 1, peak + 40), limit, chance)
+        found = (Exceeded("box", "K", peak, limit, 7.0),) if over else ()
+        return Simulated(9.0, {"box": size}, found)
+
+    both = WhatIf("oven", "hot", 1, case(318.15, True), case(323.15, True),
+                  recorded={"box": "degC"})  # fmt: skip
+    assert both.findings == (
+        "box reaches 50 degC at 7 s, limit 40 degC (the baseline passes it too)",
+    )
+    assert "peak        45 ->        50 (49 … 90)" in str(both) and "rms" not in str(both)
+    assert both.to_dict()["change"] == {}
+    below = WhatIf("oven", "hot", 1, Simulated(9.0, {}), case(308.15, False),
+                   recorded={"box": "degC"})  # fmt: skip
+    assert below.findings == (
+        "box stays at 35 degC in the simulation; with what predictions are off by it passes its "
+        "limit 40 degC (probability 1)",
+    )
+
+
+def test_a_version_that_does_not_fit_is_said_in_one_line() -> None:
+    asks = spec.AnomalySpec(requirement=1.0, relative=False)
+    twin, off = (
+        Twin(replace(arm().spec, model=replace(arm().spec.model, parameters=more), anomaly=asks))
+        for more in ({}, {"Fc1": spec.ParameterSpec(value=19.0)})
+    )
+    rows = motion(twin)
+    asked = "[parameters]\nFc1 = { add = 3.0 }"
+    assert not twin.whatif(told(asked), rows).notes
+    (note,) = off.whatif(told(asked), rows).notes
+    assert note.startswith("version 0 was never tuned and does not fit these recordings: tau1 is")

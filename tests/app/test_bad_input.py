@@ -238,3 +238,39 @@ def test_rows_left_out_are_said_and_are_a_finding(call: Command, folder: Path) -
     )
     fitted = call("fit", "robot.toml", "--train", "robot.csv", "--check")
     assert fitted.code == 1 and "look like ns" in fitted.out
+
+
+@pytest.mark.parametrize("command", ["run --data", "fit --train", "doctor --data"])
+def test_a_recording_that_is_given_twice_is_refused(
+    call: Command, folder: Path, command: str
+) -> None:
+    verb, option = command.split()
+    (folder / "copy.csv").write_bytes((folder / "robot.csv").read_bytes())
+    for twice, said in (
+        (("robot.csv", "robot.csv"), "robot.csv: given twice: its rows would count twice"),
+        (("robot.csv", "copy.csv"), "copy.csv: the same content as robot.csv"),
+        (("robot.csv@0:60", "robot.csv@50:90"), "and the parts overlap"),
+    ):
+        done = call(verb, "robot.toml", option, *twice)
+        assert done.code == 2 and said in done.err
+    done = call(verb, "robot.toml", option, "robot.csv@0:60", "robot.csv@60:90")
+    assert done.code in (0, 1)
+
+
+@pytest.mark.parametrize("verb", ["run", "fit", "init"])
+def test_rows_that_run_backward_or_one_alone_are_named_first(
+    call: Command, folder: Path, verb: str
+) -> None:
+    """And with the exit code of data, whatever a setting would ask of rows."""
+    file = folder / "robot.toml"
+    file.write_text(file.read_text().replace("window = 600", 'window = "60 s"'))
+    head, *rows = (folder / "robot.csv").read_text().splitlines()
+    (folder / "back.csv").write_text("\n".join([head, *reversed(rows)]))
+    (folder / "one.csv").write_text(f"{head}\n{rows[0]}\n")
+    words = {"run": ("run", "robot.toml", "--data"), "fit": ("fit", "robot.toml", "--train"),
+             "init": ("init", "-o", "new.toml")}[verb]  # fmt: skip
+    back, one = (call(*words, name) for name in ("back.csv", "one.csv"))
+    assert (back.code, one.code) == (4, 4)
+    assert "1199 of 1200 rows " in back.err.partition(":")[2][:60] and "sort the rows" in back.err
+    said = "fewer than two complete rows" if verb == "init" else "one row is left to use"
+    assert said in one.err and not (folder / "new.toml").exists()

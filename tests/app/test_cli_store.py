@@ -7,11 +7,13 @@ from pathlib import Path
 
 import pytest
 
+from evertwin.app.plan_shown import _line
 from evertwin.errors import UsageError
+from evertwin.prognosis.laws.planning import PlanItem
 from evertwin.store import SqliteStore
 from evertwin.twin import Twin
 
-from .conftest import Command
+from .conftest import Command, columns, save
 
 
 @pytest.fixture
@@ -171,3 +173,45 @@ def test_what_a_service_keeps_is_found_by_its_site_file(
     assert call("store", "verify", "robot.toml").code == 0
     refused = call("model", "promote", "robot.toml", "0")
     assert refused.code == 2 and "left.db" in refused.err and "page" in refused.err
+
+
+def test_what_only_looks_reads_the_store_that_a_service_keeps(call: Command, folder: Path) -> None:
+    assert call("run", "robot.toml", "--data", "robot.csv").code == 0
+    file = folder / "robot.toml"
+    file.write_text(file.read_text().partition("[store]")[0])
+    (folder / "site.toml").write_text('[[twin]]\nfile = "robot.toml"\n')
+    (folder / "store").mkdir()
+    (folder / "robot.db").rename(folder / "store" / "robot.db")
+    live = call("model", "list", "robot.toml", "--json").json["champion"]
+    assert live > 0
+    done = call("export", "robot.toml", "--format", "json", "-o", "out.json")
+    assert f"version {live}" in done.out and "read from the service's" in done.err
+    told = call("fit", "robot.toml", "--train", "robot.csv")
+    assert told.code == 0 and "read from the service's" in told.err
+    set_ = call("setpoint", "robot.toml", "--wanted", "10 cm/s", "--data", "robot.csv")
+    assert f"version {live}:" in set_.out
+
+
+def test_a_kind_that_no_event_has_is_answered_with_those_there_are(call: Command) -> None:
+    assert call("run", "robot.toml", "--data", "robot.csv").code == 0
+    done = call("events", "robot.toml", "--kind", "frob")
+    assert done.code == 0 and not done.out.strip()
+    assert "no event is 'frob'; the log has configured, " in done.err and "promoted" in done.err
+    assert not call("events", "robot.toml", "--kind", "promoted").err
+
+
+def test_a_date_that_is_over_is_said_to_be() -> None:
+    item = PlanItem("pump", "d", 10.0, 0.01, 2.0, 3.0, 50.0)
+    assert "on 2020-01-11, after 10 d (in the past: dates count from the newest row)" in _line(
+        item, "2020-01-11"
+    )
+    assert "in the past" not in _line(item, "2999-01-11")
+
+
+def test_the_first_line_of_a_twin_file_tells_of_all_recordings(call: Command, folder: Path) -> None:
+    names = [f"run{k:02}.csv" for k in range(14)]
+    for k, name in enumerate(names):
+        save(folder / name, columns(60, seed=k))
+    assert call("init", *names, "-o", "many.toml", "--model", "robot1d").code == 0
+    first = (folder / "many.toml").read_text().splitlines()[0]
+    assert "from run00.csv, run01.csv, run02.csv … run13.csv (14 files):" in first

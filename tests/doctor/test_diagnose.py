@@ -12,6 +12,7 @@ from evertwin.config.spec import (
     AnomalySpec,
     ArbiterSpec,
     CorrectionSpec,
+    IndicatorSpec,
     ModelSpec,
     ParameterSpec,
     PredictionSpec,
@@ -216,3 +217,29 @@ def test_starts_of_several_recordings_that_cannot_be_told_are_named() -> None:
     with Twin(TwinSpec("tank", ModelSpec("given"), prediction=PredictionSpec(2.0)), model) as twin:
         found = twin.doctor(rows).of_kind("not_identifiable")
     assert any("first of recording 2" in str(one) for one in found)
+
+
+@pytest.mark.parametrize(("spread", "shared"), [(0.1, True), (2.0, False)])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_wear_that_another_parameter_hides_is_told(
+    spread: float, shared: bool, seed: int
+) -> None:
+    """Speeds that hardly differ do not tell viscous friction from that of the square."""
+    axis = FunctionModel(
+        lambda x, u, dt, p: ([], [p[0] * u[0] + p[1] * u[0] * abs(u[0]) * np.sin(u[1])]),
+        Layout.of(speed="rad/s", angle="rad"), Layout.of(torque="Nm"),
+        parameters=Parameters.of(Fv=(1.0, "Nms/rad"), Fq=(1.0, "1")),
+    )  # fmt: skip
+    rng = np.random.default_rng(seed)
+    t = 0.1 * np.arange(600)
+    speed = rng.uniform(2.0, 2.5, 600)
+    angle = np.pi / 2 + rng.normal(0.0, spread, 600)
+    torque = speed + speed**2 * np.sin(angle) + rng.normal(0.0, 0.02, 600)
+    wear = IndicatorSpec(name="friction", parameter="Fv", limit=2.0)
+    found = Twin(TwinSpec("axis", ModelSpec("python"), indicator=(wear,)), axis).doctor(
+        {"t": t, "speed": speed, "angle": angle, "torque": torque}
+    )
+    told = found.of_kind("shared")
+    assert bool(told) is shared
+    if told:
+        assert "Fv tells the wear of friction, and Fq, tuned with it" in told[0].reason

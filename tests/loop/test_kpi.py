@@ -15,7 +15,7 @@ from evertwin.errors import UsageError
 from evertwin.fold import Event
 from evertwin.outcome.intervals import MONTH, Coverage, Rate
 from evertwin.outcome.kpi import Kpi, _changes
-from evertwin.outcome.result import RunResult
+from evertwin.outcome.result import OutputFigures, RunResult
 from evertwin.twin import Twin
 
 from .test_results import drive, spec
@@ -158,3 +158,18 @@ def test_episodes_end_with_a_promotion_and_a_known_change_begins_one() -> None:
     assert before.live is None and before.rejected == 1
     assert (after.row, after.detected, after.tuned, after.live) == (41, 5.0, 24.0, 34.0)
     assert _changes(events[4:5], (row, clock), 35.0) == (replace(after, tuned=None, live=None),)
+
+
+def test_a_machine_that_is_said_to_have_changed_was_detected() -> None:
+    row = np.arange(100)
+    said = [(11, "suspected"), (16, "tuned"), (51, "changed"), (51, "tuned")]
+    events = tuple(Event(at, 0, kind, "", "") for at, kind in said)
+    first, known = _changes(events, (row, 1.0 * row), 35.0)
+    assert (first.row, known.row, known.detected, known.tuned) == (11, 51, 15.0, 15.0)
+
+
+@pytest.mark.parametrize(("unit", "of"), [("K", "of its range"), ("m", "of its rms")])
+def test_a_share_of_a_temperature_is_said_to_be_one_of_its_range(unit: str, of: str) -> None:
+    one = OutputFigures(unit, 2.0, 1.0, 0.2, 0.1, 0.2, 0.1, 100, 100, 0.1)
+    found = Kpi("box", 0, 10.0, 10.0, None, {"x": one}, (), {}, {})
+    assert f"20.00 -> 10.00 % {of}" in str(found)

@@ -27,6 +27,7 @@ from evertwin.config.spec import (
     TwinSpec,
 )
 from evertwin.errors import MissingExtra, UsageError
+from evertwin.models.form import Form
 from evertwin.outcome.result import RunResult
 from evertwin.refit.fitting import FitResult
 from evertwin.report import draw_run
@@ -216,6 +217,32 @@ def test_the_operators_hand_outlives_the_process(tmp_path: Path) -> None:
 def test_nothing_is_there_to_roll_back_to() -> None:
     with Twin(spec()) as fresh, pytest.raises(UsageError, match="no other version has been live"):
         fresh.rollback()
+
+
+def test_a_pinned_version_is_said_to_be_pinned() -> None:
+    with Twin(spec()) as twin:
+        free = twin.run(drive(200, gain=1.0))
+        twin.pin(0, "acceptance")
+        result = twin.run(drive(200, gain=1.0, seed=2))
+        twin.push(drive(200, gain=1.0, seed=3))
+        assert "Version 0 is pinned" in twin.going().outcome[0]
+    assert "pinned" not in str(free) and not free.to_dict()["champion"]["pinned"]
+    assert result.headline.endswith("Version 0 is pinned: nothing else is tuned or goes live until "
+                                    "it is unpinned.")  # fmt: skip
+    assert "version 0 is live, pinned (as configured)" in str(result)
+    assert result.to_dict()["champion"]["pinned"]
+
+
+def test_a_second_roll_back_goes_further_back_or_says_that_it_cannot() -> None:
+    with Twin(spec()) as twin:
+        for gain in (0.9, 0.8):
+            number = twin._ledger.keep(Form(), {"gain": gain}, "by hand").number
+            twin.promote(number)
+        assert [twin.rollback().evidence["version"] for _ in range(2)] == [1, 0]
+        with pytest.raises(UsageError, match="no other version has been live before 0"):
+            twin.rollback()
+        twin.promote(2)
+        assert twin.rollback().evidence["version"] == 0
 
 
 def test_the_library_is_silent_until_it_is_asked(caplog: pytest.LogCaptureFixture) -> None:

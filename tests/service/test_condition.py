@@ -16,6 +16,7 @@ from evertwin.service.condition import Condition
 from evertwin.service.off_now import Now
 from evertwin.service.past import past
 from evertwin.service.plan import read_site
+from evertwin.store import Batch, Estimate
 
 SITE = """schema = 1
 name = "hall"
@@ -134,6 +135,20 @@ def test_an_alarm_whose_cause_is_over_has_returned_to_normal(tmp_path: Path, see
         again.looked(work.now)
         told = again.told(failed=False)
         assert told["condition"] == "good" and told["returned"]["reason"] == over["reason"]
+
+
+def test_a_later_fit_hides_no_interval_of_the_live_version(tmp_path: Path) -> None:
+    (tmp_path / "site.toml").write_text(SITE)
+    (tmp_path / "cart.toml").write_text(TWIN)
+    (tmp_path / "store").mkdir()
+    with closing(AtWork(read_site(tmp_path / "site.toml").twins[0], tmp_path / "store")) as work:
+        Beside(work, 1).drive(900, 1.6)
+        live = {one["name"]: one for one in work.about["parameters"]}["gain"]
+        assert work.about["champion"] and live["interval95"] and live["verdict"]
+        later = Estimate(899, 0, 1, "gain", 1.7, 1.6, 1.8, "identifiable", 0, 0)
+        work.twin._ledger.commit(Batch([later]))
+        work._news()
+        assert live in work.about["parameters"]
 
 
 def event(number: int, kind: str, reason: str = "", **more: Any) -> dict[str, Any]:

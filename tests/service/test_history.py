@@ -12,7 +12,16 @@ from evertwin.config import TwinSpec
 from evertwin.config.spec import ModelSpec
 from evertwin.errors import UsageError
 from evertwin.fold import Chunk
-from evertwin.service.history import PIECES, Span, Stored, looked_back, of_samples, pixels
+from evertwin.service.at_work import shown
+from evertwin.service.history import (
+    PIECES,
+    Span,
+    Stored,
+    looked_back,
+    of_rows,
+    of_samples,
+    pixels,
+)
 from evertwin.sources.spec import ChannelSpec, SourceSpec, TimeSpec
 from evertwin.store import Batch, SqliteStore
 from evertwin.twin import Twin
@@ -107,3 +116,20 @@ def test_rows_of_a_span_are_those_of_the_run() -> None:
 def test_a_span_that_ends_before_it_begins_is_refused() -> None:
     with pytest.raises(UsageError, match="first, last"):
         Span.of(2.0, 1.0, 100)
+
+
+def test_angles_are_shown_in_the_turn_of_what_is_measured() -> None:
+    """A heading that was integrated over two turns lies beside the measured one."""
+    with Twin(TwinSpec("base", ModelSpec("differential"))) as twin:
+        t, names = 0.1 * np.arange(300), ("x", "y", "heading")
+        none = {"x": np.full(300, np.nan), "y": np.full(300, np.nan)}
+        heading = np.pi - np.mod(np.pi - 0.5 * np.maximum(t - 0.1, 0.0), 2 * np.pi)
+        twin.push({"t": t, "v": np.zeros(300), "w": np.full(300, 0.5), "heading": heading, **none})
+        view, model = twin.view(300), twin.model
+    assert np.nanmax(view.predicted[:, 2]) > 7.0
+    told = shown(view, model, np.arange(300))["outputs"]["heading"]
+    pairs = zip(told["predicted"], told["measured"], strict=True)
+    assert max(abs(p - m) for p, m in pairs if p is not None) < 0.5
+    span = Span(int(view.t[0]), int(view.t[-1]) + 1, 100)
+    past = of_rows(view, model, span, names)["heading"]["predicted"]
+    assert max(past["high"]) < 4.0

@@ -28,6 +28,7 @@ from evertwin.models import Model, Restart, roll
 from evertwin.models.form import Version
 from evertwin.models.function import kernel_of
 from evertwin.refit.screening import screened
+from evertwin.rows.channels import unit_recorded
 from evertwin.rows.feed import Data, Feed
 from evertwin.setup.setup import Setup
 from evertwin.store import Store
@@ -70,6 +71,12 @@ class Basis:
     def sigma(self) -> ParameterVector:
         """Standard deviations of its values as their fits found them, (np,); 0 where none has."""
         return known_sigmas(self.store, self.version)
+
+    @property
+    def recorded(self) -> dict[str, str]:
+        """The units in which channels are recorded."""
+        names = (*self.model.inputs.names, *self.model.outputs.names)
+        return {name: unit_recorded(self.setup.spec, name) for name in names}
 
     def rows(self, data: Data = None) -> tuple[Block, ...]:
         """The rows of recordings, one block a task, without obvious errors.

@@ -23,6 +23,7 @@ from evertwin.ahead.spread import spread
 from evertwin.fold import Block, plain
 from evertwin.rows.feed import Data
 from evertwin.signals import wrap
+from evertwin.signals.units import from_si
 from evertwin.types import Inputs, Json, Outputs, Vector
 
 DRAWS = 64
@@ -84,6 +85,8 @@ class Forecast:
     """Open-loop stretches of recorded data that the band rests on."""
     learnt: float = np.inf
     """How long they are [s]; the band beyond is extrapolated."""
+    recorded: Mapping[str, str] = field(default_factory=dict)
+    """The unit in which an output is recorded, where it has one: text is in it, the rest in SI."""
     inputs: Inputs = field(default_factory=lambda: np.zeros((0, 0)), repr=False)
 
     @property
@@ -121,12 +124,16 @@ class Forecast:
             )
         places = np.unique(np.linspace(0, len(self.t) - 1, min(SHOWN, len(self.t))).astype(int))
         for name, out in self.outputs.items():
-            lines.append(f"{name} [{out.unit}]       value   80 %                     95 %")
-            bands = (*out.band(0.8), *out.band(0.95))
+            told = self.recorded.get(name) or out.unit
+            lines.append(f"{name} [{told}]       value   80 %                     95 %")
+            values, *bands = (
+                np.asarray(from_si(one, told))
+                for one in (out.value, *out.band(0.8), *out.band(0.95))
+            )
             for i in places.tolist():
                 ends = [float(end[i]) for end in bands]
                 digits = _digits(ends[1] - ends[0])
-                value, *said = (f"{x:.{digits}f}" for x in (float(out.value[i]), *ends))
+                value, *said = (f"{x:.{digits}f}" for x in (float(values[i]), *ends))
                 lines.append(
                     f"  {self.t[i]:8.4g} s {value:>11}   {said[0]:>10} … {said[1]:<10} "
                     f"{said[2]:>10} … {said[3]}"
@@ -172,7 +179,7 @@ def forecast(
     }  # fmt: skip
     found = Forecast(
         basis.setup.spec.name, basis.champion, future.t, outputs, mode, known.stretches,
-        known.length, future.u,
+        known.length, basis.recorded, future.u,
     )  # fmt: skip
     return found if inputs is None else replace(found, mode="planned")
 

@@ -7,6 +7,7 @@ their difference is the scenario's doing.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
@@ -22,7 +23,12 @@ from evertwin.ahead.spread import Spread, spread
 from evertwin.errors import DataError
 from evertwin.fold import plain, take
 from evertwin.rows.feed import Data
+from evertwin.signals.units import from_si
 from evertwin.types import Json, StateVector
+
+LIKELY = 0.025
+"""Probability from which on a limit may be passed."""
+AS_TODAY = " (the baseline passes it too)"
 
 
 @dataclass(frozen=True)
@@ -67,25 +73,40 @@ class WhatIf:
     docking: Mapping[str, Json] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     """What could not be told, and what it needs."""
+    recorded: Mapping[str, str] = field(default_factory=dict)
+    """The unit in which a channel is recorded, where it has one: text is in it, the rest in SI."""
 
     @property
     def findings(self) -> tuple[str, ...]:
         """Limits that the scenario passes, one sentence each."""
+        today = {one.channel for one in self.before.exceeded}
         said = [
-            f"{one.channel} reaches {one.value:.4g} {one.unit} at {one.at:.3g} s, limit "
-            f"{one.limit:.4g}"
+            f"{one.channel} reaches {self._in(one.channel, one.unit, one.value)} at {one.at:.3g} s,"
+            f" limit {self._in(one.channel, one.unit, one.limit)}"
+            f"{AS_TODAY * (one.channel in today)}"
             for one in self.after.exceeded
         ]
         sure = {one.channel for one in self.after.exceeded}
         for name, size in self.after.outputs.items():
-            if size.chance is not None and size.chance > 0.025 and name not in sure:
-                said.append(
-                    f"{name} may pass its limit {size.limit:.4g} {size.unit} "
-                    f"(probability {size.chance:.2g})"
-                )
+            if size.limit is None or size.chance is None or size.chance <= LIKELY or name in sure:
+                continue
+            old = self.before.outputs.get(name)
+            passed = name in today or (old is not None and (old.chance or 0.0) > LIKELY)
+            may = "passes" if size.chance > 1.0 - LIKELY else "may pass"
+            said.append(
+                f"{name} stays at {self._in(name, size.unit, size.peak)} in the simulation; with "
+                f"what predictions are off by it {may} its limit "
+                f"{self._in(name, size.unit, size.limit)} (probability {size.chance:.2g})"
+                f"{AS_TODAY * passed}"
+            )
         if self.docking.get("holds") is False:
             said.append("the docking leaves its tolerance")
         return tuple(said)
+
+    def _in(self, name: str, unit: str, value: float, *, bare: bool = False) -> str:
+        """A value of a channel in the unit that it is recorded in."""
+        told = self.recorded.get(name) or unit
+        return f"{from_si(value, told):.4g}{'' if bare else f' {told}'}"
 
     def to_dict(self) -> dict[str, Json]:
         """Plain content, ``schema: "evertwin.whatif/1"``."""
@@ -99,11 +120,11 @@ class WhatIf:
         return plain(content)  # type: ignore[return-value]
 
     def _change(self) -> dict[str, dict[str, float | None]]:
-        """Relative change of each output."""
+        """Relative change of each output but temperatures, whose zero tells nothing of a size."""
         found = {}
         for name, new in self.after.outputs.items():
             old = self.before.outputs.get(name)
-            if old is not None:
+            if old is not None and new.unit != "K":
                 found[name] = {"rms": _ratio(new.rms, old.rms), "peak": _ratio(new.peak, old.peak)}
         return found
 
@@ -117,10 +138,15 @@ class WhatIf:
         ]
         for name, new in self.after.outputs.items():
             old = self.before.outputs[name]
-            low, high = new.peak95
+            was, rms, before, peak, low, high = (
+                self._in(name, new.unit, one, bare=True)
+                for one in (old.rms, new.rms, old.peak, new.peak, *new.peak95)
+            )
+            told = self.recorded.get(name) or new.unit
+            # the rms of a temperature in K is none in degC
+            size = f"rms {was:>9} -> {rms:>9} " if told == "K" or new.unit != "K" else ""
             lines.append(
-                f"  {name:<10} rms {old.rms:9.4g} -> {new.rms:9.4g} {new.unit:<6} peak "
-                f"{old.peak:9.4g} -> {new.peak:9.4g} ({low:.4g} … {high:.4g})"
+                f"  {name:<10} {size}{told:<6} peak {before:>9} -> {peak:>9} ({low} … {high})"
             )
         lines += [
             f"  path error of {name}: rms {_within(e.rms, e.rms95)}, largest "
@@ -205,11 +231,26 @@ def beside(basis: Basis, now: Today, scenario: ScenarioSpec, after: Case) -> Wha
         return simulated(case, known, now.spread, scenario.limits)
 
     start = now.x if scenario.path is None else now.newest
-    outcome, notes = run(after, start), tuple[str, ...]()
+    outcome, notes, as_is = run(after, start), tuple[str, ...](), run(now.case, now.x)
     if scenario.path is not None:
         errors, notes = followed(basis, after, scenario.path, scenario.limits)
         outcome = replace(outcome, path_error={**outcome.path_error, **errors})
     return WhatIf(
-        basis.setup.spec.name, scenario.name, basis.champion, run(now.case, now.x), outcome,
-        notes=notes,
+        basis.setup.spec.name, scenario.name, basis.champion, as_is, outcome,
+        notes=(*_misfit(basis, now, as_is), *notes), recorded=basis.recorded,
     )  # fmt: skip
+
+
+def _misfit(basis: Basis, now: Today, as_is: Simulated) -> tuple[str, ...]:
+    """That the live version does not fit the recordings, where it does not: by which output."""
+    setup = basis.setup
+    lead = setup.horizon if math.isfinite(setup.horizon) else 0.0
+    off = now.spread.sigma(np.array([lead]))[0] / setup.sizes(as_is.y)
+    for k, channel in enumerate(basis.model.outputs):
+        if setup.decides and setup.watched[k] and off[k] > setup.requirement:
+            tuned = "does not fit" if basis.champion else "was never tuned and does not fit"
+            return (
+                f"version {basis.champion} {tuned} these recordings: {channel.name} is off by "
+                f"{setup.shown(k, float(off[k]))}, which all figures contain",
+            )
+    return ()

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from evertwin.ahead.inverse import Inverse, SetPoint, inverse
 from evertwin.app.console import show
+from evertwin.app.opening import as_kept
 from evertwin.errors import UsageError
 from evertwin.settings.quantity import number, written
 from evertwin.signals.units import from_si, si_unit
@@ -37,7 +38,7 @@ def show_set_points(
         speeds = [number(one, unit) for one in wanted]
     except UsageError as error:
         raise UsageError(f"--wanted: {error}") from error
-    with Twin.open(twin, reading=True) as opened:
+    with Twin(as_kept(twin), reading=True) as opened:
         files = None if not data else [str(path) for path in data]
         found = inverse(opened.prospect(None, files).basis, speeds, unit, names, files)
     content = {

@@ -87,7 +87,7 @@ def fit_twin(
     from evertwin.tuning import Route, beside, shown
 
     search, (train, test), (as_json, check, keep) = Search(), data, flags
-    with Twin.open(twin, reading=not keep) as opened:
+    with Twin.open(twin) if keep else Twin(as_kept(twin), reading=True) as opened:
         if keep:
             store_path(twin, opened.spec)
         files = [str(_file(path)) for path in test]
@@ -122,7 +122,7 @@ def examine(twin: Path, data: Files, every: bool, as_json: bool) -> None:
     if is_site(twin):
         return look_at(twin, as_json)
     progress = Progress("the rows are read")
-    with Twin.open(twin, reading=True) as opened:
+    with Twin(as_kept(twin), reading=True) as opened:
         try:
             found = opened.doctor(_files(data))
         finally:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from evertwin.app.console import show
-from evertwin.app.opening import store_path
+from evertwin.app.opening import as_kept, store_path
 from evertwin.errors import DataError
 from evertwin.sources.merging import Excerpt
 from evertwin.twin import Twin
@@ -20,7 +20,7 @@ def export_twin(
     for path in data or ():
         if not Excerpt.parse(path).path.exists():
             raise DataError(f"{path}: no such file")
-    with Twin.open(twin, reading=True) as opened:
+    with Twin(as_kept(twin), reading=True) as opened:
         found = opened.export(out, form, version, [str(p) for p in data] if data else None)
     content = {
         "schema": "evertwin.export/1", "file": str(found.path), "format": found.format,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,8 @@ def plan_text(found: Plan) -> str:
 def _line(one: PlanItem, date: str) -> str:
     when = f"after {one.after:.4g} {one.unit}" if np.isfinite(one.after) else "run to failure"
     when = f"on {date}, {when}" if date else when
+    if date and date < f"{datetime.now(UTC):%Y-%m-%d}":
+        when += " (in the past: dates count from the newest row)"
     window = "" if one.window is None else f" (window {one.window})"
     cost = "not in use yet, so no cost per time"
     if np.isfinite(one.rate):

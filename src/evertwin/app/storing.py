@@ -8,6 +8,7 @@ from contextlib import closing
 from pathlib import Path
 
 import numpy as np
+import typer
 
 from evertwin.app.console import show
 from evertwin.app.opening import as_kept, store_path
@@ -29,10 +30,14 @@ def show_events(twin: Path, kind: str | None, as_json: bool) -> None:
     """``evertwin events``."""
     with _store(twin) as store:
         logged = [(entry.number, store.record(entry)) for entry in store.entries(kinds=("event",))]
-    found = [(n, e) for n, e in logged if isinstance(e, Event) and kind in (None, e.kind)]
+    events = [(n, e) for n, e in logged if isinstance(e, Event)]
+    found = [(n, e) for n, e in events if kind in (None, e.kind)]
+    if kind is not None and not found:
+        kinds = ", ".join(sorted({e.kind for _, e in events}))
+        typer.echo(f"evertwin: no event is {kind!r}; the log has {kinds or 'none'}", err=True)
     lines = [f"{n:>6}  row {e.row:>8}  {e.kind:<18} {e.signal:<8} {e.reason}" for n, e in found]
-    events = [{"number": n, **dataclasses.asdict(e)} for n, e in found]
-    show({"schema": "evertwin.events/1", "events": events}, "\n".join(lines), as_json)
+    told = [{"number": n, **dataclasses.asdict(e)} for n, e in found]
+    show({"schema": "evertwin.events/1", "events": told}, "\n".join(lines), as_json)
 
 
 def show_head(twin: Path, key: Path | None, as_json: bool) -> None:

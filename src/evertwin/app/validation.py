@@ -8,6 +8,7 @@ from pathlib import Path
 import typer
 
 from evertwin.app.console import show
+from evertwin.app.opening import as_kept
 from evertwin.errors import DataError
 from evertwin.report.validation_report import write_validation
 from evertwin.sources.merging import Excerpt
@@ -21,7 +22,7 @@ def validate_twin(
 ) -> None:
     """``evertwin validate``; ``data``: test and train."""
     test, train = (None if files is None else [_named(path) for path in files] for files in data)
-    with Twin.open(twin, reading=True) as opened:
+    with Twin(as_kept(twin), reading=True) as opened:
         found = opened.validate(test or (), train)
     if report is not None:
         write_validation(found, report)

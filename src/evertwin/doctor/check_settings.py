@@ -39,6 +39,8 @@ from evertwin.types import Vector
 
 LITTLE = 0.1
 """Share of the command that must be missed before a table has something to learn."""
+SHARED = 0.7
+"""Correlation of two estimates from which on one parameter hides in the other."""
 CLEAR = 3.0
 """Changes over the horizon should be so many times what noise alone makes of them."""
 
@@ -198,6 +200,7 @@ def look_tuning(view: View, figures: dict[str, Any]) -> Iterator[Finding]:
     figures["parameters"] = fit.to_dict(timing=False)["parameters"]
     figures["condition"] = fit.condition
     yield from _undetermined(view, fit, u)
+    yield from _shared(view, fit)
 
 
 def _live(view: View) -> Model:
@@ -221,6 +224,27 @@ def _fitted(
         return solve(problem), ""
     except (DataError, ModelError, UsageError) as error:
         return None, str(error)
+
+
+def _shared(view: View, fit: Fit) -> Iterator[Finding]:
+    """Parameters that tell wear, of which another one that is tuned too has much the same effect:
+    from fit to fit the two trade, and the indicator jumps."""
+    with np.errstate(all="ignore"):
+        alike = np.abs(fit.covariance / np.outer(fit.sigma, fit.sigma))
+    for rule in view.setup.spec.indicator:
+        if rule.parameter not in fit.names:
+            continue
+        j = fit.names.index(rule.parameter)
+        others = [n for k, n in enumerate(fit.names) if k != j and alike[j, k] > SHARED]
+        if others:
+            yield Finding(
+                "shared", rule.parameter,
+                f"{rule.parameter} tells the wear of {rule.component or rule.name}, and "
+                f"{', '.join(others)}, tuned with it, acts much alike: one hides in the other",
+                f"[tuning] editable, [[indicator]] {rule.name}",
+                f"leave {rule.parameter} alone of them in [tuning] editable",
+                {"parameters": others},
+            )  # fmt: skip
 
 
 def _undetermined(view: View, fit: Fit, u: np.ndarray) -> Iterator[Finding]:

@@ -15,7 +15,7 @@ RANKS = (
     "sentinel", "lost", "unit", "sign", "exchanged", "rate", "repeated", "missing", "frozen",
     "clock", "command", "lag", "held", "jump",
     "absurd", "range", "gap", "not_possible", "not_connected", "horizon", "requirement",
-    "tolerance", "gate", "tuning", "at_bound", "not_identifiable", "weak",
+    "tolerance", "gate", "tuning", "at_bound", "not_identifiable", "weak", "shared",
 )  # fmt: skip
 """Kinds of finding, what spoils a result most first."""
 SHOWN = 5
@@ -33,8 +33,8 @@ class Finding:
 
     kind: str
     """unit, sign, exchanged, command, lag, rate, held, repeated, clock, gap, frozen, absurd,
-    missing, sentinel, lost, not_identifiable, weak, not_connected, at_bound, range, horizon,
-    tolerance, requirement, not_possible."""
+    missing, sentinel, lost, not_identifiable, weak, not_connected, at_bound, shared, range,
+    horizon, tolerance, requirement, not_possible."""
     subject: str
     """Channel, parameter or setting."""
     reason: str

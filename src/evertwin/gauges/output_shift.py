@@ -23,6 +23,7 @@ from evertwin.gauges.gauge_rows import LEAST, Rows, residual
 from evertwin.gauges.sensor_change import SensorChange, unmeasured
 from evertwin.models.kernel import CONTINUE
 from evertwin.rows.ring import called
+from evertwin.signals.spoken import MANY, share
 from evertwin.types import Bools, Float64, Outputs, Vector
 
 PARTS = 6
@@ -118,7 +119,9 @@ def _explained(rows: Rows, edges: list[int]) -> tuple[list[Off], Outputs | None]
 def _said(rows: Rows, one: Off, first: int) -> str:
     channel = rows.setup.model.outputs.channels[one.column - len(rows.setup.model.inputs)]
     last = float(one.by[-1])
-    size = f"{100 * last:+.3g} %" if one.scaled else in_words.difference(rows.setup, channel, last)
+    size = in_words.difference(rows.setup, channel, last)
+    if one.scaled:
+        size = f"{100 * last:+.3g} %" if abs(last) < MANY else share(last)
     since = f" (since {called(rows.row(first))})" if first else ""
     return f"{size} at {called(rows.row(rows.count - 1))}{since}"
 

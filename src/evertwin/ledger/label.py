@@ -89,3 +89,12 @@ def rows_of(event: Event) -> tuple[int, int] | None:
     begins: Any = next((event.evidence[key] for key in BEGINS if key in event.evidence), None)
     ends: Any = next((event.evidence[key] for key in ENDS if key in event.evidence), event.row - 1)
     return None if begins is None or ends is None or ends < begins else (begins, ends)
+
+
+def acts(event: Event) -> bool:
+    """Is it a label that a run heeds?
+
+    >>> acts(Event(90, 0, "labelled", "", "x: true: seen", {"verdict": "true"}))
+    False
+    """
+    return event.kind == "labelled" and event.evidence["verdict"] in ACTS

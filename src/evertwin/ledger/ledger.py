@@ -15,7 +15,7 @@ from typing import Any
 
 from evertwin.errors import StoreDamaged, StoreError, UsageError
 from evertwin.fold import Answer, Event, Record
-from evertwin.ledger.label import ACTS, Label
+from evertwin.ledger.label import Label, acts
 from evertwin.ledger.versions import Versions
 from evertwin.machines.friction.resisting import not_physical
 from evertwin.models.form import Form, Version
@@ -84,6 +84,7 @@ class Ledger:
         self._name = name
         self.lives: list[int] = []
         """Versions that have been live, in order; the last one is."""
+        self._back: list[int] = []  # to where one may go, the live one last
         self.pinned = False
         self.runs: list[Begun] = []
         self.reading = reading
@@ -102,7 +103,7 @@ class Ledger:
             if reading:
                 raise
             store.repair()
-            self.lives, self.runs, self.pinned = [], [], False
+            self.lives, self._back, self.runs, self.pinned = [], [], [], False
             self._open(configured)
         if not reading:
             self.hear()
@@ -132,7 +133,7 @@ class Ledger:
 
     def _configured(self, number: int) -> None:
         if self.reading:
-            self.lives.append(number)
+            self._live(number)
         else:
             self.switch(number, "configured", "as the twin file says")
 
@@ -143,9 +144,8 @@ class Ledger:
 
     @property
     def before(self) -> int | None:
-        """The version that was live before the present one."""
-        others = [number for number in self.lives if number != self.champion]
-        return others[-1] if others else None
+        """The version that was live before the present one, and was not rolled back since."""
+        return self._back[-2] if len(self._back) > 1 else None
 
     @property
     def unfinished(self) -> Begun | None:
@@ -190,7 +190,7 @@ class Ledger:
         batch = self.batch(events, 0)
         if batch:
             self.commit(Batch(batch))
-        self.orders += [e for e in events if e.kind in ORDERS or _acts(e)]
+        self.orders += [e for e in events if e.kind in ORDERS or acts(e)]
 
     def keep(self, form: Form, values: Mapping[str, float], reason: str) -> Version:
         """A version of what was found outside of any run, its parent the live one; nothing more.
@@ -215,7 +215,7 @@ class Ledger:
             for event in asked if self._can(event)
         ]  # fmt: skip
         self.commit(Batch(events, heard=last))
-        self.orders += [e for e in events if e.kind in ORDERS or _acts(e)]
+        self.orders += [e for e in events if e.kind in ORDERS or acts(e)]
 
     def _can(self, event: Event) -> bool:
         """Does an order name a version that there is? What cannot be heeded is dropped."""
@@ -245,7 +245,7 @@ class Ledger:
             UsageError: there was none before, or the present one is pinned.
         """
         if self.before is None:
-            raise UsageError("roll back: no other version has been live before this one")
+            raise UsageError(f"roll back: no other version has been live before {self.champion}")
         self._refuse_pinned(self.before)
         return self.switch(self.before, "rolled_back", reason, person)
 
@@ -272,6 +272,8 @@ class Ledger:
         evidence: dict[str, Any] = {"version": number, "hash": version.hash}
         if kind == "configured":
             evidence["twin"] = self._name
+        else:
+            evidence["replaced"] = self.champion
         return self._ordered(kind, f"version {number}: {reason}", evidence, person)
 
     def pin(self, number: int | None, reason: str, person: str = "") -> Event:
@@ -309,7 +311,7 @@ class Ledger:
         for entry in self.store.entries(before, ("event",)):
             record = self.store.record(entry)
             assert isinstance(record, Event)
-            if entry.run == 0 and entry.number < run.position and _acts(record):
+            if entry.run == 0 and entry.number < run.position and acts(record):
                 found.append(record)
             if entry.run == run.number and entry.number <= position and record.kind == "heeded":
                 return []
@@ -360,15 +362,22 @@ class Ledger:
         if event.kind in ORDERS and entry.run == 0:
             self.spoken = entry.number
         if event.kind in SWITCHES:
-            self.lives.append(number)
+            while event.kind == "rolled_back" and self._back[-1:] not in ([], [number]):
+                del self._back[-1]
+            self._live(number)
         elif event.kind == "pinned":
             self.pinned = bool(event.evidence["pinned"])
             if isinstance(number, int) and number != self.champion:
-                self.lives.append(number)
+                self._live(number)
         elif event.kind == "started":
             self.runs.append(Begun(entry.run, entry.number, dict(event.evidence)))
         elif event.kind == "ran":
             self.runs[-1] = replace(self.runs[-1], ended=dict(event.evidence), last=entry.number)
+
+    def _live(self, number: int) -> None:
+        self.lives.append(number)
+        if self._back[-1:] != [number]:
+            self._back.append(number)
 
     def _estimates(self, content: Any, version: int, row: int, run: int) -> list[Estimate]:
         """The parameter history: one entry per tuned parameter."""
@@ -389,8 +398,3 @@ class Ledger:
         """Tasks of the runs before a run, and the time within them [ns]."""
         ended = [one.ended for one in self.runs if one.ended is not None and one.number < run]
         return sum(e["tasks"] for e in ended), sum(e["elapsed"] for e in ended)
-
-
-def _acts(event: Event) -> bool:
-    """Is it a label that a run heeds?"""
-    return event.kind == "labelled" and event.evidence["verdict"] in ACTS

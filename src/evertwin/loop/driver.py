@@ -21,6 +21,7 @@ from evertwin.loop.crossing import crossed
 from evertwin.loop.decide import Decide
 from evertwin.loop.follow import EMPTY, Follow, Followed
 from evertwin.loop.slow_work import SlowWork
+from evertwin.outcome.changes import spelled
 from evertwin.refit.work import Work
 from evertwin.rows.ring import NO_ROWS
 from evertwin.setup.deviation import new_usual
@@ -246,7 +247,9 @@ class Driver:
             said += found
         answer = self._answer(state, ended) if state.agenda.open else None
         said += [] if answer is None else [answer]
+        live = state.live.version
         state, events, requests = self.decide.step(state, answer, task_end)
+        events = [spelled(event, self.setup, self.versions, live) for event in events]
         self._say(state.row, [*said, *events, *requests])
         if not state.agenda.open or self.outside.answer(state.agenda.open) is None:
             self.slow.send(state)

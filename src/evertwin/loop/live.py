@@ -29,9 +29,11 @@ from evertwin.errors import DataError
 from evertwin.fold import Block, Chunk, Event
 from evertwin.ledger.ledger import Begun, Ledger
 from evertwin.loop.loading import FeedState, Rate
-from evertwin.loop.observer import Observer, compared, figures
+from evertwin.loop.observer import Observer, figures, succeeded
 from evertwin.loop.run import Run, settings_hash
-from evertwin.outcome.headline import changes, headline
+from evertwin.models.form import Version
+from evertwin.outcome.changes import changes
+from evertwin.outcome.headline import also_pinned, headline
 from evertwin.outcome.open_trial import OpenTrial, open_trial
 from evertwin.outcome.result import OutputFigures, RunResult
 from evertwin.outcome.view import View
@@ -279,15 +281,23 @@ class Live:
         if self._run is None or self._state is None:
             return "No rows yet.", {}
         setup, found = self._run.setup, figures(self._run.setup, self._state)
-        versions, events = compared(self.ledger.versions, self._state), self._observer.events
-        return headline(setup, found, versions, events, self.trial), found
+        said = headline(setup, found, self._succeeded, self._observer.events, self.trial)
+        agenda, live = self._state.agenda, self._state.live.version
+        return also_pinned(said, live, pinned=agenda.pinned), found
 
     @property
     def changed(self) -> str:
         """What is other in the live version than in that before; nothing: nothing is."""
         if self._state is None or not self._state.live.version:
             return ""
-        return changes(self.setup, *compared(self.ledger.versions, self._state))
+        return changes(self.setup, self._succeeded, self._observer.events)
+
+    @property
+    def _succeeded(self) -> tuple[Version, ...]:
+        """The live version, and that which it replaced."""
+        assert self._state is not None
+        versions = self.ledger.versions
+        return succeeded(versions, versions[self._state.live.version], self._observer.events)
 
     @property
     def judged(self) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -15,7 +15,7 @@ from evertwin.loop.follow import Followed
 from evertwin.loop.in_stream import as_is
 from evertwin.models import Parameters
 from evertwin.models.form import Version
-from evertwin.outcome.headline import headline
+from evertwin.outcome.headline import also_pinned, headline
 from evertwin.outcome.open_trial import open_trial
 from evertwin.outcome.result import OutputFigures, RunResult
 from evertwin.outcome.trace import Tail, Trace
@@ -162,10 +162,12 @@ class Observer:
         parameters: Parameters = model.parameters.with_values(now.p)
         outputs = figures(self.setup, state)
         trial, trace = open_trial(driver.setup, driver.versions, state), self.trace.columns()
-        measured, told = 0, compared(driver.versions, state)
+        measured, told = 0, succeeded(driver.versions, champion, self.events)
         if trace:
             trace["moving"] = self.setup.moving(trace["input"])
             measured = int(np.isfinite(trace["measured"]).any(axis=1).sum())
+        said = headline(self.setup, outputs, told, self.events, trial, measured)
+        pinned = state.agenda.pinned
         return RunResult(
             name=self.setup.spec.name, samples=state.row, seconds=seconds,
             outputs=outputs, position_updates=updates(state),
@@ -176,7 +178,7 @@ class Observer:
             models={v.form: driver.versions.model(v.number) for v in driver.versions},
             trace=trace, rounds=tuple(self.rounds),
             trial=trial,
-            headline=headline(self.setup, outputs, told, self.events, trial, measured),
+            headline=also_pinned(said, champion.number, pinned=pinned), pinned=pinned,
             relative=self.setup.relative or not self.setup.decides,
         )  # fmt: skip
 
@@ -189,10 +191,15 @@ def _columns(piece: Block, out: Followed) -> tuple[np.ndarray, ...]:
     )  # fmt: skip
 
 
-def compared(versions: Versions, state: TwinState) -> tuple[Version, ...]:
-    """The live version, and that which the figures before are of, if it is another."""
-    numbers = (state.live.version, state.first.version)
-    return tuple(versions[number] for number in numbers if number >= 0)
+def succeeded(
+    versions: Versions, champion: Version, events: Sequence[Event]
+) -> tuple[Version, ...]:
+    """The live version, and that which it replaced, if it did."""
+    before: Any = champion.parent
+    for event in events:
+        if event.kind == "promoted" and event.evidence.get("version") == champion.number:
+            before = event.evidence.get("replaced", before)
+    return (champion,) if before is None else (champion, versions[before])
 
 
 def figures(setup: Setup, state: TwinState) -> dict[str, OutputFigures]:

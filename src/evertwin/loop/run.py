@@ -29,7 +29,7 @@ from evertwin.loop.follow import Followed
 from evertwin.loop.observer import Observer
 from evertwin.outcome.headline import first_of_rows
 from evertwin.outcome.result import RunResult
-from evertwin.rows.feed import Data, Feed
+from evertwin.rows.feed import ALONE, Data, Feed
 from evertwin.rows.rate import measured
 from evertwin.setup.setup import Setup
 from evertwin.setup.twin_state import Saved, TwinState
@@ -127,8 +127,8 @@ class Run:
         try:
             state, found = self._begun(place.run, {"settings": settings})
         except UsageError as error:
-            if rate is None and feed.left_out:  # there is no rate because rows fell away
-                raise DataError(f"{error}{feed.lost}") from error
+            if rate is None and feed.files:  # there is no rate because there are no rows
+                raise DataError(feed.why(f"{ALONE}: {error}")) from error
             raise
         over = place.run is not None and place.run.over and found is not None
         over = over and not self.log.repeats

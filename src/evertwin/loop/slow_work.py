@@ -15,7 +15,7 @@ from functools import partial
 from evertwin.engine import Engine
 from evertwin.fold import Answer, Request
 from evertwin.loop.in_stream import as_is
-from evertwin.refit.answering import rejected
+from evertwin.refit.answering import undone
 from evertwin.refit.work import Work
 from evertwin.setup.task import Task
 from evertwin.setup.twin_state import TwinState
@@ -70,7 +70,7 @@ class SlowWork:
         """The answer as it is logged: with the moment when it became known."""
         content = dict(answer.content)
         if "error" in content:
-            content = rejected(f"{state.agenda.kind}: {content['error']}")
+            content = undone(state.agenda.kind, content["error"])
         # the parameter history is read by these
         when = {"time": state.time, "elapsed": state.elapsed, "task": state.task}
         return Answer(answer.id, answer.version, content | when)

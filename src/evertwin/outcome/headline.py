@@ -13,6 +13,7 @@ from typing import Any
 
 from evertwin.fold import Event
 from evertwin.models.form import Version
+from evertwin.outcome.changes import changes
 from evertwin.outcome.jumps import jumps, remembered
 from evertwin.outcome.open_faults import open_faults
 from evertwin.outcome.open_trial import OpenTrial, shorter
@@ -21,7 +22,6 @@ from evertwin.rows.channels import recorded_as
 from evertwin.setup.setup import Setup
 from evertwin.signals.spoken import both, share, spoken
 from evertwin.sources.tally import Tally
-from evertwin.tuning.recordings import initials
 
 CLEAR = 0.03
 """Share by which a deviation has to fall, or rise, to be called better, or worse."""
@@ -44,8 +44,8 @@ def headline(
     setup: Setup, outputs: Mapping[str, OutputFigures], versions: tuple[Version, ...],
     events: Sequence[Event], trial: OpenTrial | None, measured: int = 0,
 ) -> str:  # fmt: skip
-    """The outcome in a sentence or a few; ``versions``: the live one, and that which it is compared
-    with, if it is another; ``measured``: rows that measure an output."""
+    """The outcome in a sentence or a few; ``versions``: the live one, and that which was live
+    before it, if another was; ``measured``: rows that measure an output."""
     champion = versions[0]
     known = {name: f for name, f in outputs.items() if not math.isnan(f.rms_after)}
     told_in = zip(setup.model.outputs.units, setup.recorded, strict=True)
@@ -91,6 +91,16 @@ def headline(
         )
     told += map(_sentence, own[-1:])
     return " ".join(told)
+
+
+def also_pinned(told: str, version: int, *, pinned: bool) -> str:
+    """``told``, and that no other version goes live, where the live one is pinned.
+
+    >>> also_pinned("It fits.", 3, pinned=True)
+    'It fits. Version 3 is pinned: nothing else is tuned or goes live until it is unpinned.'
+    """
+    said = f" Version {version} is pinned: nothing else is tuned or goes live until it is unpinned."
+    return told + said * pinned
 
 
 def first_of_rows(told: str, left_out: Sequence[Tally]) -> str:
@@ -295,35 +305,15 @@ def _limit(setup: Setup, judged: Mapping[str, OutputFigures]) -> str:
     return spoken(limit, one.unit, one.recorded)
 
 
-def changes(setup: Setup, champion: Version, before: Version | None = None) -> str:
-    """What is other in the live version than in the one ``before``, or than was configured: of many
-    numbers those that moved most; where a state begins is none of the machine's."""
-    tuned, *terms = champion.reason.split("; ")
-    names = [name.removesuffix(" (weak)") for name in tuned.removeprefix("tuned ").split(", ")]
-    old = {item.name: item.value for item in setup.model.parameters}
-    old |= {} if before is None else dict(zip(before.names, before.values, strict=True))
-    now = dict(zip(champion.names, champion.values, strict=True))
-    units = {item.name: item.unit for item in setup.model.parameters}
-    if not tuned.startswith("tuned ") or not set(names) <= set(now) & set(old) & set(units):
-        return shorter(champion.reason)
-    names = [name for name in names if name not in initials(setup.model)] or names
-    names.sort(key=lambda name: -abs(now[name] - old[name]) / max(abs(old[name]), 1e-300))
-    told = [
-        f"{name} {old[name]:.3g} → {now[name]:.3g} {units[name]}".removesuffix(" 1")
-        for name in names[:FEW]
-    ]
-    more = f", and {len(names) - FEW} more" if len(names) > FEW else ""
-    return "; ".join([", ".join(told) + more, *terms[:FEW]])
-
-
 def _changed(setup: Setup, versions: tuple[Version, ...], events: Sequence[Event]) -> str:
-    """The same, and by whom."""
+    """What the newest promotion changed, from what, and by whom."""
     champion = versions[0]
     went = [
         e.evidence.get("person") or "itself" for e in events
         if e.kind == "promoted" and e.evidence.get("version") == champion.number
     ]  # fmt: skip
-    return f"Changed{f' by {went[-1]}' if went else ''}: {changes(setup, *versions)}"
+    by = f" by {went[-1]}" if went else ""
+    return f"Changed{by}: {changes(setup, versions, events)}"
 
 
 def _asked(setup: Setup, known: Mapping[str, OutputFigures]) -> str:

@@ -33,7 +33,7 @@ from evertwin.outcome.result import OutputFigures, RunResult
 from evertwin.setup.setup import Setup
 from evertwin.types import Float64, Json
 
-SIGNS = ("suspected", "drift")
+SIGNS = ("suspected", "drift", "changed")
 TUNED = ("tuned", "corrected")
 FALSE = ("rejected", "rolled_back")
 COUNTED = (*TUNED, "promoted", *FALSE)
@@ -124,8 +124,9 @@ class Kpi:
         for name, f in self.outputs.items():
             whole = _percent(f.relative_rms_before, f.relative_rms_after)
             moving = _percent(f.relative_rms_moving_before, f.relative_rms_moving_after)
+            size = "range" if f.unit == "K" else "rms"
             rms = f"{f.rms_before:.3g} -> {f.rms_after:.3g} {f.unit}"
-            text.append(f"{name:<13} off by {rms}: {whole} of its rms, moving {moving}")
+            text.append(f"{name:<13} off by {rms}: {whole} of its {size}, moving {moving}")
         text += [f"{name:<13} inside the 95 % band: {c}" for name, c in self.coverage.items()]
         text += [str(change) for change in self.changes]
         text += [f"{kind.replace('_', ' '):<13} {rate}" for kind, rate in self.rates.items()]

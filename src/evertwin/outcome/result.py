@@ -122,6 +122,8 @@ class RunResult:
     """What came of it, as one would tell a colleague."""
     relative: bool = True
     """Are outputs held to a share of their size?"""
+    pinned: bool = False
+    """Is the champion kept live, whatever is found?"""
 
     @property
     def problems(self) -> Mapping[str, int]:
@@ -143,6 +145,7 @@ class RunResult:
             "events": self.events,
             "champion": {
                 "version": self.champion.number,
+                "pinned": self.pinned,
                 "hash": self.champion.hash,
                 "terms": self.champion.form.terms,
                 "variant": dict(self.champion.form.variant),
@@ -255,8 +258,8 @@ class RunResult:
             text += self._others(decisions[:-MOST])
         text.append(
             f"{self.name}: {self.samples} rows in {self.seconds:.2f} s; figures are of unseen rows "
-            f"from {self.unseen_since} on; version {self.champion.number} is live "
-            f"({shorter(self.champion.reason)})"
+            f"from {self.unseen_since} on; version {self.champion.number} is live"
+            f"{', pinned' * self.pinned} ({shorter(self.champion.reason)})"
         )
         return "\n".join(text)
 

@@ -132,13 +132,13 @@ def wear_in(file: Path) -> Wear | None:
         clock, columns = _clock(table), _columns(table)
         by = counted_by(table)
         step = np.inf
-        if by is not None and clock not in ("run", "cycle"):
+        if table.rows > 1 and by is not None and clock not in ("run", "cycle"):
             step = float(np.median(np.diff(in_seconds(table, by)[0])))
         elif by is None and counting(CLOCKS, table) is None and "s" not in table.names:
             return None
     except DataError:
         return None
-    if not columns or not step >= SELDOM:
+    if not columns or table.rows < 2 or not step >= SELDOM:
         return None
     value = table.column(columns[0])
     value = value[np.isfinite(value)]

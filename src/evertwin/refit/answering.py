@@ -53,6 +53,16 @@ def of_a_sensor(found: SensorChange, *events: dict[str, Any]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def rejected(reason: str) -> dict[str, Any]:
-    """What the answer says of work that could not be done."""
-    return {"events": [event("rejected", "", reason, {})]}
+UNDONE = {
+    "fit": "nothing could be tuned", "correct": "no correction could be sought",
+    "state": "no state could be sought", "refine": "a state could not be told better",
+}  # fmt: skip
+
+
+def undone(kind: str, why: object) -> dict[str, Any]:
+    """What the answer says of work that could not be done.
+
+    >>> undone("correct", ValueError("too few rows"))["events"][0]["reason"]
+    'no correction could be sought: too few rows'
+    """
+    return {"events": [event("rejected", "", f"{UNDONE[kind]}: {why}", {})]}

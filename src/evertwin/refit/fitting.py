@@ -235,7 +235,7 @@ def tune(
 ) -> Tuned:  # fmt: skip
     """Version ``number``, tuned on ``train``; differences in the engine's processes, if any."""
     feed, version, base = Feed(setup.spec, setup.model), versions[number], versions.model(number)
-    problem, tasks = posed(setup, versions, number, feed.blocks(train))
+    problem, tasks = posed(setup, versions, number, feed.several(train))
     far = None if engine is None else far_of(engine, setup.spec, version.form)
     problem = replace(problem, settings=replace(problem.settings, far=far))
     with Interrupt() as stop:

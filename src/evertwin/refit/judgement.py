@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from evertwin.anomaly.verdict import Verdict, branch, explained
@@ -12,8 +13,21 @@ from evertwin.tuning import Fit, Problem, solve
 
 NEARLY_ALL = 0.9
 """Part of the deviation from which on tuned numbers are tried before another form is looked for."""
-PARTLY = Verdict("normal", "", "tuned the share of the parameters whose turn it is")
-"""Of a schedule's tuning."""
+NAMED = 6
+"""Parameters that are named one by one."""
+
+
+def partly(names: Sequence[str], editable: Sequence[str]) -> Verdict:
+    """Of a tuning of some of the parameters: which, and that the others wait.
+
+    >>> partly(("Fc1", "Fv1"), ("Fc1", "Fv1", "mass")).reason
+    'only Fc1, Fv1 were due to be fitted this time; the 1 other keeps its value'
+    """
+    rest, more = len(editable) - len(names), len(names) - NAMED
+    told = ", ".join(names[:NAMED]) + (f" and {more} more" if more > 0 else "")
+    kept = f"the {rest} others keep their values" if rest > 1 else "the 1 other keeps its value"
+    due = "were" if len(names) > 1 else "was"
+    return Verdict("normal", "", f"only {told} {due} due to be fitted this time; {kept}")
 
 
 def judged(setup: Setup, problem: Problem, fit: Fit) -> Verdict:

@@ -36,11 +36,11 @@ from evertwin.refit.answering import (
     goes_on,
     not_told,
     of_a_sensor,
-    rejected,
+    undone,
 )
 from evertwin.refit.channels import ENOUGH, of_a_channel
 from evertwin.refit.correcting import learn, nearest
-from evertwin.refit.judgement import NEARLY_ALL, PARTLY, judged
+from evertwin.refit.judgement import NEARLY_ALL, judged, partly
 from evertwin.refit.named_cause import named_first
 from evertwin.refit.newest import after, newer, newest
 from evertwin.refit.physical import passive
@@ -105,7 +105,7 @@ class Work(Tuner):
             # not a verdict on anything: more rows come
             content = {"events": [], "waits": str(error)}
         except (DataError, ModelError, UsageError) as error:
-            content = rejected(f"{task.kind}: {error}")
+            content = undone(task.kind, error)
         return plain(content)  # type: ignore[return-value]
 
     def _refuse(self, task: Task, content: dict[str, Any]) -> None:
@@ -209,8 +209,8 @@ class Work(Tuner):
         if rounds and fit.converged:
             verdict = Verdict("normal", "", f"tuned by rounds: {fit.message}")
         else:
-            whole = len(names) == len(self.editable(version))
-            verdict = judged(self.setup, problem, fit) if whole else PARTLY
+            every, pose = self.editable(version), (self.setup, problem, fit)
+            verdict = judged(*pose) if len(names) == len(every) else partly(names, every)
         new = verdict.kind == "abnormal" and not (commissioned or verdict.alone)
         if new and (other := misread(*rows, fit.p)):
             return of_a_sensor(other, *events) | since

@@ -21,7 +21,7 @@ from evertwin.fold import Block, Chunk, Event, concatenate, take
 from evertwin.models import Model
 from evertwin.rows.alignment import Alignment
 from evertwin.rows.crop import cropped
-from evertwin.sources.merging import Excerpt, merge
+from evertwin.sources.merging import Excerpt, each_once, merge
 from evertwin.sources.recorded import Recorded
 from evertwin.sources.tally import Tally
 from evertwin.sync import Feed as Brings
@@ -33,6 +33,7 @@ Data: TypeAlias = (
 DataFrame too), ready blocks, or None: the twin file's own recordings."""
 COLUMNS = "columns"
 """Name of the source of columns that were given by name."""
+ALONE = "one row is left to use, and one alone tells nothing"
 ENOUGH, FINER = 100, 100
 """Samples that tell how far they are apart; rows of a grid for one of them that are too many."""
 
@@ -105,6 +106,19 @@ class Feed:
                 f"{self.lost}"
             )
 
+    def several(self, data: Data = None) -> Iterator[Block]:
+        """`blocks` of files that hold more than one row that can be used.
+
+        Raises:
+            DataError: one alone, or none, can be.
+        """
+        rows = 0
+        for block in self.blocks(data):
+            rows += len(block.t)
+            yield block
+        if rows == 1 and self.files:
+            raise DataError(self.why(ALONE))
+
     def stream(self, data: Data = None) -> Iterator[Block]:
         """The rows as they come, for a fold.
 
@@ -171,8 +185,12 @@ class Feed:
             return
         parts = _parts(data)
         if all(part.whole for part in parts):
-            yield from self._merged(files_of(self.spec, [part.path for part in parts]))
+            files = files_of(self.spec, [part.path for part in parts])
+            for paths in files.values():
+                each_once([Excerpt(path) for path in paths])
+            yield from self._merged(files)
             return
+        each_once(parts)
         task = 0
         for files, part in self._recordings(parts):
             newest = task
@@ -190,6 +208,10 @@ class Feed:
     def lost(self) -> str:
         """The same, as the end of a sentence."""
         return "".join(f"; {tally}" for tally in self.left_out)
+
+    def why(self, so: str) -> str:
+        """What follows from the rows that were left out, behind them."""
+        return "; ".join([*map(str, self.left_out), so])
 
     def _merged(self, files: Mapping[int, tuple[Path, ...]]) -> Iterator[Chunk]:
         sources = [

@@ -27,6 +27,7 @@ from evertwin.service.off_now import Now, off_now, rows_of, told_now
 from evertwin.service.plan import Plan
 from evertwin.service.scene import scene_of
 from evertwin.signals import wrap
+from evertwin.signals.channels import same_turn
 from evertwin.signals.spoken import suited
 from evertwin.signals.units import conversion_of
 from evertwin.store import Estimate, Kept, SharedStore, SqliteStore
@@ -90,7 +91,8 @@ class AtWork:
         )  # fmt: skip
         kept = None if token is None else SharedStore(str(store), plan.name, token)
         self.twin = Twin(self.spec, store=kept, engine=None if shared is None else shared.share())
-        self._estimates: dict[str, Estimate] = {}
+        self._estimates: dict[tuple[str, float], Estimate] = {}
+        """The newest of each number's values: the live one need not be of the newest fit."""
         self._read = 0
         self._row = -1
         self._stored = 0.0
@@ -237,7 +239,7 @@ class AtWork:
         for entry in store.entries(self._read, ("event", "estimate")):
             record = store.record(entry)
             if isinstance(record, Estimate):
-                self._estimates[record.name] = record
+                self._estimates[record.name, record.value] = record
             elif isinstance(record, Event):
                 found.append((entry.number, told(entry.number, record)))
         self._read = store.head.length
@@ -272,8 +274,8 @@ class AtWork:
 
     def _interval(self, name: str, value: float) -> Mapping[str, Any]:
         """What the fit that a value comes from said of it."""
-        known = self._estimates.get(name)
-        if known is None or known.value != value:
+        known = self._estimates.get((name, value))
+        if known is None:
             return {"interval95": None, "verdict": None}
         return {"interval95": plain((known.low, known.high)), "verdict": known.verdict}
 
@@ -337,9 +339,12 @@ def shown(view: View, model: Model, which: np.ndarray) -> Mapping[str, Any]:
         "row": view.row[which].tolist(), "t": view.t[which].tolist(),
         "version": view.version[which].tolist(),
     }  # fmt: skip
-    columns = {"measured": view.measured, "predicted": view.predicted,
+    predicted, before = (
+        same_turn(one, view.measured, model.outputs.angles) for one in (view.predicted, view.first)
+    )
+    columns = {"measured": view.measured, "predicted": predicted,
                "residual": off(view.measured, view.predicted, model), "sigma": view.band,
-               "before": view.first, "off": view.off}  # fmt: skip
+               "before": before, "off": view.off}  # fmt: skip
     groups = model.outputs.group_of
     told["outputs"] = {
         name: {key: plain(column[which, k]) for key, column in columns.items()}

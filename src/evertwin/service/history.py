@@ -20,6 +20,7 @@ from evertwin.fold import Mark
 from evertwin.models import Model
 from evertwin.outcome import View
 from evertwin.service.at_work import off
+from evertwin.signals.channels import same_turn
 from evertwin.sources.spec import SourceSpec
 from evertwin.store import SqlStore
 
@@ -75,15 +76,16 @@ def of_rows(view: View, model: Model, span: Span, signals: Sequence[str]) -> dic
     the residual of predictions that reached their horizon."""
     names = model.outputs.names
     residual, wide = off(view.measured, view.predicted, model), BAND * view.band
+    predicted, before = (
+        same_turn(one, view.measured, model.outputs.angles) for one in (view.predicted, view.first)
+    )
     found: dict[str, Any] = {}
     for name in signals:
         k = names.index(name)
-        columns = {"measured": view.measured, "predicted": view.predicted, "before": view.first,
+        columns = {"measured": view.measured, "predicted": predicted, "before": before,
                    "residual": residual, "off": view.off}  # fmt: skip
         one = {key: pixels(span, view.t, column[:, k]) for key, column in columns.items()}
-        one["band"] = pixels(
-            span, view.t, (view.predicted - wide)[:, k], (view.predicted + wide)[:, k]
-        )
+        one["band"] = pixels(span, view.t, (predicted - wide)[:, k], (predicted + wide)[:, k])
         refused = np.where(view.mark[:, k] >= Mark.CONTESTED, view.measured[:, k], np.nan)
         one["refused"] = pixels(span, view.t, refused)
         found[name] = one

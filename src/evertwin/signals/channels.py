@@ -145,3 +145,18 @@ def wrap(residual: Outputs, angles: np.ndarray) -> Outputs:
     wrapped = residual.copy()
     wrapped[..., angles] = np.pi - np.mod(np.pi - residual[..., angles], 2 * np.pi)
     return wrapped
+
+
+def same_turn(values: Outputs, measured: Outputs, angles: np.ndarray) -> Outputs:
+    """Values with angles in the turn of what is measured beside them, or was measured last.
+
+    >>> measured = np.array([[-0.6], [np.nan]])
+    >>> same_turn(np.array([[12.0], [12.1]]), measured, np.array([True])).round(3).tolist()
+    [[-0.566], [-0.466]]
+    """
+    if not angles.any():
+        return values
+    known = np.isfinite(measured)
+    newest = np.maximum.accumulate(np.where(known, np.arange(len(measured))[:, None], -1), axis=0)
+    beside = np.where(newest < 0, 0.0, np.take_along_axis(measured, np.maximum(newest, 0), axis=0))
+    return np.where(angles, beside - wrap(beside - values, angles), values)

@@ -24,9 +24,11 @@ Excerpt(path=PosixPath('run.csv'), start=10.0, stop=20.5)
 
 from __future__ import annotations
 
+import filecmp
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 
 from evertwin.errors import DataError, UsageError
@@ -174,3 +176,26 @@ class Excerpt:
                 yield chunk
             elif inside.any():
                 yield chunk._replace(t=chunk.t[inside], v=chunk.v[inside])
+
+
+def each_once(parts: Sequence[Excerpt]) -> None:
+    """Rows that are given twice would count twice, and halve the intervals.
+
+    Raises:
+        UsageError: two parts of one source have rows in common, by the content of their files.
+    """
+    for a, b in combinations(parts, 2):
+        if a.start < b.stop and b.start < a.stop and _alike(a.path, b.path):
+            said = f"the same content as {a.path}" if a.path != b.path else "given twice"
+            said += "" if a.whole and b.whole else ", and the parts overlap"
+            raise UsageError(
+                f"{b.path}: {said}: its rows would count twice, as if more were known: name it once"
+            )
+
+
+def _alike(a: Path, b: Path) -> bool:
+    """Have two files the same content?"""
+    if a == b:
+        return True
+    there = a.is_file() and b.is_file() and a.stat().st_size == b.stat().st_size > 0
+    return there and filecmp.cmp(a, b, shallow=False)

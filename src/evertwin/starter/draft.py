@@ -28,6 +28,8 @@ from evertwin.starter.words import same_kind
 
 PERIODS = ("ts", "dt", "t_s", "sampling_time", "sample_time")
 """Names of a column that holds one number: seconds from row to row."""
+NAMED = 3
+"""Recordings that are named in the first line."""
 FASTEST = 200.0
 """Rows per second that a static map is resampled to at most: motion is slower."""
 
@@ -82,6 +84,13 @@ class Draft:
 
     def _apart(self, used: Sequence[int]) -> bool:
         return len({self.seen[s].files for s in used}) > 1
+
+    @property
+    def _origin(self) -> str:
+        """The recordings, the first of many and their number."""
+        names = list(dict.fromkeys(file.name for one in self.seen for file in one.files))
+        more = f" … {names[-1]} ({len(names)} files)" if len(names) > NAMED else ""
+        return ", ".join(names[:NAMED]) + more
 
     @property
     def static(self) -> bool:
@@ -260,7 +269,7 @@ class Draft:
         return environment.get_template("starter.toml.txt").render(
             draft=self, model=model, ask=ASK, units=units,
             options=", ".join(f"{k} = {_toml(v)}" for k, v in options.items()),
-            recordings=", ".join(file.name for one in self.seen for file in one.files[:3]),
+            recordings=self._origin,
             editable=", ".join(map(_toml, names[:6])),
         )  # fmt: skip
 

@@ -25,6 +25,8 @@ from evertwin.types import Float64, Vector
 
 ROWS = 50_000
 """Rows that relations between columns are told from."""
+LOST = 0.5
+"""Share of a table's rows from which on it is not looked at what the others tell."""
 FIXED = ("odom", "map", "world", "earth")
 """Frames that are no part of a machine (REP-105)."""
 
@@ -82,7 +84,7 @@ def look(files: Sequence[Path]) -> tuple[tuple[Seen, ...], tuple[Info, ...]]:
     """The different tables of recordings, and each recording described.
 
     Raises:
-        DataError: a file cannot be read, or none holds a complete row.
+        DataError: a file cannot be read, or loses most of its rows, or none has two.
     """
     told = tuple(inspect(_there(file)) for file in files)
     found: dict[tuple[str, ...], Seen] = {}
@@ -90,7 +92,10 @@ def look(files: Sequence[Path]) -> tuple[tuple[Seen, ...], tuple[Info, ...]]:
         for table in map(_machines, info.tables):
             said = quantity(words(file.name.split(".")[0]))  # positions and torques may share names
             key = (table.name, said, *(column.name for column in table.columns))
-            if table.rows == 0 or not _numbers(table):
+            if table.left_out > LOST * (table.used + table.left_out):
+                why = "; ".join((*table.suspicions, *table.examples)[:1])
+                raise DataError(f"{file}: {table.loss}: {why}")
+            if table.rows < 2 or not _numbers(table):
                 continue
             if key in found:
                 before = found[key]
@@ -100,7 +105,7 @@ def look(files: Sequence[Path]) -> tuple[tuple[Seen, ...], tuple[Info, ...]]:
                 found[key] = Seen((file,), table, *_beginning(file, table))
     if not found:
         names = ", ".join(str(file) for file in files)
-        raise DataError(f"{names}: holds no complete row: look at it with evertwin info")
+        raise DataError(f"{names}: fewer than two complete rows: look with evertwin info")
     return tuple(found.values()), told
 
 

@@ -1,0 +1,94 @@
+"""What one version has otherwise than that before it: names with old and new values, those that
+moved most first."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from evertwin.fold import Event
+from evertwin.ledger.versions import Versions
+from evertwin.models.form import Version
+from evertwin.outcome.open_trial import shorter
+from evertwin.setup.setup import Setup
+from evertwin.tuning.recordings import initials
+
+FEW = 3
+"""Numbers that are told one by one."""
+
+Move = tuple[str, float, float]
+"""Name, value before, value now."""
+
+
+def changes(setup: Setup, versions: Sequence[Version], events: Sequence[Event] = ()) -> str:
+    """What is other in the live version, the first, than in the one before it, the second, or than
+    was configured: of many numbers those that moved most, by their intervals where ``events`` have
+    a fit's; where a state begins is none of the machine's."""
+    champion = versions[0]
+    tuned, *terms = champion.reason.split("; ")
+    names = [name.removesuffix(" (weak)") for name in tuned.removeprefix("tuned ").split(", ")]
+    old = {item.name: item.value for item in setup.model.parameters}
+    for before in versions[1:]:
+        old |= zip(before.names, before.values, strict=True)
+    now = dict(zip(champion.names, champion.values, strict=True))
+    units = {item.name: item.unit for item in setup.model.parameters}
+    if not tuned.startswith("tuned ") or not set(names) <= set(now) & set(old) & set(units):
+        return shorter(champion.reason)
+    names = [name for name in names if name not in initials(setup.model)] or names
+    told = in_words([(name, old[name], now[name]) for name in names], units, _halves(now, events))
+    return "; ".join([told, *terms[:FEW]])
+
+
+def in_words(moves: Sequence[Move], units: Mapping[str, str], halves: Mapping[str, float]) -> str:
+    """Old and new values; ``halves``: half the width of a number's interval, where it is known.
+
+    >>> in_words([("Fc", 12.0, 12.1), ("mass", 80.0, 110.0)], {"mass": "kg", "Fc": "N"}, {})
+    'mass 80 → 110 kg, Fc 12 → 12.1 N'
+    """
+
+    def size(move: Move) -> float:
+        name, old, now = move
+        most = max(abs(old), abs(now), 1e-300)
+        return abs(now - old) / (halves.get(name, math.nan) if known else most)
+
+    known = all(0.0 < halves.get(name, 0.0) < math.inf for name, *_ in moves)
+    most = sorted(moves, key=size, reverse=True)
+    told = [
+        f"{name} {old:.3g} → {now:.3g} {units[name]}".removesuffix(" 1")
+        for name, old, now in most[:FEW]
+    ]
+    return ", ".join(told) + (f", and {len(moves) - FEW} more" if len(moves) > FEW else "")
+
+
+def _halves(now: Mapping[str, float], events: Sequence[Event]) -> dict[str, float]:
+    """Half the widths of the intervals that the newest fit with these values gave."""
+    for event in reversed(events):
+        fitted: Any = event.evidence.get("parameters") if event.kind == "tuned" else None
+        if fitted and all(now.get(name) == one["value"] for name, one in fitted.items()):
+            return {
+                name: (one["interval95"][1] - one["interval95"][0]) / 2
+                for name, one in fitted.items() if None not in one["interval95"]
+            }  # fmt: skip
+    return {}
+
+
+def spelled(event: Event, setup: Setup, versions: Versions, live: int) -> Event:
+    """An event of a fit, or of a switch from version ``live``, with old and new values of what
+    moved; any other as it is."""
+    if event.kind == "tuned":
+        fitted: Any = event.evidence.get("parameters", {})
+        moves = [(name, one["start"], one["value"]) for name, one in fitted.items()]
+        units = {name: one["unit"] for name, one in fitted.items()}
+        halves = _halves({name: now for name, _, now in moves}, [event])
+        moved = [move for move in moves if move[1] != move[2]]
+        rest = event.reason.split("; ")[1:]
+        said = "; ".join([f"tuned {in_words(moved, units, halves)}", *rest])
+        return replace(event, reason=said) if moved else event
+    if event.kind != "promoted":
+        return event
+    number: Any = event.evidence["version"]
+    new, old = versions[number], versions[live]
+    evidence = {**event.evidence, "replaced": live}
+    return replace(event, reason=f"{event.reason}; {changes(setup, (new, old))}", evidence=evidence)
