@@ -22,6 +22,7 @@ import numpy as np
 from evertwin.errors import LawBroken
 from evertwin.fold import Chunk
 from evertwin.settings.kinds import Duration
+from evertwin.settings.notes import expand
 from evertwin.settings.section import Section
 from evertwin.sources.live.pace import Pace
 from evertwin.types import Json
@@ -171,6 +172,10 @@ class Around:
     """What relative paths in their settings are relative to."""
     pace: Pace = field(default_factory=Pace)
     """Replayed recordings keep step by it."""
+
+    def file(self, text: str | None) -> Path | None:
+        """A file that settings name, by its path here."""
+        return None if text is None else self.folder / expand(text)
 
 
 def check_live(source: LiveSource, limit: int = 100, seconds: float = 10.0) -> list[Chunk]:
