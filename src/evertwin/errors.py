@@ -22,7 +22,8 @@ from __future__ import annotations
 
 import difflib
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 
 
 class EvertwinError(Exception):
@@ -64,6 +65,40 @@ class MissingExtra(UsageError):
     def of(cls, package: str, extra: str) -> MissingExtra:
         """The error for ``package``, with the command that installs it."""
         return cls(f"{package} is not installed: pip install 'evertwin[{extra}]'")
+
+
+@contextmanager
+def naming(
+    what: str,
+    caught: type[Exception] | tuple[type[Exception], ...] = UsageError,
+    raised: type[Exception] = UsageError,
+) -> Iterator[None]:
+    """Says of an error what it is about; what is ``caught`` becomes an error that is ``raised``.
+
+    >>> with naming("source 'log'"):
+    ...     raise UsageError("expected a rate above 0 Hz, got -1")
+    Traceback (most recent call last):
+    evertwin.errors.UsageError: source 'log': expected a rate above 0 Hz, got -1
+    """
+    try:
+        yield
+    except caught as error:
+        raise raised(f"{what}: {error}") from error
+
+
+@contextmanager
+def needs(extra: str, package: str = "") -> Iterator[None]:
+    """Around imports of an extra: what is not installed is said by `MissingExtra`.
+
+    >>> with needs("web", "starlette"):
+    ...     import starlette_that_is_not_there
+    Traceback (most recent call last):
+    evertwin.errors.MissingExtra: starlette is not installed: pip install 'evertwin[web]'
+    """
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        raise MissingExtra.of(package or str(error.name), extra) from error
 
 
 class DataError(EvertwinError):

@@ -12,9 +12,27 @@ import importlib
 import ssl
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
-from evertwin.errors import MissingExtra, reason_of
+from evertwin.errors import UsageError, needs, reason_of
+
+File: TypeAlias = "str | Path"
+Policy: TypeAlias = Literal["none", "Basic256Sha256", "Aes128Sha256RsaOaep", "Aes256Sha256RsaPss"]
+"""How sessions of OPC UA are signed and encrypted."""
+
+
+def check_secured(security: Policy, **files: str | None) -> None:
+    """Is what a security policy needs named?
+
+    Raises:
+        UsageError: a file lacks.
+    """
+    lacking = [name for name, file in files.items() if not file]
+    if security != "none" and lacking:
+        raise UsageError(
+            f"security = {security!r}: needs {', '.join(lacking)}: the own certificate and key, "
+            "and a folder with the certificates that are trusted"
+        )
 
 
 def trusted(folder: Path) -> tuple[bytes, ...]:
@@ -47,10 +65,8 @@ def _read(content: bytes) -> Any:
 
 
 def _loaded(name: str) -> Any:
-    try:
+    with needs("live", "cryptography"):
         return importlib.import_module(f"cryptography.{name}")
-    except ModuleNotFoundError as error:
-        raise MissingExtra.of("cryptography", "live") from error
 
 
 class Tls:
@@ -61,7 +77,7 @@ class Tls:
     """
 
     def __init__(
-        self, ca: str | None = None, certificate: str | None = None, key: str | None = None
+        self, ca: File | None = None, certificate: File | None = None, key: File | None = None
     ) -> None:
         """
         Args:

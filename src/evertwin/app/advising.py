@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from evertwin.ahead.inverse import Inverse, SetPoint, inverse
 from evertwin.app.console import show
-from evertwin.app.opening import as_kept
-from evertwin.errors import UsageError
+from evertwin.app.opening import as_kept, recordings
+from evertwin.errors import UsageError, naming
 from evertwin.settings.quantity import number, written
 from evertwin.signals.units import from_si, si_unit
 from evertwin.twin import Twin
@@ -33,13 +33,11 @@ def show_set_points(
         raise UsageError(
             f"--wanted: expected a speed with its unit, as in '10 cm/s', got {wanted[0]!r}"
         )
-    try:
+    with naming("--wanted"):
         unit = si_unit(told)
         speeds = [number(one, unit) for one in wanted]
-    except UsageError as error:
-        raise UsageError(f"--wanted: {error}") from error
     with Twin(as_kept(twin), reading=True) as opened:
-        files = None if not data else [str(path) for path in data]
+        files = recordings(data)
         found = inverse(opened.prospect(None, files).basis, speeds, unit, names, files)
     content = {
         "schema": "evertwin.setpoint/1", "input": found.channels[0], "output": found.channels[1],
@@ -60,7 +58,7 @@ def _text(found: Inverse, unit: str) -> str:
         f"version {found.version}{configured}: rate of {found.channels[1]} [{unit}] for "
         f"{found.channels[0]} held, as far as the recordings have it"
     ]
-    lines += [_answer(one, found, unit, same) for one in found.answers]
+    lines += [_answer(one, found, unit, said) for one in found.answers]
     places = [round(k * (len(found.set_points) - 1) / (ROWS - 1)) for k in range(ROWS)]
     shown = [(found.set_points[k], found.rates[k]) for k in places]
     lines.append("  map: " + ", ".join(
@@ -69,10 +67,8 @@ def _text(found: Inverse, unit: str) -> str:
     return "\n".join([*lines, *([f"  {found.note}"] if found.note else [])])
 
 
-def _answer(one: SetPoint, found: Inverse, unit: str, same: bool) -> str:
-    def said(value: float) -> str:
-        return f"{float(from_si(value, unit)):.4g}"
-
+def _answer(one: SetPoint, found: Inverse, unit: str, said: Callable[[float], str]) -> str:
+    same = found.unit == found.rate_unit
     if one.set_point is None:
         lower, higher = one.nearest or (None, None)
         known = [f"{said(v)} {unit}" for v in (lower, higher) if v is not None]

@@ -14,19 +14,17 @@ from typing import Annotated
 
 import typer
 
-from evertwin.app import cli_export, cli_validate
-from evertwin.app.cli_engineer import register as register_engineer
-from evertwin.app.cli_export import PART
-from evertwin.app.cli_features import register as register_features
-from evertwin.app.cli_fleet import register as register_fleet
-from evertwin.app.cli_label import register as register_label
-from evertwin.app.cli_machine import register as register_machine
-from evertwin.app.cli_machine import register_demo
-from evertwin.app.cli_map import register as register_map
-from evertwin.app.cli_prognosis import register as register_prognosis
-from evertwin.app.cli_ros import register as register_ros
-from evertwin.app.cli_serve import register as register_serve
-from evertwin.app.cli_store import register as register_store
+from evertwin.app import (
+    cli_features,
+    cli_machine,
+    cli_map,
+    cli_model,
+    cli_prognosis,
+    cli_site,
+    cli_store,
+    cli_twin,
+)
+from evertwin.app.options import PART, AsJson, Check, Force, Number, Report, TwinFile
 from evertwin.errors import EvertwinError
 
 app = typer.Typer(
@@ -38,13 +36,6 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-model_app = typer.Typer(
-    help="The versions of a twin's model: list, show, promote, rollback, pin.",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-)
-app.add_typer(model_app, name="model")
-
 KINDS = (
     "Kind of machine: arm (torques from motion, with --urdf), differential, omni or bicycle "
     "(pose of a base; a steered one), odometer (way and heading), robot1d (way along a line), "
@@ -53,9 +44,6 @@ KINDS = (
 )
 MOST, LONGEST = 50, 500
 """Lines of an error that are shown, and signs of a line."""
-TwinFile = Annotated[Path, typer.Argument(help="Twin file (TOML).", metavar="TWIN.toml")]
-AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
-Check = Annotated[bool, typer.Option("--check", help="Exit with 1 when there are findings.")]
 Workers = Annotated[
     int | None,
     typer.Option(help="Processes for slow work; 0: none but this. Default: as the twin file says."),
@@ -93,14 +81,14 @@ def _options(
         )
 
 
-register_demo(app)
+app.registered_commands += cli_machine.app.registered_commands  # the demonstration comes first
 
 
 @app.command()
 def run(
     twin: TwinFile,
     data: DataFiles = None,
-    report: Annotated[Path | None, typer.Option(help="Write a self-contained HTML report.")] = None,
+    report: Report = None,
     as_json: AsJson = False,
     check: Check = False,
     again: Annotated[
@@ -189,7 +177,7 @@ def init(
     ] = None,
     model: Annotated[str, typer.Option(help=KINDS)] = "",
     urdf: Annotated[Path | None, typer.Option(help="Description of an arm.")] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
+    force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Propose a commented twin file for recordings; of a series that tells wear: its command.
@@ -225,8 +213,8 @@ def doctor(
 @app.command()
 def compare(
     twin: TwinFile,
-    first: Annotated[int, typer.Argument(help="Number of a version.", metavar="VERSION")],
-    second: Annotated[int, typer.Argument(help="Number of a version.", metavar="VERSION")],
+    first: Number,
+    second: Number,
     data: DataFiles = None,
     as_json: AsJson = False,
 ) -> None:
@@ -256,78 +244,13 @@ def schema(
     show_schema(next((name for name, on in chosen.items() if on), "twin"), as_json)
 
 
-@model_app.command("list")
-def model_list(twin: TwinFile, as_json: AsJson = False) -> None:
-    """All versions, and which is live."""
-    from evertwin.app.commands import list_versions
-
-    list_versions(twin, as_json)
-
-
-@model_app.command("show")
-def model_show(
-    twin: TwinFile,
-    number: Annotated[int, typer.Argument(help="Number of a version.", metavar="VERSION")],
-    as_json: AsJson = False,
-) -> None:
-    """Form, parameters and history of one version."""
-    from evertwin.app.commands import show_version
-
-    show_version(twin, number, as_json)
-
-
-@model_app.command("promote")
-def model_promote(
-    twin: TwinFile,
-    number: Annotated[int, typer.Argument(help="Number of a version.", metavar="VERSION")],
-    reason: Annotated[str, typer.Option(help="Why; kept in the log.")] = "by hand",
-    as_json: AsJson = False,
-) -> None:
-    """Make a version live, whatever the gate says."""
-    from evertwin.app.commands import by_hand
-
-    by_hand(twin, "promote", number, reason, as_json)
-
-
-@model_app.command("rollback")
-def model_rollback(
-    twin: TwinFile,
-    reason: Annotated[str, typer.Option(help="Why; kept in the log.")] = "by hand",
-    as_json: AsJson = False,
-) -> None:
-    """Make the champion before the present one live again."""
-    from evertwin.app.commands import by_hand
-
-    by_hand(twin, "rollback", None, reason, as_json)
-
-
-@model_app.command("pin")
-def model_pin(
-    twin: TwinFile,
-    number: Annotated[
-        int | None, typer.Argument(help="Number of a version; none: unpin.", metavar="[VERSION]")
-    ] = None,
-    reason: Annotated[str, typer.Option(help="Why; kept in the log.")] = "by hand",
-    as_json: AsJson = False,
-) -> None:
-    """Keep a version live until it is unpinned."""
-    from evertwin.app.commands import by_hand
-
-    by_hand(twin, "pin", number, reason, as_json)
-
-
-register_prognosis(app)
-register_label(app)
-cli_validate.register(app)
-register_engineer(app)
-cli_export.register(app, model_app)
-register_store(app)
-register_machine(app)
-register_map(app)
-register_features(app)
-register_serve(app)
-register_fleet(app)
-register_ros(app)
+for part in (cli_prognosis, cli_twin, cli_store, cli_map, cli_features, cli_site):
+    app.registered_commands += part.app.registered_commands
+for group in (
+    cli_model.model_app, cli_store.store_app, cli_machine.machine_app, cli_site.fleet_app,
+    cli_site.ros_app,
+):  # fmt: skip
+    app.add_typer(group)
 
 
 def main(arguments: list[str] | None = None) -> None:

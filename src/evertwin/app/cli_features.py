@@ -1,4 +1,4 @@
-"""The commands of features that simulation and reality are compared by: labels, tables, images."""
+"""The commands of features that simulation and reality are compared by: labels, images, tables."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import Annotated
 
 import typer
 
-from evertwin.app.cli_camera import register as register_camera
+from evertwin.app.options import AsJson, Check, Scans
 
-AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
-Check = Annotated[bool, typer.Option("--check", help="Exit with 1 when there are findings.")]
+app = typer.Typer()
 
 
+@app.command()
 def confusions(
     files: Annotated[
         list[Path],
@@ -42,50 +42,95 @@ def confusions(
     show_confusions(files, (level, least), most, as_json, check)
 
 
-def register(app: typer.Typer) -> None:
-    """Adds the commands."""
-    app.command()(confusions)
-    register_camera(app)
+@app.command()
+def camera(
+    world: Annotated[
+        Path | None,
+        typer.Argument(help="MuJoCo world. Default: halls drawn anew.", metavar="[WORLD.xml]"),
+    ] = None,
+    out: Annotated[Path, typer.Option("-o", "--out", help="Bag to write.")] = Path("camera.mcap"),
+    poses: Annotated[
+        Path | None, typer.Option(help="Poses in that world (CSV), as of evertwin map.")
+    ] = None,
+    images: Annotated[int, typer.Option(min=1, max=100_000, help="At most so many.")] = 200,
+    seed: Annotated[int, typer.Option(min=0, help="Of all that is drawn.")] = 1,
+    plain: Annotated[
+        bool, typer.Option("--plain", help="One light and look, nothing of it drawn.")
+    ] = False,
+    height: Annotated[float, typer.Option(help="Of the camera in that world [m].")] = 0.5,
+) -> None:
+    """Simulated images in randomised light and texture, and what they show: NAME-objects.csv.
 
-    @app.command()
-    def tables(
-        recording: Annotated[
-            Path, typer.Argument(help="Recording with scans.", metavar="RECORDING")
-        ],
-        out: Annotated[Path, typer.Option("-o", "--out", help="Folder for boxes, costs, picture.")],
-        poses: Annotated[
-            Path | None, typer.Option(help="Poses (CSV) of evertwin map. Default: map anew.")
-        ] = None,
-        radius: Annotated[float, typer.Option(help="Of the machine, for the costs [m].")] = 0.25,
-        inflation: Annotated[float, typer.Option(help="How far costs reach [m].")] = 0.75,
-        height: Annotated[float, typer.Option(help="Of the plates [m].")] = 0.72,
-        overhang: Annotated[float, typer.Option(help="Of the plates over the legs [m].")] = 0.0,
-        solid: Annotated[
-            bool, typer.Option("--solid", help="Boxes down to the floor, no legs.")
-        ] = False,
-        three: Annotated[
-            bool, typer.Option("--three", help="Also where one leg was never in sight.")
-        ] = False,
-        origin: Annotated[
-            str, typer.Option(help="Pose of the map's origin in the world: 'X Y HEADING'.")
-        ] = "0 0 0",
-        scan: Annotated[str, typer.Option(help="Topic of the scans. Default: the first.")] = "",
-        as_json: AsJson = False,
-    ) -> None:
-        """Tables from the scans of a recording: boxes with covariance, costs, MuJoCo bodies.
+    Example: evertwin camera --images 300 -o halls.mcap
+    """
+    from evertwin.app.picturing import take_pictures
 
-        Example: evertwin tables run.log --poses room/poses.csv -o room
-        """
-        from evertwin.app.furnishing import Asked, make_tables, pose_of
-        from evertwin.app.mapping import Topics
-        from evertwin.errors import UsageError
-        from evertwin.features.cost_map import Inflation
-        from evertwin.features.table_bodies import Plate
+    own = None if world is None else (world, poses, height)
+    take_pictures(out, own, (images, seed), plain)
 
-        if not (0 < radius <= inflation and height > 0.05 and overhang >= 0):
-            raise UsageError("tables: expected 0 < radius ≤ inflation, height above 0.05 m, "
-                             "overhang from 0 m")  # fmt: skip
-        asked = Asked(
-            Inflation(radius, inflation), Plate(height, overhang, solid), pose_of(origin), three
-        )
-        make_tables(recording, out, poses, asked, Topics(scan), as_json)
+
+@app.command()
+def detect(
+    recording: Annotated[Path, typer.Argument(help="Recording with images.", metavar="RECORDING")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for labels, a picture.")],
+    objects: Annotated[
+        Path | None, typer.Option(help="What the images show (CSV), to judge them by.")
+    ] = None,
+    images: Annotated[str, typer.Option(help="Their topic. Default: the first.")] = "",
+    least: Annotated[
+        float, typer.Option(min=0.02, max=1.0, help="Labels less probable are left out.")
+    ] = 0.3,
+    weights: Annotated[
+        Path | None, typer.Option(help="A net of your own (ONNX). Default: the one shipped.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Tables, boxes, people in images; with --objects also labels for evertwin confusions.
+
+    Example: evertwin detect run.mcap --objects run-objects.csv -o real
+    """
+    from evertwin.app.detecting import show_detections
+
+    show_detections(recording, out, (objects, weights), images, least, as_json)
+
+
+@app.command()
+def tables(
+    recording: Scans,
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for boxes, costs, picture.")],
+    poses: Annotated[
+        Path | None, typer.Option(help="Poses (CSV) of evertwin map. Default: map anew.")
+    ] = None,
+    radius: Annotated[float, typer.Option(help="Of the machine, for the costs [m].")] = 0.25,
+    inflation: Annotated[float, typer.Option(help="How far costs reach [m].")] = 0.75,
+    height: Annotated[float, typer.Option(help="Of the plates [m].")] = 0.72,
+    overhang: Annotated[float, typer.Option(help="Of the plates over the legs [m].")] = 0.0,
+    solid: Annotated[
+        bool, typer.Option("--solid", help="Boxes down to the floor, no legs.")
+    ] = False,
+    three: Annotated[
+        bool, typer.Option("--three", help="Also where one leg was never in sight.")
+    ] = False,
+    origin: Annotated[
+        str, typer.Option(help="Pose of the map's origin in the world: 'X Y HEADING'.")
+    ] = "0 0 0",
+    scan: Annotated[str, typer.Option(help="Topic of the scans. Default: the first.")] = "",
+    as_json: AsJson = False,
+) -> None:
+    """Tables from the scans of a recording: boxes with covariance, costs, MuJoCo bodies.
+
+    Example: evertwin tables run.log --poses room/poses.csv -o room
+    """
+    from evertwin.app.furnishing import Asked, make_tables, pose_of
+    from evertwin.app.mapping import Topics
+    from evertwin.errors import UsageError
+    from evertwin.features.cost_map import Inflation
+    from evertwin.features.table_bodies import Plate
+
+    if not (0 < radius <= inflation and height > 0.05 and overhang >= 0):
+        raise UsageError("tables: expected 0 < radius ≤ inflation, height above 0.05 m, "
+                         "overhang from 0 m")  # fmt: skip
+    asked = Asked(
+        Inflation(radius, inflation), Plate(height, overhang, solid), pose_of(origin), three
+    )
+    make_tables(recording, out, poses, asked, Topics(scan), as_json)

@@ -1,4 +1,4 @@
-"""The commands ``evertwin demo`` and ``evertwin machine …``: embedded machines."""
+"""The commands ``evertwin machine …`` and ``evertwin demo``: embedded machines."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import Annotated
 
 import typer
 
-machine_app = typer.Typer(
-    help="Embedded machines that run: arm (Modbus, OPC UA), robot (MQTT or ROS 1); tell them.",
-    no_args_is_help=True,
-    rich_markup_mode=None,
+from evertwin.app.options import AsJson, group
+
+app = typer.Typer()
+machine_app = group(
+    "machine", "Embedded machines that run: arm (Modbus, OPC UA), robot (MQTT or ROS 1); tell them."
 )
-AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
 Seed = Annotated[int, typer.Option(help="Of noise and commands.")]
 Speed = Annotated[
     float, typer.Option(min=0.1, max=1000.0, help="Time-lapse: seconds of its clock in one.")
@@ -53,9 +53,10 @@ def arm(
 
     Example: evertwin machine arm --speed 10
     """
-    from evertwin.app.machines import Common, run_arm
+    from evertwin.app.machines import Common, arm_options, run_machine
 
-    run_arm(Common(seed, speed, start, seconds, order or [], control, record), modbus, opcua)
+    common = Common(seed, speed, start, seconds, order or [], control, record)
+    run_machine("arm", arm_options(common, modbus, opcua), common)
 
 
 @machine_app.command("robot")
@@ -92,7 +93,7 @@ def robot(
 
     Example: evertwin machine robot --speed 10
     """
-    from evertwin.app.machines import Common, robot_options, run_robot
+    from evertwin.app.machines import Common, robot_options, run_machine
     from evertwin.errors import UsageError
     from evertwin.ros.spec import Masters
 
@@ -101,7 +102,8 @@ def robot(
     if camera and (record is None or record.suffix != ".mcap"):
         raise UsageError("--camera: expected --record FILE.mcap too, which the pictures go into")
     options = robot_options(common, broker, own_broker, world, topics, place)
-    run_robot(common, [*options, "--camera", str(camera)] if camera else options)
+    options += ["--camera", str(camera)] if camera else []
+    run_machine("robot", options, common)
 
 
 @machine_app.command("tell")
@@ -120,38 +122,30 @@ def tell(
     tell_machine(where, orders or [])
 
 
-def register_demo(app: typer.Typer) -> None:
-    """Adds the demonstration."""
+@app.command()
+def demo(
+    seed: Annotated[int, typer.Option(help="Seed of the embedded machines.")] = 1,
+    out: Annotated[Path, typer.Option(help="Folder for recordings and reports.")] = Path(
+        "evertwin-demo"
+    ),
+    live: Annotated[
+        bool, typer.Option("--live", help="While they run: Modbus, MQTT, one service.")
+    ] = False,
+    speed: Annotated[
+        float, typer.Option(min=0.1, max=100.0, help="Time-lapse of the live machines.")
+    ] = 10.0,
+    seconds: Annotated[float, typer.Option(min=1.0, help="Length of the live one.")] = 90.0,
+    headless: Annotated[bool, typer.Option("--headless", help="Nothing but the end.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Both embedded machines through the whole loop: a mobile robot and a 6-axis arm.
 
-    @app.command()
-    def demo(
-        seed: Annotated[int, typer.Option(help="Seed of the embedded machines.")] = 1,
-        out: Annotated[Path, typer.Option(help="Folder for recordings and reports.")] = Path(
-            "evertwin-demo"
-        ),
-        live: Annotated[
-            bool, typer.Option("--live", help="While they run: Modbus, MQTT, one service.")
-        ] = False,
-        speed: Annotated[
-            float, typer.Option(min=0.1, max=100.0, help="Time-lapse of the live machines.")
-        ] = 10.0,
-        seconds: Annotated[float, typer.Option(min=1.0, help="Length of the live one.")] = 90.0,
-        headless: Annotated[bool, typer.Option("--headless", help="Nothing but the end.")] = False,
-        as_json: AsJson = False,
-    ) -> None:
-        """Both embedded machines through the whole loop: a mobile robot and a 6-axis arm.
+    Example: evertwin demo --out shown
+    """
+    if live:
+        from evertwin.app.demo_live import run_live_demo
 
-        Example: evertwin demo --out shown
-        """
-        if live:
-            from evertwin.app.demo_live import run_live_demo
+        return run_live_demo(out, seed, (speed, seconds), headless, as_json)
+    from evertwin.app.demo import run_demo
 
-            return run_live_demo(out, seed, (speed, seconds), headless, as_json)
-        from evertwin.app.demo import run_demo
-
-        run_demo(out, seed, as_json)
-
-
-def register(app: typer.Typer) -> None:
-    """Adds them to the command line."""
-    app.add_typer(machine_app, name="machine")
+    run_demo(out, seed, as_json)

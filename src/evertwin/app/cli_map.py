@@ -7,55 +7,50 @@ from typing import Annotated
 
 import typer
 
-AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
+from evertwin.app.options import AsJson, Scans
+
+app = typer.Typer()
 Scan = Annotated[str, typer.Option(help="Topic of the scans. Default: the first one.")]
-Recording = Annotated[Path, typer.Argument(help="Recording with scans.", metavar="RECORDING")]
 
 
-def register(app: typer.Typer) -> None:
-    """Adds the commands."""
+@app.command("map")
+def map_scans(
+    recording: Scans,
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for poses, map and picture.")],
+    against: Annotated[
+        str | None,
+        typer.Option(help="Reference: 'stated' (poses in a map), or CSV with t_ns,x,y,theta."),
+    ] = None,
+    ranges_alone: Annotated[
+        bool, typer.Option("--ranges-alone", help="Without the recording's odometry.")
+    ] = False,
+    scan: Scan = "",
+    odometry: Annotated[
+        str, typer.Option(help="Topic of the odometry. Default: the first of wheels.")
+    ] = "",
+    as_json: AsJson = False,
+) -> None:
+    """Poses with covariance and an occupancy map from the scans of a recording.
 
-    @app.command("map")
-    def map_scans(
-        recording: Recording,
-        out: Annotated[
-            Path, typer.Option("-o", "--out", help="Folder for poses, map and picture.")
-        ],
-        against: Annotated[
-            str | None,
-            typer.Option(help="Reference: 'stated' (poses in a map), or CSV with t_ns,x,y,theta."),
-        ] = None,
-        ranges_alone: Annotated[
-            bool, typer.Option("--ranges-alone", help="Without the recording's odometry.")
-        ] = False,
-        scan: Scan = "",
-        odometry: Annotated[
-            str, typer.Option(help="Topic of the odometry. Default: the first of wheels.")
-        ] = "",
-        as_json: AsJson = False,
-    ) -> None:
-        """Poses with covariance and an occupancy map from the scans of a recording.
+    Example: evertwin map run.log -o room
+    """
+    from evertwin.app.mapping import Topics, make_map
 
-        Example: evertwin map run.log -o room
-        """
-        from evertwin.app.mapping import Topics, make_map
+    make_map(recording, out, against, ranges_alone, Topics(scan, odometry), as_json)
 
-        make_map(recording, out, against, ranges_alone, Topics(scan, odometry), as_json)
 
-    @app.command()
-    def locate(
-        chart: Annotated[
-            Path, typer.Argument(help="Map (YAML beside its PGM).", metavar="MAP.yaml")
-        ],
-        recording: Recording,
-        number: Annotated[int, typer.Option(help="Number of the scan, from 0.")] = 0,
-        scan: Scan = "",
-        as_json: AsJson = False,
-    ) -> None:
-        """Where a scan was taken, from a map alone; or why that cannot be told.
+@app.command()
+def locate(
+    chart: Annotated[Path, typer.Argument(help="Map (YAML beside its PGM).", metavar="MAP.yaml")],
+    recording: Scans,
+    number: Annotated[int, typer.Option(help="Number of the scan, from 0.")] = 0,
+    scan: Scan = "",
+    as_json: AsJson = False,
+) -> None:
+    """Where a scan was taken, from a map alone; or why that cannot be told.
 
-        Example: evertwin locate room/map.yaml run.log --number 120
-        """
-        from evertwin.app.mapping import Topics, find_place
+    Example: evertwin locate room/map.yaml run.log --number 120
+    """
+    from evertwin.app.mapping import Topics, find_place
 
-        find_place(chart, recording, number, Topics(scan), as_json)
+    find_place(chart, recording, number, Topics(scan), as_json)

@@ -7,12 +7,10 @@ from typing import Annotated, Literal
 
 import typer
 
+from evertwin.app.options import AsJson, Check, Reason, Report, TwinFile
 from evertwin.errors import UsageError
 
-TwinFile = Annotated[Path, typer.Argument(help="Twin file (TOML).", metavar="TWIN.toml")]
-AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
-Check = Annotated[bool, typer.Option("--check", help="Exit with 1 when there are findings.")]
-Report = Annotated[Path | None, typer.Option(help="Write a self-contained HTML report.")]
+app = typer.Typer()
 DataFiles = Annotated[
     list[Path] | None,
     typer.Option("--data", help="Recordings in place of the twin file's; list several."),
@@ -21,10 +19,8 @@ History = Annotated[
     Path | None, typer.Option(help="History (CSV) in place of the store's parameter history.")
 ]
 
-_LOOKING = typer.Typer()
 
-
-@_LOOKING.command()
+@app.command()
 def forecast(
     twin: TwinFile,
     horizon: Annotated[str, typer.Option(help="How far, as in '10 min'.")] = "60 s",
@@ -44,7 +40,7 @@ def forecast(
     show_forecast(twin, horizon, data, (mode, inputs), as_json)
 
 
-@_LOOKING.command()
+@app.command()
 def life(
     twin: Annotated[
         Path, typer.Argument(help="Twin file (TOML), or a series alone.", metavar="TWIN.toml|CSV")
@@ -99,7 +95,7 @@ def life(
     show_life(twin, (history, data), (report, today), as_json, check)
 
 
-@_LOOKING.command()
+@app.command()
 def whatif(
     twin: TwinFile,
     scenario: Annotated[Path, typer.Option(help="Scenario file (TOML).", metavar="FILE")],
@@ -117,7 +113,7 @@ def whatif(
     show_whatif(twin, scenario, (history, data), as_json, check)
 
 
-@_LOOKING.command()
+@app.command()
 def setpoint(
     twin: TwinFile,
     wanted: Annotated[
@@ -137,7 +133,7 @@ def setpoint(
     show_set_points(twin, wanted or [], (input_name, output), data, as_json)
 
 
-@_LOOKING.command()
+@app.command()
 def plan(
     twin: TwinFile,
     history: History = None,
@@ -155,7 +151,7 @@ def plan(
     show_plan(twin, (history, data), out, report, as_json)
 
 
-@_LOOKING.command()
+@app.command()
 def decide(
     twin: TwinFile,
     said: Annotated[
@@ -174,7 +170,7 @@ def decide(
             "now. Where rows have dates also a date, as in 2027-03-01."
         ),
     ] = None,
-    reason: Annotated[str, typer.Option(help="Why; kept in the log.")] = "",
+    reason: Reason = "",
     history: History = None,
     as_json: AsJson = False,
 ) -> None:
@@ -194,8 +190,3 @@ def decide(
         show_decisions(twin, as_json)
     else:
         raise UsageError("decide: expected a component and a verdict; alone it lists the past ones")
-
-
-def register(app: typer.Typer) -> None:
-    """Adds the commands."""
-    app.registered_commands.extend(_LOOKING.registered_commands)

@@ -8,20 +8,19 @@ from typing import Annotated
 
 import typer
 
+from evertwin.app.options import AsJson, group
+
 TwinFile = Annotated[
     Path, typer.Argument(help="Twin file (TOML), or a store (.db).", metavar="TWIN.toml")
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
 Key = Annotated[
     Path | None, typer.Option("--key", help="File with a secret: signs the head (HMAC-SHA256).")
 ]
-store_app = typer.Typer(
-    help="What a twin keeps: its head, whether it is sound, a copy of it.",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-)
+app = typer.Typer()
+store_app = group("store", "What a twin keeps: its head, whether it is sound, a copy of it.")
 
 
+@app.command()
 def events(
     twin: TwinFile,
     kind: Annotated[str | None, typer.Option(help="Of one kind.")] = None,
@@ -124,9 +123,3 @@ def export(
     from evertwin.app.storing import export_samples
 
     export_samples(twin, file, (source, store), (first, last), as_json)
-
-
-def register(app: typer.Typer) -> None:
-    """Adds the commands."""
-    app.command()(events)
-    app.add_typer(store_app, name="store")

@@ -9,13 +9,11 @@ from pathlib import Path
 import typer
 
 from evertwin.app.console import Progress, Search, show
-from evertwin.app.opening import as_kept, store_path, to_work
+from evertwin.app.opening import as_kept, recordings, store_path, to_work
 from evertwin.doctor.finding import SHOWN
-from evertwin.errors import DataError
 from evertwin.fold import plain
 from evertwin.models.form import Version
 from evertwin.outcome.result import RunResult
-from evertwin.sources.merging import Excerpt
 from evertwin.twin import Twin
 from evertwin.types import Json
 
@@ -61,7 +59,7 @@ def _run(
 ) -> RunResult:
     """Runs it; what goes on, and which rows were not run now, goes to stderr."""
     progress = Progress()
-    result = opened.run(_files(data), progress, again=again, workers=workers)
+    result = opened.run(recordings(data), progress, again=again, workers=workers)
     progress.close()
     for line in _went_on(result):
         typer.echo(f"evertwin: {line}", err=True)
@@ -90,15 +88,15 @@ def fit_twin(
     with Twin.open(twin) if keep else Twin(as_kept(twin), reading=True) as opened:
         if keep:
             store_path(twin, opened.spec)
-        files = [str(_file(path)) for path in test]
+        files = recordings(test) or []
         # of several sources, one recording alone lacks what the others record
         tests = [files] if files and len(opened.spec.source) > 1 else files
-        result = opened.fit(_files(train), tests, search, workers)
+        result = opened.fit(recordings(train), tests, search, workers)
         search.close()
         told, text, routes = dict[str, Json](), str(result), tuple[Route, ...]()
         if other is not None:  # before anything is kept: its file may be wrong
             with Twin.open(other, reading=True) as second:
-                there = second.fit(_files(train), (), search, workers)
+                there = second.fit(recordings(train), (), search, workers)
             search.close()
             routes = beside(result.fit, there.fit)
             told["beside"] = {"name": there.name, "parameters": [one.to_dict() for one in routes]}
@@ -124,7 +122,7 @@ def examine(twin: Path, data: Files, every: bool, as_json: bool) -> None:
     progress = Progress("the rows are read")
     with Twin(as_kept(twin), reading=True) as opened:
         try:
-            found = opened.doctor(_files(data))
+            found = opened.doctor(recordings(data))
         finally:
             progress.close()
         most = len(found.findings) if every else SHOWN
@@ -136,7 +134,7 @@ def examine(twin: Path, data: Files, every: bool, as_json: bool) -> None:
 def compare_versions(twin: Path, pair: tuple[int, int], data: Files, as_json: bool) -> None:
     """``evertwin compare``."""
     with Twin(as_kept(twin), reading=True) as opened:
-        found = opened.compare(*pair, _files(data))
+        found = opened.compare(*pair, recordings(data))
         show(found.to_dict(), str(found), as_json)
 
 
@@ -202,14 +200,3 @@ def _brief(version: Version) -> dict[str, object]:
         "row": version.row,
         "terms": len(version.form.terms),
     }
-
-
-def _file(path: Path) -> Path:
-    file = Excerpt.parse(path).path
-    if not file.exists():
-        raise DataError(f"{file}: no such file")
-    return path
-
-
-def _files(data: Files) -> list[str] | None:
-    return None if not data else [str(_file(path)) for path in data]

@@ -21,14 +21,16 @@ if TYPE_CHECKING:
     from evertwin.outcome import RunResult
 
 
-def twin_file(name: str) -> Path:
-    """A twin file that comes with the package."""
-    inside = Path(str(files("evertwin.app").joinpath("twins", f"{name}.toml")))
-    beside = Path(__file__).parents[3] / "twins" / f"{name}.toml"
-    for path in (inside, beside):
-        if path.is_file():
-            return path
-    raise UsageError(f"{name}.toml does not lie with the package: install evertwin again")
+def shipped(file: str) -> Path:
+    """A file that comes with the package, such as ``twins/arm.toml``.
+
+    Raises:
+        UsageError: it does not.
+    """
+    for root in (Path(str(files("evertwin.app"))), Path(__file__).parents[3]):
+        if (root / file).is_file():
+            return root / file
+    raise UsageError(f"{file} does not lie with the package: install evertwin again")
 
 
 def run_demo(out: Path, seed: int, as_json: bool) -> None:
@@ -65,7 +67,7 @@ def _shown(
 
     alive.say(f"{name}: running the twin beside {len(recordings)} recording(s)")
     report = out / f"{name}.html"
-    with Twin.open(twin_file(name)) as twin:
+    with Twin.open(shipped(f"twins/{name}.toml")) as twin:
         result = twin.run([str(path) for path in recordings])
         if not as_json:
             typer.echo(f"{result}\n{_said(result)}")

@@ -18,15 +18,14 @@ import time
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import typer
 
 from evertwin.app.console import Alive, show
+from evertwin.app.demo import shipped
 from evertwin.app.machines import Common, LiveMachine, arm_options, robot_options, told
-from evertwin.errors import UsageError
 from evertwin.service.runner import Runner
 from evertwin.service.service import Service
 
@@ -130,20 +129,13 @@ def site_of(out: Path, ports: Mapping[str, int]) -> Path:
     Raises:
         UsageError: it does not lie with the package.
     """
-    inside = Path(str(files("evertwin.app")))
-    beside = Path(__file__).parents[3]
-    for root in (inside, beside):
-        if (root / "sites" / "demo.toml").is_file():
-            break
-    else:
-        raise UsageError("sites/demo.toml does not lie with the package: install evertwin again")
     for name in ("sites", "twins"):
         (out / name).mkdir(parents=True, exist_ok=True)
     for name in ("arm_live", "robot_live"):
-        shutil.copy(root / "twins" / f"{name}.toml", out / "twins")
-    text = (root / "sites" / "demo.toml").read_text(encoding="utf-8")
-    for shipped, what in PORTS.items():
-        text = text.replace(f"port = {shipped}", f"port = {ports[what]}")
+        shutil.copy(shipped(f"twins/{name}.toml"), out / "twins")
+    text = shipped("sites/demo.toml").read_text(encoding="utf-8")
+    for usual, what in PORTS.items():
+        text = text.replace(f"port = {usual}", f"port = {ports[what]}")
     (out / "sites" / "demo.toml").write_text(text, encoding="utf-8")
     return out / "sites" / "demo.toml"
 

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from evertwin.app.console import show
+from evertwin.app.opening import recordings
 from evertwin.engineering.engineer import engineer
-from evertwin.errors import DataError, UsageError
+from evertwin.errors import UsageError
 from evertwin.report.engineering_report import engineering_text, write_engineering
-from evertwin.sources.merging import Excerpt
 
 
 def engineer_twin(
@@ -24,10 +24,7 @@ def engineer_twin(
     twin, report, force = out
     if twin.exists() and not force:
         raise UsageError(f"{twin}: exists already: choose another name, or say --force")
-    for path in data or ():
-        if not Excerpt.parse(path).path.exists():
-            raise DataError(f"{Excerpt.parse(path).path}: no such file")
-    done = engineer(breakdown, twin, None if not data else [str(path) for path in data])
+    done = engineer(breakdown, twin, recordings(data))
     if report is not None:
         write_engineering(done, report)
     content = done.study.to_dict() | {"file": str(done.path)}

@@ -6,9 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from evertwin.app.console import show
-from evertwin.app.opening import as_kept, store_path
-from evertwin.errors import DataError
-from evertwin.sources.merging import Excerpt
+from evertwin.app.opening import as_kept, recordings, store_path
 from evertwin.twin import Twin
 
 
@@ -17,11 +15,9 @@ def export_twin(
 ) -> None:
     """``evertwin export``: format, file and version are ``chosen``."""
     form, out, version = chosen
-    for path in data or ():
-        if not Excerpt.parse(path).path.exists():
-            raise DataError(f"{path}: no such file")
+    files = recordings(data)
     with Twin(as_kept(twin), reading=True) as opened:
-        found = opened.export(out, form, version, [str(p) for p in data] if data else None)
+        found = opened.export(out, form, version, files)
     content = {
         "schema": "evertwin.export/1", "file": str(found.path), "format": found.format,
         "version": found.version, "parameters": found.parameters, "rows": found.rows,

@@ -144,17 +144,8 @@ def robot_options(
     return [*common.options(), "--world", world, *said, *speaks]
 
 
-def run_arm(common: Common, modbus: str, opcua: str) -> None:
-    """The arm until it is stopped."""
-    _run("arm", arm_options(common, modbus, opcua), common)
-
-
-def run_robot(common: Common, options: list[str]) -> None:
-    """The robot until it is stopped; ``options``: of `robot_options`."""
-    _run("robot", options, common)
-
-
-def _run(name: str, options: list[str], common: Common) -> None:
+def run_machine(name: str, options: list[str], common: Common) -> None:
+    """A machine until it is stopped; ``options``: of `arm_options` or `robot_options`."""
     with LiveMachine(name, options) as machine:
         if common.record is None:
             reached = machine.reached()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,8 @@ from typing import Any
 import typer
 
 from evertwin.config import TwinSpec, read
-from evertwin.errors import StoreLocked, UsageError
+from evertwin.errors import DataError, StoreLocked, UsageError
+from evertwin.sources.merging import Excerpt
 from evertwin.store.spec import StoreSpec
 from evertwin.twin import Twin
 
@@ -81,3 +83,16 @@ def to_work(twin: Path, *, telling: bool = False) -> Twin:
         if telling:
             typer.echo(f"evertwin: {error}; it is asked to heed this at its next beat", err=True)
         return Twin.open(twin, reading=True)
+
+
+def recordings(data: Sequence[Path] | None) -> list[str] | None:
+    """The recordings that were named, or parts of them; None where there are none.
+
+    Raises:
+        DataError: one is not there.
+    """
+    for path in data or ():
+        file = Excerpt.parse(path).path
+        if not file.exists():
+            raise DataError(f"{file}: no such file")
+    return [str(path) for path in data] if data else None

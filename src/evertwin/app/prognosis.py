@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeAlias
 import typer
 
 from evertwin.app.console import show
-from evertwin.app.opening import as_kept, store_path, to_work
+from evertwin.app.opening import as_kept, recordings, store_path, to_work
 from evertwin.app.plan_shown import label_document, label_text, plan_text
 from evertwin.errors import UsageError
 from evertwin.files import write_whole
@@ -17,7 +17,6 @@ from evertwin.fold import plain
 from evertwin.prognosis.laws.planning import HEADINGS
 from evertwin.prognosis.parameter_history import DONE
 from evertwin.prognosis.upkeep import when_said
-from evertwin.rows.feed import Data
 from evertwin.settings.quantity import number
 from evertwin.twin import Twin
 
@@ -43,7 +42,7 @@ def show_forecast(
     except UsageError as error:
         raise UsageError(f"--horizon: {error}; write it as in '30 s' or '2 h'") from error
     with Twin(as_kept(twin), reading=True) as opened:
-        found = opened.forecast(seconds, _files(data), *told)
+        found = opened.forecast(seconds, recordings(data), *told)
         show(found.to_dict(), str(found), as_json)
 
 
@@ -53,7 +52,7 @@ def show_life(
     """``evertwin life``."""
     (history, data), (report, today) = known, told
     with to_work(twin) as opened:
-        found = opened.life(history, _files(data), drawn=report is not None, from_today=today)
+        found = opened.life(history, recordings(data), drawn=report is not None, from_today=today)
         if report is not None:
             from evertwin.report.prognosis_report import write_prognosis  # pictures take 0.4 s
 
@@ -67,7 +66,7 @@ def show_whatif(twin: Path, scenario: Path, known: Known, as_json: bool, check: 
     """``evertwin whatif``."""
     history, data = known
     with Twin(as_kept(twin), reading=True) as opened:
-        found = opened.whatif(scenario, _files(data), history)
+        found = opened.whatif(scenario, recordings(data), history)
         show(found.to_dict(), str(found), as_json)
     if check and found.findings:
         raise typer.Exit(1)
@@ -85,11 +84,11 @@ def show_plan(
     if out is not None:
         _check_plan(out)
     with Twin(as_kept(twin), reading=True) as opened:
-        found = opened.plan(history, _files(data))
+        found = opened.plan(history, recordings(data))
         if report is not None:
             from evertwin.report.prognosis_report import write_prognosis
 
-            lives = opened.life(history, _files(data), drawn=True)
+            lives = opened.life(history, recordings(data), drawn=True)
             write_prognosis(lives, found, report)
     if out is not None:
         write_whole(out, found.to_csv())
@@ -142,7 +141,3 @@ def keep_decision(
             event = opened.decide(component, verdict, reason, when, history)
     text = f"{component}: {verdict}: {event.reason}"
     show({"schema": "evertwin.event/1", "event": plain(event)}, text, as_json)
-
-
-def _files(data: Files) -> Data:
-    return None if not data else [str(path) for path in data]

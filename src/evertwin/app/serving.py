@@ -9,7 +9,7 @@ import typer
 
 from evertwin.app.console import show
 from evertwin.app.machines import told
-from evertwin.errors import MissingExtra, UsageError
+from evertwin.errors import UsageError, needs
 from evertwin.service.access import hashed, new_token
 from evertwin.service.logs import log_to_stderr
 
@@ -20,10 +20,8 @@ def run_service(site: Path, form: str) -> None:
     Raises:
         MissingExtra: the extra ``live`` is not installed.
     """
-    try:
+    with needs("live"):
         from evertwin.service.server import serve
-    except ModuleNotFoundError as error:
-        raise MissingExtra.of(str(error.name), "live") from error
     log_to_stderr(form)
     asyncio.run(serve(site, lambda line: typer.echo(line)))
 
@@ -38,12 +36,10 @@ def show_page(
         MissingExtra: the extra ``web`` is not installed.
         UsageError: the token cannot be read, or a machine has another form.
     """
-    try:
+    with needs("web"):
         from evertwin.page.door import Door
         from evertwin.page.relay import Relay
         from evertwin.page.server import Machines, run_page, token_of
-    except ModuleNotFoundError as error:
-        raise MissingExtra.of(str(error.name), "web") from error
     token, certificates = token_of(files[0]), files[1]
     named = dict(one.partition("=")[::2] for one in machines)
     if bad := [name for name, where in named.items() if not where]:

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from evertwin.config.spec import SCHEMA, TwinSpec
-from evertwin.errors import ConfigError, DataError, UsageError
+from evertwin.errors import ConfigError, DataError, UsageError, naming
 from evertwin.settings.form import Form
 from evertwin.settings.notes import Path as Place
 from evertwin.settings.notes import dotted, expand
@@ -105,10 +105,8 @@ def _of_topic(source: SourceSpec) -> bool:
 def _written(twin: TwinSpec, index: int) -> tuple[Path, ...]:
     paths: list[Path] = []
     for text in twin.source[index].files:
-        try:
+        with naming(f"{twin.name}: source[{index}].files", UsageError, ConfigError):
             pattern = str(Path(twin.folder) / expand(text))
-        except UsageError as error:
-            raise ConfigError(f"{twin.name}: source[{index}].files: {error}") from error
         found = sorted(glob.glob(pattern)) if glob.has_magic(pattern) else [pattern]
         if not found or not Path(found[0]).exists():
             where = place(twin, ("source", index, "files"))

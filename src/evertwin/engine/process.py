@@ -127,3 +127,17 @@ class Process:
             self._child.wait(GRACE)
         except subprocess.TimeoutExpired:
             self.kill()
+
+
+def run_alone(job: Callable[[], Any], seconds: float) -> Any:
+    """The result of one job in a process of its own, which may take so long.
+
+    Raises:
+        UsageError: the job cannot travel.
+        WorkLost: it took longer, or its process ended.
+    """
+    process = Process(EngineSpec(time=seconds))
+    try:
+        return process.run(packed(job))
+    finally:
+        process.end()

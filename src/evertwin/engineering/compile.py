@@ -58,7 +58,7 @@ from evertwin.engineering.breakdown import Breakdown
 from evertwin.engineering.criticality import history_of, rank
 from evertwin.engineering.level import level_of
 from evertwin.engineering.parts import Component, Level, ParameterPart
-from evertwin.errors import ConfigError, UsageError
+from evertwin.errors import ConfigError, UsageError, naming
 from evertwin.machines.assembly import KINDS, join, sensors_of
 from evertwin.machines.catalog import located, machine
 from evertwin.models import Model
@@ -316,10 +316,8 @@ def _stated(said: ParameterPart) -> dict[str, Json]:
 def _estimated(part: Component, name: str, said: Any) -> dict[str, Json]:
     if not isinstance(said, Mapping):
         raise UsageError(f"component {part.name!r}: {name}: expected a law, got {said!r}")
-    try:
+    with naming(f"component {part.name!r}: {name}"):
         found = estimate(said)
-    except UsageError as error:
-        raise UsageError(f"component {part.name!r}: {name}: {error}") from error
     return {"value": found.value, "source": found.source}
 
 

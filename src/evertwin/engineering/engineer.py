@@ -11,23 +11,10 @@ start values, editable set, weights, requirement; the reasons stand beside them 
 >>> text = twin_text(Breakdown("pump"), ModelPlan("thermal", {}, {}), {})
 >>> print(text.splitlines()[0], text.splitlines()[1])
 schema = 1 name = "pump"
-
-`sections` writes settings as TOML:
-
->>> print(sections({"clock": {"rate": 10}, "source": [{"name": "log", "files": ["a.csv"]}]}))
-[clock]
-rate = 10
-<BLANKLINE>
-[[source]]
-name = "log"
-files = ["a.csv"]
-<BLANKLINE>
 """
 
 from __future__ import annotations
 
-import json
-import math
 import os
 import re
 import textwrap
@@ -35,8 +22,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
-
-from jinja2 import Environment, PackageLoader
 
 from evertwin.config import TwinSpec, read, reads
 from evertwin.config.spec import SCHEMA
@@ -50,79 +35,10 @@ from evertwin.machines.catalog import with_files
 from evertwin.refit.work import Work
 from evertwin.rows.feed import Data, Feed
 from evertwin.settings.document import Document
+from evertwin.settings.writing import sections, template
 from evertwin.setup.configured_model import model_of
 from evertwin.setup.setup import Setup
 from evertwin.tuning import Problem
-
-WIDTH = 100
-_BARE = re.compile(r"[A-Za-z0-9_-]+")
-
-
-def key(name: str) -> str:
-    """A key, in quotes where TOML asks for them.
-
-    >>> key("Fc1"), key("gearbox 1.Fc")
-    ('Fc1', '"gearbox 1.Fc"')
-    """
-    return name if _BARE.fullmatch(name) else json.dumps(name, ensure_ascii=False)
-
-
-def inline(value: Any) -> str:
-    """A value on one line.
-
-    >>> inline({"a": 1.5, "b": ["x", True], "c": float("inf")})
-    '{ a = 1.5, b = ["x", true], c = inf }'
-    """
-    if isinstance(value, Mapping):
-        pairs = ", ".join(f"{key(name)} = {inline(item)}" for name, item in value.items())
-        return f"{{ {pairs} }}" if pairs else "{}"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(inline(item) for item in value) + "]"
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, float):
-        return repr(value) if math.isfinite(value) else str(value)
-    if isinstance(value, int):
-        return str(value)
-    return json.dumps(str(value), ensure_ascii=False)
-
-
-def sections(table: Mapping[str, Any], path: str = "") -> str:
-    """A table as sections: plain keys first, then ``[tables]`` and ``[[arrays of tables]]``."""
-    top = path == ""
-    plain = {
-        name: item
-        for name, item in table.items()
-        if not _opens(item) and not (top and isinstance(item, Mapping))
-    }
-    lines = [f"{key(name)} = {_long(item)}" for name, item in plain.items()]
-    text = "\n".join(lines) + "\n" if lines else ""
-    for name, item in table.items():
-        if name in plain:
-            continue
-        where = f"{path}.{key(name)}" if path else key(name)
-        if isinstance(item, Mapping):
-            head = f"[{where}]\n" if not item or any(not _opens(v) for v in item.values()) else ""
-            text += f"\n{head}{sections(item, where).lstrip()}" if head else sections(item, where)
-        else:
-            for one in item:
-                text += f"\n[[{where}]]\n{sections(one, where).lstrip()}"
-    return text if path else text.lstrip()
-
-
-def _opens(item: Any) -> bool:
-    """Does it stand under a heading of its own?"""
-    if isinstance(item, Mapping):
-        return len(inline(item)) > WIDTH // 2 or any(_opens(value) for value in item.values())
-    return isinstance(item, list) and bool(item) and all(isinstance(i, Mapping) for i in item)
-
-
-def _long(item: Any) -> str:
-    """An array that is too long for a line, one item a line."""
-    text = inline(item)
-    if len(text) <= WIDTH - 20 or not isinstance(item, list | tuple):
-        return text
-    return "[\n" + "".join(f"  {inline(value)},\n" for value in item) + "]"
 
 
 def twin_text(
@@ -134,11 +50,6 @@ def twin_text(
     Args:
         settings: ``[twin]`` of the breakdown file.
     """
-    environment = Environment(
-        loader=PackageLoader("evertwin.engineering", "templates"), trim_blocks=True,
-        lstrip_blocks=True, keep_trailing_newline=True,
-    )  # fmt: skip
-    environment.filters |= {"inline": inline, "key": key, "comment": _comment}
     choices = {} if study is None else {one.name: one for one in study.chosen.choices}
     parameters = {name: dict(entry) for name, entry in plan.parameters.items()}
     for found in () if study is None or study.identified is None else study.identified.found:
@@ -146,7 +57,7 @@ def twin_text(
     for name, entry in parameters.items():
         entry["editable"] = name in choices and choices[name].editable
     chosen = {} if study is None else _chosen(breakdown, study)
-    return environment.get_template("twin.txt").render(
+    return template("engineering", "twin.txt", comment=_comment).render(
         about=breakdown.about, name=breakdown.name, schema=SCHEMA, plan=plan, study=study,
         plain={k: v for k, v in settings.items() if not isinstance(v, Mapping | list)},
         levels={} if study is None else {one.component: one for one in study.levels},

@@ -36,18 +36,16 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from evertwin.errors import MissingExtra, ModelError
+from evertwin.errors import ModelError, needs
 from evertwin.fold.block import first
 from evertwin.tuning import Problem
 from evertwin.types import Float64, Vector
 
-try:
+with needs("engineering"):
     from SALib.analyze import morris as morris_analysis
     from SALib.analyze import sobol as sobol_analysis
     from SALib.sample import morris as morris_sample
     from SALib.sample import sobol as sobol_sample
-except ModuleNotFoundError as error:
-    raise MissingExtra.of(str(error.name), "engineering") from error
 
 Samples: TypeAlias = Float64[np.ndarray, "s k"]
 PerOutputParameter: TypeAlias = Float64[np.ndarray, "ny k"]

@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from evertwin.errors import MissingExtra, UsageError
+from evertwin.errors import UsageError, needs
 from evertwin.export.content import Exported
 from evertwin.files import write_whole
 
@@ -162,7 +162,5 @@ def _kind(value: object) -> Any:
 
 
 def _basyx(module: str) -> Any:
-    try:
+    with needs("aas", "basyx-python-sdk"):
         return importlib.import_module(f"basyx.aas.{module}")
-    except ModuleNotFoundError as error:
-        raise MissingExtra.of("basyx-python-sdk", "aas") from error

@@ -19,10 +19,11 @@ from importlib.metadata import version as version_of
 from pathlib import Path
 from typing import Any
 
-from evertwin.errors import MissingExtra, ModelError, UsageError
+from evertwin.errors import ModelError, UsageError, needs
 from evertwin.export.content import Exported
 from evertwin.fold.records import plain
 from evertwin.machines.catalog import FILES, with_files
+from evertwin.settings.writing import inline
 
 _SCRIPT = '''"""{identifier}, version {number}: {need}."""
 
@@ -51,11 +52,9 @@ def write_fmu(out: Exported, path: Path) -> str:
         MissingExtra: PythonFMU is not installed.
         ModelError: the model cannot be built from what the twin file says.
     """
-    try:
+    with needs("fmi", "pythonfmu"):
         builder = import_module("pythonfmu.builder").FmuBuilder
         slave = import_module("evertwin.machines.slave")
-    except ModuleNotFoundError as error:
-        raise MissingExtra.of("pythonfmu", "fmi") from error
     _check(out, path)
     before = list(sys.path)
     with tempfile.TemporaryDirectory(prefix="evertwin-") as name:
@@ -78,16 +77,8 @@ def write_fmu(out: Exported, path: Path) -> str:
             raise UsageError(f"{path}: cannot be written: {error.strerror}") from error
         finally:
             sys.path[:] = before
-    options = ", ".join(f"{k} = {_toml(v)}" for k, v in reading_options(out, path).items())
+    options = ", ".join(f"{k} = {inline(v)}" for k, v in reading_options(out, path).items())
     return f'{need_of()}; a twin file reads it by kind = "fmu", options = {{ {options} }}'
-
-
-def _toml(value: Any) -> str:
-    """A text, a list or a table of texts as TOML."""
-    if isinstance(value, dict):
-        inside = ", ".join(f"{json.dumps(k)} = {json.dumps(v)}" for k, v in value.items())
-        return f"{{ {inside} }}"
-    return json.dumps(value)
 
 
 def _check(out: Exported, path: Path) -> None:

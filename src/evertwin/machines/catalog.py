@@ -12,14 +12,14 @@ evertwin.errors.UsageError: no model 'robot', did you mean 'robot1d'?
 
 from __future__ import annotations
 
-import importlib
 import inspect
 from collections.abc import Callable, Mapping
 from importlib.metadata import entry_points
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
-from evertwin.errors import MissingExtra, UsageError, nearest
+from evertwin.errors import UsageError, nearest, needs
 from evertwin.models import Model
 
 MACHINES: Mapping[str, tuple[str, str]] = {
@@ -101,15 +101,9 @@ def located(folder: str | Path, value: Any) -> Any:
 def _factory(kind: str) -> Callable[..., Model]:
     if kind in MACHINES:
         place, extra = MACHINES[kind]
-        module, path = place.split(":")
-        try:
-            found: Any = importlib.import_module(module)
-            for name in path.split("."):
-                found = getattr(found, name)
-        except ModuleNotFoundError as error:
-            raise MissingExtra.of(str(error.name), extra or "all") from error
-        return found  # type: ignore[no-any-return]
-    plugins = {point.name: point for point in entry_points(group="evertwin.models")}
-    if kind in plugins:
+        with needs(extra or "all"):
+            return resolve_name(place)  # type: ignore[no-any-return]
+    plugins = entry_points(group="evertwin.models")
+    if kind in plugins.names:
         return plugins[kind].load()  # type: ignore[no-any-return]
-    raise UsageError(f"no model {kind!r}, {nearest(kind, sorted([*MACHINES, *plugins]))}")
+    raise UsageError(f"no model {kind!r}, {nearest(kind, sorted([*MACHINES, *plugins.names]))}")

@@ -20,7 +20,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from evertwin.errors import DataError, UsageError
+from evertwin.errors import DataError, UsageError, naming
 from evertwin.models.table import TableModel
 from evertwin.signals.units import si_unit, to_si
 from evertwin.sources import open_recording
@@ -49,10 +49,8 @@ def measured_table(
         raise UsageError("table: expected lists of columns, or columns with units, got a text")
     units: dict[str, str] = {}
     found = [{name: _read(file, name, said, units) for name in said} for said in (inputs, outputs)]
-    try:
+    with naming(f"{Path(file).name}", DataError, DataError):
         return TableModel.of(found[0], found[1], units, beyond)
-    except DataError as error:
-        raise DataError(f"{Path(file).name}: {error}") from error
 
 
 def _read(file: str, name: str, said: Columns, units: dict[str, str]) -> list[float]:

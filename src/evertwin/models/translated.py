@@ -40,7 +40,7 @@ import numpy as np
 
 from evertwin.compiled.functions import OBSERVE, STEP, CFunction, Function
 from evertwin.compiled.stamp import names_of
-from evertwin.errors import UsageError
+from evertwin.errors import UsageError, naming
 from evertwin.models.function import FunctionModel
 from evertwin.models.kernel import Kernel, Restart
 from evertwin.models.rollout import roll
@@ -139,11 +139,9 @@ def _tree(function: FunctionType) -> ast.FunctionDef:
         UsageError: it is not, or there is no source.
     """
     linecache.checkcache(function.__code__.co_filename)
-    try:
+    with naming(f"{function.__name__}: no source", (OSError, SyntaxError, TypeError)):
         lines, first = inspect.getsourcelines(function)
         tree = ast.parse(textwrap.dedent("".join(lines)))
-    except (OSError, SyntaxError, TypeError) as error:
-        raise UsageError(f"{function.__name__}: no source: {error}") from error
     made = tree.body[0]
     if not isinstance(made, ast.FunctionDef) or made.decorator_list:
         raise UsageError(f"{function.__name__} is not defined by def alone")

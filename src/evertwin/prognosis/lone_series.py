@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.config.prognosis import IndicatorSpec, PrognosisSpec
-from evertwin.errors import DataError, UsageError
+from evertwin.errors import DataError, UsageError, naming
 from evertwin.prognosis.contradictions import check_end, check_limit
 from evertwin.prognosis.formula import Formula
 from evertwin.prognosis.headings import COUNTS, clock_of, counting
@@ -155,10 +155,8 @@ def _limit(said: float | str, table: Table, column: str) -> float:
     """
     if not isinstance(said, str):
         return said
-    try:
+    with naming("--limit"):
         number, unit = written(said)
-    except UsageError as error:
-        raise UsageError(f"--limit: {error}") from error
     values = table.column(column)
     own = table.written.get(column) or split_unit(column)[1] or said_unit(column)
     if not unit or (own and compatible(unit, own)):

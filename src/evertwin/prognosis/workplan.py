@@ -26,7 +26,7 @@ from evertwin.ahead.changes import Case, changed
 from evertwin.ahead.spec import LoadSpec, PathSpec, ScenarioSpec, SpeedSpec
 from evertwin.ahead.whatif import Today
 from evertwin.config.prognosis import IndicatorSpec, PrognosisSpec, WorkSpec
-from evertwin.errors import ConfigError, DataError, UsageError
+from evertwin.errors import ConfigError, DataError, UsageError, naming
 from evertwin.models import Model
 from evertwin.prognosis.formula import Formula
 from evertwin.prognosis.laws import Indicator, Workload
@@ -52,12 +52,10 @@ def wears(rule: IndicatorSpec, model: Model) -> Formula:
     """
     if rule.wear is None:
         return Formula.parse(_joints(rule, model) or _way(model) or "1")
-    try:
+    with naming(f"indicator {rule.name}: wear", UsageError, ConfigError):
         formula = Formula.parse(rule.wear)
         for name in formula.names:
             position(_known(model), name, "input, output, state or parameter")
-    except UsageError as error:
-        raise ConfigError(f"indicator {rule.name}: wear: {error}") from error
     return formula
 
 

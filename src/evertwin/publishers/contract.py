@@ -9,9 +9,9 @@ A publisher only tells: it has no way to a machine, and nothing that comes back 
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, Protocol, Self, TypeAlias
+from typing import Any, ClassVar, Literal, NamedTuple, Protocol, Self, TypeAlias
 
 from evertwin.settings.section import Section
 
@@ -55,9 +55,13 @@ class PublisherSettings(Section):
     protocol: str
     """How it speaks: mqtt, opcua or ros."""
 
+    files: ClassVar[tuple[str, ...]] = ()
+    """Those that name files or folders."""
+
     def at(self, folder: Path) -> Self:
         """The same with paths relative to ``folder``."""
-        return self
+        named = {name: getattr(self, name) for name in self.files}
+        return replace(self, **{name: str(folder / text) for name, text in named.items() if text})
 
 
 class Publisher(Protocol):

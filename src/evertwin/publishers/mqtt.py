@@ -15,16 +15,14 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
-from evertwin.errors import DataError, EvertwinError, MissingExtra, reason_of
+from evertwin.errors import DataError, EvertwinError, naming, needs, reason_of
 from evertwin.publishers.contract import About, Ask, Kind, News
 from evertwin.publishers.mqtt_spec import MqttOutSettings
 from evertwin.trust import Tls
 
-try:
+with needs("live", "paho-mqtt"):
     import paho.mqtt.client as paho
     from paho.mqtt.enums import CallbackAPIVersion
-except ModuleNotFoundError as error:
-    raise MissingExtra.of("paho-mqtt", "live") from error
 
 LOG = logging.getLogger("evertwin.live")
 QOS = {"rows": 0, "events": 1, "health": 1}
@@ -76,10 +74,8 @@ class MqttOut:
         self._loop = asyncio.get_running_loop()
         authority = self.settings.authority
         if authority:
-            try:
+            with naming("publisher mqtt: authority, certificate", OSError, DataError):
                 self._tls = Tls(authority, self.settings.certificate or None)
-            except OSError as error:
-                raise DataError(f"publisher mqtt: authority, certificate: {error}") from error
             self._client.tls_set_context(self._tls.context)
         self._client.connect_async(self.settings.host, self.settings.port, keepalive=20)
         self._client.loop_start()

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Annotated, Self
+from dataclasses import dataclass
+from typing import Annotated
 
 from annotated_types import Ge, Le
 
@@ -37,12 +36,7 @@ class MqttOutSettings(PublisherSettings):
     """File with the certificate of this client, and its key."""
     questions: bool = True
     """Are questions answered?"""
-
-    def at(self, folder: Path) -> Self:
-        """The same with paths relative to ``folder``."""
-        authority = str(folder / self.authority) if self.authority else ""
-        certificate = str(folder / self.certificate) if self.certificate else ""
-        return replace(self, authority=authority, certificate=certificate)
+    files = ("authority", "certificate")
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -19,18 +19,16 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from evertwin.errors import MissingExtra
+from evertwin.errors import needs
 from evertwin.publishers.contract import About, Ask, News
 from evertwin.publishers.opcua_spec import OpcuaOutSettings
 from evertwin.trust import why_not
 
-try:
+with needs("live", "asyncua"):
     from asyncua import Server, ua
     from asyncua.crypto.permission_rules import User, UserRole
     from asyncua.server.internal_server import InternalServer
     from asyncua.server.user_managers import UserManager
-except ModuleNotFoundError as error:
-    raise MissingExtra.of("asyncua", "live") from error
 
 LOG = logging.getLogger("evertwin.live")
 SPACE = "urn:evertwin:twin"

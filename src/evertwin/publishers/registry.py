@@ -6,8 +6,7 @@
 
 from __future__ import annotations
 
-import importlib
-from typing import Any
+from pkgutil import resolve_name
 
 from evertwin.errors import UsageError, nearest
 from evertwin.publishers.contract import About, Ask, Publisher, PublisherSettings
@@ -31,7 +30,7 @@ def settings_of(protocol: str) -> type[PublisherSettings]:
     """
     if protocol not in OWN:
         raise UsageError(f"protocol {protocol!r} is not known; {nearest(protocol, OWN)}")
-    found: type[PublisherSettings] = _load(OWN[protocol][0])
+    found: type[PublisherSettings] = resolve_name(OWN[protocol][0])
     return found
 
 
@@ -43,10 +42,5 @@ def open_publisher(settings: PublisherSettings, about: About, ask: Ask) -> Publi
         about: the twin that it speaks for.
         ask: answers questions.
     """
-    publisher: Publisher = _load(OWN[settings.protocol][1])(settings, about, ask)
+    publisher: Publisher = resolve_name(OWN[settings.protocol][1])(settings, about, ask)
     return publisher
-
-
-def _load(place: str) -> Any:
-    module, _, name = place.partition(":")
-    return getattr(importlib.import_module(module), name)

@@ -24,11 +24,11 @@ from fastapi import HTTPException
 from pydantic import BaseModel, ConfigDict, Field
 
 from evertwin.config import read
-from evertwin.engine import EngineSpec
-from evertwin.engine.process import Process, packed
+from evertwin.engine.process import run_alone
 from evertwin.errors import ConfigError, EvertwinError, UsageError
 from evertwin.machines.catalog import machine
 from evertwin.models import Model
+from evertwin.settings.writing import inline
 from evertwin.signals.units import conversion
 from evertwin.sources.live.contract import Around
 from evertwin.sources.live.registry import open_live, read_settings
@@ -157,9 +157,10 @@ async def added(asked: Machine) -> Mapping[str, Any]:
         HTTPException: 502 where the machine gives nothing.
     """
     t, v = await _sampled(asked)
-    found: Mapping[str, Any] = await asyncio.to_thread(_alone, asked, t, v)
-    names = [one.name for one in asked.columns if one.name != "t"]
-    newest = {name: float(x) if np.isfinite(x) else None for name, x in zip(names, v[-1])}
+    columns = [(one.name, one.unit) for one in asked.columns if one.name != "t"]
+    job = partial(first_twin, asked.name, asked.kind, columns, t, v)  # a model may take long
+    found: Mapping[str, Any] = await asyncio.to_thread(run_alone, job, PATIENCE)
+    newest = {name: float(x) if np.isfinite(x) else None for (name, _), x in zip(columns, v[-1])}
     seconds = float(t[-1] - t[0]) if len(t) > 1 else 0.0
     site = _site(asked)
     return {**found, "site": site, "newest": newest, "rows": len(t), "seconds": seconds}
@@ -184,18 +185,6 @@ async def _sampled(asked: Machine) -> tuple[np.ndarray, np.ndarray]:
     scales = [conversion(one.unit) for one in asked.columns if one.name != "t"]
     factor, offset = (np.array(side) for side in zip(*scales, strict=True))
     return 1e-9 * (t - t[0]), (v - offset) / factor
-
-
-def _alone(asked: Machine, t: np.ndarray, v: np.ndarray) -> Mapping[str, Any]:
-    """In a process of its own: a model may take long."""
-    columns = [(one.name, one.unit) for one in asked.columns if one.name != "t"]
-    process = Process(EngineSpec(time=PATIENCE))
-    try:
-        job = partial(first_twin, asked.name, asked.kind, columns, t, v)
-        found: Mapping[str, Any] = process.run(packed(job))
-        return found
-    finally:
-        process.end()
 
 
 def first_twin(
@@ -268,24 +257,11 @@ def _live(text: str) -> str:
 
 def _site(asked: Machine) -> str:
     """The entry of a site file."""
-    lines = ["[[twin]]", f"file = {_toml(f'{asked.name}.toml')}", "", "[[twin.source]]"]
+    lines = ["[[twin]]", f"file = {inline(f'{asked.name}.toml')}", "", "[[twin.source]]"]
     tables = {key: value for key, value in asked.table.items() if isinstance(value, Mapping)}
     flat = {key: value for key, value in asked.table.items() if key not in tables}
-    lines += [f"{key} = {_toml(value)}" for key, value in flat.items()]
+    lines += [f"{key} = {inline(value)}" for key, value in flat.items()]
     for key, table in tables.items():
         lines += ["", f"[twin.source.{key}]"]
-        lines += [f"{name} = {_toml(place)}" for name, place in table.items()]
+        lines += [f"{name} = {inline(place)}" for name, place in table.items()]
     return "\n".join([*lines, ""])
-
-
-def _toml(value: Any) -> str:
-    """A value as TOML writes it.
-
-    >>> _toml({"address": 8, "type": "float32"}), _toml('a "b"')
-    ('{ address = 8, type = "float32" }', '"a \\\\"b\\\\""')
-    """
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{key} = {_toml(part)}" for key, part in value.items()) + " }"
-    if isinstance(value, str):
-        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
-    return str(value)

@@ -198,14 +198,16 @@ def _operate(app: FastAPI, service: Service) -> None:
         if number is None and told.order in ("promote", "pin"):
             raise HTTPException(422, f"{told.order}: needs version")
         what = "pin" if told.order == "unpin" else told.order
-        runner = found_at(service, name)
-        return await in_time(runner.order(what, number, told.reason, person))
+        order = found_at(service, name).done(
+            lambda work: work.ordered(what, number, told.reason, person)
+        )
+        return await in_time(order)
 
     @app.post("/api/v1/twins/{name}/labels")
     async def label(name: str, told: Said, request: Request) -> Any:
         """What a person says to an event, kept in the log; what acts is heeded at the next beat."""
         said = Label(**{**told.model_dump(), "person": _person(told, request)})
-        return await in_time(found_at(service, name).label(said))
+        return await in_time(found_at(service, name).done(lambda work: work.labelled(said)))
 
     @app.post("/api/v1/twins/{name}/whatif")
     async def whatif(name: str, scenario: Annotated[dict[str, Any], Body()]) -> Any:

@@ -207,18 +207,6 @@ class AtWork:
             self._judged = live, self.now.judged
         return self._judged[1] if self._judged[0] == live else self.going.judged
 
-    def newest_block(self, count: int) -> Any:
-        """The newest rows of the newest task, to look ahead from.
-
-        Raises:
-            DataError: there are none yet.
-        """
-        view = self.going.view(count)
-        if not len(view.task):
-            raise DataError(f"{self.spec.name}: no row yet to look ahead from: ask again later")
-        last = view.task == view.task[-1]
-        return make_block(t=view.t[last], u=view.inputs[last], y=view.measured[last])
-
     def newest_blocks(self, count: int) -> Sequence[Block]:
         """The newest rows, one block a task.
 

@@ -125,16 +125,18 @@ class Condition:
             self._alarm = reason if kind == "alarm" else ""
 
     def looked(self, now: Now) -> None:
-        """How the live version does on its newest rows."""
+        """How the live version does on its newest rows; what is out is over once a whole window of
+        them lies behind the newest word on it."""
         out = self._out
+        behind = out is not None and out.kind != "not_valid" and now.first > out.row
         if now.judged == "off":
             if out is None:
                 said = "suspected", now.reason, now.first, now.time, now.signal
                 self._out = Alarm(self._number + 1, *said)
             elif out.kind == "suspected":
                 out.now = now.reason
-        elif now.judged == "held" and out is not None and out.kind != "not_valid":
-            self._behind(now, out)
+        elif now.judged == "held" and behind:
+            self._over(now.since)
 
     def _ends(self, kind: str, signal: str) -> bool:
         """Is an event the end of what is out?"""
@@ -142,11 +144,6 @@ class Condition:
         valid = kind == "valid" and out is not None and out.kind == "not_valid"
         valid = valid and out is not None and out.signal == signal
         return valid or kind in SOUND or (kind == "normal" and not self._asked)
-
-    def _behind(self, now: Now, out: Alarm) -> None:
-        """It is over once a whole window lies behind the newest word on it."""
-        if now.first > out.row:
-            self._over(now.since)
 
     def _over(self, when: int) -> None:
         """The cause of what was out is gone, whatever a person says to it."""

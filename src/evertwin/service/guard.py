@@ -8,10 +8,11 @@ browser would send along.
 from __future__ import annotations
 
 import asyncio
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from starlette.responses import JSONResponse
 
 from evertwin.service.access import PATIENCE, Keys, Pace, may_be_called, may_come_from
 from evertwin.service.service import Service
@@ -197,9 +198,6 @@ async def _refuse(scope: Scope, receive: Receive, send: Send, error: Refused) ->
         code = 4403 if error.status in (403, 421) else 4401 if error.status == 401 else 4429
         await send({"type": "websocket.close", "code": code, "reason": error.reason})
         return
-    body = json.dumps({"error": error.reason}).encode()
-    head = [(b"content-type", b"application/json"), (b"connection", b"close"), *HEADERS]
-    head += [(b"content-length", str(len(body)).encode())]
-    head += [(b"www-authenticate", b"Bearer")] if error.status == 401 else []
-    await send({"type": "http.response.start", "status": error.status, "headers": head})
-    await send({"type": "http.response.body", "body": body})
+    head = {"connection": "close"} | ({"www-authenticate": "Bearer"} if error.status == 401 else {})
+    told = JSONResponse({"error": error.reason}, error.status, head)
+    await told(scope, receive, _with_headers(send))

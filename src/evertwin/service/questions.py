@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from evertwin.ahead.spec import SCENARIO, ScenarioSpec
 from evertwin.config import TwinSpec
-from evertwin.engine import EngineSpec
-from evertwin.engine.process import Process, packed
+from evertwin.engine.process import run_alone
 from evertwin.errors import UsageError
 from evertwin.fold import Block
 from evertwin.publishers.contract import Kind
@@ -46,7 +45,7 @@ async def answer(runner: Runner, kind: Kind, question: Mapping[str, Any]) -> Map
     if kind != "life":
         asked = _scenario(question) if kind == "whatif" else _horizon(question)
     async with runner.turn:
-        rows = await runner.ask(lambda work: work.newest_block(ROWS))
+        rows = await runner.ask(lambda work: work.newest_blocks(ROWS)[-1])
         work = runner.work
         assert work is not None
         return await asyncio.to_thread(_answered, work.spec, asked, rows)
@@ -68,7 +67,10 @@ async def beside(
         blocks = await runner.ask(lambda work: work.newest_blocks(ROWS))
         work = runner.work
         assert work is not None
-        return await asyncio.to_thread(_alone, partial(job, work.spec, blocks))
+        found: Mapping[str, Any] = await asyncio.to_thread(
+            run_alone, partial(job, work.spec, blocks), LONG
+        )
+        return found
 
 
 def _scenario(question: Mapping[str, Any]) -> ScenarioSpec:
@@ -92,15 +94,6 @@ def reading(spec: TwinSpec) -> Twin:
     """A second copy of a twin, which only reads its store."""
     quiet = dataclasses.replace(spec, engine=dataclasses.replace(spec.engine, workers=0))
     return Twin(quiet, reading=True)
-
-
-def _alone(job: Callable[[], Mapping[str, Any]]) -> Mapping[str, Any]:
-    process = Process(EngineSpec(time=LONG))
-    try:
-        found: Mapping[str, Any] = process.run(packed(job))
-        return found
-    finally:
-        process.end()
 
 
 def _answered(spec: TwinSpec, asked: ScenarioSpec | float | None, rows: Block) -> Mapping[str, Any]:

@@ -24,7 +24,6 @@ from evertwin.backoff import Backoff
 from evertwin.engine import Pool
 from evertwin.errors import EvertwinError, OwnershipLost, StoreUnwritable, UsageError
 from evertwin.fold import Chunk, Event
-from evertwin.ledger import Label
 from evertwin.publishers.contract import Kind, News, Publisher
 from evertwin.rows import Numbered
 from evertwin.service.archiving import keep_days
@@ -337,24 +336,6 @@ class Runner:
             raise UsageError(f"{self.name} is {self.state}: {self.reason}".rstrip(": "))
         work = self.work
         return await self._inside(lambda: question(work))
-
-    async def order(
-        self, order: str, number: int | None, reason: str, person: str
-    ) -> Mapping[str, Any]:
-        """An operator's order; the event that keeps it.
-
-        Raises:
-            UsageError: it cannot be heeded, or the twin is not at work.
-        """
-        return await self.done(lambda work: work.ordered(order, number, reason, person))
-
-    async def label(self, said: Label) -> Mapping[str, Any]:
-        """What a person says to an event; the event that keeps it.
-
-        Raises:
-            UsageError: as `Twin.label`, or the twin is not at work.
-        """
-        return await self.done(lambda work: work.labelled(said))
 
     async def done(self, work: Callable[[AtWork], tuple[Event, Said]]) -> Mapping[str, Any]:
         """Something that goes into the log; the event that says it."""

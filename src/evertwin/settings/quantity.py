@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 import re
 
-from evertwin.errors import UsageError
+from evertwin.errors import UsageError, naming
 from evertwin.signals.units import compatible, conversion, si_unit
 
 LONGEST = 100
@@ -110,10 +110,8 @@ def in_unit(what: str, value: float | str, unit: str) -> float:
     >>> in_unit("speed", "5 cm/s", "m/s")
     0.05
     """
-    try:
+    with naming(what, (UsageError, TypeError, ValueError)):
         return number(value, unit)
-    except (UsageError, TypeError, ValueError) as error:
-        raise UsageError(f"{what}: {error}") from error
 
 
 def _written_digits(size: float, factor: float, offset: float) -> float:

@@ -72,13 +72,22 @@ async def _collect(source: Source, limit: int) -> list[Chunk]:
     return out
 
 
-def _check_chunk(number: int, chunk: Chunk, before: Chunk) -> None:
-    if len(chunk.t) < 1:
-        raise LawBroken(f"rows: chunk {number} is empty")
+def check_form(number: int, chunk: Chunk, name: str, first: Chunk) -> None:
+    """The laws *rows*, *types* and *one source*; ``first`` is one that has been checked, or itself.
+
+    Raises:
+        LawBroken: names the law and the chunk.
+    """
+    if len(chunk.t) < 1 or chunk.v.shape[:1] != chunk.t.shape:
+        raise LawBroken(f"rows: chunk {number} has {len(chunk.t)} stamps, {chunk.v.shape} values")
     if chunk.t.dtype != np.int64 or chunk.v.dtype != np.float64 or chunk.v.ndim != 2:
         raise LawBroken(f"types: chunk {number} has {chunk.t.dtype} stamps, {chunk.v.dtype} values")
-    if chunk.source != before.source or chunk.v.shape[1] != before.v.shape[1]:
+    if chunk.source != name or chunk.v.shape[1] != first.v.shape[1]:
         raise LawBroken(f"one source: chunk {number} has another name or width")
+
+
+def _check_chunk(number: int, chunk: Chunk, before: Chunk) -> None:
+    check_form(number, chunk, before.source, before)
     if np.any(np.diff(chunk.t) <= 0) or chunk.task < before.task:
         raise LawBroken(f"time: stamps or tasks go back in chunk {number}")
     if chunk is not before and chunk.task == before.task and chunk.t[0] <= before.t[-1]:

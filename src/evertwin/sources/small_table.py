@@ -23,7 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
-from evertwin.errors import DataError, UsageError
+from evertwin.errors import DataError, UsageError, naming
 from evertwin.signals.channels import position
 from evertwin.signals.units import si_unit, to_si
 from evertwin.sources.dates import date_ns, order_of, zone_of
@@ -84,10 +84,8 @@ class Table:
         """
         if name in self.text:
             raise DataError(f"{self.name}:{self._misfit(name)}")
-        try:
+        with naming(self.name, UsageError, DataError):
             position(self.names, name, "column of numbers")
-        except UsageError as error:
-            raise DataError(f"{self.name}: {error}") from error
         return self.numbers[name]
 
     def _misfit(self, name: str) -> str:
@@ -209,10 +207,8 @@ def _rows(lines: list[str]) -> tuple[list[tuple[int, list[str]]], bool]:
 
 
 def _si(values: Vector, unit: str, where: str) -> Vector:
-    try:
+    with naming(where, UsageError, DataError):
         return np.asarray(to_si(values, unit)) if unit else values
-    except UsageError as error:
-        raise DataError(f"{where}: {error}") from error
 
 
 def _numbers(cells: list[str]) -> Vector | None:

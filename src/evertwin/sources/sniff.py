@@ -16,7 +16,7 @@ import re
 import zlib
 from pathlib import Path
 
-from evertwin.errors import DataError
+from evertwin.errors import DataError, naming
 
 _MAGIC = {
     b"\x89MCAP0\r\n": "mcap",
@@ -66,12 +66,10 @@ def sniff(path: Path) -> str:
             head = file.read(HEAD)
     except OSError as error:
         raise DataError(f"{path}: {error.strerror or error}: check the path") from None
-    try:
+    with naming(path.name, DataError, DataError):
         kind = kind_of(head, path.name)
         if kind == "gzip":
             kind = _inside_gzip(path)
-    except DataError as error:
-        raise DataError(f"{path.name}: {error}") from None
     return kind
 
 

@@ -21,7 +21,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from evertwin.errors import DataError
+from evertwin.errors import DataError, naming
 from evertwin.sources.dialect import (
     COMMENTS,
     FOUND,
@@ -77,10 +77,8 @@ class TextTable:
             top.extend(lines)
             if sum(bool(ln.strip()) and not ln.startswith(COMMENTS) for ln in top) >= _TOP:
                 break
-        try:
+        with naming(self.path.name, DataError, DataError):
             return detect(top[:4000], self.stated)
-        except DataError as error:
-            raise DataError(f"{self.path.name}: {error}") from None
 
     @cached_property
     def columns(self) -> tuple[Column, ...]:

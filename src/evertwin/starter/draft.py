@@ -6,7 +6,6 @@ the value ``"?"``, rows without a time the rate ``"?"``, which a run refuses by 
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import re
@@ -16,10 +15,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader
 
 from evertwin.models import Model
 from evertwin.models.contract import is_adopted
+from evertwin.settings.writing import inline, template
 from evertwin.signals import conversion
 from evertwin.starter.named import short
 from evertwin.starter.proposal import ASK, Match, Proposal, position, together
@@ -254,11 +253,6 @@ class Draft:
 
     def text(self) -> str:
         """The twin file."""
-        environment = Environment(
-            loader=PackageLoader("evertwin.starter", "templates"), trim_blocks=True,
-            lstrip_blocks=True, keep_trailing_newline=True,
-        )  # fmt: skip
-        environment.filters |= {"toml": _toml, "column": _column}
         model, here = self.model, self.out.resolve().parent
         options = dict(self.options)
         if str(options.get("urdf", "")).endswith(".urdf"):
@@ -266,11 +260,11 @@ class Draft:
         names = ("gain", "time_constant") if model is None else model.parameters.editable
         layout = () if model is None else (*model.inputs, *model.outputs)
         units = {channel.name: channel.unit for channel in layout}
-        return environment.get_template("starter.toml.txt").render(
+        return template("starter", "starter.toml.txt", column=_column).render(
             draft=self, model=model, ask=ASK, units=units,
-            options=", ".join(f"{k} = {_toml(v)}" for k, v in options.items()),
+            options=", ".join(f"{k} = {inline(v)}" for k, v in options.items()),
             recordings=self._origin,
-            editable=", ".join(map(_toml, names[:6])),
+            editable=", ".join(map(inline, names[:6])),
         )  # fmt: skip
 
     def summary(self) -> str:
@@ -315,8 +309,4 @@ def _distinct(names: Sequence[str]) -> list[str]:
 
 
 def _column(name: str) -> str:
-    return _toml(position(name))
-
-
-def _toml(value: Any) -> str:
-    return json.dumps(value, ensure_ascii=False)
+    return inline(position(name))

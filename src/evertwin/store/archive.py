@@ -16,7 +16,6 @@ in SI, so DuckDB and pandas read it as it is; so does `SqliteStore.samples`, thr
 from __future__ import annotations
 
 import hashlib
-import importlib
 import json
 import math
 import os
@@ -31,8 +30,9 @@ from weakref import WeakMethod
 
 import numpy as np
 
-from evertwin.errors import MissingExtra, StoreDamaged
+from evertwin.errors import StoreDamaged
 from evertwin.fold import Chunk, Event
+from evertwin.sources.foreign import load
 
 KIND = "archived"
 """Of the event that names a file."""
@@ -145,7 +145,7 @@ class Archive:
         Raises:
             OSError: it cannot be written; nothing is changed.
         """
-        arrow, parquet = _loaded("pyarrow"), _loaded("pyarrow.parquet")
+        arrow, parquet = load("pyarrow"), load("pyarrow.parquet")
         first = next(pieces, None)
         if first is None:
             return None
@@ -190,7 +190,7 @@ class Archive:
             "SELECT * FROM read_parquet(?, file_row_number = true) "
             "WHERE t_ns BETWEEN ? AND ? ORDER BY file_row_number"
         )
-        with _loaded("duckdb").connect() as database:
+        with load("duckdb").connect() as database:
             database.execute("SET TimeZone = 'UTC'; SET enable_progress_bar = false")
             found = database.execute(query, [str(path), first, last]).fetchnumpy()
         number, task, t = (np.asarray(found[name], dtype=np.int64) for name in OWN)
@@ -290,10 +290,3 @@ def _settled(folder: Path) -> None:
             os.fsync(handle)
         finally:
             os.close(handle)
-
-
-def _loaded(module: str) -> Any:
-    try:
-        return importlib.import_module(module)
-    except ModuleNotFoundError as error:
-        raise MissingExtra.of(module.partition(".")[0], "formats") from error

@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from evertwin.errors import StoreDamaged
+from evertwin.errors import StoreDamaged, naming
 
 Arrays: TypeAlias = Mapping[str, np.ndarray]
 
@@ -38,7 +38,7 @@ def unpack(content: bytes) -> dict[str, np.ndarray]:
     """
     head, _, rest = content.partition(b"\n")
     found, at = {}, 0
-    try:
+    with naming("stored arrays cannot be read", (ValueError, TypeError), StoreDamaged):
         told: list[Any] = json.loads(head)
         for name, dtype, shape in told:
             kind = np.dtype(dtype)
@@ -46,6 +46,4 @@ def unpack(content: bytes) -> dict[str, np.ndarray]:
             array = np.frombuffer(rest, kind, count, at) if count else np.zeros(0, kind)
             found[name] = array.reshape(shape).copy()
             at += count * kind.itemsize
-    except (ValueError, TypeError) as error:
-        raise StoreDamaged(f"stored arrays cannot be read: {error}") from error
     return found

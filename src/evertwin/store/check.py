@@ -38,22 +38,22 @@ def check_store(make: Callable[[], Store], *, persistent: bool = True) -> None:
         LawBroken: names the law: what was expected and what came.
     """
     store = make()
-    _law(
+    law(
         "empty", (store.read("event"), store.restore(_state(0)), store.progress()), ((), None, None)
     )
-    _law("the head of an empty log", store.head, Head())
+    law("the head of an empty log", store.head, Head())
     _fill(store)
     _check_content(store)
     _check_refusals(store)
     if persistent:
-        _refuses("one owner", make, StoreLocked)
+        refuses("one owner", make, StoreLocked)
     head = store.head
     store.close()
     store.close()
-    _refuses("closed", lambda: store.read("event"))
+    refuses("closed", lambda: store.read("event"))
     if persistent:
         again = make()
-        _law("the head is kept", again.head, head)
+        law("the head is kept", again.head, head)
         _check_content(again)
         again.close()
 
@@ -92,32 +92,32 @@ def _fill(store: Store) -> None:
     first = Checkpoint(10, _state(1), 1, shown=_shown(0))
     store.commit(Batch(records[1:4], row=5, run=1, checkpoint=first), wait=False)
     store.commit(Batch(records[4:6], chunks=[_chunk(3), _chunk(6)]))
-    _law("the end of a batch", store.head.length, 6)
+    law("the end of a batch", store.head.length, 6)
     second = Checkpoint(20, _state(2), 1, shown=_shown(2))
     last = Batch(records[6:], run=1, checkpoint=second, progress=Progress(1, 20, "ab"))
-    _law("the head that a batch ends at", store.commit(last), store.head)
+    law("the head that a batch ends at", store.commit(last), store.head)
 
 
 def _check_content(store: Store) -> None:
     records = _records()
     events = tuple(record for record in records if isinstance(record, Event))
-    _law("read gives what was committed, in order", store.read("event"), events)
-    _law("a range is [start, stop)", store.read("event", 5, 9), (events[1],))
+    law("read gives what was committed, in order", store.read("event"), events)
+    law("a range is [start, stop)", store.read("event", 5, 9), (events[1],))
     for kind, expected in (("request", 1), ("version", 2), ("answer", 3), ("estimate", 5)):
-        _law(f"{kind} comes back", store.read(kind), (records[expected],))
+        law(f"{kind} comes back", store.read(kind), (records[expected],))
     entries = store.entries()
-    _law("every record stands once, in order", tuple(map(store.record, entries)), records)
-    _law("each with its run", [entry.run for entry in entries], [1, 1, 1, 1, 0, 0, 1])
-    _law("entries behind a position", store.entries(5), entries[5:])
-    _law("entries of a kind", store.entries(3, ["event"]), (entries[4], entries[6]))
-    _law("the head", store.head, Head(7, entries[-1].hash))
-    _law("verify counts", store.verify(Head(3, entries[2].hash)), 7)
-    _refuses("a head that never was", lambda: store.verify(Head(3, entries[3].hash)))
-    _law("progress", store.progress(), Progress(1, 20, "ab"))
+    law("every record stands once, in order", tuple(map(store.record, entries)), records)
+    law("each with its run", [entry.run for entry in entries], [1, 1, 1, 1, 0, 0, 1])
+    law("entries behind a position", store.entries(5), entries[5:])
+    law("entries of a kind", store.entries(3, ["event"]), (entries[4], entries[6]))
+    law("the head", store.head, Head(7, entries[-1].hash))
+    law("verify counts", store.verify(Head(3, entries[2].hash)), 7)
+    refuses("a head that never was", lambda: store.verify(Head(3, entries[3].hash)))
+    law("progress", store.progress(), Progress(1, 20, "ab"))
     chunks = [(number, chunk.t.tolist()) for number, chunk in store.read_chunks(2)]
-    _law("samples by number", chunks, [(2, [3, 4, 5]), (3, [6, 7, 8])])
+    law("samples by number", chunks, [(2, [3, 4, 5]), (3, [6, 7, 8])])
     (first,) = [chunk for _, chunk in store.read_chunks(1, 2)]
-    _law("a sample comes back", equal(tuple(first), tuple(_chunk(0))), True)
+    law("a sample comes back", equal(tuple(first), tuple(_chunk(0))), True)
     _check_checkpoints(store)
 
 
@@ -126,30 +126,32 @@ def _check_checkpoints(store: Store) -> None:
         found = store.restore(_state(0), before=before)
         if found is None or found.row != 10 * number or not equal(found.state, _state(number)):
             raise LawBroken(f"restore: expected the newest checkpoint before {before}, got {found}")
-        _law("a checkpoint knows its place in the log", found.length, length)
-        _law("a checkpoint knows its samples", found.chunks, chunks)
+        law("a checkpoint knows its place in the log", found.length, length)
+        law("a checkpoint knows its samples", found.chunks, chunks)
         rows = found.shown["row"].tolist()
-        _law("what is shown is appended", rows, list(range(2 * number)))
-    _law("nothing before the first checkpoint", store.restore(_state(0), before=10), None)
-    _law("the checkpoints of a run", store.restore(_state(0), run=2), None)
+        law("what is shown is appended", rows, list(range(2 * number)))
+    law("nothing before the first checkpoint", store.restore(_state(0), before=10), None)
+    law("the checkpoints of a run", store.restore(_state(0), run=2), None)
 
 
 def _check_refusals(store: Store) -> None:
     """What cannot be kept whole is not kept at all."""
-    _refuses("unknown kind", lambda: store.read("wish"))
+    refuses("unknown kind", lambda: store.read("wish"))
     whole = Batch([_records()[0], Answer(9, 0, {})], chunks=[_chunk(9)])
-    _refuses("an answer needs its row", lambda: store.commit(whole))
+    refuses("an answer needs its row", lambda: store.commit(whole))
     whole = replace(whole, checkpoint=Checkpoint(30, _state(3), 1), progress=Progress(1, 30, "cd"))
-    _refuses("an answer needs its row", lambda: store.commit(whole))
+    refuses("an answer needs its row", lambda: store.commit(whole))
     _check_content(store)
 
 
-def _law(name: str, found: object, expected: object) -> None:
+def law(name: str, found: object, expected: object) -> None:
+    """Is ``found`` what the law of this name expects?"""
     if found != expected:
         raise LawBroken(f"{name}: expected {expected!r}, got {found!r}")
 
 
-def _refuses(name: str, call: Callable[[], object], error: type[StoreError] = StoreError) -> None:
+def refuses(name: str, call: Callable[[], object], error: type[StoreError] = StoreError) -> None:
+    """Does the call end with the error that the law of this name expects?"""
     try:
         call()
     except error:

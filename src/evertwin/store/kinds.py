@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
-from evertwin.errors import StoreError
+from evertwin.errors import StoreError, naming
 from evertwin.fold.records import Answer, Event, Request, canonical, plain
 from evertwin.models.form import Version
 
@@ -56,17 +56,9 @@ class Estimate:
 Kept: TypeAlias = Event | Request | Answer | Version | Estimate
 
 
-def _event(content: Mapping[str, Any]) -> Event:
-    return Event(**content)
-
-
 def _request(content: Mapping[str, Any]) -> Request:
     start, stop = content["window"]
     return Request(**{**content, "window": (start, stop), "detail": plain(content["detail"])})
-
-
-def _answer(content: Mapping[str, Any]) -> Answer:
-    return Answer(**content)
 
 
 def _estimate(content: Mapping[str, Any]) -> Estimate:
@@ -85,9 +77,9 @@ def _version(content: Mapping[str, Any]) -> Version:
 
 
 KINDS: Mapping[str, tuple[type, Callable[[Mapping[str, Any]], Kept]]] = {
-    "answer": (Answer, _answer),
+    "answer": (Answer, lambda content: Answer(**content)),
     "estimate": (Estimate, _estimate),
-    "event": (Event, _event),
+    "event": (Event, lambda content: Event(**content)),
     "request": (Request, _request),
     "version": (Version, _version),
 }
@@ -134,10 +126,8 @@ def decode(kind: str, content: Mapping[str, Any]) -> Kept:
     """
     if kind not in KINDS:
         raise StoreError(f"expected one of {', '.join(KINDS)}, got {kind!r}")
-    try:
+    with naming(f"{kind}: does not fit its form", (TypeError, ValueError, KeyError), StoreError):
         return KINDS[kind][1](content)
-    except (TypeError, ValueError, KeyError) as error:
-        raise StoreError(f"{kind}: does not fit its form: {error}") from error
 
 
 def loads(text: str) -> Any:

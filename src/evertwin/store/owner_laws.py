@@ -18,6 +18,7 @@ from typing import TypeAlias
 
 from evertwin.errors import LawBroken, OwnershipLost
 from evertwin.fold import Event
+from evertwin.store.check import law, refuses
 from evertwin.store.contract import Batch, Store
 from evertwin.store.owners import Owners
 
@@ -40,16 +41,16 @@ def check_owners(owners: Owners, store: Opens, wait: Callable[[float], object]) 
     first = owners.claim("a", "north", LEASE)
     if first is None:
         raise LawBroken("a twin that nobody has can be claimed: expected a token, got None")
-    _law("one owner", owners.claim("a", "south", LEASE), None)
-    _law("one owner, also from the same node", owners.claim("a", "north", LEASE), None)
-    _law("each twin has its own", owners.claim("b", "south", LEASE) is not None, True)
+    law("one owner", owners.claim("a", "south", LEASE), None)
+    law("one owner, also from the same node", owners.claim("a", "north", LEASE), None)
+    law("each twin has its own", owners.claim("b", "south", LEASE) is not None, True)
     wait(0.75 * LEASE)
-    _law("renewed", owners.renew({"a": (first, "x")}, LEASE), {"a": ""})
+    law("renewed", owners.renew({"a": (first, "x")}, LEASE), {"a": ""})
     wait(0.75 * LEASE)
-    _law("a renewed lease lasts", owners.claim("a", "south", LEASE), None)
-    _law("where to", owners.want("a", "south"), True)
-    _law("an owner hears where to", owners.renew({"a": (first, "x")}, LEASE), {"a": "south"})
-    _law("nobody's cannot move", owners.want("c", "south"), False)
+    law("a renewed lease lasts", owners.claim("a", "south", LEASE), None)
+    law("where to", owners.want("a", "south"), True)
+    law("an owner hears where to", owners.renew({"a": (first, "x")}, LEASE), {"a": "south"})
+    law("nobody's cannot move", owners.want("c", "south"), False)
     old = store("a", first)
     try:
         _check_writing(owners, (store, old), wait, first)
@@ -68,19 +69,19 @@ def _check_writing(
     second = owners.claim("a", "south", 60.0)
     if second is None or second <= first:
         raise LawBroken(f"a later token is greater: expected more than {first}, got {second}")
-    _refused(old)
-    _law("an old token renews nothing", owners.renew({"a": (first, "x")}, LEASE), {})
-    _law("an old token releases nothing", owners.release("a", first), False)
+    refuses("a commit under an old token", lambda: old.commit(Batch([_event(9)])), OwnershipLost)
+    law("an old token renews nothing", owners.renew({"a": (first, "x")}, LEASE), {})
+    law("an old token releases nothing", owners.release("a", first), False)
     new = store("a", second)
-    _law("nothing of what was refused stands", len(new.read("event")), 2)
+    law("nothing of what was refused stands", len(new.read("event")), 2)
     new.commit(Batch([_event(3)]))
-    _law("the new owner writes", len(new.read("event")), 3)
+    law("the new owner writes", len(new.read("event")), 3)
     found = {one.twin: one for one in owners.held()}["a"]
-    _law("who has it", (found.token, found.node, found.left > 50.0), (second, "south", True))
-    _law("released", owners.release("a", second), True)
-    _law("a released one is not renewed", owners.renew({"a": (second, "")}, LEASE), {})
+    law("who has it", (found.token, found.node, found.left > 50.0), (second, "south", True))
+    law("released", owners.release("a", second), True)
+    law("a released one is not renewed", owners.renew({"a": (second, "")}, LEASE), {})
     third = owners.claim("a", "north", LEASE)
-    _law("a released one can be claimed at once", third is not None and third > second, True)
+    law("a released one can be claimed at once", third is not None and third > second, True)
     _closed(new)
 
 
@@ -92,16 +93,3 @@ def _closed(store: Store) -> None:
 
 def _event(row: int) -> Event:
     return Event(row, 0, "tuned", "Fc", "", {})
-
-
-def _refused(store: Store) -> None:
-    try:
-        store.commit(Batch([_event(9)]))
-    except OwnershipLost:
-        return
-    raise LawBroken("a commit under an old token: expected OwnershipLost, got no error")
-
-
-def _law(name: str, found: object, expected: object) -> None:
-    if found != expected:
-        raise LawBroken(f"{name}: expected {expected!r}, got {found!r}")

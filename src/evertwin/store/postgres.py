@@ -19,7 +19,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evertwin.errors import MissingExtra, StoreDamaged, StoreError, StoreUnwritable
+from evertwin.errors import StoreDamaged, StoreError, StoreUnwritable, needs
 from evertwin.store.chain import Head
 from evertwin.store.database import Database, Foreign, Writing
 
@@ -84,10 +84,8 @@ def driver() -> Any:
     Raises:
         MissingExtra: it is not installed.
     """
-    try:
+    with needs("fleet", "psycopg"):
         import psycopg
-    except ModuleNotFoundError as error:
-        raise MissingExtra.of("psycopg", "fleet") from error
     return psycopg
 
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from evertwin.errors import ModelError
+from evertwin.errors import ModelError, naming
 from evertwin.machines.arm.chain import Chain
 from evertwin.machines.arm.inertia import Body, Matrix, Position, about_centre
 from evertwin.machines.arm.rnea import BODY, JOINT
@@ -73,10 +73,8 @@ def mjcf_of(chain: Chain, gravity: bool = True) -> str:
 
 
 def _inertial(chain: Chain, j: int) -> str:
-    try:
+    with naming(f"link '{chain.links[j]}'", ModelError, ModelError):
         mass, centre, own = central(chain.inertia[BODY * j : BODY * (j + 1)])
-    except ModelError as error:
-        raise ModelError(f"link '{chain.links[j]}': {error}") from error
     moments, axes = np.linalg.eigh(own)
     if np.linalg.det(axes) < 0.0:
         axes[:, 2] = -axes[:, 2]

@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from evertwin.errors import UsageError
+from evertwin.errors import UsageError, naming
 from evertwin.machines.assembly import onward, shared
 from evertwin.machines.assembly.boxed import box_start, box_states, reading_kernel
 from evertwin.machines.assembly.context import Signals
@@ -52,7 +52,7 @@ def planned(train: Train) -> Motion | None:
     part = train.path
     if part is None:
         return None
-    try:
+    with naming(f"component {part.name!r}"):
         start = _of_axes(train, "start", part.option("start") or (0.0,) * len(train.axes), "")
         limits = Limits(
             _of_axes(train, "speed", part.option("speed"), "/s"),
@@ -66,8 +66,6 @@ def planned(train: Train) -> Motion | None:
         if len(start) != len(train.axes):
             raise UsageError(f"expected start with {len(train.axes)} positions, got {len(start)}")
         motion = plan(moves, start, limits, rate, part.option("profile"), train.chain)
-    except UsageError as error:
-        raise UsageError(f"component {part.name!r}: {error}") from error
     if len(motion.t) < 2:
         raise UsageError(f"component {part.name!r}: expected moves, got a path without a row")
     return motion

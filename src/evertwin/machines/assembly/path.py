@@ -27,7 +27,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 import scipy
 
-from evertwin.errors import UsageError
+from evertwin.errors import UsageError, naming
 from evertwin.machines.arm.chain import Chain
 from evertwin.machines.assembly.kinematics import follow, tool
 from evertwin.settings.quantity import in_unit
@@ -166,11 +166,9 @@ def moves_of(program: Sequence[Mapping[str, Any]]) -> tuple[Move, ...]:
         kind = str(entry.get("move"))
         if kind not in _MOVES:
             raise UsageError(f"path, move {k}: no move {kind!r}; there are {', '.join(_MOVES)}")
-        try:
+        with naming(f"path, move {k} ({kind})", (TypeError, UsageError)):
             given = {key: _si(kind, key, v) for key, v in entry.items() if key != "move"}
             moves.append(_MOVES[kind](**given))
-        except (TypeError, UsageError) as error:
-            raise UsageError(f"path, move {k} ({kind}): {error}") from error
     return tuple(moves)
 
 

@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from evertwin.errors import UsageError
+from evertwin.errors import UsageError, naming
 from evertwin.machines.assembly.parts import Component
 from evertwin.machines.friction import Law, shape_of
 from evertwin.machines.friction.terms.temperature import TEMPERATURE
@@ -36,14 +36,12 @@ def law_of(component: Component) -> Law | None:
         )
     if text in _NONE:
         return None
-    try:
+    with naming(f"component {component.name!r}"):
         shape = shape_of({key: component.option(key) for key in ("width", "vs", "standstill")})
         law = Law.parse(text).shaped(shape)
         if temperature:
             return law.plus(TEMPERATURE)
         return law.known_to("without temperature = 'input' or 'state'", ("load", "q"))
-    except UsageError as error:
-        raise UsageError(f"component {component.name!r}: {error}") from error
 
 
 def _fixed(name: str, value: float, unit: str, low: float, high: float = HUGE) -> Parameter:

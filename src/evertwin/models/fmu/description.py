@@ -33,7 +33,7 @@ from xml.etree.ElementTree import ParseError
 from defusedxml import ElementTree
 from defusedxml.common import DefusedXmlException
 
-from evertwin.errors import ModelError
+from evertwin.errors import ModelError, naming
 
 SIZE = 32_000_000
 """Bytes that a description may have."""
@@ -165,10 +165,8 @@ def parse_description(text: bytes, where: str) -> Description:
         ModelError: it is of another version, or does not say what it must.
     """
     top = parse(text, where)
-    try:
+    with naming(where, ModelError, ModelError):
         return _description(top)
-    except ModelError as error:
-        raise ModelError(f"{where}: {error}") from error
 
 
 def _description(top: Any) -> Description:

@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from evertwin.errors import ModelError, UsageError
+from evertwin.errors import ModelError, UsageError, naming
 from evertwin.models.compiled import Compiled
 from evertwin.models.modelica.compiler import Limits, equations
 from evertwin.models.modelica.flat import Flat, Variable
@@ -121,11 +121,9 @@ def _channel(variable: Variable) -> Channel:
 
 def _placed(place: str, unit: str, build: Callable[[], Built]) -> Built:
     """What is built, if its unit is one that values are computed in."""
-    try:
+    with naming(place, UsageError, ModelError):
         found = build()
         plain = conversion(unit) == (1.0, 0.0)
-    except UsageError as error:
-        raise ModelError(f"{place}: {error}") from error
     if not plain:
         raise ModelError(
             f"{place}: expected an SI unit, since values are computed as they stand, got {unit!r}: "

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import importlib
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any
 
 from evertwin.errors import UsageError, nearest
@@ -39,7 +39,7 @@ def kind(name: str) -> CorrectionTerm:
         own: CorrectionTerm = module.KIND
         return own
     check_kind(name)
-    point = _others()[name]
+    point = entry_points(group=GROUP)[name]
     return checked(point.load(), name, point.value)
 
 
@@ -51,13 +51,9 @@ def check_kind(name: str) -> None:
     """
     if name in KINDS:
         return
-    others = _others()
+    others = entry_points(group=GROUP).names
     if name not in others:
         raise UsageError(f"no kind of correction term {name!r}, {nearest(name, (*KINDS, *others))}")
-
-
-def _others() -> dict[str, EntryPoint]:
-    return {point.name: point for point in entry_points(group=GROUP)}
 
 
 def checked(found: Any, name: str, where: str) -> CorrectionTerm:

@@ -27,7 +27,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from evertwin.errors import UsageError
+from evertwin.errors import naming
 from evertwin.fold import plain
 from evertwin.prognosis.laws.calendar import Calendar
 from evertwin.prognosis.laws.grouping import Group, Member, together
@@ -238,11 +238,9 @@ def planned(
 
 def _member(name: str, part: Part, windows: Windows | None, visit: float) -> Member:
     decision = part.decision
-    try:
+    with naming(f"plan of {name}"):
         paid = Cost(part.cost.failure, part.cost.maintenance + visit)
         renewal = Renewal.of(part.life, part.age, paid)
-    except UsageError as error:
-        raise UsageError(f"plan of {name}: {error}") from error
     own, rate = renewal.best(windows)
     earliest, exact = 0.0, None
     if decision.verdict == "postponed":

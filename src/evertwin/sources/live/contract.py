@@ -22,7 +22,9 @@ import numpy as np
 from evertwin.errors import LawBroken
 from evertwin.fold import Chunk
 from evertwin.settings.kinds import Duration
+from evertwin.settings.notes import expand
 from evertwin.settings.section import Section
+from evertwin.sources.contract import check_form
 from evertwin.sources.live.pace import Pace
 from evertwin.types import Json
 
@@ -172,6 +174,10 @@ class Around:
     pace: Pace = field(default_factory=Pace)
     """Replayed recordings keep step by it."""
 
+    def file(self, text: str | None) -> Path | None:
+        """A file that settings name, by its path here."""
+        return None if text is None else self.folder / expand(text)
+
 
 def check_live(source: LiveSource, limit: int = 100, seconds: float = 10.0) -> list[Chunk]:
     """Checks the laws of a live source on what it gives: up to ``limit`` chunks.
@@ -222,13 +228,7 @@ async def _watched(source: LiveSource, limit: int, seconds: float) -> list[Chunk
 
 def _check(name: str, chunk: Chunk, before: list[Chunk]) -> None:
     number = len(before)
-    if len(chunk.t) < 1 or chunk.v.shape[0] != len(chunk.t):
-        raise LawBroken(f"rows: chunk {number} has {len(chunk.t)} stamps, {chunk.v.shape} values")
-    if chunk.t.dtype != np.int64 or chunk.v.dtype != np.float64:
-        raise LawBroken(f"types: chunk {number} has {chunk.t.dtype} stamps, {chunk.v.dtype} values")
-    width = before[0].v.shape[1] if before else chunk.v.shape[1]
-    if chunk.source != name or chunk.v.shape[1] != width:
-        raise LawBroken(f"one source: chunk {number} has another name or width")
+    check_form(number, chunk, name, before[0] if before else chunk)
     if before and chunk.task < before[-1].task:
         raise LawBroken(f"tasks: chunk {number} goes back to task {chunk.task}")
     stamps = np.concatenate([*(c.t for c in before if c.task == chunk.task), chunk.t])

@@ -20,12 +20,10 @@ import os
 import time
 from collections import defaultdict
 from collections.abc import AsyncIterator
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evertwin.errors import UsageError, reason_of
 from evertwin.fold import Chunk
-from evertwin.settings.notes import expand
 from evertwin.sources.foreign import load
 from evertwin.sources.live.contract import Around
 from evertwin.sources.live.decode import Columns
@@ -234,7 +232,7 @@ class Mqtt(Line):
         if broker.user is not None:
             client.username_pw_set(broker.user, self._password())
         if broker.tls:
-            self._tls = Tls(*map(self._file, (broker.ca, broker.certificate, broker.key)))
+            self._tls = Tls(*map(self.around.file, (broker.ca, broker.certificate, broker.key)))
             client.tls_set_context(self._tls.context)
         if broker.will:
             client.will_set(broker.will, b"down", qos=1, retain=True)
@@ -246,11 +244,6 @@ class Mqtt(Line):
         )
         return self.broker.client or f"evertwin-{hashlib.sha256(told.encode()).hexdigest()[:16]}"
 
-    def _file(self, text: str | None) -> str | None:
-        return None if text is None else str(self.around.folder / expand(text))
-
     def _password(self) -> str | None:
-        broker = self.broker
-        text = self._file(broker.password_file)
-        file = None if text is None else Path(text)
-        return password(f"source {self.name!r}", broker.password_env, file)
+        file = self.around.file(self.broker.password_file)
+        return password(f"source {self.name!r}", self.broker.password_env, file)

@@ -18,11 +18,9 @@ import time
 from collections.abc import AsyncIterator
 from contextlib import suppress
 from datetime import datetime
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evertwin.errors import UsageError, reason_of
-from evertwin.settings.notes import expand
 from evertwin.sources.foreign import load
 from evertwin.sources.live.contract import Around
 from evertwin.sources.live.decode import BAD, PROTOCOL, Columns, Raw
@@ -112,16 +110,14 @@ class Opcua(Line):
         shown = {e.ServerCertificate for e in endpoints if e.SecurityPolicyUri == policy.URI}
         if not shown:
             raise LineDown(f"the server has no endpoint with {self.server.security}")
-        trust = self._file(self.server.trust)
+        trust = self.around.file(self.server.trust)
         assert trust is not None
         why = {one: why_not(one, trust) for one in sorted(shown)}
         found = [one for one, reason in why.items() if not reason]
         if not found:
             raise LineDown(f"the server: {next(iter(why.values()))}")
-        await client.set_security(
-            policy, str(self._file(self.server.certificate)), str(self._file(self.server.key)),
-            server_certificate=found[0],
-        )  # fmt: skip
+        own = (str(self.around.file(one)) for one in (self.server.certificate, self.server.key))
+        await client.set_security(policy, *own, server_certificate=found[0])
 
     async def _subscribe(self, client: Client) -> tuple[Subscription, dict[Any, str]]:
         """The subscription, and which node is which column."""
@@ -190,11 +186,8 @@ class Opcua(Line):
             value = None
         return value, nanoseconds(said.SourceTimestamp or said.ServerTimestamp)
 
-    def _file(self, text: str | None) -> Path | None:
-        return None if text is None else self.around.folder / expand(text)
-
     def _password(self) -> str | None:
-        file = self._file(self.server.password_file)
+        file = self.around.file(self.server.password_file)
         return password(f"source {self.name!r}", self.server.password_env, file)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import Annotated
 
 from annotated_types import Ge
 
@@ -16,6 +16,7 @@ from evertwin.errors import UsageError
 from evertwin.settings.kinds import Duration, Seconds
 from evertwin.settings.notes import Late
 from evertwin.sources.live.contract import LiveSettings
+from evertwin.trust import Policy, check_secured
 
 
 @dataclass(frozen=True)
@@ -37,9 +38,7 @@ class OpcuaSettings(LiveSettings):
     """Values whose source time stamps differ by so much at most are one sample."""
     timeout: Duration = 4.0
     """Longest wait for an answer."""
-    security: Literal["none", "Basic256Sha256", "Aes128Sha256RsaOaep", "Aes256Sha256RsaPss"] = (
-        "none"
-    )
+    security: Policy = "none"
     """Security policy; any but ``none`` signs and encrypts."""
     certificate: Annotated[str, Late()] | None = None
     """This end's own certificate, with its ``key``."""
@@ -57,12 +56,7 @@ class OpcuaSettings(LiveSettings):
         super().__post_init__()
         for node in self.nodes.values():
             self.node(node)
-        lacking = [n for n in ("certificate", "key", "trust") if getattr(self, n) is None]
-        if self.security != "none" and lacking:
-            raise UsageError(
-                f"security = {self.security!r}: needs {', '.join(lacking)}: the own certificate "
-                "and key, and a folder with the certificates that are trusted"
-            )
+        check_secured(self.security, certificate=self.certificate, key=self.key, trust=self.trust)
 
     def node(self, text: str) -> str:
         """A node with the URI of its namespace.

@@ -6,9 +6,9 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Mapping
 from importlib.metadata import entry_points
+from pkgutil import resolve_name
 from typing import Any
 
 from pydantic import ValidationError
@@ -50,7 +50,7 @@ def settings_of(protocol: str) -> type[LiveSettings]:
     """
     found: type[LiveSettings]
     if protocol in OWN:
-        found = _load(OWN[protocol][0])
+        found = resolve_name(OWN[protocol][0])
     else:
         found = _plugin(protocol).settings
     return found
@@ -91,7 +91,7 @@ def open_live(
     if isinstance(settings, Mapping):
         settings = read_settings(settings)
     protocol = settings.protocol
-    make = _load(OWN[protocol][1]) if protocol in OWN else _plugin(protocol)
+    make = resolve_name(OWN[protocol][1]) if protocol in OWN else _plugin(protocol)
     if isinstance(spec, ArraySpec) and not getattr(make, "arrays", False):
         raise UsageError(
             f"array {spec.name!r}: {protocol} gives no arrays; mqtt and ros do, or a source "
@@ -99,11 +99,6 @@ def open_live(
         )
     source: LiveSource = make(settings, spec, Around() if around is None else around)
     return source
-
-
-def _load(place: str) -> Any:
-    module, _, name = place.partition(":")
-    return getattr(importlib.import_module(module), name)
 
 
 def _plugin(protocol: str) -> Any:

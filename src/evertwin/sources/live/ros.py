@@ -24,14 +24,13 @@ from evertwin.sources.foreign import load
 from evertwin.sources.live.contract import Around
 from evertwin.sources.live.decode import Columns
 from evertwin.sources.live.decode import Raw as Cell
-from evertwin.sources.live.line import Line
+from evertwin.sources.live.line import DOWN, Line
 from evertwin.sources.live.mqtt_parts import Count
 from evertwin.sources.live.ros_spec import RosSettings
 from evertwin.sources.ros_messages import Decoder, array_of, flat, stamp_of
 from evertwin.sources.spec import ArraySpec, SourceSpec
 
 THERE = "between the publisher and here: its queue (queue_size) or the line"
-AWAY = "the line was down"
 HERE = "waited too long here"
 NAMES = 64
 """Publishers whose counts are kept apart."""
@@ -121,5 +120,5 @@ class Ros(Line):
         number = getattr(getattr(content, "header", None), "seq", None)
         missing = self._counts[publisher].missing(number, None) - dropped
         if missing > 0:
-            self.told.lose(THERE if publisher in self._fresh else AWAY, missing)
+            self.told.lose(THERE if publisher in self._fresh else DOWN, missing)
         self._fresh.add(publisher)
