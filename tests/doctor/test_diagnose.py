@@ -134,6 +134,32 @@ def test_a_knob_that_is_not_connected() -> None:
     assert set(found.figures["parameters"]) == {"area", "outflow"}
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_knob_that_is_not_connected_stops_no_other(seed: int) -> None:
+    items = (Parameter("rub", 1.0, "Ns/m"), Parameter("colour", 1.0, "1"))
+    line = FunctionModel(
+        lambda x, u, dt, p: ([], [p[0] * u[0]]),
+        Layout.of(speed="m/s"), Layout.of(force="N"), parameters=Parameters(items),
+    )  # fmt: skip
+    rng = np.random.default_rng(seed)
+    t = 0.1 * np.arange(6000)
+    speed = np.sin(t) * np.sin(0.13 * t)
+    force = 3.0 * speed + rng.normal(0.0, 0.1, 6000)
+    spec = TwinSpec(
+        "line", ModelSpec("python"), anomaly=AnomalySpec(requirement=0.05),
+        tuning=TuningSpec(causes={"paint": ("colour",)}),
+        prediction=PredictionSpec(horizon=1.0),
+    )  # fmt: skip
+    data = {"t": t, "speed": speed, "force": force}
+    found = Twin(spec, line).doctor(data)
+    assert found.findings[0].kind == "not_connected"
+    result = Twin(spec, line).run(data)
+    known = dict(zip(result.champion.names, result.champion.values, strict=True))
+    assert [e for e in result.events if e.kind == "promoted"]
+    assert known["rub"] == pytest.approx(3.0, rel=0.05)
+    assert known["colour"] == 1.0
+
+
 @pytest.mark.slow
 def test_motion_in_one_direction_names_the_missing_motion() -> None:
     axis = FunctionModel(

@@ -177,16 +177,18 @@ def look_tuning(view: View, figures: dict[str, Any]) -> Iterator[Finding]:
     work = Work(view.setup, view.versions)
     windows = view.some(view.judged)
     u = np.concatenate([window.u for window in windows])
-    model, names = _live(view), []
-    for name in work.editable(view.version):
-        reason = _disconnected(model, name, u)
-        if reason:
+    model, tuned = _live(view), work.editable(view.version)
+    causes = (name for names in view.setup.causes.values() for name in names)
+    silent = {}
+    for name in dict.fromkeys((*tuned, *causes)):
+        if reason := _disconnected(model, name, u):
+            silent[name] = reason
             yield Finding(
-                "not_connected", name, reason, f"[tuning] editable, {name}",
-                "take it out of [tuning] editable, or look where the model uses it", {},
+                "not_connected", name, reason, f"[tuning] editable or causes, {name}",
+                "it stays as it is; take it out of [tuning] editable and causes, or look where the "
+                "model uses it", {},
             )  # fmt: skip
-        else:
-            names.append(name)
+    names = [name for name in tuned if name not in silent]
     if not names:
         return
     fit, reason = _fitted(work, view, windows, tuple(names))

@@ -57,4 +57,5 @@ def diagnose(setup: Setup, versions: Versions, number: int, data: Data) -> Diagn
     found += look_bounds(setup, versions, version)
     found += look_tuning(seen, figures)
     found += look_settings(seen, figures)
+    found.sort(key=lambda one: one.kind != "not_connected")  # what no data mends comes first
     return Diagnosis(name, seen.rows, tuple(found), figures)

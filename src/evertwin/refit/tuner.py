@@ -51,7 +51,7 @@ class Tuner:
             model.parameters.with_values(version.p), self.setup.spec.tuning.loss,
             self.setup.moving if self.setup.spec.moving is not None else None,
             self.setup.spec.moving is not None and self.setup.spec.moving.tune,
-            Settings(starts=self.setup.spec.tuning.starts),
+            Settings(starts=self.setup.spec.tuning.starts, lenient=True),
         )  # fmt: skip
 
     def begun(self, version: Version, windows: Windows) -> Version:

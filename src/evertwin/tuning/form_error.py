@@ -2,9 +2,10 @@
 
 An interval from the residual's scatter assumes that the form is right. Where it is not, a number
 makes up for what the form lacks, and more rows make it more certain of the wrong value. So the
-residual of a static map is asked whether a coefficient changes with an input (or in time): column
-times shape (`evertwin.tuning.shapes`), greedily, each accepted only where it pays for having been
-chosen among all. If none is, the form stands and so do the intervals.
+residual of a static map is asked whether a coefficient changes with an input (or in time), on the
+rows that no input's noise decides (`evertwin.tuning.noisy_inputs`): column times shape
+(`evertwin.tuning.shapes`), greedily, each accepted only where it pays for having been chosen among
+all. If none is, the form stands and so do the intervals.
 
 What is accepted is only *like* the truth. The fit is then taken again with all shapes of the
 accepted kinds beside the tuned parameters, each with a prior of `LIKE` of what was found, and what
@@ -44,6 +45,7 @@ from evertwin.tuning.assemble import sizes_of, student
 from evertwin.tuning.autocorrelation import Correlation, Series
 from evertwin.tuning.fit import Fit
 from evertwin.tuning.identifiability import grade
+from evertwin.tuning.noisy_inputs import hang
 from evertwin.tuning.problem import Problem
 from evertwin.tuning.sensitivity import Sensitivity
 from evertwin.tuning.shapes import shapes
@@ -70,6 +72,8 @@ same."""
 SAID = 2
 """Terms that are named, the ones that explain most."""
 TIME = "time"
+WRONG = "the form of {} does not hold ({})"
+NOISY = "{0} is off ({1}) only where noise of the inputs decides it: its form or that noise"
 
 
 class Term(NamedTuple):
@@ -166,7 +170,9 @@ def carried(problem: Problem, fit: Fit) -> Fit:
     acting = problem.sensitivity(fit.values)
     if not acting.finite:
         return fit
-    outputs, found = _asked(problem, fit, acting, free)
+    hanging = hang(problem, fit.values)
+    outputs, found = _asked(problem, fit, acting, free, hanging)
+    fit = _untold(problem, fit, acting, free, hanging, found)
     if not any(found):
         return fit
     k = len(fit.names)
@@ -190,25 +196,41 @@ def carried(problem: Problem, fit: Fit) -> Fit:
 def wrong_outputs(problem: Problem, fit: Fit) -> np.ndarray:
     """Places of the outputs whose residual tells that a coefficient changes with an input."""
     acting, free = problem.sensitivity(fit.values), np.ones(len(fit.names), dtype=np.bool_)
-    _, found = _asked(problem, fit, acting, free)
+    _, found = _asked(problem, fit, acting, free, hang(problem, fit.values))
     return np.flatnonzero([bool(terms) for terms in found])
 
 
 def _asked(
-    problem: Problem, fit: Fit, acting: Sensitivity, free: np.ndarray
+    problem: Problem, fit: Fit, acting: Sensitivity, free: np.ndarray, without: np.ndarray
 ) -> tuple[list[_Output], list[list[Term]]]:
-    """Every output's rows, and the terms that pay there."""
+    """Every output's rows, those `without` left out, and the terms that pay there."""
     residuals, shared = problem.residuals(fit.values), dict[bytes, Mapping[str, _Input]]()
     outputs = list[_Output]()
     for o, r in enumerate(residuals.T):
         columns, at = acting.of(o)
         acts = free[at] & acting.acts[o][at]
-        known = _known(problem, o, r)
+        known = _known(problem, o, r) & ~without[:, o]
         if known.tobytes() not in shared:
             shared[known.tobytes()] = _inputs(problem, known)
         inputs = shared[known.tobytes()]
         outputs.append(_Output(columns[known][:, acts], at[acts], r[known], inputs))
     return outputs, [_chosen(one) for one in outputs]
+
+
+def _untold(
+    problem: Problem, fit: Fit, acting: Sensitivity, free: np.ndarray, hanging: np.ndarray,
+    found: Sequence[Sequence[Term]],
+) -> Fit:  # fmt: skip
+    """The fit, with what terms pay only with the rows that hang on the noise of an input."""
+    asked = hanging.any(axis=0) & [not terms for terms in found]
+    if not asked.any():
+        return fit
+    outputs, every = _asked(problem, fit, acting, free, np.zeros_like(hanging))
+    only = [terms if ask else [] for terms, ask in zip(every, asked, strict=True)]
+    reasons = [*fit.reasons]
+    for k, why in _said(fit, outputs, only, NOISY).items():
+        reasons[k] = "; ".join(filter(None, (reasons[k], why)))
+    return replace(fit, reasons=tuple(reasons))
 
 
 def _known(problem: Problem, output: int, r: Series) -> np.ndarray:
@@ -330,7 +352,9 @@ def _inverted(matrix: Float64[np.ndarray, "k k"]) -> Float64[np.ndarray, "k k"]:
     return np.asarray(scipy.linalg.pinvh(unit, rtol=1e-12) / np.outer(size, size))
 
 
-def _said(fit: Fit, outputs: Sequence[_Output], found: Sequence[Sequence[Term]]) -> dict[int, str]:
+def _said(
+    fit: Fit, outputs: Sequence[_Output], found: Sequence[Sequence[Term]], words: str = WRONG
+) -> dict[int, str]:
     """Which parameters act on an output whose form is wrong, and what is said of it."""
     said: dict[int, str] = {}
     for one, terms, name in zip(outputs, found, fit.outputs, strict=True):
@@ -338,7 +362,7 @@ def _said(fit: Fit, outputs: Sequence[_Output], found: Sequence[Sequence[Term]])
         if parts:
             changes = ", ".join(list(dict.fromkeys(parts))[:SAID])
             for k in one.at.tolist():
-                said.setdefault(k, f"the form of {name} does not hold ({changes})")
+                said.setdefault(k, words.format(name, changes))
     return said
 
 

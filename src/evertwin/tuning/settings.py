@@ -46,6 +46,8 @@ class Settings:
     """Called with (evaluations so far, cost); False stops and keeps the best so far."""
     interrupt: bool = False
     """Ctrl-C stops the search and keeps the best so far; a second one ends the program."""
+    lenient: bool = False
+    """A parameter that changes no output anywhere stays as it is, and is no error."""
     far: Far | None = None
     """Where differences are simulated; absent: in this process, in threads where they pay."""
 

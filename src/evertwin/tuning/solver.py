@@ -138,7 +138,7 @@ def _check_knobs(problem: Problem, acting: Sensitivity) -> None:
     A number of a correction was learned from rows where it did: it only stays as it is.
     """
     told = np.logical_or.reduce(acting.acts, axis=0)
-    if not told.all():
+    if not told.all() and not problem.settings.lenient:
         model = problem.model
         own = (model.model if isinstance(model, Corrected) else model).parameters.names
         silent = tuple(problem.names[j] for j in np.flatnonzero(~told).tolist())
