@@ -43,6 +43,8 @@ DRIVEN = {
         "drive_force position=position_mm speed=speed_mm_s force=force_kN",
     "Zeit [s];Istposition_mm;Sollposition_mm;Motorstrom_A":
         "drive_force position=Istposition_mm force=Motorstrom_A ?",
+    "Zeit [s];Position [mm];Geschwindigkeit [mm/s];Strom [A];Kraft [N]":
+        "drive_force position=Position speed=Geschwindigkeit force=Kraft",
     "time,spindle_speed_rpm,spindle_torque_Nm": "drive_force speed=spindle_speed_rpm",
     "time,carriage_distance_mm,push_force_N":
         "drive_force position=carriage_distance_mm force=push_force_N",

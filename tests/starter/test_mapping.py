@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -57,12 +58,16 @@ def columns(proposal: Proposal) -> dict[str, str]:
 
 WORDS = {"q": "pos", "qd": "vel", "tau": "torque"}
 LONG = {"q": "positions", "qd": "velocities", "tau": "efforts"}
+FRANKA = {"q": "q", "qd": "dq", "tau": "tau_J"}
 URSCRIPT = {"q": "actual_q", "qd": "actual_qd", "tau": "actual_torque"}
 UNITS = {"q": "rad", "qd": "rad/s", "tau": "Nm"}
+PARTS = ("pan", "tilt", "roll", "hand", "boom", "stick")
 HEADINGS: dict[str, Callable[[str, int], str]] = {
     "controllers": lambda what, j: f"{LONG[what]}.{j}",
     "joint first": lambda what, j: f"J{j + 1}_{WORDS[what]}",
     "from zero": lambda what, j: f"{URSCRIPT[what]}_{j}",
+    "an index": lambda what, j: f"{FRANKA[what]}[{j}]",
+    "parts": lambda what, j: f"{PARTS[j]}_{WORDS[what]}",
     "brackets": lambda what, j: f"joint{j + 1}/{WORDS[what]}[{UNITS[what]}]",
 }  # fmt: skip
 
@@ -73,7 +78,7 @@ def test_an_arm_is_found_whatever_its_headings(
 ) -> None:
     table = arm(heading)
     found = proposed(written(table))
-    order = [name.split("[")[0] for name in table if name != "t"]
+    order = [re.sub(r"\[\D+\]", "", name) for name in table if name != "t"]
     want = [f"{what}{j + 1}" for what in ("q", "qd", "tau") for j in range(JOINTS)]
     assert columns(found) == dict(zip(want, order, strict=True))
     assert [d.name for d in found.derivations] == [f"qdd{j + 1}" for j in range(JOINTS)]

@@ -3,7 +3,8 @@
 Over stretches of time the change of the position is compared with the integral of the speed, in
 which noise and the steps of an encoder vanish. Once they have agreed, stretch by stretch, three in
 a row that differ by more than half are a contradiction: a unit, a sign, a frozen or a swapped
-channel. A model that takes both as inputs cannot be judged by them, nor learn from them.
+channel; and so is a position that leaps from one row to the next, and stays where it leapt to. A
+model that takes both as inputs cannot be judged by them, nor learn from them.
 
 >>> t = 0.01 * np.arange(6000)
 >>> speed = np.where(t < 40.0, 1.0, 1000.0) * np.cos(t)
@@ -25,6 +26,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.anomaly import kinematics_loop as loop
+from evertwin.signals.mistaken import SIGN, numbers
 from evertwin.types import Bools, Float64, Inputs, Int64, Vector
 
 STRETCH, FEWEST = 0.5, 10
@@ -33,6 +35,8 @@ GAP = 3.0
 """Rows whose time a gap may take, within a stretch."""
 CLEARLY = 5.0
 """How much nearer to its usual way the one has to be than the other to be believed."""
+NEAR = 0.02
+"""Logarithm of what a factor may be beside that of two units to be taken for it."""
 STANDS = 1e-4
 """Share of its usual way below which a channel stands."""
 
@@ -41,7 +45,7 @@ class KinematicsState(NamedTuple):
     """State of `Kinematics`. See `evertwin.anomaly.kinematics_loop` for the places.
 
     >>> Kinematics((), (), 1.0).init().numbers.shape
-    (0, 8)
+    (0, 9)
     """
 
     numbers: Int64[np.ndarray, "pairs numbers"]
@@ -68,20 +72,36 @@ class Contradiction(NamedTuple):
     """The signal over what the other one says of it; 0: it stands; infinite: the other does."""
     known: bool
     """Is it known which of the two is wrong?"""
+    leapt: str = ""
+    """What the signal leapt by, in words, where it did that."""
+    unit: str = ""
+    """Of the signal, in SI."""
 
     @property
     def reason(self) -> str:
         """In words."""
         if not self.open:
             return f"{self.signal} and {self.other} agree with each other again"
+        if self.leapt:
+            return f"{self.signal} leapt by {self.leapt} where {self.other} did not: its zero moved"
         if self.factor == 0:
             said = f"{self.signal} stands while {self.other} says that it moves"
         elif math.isinf(self.factor):
             said = f"{self.signal} says that it moves while {self.other} stands"
         else:
-            said = f"{self.signal} is {self.factor:.4g} times what {self.other} says"
+            said = f"{self.signal} is {self.factor:.4g} times what {self.other} says{self._unit()}"
         which = "" if self.known else "; which of the two is wrong cannot be told"
         return f"{said}{which}"
+
+    def _unit(self) -> str:
+        """What would make it so; nothing where no unit that is known does."""
+        near = [
+            (abs(math.log(self.factor / number)), told)
+            for number, told in (numbers(self.unit) if self.unit else ())
+            if number * self.factor > 0 and number != SIGN
+        ]
+        off, told = min(near, default=(math.inf, ""))
+        return f", as {told} would make it" if off < NEAR else ""
 
 
 @dataclass(frozen=True)
@@ -94,6 +114,8 @@ class Kinematics:
     """Their columns in the inputs, and 1 where the position is an angle."""
     rate: float
     """Rows per second."""
+    units: tuple[str, ...] = ()
+    """Of the inputs, in SI."""
 
     @cached_property
     def _pairs(self) -> Int64[np.ndarray, "pairs three"]:
@@ -106,7 +128,8 @@ class Kinematics:
     def init(self) -> KinematicsState:
         """Nothing seen."""
         pairs = len(self.names)
-        numbers, figures = np.zeros((pairs, 8), dtype=np.int64), np.zeros((pairs, 12))
+        numbers = np.zeros((pairs, loop.NUMBERS), dtype=np.int64)
+        figures = np.zeros((pairs, loop.FIGURES))
         return KinematicsState(numbers, figures, np.zeros(1, dtype=np.int64))
 
     def handed_on(self, state: KinematicsState) -> KinematicsState:
@@ -142,10 +165,10 @@ class Kinematics:
 
     def beat(self, state: KinematicsState) -> tuple[KinematicsState, tuple[Contradiction, ...]]:
         """Contradictions that opened or closed since the last beat. Consumes ``state``."""
-        numbers, told = state.numbers, []
-        for k in np.flatnonzero(numbers[:, loop.OPEN] != numbers[:, loop.SAID]).tolist():
-            told.append(self._of(k, numbers[k], state.figures[k]))
-        numbers[:, loop.SAID] = numbers[:, loop.OPEN]
+        own, told = state.numbers, []
+        for k in np.flatnonzero(own[:, loop.OPEN] != own[:, loop.SAID]).tolist():
+            told.append(self._of(k, own[k], state.figures[k]))
+        own[:, loop.SAID] = own[:, loop.OPEN]
         state.machine[loop.NEWS] = 0
         return state, tuple(told)
 
@@ -157,9 +180,13 @@ class Kinematics:
         still = [size < STANDS for size in sizes]
         far = [abs(math.log(size)) for size in sizes]
         first, is_open = int(number[loop.FIRST]), bool(number[loop.OPEN])
+        units = [self.units[c] if self.units else "" for c in self.columns[k][:2]]
+        if (number[loop.OPEN] or number[loop.SAID]) == loop.LEAP:
+            said = f"{figure[loop.OFF]:+.4g} {units[0]}".rstrip()
+            return Contradiction(position, speed, first, is_open, 1.0, True, said)
         if far[0] - far[1] > math.log(CLEARLY):
             factor = 0.0 if still[0] else math.inf if still[1] else xy / yy
-            return Contradiction(position, speed, first, is_open, factor, known=True)
+            return Contradiction(position, speed, first, is_open, factor, True, unit=units[0])
         factor = 0.0 if still[1] else math.inf if still[0] else xy / xx
         known = far[1] - far[0] > math.log(CLEARLY)
-        return Contradiction(speed, position, first, is_open, factor, known)
+        return Contradiction(speed, position, first, is_open, factor, known, unit=units[1])

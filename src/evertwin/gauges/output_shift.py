@@ -24,7 +24,7 @@ from evertwin.gauges.sensor_change import SensorChange, unmeasured
 from evertwin.models.kernel import CONTINUE
 from evertwin.rows.ring import called
 from evertwin.signals.spoken import MANY, share
-from evertwin.types import Bools, Float64, Outputs, Vector
+from evertwin.types import Bool, Bools, Float64, Outputs, Vector
 
 PARTS = 6
 """Parts of the rows, at most."""
@@ -36,6 +36,8 @@ STEPS = 3
 """Steps towards what the sensor is off by."""
 EXPLAINED = 0.5
 """Share of the squared deviation that a sensor leaves at most."""
+OF_NOTE = 0.25
+"""Part of the squared deviation that what a sensor is off by has to make, on its own output."""
 RESTORED = 2.0
 """So many times the usual mean square it leaves at most."""
 CLEARLY = 2.0
@@ -87,10 +89,12 @@ def shifted_output(rows: Rows) -> tuple[SensorChange | None, str]:
     enough = count >= LEAST
     nu = len(rows.setup.model.inputs)
     inputs, outputs = ([one for one in found if (one.column < nu) == on] for on in (True, False))
+    off = rows.total(rows.before, known)
+    outputs = [one for one in outputs if moves(rows, one, known) >= OF_NOTE * off]
     if not outputs:
         return None, ""
     best = min(outputs, key=lambda one: rows.total(one.left, known))
-    ours, theirs, off = (rows.total(r, known) for r in (best.left, machine, rows.before))
+    ours, theirs = (rows.total(r, known) for r in (best.left, machine))
     rival = min([theirs, *(rows.total(one.left, known) for one in inputs)])
     if not count or ours > EXPLAINED * off:
         return None, ""
@@ -106,6 +110,14 @@ def shifted_output(rows: Rows) -> tuple[SensorChange | None, str]:
     if ours <= ALIKE * theirs:
         return None, f"; a sensor of {channel.name} that is off by {said} would look the same"
     return None, ""
+
+
+def moves(rows: Rows, one: Off, known: Bool[np.ndarray, "n ny"]) -> float:
+    """What a sensor is off by, in squares of its residual: one that is not off explains nothing,
+    however well the machine that was tuned beside it fits."""
+    k = one.column - len(rows.setup.model.inputs)
+    by = one.by * rows.values[:, one.column] / (1.0 + one.by) if one.scaled else one.by
+    return float(np.square(by[known[:, k]] / rows.sizes[k]).sum())
 
 
 def _explained(rows: Rows, edges: list[int]) -> tuple[list[Off], Outputs | None]:

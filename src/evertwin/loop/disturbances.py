@@ -55,7 +55,10 @@ def disturbed(decision: Decision, setup: Setup, versions: Versions) -> bool:
             else:
                 decision.say("abnormal", sensor.channel, sensor.said, {"number": sensor.number})
     if told.blind:
-        said = "the model has no friction for what stands: what pushes it then cannot be told"
+        said = (
+            "what pushes what stands cannot be told: the model has no friction for it, or is off "
+            "by more than that"
+        )
         decision.say("not_judged", "", said, {})
     return on
 

@@ -397,4 +397,4 @@ class Setup:
         pairs = tuple(motions(self.spec, inputs)) if rate else ()
         names = tuple((inputs.names[q], inputs.names[v]) for q, v in pairs)
         columns = tuple((q, v, int(inputs.angles[q])) for q, v in pairs)
-        return Kinematics(names, columns, rate or 1.0)
+        return Kinematics(names, columns, rate or 1.0, inputs.units)

@@ -64,7 +64,7 @@ def of_arm(channels: Sequence[Channel], joints: Sequence[str], seen: Sequence[Se
                 matches.append(look.match(channel, units[channel], name, chosen, j))
             elif name in ("qd", "qdd") and (name == "qdd" or "q" in chosen):
                 derivations.append(Derivation(channel, "derivative", (before,), units[channel]))
-    return Found(tuple(matches), tuple(derivations) if "q" in chosen or "qd" in chosen else ())
+    return Found(tuple(matches), tuple(derivations))
 
 
 def _groups(seen: Sequence[Seen], joints: Sequence[str]) -> tuple[Group, ...]:

@@ -1,7 +1,8 @@
 """Columns that belong together because they say the same of each joint of an arm.
 
-Headings that differ in one number (``q_0 … q_5``, ``J1_pos … J6_pos``) or in the name of a joint
-(``position.elbow``) are a family; columns without headings are cut into as many as there are
+Headings that differ in one number (``q_0 … q_5``, ``J1_pos … J6_pos``), in the name of a joint
+(``position.elbow``) or, several times, in the same words (``pan_deg tilt_deg pan_Nm tilt_Nm``) are
+a family; columns without headings are cut into as many as there are
 joints, one block after the other.
 
 >>> table = [f"{q}_{i}" for q in ("q", "tau") for i in range(3)]
@@ -12,6 +13,7 @@ joints, one block after the other.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -36,7 +38,7 @@ def families(names: Sequence[str], joints: Sequence[str]) -> tuple[Family, ...]:
             return ()
         parts = (names[i : i + count] for i in range(0, len(names), count))
         return tuple(Family("", tuple(part)) for part in parts)
-    found = {**_by_joint(names, joints), **_by_number(names, count)}
+    found = _by_joint(names, joints) | _by_number(names, count) or _by_word(names, count)
     place = {name: i for i, name in enumerate(names)}
     return tuple(sorted(found.values(), key=lambda family: place[family.columns[0]]))
 
@@ -55,6 +57,21 @@ def _by_joint(names: Sequence[str], joints: Sequence[str]) -> dict[str, Family]:
     return {
         stem: Family(stem, tuple(there[i] for i in range(len(joints))))
         for stem, there in stems.items() if len(there) == len(joints)
+    }  # fmt: skip
+
+
+def _by_word(names: Sequence[str], count: int) -> dict[str, Family]:
+    """Headings that differ in one word, where two families or more do so in the same words."""
+    stems: dict[str, dict[str, str]] = {}
+    for name in names:
+        for found in re.finditer(r"[A-Za-z]{2,}", name):
+            stem = f"{name[: found.start()]}#{name[found.end() :]}"
+            stems.setdefault(stem, {})[found[0].lower()] = name
+    whole = {stem: there for stem, there in stems.items() if len(there) == count > 1}
+    often = Counter(tuple(there) for there in whole.values())
+    return {
+        stem: Family(stem, tuple(there.values()))
+        for stem, there in whole.items() if often[tuple(there)] > 1
     }  # fmt: skip
 
 

@@ -94,8 +94,10 @@ def _is_driven(seen: Sequence[Seen]) -> bool:
     ]  # letters alone are no quantities
     measured = [what for what, said in found if said != "command"]
     places, speeds = measured.count("position"), measured.count("velocity")
-    efforts = sum(measured.count(what) for what in ("force", "torque", "current"))
-    return efforts == 1 and places <= 1 and speeds <= 1 and places + speeds > 0
+    efforts = measured.count("force") + measured.count("torque")
+    currents = measured.count("current")
+    one = currents <= 1 if efforts == 1 else efforts == 0 and currents == 1  # a current makes it
+    return one and places <= 1 and speeds <= 1 and places + speeds > 0
 
 
 _FLOWING = ((_FLOW, "flow"), (_PRESSURE, "pressure"))

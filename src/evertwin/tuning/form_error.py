@@ -222,7 +222,7 @@ def _untold(
     found: Sequence[Sequence[Term]],
 ) -> Fit:  # fmt: skip
     """The fit, with what terms pay only with the rows that hang on the noise of an input."""
-    asked = hanging.any(axis=0) & [not terms for terms in found]
+    asked = hanging.any(axis=0) & np.array([not terms for terms in found])
     if not asked.any():
         return fit
     outputs, every = _asked(problem, fit, acting, free, np.zeros_like(hanging))
