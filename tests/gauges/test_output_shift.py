@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +10,7 @@ import pytest
 from evertwin import FunctionModel, Layout, Parameters, RunResult, Twin, TwinSpec
 from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import ModelSpec, PredictionSpec, Span
+from evertwin.gauges.gauge_rows import Rows
 from evertwin.gauges.output_shift import Off, moves
 from evertwin.models.translated import translated
 from evertwin.types import ParameterVector, Vector
@@ -99,10 +99,11 @@ def test_a_machine_that_looks_like_its_sensor_is_learned_and_said_to(seed: int) 
 @pytest.mark.parametrize("scaled", [False, True])
 def test_a_sensor_explains_by_what_it_is_off_by(scaled: bool) -> None:
     """One that is off by next to nothing does not, however well the machine beside it fits."""
-    rows: Any = SimpleNamespace(
-        setup=SimpleNamespace(model=SimpleNamespace(inputs=("u",))),
-        values=np.full((50, 3), 2.0), sizes=np.array([0.5, 0.1]),
-    )  # fmt: skip
+    rows, model = object.__new__(Rows), SimpleNamespace(inputs=("u",))
+    rows.__dict__.update({
+        "setup": SimpleNamespace(model=model), "values": np.full((50, 3), 2.0),
+        "sizes": np.array([0.5, 0.1]),
+    })  # fmt: skip
     known, left = np.ones((50, 2), dtype=bool), np.zeros((50, 2))
     off, none = (Off(2, scaled, np.full(50, by), left) for by in (0.25, 0.0005))
     assert moves(rows, off, known) == pytest.approx(50 * (4.0 if scaled else 2.5) ** 2)
