@@ -170,9 +170,12 @@ def carried(problem: Problem, fit: Fit) -> Fit:
     acting = problem.sensitivity(fit.values)
     if not acting.finite:
         return fit
-    hanging = hang(problem, fit.values)
-    outputs, found = _asked(problem, fit, acting, free, hanging)
-    fit = _untold(problem, fit, acting, free, hanging, found)
+    outputs, found, noisy = _wrong(problem, fit, acting, free)
+    if noisy:
+        reasons = [*fit.reasons]
+        for k, why in noisy.items():
+            reasons[k] = "; ".join(filter(None, (reasons[k], why)))
+        fit = replace(fit, reasons=tuple(reasons))
     if not any(found):
         return fit
     k = len(fit.names)
@@ -196,8 +199,25 @@ def carried(problem: Problem, fit: Fit) -> Fit:
 def wrong_outputs(problem: Problem, fit: Fit) -> np.ndarray:
     """Places of the outputs whose residual tells that a coefficient changes with an input."""
     acting, free = problem.sensitivity(fit.values), np.ones(len(fit.names), dtype=np.bool_)
-    _, found = _asked(problem, fit, acting, free, hang(problem, fit.values))
+    _, found, _ = _wrong(problem, fit, acting, free)
     return np.flatnonzero([bool(terms) for terms in found])
+
+
+def _wrong(
+    problem: Problem, fit: Fit, acting: Sensitivity, free: np.ndarray
+) -> tuple[list[_Output], list[list[Term]], dict[int, str]]:
+    """Every output's rows, and the terms that pay there on rows that no noise of an input decides;
+    and what is said of those that pay with such rows alone."""
+    without = np.zeros(problem.rows.y.shape, dtype=np.bool_)
+    outputs, every = _asked(problem, fit, acting, free, without)
+    if any(every):  # else it need not be known which rows these are
+        without = hang(problem, fit.values)
+    if not without.any():
+        return outputs, every, {}
+    kept, again = _asked(problem, fit, acting, free, without)
+    found = [still if terms else [] for terms, still in zip(every, again, strict=True)]
+    only = [[] if still else terms for terms, still in zip(every, found, strict=True)]
+    return kept, found, _said(fit, outputs, only, NOISY)
 
 
 def _asked(
@@ -215,22 +235,6 @@ def _asked(
         inputs = shared[known.tobytes()]
         outputs.append(_Output(columns[known][:, acts], at[acts], r[known], inputs))
     return outputs, [_chosen(one) for one in outputs]
-
-
-def _untold(
-    problem: Problem, fit: Fit, acting: Sensitivity, free: np.ndarray, hanging: np.ndarray,
-    found: Sequence[Sequence[Term]],
-) -> Fit:  # fmt: skip
-    """The fit, with what terms pay only with the rows that hang on the noise of an input."""
-    asked = hanging.any(axis=0) & np.array([not terms for terms in found])
-    if not asked.any():
-        return fit
-    outputs, every = _asked(problem, fit, acting, free, np.zeros_like(hanging))
-    only = [terms if ask else [] for terms, ask in zip(every, asked, strict=True)]
-    reasons = [*fit.reasons]
-    for k, why in _said(fit, outputs, only, NOISY).items():
-        reasons[k] = "; ".join(filter(None, (reasons[k], why)))
-    return replace(fit, reasons=tuple(reasons))
 
 
 def _known(problem: Problem, output: int, r: Series) -> np.ndarray:

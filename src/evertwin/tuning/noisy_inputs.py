@@ -82,10 +82,10 @@ def white(u: Inputs, follows: Bools) -> Vector:
 
 def _predicted(problem: Problem, values: Vector, u: Inputs) -> Outputs:
     """Filtered predictions at other inputs."""
-    other = problem.tuning(problem.names)
-    other.__dict__.pop("parts", None)
-    other.__dict__["rows"] = replace(problem.rows, u=u)
-    return other.predict(values)
+    stops = np.cumsum([len(window.t) for window in problem.windows])
+    parts = zip(problem.windows, np.split(u, stops[:-1]), strict=True)
+    windows = tuple(window._replace(u=part) for window, part in parts)
+    return replace(problem, windows=windows).predict(values)
 
 
 def _median(of: Outputs, used: Bool[np.ndarray, "n ny"]) -> PerOutput:
