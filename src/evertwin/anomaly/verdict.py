@@ -180,7 +180,7 @@ def _dependence(fit: Fit, problem: Problem, rule: Rule) -> tuple[Dependence | No
         for name, effect in zip(names, effects(problem, fit.values), strict=True):
             now, was = (along(effect, r, fit.noise) for r in (left, start))
             told.append(now)
-            outputs = (*outputs, f"what {name} does")
+            outputs = (*outputs, f"the effect of {name}")
             before[outputs[-1]], after[outputs[-1]] = _rms(was), _rms(now)
         left = np.stack(told, axis=1)
     found = depends(
