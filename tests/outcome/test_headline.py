@@ -306,6 +306,20 @@ def test_a_fault_that_was_over_for_a_moment_began_when_it_began() -> None:
     assert "since row 8990" in open_faults(later)["current"]
 
 
+def test_what_two_signals_say_of_each_other_is_not_over_because_one_of_them_looks_sound() -> None:
+    compared = {"cause": "kinematics", "first": 4500, "open": True}
+    alone = {"cause": "range", "onset": 4660, "end": 4668}
+    events = [
+        Event(4600, 0, "measurement_error", "q2", "q2 is 57.3 times what qd2 says", compared),
+        Event(4661, 0, "measurement_error", "q2", "13.6 rad is impossible", alone),
+        Event(4668, 0, "measurement_restored", "q2", "6.176 rad is believed again", alone),
+    ]
+    said = "q2 has been in error since row 4500: q2 is 57.3 times what qd2 says."
+    assert open_faults(events) == {"q2": said}
+    over = Event(5000, 0, "measurement_restored", "q2", "agrees again", compared | {"open": False})
+    assert not open_faults([*events, over])
+
+
 def test_a_deviation_is_told_in_the_unit_that_the_twin_file_records_it_in() -> None:
     spec = replace(
         ROBOT, source=(SourceSpec("log", channels={"x": ChannelSpec("pos", unit="ft")}),),

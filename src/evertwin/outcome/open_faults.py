@@ -21,17 +21,28 @@ def open_faults(events: Sequence[Event]) -> Mapping[str, str]:
     >>> open_faults([Event(12, 0, "measurement_error", "tau", "frozen", frozen)])
     {}
     """
-    found = {}
-    for signal in dict.fromkeys(e.signal for e in events if e.kind in KINDS):
-        own = [e for e in events if e.signal == signal and e.kind in KINDS]
+    found = dict[str, str]()
+    told_of = [(e.signal, _compared(e)) for e in events if e.kind in KINDS]
+    for signal, compared in sorted(dict.fromkeys(told_of), key=lambda one: not one[1]):
+        own = [
+            e for e in events
+            if e.signal == signal and e.kind in KINDS and _compared(e) == compared
+        ]  # fmt: skip
         # one that lasts is told of at its newest row, one that is over at a later one
         event, told = own[-1], own[-1].evidence
         lasts = told.get("open", told.get("end") == event.row)
-        if event.kind == "measurement_error" and lasts and told.get("cause") != "vote":
+        if event.kind != "measurement_error" or signal in found:
+            continue
+        if lasts and told.get("cause") != "vote":
             known = " Its first rows are in the figures." if "known" in told else ""
             since = f"since row {_first(own)}"
             found[signal] = f"{signal} has been in error {since}: {event.reason}.{known}"
     return found
+
+
+def _compared(event: Event) -> bool:
+    """Is it of what two signals say of each other? What one says by itself does not end that."""
+    return event.evidence.get("cause") == "kinematics"
 
 
 def _first(own: Sequence[Event]) -> Any:
