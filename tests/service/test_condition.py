@@ -156,6 +156,17 @@ def event(number: int, kind: str, reason: str = "", **more: Any) -> dict[str, An
             "time": number, "signal": "", "evidence": {}, **more}  # fmt: skip
 
 
+def test_what_two_signals_say_of_each_other_is_not_over_because_one_looks_sound() -> None:
+    condition = Condition({"log": math.inf}, asked=True)
+    condition.came("log")
+    compared = {"cause": "kinematics", "open": True}
+    condition.heard(event(1, "measurement_error", "57 times", signal="q", evidence=compared))
+    condition.heard(event(2, "measurement_restored", signal="q", evidence={"cause": "range"}))
+    assert condition.told(failed=False)["refused"] == ["q"]
+    condition.heard(event(3, "measurement_restored", signal="q", evidence=compared))
+    assert condition.told(failed=False)["refused"] == []
+
+
 def test_a_sensor_that_lies_is_not_good_until_it_is_believed_again() -> None:
     condition = Condition({"log": math.inf}, asked=True)
     condition.came("log")

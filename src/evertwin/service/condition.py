@@ -90,7 +90,8 @@ class Condition:
         self._number = 0
         """Of the newest event."""
         self._errors: dict[str, deque[float]] = {}
-        self._refused: dict[str, str] = {}
+        # what two signals say of each other does not end where one by itself looks sound
+        self._refused: dict[tuple[str, bool], str] = {}
         """Signal whose measurement is in error now → why."""
 
     def came(self, source: str) -> None:
@@ -118,9 +119,9 @@ class Condition:
             newest = self._errors.setdefault(signal, deque(maxlen=ERRORS))
             newest.append(time.monotonic())
             if _lasts(event):
-                self._refused[signal] = reason
+                self._refused[signal, _compared(event)] = reason
         elif kind == "measurement_restored":
-            self._refused.pop(signal, None)
+            self._refused.pop((signal, _compared(event)), None)
         elif kind in ("alarm", "alarm_cleared"):
             self._alarm = reason if kind == "alarm" else ""
 
@@ -197,14 +198,14 @@ class Condition:
             "condition": condition, "why": why, "stale": stale,
             "label": out.label if out and condition == "out_of_specification" else "",
             "alarm": None if out is None else out.told, "returned": self._returned,
-            "refused": list(self._refused),
+            "refused": list(dict.fromkeys(signal for signal, _ in self._refused)),
             "age": round(age, 3) if age < math.inf else None,
         }  # fmt: skip
 
     def _sensors(self, now: float) -> str:
         """Whose measurements are refused, now or again and again, in words."""
         if self._refused:
-            said = "; ".join(f"{signal}: {why}" for signal, why in self._refused.items())
+            said = "; ".join(f"{signal}: {why}" for (signal, _), why in self._refused.items())
             return f"look at the sensor of {said}"
         often = [s for s, at in self._errors.items() if len(at) == ERRORS and now - at[0] < SPAN]
         return f"look at the sensor of {', '.join(often)}" if often else ""
@@ -232,6 +233,10 @@ class Condition:
             f"{name}: no samples" + ("" if age == math.inf else f" for {age:.0f} s")
             for name, age in silent.items()
         )
+
+
+def _compared(event: Mapping[str, Any]) -> bool:
+    return bool((event.get("evidence") or {}).get("cause") == "kinematics")
 
 
 def _lasts(event: Mapping[str, Any]) -> bool:
