@@ -46,11 +46,12 @@ def say(text: str) -> None:
     sys.stdout.flush()
 
 
-def spec(hours: int, path: Path) -> TwinSpec:
+def spec(hours: int, folder: Path) -> TwinSpec:
     """An arm that is watched; its friction is as the file has it."""
     names = [(f"{kind}{k}", unit) for kind, unit in UNITS.items() for k in range(1, 7)]
     channels = {name: ChannelSpec(name, unit=unit) for name, unit in names}
-    source = SourceSpec("arm", channels, (str(path),) * hours, time=TimeSpec(column="t", unit="ns"))
+    files = tuple(str(folder / f"{hour}.parquet") for hour in range(hours))
+    source = SourceSpec("arm", channels, files, time=TimeSpec(column="t", unit="ns"))
     return TwinSpec(
         "arm", ModelSpec("arm", {"urdf": "ur5_like", "law": "tanh"},
                          {f"Fc{k}": ParameterSpec(value=5.0) for k in range(1, 7)}),
@@ -60,16 +61,17 @@ def spec(hours: int, path: Path) -> TwinSpec:
     )  # fmt: skip
 
 
-def write(path: Path, rows: int) -> None:
-    """One file with a row group a minute, quantised as encoders are."""
+def write(path: Path, rows: int, hour: int) -> None:
+    """The file of an hour, with a row group a minute, quantised as encoders are."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    twin, rng = spec(1, path), np.random.default_rng(0)
+    twin, rng = spec(1, path.parent), np.random.default_rng(0)
     model = model_of(twin, None)
     names = ["t", *twin.source[0].channels]
     schema = pa.schema([(n, pa.int64() if n == "t" else pa.float64()) for n in names])
     w, a = rng.uniform(0.2, 0.7, 6), rng.uniform(0.3, 0.9, 6)
+    rng = np.random.default_rng([hour, 1])
     with pq.ParquetWriter(path, schema, compression="zstd") as writer:
         for start in range(0, rows, PIECE):
             i = np.arange(start, min(start + PIECE, rows))
@@ -112,8 +114,9 @@ def main() -> None:
         fold(chosen.fold, chosen.hours)
         return
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "hour.parquet"
-        write(path, chosen.rows)
+        path = Path(folder)
+        for hour in range(chosen.hours):
+            write(path / f"{hour}.parquet", chosen.rows, hour)
         command = [sys.executable, "-m", "benchmarks.day", "--hours", str(chosen.hours)]
         subprocess.run([*command, "--fold", str(path)], check=True)
 

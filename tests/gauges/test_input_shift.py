@@ -131,7 +131,7 @@ def winch(seed: int, number: float, rubs: float = 1.0) -> RunResult:
 
 def test_a_turned_sign_is_named_beside_a_misfit_that_was_there_before() -> None:
     result = winch(0, -1.0)
-    assert "the sign of speed looks turned, from row 14" in result.headline
+    assert "speed has been in error since row 1400: off by a factor of -1" in result.headline
     assert not result.of_kind("promoted")
 
 
