@@ -112,28 +112,6 @@ def test_what_never_agreed_is_the_doctors() -> None:
     assert told(q, 1000.0 * v)[0] == []
 
 
-@pytest.mark.parametrize("by", [0.15, -0.4])
-def test_a_position_that_leaps_is_told_at_once_and_until_it_is_back(by: float) -> None:
-    for seed in range(5):
-        q, v = motion(seed)
-        q[AT:6000] += by
-        (opened, closed), marks = told(q, v)
-        assert opened.signal == "position" and opened.known and opened.first == AT
-        assert f"leapt by {by:+.1g}"[:12] in opened.reason and "its zero moved" in opened.reason
-        assert not closed.open
-        assert marks[AT:6000].all() and not marks[:AT].any() and not marks[6100:].any()
-
-
-def test_a_spike_and_rows_that_were_held_are_no_leap() -> None:
-    for seed in range(10):
-        q, v = motion(seed)
-        q[AT] += 1.0
-        for first in np.random.default_rng(seed).integers(3000, 7900, 8).tolist():
-            hold = slice(first, first + 9)
-            q[hold], v[hold] = q[first], v[first]
-        assert not told(q, v)[0]
-
-
 def test_units_that_are_taken_for_each_other_are_named() -> None:
     q, v = motion()
     q[AT:] *= 57.3

@@ -3,8 +3,7 @@
 Over stretches of time the change of the position is compared with the integral of the speed, in
 which noise and the steps of an encoder vanish. Once they have agreed, stretch by stretch, three in
 a row that differ by more than half are a contradiction: a unit, a sign, a frozen or a swapped
-channel; and so is a position that leaps from one row to the next, and stays where it leapt to. A
-model that takes both as inputs cannot be judged by them, nor learn from them.
+channel. A model that takes both as inputs cannot be judged by them, nor learn from them.
 
 >>> t = 0.01 * np.arange(6000)
 >>> speed = np.where(t < 40.0, 1.0, 1000.0) * np.cos(t)
@@ -45,7 +44,7 @@ class KinematicsState(NamedTuple):
     """State of `Kinematics`. See `evertwin.anomaly.kinematics_loop` for the places.
 
     >>> Kinematics((), (), 1.0).init().numbers.shape
-    (0, 9)
+    (0, 8)
     """
 
     numbers: Int64[np.ndarray, "pairs numbers"]
@@ -72,8 +71,6 @@ class Contradiction(NamedTuple):
     """The signal over what the other one says of it; 0: it stands; infinite: the other does."""
     known: bool
     """Is it known which of the two is wrong?"""
-    leapt: str = ""
-    """What the signal leapt by, in words, where it did that."""
     unit: str = ""
     """Of the signal, in SI."""
 
@@ -82,8 +79,6 @@ class Contradiction(NamedTuple):
         """In words."""
         if not self.open:
             return f"{self.signal} and {self.other} agree with each other again"
-        if self.leapt:
-            return f"{self.signal} leapt by {self.leapt} where {self.other} did not: its zero moved"
         if self.factor == 0:
             said = f"{self.signal} stands while {self.other} says that it moves"
         elif math.isinf(self.factor):
@@ -128,8 +123,7 @@ class Kinematics:
     def init(self) -> KinematicsState:
         """Nothing seen."""
         pairs = len(self.names)
-        numbers = np.zeros((pairs, loop.NUMBERS), dtype=np.int64)
-        figures = np.zeros((pairs, loop.FIGURES))
+        numbers, figures = np.zeros((pairs, 8), dtype=np.int64), np.zeros((pairs, 12))
         return KinematicsState(numbers, figures, np.zeros(1, dtype=np.int64))
 
     def handed_on(self, state: KinematicsState) -> KinematicsState:
@@ -165,10 +159,10 @@ class Kinematics:
 
     def beat(self, state: KinematicsState) -> tuple[KinematicsState, tuple[Contradiction, ...]]:
         """Contradictions that opened or closed since the last beat. Consumes ``state``."""
-        own, told = state.numbers, []
-        for k in np.flatnonzero(own[:, loop.OPEN] != own[:, loop.SAID]).tolist():
-            told.append(self._of(k, own[k], state.figures[k]))
-        own[:, loop.SAID] = own[:, loop.OPEN]
+        numbers, told = state.numbers, []
+        for k in np.flatnonzero(numbers[:, loop.OPEN] != numbers[:, loop.SAID]).tolist():
+            told.append(self._of(k, numbers[k], state.figures[k]))
+        numbers[:, loop.SAID] = numbers[:, loop.OPEN]
         state.machine[loop.NEWS] = 0
         return state, tuple(told)
 
@@ -181,12 +175,9 @@ class Kinematics:
         far = [abs(math.log(size)) for size in sizes]
         first, is_open = int(number[loop.FIRST]), bool(number[loop.OPEN])
         units = [self.units[c] if self.units else "" for c in self.columns[k][:2]]
-        if (number[loop.OPEN] or number[loop.SAID]) == loop.LEAP:
-            said = f"{figure[loop.OFF]:+.4g} {units[0]}".rstrip()
-            return Contradiction(position, speed, first, is_open, 1.0, True, said)
         if far[0] - far[1] > math.log(CLEARLY):
             factor = 0.0 if still[0] else math.inf if still[1] else xy / yy
-            return Contradiction(position, speed, first, is_open, factor, True, unit=units[0])
+            return Contradiction(position, speed, first, is_open, factor, True, units[0])
         factor = 0.0 if still[1] else math.inf if still[0] else xy / xx
         known = far[1] - far[0] > math.log(CLEARLY)
-        return Contradiction(speed, position, first, is_open, factor, known, unit=units[1])
+        return Contradiction(speed, position, first, is_open, factor, known, units[1])

@@ -8,23 +8,15 @@ import numpy as np
 
 from evertwin.compiled.functions import njit
 
-ROWS, START, AGREED, BAD, GOOD, OPEN, FIRST, SAID, LEAPT, NUMBERS = range(10)
+ROWS, START, AGREED, BAD, GOOD, OPEN, FIRST, SAID = range(8)
 """Places of a pair's numbers: rows of this stretch and the first of them; stretches that agreed;
-those that did not, and those that did again, in a row; is a contradiction open (`LEAP`: a leap of
-the position), since which row, and was it told? Row after that of a leap that no stretch has
-confirmed; 0: there is none; below: it goes on leaping."""
-(GONE, WAY, POSITION, SPEED, USUAL_GONE, USUAL_WAY, XX, XY, YY, ROUGH, SPAN, SINCE, OFF, WORST,
- LEFT, FIGURES) = range(16)  # fmt: skip
+those that did not, and those that did again, in a row; is a contradiction open, since which row,
+and was it told?"""
+GONE, WAY, POSITION, SPEED, USUAL_GONE, USUAL_WAY, XX, XY, YY, ROUGH, SPAN, SINCE = range(12)
 """Places of a pair's figures: way by the position and by the speed in this stretch; last position
 and speed; mean square of each over stretches that agreed; Σ of squares and products of those that
 did not, after the first of them, until a contradiction was open. Of this stretch Σ of the changes
-of the speed from row to row, and its length [s]; and the time since a row was known last [s]. What
-the position has leapt by; the most that a row usually differs by; and what the last stretch did."""
-LEAP = 2
-FAR, SHARE = 10.0, 0.05
-"""Times what rows differ by at worst, and share of the usual way, that a leap has at least."""
-FADES = 1e-4
-"""Share of what a row differed by at worst that is forgotten with each row."""
+of the speed from row to row, and its length [s]; and the time since a row was known last [s]."""
 NEWS = 0
 """Place of the number of the row after the first since the newest beat that has news; 0: none."""
 ALIKE = 0.5
@@ -58,22 +50,17 @@ def differs(number: Any, figure: Any) -> int:
 def judged(row: int, number: Any, figure: Any, machine: Any) -> None:
     """The end of a stretch."""
     x, y, differ = figure[GONE], figure[WAY], differs(number, figure)
-    if number[LEAPT] != 0:  # a stretch after it that agrees: it was a leap
-        if differ == 0 and number[LEAPT] > 0 and not number[OPEN]:
-            number[OPEN], number[FIRST] = LEAP, number[LEAPT] - 1
-            machine[NEWS] = machine[NEWS] or row + 1
-        number[LEAPT] = max(number[LEAPT], 0) if differ < 0 else 0
     if differ < 0:
         return
     if differ:
-        if number[BAD] == 0 and number[OPEN] != 1:
-            number[FIRST] = number[FIRST] if number[OPEN] else number[START]
+        if number[BAD] == 0 and not number[OPEN]:
+            number[FIRST] = number[START]
             figure[XX] = figure[XY] = figure[YY] = 0.0
-        elif number[OPEN] != 1:  # the first stretch is of before, too
+        elif not number[OPEN]:  # the first stretch is of before, too
             figure[XX], figure[XY] = figure[XX] + x * x, figure[XY] + x * y
             figure[YY] += y * y
         number[BAD], number[GOOD] = number[BAD] + 1, 0
-        opens = number[BAD] >= SURE and number[AGREED] >= KNOWN and number[OPEN] != 1
+        opens = number[BAD] >= SURE and number[AGREED] >= KNOWN and not number[OPEN]
         number[OPEN] = 1 if opens else number[OPEN]
     else:
         opens, number[BAD], number[GOOD] = False, 0, number[GOOD] + 1
@@ -82,7 +69,7 @@ def judged(row: int, number: Any, figure: Any, machine: Any) -> None:
             share = 1.0 / min(number[AGREED], MEMORY)
             figure[USUAL_GONE] += (x * x - figure[USUAL_GONE]) * share
             figure[USUAL_WAY] += (y * y - figure[USUAL_WAY]) * share
-        elif number[GOOD] >= BACK and number[OPEN] != LEAP:
+        elif number[GOOD] >= BACK:
             number[OPEN] = 0
             machine[NEWS] = machine[NEWS] or row + 1
     if opens:
@@ -90,36 +77,9 @@ def judged(row: int, number: Any, figure: Any, machine: Any) -> None:
 
 
 @njit(cache=True)
-def leaps(row: int, gone: float, way: float, number: Any, figure: Any, machine: Any) -> bool:
-    """Does the position leap at a row where the speed does not, and does it stay there?
-
-    What was held and comes later is none: together with the rows before it nothing is off.
-    """
-    off, total = gone - way, figure[GONE] - figure[WAY] + figure[LEFT] + gone - way
-    limit = max(FAR * figure[WORST], SHARE * np.sqrt(figure[USUAL_GONE]))
-    sharp = abs(gone) > CLEAR * abs(way) and min(abs(off), abs(total)) > limit
-    if not (sharp and number[AGREED] >= KNOWN):
-        figure[WORST] = max(abs(off), figure[WORST] * (1.0 - FADES))
-        return False
-    if number[LEAPT] < 0 or number[OPEN] == 1:
-        return False
-    figure[OFF] = off + (figure[OFF] if number[LEAPT] or number[OPEN] else 0.0)
-    if abs(figure[OFF]) > limit:
-        again = number[LEAPT] > 0
-        if not number[OPEN]:
-            number[LEAPT] = -1 if again else row + 1
-        return not again
-    if number[OPEN]:
-        number[OPEN], machine[NEWS] = 0, machine[NEWS] or row + 1
-    number[LEAPT] = 0
-    return True
-
-
-@njit(cache=True)
 def begun(row: int, number: Any, figure: Any) -> None:
     """A stretch begins."""
     number[ROWS], number[START] = 1, row
-    figure[LEFT] = figure[GONE] - figure[WAY]
     figure[GONE] = figure[WAY] = figure[ROUGH] = figure[SPAN] = 0.0
 
 
@@ -133,7 +93,7 @@ def watch(row: int, dt: Any, u: Any, pairs: Any, rule: Any, state: Any, marked: 
         u: inputs, (n, nu).
         pairs: columns of position and speed, and 1 where the position is an angle, (np, 3).
         rule: rows of a stretch, and the longest interval between two rows [s].
-        state: numbers (np, 9), figures (np, 15), machine (1,).
+        state: numbers (np, 8), figures (np, 12), machine (1,).
         marked: (n,), written.
     """
     numbers, figures, machine = state
@@ -147,26 +107,19 @@ def watch(row: int, dt: Any, u: Any, pairs: Any, rule: Any, state: Any, marked: 
             since, figure[SINCE] = figure[SINCE], 0.0
             if number[ROWS] == 0 or not 0.0 < since <= rule[1]:
                 begun(row + i, number, figure)
-                figure[LEFT] = 0.0
             else:
                 gone = q - figure[POSITION]
                 if pairs[k, 2]:
                     gone -= 2.0 * np.pi * np.floor(gone / (2.0 * np.pi) + 0.5)
-                way = 0.5 * since * (v + figure[SPEED])
-                leapt = leaps(row + i, gone, way, number, figure, machine)
                 figure[GONE] += gone
-                figure[WAY] += way
+                figure[WAY] += 0.5 * since * (v + figure[SPEED])
                 figure[ROUGH] += abs(v - figure[SPEED])
                 figure[SPAN] += since
                 number[ROWS] += 1
-                if leapt:
-                    begun(row + i, number, figure)
-                    figure[LEFT] = 0.0
-                elif number[ROWS] > rule[0]:
+                if number[ROWS] > rule[0]:
                     judged(row + i, number, figure, machine)
                     begun(row + i, number, figure)
             figure[POSITION], figure[SPEED] = q, v
             known = number[AGREED] >= KNOWN
             doubted = known and (number[BAD] > 0 or differs(number, figure) > 0)
-            doubted = doubted or number[LEAPT] > 0
             marked[i] |= number[OPEN] != 0 or doubted
