@@ -44,10 +44,14 @@ def absorbed(
     """
     names = list[str]()
     for k in parts:
-        gain, values = stack.parts[k].kind.behind_gain(stack.parts[k].term, stack.parts[k].values)
-        if gain in (0.0, 1.0):
+        part = stack.parts[k]
+        values = part.kind.behind_gain(part.term, part.values)
+        if values == part.values:
             continue
-        own = replace(stack.parts[k], values=values)
+        local = [one.name for one in part.kind.parameters(part.term, "1", "1")]
+        at = local.index(part.kind.gain)
+        gain, name = part.values[at], stack.model.parameters.names[stack.first(k) + at]
+        own = replace(part, values=values)
         bare = replace(stack, parts=(*stack.parts[:k], own, *stack.parts[k + 1 :]))
         for number in numbers:
             place = stack.base.parameters.index(number)
@@ -56,8 +60,7 @@ def absorbed(
             item = stack.base.parameters[number]
             taken = replace(bare, inner=tuple(inner))
             if item.low <= inner[place] <= item.high and _same(stack, taken, bare, evidence):
-                at = stack.first(k) + stack.parts[k].values.index(gain)
-                names.append(stack.model.parameters.names[at])
+                names.append(name)
                 stack = taken
                 break
     return stack, tuple(names)

@@ -148,6 +148,8 @@ class CorrectionTerm(ABC):
     initials: ClassVar[tuple[str, ...]] = ()
     """Parameters that are an unmeasured state before a recording: each recording has its own."""
 
+    gain: ClassVar[str] = ""
+    """Parameter that what comes out is a multiple of; empty: none is."""
     alike: ClassVar[str] = ""
     """What would look the same, where it acts on all inputs."""
 
@@ -207,10 +209,10 @@ class CorrectionTerm(ABC):
         """Is this number of the size of its channel? Else it is of the size of its value."""
         return False
 
-    def behind_gain(self, term: Term, values: tuple[float, ...]) -> tuple[float, tuple[float, ...]]:
-        """Its gain, and its numbers with a gain of 1 that make as much of a command once what comes
-        out is multiplied by it; 1 and the numbers as they are where it has none."""
-        return 1.0, values
+    def behind_gain(self, term: Term, values: tuple[float, ...]) -> tuple[float, ...]:
+        """Its numbers with a `gain` of 1 that make as much of a command once what comes out is
+        multiplied by the gain that they had; as they are where there is none."""
+        return values
 
     @abstractmethod
     def say(self, term: Term, values: Sequence[float], unit: str, intervals: Intervals) -> str:

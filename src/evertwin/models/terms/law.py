@@ -59,7 +59,7 @@ class Law(CorrectionTerm):
     """
 
     kind, variants = "law", ("", "dead zone", "clamp")
-    steps, slopeless = ("threshold",), ("threshold",)
+    steps, slopeless, gain = ("threshold",), ("threshold",), "gain"
     functions = Functions(before)
 
     def parameters(self, term: Term, unit: str, source: str) -> Sequence[Parameter]:
@@ -73,13 +73,13 @@ class Law(CorrectionTerm):
     def by_channel(self, name: str) -> bool:
         return name in ("threshold", "cap")
 
-    def behind_gain(self, term: Term, values: tuple[float, ...]) -> tuple[float, tuple[float, ...]]:
+    def behind_gain(self, term: Term, values: tuple[float, ...]) -> tuple[float, ...]:
         *start, gain, offset, cap = values
         if not gain > DEAF:
-            return 1.0, values
+            return values
         start = [one / gain for one in start] if term.variant == "clamp" else start
         most = cap / gain if cap < UNBOUNDED else cap
-        return gain, (*start, 1.0, offset / gain, most)
+        return (*start, 1.0, offset / gain, most)
 
     def propose(self, rows: Rows) -> Iterator[Candidate]:
         for channel in rows.chosen:
