@@ -1,7 +1,7 @@
 """Names of columns: the unit in a heading, the nearest name for a message.
 
->>> split_unit("q1 [rad]"), split_unit("Force (N)"), split_unit("t"), split_unit("q[0]")
-(('q1', 'rad'), ('Force', 'N'), ('t', ''), ('q[0]', ''))
+>>> split_unit("q1 [rad]"), split_unit("Force (N)"), split_unit("q[0]"), split_unit("cycle [1]")
+(('q1', 'rad'), ('Force', 'N'), ('q[0]', ''), ('cycle', '1'))
 >>> closest("heater", ["heater_on", "t1"])
 "did you mean 'heater_on'?"
 """
@@ -21,12 +21,13 @@ _BRACKETS = re.compile(r"^(.*\S)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))$")
 
 def split_unit(heading: str) -> tuple[str, str]:
     """Name and unit of a heading such as ``q1 [rad]``; an empty unit where none is given: a number
-    in brackets counts columns."""
+    in brackets counts columns, but 1 behind a space is the unit of a pure number."""
     text = heading.strip()
     found = _BRACKETS.match(text)
-    if not found or (found[2] or found[3] or "").strip().isdigit():
+    unit = ((found[2] or found[3] or "") if found else "").strip()
+    if not found or (unit.isdigit() and not text.endswith((" [1]", " (1)"))):
         return text, ""
-    return found[1].strip(), (found[2] if found[2] is not None else found[3]).strip()
+    return found[1].strip(), unit
 
 
 def unit_problem(unit: str) -> str:
