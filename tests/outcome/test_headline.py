@@ -268,6 +268,15 @@ def test_what_overruled_a_model_before_it_was_replaced_is_not_told() -> None:
     assert "pose has stood" not in text
 
 
+def test_a_jump_within_what_the_model_is_off_by_is_not_the_sensors() -> None:
+    with Twin(ROBOT) as twin:
+        rough, true = (
+            headline(twin.setup, figures(rms, rms), (twin.champion,), [stepped(67, 0.5)], None)
+            for rms in (0.3, 0.1)
+        )
+    assert "pose has stood" not in rough and "pose has stood" in true
+
+
 def test_single_contradictions_of_a_rough_model_are_not_told() -> None:
     def text(count: int, cause: str) -> str:
         events = [

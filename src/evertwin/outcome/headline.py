@@ -38,6 +38,8 @@ CHANGE = "change of "
 """Before an input: what depends on that comes late, or early."""
 OFTEN = 10
 """Contacts in a run from which on it is said that they may be none."""
+ROUGH = 3.0
+"""A jump of fewer times what the model is off by is no news of its sensor."""
 
 
 def headline(
@@ -51,7 +53,8 @@ def headline(
     told_in = zip(setup.model.outputs.units, setup.recorded, strict=True)
     units = dict(zip(setup.model.outputs.names, told_in, strict=True))
     doubted = _of_a_sensor(events)
-    least = 0.0 if setup.relative or not setup.decides else setup.requirement
+    asked = 0.0 if setup.relative or not setup.decides else setup.requirement
+    least = {name: max(asked, ROUGH * f.rms_after) for name, f in known.items()}
     # of a channel that is read wrongly, the others step away from the model as well
     late = _two_clocks(setup, events) and not setup.spec.correction.terms
     quiet = setup.static or doubted or late

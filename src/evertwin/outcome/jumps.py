@@ -5,7 +5,8 @@ The arbiter lets samples that agree with each other overrule the model, for the 
 been moved. A sensor that is off for a while looks the same as it leaves, and steps back by as much
 when it is right again; what never came back cannot be told from a machine that was moved. Either
 is the first that a result has to say. Where a signal overrules the model again and again, the model
-is rough there, and nothing of this is said; nor of an output that forgets where it was, as a
+is rough there, and nothing of this is said; nor of a jump within what the model is off by anyway,
+nor of an output that forgets where it was, as a
 current does: a sensor that is off would go on to contradict the model.
 
 >>> there = {"delta": {"x": 0.5}, "sigma": {"x": 0.01}, "onset": 10}
@@ -73,15 +74,15 @@ def remembered(model: Model, p: ParameterVector, horizon: float) -> frozenset[st
 
 
 def jumps(
-    events: Sequence[Event], units: Mapping[str, tuple[str, str]], least: float = 0.0,
-    stays: frozenset[str] | None = None,
+    events: Sequence[Event], units: Mapping[str, tuple[str, str]],
+    least: Mapping[str, float] | None = None, stays: frozenset[str] | None = None,
 ) -> Mapping[str, str]:  # fmt: skip
     """Signal to the sentence about it.
 
     Args:
         events: of a run.
         units: SI unit of each output, and the one that it is recorded in.
-        least: what an output may be off by: a smaller jump is nothing to say first.
+        least: how far an output has to jump for it to be the first thing to say; absent: not far.
         stays: outputs that remember where they were; None: all.
     """
     found: dict[str, list[Event]] = {}
@@ -92,7 +93,7 @@ def jumps(
             found.setdefault(event.signal, []).append(event)
     told = {}
     for signal, some in found.items():
-        sentence = _told(signal, some, units, (least, stays)) if len(some) < OFTEN else ""
+        sentence = _told(signal, some, units, (least or {}, stays)) if len(some) < OFTEN else ""
         if sentence:
             told[signal] = sentence
     return told
@@ -100,7 +101,7 @@ def jumps(
 
 def _told(
     signal: str, some: Sequence[Event], units: Mapping[str, tuple[str, str]],
-    rule: tuple[float, frozenset[str] | None],
+    rule: tuple[Mapping[str, float], frozenset[str] | None],
 ) -> str:  # fmt: skip
     """Of the last jump that is clear and was not the way back of one before."""
     least, stays = rule
@@ -121,7 +122,7 @@ def _told(
                 "that is off; the model followed it meanwhile."
             )
             open_one = None
-        elif sizes[name] > CLEAR and abs(delta) > least:
+        elif sizes[name] > CLEAR and abs(delta) > least.get(name, 0.0):
             open_one = event, name, delta
     if open_one is not None and (stays is None or open_one[1] in stays):
         since: Any = open_one[0].evidence

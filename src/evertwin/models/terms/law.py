@@ -56,6 +56,8 @@ class Law(CorrectionTerm):
     >>> law = Term("law", "v", variant="dead zone")
     >>> KIND.say(law, (0.06, 0.97, 0.0, 0.16), "m/s", {"threshold": (0.05, 0.07)})
     'v: start threshold 0.06 (0.05 to 0.07) m/s (dead zone), gain 0.97, saturation at 0.16 m/s'
+    >>> KIND.say(law, (0.0, 0.97, 0.0, 0.16), "m/s", {})
+    'v: gain 0.97, saturation at 0.16 m/s'
     """
 
     kind, variants = "law", ("", "dead zone", "clamp")
@@ -87,7 +89,7 @@ class Law(CorrectionTerm):
 
     def say(self, term: Term, values: Sequence[float], unit: str, intervals: Intervals) -> str:
         said = []
-        if term.variant:
+        if term.variant and values[0] > 0.0:
             threshold = told("threshold", values[0], unit, intervals)
             said.append(f"start threshold {threshold} ({term.variant})")
         gain, offset, cap = values[-3:]
