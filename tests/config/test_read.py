@@ -54,7 +54,10 @@ def test_mixed_lists_and_mappings_are_kept(full: TwinSpec) -> None:
     assert full.tuning.weights == {"gain": 2.0}
 
 
-@pytest.mark.parametrize(("text", "relative"), [("0.05", True), ("'2 cm'", False), ("'5 %'", True)])
+@pytest.mark.parametrize(
+    ("text", "relative"),
+    [("0.05", True), ("'2 cm'", False), ("'5 %'", True), ("'6 deg'", False), ("'0.1 rad'", False)],
+)
 def test_a_requirement_with_a_unit_is_absolute(text: str, relative: bool) -> None:
     assert reads(f"{HEAD}[anomaly]\nrequirement = {text}").anomaly.relative is relative
 

@@ -96,6 +96,51 @@ def test_a_machine_that_looks_like_its_sensor_is_learned_and_said_to(seed: int) 
     assert "would look the same" in result.headline
 
 
+def turned(x: Vector, u: Vector, dt: float, p: ParameterVector) -> Step:
+    rubs = p[0] * np.tanh(u[1] / 0.05) + p[1] * u[1]
+    return [], [9.0 * np.cos(u[0]) + 4.0 * u[2] + rubs + p[2]]
+
+
+def joint(seed: int, reads: float = 1.0, rubs: float = 1.0) -> RunResult:
+    """A joint of a known body goes from place to place; in the second half its torque ``reads``, or
+    it ``rubs``, so many times as much."""
+    rows, dt, rng = 2400, 0.05, np.random.default_rng(seed)
+    t, late = dt * np.arange(rows), np.arange(rows) >= rows // 2
+    places, k, s = rng.uniform(-1.2, 1.2, rows), (t // 2.0).astype(int), np.minimum(t % 2.0, 1.6)
+    share = np.polyval([6.0, -15.0, 10.0, 0.0, 0.0, 0.0], s / 1.6)
+    q = places[k] + (places[k + 1] - places[k]) * share
+    qd = np.gradient(q, dt)
+    qdd = np.gradient(qd, dt)
+    friction = np.where(late, rubs, 1.0) * (3.0 * np.tanh(qd / 0.05) + 4.0 * qd)
+    tau = np.where(late, reads, 1.0) * (9.0 * np.cos(q) + 4.0 * qdd + friction)
+    model = FunctionModel(
+        turned, Layout.of(q="rad", qd="rad/s", qdd="rad/s^2"), Layout.of(tau="Nm"), Layout(),
+        Parameters.of(Fc=(3.0, "Nm"), Fv=(4.0, "Nms/rad"), offset=(0.0, "Nm")),
+    )  # fmt: skip
+    spec = TwinSpec(
+        "joint", ModelSpec("python"), beat=Span(40), prediction=PredictionSpec(1.0),
+        anomaly=AnomalySpec(requirement=0.1, window=Span(400)),
+    )  # fmt: skip
+    tau += rng.normal(0.0, 0.4, rows)
+    with Twin(spec, translated(model)) as twin:
+        return twin.run({"t": t, "q": q, "qd": qd, "qdd": qdd, "tau": tau})
+
+
+@pytest.mark.parametrize(("seed", "reads"), [(4, 1.25), (6, 1.25), (6, 0.8)])
+def test_a_share_that_stays_is_the_torque_sensors(seed: int, reads: float) -> None:
+    """Offset and friction tuned anew every second come near it; tuned once they do not."""
+    result = joint(seed, reads=reads)
+    told = [e for e in result.of_kind("abnormal") if "number" in e.evidence]
+    assert told and told[0].signal == "tau" and not result.of_kind("promoted", "normal")
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_friction_that_grew_is_not_the_torque_sensors(seed: int) -> None:
+    result = joint(seed, rubs=1.4)
+    assert result.of_kind("tuned")
+    assert not [e for e in result.of_kind("abnormal") if "number" in e.evidence]
+
+
 @pytest.mark.parametrize("scaled", [False, True])
 def test_a_sensor_explains_by_what_it_is_off_by(scaled: bool) -> None:
     """One that is off by next to nothing does not, however well the machine beside it fits."""

@@ -12,6 +12,7 @@ from evertwin.fold import copy, equal, load, save
 from evertwin.trial import Probation, Trial, admit
 from evertwin.trial.betting import GRID, LENGTHS, evidence, open_bets, place
 from evertwin.trial.gate_loop import run, unsafe
+from evertwin.trial.spec import TrialSpec
 
 RATE, HORIZON, RUNS = 10, 20, 200
 
@@ -32,6 +33,13 @@ def segments(
 def verdicts(stage: Trial | Probation, gain: float, models: tuple[float, float]) -> list[object]:
     rng = np.random.default_rng(1)
     return [stage.step(stage.init(), segments(rng, gain, models))[1] for _ in range(RUNS)]
+
+
+@pytest.mark.parametrize(("horizon", "least"), [(5.0, 20), (1.0, 30), (0.1, 40), (0.02, 40)])
+def test_a_fast_machine_need_not_run_for_long(horizon: float, least: int) -> None:
+    rule = TrialSpec()
+    stage = Trial(horizon=horizon, duration=rule.lasts(horizon))
+    assert stage.least == least
 
 
 def test_a_gain_error_of_ten_percent_is_promoted() -> None:

@@ -15,7 +15,7 @@ from evertwin.settings.kinds import Duration, Positive, Seconds, Size
 from evertwin.settings.notes import Rows
 from evertwin.settings.quantity import written
 from evertwin.settings.section import Section
-from evertwin.signals.units import compatible
+from evertwin.signals.units import si_unit
 
 
 @dataclass(frozen=True)
@@ -78,10 +78,10 @@ class AnomalySpec(Section):
 
     @classmethod
     def prepare(cls, table: Mapping[str, Any]) -> Mapping[str, Any]:
-        """A requirement with a unit is absolute: "2 cm" is never 2 % of anything."""
+        """A requirement with a unit is absolute: "2 cm", or "6 deg", is a share of nothing."""
         value = table.get("requirement")
         unit = written(value)[1] if isinstance(value, str) else ""
-        if not unit or compatible(unit, "1"):
+        if not unit or si_unit(unit) == "1":
             return table
         if table.get("relative") is True:
             raise UsageError(f"requirement {value!r} has a unit, so it is not relative")

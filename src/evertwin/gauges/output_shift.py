@@ -5,11 +5,14 @@ machine. Over parts of the rows both may go in straight lines; the machine may a
 to part, and has all its parameters. So where one number of one sensor leaves as little as before,
 and far less than any machine or input, it is the sensor. Where both leave about as little (one
 output of a machine that one parameter makes as much larger), nobody can tell; the machine is
-learned, and it is said what would look the same.
+learned, and it is said what would look the same. A machine that leaps from part to part comes near
+a share that stays the same, too; such a share is compared with one machine for all rows, in what
+each leaves beyond the usual.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
@@ -40,6 +43,8 @@ OF_NOTE = 0.25
 """Part of the squared deviation that what a sensor is off by has to make, on its own output."""
 RESTORED = 2.0
 """So many times the usual mean square it leaves at most."""
+NORMAL = 2.2
+"""Mean square of normal residuals of which half are below 1: what is usual where nobody saw it."""
 CLEARLY = 2.0
 """So many times what a sensor leaves the machine has to leave for the sensor to be named."""
 ALIKE = 1.5
@@ -95,13 +100,21 @@ def shifted_output(rows: Rows) -> tuple[SensorChange | None, str]:
         return None, ""
     best = min(outputs, key=lambda one: rows.total(one.left, known))
     ours, theirs = (rows.total(r, known) for r in (best.left, machine))
-    rival = min([theirs, *(rows.total(one.left, known) for one in inputs)])
+    least = min((rows.total(one.left, known) for one in inputs), default=math.inf)
     if not count or ours > EXPLAINED * off:
         return None, ""
-    usual = rows.squares(rows.before)[: rows.fitted]
-    restored = len(usual) < LEAST or ours <= RESTORED * count * float(np.mean(usual))
+    early = rows.squares(rows.before)[: rows.fitted]
+    seen = len(early) >= LEAST
+    usual = count * float(np.mean(early)) if seen else NORMAL * np.count_nonzero(known)
+    clear = (not seen or ours <= RESTORED * usual) and min(theirs, least) >= CLEARLY * ours
+    steady = None if clear or not best.scaled else _steady(rows, best, edges[0], known)
+    if steady is not None:
+        left = rows.total(steady.left, known)
+        rest = min(rows.total(rows.tuned, known), least)
+        if left <= RESTORED * usual and rest - usual >= CLEARLY * max(left - usual, 0.0):
+            best, ours, clear = steady, left, True
     channel, said = rows.setup.model.outputs.channels[best.column - nu], _said(rows, best, edges[0])
-    if enough and restored and rival >= CLEARLY * ours:
+    if enough and clear:
         return SensorChange(channel.name, 1.0, (
             f"{channel.name} looks off by {said}: as its sensor's this explains "
             f"{100 * (1.0 - ours / off):.0f} % of the deviation, and no machine, nor an input, "
@@ -110,6 +123,14 @@ def shifted_output(rows: Rows) -> tuple[SensorChange | None, str]:
     if ours <= ALIKE * theirs:
         return None, f"; a sensor of {channel.name} that is off by {said} would look the same"
     return None, ""
+
+
+def _steady(rows: Rows, one: Off, first: int, known: Bool[np.ndarray, "n ny"]) -> Off | None:
+    """The same channel off by one share from row ``first`` on; None: that, or one machine for all
+    rows, has no residual on some of the ``known``."""
+    found = _off(rows, (one.column, True), (np.arange(rows.count) >= first)[:, None] * 1.0)
+    told = found is not None and np.isfinite(found.left[known] + rows.tuned[known]).all()
+    return found if told else None
 
 
 def moves(rows: Rows, one: Off, known: Bool[np.ndarray, "n ny"]) -> float:
@@ -124,7 +145,8 @@ def _explained(rows: Rows, edges: list[int]) -> tuple[list[Off], Outputs | None]
     """What each output may be off by, and the residual of the machine; None: there is none."""
     nu, ny = len(rows.setup.model.inputs), len(rows.setup.model.outputs)
     tried = [(k, False) for k in range(nu + ny)] + [(k, True) for k in range(nu, nu + ny)]
-    found = [one for k in tried for one in (_off(rows, k, edges),) if one is not None]
+    lines = _lines(rows.count, edges)
+    found = [one for k in tried for one in (_off(rows, k, lines),) if one is not None]
     return found, _machine(rows, edges) if found else None
 
 
@@ -155,11 +177,10 @@ def _lines(n: int, edges: list[int]) -> Float64[np.ndarray, "n k"]:
     return each
 
 
-def _off(rows: Rows, channel: tuple[int, bool], edges: list[int]) -> Off | None:
+def _off(rows: Rows, channel: tuple[int, bool], lines: Float64[np.ndarray, "n k"]) -> Off | None:
     """What a channel has to be off by, or by what share, to leave least, beside one machine tuned
-    to all rows."""
+    to all rows; a sum of ``lines``."""
     (k, scaled), nu = channel, len(rows.setup.model.inputs)
-    lines = _lines(rows.count, edges)
     step = float(np.nanstd(rows.values[:, k])) if k < nu else 5.0 * float(rows.sizes[k - nu])
     step = SHARE if scaled else step
     if not step > 0.0:
@@ -186,7 +207,7 @@ def _off(rows: Rows, channel: tuple[int, bool], edges: list[int]) -> Off | None:
         posed = rows.pose(undone(by))
         return recorded(residual(posed, posed.start), by)
 
-    since = np.where(np.arange(rows.count) >= edges[0], step, 0.0)
+    since = np.where(lines.any(axis=1), step, 0.0)
     slope = (left_with(since) - rows.before) / step
     by, left = np.zeros(rows.count), rows.before
     for _ in range(STEPS):

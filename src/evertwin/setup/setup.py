@@ -344,10 +344,10 @@ class Setup:
     @cached_property
     def trial(self) -> Trial:
         """The gate to the live model."""
-        rule = self.spec.trial
+        rule, horizon = self.spec.trial, self.horizon if math.isfinite(self.horizon) else 1.0
         return Trial(
             alpha=rule.alpha, margin=rule.margin, segments=rule.segments, limit=rule.limit,
-            horizon=self.horizon if math.isfinite(self.horizon) else 1.0,
+            horizon=horizon, duration=rule.lasts(horizon),
         )  # fmt: skip
 
     @cached_property
