@@ -147,7 +147,7 @@ def test_a_sensor_explains_by_what_it_is_off_by(scaled: bool) -> None:
     rows, model = object.__new__(Rows), SimpleNamespace(inputs=("u",))
     rows.__dict__.update({
         "setup": SimpleNamespace(model=model), "values": np.full((50, 3), 2.0),
-        "sizes": np.array([0.5, 0.1]),
+        "sizes": np.array([0.5, 0.1]), "zeros": np.zeros(3),
     })  # fmt: skip
     known, left = np.ones((50, 2), dtype=bool), np.zeros((50, 2))
     off, none = (Off(2, scaled, np.full(50, by), left) for by in (0.25, 0.0005))

@@ -13,9 +13,11 @@ from evertwin.fold import Block, take
 from evertwin.gauges.misread import Reading
 from evertwin.gauges.sensor_change import Refused
 from evertwin.models.kernel import CONTINUE
+from evertwin.rows.channels import unit_recorded
 from evertwin.rows.ring import called
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Windows
+from evertwin.signals.units import conversion_of
 from evertwin.tuning import Fit, Problem
 from evertwin.types import Bools, Float64, Outputs, Vector
 
@@ -125,6 +127,13 @@ class Rows:
         with np.errstate(all="ignore"):
             found = np.nanmedian(np.abs(usual), axis=0)
         return np.where(np.isfinite(found) & (found > 0), found, 1.0)
+
+    @cached_property
+    def zeros(self) -> Vector:
+        """What each channel records as 0 [SI], (nu + ny,): 273.15 K where it is degrees Celsius."""
+        model, spec = self.setup.model, self.setup.spec
+        units = [unit_recorded(spec, name) for name in (*model.inputs.names, *model.outputs.names)]
+        return np.array([conversion_of(unit)[1] for unit in units])
 
     @cached_property
     def stop(self) -> int:

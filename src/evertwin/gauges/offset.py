@@ -217,7 +217,7 @@ def _shifted(
     usual = np.abs(np.diff(rows.values[:, k]))
     shift, step = 0.0, float(rows.sizes[k - nu] if k >= nu else np.nanmax(usual))
     if scaled:
-        true = float(rows.values[rows.since, k]) - leap
+        true = float(rows.values[rows.since, k] - rows.zeros[k]) - leap
         leap = step = leap / true if true else np.nan
         if not leap > -1.0:  # a sign that turned is a reading of its own
             return None, 0.0
@@ -239,12 +239,13 @@ def _shifted(
 
 def _with(rows: Rows, one: tuple[int, bool], shift: float) -> Outputs:
     """Residual with that taken off, in what was recorded."""
-    (k, scaled), nu = one, len(rows.setup.model.inputs)
+    (k, scaled), nu, zero = one, len(rows.setup.model.inputs), float(rows.zeros[one[0]])
 
     def moved(window: Block) -> Block:
         u, y = window.u.copy(), window.y.copy()
         side, column = (u, k) if k < nu else (y, k - nu)
-        side[:, column] = side[:, column] / (1.0 + shift) if scaled else side[:, column] - shift
+        read = side[:, column]
+        side[:, column] = zero + (read - zero) / (1.0 + shift) if scaled else read - shift
         return window._replace(u=u, y=y)
 
     posed = rows.pose(rows.changed(rows.since, rows.stop, moved))

@@ -137,7 +137,8 @@ def moves(rows: Rows, one: Off, known: Bool[np.ndarray, "n ny"]) -> float:
     """What a sensor is off by, in squares of its residual: one that is not off explains nothing,
     however well the machine that was tuned beside it fits."""
     k = one.column - len(rows.setup.model.inputs)
-    by = one.by * rows.values[:, one.column] / (1.0 + one.by) if one.scaled else one.by
+    read = rows.values[:, one.column] - rows.zeros[one.column]
+    by = one.by * read / (1.0 + one.by) if one.scaled else one.by
     return float(np.square(by[known[:, k]] / rows.sizes[k]).sum())
 
 
@@ -182,7 +183,7 @@ def _off(rows: Rows, channel: tuple[int, bool], lines: Float64[np.ndarray, "n k"
     to all rows; a sum of ``lines``."""
     (k, scaled), nu = channel, len(rows.setup.model.inputs)
     step = float(np.nanstd(rows.values[:, k])) if k < nu else 5.0 * float(rows.sizes[k - nu])
-    step = SHARE if scaled else step
+    step, zero = SHARE if scaled else step, float(rows.zeros[k])
     if not step > 0.0:
         return None
 
@@ -191,7 +192,8 @@ def _off(rows: Rows, channel: tuple[int, bool], lines: Float64[np.ndarray, "n k"
         for window in rows.windows:
             u, y, own = window.u.copy(), window.y.copy(), by[at : at + len(window.t)]
             side, column = (u, k) if k < nu else (y, k - nu)
-            side[:, column] = side[:, column] / (1.0 + own) if scaled else side[:, column] - own
+            read = side[:, column]
+            side[:, column] = zero + (read - zero) / (1.0 + own) if scaled else read - own
             at += len(own)
             found.append(window._replace(u=u, y=y))
         return tuple(found)
