@@ -13,6 +13,7 @@ from evertwin.errors import UsageError
 from evertwin.gauges.course import evidence
 from evertwin.gauges.in_words import difference, level
 from evertwin.machines.mobile import Robot1D
+from evertwin.models.translated import translated
 from evertwin.setup.setup import Setup
 from evertwin.sources.spec import ChannelSpec, SourceSpec
 from evertwin.sync.spec import SignalSpec
@@ -94,6 +95,57 @@ def test_a_record_tells_its_sensor_from_the_machine(seed: int) -> None:
     assert evidence(record, 20.0, (1000, 1000)) < -3.0
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_a_step_from_one_row_to_the_next_stands_out_of_a_slow_course(seed: int) -> None:
+    """Within eight rows the record strays by as much as it stepped."""
+    rng, t = np.random.default_rng(seed), np.arange(3000)
+    slow = sum(rng.normal() * np.sin(2.0 * np.pi * t / p + rng.uniform(0, 6)) for p in (300, 800))
+    record, off = 4.0 * slow + rng.normal(0.0, 0.1, 3000), np.where(t >= 2500, 2.0, 0.0)
+    assert evidence(record + off, 2.0, (2500, 2500)) > 3.0
+    assert evidence(record, 2.0, (2500, 2500)) < 3.0
+
+
+def hovered(x: Vector, u: Vector, dt: float, p: ParameterVector) -> tuple[list[float], list[float]]:
+    z, w = x[0], x[1]
+    for _ in range(4):
+        w += dt / 4 * (24.0 * u[0] / p[0] - 9.81 - p[1] * w / p[0])
+        z += dt / 4 * w
+    return [z, w], [z, w]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_heavier_machine_in_its_control_loop_is_not_its_commands(seed: int) -> None:
+    """The controller gives more thrust once it has sunk: the record is off by as much, later."""
+    rng, dt, rows = np.random.default_rng(seed), 0.02, 8000
+    z, w, sum_, goal, wait, data = 1.5, 0.0, 0.0, 1.5, 0, np.empty((8000, 3))
+    for k in range(rows):
+        if wait == 0:
+            goal, wait = 1.5 + rng.uniform(-1.0, 1.5), int(rng.integers(100, 400))
+        wait, off = wait - 1, goal - z
+        sum_ += 0.6 * off * dt
+        u = min(max(1.2 * (9.81 + 3.0 * off - 2.5 * w + sum_) / 24.0, 0.05), 1.0)
+        data[k], mass = (u, z, w), 1.2 * (1.2 if k >= rows // 2 else 1.0)
+        for _ in range(8):
+            w += dt / 8 * (24.0 * u / mass - 9.81 - 0.3 * w / mass)
+            z += dt / 8 * w
+    data[:, 1:] += rng.normal(0.0, (0.01, 0.05), (rows, 2))
+    both = Layout.of(z="m", w="m/s")
+    model = FunctionModel(
+        hovered, Layout.of(thrust="1"), both, both,
+        Parameters.of(mass=(1.2, "kg"), drag=(0.3, "Ns/m")),
+    )  # fmt: skip
+    spec = TwinSpec(
+        "lift", ModelSpec("python"), beat=Span(100), prediction=PredictionSpec(1.0),
+        anomaly=AnomalySpec(requirement=0.15, relative=False, outputs=("z",), window=Span(500)),
+    )  # fmt: skip
+    columns = dict(zip(("thrust", "z", "w"), data.T, strict=True))
+    with Twin(spec, translated(model)) as twin:
+        result = twin.run({"t": dt * np.arange(rows)} | columns)
+    assert not result.of_kind("abnormal")
+    assert result.of_kind("promoted")
+    assert result.champion.p[0] == pytest.approx(1.44, abs=0.05)
+
+
 def turned(x: Vector, u: Vector, dt: float, p: ParameterVector) -> tuple[list[float], list[float]]:
     push = p[0] * u[0] - p[1] * x[0] - p[2] * np.tanh(x[0] / 0.05)
     speed = x[0] + dt * push / p[3]
@@ -148,6 +200,7 @@ def test_sizes_and_levels_are_told_as_they_are_recorded() -> None:
     )  # fmt: skip
     setup, channel = Setup(spec, model), model.inputs.channels[1]
     assert difference(setup, channel, 2.5e5) == "+2.5 bar"
+    assert difference(setup, model.inputs.channels[0], 0.25) == "+0.25"
     assert level(setup, channel, 1.6e7) == "160 bar"
 
 

@@ -21,6 +21,8 @@ STRETCHES = 12
 """Parts of the rows before whose means tell how far the record strays slowly."""
 STRAYS = 2.0
 """So many times as far as it strays in as long by itself what has grown has to be."""
+HALF = 0.5
+"""Part of a shift from which on a step of the record is as large."""
 FREEDOM = 3.0
 """Degrees of freedom of steps (Student's t): some are far larger than most."""
 
@@ -51,7 +53,8 @@ def evidence(record: Vector, size: float, span: tuple[int, int]) -> float:
         seen = float(g @ e) / power
         variance = spread**2 * (1.0 / power + (float(g.sum()) / power) ** 2 / first)
         found = (seen**2 - (seen - size) ** 2) / (2.0 * variance)
-    return found + (_stepped(record, size, first) if first == last else 0.0)
+    step = _stepped(record, size, first) if first == last else 0.0
+    return step if step < -CLEAR else found + step  # what came at once is seen to, or did not
 
 
 def shape_of(n: int, first: int, last: int) -> Vector:
@@ -97,18 +100,27 @@ def _innovations(record: Vector, shape: Vector, first: int) -> tuple[Vector, Vec
 
 
 def _stepped(record: Vector, size: float, first: int) -> float:
-    """The same of the step alone, wherever near ``first`` it is."""
-    steps = record[AT_ONCE:] - record[:-AT_ONCE]
-    usual = steps[: first - AT_ONCE]
-    scale = 1.4826 * float(np.nanmedian(np.abs(usual - np.nanmedian(usual))))
-    near = steps[max(first - 2 * AT_ONCE, 0) : first + AT_ONCE]
-    near = near[np.isfinite(near)]
+    """The same of the step alone, wherever near ``first`` it is: from one row to the next, or
+    within `AT_ONCE`, whichever is likelier; no more than how rarely it steps so by itself tells."""
+    told = max(_stepped_within(record, size, first, rows) for rows in (1, AT_ONCE))
+    return told if told > -np.inf else 0.0
+
+
+def _stepped_within(record: Vector, size: float, first: int, rows: int) -> float:
+    steps = record[rows:] - record[:-rows]
+    begin = max(first - AT_ONCE - rows, 0)
+    usual, near = steps[:begin], steps[begin : first + AT_ONCE]
+    usual, near = usual[np.isfinite(usual)], near[np.isfinite(near)]
+    scale = 1.4826 * float(np.median(np.abs(usual - np.median(usual)))) if len(usual) else 0.0
     if not scale > 0.0 or not len(near):
-        return 0.0
+        return -np.inf
 
     def loss(off: Vector) -> Vector:
         half = 0.5 * (FREEDOM + 1.0)
         return np.asarray(half * np.log1p(np.square(off / scale) / FREEDOM))
 
     gain = loss(near) - loss(near - size)
-    return float(np.log(np.mean(np.exp(gain - gain.max()))) + gain.max())
+    told = float(np.log(np.mean(np.exp(gain - gain.max()))) + gain.max())
+    often = np.count_nonzero(np.abs(usual) > HALF * abs(size)) // rows
+    rare = np.log((len(usual) + 1.0) / ((often + 1.0) * len(near)))
+    return min(told, max(float(rare), 0.0))

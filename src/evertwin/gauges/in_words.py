@@ -12,11 +12,11 @@ from evertwin.signals.units import conversion_of
 def difference(setup: Setup, channel: Channel, value: float) -> str:
     """A difference [SI] with its sign: a degree has no zero."""
     unit, factor = suited(abs(value), channel.unit, unit_recorded(setup.spec, channel.name))
-    return f"{value * factor:+.4g} {unit}"
+    return f"{value * factor:+.4g} {unit}".removesuffix(" 1")
 
 
 def level(setup: Setup, channel: Channel, value: float) -> str:
     """A value [SI] as it is recorded."""
     unit = unit_recorded(setup.spec, channel.name) or channel.unit
     factor, zero = conversion_of(unit)
-    return f"{(value - zero) / factor:.4g} {unit}"
+    return f"{(value - zero) / factor:.4g} {unit}".removesuffix(" 1")

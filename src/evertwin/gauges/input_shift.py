@@ -37,8 +37,11 @@ PARTS = 24
 """Parts of the rows at whose edges a shift may begin to grow, and end."""
 SECANTS = 2
 """Steps towards the size."""
-NEARLY = 0.98
-"""Share of what is explained that a step has to explain for nothing more to be asked."""
+NEARLY, ABOUT = 0.98, 0.9
+"""Share of what is explained that a step has to explain for nothing more to be asked; the same of
+one that is seen in the record."""
+HALF, OF_NOISE = 0.5, 5.0
+"""Share of its size by which that may differ, and how many times the record's usual step it is."""
 EXPLAINED = 0.5
 """Share of the squared deviation that a shift leaves at most."""
 LITTLE = 0.8
@@ -220,6 +223,8 @@ def _shift(rows: Rows, guess: Guess) -> Shift | None:
     # where no change was found, theirs is one machine, too
     least = EXPLAINED * (rows.total(rows.before, both) if rows.fitted else theirs)
     told = evidence(rows.values[:, k], size, (first, last))
+    if ours > NO_WORSE * theirs:  # it may do as well by chance, which is not to be sure
+        told = min(told, CLEAR)
     if ours > least or ours > _no_worse(rows, both) * theirs or told < -CLEAR:
         return None
     lines = guess.shape, np.linspace(-1.0, 1.0, rows.count)
@@ -268,9 +273,12 @@ def _when(rows: Rows, profile: Profile, record: Vector) -> tuple[int, int]:
     if most < NEARLY * gain(best):
         return best
     # where several do about as well, the record says where it stepped
-    good = [a for a, one in gains.items() if one >= NEARLY * most]
-    size = profile.fitted(shape_of(n, good[0], good[0]))[0]
-    first = min(good, key=lambda a: abs(np.nan_to_num(record[a] - record[a - 1]) - size))
+    steps = np.nan_to_num(np.diff(record, prepend=record[0]))
+    size = profile.fitted(shape_of(n, *(2 * (max(gains, key=gains.__getitem__),))))[0]
+    stands = np.abs(steps - size) < HALF * abs(size)
+    stands &= abs(size) > OF_NOISE * np.median(np.abs(steps))
+    good = [a for a, one in gains.items() if one >= (ABOUT if stands[a] else NEARLY) * most]
+    first = min(good, key=lambda a: abs(steps[a] - size))
     return first, first
 
 
