@@ -11,6 +11,7 @@ from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import ModelSpec, PredictionSpec, Span
 from evertwin.gauges.misread import Reading
 from evertwin.models import FunctionModel, Parameter, Parameters
+from evertwin.models.translated import translated
 from evertwin.signals import Layout
 
 ROWS, DT = 3000, 10.0
@@ -23,10 +24,10 @@ def step(x: Any, u: Any, dt: float, p: Any) -> tuple[Any, Any]:
     return [y], [y]
 
 
-COIL = FunctionModel(
+COIL = translated(FunctionModel(
     step, Layout.of(valve="1", supply="K", air="K"), Layout.of(water="K"), Layout.of(water="K"),
     parameters=Parameters((Parameter("ua", 2000.0, "W/K", low=100.0, high=9000.0),)),
-)  # fmt: skip
+))  # fmt: skip
 
 
 def fouled(ua: float) -> dict[str, np.ndarray]:
