@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import importlib.metadata
 import re
 import shutil
@@ -9,6 +10,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from docutils import nodes
+from sphinx import addnodes
 from sphinx.domains.python import PythonDomain
 
 import evertwin
@@ -39,6 +42,11 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_default_options = {"members": True, "show-inheritance": False}
 autodoc_preserve_defaults = True
+autodoc_use_type_comments = False
+
+# Every page is kept as a tree: looking through all of them for what is free takes long, and finds
+# little.
+gc.set_threshold(100_000, 50, 100)
 
 SECTION = re.compile(r"^[A-Z][a-z]+:$")
 BULLET = re.compile(r"^([*-] |\d+\. )(.*)$")
@@ -71,6 +79,47 @@ class Names(PythonDomain):
             return super().find_obj(env, modname, classname, name, *more)
         finally:
             self.near = None
+
+
+class Titles:
+    """Contents of the pages, of titles alone, for the navigation.
+
+    Sphinx copies all that a page names, for each page, and throws all but its title away then.
+    """
+
+    def __init__(self) -> None:
+        self.short: dict[str, nodes.bullet_list] = {}
+
+    def navigation(
+        self, app: Any, page: str, template: str, context: dict[str, Any], doctree: object
+    ) -> None:
+        """Before the theme asks for it."""
+        made, env = context["toctree"], app.env
+
+        def toctree(**options: Any) -> str:
+            full = env.tocs
+            for name in full.keys() - self.short.keys():
+                self.short[name] = self.title(full[name])
+            env.tocs = self.short
+            try:
+                return str(made(**options))
+            finally:
+                env.tocs = full
+
+        context["toctree"] = toctree
+
+    @staticmethod
+    def title(toc: nodes.bullet_list) -> nodes.bullet_list:
+        """The title of a page; all of its contents where it names further pages."""
+        items = toc.children
+        plain = all(isinstance(item, nodes.list_item) for item in items)
+        if not plain or next(toc.findall(addnodes.toctree), None) is not None:
+            return toc
+        short = toc.copy()
+        for item in items:
+            short += item.copy()
+            short[-1].extend(child.deepcopy() for child in item.children[:1])
+        return short
 
 
 def escape(line: str) -> str:
@@ -137,3 +186,4 @@ def setup(app: object) -> None:
     app.add_domain(Names, override=True)  # type: ignore[attr-defined]
     app.connect("autodoc-process-docstring", as_rst)  # type: ignore[attr-defined]
     app.connect("builder-inited", write_api)  # type: ignore[attr-defined]
+    app.connect("html-page-context", Titles().navigation, 400)  # type: ignore[attr-defined]

@@ -82,6 +82,15 @@ def test_a_page_that_does_not_fails(tmp_path: Path, change: tuple[str, str], mes
     assert message in done.stdout
 
 
+def test_what_failed_is_told_again_at_the_end(tmp_path: Path) -> None:
+    loud = "for i in $(seq 50); do echo line $i; done; exit 4"
+    text = PAGE.replace("exit 3", loud) + "\n<!-- run -->\n```bash\necho fine\n```\n"
+    _, _, end = run(tmp_path, text).stdout.partition("documentation: 1 FAILED, 3 ok, 1 shown\n")
+    first, *rest = end.splitlines()
+    assert first.endswith("page.md:11: FAILED: expected exit code 3, got 4")
+    assert rest == [f"line {i}" for i in range(21, 51)]
+
+
 def test_the_readme_shows_both_commands() -> None:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     assert "make demo" in text

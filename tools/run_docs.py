@@ -14,6 +14,7 @@ before it, an HTML comment that readers do not see:
 A block without a mark is an error, so no command in the documentation goes untested unseen. In a
 ``console`` block the lines that start with ``$ `` are run and the rest is shown output. All blocks
 of a page run in one temporary folder, in order, with the project's ``twins`` folder copied into it.
+What failed is told again at the end, with the last lines of its output.
 """
 
 from __future__ import annotations
@@ -33,6 +34,8 @@ from pathlib import Path
 ROOT = Path(__file__).parent.parent
 KINDS = ("console", "bash", "python")
 FENCE = re.compile(r"^(?P<fence>`{3,})\s*(?P<kind>\S*)")
+LAST = 30
+"""Lines of what a failed block wrote that are told again at the end."""
 MARK = re.compile(r"^<!--\s*(?P<text>(?:run|not run)\b.*?)\s*-->$")
 
 
@@ -148,6 +151,7 @@ def main(arguments: list[str]) -> int:
         *sorted(p for p in (ROOT / "docs").rglob("*.md") if "_build" not in p.parts),
     ]
     counts: dict[str, int] = {}
+    failed: list[str] = []
     for page in pages:
         with tempfile.TemporaryDirectory() as place, tempfile.TemporaryDirectory() as home:
             if (ROOT / "twins").is_dir():
@@ -157,11 +161,15 @@ def main(arguments: list[str]) -> int:
                 verdict = check(block, Path(place), Path(home))
                 word = verdict.split(":")[0]
                 counts[word] = counts.get(word, 0) + 1
+                if word == "FAILED":
+                    first, *rest = verdict.splitlines()
+                    failed.append("\n".join([f"{block.where}: {first}", *rest[-LAST:]]))
                 if word != "shown":
                     took = f"{time.monotonic() - start:.1f} s"
                     print(f"{block.where}: {verdict}, {took}, of a processor "
                           f"{processor() - spent:.1f} s", flush=True)  # fmt: skip
     print("documentation:", ", ".join(f"{n} {word}" for word, n in sorted(counts.items())))
+    print(*failed, sep="\n", end="\n" if failed else "")
     return 1 if counts.get("FAILED") else 0
 
 

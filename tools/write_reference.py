@@ -8,6 +8,8 @@ tests/test_reference.py compares them with the source.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from evertwin.ahead.spec import SCENARIO
@@ -20,19 +22,18 @@ from tools.settings_page import page
 FOLDER = Path(__file__).parent.parent / "docs" / "reference"
 
 
-def pages() -> dict[str, str]:
-    """Name of each page and its text."""
-    return {
-        "twin-file.md": page(TWIN),
-        "breakdown-file.md": page(BREAKDOWN),
-        "scenario-file.md": page(SCENARIO),
-        "site-file.md": page(SITE),
-        "components.md": components_page.page(),
-        "models.md": models_page.page(),
-    }
+PAGES: dict[str, Callable[[], str]] = {
+    "twin-file.md": partial(page, TWIN),
+    "breakdown-file.md": partial(page, BREAKDOWN),
+    "scenario-file.md": partial(page, SCENARIO),
+    "site-file.md": partial(page, SITE),
+    "components.md": components_page.page,
+    "models.md": models_page.page,
+}
+"""What writes each page."""
 
 
 if __name__ == "__main__":
-    for name, text in pages().items():
-        (FOLDER / name).write_text(text, encoding="utf-8")
+    for name, written in PAGES.items():
+        (FOLDER / name).write_text(written(), encoding="utf-8")
         print(FOLDER.name, name)

@@ -22,6 +22,7 @@ from evertwin.config.spec import (
 from evertwin.doctor import Diagnosis, Finding
 from evertwin.fold import make_block
 from evertwin.models import FunctionModel, Parameter, Parameters
+from evertwin.models.translated import translated
 from evertwin.signals import Layout
 from evertwin.twin import Twin
 
@@ -134,13 +135,16 @@ def test_a_knob_that_is_not_connected() -> None:
     assert set(found.figures["parameters"]) == {"area", "outflow"}
 
 
+def rubbing(x: Any, u: Any, dt: float, p: Any) -> Any:
+    return [], [p[0] * u[0]]
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_a_knob_that_is_not_connected_stops_no_other(seed: int) -> None:
     items = (Parameter("rub", 1.0, "Ns/m"), Parameter("colour", 1.0, "1"))
-    line = FunctionModel(
-        lambda x, u, dt, p: ([], [p[0] * u[0]]),
-        Layout.of(speed="m/s"), Layout.of(force="N"), parameters=Parameters(items),
-    )  # fmt: skip
+    line = translated(FunctionModel(
+        rubbing, Layout.of(speed="m/s"), Layout.of(force="N"), parameters=Parameters(items)
+    ))  # fmt: skip
     rng = np.random.default_rng(seed)
     t = 0.1 * np.arange(6000)
     speed = np.sin(t) * np.sin(0.13 * t)
@@ -245,17 +249,20 @@ def test_starts_of_several_recordings_that_cannot_be_told_are_named() -> None:
     assert any("first of recording 2" in str(one) for one in found)
 
 
+def stirring(x: Any, u: Any, dt: float, p: Any) -> Any:
+    return [], [p[0] * u[0] + p[1] * u[0] * abs(u[0]) * np.sin(u[1])]
+
+
 @pytest.mark.parametrize(("spread", "shared"), [(0.1, True), (2.0, False)])
 @pytest.mark.parametrize("seed", range(3))
 def test_a_wear_that_another_parameter_hides_is_told(
     spread: float, shared: bool, seed: int
 ) -> None:
     """Speeds that hardly differ do not tell viscous friction from that of the square."""
-    axis = FunctionModel(
-        lambda x, u, dt, p: ([], [p[0] * u[0] + p[1] * u[0] * abs(u[0]) * np.sin(u[1])]),
-        Layout.of(speed="rad/s", angle="rad"), Layout.of(torque="Nm"),
+    axis = translated(FunctionModel(
+        stirring, Layout.of(speed="rad/s", angle="rad"), Layout.of(torque="Nm"),
         parameters=Parameters.of(Fv=(1.0, "Nms/rad"), Fq=(1.0, "1")),
-    )  # fmt: skip
+    ))  # fmt: skip
     rng = np.random.default_rng(seed)
     t = 0.1 * np.arange(600)
     speed = rng.uniform(2.0, 2.5, 600)

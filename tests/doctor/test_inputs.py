@@ -10,6 +10,7 @@ import pytest
 from evertwin import Twin, TwinSpec
 from evertwin.config import spec
 from evertwin.models import FunctionModel, Parameters
+from evertwin.models.translated import translated
 from evertwin.signals import Layout
 
 STEP = 0.05
@@ -25,7 +26,7 @@ def motor() -> FunctionModel:
 
     w = Layout.of(w="rad/s")
     numbers = Parameters.of(k=(8.0, "rad/s^2/A"), d=(2.0, "1/s"))
-    return FunctionModel(step, Layout.of(i="A"), w, w, numbers)
+    return translated(FunctionModel(step, Layout.of(i="A"), w, w, numbers))
 
 
 def told(seed: int, *, commanded: bool, hold: bool | None = None) -> list[str]:

@@ -10,8 +10,8 @@ import pytest
 
 from evertwin.config.spec import ArbiterSpec, ModelSpec, PredictionSpec, TwinSpec
 from evertwin.doctor.finding import Diagnosis
-from evertwin.models import FunctionModel, Parameters
-from evertwin.models.translated import translated
+from evertwin.models import Parameters
+from evertwin.models.translated import Translated
 from evertwin.signals import Layout
 from evertwin.twin import Twin
 
@@ -24,10 +24,9 @@ def step(x: Any, u: Any, dt: float, p: Any) -> Any:
 
 
 LEVEL = Layout.of(temperature="1")
-MODEL = translated(
-    FunctionModel(step, Layout.of(heating="1"), LEVEL, LEVEL,
-                  Parameters.of(gain=(20.0, "1"), T=(300.0, "s")))
-)  # fmt: skip
+MODEL = Translated(
+    step, Layout.of(heating="1"), LEVEL, LEVEL, Parameters.of(gain=(20.0, "1"), T=(300.0, "s"))
+)
 SPEC = TwinSpec(
     "oven", ModelSpec("python"), prediction=PredictionSpec(horizon=60.0),
     arbiter=ArbiterSpec(use="blend"),

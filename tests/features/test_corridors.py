@@ -9,20 +9,7 @@ from evertwin.features.fusion import Belief, Sighting, Step, measured, predicted
 from evertwin.features.mapping import mapped
 from evertwin.features.poses import Fix
 from evertwin.features.surface import noise, surface
-from evertwin.sources.scans import Lidar, Scans
-
-ANGLES = np.radians(np.arange(-180, 180, 0.36))
-HALF, LONG = 1.0, 40.0
-"""Of the corridor [m]."""
-
-
-def corridor(x: float, noisy: np.random.Generator, reach: float) -> np.ndarray:
-    """What a lidar at ``x`` of it sees, in whole centimetres."""
-    c, s = np.cos(ANGLES), np.sin(ANGLES)
-    with np.errstate(divide="ignore"):
-        far = np.minimum(HALF / np.abs(s), np.where(c > 0, LONG - x, x) / np.abs(c))
-    seen = np.round(far + noisy.normal(0, 0.02, len(far)), 2)
-    return np.where(far < reach, seen, np.nan)
+from planted.corridors import ANGLES, WAY, corridor, driven, scanned
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -51,19 +38,14 @@ def test_walls_whose_direction_wavers_tell_no_place_along_them(seed: int) -> Non
     assert belief.covariance[0, 0] > 0.9**2
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_the_way_through_a_bare_corridor_is_that_of_the_wheels(seed: int) -> None:
-    """The walls' noise made 97 m of 141, and wheels were said to slip."""
-    rng = np.random.default_rng(seed)
-    x = np.arange(4.5, 35.5, 0.1)
-    ranges = np.array([corridor(v, rng, 4.0) for v in x])
-    wheels = np.column_stack([1.02 * (x - x[0]), np.zeros(len(x)), np.zeros(len(x))])
-    t = np.arange(len(x), dtype=np.int64) * 2 * 10**8
-    lidar = Lidar(float(ANGLES[0]), float(np.radians(0.36)), 4.0)
-    found = mapped(Scans("scan", t, ranges, lidar, odometry=wheels)).poses
+@pytest.mark.slow
+def test_the_way_through_a_bare_corridor_is_that_of_the_wheels() -> None:
+    """The walls' noise made 97 m of 141, and wheels were said to slip. `python -m proofs.corridors`
+    asks it of more drives."""
+    found = mapped(driven(0)).poses
     told = found.fix == Fix.MATCHED
     assert told.sum() > 100 and not found.slip.any()
-    off = np.abs(found.pose[told, 0] - (x - x[0])[told])
+    off = np.abs(found.pose[told, 0] - (WAY - WAY[0])[told])
     assert np.all(off < np.maximum(3 * np.sqrt(found.covariance[told, 0, 0]), 0.05))
     assert off.max() < 0.6
 
@@ -71,12 +53,8 @@ def test_the_way_through_a_bare_corridor_is_that_of_the_wheels(seed: int) -> Non
 @pytest.mark.parametrize("seed", range(3))
 def test_behind_a_corridor_of_unknown_length_a_new_segment_begins(seed: int) -> None:
     """Without odometry; its two ends are alike, and are not taken for one."""
-    rng = np.random.default_rng(seed)
     x = np.arange(1.5, 38.5, 0.1)
-    ranges = np.array([corridor(v, rng, 4.0) for v in x])
-    t = np.arange(len(x), dtype=np.int64) * 2 * 10**8
-    lidar = Lidar(float(ANGLES[0]), float(np.radians(0.36)), 4.0)
-    found = mapped(Scans("scan", t, ranges, lidar)).poses
+    found = mapped(scanned(x, seed)).poses
     told = found.fix != Fix.LOST
     assert not told[100:300].all() and told[-1] and found.segment[-1] >= 1
     for k in range(int(found.segment[-1]) + 1):

@@ -11,6 +11,7 @@ from evertwin import FunctionModel, Layout, Parameters, RunResult, Twin, TwinSpe
 from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import ModelSpec, PredictionSpec, Span
 from evertwin.gauges.course import evidence
+from evertwin.models.translated import translated
 from evertwin.sync.spec import SignalSpec
 from evertwin.tuning.spec import TuningSpec
 from evertwin.types import ParameterVector, Vector
@@ -49,11 +50,11 @@ def exchanger(seed: int, fouls: float = 0.0, drifts: float = 0.0) -> RunResult:
     u[:, 2] += drifts * grown
     data = dict(zip(MEASURED, u.T, strict=True))
     data |= {"t": DT * np.arange(ROWS), "cold_out": y + rng.normal(0.0, 0.08, ROWS)}
-    model = FunctionModel(
+    model = translated(FunctionModel(
         heated, Layout.of(hot_flow="kg/s", cold_flow="kg/s", hot_in="K", cold_in="K"),
         Layout.of(cold_out="K"), Layout.of(cold_out="K"),
         Parameters.of(transfer=(900.0, "W/K"), lag=(60.0, "s")),
-    )  # fmt: skip
+    ))  # fmt: skip
     spec = TwinSpec(
         "exchanger", ModelSpec("python"), beat=Span(seconds=300.0),
         signals={name: SignalSpec(hold=False) for name in MEASURED},

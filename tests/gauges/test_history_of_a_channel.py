@@ -12,6 +12,7 @@ from evertwin import FunctionModel, Layout, RunResult, Twin, TwinSpec
 from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import ModelSpec, PredictionSpec, Span
 from evertwin.models import Parameters
+from evertwin.models.translated import translated
 
 AT, ROWS = 1500, 3000
 
@@ -35,7 +36,7 @@ def exchanger(seed: int, *, transfer: float, recorded: float) -> RunResult:
         y[k] = x[0]
     warm = Layout.of(warm="1")
     numbers = Parameters.of(transfer=(1.5, "kg/s"), lag=(30.0, "s"))
-    model = FunctionModel(step, Layout.of(flow="kg/s", gap="1"), warm, warm, numbers)
+    model = translated(FunctionModel(step, Layout.of(flow="kg/s", gap="1"), warm, warm, numbers))
     spec = TwinSpec(
         "exchanger", ModelSpec("given"), prediction=PredictionSpec(horizon=50.0), beat=Span(20),
         anomaly=AnomalySpec(requirement=1.5, relative=False, window=Span(200)),

@@ -48,10 +48,10 @@ def cylinder(seed: int, weaker: float = 1.0) -> Columns:
 
 
 def lived(data: Columns) -> RunResult:
-    model = FunctionModel(
+    model = translated(FunctionModel(
         moved, Layout.of(valve="1", pressure="Pa"), Layout.of(position="m"),
         Layout.of(position="m", speed="m/s"), Parameters.of(gain=(0.25, "m/s"), lag=(0.15, "s")),
-    )  # fmt: skip
+    ))  # fmt: skip
     spec = TwinSpec(
         "cylinder", ModelSpec("python"), beat=Span(seconds=2.0),
         signals={"pressure": SignalSpec(hold=False)}, prediction=PredictionSpec(1.0),
@@ -166,13 +166,13 @@ def winch(seed: int, number: float, rubs: float = 1.0) -> RunResult:
             speed += 0.005 * (1.2 * current[k] - rub - load) / 2.0
             angle += 0.005 * speed
     data[1400:] *= number
-    model = FunctionModel(
+    model = translated(FunctionModel(
         turned, Layout.of(current="A"), Layout.of(speed="m/s"), Layout.of(speed="m/s"),
         Parameters.of(
             torque=(1.2, "Nm/A"), viscous=(0.8, "Nms/rad"), coulomb=(1.0, "Nm"),
             inertia=(2.0, "kgm^2"),
         ),
-    )  # fmt: skip
+    ))  # fmt: skip
     spec = TwinSpec(
         "winch", ModelSpec("python"), beat=Span(seconds=1.0), prediction=PredictionSpec(1.0),
         anomaly=AnomalySpec(requirement=0.15, relative=False, window=Span(seconds=15.0)),

@@ -10,7 +10,8 @@ from evertwin import Twin, TwinSpec
 from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import ModelSpec, PredictionSpec, Span
 from evertwin.gauges.misread import Reading
-from evertwin.models import FunctionModel, Parameter, Parameters
+from evertwin.models import Parameter, Parameters
+from evertwin.models.translated import Translated
 from evertwin.signals import Layout
 
 ROWS, DT = 3000, 10.0
@@ -23,7 +24,7 @@ def step(x: Any, u: Any, dt: float, p: Any) -> tuple[Any, Any]:
     return [y], [y]
 
 
-COIL = FunctionModel(
+COIL = Translated(
     step, Layout.of(valve="1", supply="K", air="K"), Layout.of(water="K"), Layout.of(water="K"),
     parameters=Parameters((Parameter("ua", 2000.0, "W/K", low=100.0, high=9000.0),)),
 )  # fmt: skip

@@ -11,6 +11,7 @@ from evertwin.config.spec import AnomalySpec, ModelSpec, ParameterSpec, Predicti
 from evertwin.fold.span import Span
 from evertwin.gauges.noise import noise, scatter
 from evertwin.models import FunctionModel, Parameters
+from evertwin.models.translated import translated
 from evertwin.outcome.result import RunResult
 from evertwin.signals import Layout
 from evertwin.twin import Twin
@@ -59,10 +60,10 @@ def motor(current_noise: float, requirement: float) -> tuple[Twin, dict[str, np.
         speed = x[0] + dt * (p[0] * (u[0] - x[0]))
         return [speed], [speed, p[1] * (u[0] - speed) + 2.0]
 
-    model = FunctionModel(
+    model = translated(FunctionModel(
         step, Layout.of(volts="V"), Layout.of(speed="rad/s", current="A"),
         Layout.of(speed="rad/s"), Parameters.of(pace=(0.5, "1/s"), slope=(0.3, "A/V")),
-    )  # fmt: skip
+    ))  # fmt: skip
     rng = np.random.default_rng(3)
     u = np.repeat(rng.uniform(-10.0, 10.0, 60), 20)
     _, y = model.simulate(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from evertwin.fold import make_block
 from evertwin.gauges.gauge import silent
 from evertwin.gauges.gauge_rows import Rows
 from evertwin.models import FunctionModel, Parameter, Parameters
+from evertwin.models.translated import translated
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Windows
 from evertwin.signals import Layout
@@ -24,24 +26,29 @@ ROWS, AT = 2600, 2000
 NUMBERS = (1.6, 0.055, 0.012, 3e-4)
 
 
+def turned(x: Any, u: Any, dt: float, p: Any, root: float) -> Any:
+    speed = x[0]
+    for _ in range(10):
+        current = (u[0] - p[1] * speed) / p[0]
+        drag = p[2] * math.tanh(speed) + root * math.copysign(abs(speed) ** 0.6, speed)
+        speed += 0.1 * dt * (p[1] * current - drag) / p[3]
+    return [speed], [speed, (u[0] - p[1] * speed) / p[0]]
+
+
+def step(x: Any, u: Any, dt: float, p: Any) -> Any:
+    return turned(x, u, dt, p, 0.0)
+
+
 def motor(size: float, root: float = 0.0) -> FunctionModel:
     """Speed by voltage against friction; the room's temperature does nothing."""
-
-    def step(x: Any, u: Any, dt: float, p: Any) -> Any:
-        speed = x[0]
-        for _ in range(10):
-            current = (u[0] - p[1] * speed) / p[0]
-            drag = p[2] * math.tanh(speed) + root * math.copysign(abs(speed) ** 0.6, speed)
-            speed += 0.1 * dt * (p[1] * current - drag) / p[3]
-        return [speed], [speed, (u[0] - p[1] * speed) / p[0]]
-
     units, (r, k, drag, inertia) = ("ohm", "V*s/rad", "Nm", "kg*m^2"), NUMBERS
     values = (r, k * size, drag * size, inertia * size * size)
     items = zip(("R", "k", "Tc", "J"), values, units, strict=True)
-    return FunctionModel(
-        step, Layout.of(volts="V", room="K"), Layout.of(speed="rad/s", current="A"),
+    return translated(FunctionModel(
+        partial(turned, root=root) if root else step,
+        Layout.of(volts="V", room="K"), Layout.of(speed="rad/s", current="A"),
         Layout.of(speed="rad/s"), Parameters(tuple(Parameter(*item) for item in items)),
-    )  # fmt: skip
+    ))  # fmt: skip
 
 
 def told(seed: int, size: float, end: int, *, rubs: float = 0.0, stuck: bool = False) -> str:

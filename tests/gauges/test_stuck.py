@@ -35,7 +35,8 @@ def driven(gain: float, *, frozen: bool, held: bool) -> RunResult:
         y[k] = x
     u = np.where(frozen & (np.arange(ROWS) >= AT), true[AT], true)
     given = Parameters.of(push=(0.15, "m/s^2/A"), viscous=(0.5, "1/s"))
-    model = FunctionModel(step, Layout.of(i="A"), Layout.of(v="m/s"), Layout.of(v="m/s"), given)
+    speed = Layout.of(v="m/s")
+    model = translated(FunctionModel(step, Layout.of(i="A"), speed, speed, given))
     spec = TwinSpec(
         "belt", ModelSpec("given"), anomaly=AnomalySpec(requirement=0.05, window=Span(200)),
         prediction=PredictionSpec(horizon=1.0), tuning=TuningSpec(window=Span(1000)),

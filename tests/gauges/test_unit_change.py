@@ -11,8 +11,13 @@ from evertwin import FunctionModel, Layout, RunResult, Twin, TwinSpec
 from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import ChannelSpec, ModelSpec, PredictionSpec, SourceSpec, Span
 from evertwin.models import Parameter, Parameters
+from evertwin.models.translated import translated
 from evertwin.sync.spec import ClockSpec, DeriveSpec, FilterSpec, MovingSpec
 from evertwin.tuning.spec import TuningSpec
+
+
+def map_of_steps(x: Any, u: Any, dt: float, p: Any) -> tuple[Any, Any]:
+    return x, [p[0] * u[0] + p[1] * np.sign(u[0])]
 
 
 def lived(number: float, *, bent: float = 0.0) -> RunResult:
@@ -26,10 +31,9 @@ def lived(number: float, *, bent: float = 0.0) -> RunResult:
     given = Parameters(
         (Parameter("gain", 2.0, "1", -100.0, 100.0), Parameter("step", 1.0, "1", 0.0, 50.0))
     )
-    model = FunctionModel(
-        lambda x, u, dt, p: (x, p[0] * u + p[1] * np.sign(u)), Layout.of(u="1"),
-        Layout.of(y="N"), parameters=given,
-    )  # fmt: skip
+    model = translated(
+        FunctionModel(map_of_steps, Layout.of(u="1"), Layout.of(y="N"), parameters=given)
+    )
     spec = TwinSpec(
         "map", ModelSpec("given"), anomaly=AnomalySpec(requirement=0.05, window=Span(200)),
         prediction=PredictionSpec(horizon=1.0), tuning=TuningSpec(window=Span(1600)),
@@ -62,6 +66,10 @@ def test_a_machine_that_changed_is_none(number: float, bent: float) -> None:
     assert not any("number" in e.evidence for e in found)
 
 
+def three_torques(x: Any, u: Any, dt: float, p: Any) -> tuple[Any, Any]:
+    return x, p * u
+
+
 @pytest.mark.parametrize(("crossed", "named"), [((1, 0, 2), True), ((0, 1, 2), False)])
 def test_outputs_that_changed_places_are_named_and_not_learned(
     crossed: tuple[int, ...], named: bool
@@ -72,11 +80,11 @@ def test_outputs_that_changed_places_are_named_and_not_learned(
     u = np.stack([np.sin(w * t) + np.sin(2.3 * w * t + w) for w in (0.7, 0.9, 1.3)], axis=1)
     y = u * (3.0, 5.0, 2.0) + 0.01 * rng.normal(size=u.shape)
     y[2400:] = y[2400:][:, crossed] if named else y[2400:] * (1.2, 1.0, 1.0)
-    model = FunctionModel(
-        lambda x, u, dt, p: (x, p * u), Layout.of(a="1", b="1", c="1"),
+    model = translated(FunctionModel(
+        three_torques, Layout.of(a="1", b="1", c="1"),
         Layout.of(ta="Nm", tb="Nm", tc="Nm"), parameters=Parameters.of(
             pa=(2.5, "1"), pb=(5.5, "1"), pc=(2.2, "1")),
-    )  # fmt: skip
+    ))  # fmt: skip
     spec = TwinSpec(
         "arm",
         ModelSpec("given"),
@@ -105,9 +113,9 @@ def test_an_input_that_changed_its_unit_is_named_and_no_output_is_called_frozen(
         return x, [p[0] * s * s - p[1] * q * q, p[2] * s**3 + p[3] * q * s * s]
 
     given = Parameters.of(a=(5.0, "1"), b=(0.002, "1"), c=(6.0, "1"), d=(0.1, "1"))
-    model = FunctionModel(
+    model = translated(FunctionModel(
         step, Layout.of(speed="1", flow="1"), Layout.of(head="1", power="1"), parameters=given
-    )
+    ))  # fmt: skip
     spec = TwinSpec(
         "pump", ModelSpec("given"), anomaly=AnomalySpec(requirement=0.05, window=Span(100)),
         prediction=PredictionSpec(horizon=1.0), tuning=TuningSpec(window=Span(600)),
@@ -123,6 +131,10 @@ def test_an_input_that_changed_its_unit_is_named_and_no_output_is_called_frozen(
     assert "flow looks 16.67 times what it is" in result.headline
     assert "no longer answers" not in result.headline
     assert all(e.row < 1200 for e in result.of_kind("promoted"))
+
+
+def moved(x: Any, u: Any, dt: float, p: Any) -> tuple[Any, Any]:
+    return x, [p[0] * u[1] + p[1] * u[0] + p[2] * np.sign(u[0])]
 
 
 @pytest.mark.parametrize(
@@ -147,10 +159,10 @@ def test_a_position_that_was_read_otherwise_is_named_though_only_derivatives_are
     position = position + 1e-5 * rng.normal(size=len(t))
     position = np.where(t < t[len(t) // 2], position, factor * position)
     given = Parameters.of(mass=(20.0, "kg"), viscous=(60.0, "Ns/m"), dry=(15.0, "N"))
-    model = FunctionModel(
-        lambda x, u, dt, p: (x, [p[0] * u[1] + p[1] * u[0] + p[2] * np.sign(u[0])]),
-        Layout.of(speed="m/s", acceleration="m/s^2"), Layout.of(force="N"), parameters=given,
-    )  # fmt: skip
+    model = translated(FunctionModel(
+        moved, Layout.of(speed="m/s", acceleration="m/s^2"), Layout.of(force="N"),
+        parameters=given,
+    ))  # fmt: skip
     channels = {
         "position": ChannelSpec("position", unit="m"),
         "force": ChannelSpec("force", unit="N"),

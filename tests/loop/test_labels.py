@@ -17,6 +17,7 @@ from evertwin.fold import Answer, Block, make_block, take
 from evertwin.fold.span import Span
 from evertwin.ledger.label import Label
 from evertwin.models import FunctionModel, Parameters
+from evertwin.models.translated import translated
 from evertwin.refit.work import Work
 from evertwin.rows.ring import Ring
 from evertwin.setup.detectors import Alarm, Detect, DetectState
@@ -36,12 +37,15 @@ SPEC = TwinSpec(
 TRUE = np.array([4.0, 2.0, 3.0])
 
 
+def pushed(x: Any, u: Any, dt: float, p: Any) -> Any:
+    return [], [p[0] * np.sign(u[0]) + p[1] * u[0] + p[2] * u[1]]
+
+
 def model() -> FunctionModel:
-    return FunctionModel(
-        lambda x, u, dt, p: ([], [p[0] * np.sign(u[0]) + p[1] * u[0] + p[2] * u[1]]),
-        Layout.of(v="m/s", a="m/s²"), Layout.of(force="N"),
+    return translated(FunctionModel(
+        pushed, Layout.of(v="m/s", a="m/s²"), Layout.of(force="N"),
         parameters=Parameters.of(Fc=(4.0, "N"), Fv=(2.0, "N s/m"), mass=(3.0, "kg")),
-    )  # fmt: skip
+    ))  # fmt: skip
 
 
 def rows(seed: int, *parts: tuple[int, Any]) -> Block:

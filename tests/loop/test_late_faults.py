@@ -8,6 +8,7 @@ import pytest
 from evertwin import Twin
 from evertwin.config import spec
 from evertwin.models import FunctionModel, Parameter, Parameters
+from evertwin.models.translated import translated
 from evertwin.signals import Layout
 
 PERIOD, LAG = 0.02, 0.3
@@ -23,7 +24,7 @@ def shuttle() -> Twin:
     """A carriage that follows its command late; its place and its speed are measured."""
     both = Layout.of(x="m", v="m/s")
     lag = Parameters((Parameter("lag", LAG, "s", low=0.05, high=2.0),))
-    model = FunctionModel(follows, Layout.of(command="m/s"), both, both, lag)
+    model = translated(FunctionModel(follows, Layout.of(command="m/s"), both, both, lag))
     settings = spec.TwinSpec(
         "shuttle", spec.ModelSpec("x"), beat=spec.Span(100),
         prediction=spec.PredictionSpec(horizon=2.0),

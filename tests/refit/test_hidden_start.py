@@ -8,6 +8,7 @@ import pytest
 from evertwin import FunctionModel, Layout, Parameters, RunResult, Twin, TwinSpec
 from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import ModelSpec, PredictionSpec, Span
+from evertwin.models.translated import translated
 from evertwin.sync.spec import SignalSpec
 from evertwin.tuning.spec import TuningSpec
 from evertwin.types import ParameterVector, Vector
@@ -31,10 +32,10 @@ def cell(seed: int, start: float | str) -> RunResult:
         "t": np.arange(float(ROWS)), "current": current,
         "voltage": voltage + rng.normal(0.0, 2e-3, ROWS),
     }  # fmt: skip
-    model = FunctionModel(
+    model = translated(FunctionModel(
         discharged, Layout.of(current="A"), Layout.of(voltage="V"), Layout.of(charge="1"),
         Parameters.of(charged=(0.9, "1"), resistance=(0.025, "Ohm")), start=(start,),
-    )  # fmt: skip
+    ))  # fmt: skip
     spec = TwinSpec(
         "cell", ModelSpec("python"), beat=Span(seconds=60.0), prediction=PredictionSpec(60.0),
         signals={"current": SignalSpec(hold=False)},

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from evertwin.fold import make_block
-from evertwin.models import FunctionModel, Parameters
+from evertwin.models import Parameters
+from evertwin.models.translated import Translated
 from evertwin.signals import Layout
 from evertwin.tuning import Fit, Problem, solve
 
@@ -23,7 +24,7 @@ def pole(x: Any, u: Any, dt: float, p: Any) -> Any:
 
 LEAN = Layout.of(lean="1")
 NUMBERS = Parameters.of(k=(4.0, "1/s"), b=(1.0, "1/s"))
-MODEL = FunctionModel(pole, Layout.of(push="1"), LEAN, LEAN, NUMBERS)
+MODEL = Translated(pole, Layout.of(push="1"), LEAN, LEAN, NUMBERS)
 
 
 def fitted(horizon: float) -> Fit:

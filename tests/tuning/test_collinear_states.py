@@ -8,6 +8,7 @@ import pytest
 from evertwin import FunctionModel, Layout, Parameters
 from evertwin.fold import make_block
 from evertwin.gauges.settled import settled
+from evertwin.models.translated import translated
 from evertwin.tuning import Problem
 from evertwin.types import ParameterVector, Vector
 
@@ -24,10 +25,10 @@ def test_of_a_scale_one_number_is_told_with_the_others(seed: int) -> None:
     for k in range(800):
         speed += 0.05 * (0.8 * force[k] - 0.5 * speed) / 2.0
         y[k] = speed
-    model = FunctionModel(
+    model = translated(FunctionModel(
         driven, Layout.of(force="N"), Layout.of(speed="m/s"), Layout.of(speed="m/s"),
         Parameters.of(gain=(1.0, "1"), mass=(2.0, "kg"), rubs=(0.4, "kg/s")),
-    )  # fmt: skip
+    ))  # fmt: skip
     rows = make_block(
         t=np.arange(800) * 50_000_000, u=force[:, None],
         y=(y + rng.normal(0.0, 0.01, 800))[:, None],

@@ -10,6 +10,7 @@ import pytest
 
 from evertwin.fold import Block, make_block
 from evertwin.models import FunctionModel, Parameters
+from evertwin.models.translated import Translated
 from evertwin.signals import Layout
 from evertwin.tuning import Problem, own_names, solve, started
 
@@ -19,12 +20,12 @@ NOISE = 0.01
 def tanks(x: Any, u: Any, dt: float, p: Any) -> tuple[list[float], list[float]]:
     """Two tanks, of which the lower is measured. Of the upper only outlet²/area acts."""
     upper, lower = x
-    through, out = (k * max(level, 0.0) ** 0.5 for k, level in ((p[2], upper), (p[3], lower)))
+    through, out = p[2] * max(upper, 0.0) ** 0.5, p[3] * max(lower, 0.0) ** 0.5
     upper, lower = upper + dt * (u[0] - through) / p[0], lower + dt * (through - out) / p[1]
     return [max(upper, 0.0), max(lower, 0.0)], [max(lower, 0.0)]
 
 
-MODEL = FunctionModel(
+MODEL = Translated(
     tanks, Layout.of(inflow="m^3/s"), Layout.of(lower="m"), Layout.of(upper="m", lower="m"),
     Parameters.of(upper_area=(0.9, "m^2"), area=(0.5, "m^2"), upper_outlet=(0.02, "m^2.5/s"),
                   outlet=(0.006, "m^2.5/s"), upper_start=(0.5, "m")),

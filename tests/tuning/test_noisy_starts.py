@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from evertwin.fold import Block, make_block
-from evertwin.models import FunctionModel, Parameters
+from evertwin.models import Parameters
+from evertwin.models.translated import Translated
 from evertwin.signals import Layout
 from evertwin.tuning import solve
 from evertwin.tuning.noisy_starts import noisy, white
@@ -23,7 +24,7 @@ def level(
     return new, new
 
 
-TANK = FunctionModel(
+TANK = Translated(
     level, Layout.of(q="V"), Layout.of(h="m"), Layout.of(h="m"),
     Parameters.of(gain=(1.2, "m"), time=(800.0, "s")),
 )  # fmt: skip
