@@ -46,7 +46,7 @@ def without(table: dict[str, np.ndarray], *outages: tuple[int, int]) -> dict[str
     return {name: column[kept] for name, column in table.items()}
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("period", [0.1, 60.0])
 def test_an_outage_of_the_line_is_no_fault_of_the_machine(seed: int, period: float) -> None:
     table = driven(seed, period)
