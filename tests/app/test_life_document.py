@@ -150,6 +150,23 @@ def test_a_series_alone_tells_its_life(folder: Path, call: Command) -> None:
     assert none.code == 2 and "none/*.csv" in none.err
 
 
+def test_a_series_alone_is_reported_and_refuses_what_is_of_a_twin(
+    folder: Path, call: Command
+) -> None:
+    for seed in range(2):
+        rows = [f"2025-{1 + k // 28:02d}-{1 + k % 28:02d},{x}" for k, x in
+                enumerate(grown(seed, 0.1, 0.1))]  # fmt: skip
+        (folder / "h.csv").write_text("date,friction\n" + "\n".join(rows) + "\n")
+        known = ("life", "h.csv", "--limit", "18", "--json")
+        report = folder / f"r{seed}.html"
+        assert call(*known, "--report", report.name).json == call(*known).json
+        text = report.read_text()
+        assert "h.csv" in text and "course, median" in text and "<svg" in text
+    for option in ("--history", "--data"):
+        wrong = call(*known, option, "h.csv")
+        assert wrong.code == 2 and f"{option}" in wrong.err and "a series alone" in wrong.err
+
+
 def test_a_fleet_is_named_on_the_command_line(folder: Path, call: Command) -> None:
     rng = np.random.default_rng(1)
     for name, life in (("a", 100), ("b", 110), ("c", 120), ("d", 105), ("own", 60)):

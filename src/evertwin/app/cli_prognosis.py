@@ -83,7 +83,13 @@ def life(
     if twin.suffix.lower() != ".toml":
         from evertwin.app.lone_life import show_series
 
-        show_series(twin, (limit, below, column, today), (fleet, failed), as_json, check)
+        if history is not None or data:
+            raise UsageError(
+                f"{twin}: --history and --data are of a twin file (TOML); a series alone is the "
+                "history itself"
+            )
+        told = (limit, below, column, today)
+        show_series(twin, told, (fleet, failed), report, as_json, check)
         return
     if limit is not None or below or column or fleet or failed:
         raise UsageError(

@@ -17,8 +17,8 @@ Likes: TypeAlias = "tuple[list[str] | None, list[str] | None]"
 
 
 def show_series(
-    file: Path, told: tuple[str | None, bool, str, bool], likes: Likes, as_json: bool,
-    check: bool,
+    file: Path, told: tuple[str | None, bool, str, bool], likes: Likes, report: Path | None,
+    as_json: bool, check: bool,
 ) -> None:  # fmt: skip
     """The life that one series tells.
 
@@ -26,6 +26,7 @@ def show_series(
         file: the series.
         told: its limit, whether that is below, the column of values, and whether from today.
         likes: patterns of like machines, and of those that failed.
+        report: written beside, with pictures.
         as_json: one document in place of text.
         check: exit with 1 while an alarm is due.
 
@@ -40,7 +41,12 @@ def show_series(
         )
     direction: Direction = "below" if below else "above"
     fleet, failed = (files_of(names or (), Path(), (file,)) for names in likes)
-    found = life_of_series(Series(file, limit, direction, column, "", fleet, failed, today))
+    asked = Series(file, limit, direction, column, "", fleet, failed, today)
+    found = life_of_series(asked, drawn=report is not None)
+    if report is not None:
+        from evertwin.report.prognosis_report import write_prognosis  # pictures take 0.4 s
+
+        write_prognosis(found, None, report)
     show(found.to_dict(), str(found), as_json)
     if check and found.alarms:
         raise typer.Exit(1)

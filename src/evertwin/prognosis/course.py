@@ -20,6 +20,8 @@ from evertwin.types import Float64, Vector
 LEVELS = 8
 RECENT = 7
 """Values that today's level is taken from."""
+SHOWN = 3
+"""Laws whose courses are told one by one."""
 
 
 @dataclass(frozen=True)
@@ -82,6 +84,17 @@ def course(
             levels.append(level)
             lives.append(found)
     return Course(np.array(levels), tuple(lives), sign)
+
+
+def courses_by_law(indicator: Indicator, life: Life) -> dict[str, Course]:
+    """The courses of the laws of most weight, each taken for certain."""
+    found = {}
+    for law in sorted(life.laws, key=lambda law: -life.laws[law])[:SHOWN]:
+        own = predict_life(indicator, (law,))
+        way = course(indicator, own, (law,), None) if isinstance(own, Life) else None
+        if way is not None:
+            found[law] = way
+    return found
 
 
 def _by_likes(begun: Course, indicator: Indicator, life: Life, fleet: Fleet) -> Course | None:

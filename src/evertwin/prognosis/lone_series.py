@@ -14,7 +14,7 @@ the other side of the values, or a thousand times off.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -23,14 +23,16 @@ import numpy as np
 from evertwin.config.prognosis import IndicatorSpec, PrognosisSpec
 from evertwin.errors import DataError, UsageError, naming
 from evertwin.prognosis.contradictions import check_end, check_limit
+from evertwin.prognosis.course import course, courses_by_law
 from evertwin.prognosis.formula import Formula
 from evertwin.prognosis.headings import COUNTS, clock_of, counting
 from evertwin.prognosis.health import indicator_of, seen, today_of, unless_overdue
 from evertwin.prognosis.history_file import TIMES, counted_by, in_seconds, of_table
-from evertwin.prognosis.laws import Limit, predict_life
+from evertwin.prognosis.laws import Life, Limit, predict_life
 from evertwin.prognosis.laws.alarms import alarm_of
 from evertwin.prognosis.laws.calendar import FIRST
 from evertwin.prognosis.laws.indicator import Direction
+from evertwin.prognosis.laws.hypotheses import LAWS
 from evertwin.prognosis.like_machines import Likes, fleet_of
 from evertwin.prognosis.lives import ComponentLife, Lives
 from evertwin.settings.quantity import written
@@ -69,8 +71,8 @@ class Series:
     """Counted from today, on condition that it still works; else from the newest row."""
 
 
-def life_of_series(asked: Series) -> Lives:
-    """What the series says of the life.
+def life_of_series(asked: Series, *, drawn: bool = False) -> Lives:
+    """What the series says of the life; ``drawn``: with its course.
 
     Raises:
         DataError: a row or the limit contradicts the rest.
@@ -91,6 +93,9 @@ def life_of_series(asked: Series) -> Lives:
         own = seen(own, today_of((own,)))
     life = unless_overdue(own, predict_life(own, fleet=fleet))
     one = ComponentLife(column, rule, own, life, life, Formula.parse("1"), fleet=fleet)
+    if drawn and isinstance(life, Life):
+        way = course(own, life, LAWS, fleet)
+        one = replace(one, course=way, by_law=courses_by_law(own, life))
     spec = PrognosisSpec()
     due = alarm_of(column, own, life, spec.ahead, spec.risk)
     now = float(own.at[-1]) if len(own.at) else 0.0

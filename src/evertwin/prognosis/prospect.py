@@ -16,7 +16,7 @@ from evertwin.ahead.whatif import Today, today
 from evertwin.config.prognosis import IndicatorSpec, PrognosisSpec
 from evertwin.errors import ConfigError
 from evertwin.prognosis.contradictions import check_end, check_limit
-from evertwin.prognosis.course import Course, course
+from evertwin.prognosis.course import Course, course, courses_by_law
 from evertwin.prognosis.health import (
     check_names,
     indicator_of,
@@ -175,7 +175,7 @@ class Prospect:
         way, alone, work = None, dict[str, Course](), None
         if drawn and isinstance(life, Life):
             way = course(indicator, life, laws, fleet)
-            alone = self._alone(indicator, life)
+            alone = courses_by_law(indicator, life)
         if self.basis.setup.spec.work and isinstance(life, Life):
             work = workload(formula, self.planned, past_cycles(self.rule, indicator))
             life = life.through(work, life.unit)
@@ -184,17 +184,6 @@ class Prospect:
         return ComponentLife(
             component_of(rule), rule, indicator, life, before, formula, work, way, alone, fleet
         )
-
-    def _alone(self, indicator: Indicator, life: Life) -> dict[str, Course]:
-        """The courses of the laws of most weight, each taken for certain."""
-        first = sorted(life.laws, key=lambda law: -life.laws[law])[:3]
-        found = {}
-        for law in first:
-            own = predict_life(indicator, (law,))
-            way = course(indicator, own, (law,), None) if isinstance(own, Life) else None
-            if way is not None:
-                found[law] = way
-        return found
 
     def lives(self, *, drawn: bool = False) -> Lives:
         """All components.
