@@ -14,6 +14,7 @@ the other side of the values, or a thousand times off.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -28,13 +29,14 @@ from evertwin.prognosis.formula import Formula
 from evertwin.prognosis.headings import COUNTS, clock_of, counting
 from evertwin.prognosis.health import indicator_of, seen, today_of, unless_overdue
 from evertwin.prognosis.history_file import TIMES, counted_by, in_seconds, of_table
-from evertwin.prognosis.laws import Life, Limit, predict_life
+from evertwin.prognosis.laws import Fleet, Indicator, Life, Limit, Maintenance, predict_life
 from evertwin.prognosis.laws.alarms import alarm_of
 from evertwin.prognosis.laws.calendar import FIRST
-from evertwin.prognosis.laws.indicator import Direction
 from evertwin.prognosis.laws.hypotheses import LAWS
+from evertwin.prognosis.laws.indicator import Direction
 from evertwin.prognosis.like_machines import Likes, fleet_of
-from evertwin.prognosis.lives import ComponentLife, Lives
+from evertwin.prognosis.lives import ComponentLife, Lives, said
+from evertwin.prognosis.steps import check_steps, shift_of
 from evertwin.settings.quantity import written
 from evertwin.signals.units import compatible, from_si, to_si
 from evertwin.sources.names import split_unit
@@ -85,13 +87,16 @@ def life_of_series(asked: Series, *, drawn: bool = False) -> Lives:
         column, parameter=column, limit=limit.value, direction=asked.direction,
         unit=table.written.get(column, ""),
     )  # fmt: skip
-    own = indicator_of(rule, of_table(rule, table, clock), limit, clock, None)
+    known = of_table(rule, table, clock)
+    own = indicator_of(rule, known, limit, clock, None)
     check_limit(own, f"{table.name}:{table.lines[0]}")
     check_end(own, table.name, table)
+    check_steps(own, table.name, known.lines)
     fleet = fleet_of(Likes(rule, limit, clock, asked.fleet, asked.failed))
     if asked.from_today:
         own = seen(own, today_of((own,)))
     life = unless_overdue(own, predict_life(own, fleet=fleet))
+    own = own.with_(notes=(*own.notes, *_shifted(own, fleet, known.lines)))
     one = ComponentLife(column, rule, own, life, life, Formula.parse("1"), fleet=fleet)
     if drawn and isinstance(life, Life):
         way = course(own, life, LAWS, fleet)
@@ -103,6 +108,22 @@ def life_of_series(asked: Series, *, drawn: bool = False) -> Lives:
         asked.file.name, clock, {column: one}, None, () if due is None else (due,),
         dates=(), indicators=(one,), now=now,
     )  # fmt: skip
+
+
+def _shifted(own: Indicator, fleet: Fleet | None, lines: Sequence[int]) -> tuple[str, ...]:
+    """Says that a shift may be the sensor's, and what life there would be then."""
+    shift = shift_of(own)
+    if shift is None:
+        return ()
+    mark = Maintenance(float(own.at[shift.row]), "adjusted")
+    other = predict_life(own.with_(maintenance=(*own.maintenance, mark)), fleet=fleet)
+    sign = own.limit.sign
+    return (
+        f"{own.name} shifts from {own.shown(sign * shift.before)} to "
+        f"{own.shown(sign * shift.after)} at once in row {lines[shift.row]} and goes on as before: "
+        "was its sensor exchanged, or the part set anew? Then write adjusted there in a column "
+        f"maintenance, for which this would be told: {said(other)}",
+    )
 
 
 class Wear(NamedTuple):
@@ -179,7 +200,7 @@ def _limit(said: float | str, table: Table, column: str) -> float:
 
 def _columns(table: Table) -> tuple[str, ...]:
     """Columns that may be values."""
-    clocks = {*CLOCKS, *TIMES, *COUNTS}
+    clocks = {*CLOCKS, *TIMES, *COUNTS, "maintenance"}
     there = [
         n for n in table.names
         if n.lower() not in clocks and not clock_of(n) and not n.endswith("sigma")

@@ -35,6 +35,8 @@ class Observed(NamedTuple):
     """Of the values, as far as their file says it."""
     calendar: Calendar | None = None
     """Where times are counted from 1970."""
+    lines: tuple[int, ...] = ()
+    """Of each row in its file; of the store's history there are none."""
 
 
 def component_of(rule: IndicatorSpec) -> str:

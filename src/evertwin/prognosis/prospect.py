@@ -42,6 +42,7 @@ from evertwin.prognosis.limits import accuracy_limit, breakdown_limits, limit_of
 from evertwin.prognosis.lives import ComponentLife, Lives, said
 from evertwin.prognosis.observed_series import Observed, component_of
 from evertwin.prognosis.parameter_history import History, history
+from evertwin.prognosis.steps import check_steps
 from evertwin.prognosis.workplan import Plan, past_cycles, plan_of, wears, workload
 from evertwin.rows.feed import Data
 from evertwin.signals.units import to_si
@@ -122,6 +123,7 @@ class Prospect:
             file = self.table.name if self.table else str(rule.file)
             check_limit(found, file, alone=False)
             check_end(found, file, self.table)
+            check_steps(found, file, known.lines)
         kept = self.table is not None or rule.file or self.history.moments
         if kept or self.basis.setup.spec.store.path is not None:
             return found
