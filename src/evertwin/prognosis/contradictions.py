@@ -13,6 +13,8 @@ evertwin.errors.DataError: cell.csv:2: capacity: expected a life that begins on 
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from evertwin.errors import DataError
@@ -33,7 +35,57 @@ SMALL = 0.05
 """Share of the rows that may lie far off in time together."""
 ZEROS = 3
 """Zeros at the end that are no slip of one reading; as many values beyond the limit end a life."""
+SERIAL = (36_526.0, 73_050.0)
+"""Numbers by which spreadsheets count the days of 2000 to 2099."""
+SET_BACK = 3700.0
+"""Seconds by which a clock is set back where summer time ends, and some."""
+SUNDAY, NIGHT = 3, 3.0
+"""Days since 1970, in weeks, of its night, and until which hour it is set back."""
+_DATED = {"date", "datetime", "datum", "fecha", "dato", "pvm"}
 _YEAR = 365.25 * UNITS["d"]
+
+
+def is_serial(table: Table, name: str) -> bool:
+    """Does a column count days as spreadsheets do?
+
+    >>> is_serial(Table("a.csv", {"Datum": np.array([46027.3, 46028.3])}), "Datum")
+    True
+    """
+    at = table.numbers.get(name, np.zeros(0))
+    at = at[np.isfinite(at)]
+    dated = _DATED.intersection(re.findall(r"[a-z]+", name.lower()))
+    if name in table.dates or not dated or not len(at):
+        return False
+    return bool(np.all((at > SERIAL[0]) & (at < SERIAL[1])))
+
+
+def refuse_number(table: Table, name: str) -> None:
+    """Says that a column of dates holds plain numbers.
+
+    Raises:
+        DataError: always.
+    """
+    at = float(table.column(name)[0])
+    day = f"{np.datetime64('1899-12-30') + int(at)}" if is_serial(table, name) else ""
+    meant = f" (a spreadsheet's number for {day}: format the column as dates)" if day else ""
+    raise DataError(
+        f"{table.name}:{table.lines[0]}: {name}: expected dates as in 2027-03-01, got {at:.10g}: "
+        f"write it so{meant}, or name a column of seconds t"
+    )
+
+
+def set_back(table: Table, by: str, at: Vector, rows: tuple[int, int]) -> bool:
+    """Was the clock set back between two rows of one moment, by seconds ``at``?
+
+    Of hourly rows nothing falls: one stands there twice, in the night of a Sunday.
+    """
+    if by not in table.dates or by in table.zoned:
+        return False
+    falls = np.diff(at[min(rows) : max(rows) + 1])
+    falls = falls[falls < 0.0]
+    days, hour = divmod(float(at[rows[0]]) / UNITS["h"], 24.0)
+    night = days % 7 == SUNDAY and 0.0 < hour <= NIGHT
+    return night if not len(falls) else len(falls) == 1 and bool(falls[0] >= -SET_BACK)
 
 
 def check_times(table: Table, by: str, at: Vector, calendar: Calendar | None) -> None:

@@ -33,7 +33,13 @@ import numpy as np
 from evertwin.config.prognosis import IndicatorSpec
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import Event
-from evertwin.prognosis.contradictions import check_times, check_values
+from evertwin.prognosis.contradictions import (
+    check_times,
+    check_values,
+    is_serial,
+    refuse_number,
+    set_back,
+)
 from evertwin.prognosis.headings import clock_of, counting, numbering
 from evertwin.prognosis.laws import Maintenance
 from evertwin.prognosis.laws.calendar import FIRST, LAST, UNITS, Calendar
@@ -278,6 +284,9 @@ def _by_row(table: Table, clock: str) -> Counted:
     dates = next(iter(table.dates)) if len(table.dates) == 1 else _found(TIMES, tuple(table.dates))
     said = f"{table.name}: no column {clock!r}: its {table.rows} rows were counted"
     if dates is None:
+        for name in table.names:
+            if is_serial(table, name):
+                refuse_number(table, name)
         return Counted(np.arange(1.0, table.rows + 1.0), "", (said,))
     at = _whole(table, dates)
     rank = np.empty(table.rows)
@@ -289,11 +298,8 @@ def _by_row(table: Table, clock: str) -> Counted:
 def _whole(table: Table, name: str) -> Vector:
     """A clock: every row has it."""
     at = table.column(name)
-    if name in DATES and name not in table.dates:
-        raise DataError(
-            f"{table.name}:{table.lines[0]}: {name}: expected dates as in 2027-03-01, got "
-            f"{at[0]:.10g}: write it so, or name a column of seconds t"
-        )
+    if (name in DATES and name not in table.dates) or is_serial(table, name):
+        refuse_number(table, name)
     if not np.isfinite(at).all():
         line = table.lines[int(np.argmin(np.isfinite(at)))]
         raise DataError(
@@ -359,10 +365,14 @@ def _once(
     if len(differ):
         i, j = int(first[differ[0]]), int(second[differ[0]])
         more = f", and {len(differ) - 1} more such rows" if len(differ) > 1 else ""
+        what = f"delete one, or write their mean{_divided(table, name, first, second)}"
+        unit = UNITS[counted.calendar.clock] if counted.calendar else 1.0
+        if set_back(table, counted.by, unit * counted.at, (i, j)):
+            what = "was the clock set back there? Write dates in UTC, or with their zone"
         raise DataError(
             f"{table.name}:{table.lines[j]}: expected one {name} for each {counted.by}, got "
             f"{value[j]:g}, and {value[i]:g} for the same one in row {table.lines[i]}{more}: "
-            f"delete one, or write their mean{_divided(table, name, first, second)}"
+            f"{what}"
         )
     again = ", ".join(str(table.lines[k]) for k in second[:5].tolist())
     more = f" and {len(second) - 5} more" if len(second) > 5 else ""

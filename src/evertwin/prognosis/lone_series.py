@@ -23,7 +23,7 @@ import numpy as np
 
 from evertwin.config.prognosis import IndicatorSpec, PrognosisSpec
 from evertwin.errors import DataError, UsageError, naming
-from evertwin.prognosis.contradictions import check_end, check_limit
+from evertwin.prognosis.contradictions import check_end, check_limit, is_serial
 from evertwin.prognosis.course import course, courses_by_law
 from evertwin.prognosis.formula import Formula
 from evertwin.prognosis.headings import COUNTS, clock_of, counting
@@ -45,6 +45,10 @@ from evertwin.starter.words import said_unit
 from evertwin.types import Vector
 
 CLOCKS = ("run", "cycle", "s", "h", "d")
+FEW = 5
+"""Values that tell where a series begins."""
+WHOLE, LEAST = 0.2, 0.2
+"""A share begins so near to 1, and its limit is no less."""
 SELDOM = 5.0
 """Seconds from one row to the next from which a table is no recording of motion."""
 
@@ -82,7 +86,9 @@ def life_of_series(asked: Series, *, drawn: bool = False) -> Lives:
     """
     table = read_table(asked.file)
     column, clock = asked.column or _column(table), asked.clock or _clock(table)
-    limit = Limit(_limit(asked.limit, table, column), asked.direction)
+    limit = Limit(
+        _limit(asked.limit, table, column, below=asked.direction == "below"), asked.direction
+    )
     rule = IndicatorSpec(
         column, parameter=column, limit=limit.value, direction=asked.direction,
         unit=table.written.get(column, ""),
@@ -173,7 +179,7 @@ def wear_in(file: Path) -> Wear | None:
     return Wear(clock, columns, table.rows, falls)
 
 
-def _limit(said: float | str, table: Table, column: str) -> float:
+def _limit(said: float | str, table: Table, column: str, *, below: bool) -> float:
     """Where life ends, in the unit of the values.
 
     Raises:
@@ -185,6 +191,9 @@ def _limit(said: float | str, table: Table, column: str) -> float:
         number, unit = written(said)
     values = table.column(column)
     own = table.written.get(column) or split_unit(column)[1] or said_unit(column)
+    if not unit:
+        shown = from_si(values, own) if column in table.units else values
+        _check_share(number, np.asarray(shown)[np.isfinite(values)], own, below)
     if not unit or (own and compatible(unit, own)):
         return float(from_si(to_si(number, unit), own)) if unit else number
     if unit == "%":
@@ -198,15 +207,30 @@ def _limit(said: float | str, table: Table, column: str) -> float:
     raise UsageError(f"--limit {said!r}: expected {expected}, got {unit!r}")
 
 
+def _check_share(limit: float, value: Vector, unit: str, below: bool) -> None:
+    """Asks back a share of 1 as the limit of values in per cent, or the reverse."""
+    first = float(np.median(value[:FEW])) if len(value) else 0.0
+    share, percent = abs(first - 1.0) <= WHOLE, abs(first - 100.0) <= 100.0 * WHOLE
+    other = limit * 100.0 if percent and LEAST <= limit <= 1.0 else (
+        limit / 100.0 if share and 100.0 * LEAST <= limit <= 100.0 else 0.0
+    )  # fmt: skip
+    if other and (unit == "%" or (below and not unit)):
+        raise UsageError(
+            f"--limit {limit:g}: values begin at {first:.4g}: is it {other:g} in their unit? Else "
+            "state its unit, and that of the values in their heading"
+        )
+
+
 def _columns(table: Table) -> tuple[str, ...]:
     """Columns that may be values."""
     clocks = {*CLOCKS, *TIMES, *COUNTS, "maintenance"}
     there = [
         n for n in table.names
         if n.lower() not in clocks and not clock_of(n) and not n.endswith("sigma")
-        and n not in table.dates
+        and n not in table.dates and not is_serial(table, n)
     ]  # fmt: skip
-    return tuple(n for n in there if not _counts(table.column(n))) or tuple(there)
+    told = [n for n in there if np.isfinite(table.column(n)).any()]
+    return tuple(n for n in told if not _counts(table.column(n))) or tuple(told or there)
 
 
 def _counts(value: Vector) -> bool:
@@ -217,6 +241,9 @@ def _counts(value: Vector) -> bool:
 def _column(table: Table) -> str:
     """The only column of values."""
     there = _columns(table)
+    for name, cells in table.text.items() if not there else ():
+        if 2 * sum(cell[:1] in set("+-0123456789") for cell in cells) > len(cells):
+            table.column(name)  # says by which cell it holds no numbers
     if len(there) != 1:
         raise UsageError(
             f"{table.name}: expected one column of values, got {', '.join(there) or 'none'}: name "

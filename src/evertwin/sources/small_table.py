@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import itertools
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -26,7 +27,7 @@ import numpy as np
 from evertwin.errors import DataError, UsageError, naming
 from evertwin.signals.channels import position
 from evertwin.signals.units import si_unit, to_si
-from evertwin.sources.dates import date_ns, order_of, zone_of
+from evertwin.sources.dates import date_ns, is_date, order_of, zone_of
 from evertwin.sources.dialect import COMMENTS, MISSING, detect
 from evertwin.types import Vector
 
@@ -37,6 +38,10 @@ _COMMENTS = tuple(sign.decode() for sign in COMMENTS)
 _COMMA = re.compile(r"[+-]?\d*,\d+")
 _GROUPED = re.compile(r"[+-]?\d{1,3},\d{3}")
 """Decimals, or thousands."""
+_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:\.\d{3})+(?:,\d+)?|[+-]?\d{1,3}(?:,\d{3})+(?:\.\d+)?")
+_OF_UNIT = re.compile(r"([+-]?\d+(?:[.,]\d+)?)\s*%")
+_TITLES = 10
+"""Lines among which headings are sought below a title."""
 _TOP = 60
 """Lines that tell how a table is written."""
 LARGEST = 200_000_000
@@ -97,6 +102,7 @@ class Table:
             if _numbers([cell]) is None and _dates([cell], order) is None:
                 hint = f": write {cell.replace(',', '.')}" if _COMMA.fullmatch(cell) else ""
                 hint += f" or {cell.replace(',', '')}" if _GROUPED.fullmatch(cell) else ""
+                hint = hint or _written_anew(name, cell)
                 return (
                     f"{line}: {name}: expected a number or a date as in 2027-03-01, got {cell!r}"
                     + (hint or "; leave the cell empty where there is none")
@@ -111,6 +117,18 @@ class Table:
             f"{line}: {name}: expected a zone with each date or with none, got {cell!r} among "
             "dates with a zone: write 2027-03-01T08:00:00+01:00"
         )
+
+
+def _written_anew(name: str, cell: str) -> str:
+    """How a number that is written with thousands or with its unit is to be written."""
+    if _THOUSANDS.fullmatch(cell):
+        point = max(cell.rfind("."), cell.rfind(","))
+        decimals = len({*cell} & {".", ","}) == 2
+        whole = re.sub("[.,]", "", cell[:point] if decimals else cell)
+        return f": write {whole}{'.' + cell[point + 1 :] if decimals else ''}, without thousands"
+    if found := _OF_UNIT.fullmatch(cell):
+        return f": write {found[1].replace(',', '.')}, and the unit in the heading: {name} [%]"
+    return ""
 
 
 def read_table(path: str | Path) -> Table:
@@ -145,6 +163,7 @@ def parse(lines: Iterable[str], name: str) -> Table:
     if len(rows) < 2:
         got = f"only {','.join(rows[0][1])[:60]!r}" if rows else "an empty file"
         raise DataError(f"{name}: expected a line of headings and rows below it, got {got}")
+    _check_top(rows, name)
     parts = [_HEAD.match(cell) for cell in rows[0][1]]
     heads = [
         ((m and m[1]) or f"c{k}", ((m and m[2]) or "").strip("-"))  # [-] is no unit
@@ -204,6 +223,32 @@ def _rows(lines: list[str]) -> tuple[list[tuple[int, list[str]]], bool]:
             comma = found.decimal_comma
     reader = csv.reader(kept, delimiter=delimiter)
     return [(reader.line_num, row) for row in reader if any(row)], comma
+
+
+def _check_top(rows: list[tuple[int, list[str]]], name: str) -> None:
+    """Refuses a first line of numbers, or of a title.
+
+    Raises:
+        DataError: with the line of the headings, where there is one.
+    """
+
+    def said(row: list[str]) -> list[bool]:
+        cells = [c.strip() for c in row if c.strip()]
+        return [_numbers([c]) is None and not is_date(c.encode()) for c in cells]
+
+    first = said(rows[0][1])
+    if len(first) == len(rows[0][1]) and not any(first):
+        raise DataError(
+            f"{name}:{rows[0][0]}: expected headings in the first line, got "
+            f"{','.join(rows[0][1])[:60]!r}: write a line of headings above it, as in run,wear"
+        )
+    for (line, row), (_, below) in itertools.pairwise(rows[1:_TITLES]):
+        words, values = said(row), said(below)
+        if len(words) > len(first) and all(words) and 2 * sum(values) <= len(values):
+            raise DataError(
+                f"{name}:{rows[0][0]}: expected headings in the first line, got "
+                f"{rows[0][1][0][:60]!r}: they seem to stand in line {line}: delete the lines above"
+            )
 
 
 def _si(values: Vector, unit: str, where: str) -> Vector:
