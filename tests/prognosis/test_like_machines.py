@@ -9,7 +9,7 @@ import pytest
 
 from evertwin import Twin, TwinSpec
 from evertwin.config import spec
-from evertwin.errors import UsageError
+from evertwin.errors import DataError, UsageError
 from evertwin.prognosis.course import course
 from evertwin.prognosis.laws import Life
 from evertwin.prognosis.laws.hypotheses import LAWS
@@ -131,3 +131,50 @@ def test_a_life_that_failed_before_its_limit_is_over(tmp_path: Path) -> None:
     assert "life is over: it failed at 59 run" in str(found)
     assert [a.kind for a in found.alarms] == ["limit_passed"]
     assert "it has failed" in found.alarms[0].reason
+
+
+def machine(file: Path, seed: int, way: tuple[float, float, float], share: float = 1.1) -> Path:
+    """Wear from ``begin`` to 5 by a power, over about 100 units of the clock."""
+    begin, power, spread = way
+    rng = np.random.default_rng(seed)
+    life = 100.0 * np.exp(spread * rng.standard_normal())
+    k = np.arange(int(share * life))
+    y = begin + (5.0 - begin) * (k / life) ** power + 0.04 * rng.standard_normal(len(k))
+    file.write_text("run,wear\n" + "\n".join(f"{a},{b:.4f}" for a, b in zip(k, y, strict=True)))
+    return file
+
+
+@pytest.mark.parametrize("share", [0.5, 0.8])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_fleet_of_another_type_is_said_and_left_out(
+    seed: int, share: float, tmp_path: Path
+) -> None:
+    own = machine(tmp_path / "own.csv", seed, (2.0, 1.0, 0.0), share)
+    alone = life_of_series(Series(own, 5.0)).components["wear"].sentence
+    for name, begin, power, why in (
+        ("late", 2.0, 8.0, "by a course of another shape"),
+        ("near", 4.0, 1.0, "began much nearer to the limit"),
+        ("like", 2.0, 1.0, ""),
+        ("bent", 2.1, 1.3, ""),
+    ):
+        fleet = tuple(
+            machine(tmp_path / f"{name}{k}.csv", 50 + 7 * seed + k, (begin, power, 0.15))
+            for k in range(5)
+        )
+        told = life_of_series(Series(own, 5.0, fleet=fleet))
+        assert (told.components["wear"].sentence == alone) == bool(why), name
+        left = [note for note in told.notes if "left out" in note]
+        assert len(left) == bool(why) and all(why in note for note in left)
+
+
+@pytest.mark.parametrize("head", ["s", "h", "d", "t", "date"])
+def test_a_fleet_that_counts_by_another_clock_is_refused(head: str, tmp_path: Path) -> None:
+    own = grown(tmp_path / "own.csv", 110.0, 60, 0)
+    fleet = tuple(grown(tmp_path / f"{k}.csv", 100.0 + k, 110, k) for k in range(3))
+    for file in fleet:
+        first, *rows = file.read_text().splitlines()
+        rows = [f"2025-01-01T{int(r.split(',')[0]) // 60:02d}:{int(r.split(',')[0]) % 60:02d},"
+                f"{r.partition(',')[2]}" if head == "date" else r for r in rows]  # fmt: skip
+        file.write_text("\n".join([first.replace("run", head), *rows]))
+    with pytest.raises(DataError, match=f"expected a column 'run'.*, got {head}: add one"):
+        life_of_series(Series(own, 2.0, column="wear", fleet=fleet))

@@ -199,7 +199,7 @@ def of_table(
         {c: table.column(c)[keep] for c in rule.covariates},
         {c: table.column(c)[keep] for c in rule.factors} | warm,
         usage, tuple(sorted(marks, key=lambda m: m.at)), (*notes, *twice), unit, counted.calendar,
-        tuple(np.array(table.lines)[keep].tolist()),
+        tuple(np.array(table.lines)[keep].tolist()), counted.by,
     )  # fmt: skip
 
 

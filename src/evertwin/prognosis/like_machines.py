@@ -14,12 +14,14 @@ from glob import glob
 from pathlib import Path
 
 from evertwin.config.prognosis import IndicatorSpec
-from evertwin.errors import UsageError
+from evertwin.errors import DataError, UsageError
 from evertwin.models import Parameters
+from evertwin.prognosis.headings import counting
 from evertwin.prognosis.health import indicator_of, series_of
+from evertwin.prognosis.history_file import counted_by
 from evertwin.prognosis.laws import Fleet, Indicator, Limit, Maintenance, learn
 from evertwin.prognosis.parameter_history import History, history
-from evertwin.sources.small_table import read_table
+from evertwin.sources.small_table import Table, read_table
 from evertwin.store import SqliteStore
 
 FLEETS = 8
@@ -98,8 +100,24 @@ def _named(asked: Likes, file: Path) -> Indicator:
     else:
         kept, table = History((), asked.clock, ()), read_table(file)
     known = series_of(asked.rule, kept, table, file.parent, asked.parts)
+    if table is not None and not known.by:
+        _check_clock(table, asked.clock)
     found = indicator_of(asked.rule, known, asked.limit, asked.clock, asked.parameters)
     marks = found.maintenance
     if file in asked.failed and len(found.at) and found.failed is None:
         marks = (*marks, Maintenance(float(found.at[-1]), "failed", "by its file"))
     return found.with_(name=file.name, maintenance=marks)
+
+
+def _check_clock(table: Table, clock: str) -> None:
+    """Refuses to count the rows of a machine that counts its life by something else.
+
+    Raises:
+        DataError: its own column of times.
+    """
+    by = counted_by(table) or counting(("h", "d"), table)
+    if by is not None:
+        raise DataError(
+            f"{table.name}: expected a column {clock!r}, to count its life as that of the machine "
+            f"asked for, got {by}: add one, or leave the file out"
+        )

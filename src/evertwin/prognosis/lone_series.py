@@ -23,6 +23,7 @@ import numpy as np
 
 from evertwin.config.prognosis import IndicatorSpec, PrognosisSpec
 from evertwin.errors import DataError, UsageError, naming
+from evertwin.prognosis.another_type import of_its_type
 from evertwin.prognosis.contradictions import check_end, check_limit, is_serial
 from evertwin.prognosis.course import course, courses_by_law
 from evertwin.prognosis.formula import Formula
@@ -98,11 +99,12 @@ def life_of_series(asked: Series, *, drawn: bool = False) -> Lives:
     check_limit(own, f"{table.name}:{table.lines[0]}")
     check_end(own, table.name, table)
     check_steps(own, table.name, known.lines)
-    fleet = fleet_of(Likes(rule, limit, clock, asked.fleet, asked.failed))
+    likes = fleet_of(Likes(rule, limit, clock, asked.fleet, asked.failed))
+    fleet, unlike = of_its_type(own, likes)
     if asked.from_today:
         own = seen(own, today_of((own,)))
     life = unless_overdue(own, predict_life(own, fleet=fleet))
-    own = own.with_(notes=(*own.notes, *_shifted(own, fleet, known.lines)))
+    own = own.with_(notes=(*own.notes, *unlike, *_shifted(own, fleet, known.lines)))
     one = ComponentLife(column, rule, own, life, life, Formula.parse("1"), fleet=fleet)
     if drawn and isinstance(life, Life):
         way = course(own, life, LAWS, fleet)

@@ -37,6 +37,8 @@ class Observed(NamedTuple):
     """Where times are counted from 1970."""
     lines: tuple[int, ...] = ()
     """Of each row in its file; of the store's history there are none."""
+    by: str = ""
+    """The column that life is counted by; empty: rows are, or the store's moments."""
 
 
 def component_of(rule: IndicatorSpec) -> str:

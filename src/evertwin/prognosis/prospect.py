@@ -15,6 +15,7 @@ from evertwin.ahead.basis import Basis
 from evertwin.ahead.whatif import Today, today
 from evertwin.config.prognosis import IndicatorSpec, PrognosisSpec
 from evertwin.errors import ConfigError
+from evertwin.prognosis.another_type import of_its_type
 from evertwin.prognosis.contradictions import check_end, check_limit
 from evertwin.prognosis.course import Course, course, courses_by_law
 from evertwin.prognosis.health import (
@@ -171,7 +172,9 @@ class Prospect:
     def life(self, rule: IndicatorSpec, *, drawn: bool = False) -> ComponentLife:
         """The life that one indicator tells; ``drawn``: with its course."""
         indicator = self.series[self.basis.setup.spec.indicator.index(rule)]
-        laws, fleet = rule.laws or LAWS, self.fleet(rule, indicator.limit)
+        laws, likes = rule.laws or LAWS, self.fleet(rule, indicator.limit)
+        fleet, unlike = of_its_type(indicator, likes)
+        indicator = indicator.with_(notes=(*indicator.notes, *unlike))
         before = life = unless_overdue(indicator, predict_life(indicator, laws, fleet))
         formula = wears(rule, self.basis.model)
         way, alone, work = None, dict[str, Course](), None
