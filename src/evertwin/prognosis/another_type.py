@@ -1,8 +1,8 @@
 """Like machines that are of another type: they tell nothing of this one, and are left out.
 
 They began much nearer to the limit than this one did, so that their ages say nothing of its. Or
-they came to its level by a course of another shape: the share of the time until there after which half of the
-rise was done lies far from that of this one.
+they came to its level by a course of another shape: half of the rise was done after a share of the
+time until there that lies far from this one's.
 
 >>> ways = [Way(np.arange(11.0), 10.0 * (np.arange(11.0) / k) ** 8 - 10.0, k) for k in (10.0, 10.5)]
 >>> unlike(Way(np.arange(6.0), np.arange(-10.0, -4.0), np.nan), Fleet.of(ways))
