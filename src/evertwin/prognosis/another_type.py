@@ -4,8 +4,9 @@ They began much nearer to the limit than this one did, so that their ages say no
 they came to its level by a course of another shape: half of the rise was done after a share of the
 time until there that lies far from this one's.
 
->>> ways = [Way(np.arange(11.0), 10.0 * (np.arange(11.0) / k) ** 8 - 10.0, k) for k in (10.0, 10.5)]
->>> unlike(Way(np.arange(6.0), np.arange(-10.0, -4.0), np.nan), Fleet.of(ways))
+>>> age = np.linspace(0.0, 10.0, 101)
+>>> late = [Way(age, 10.0 * (age / life) ** 8 - 10.0, life) for life in (10.0, 10.5)]
+>>> unlike(Way(age[:51], age[:51] - 10.0, np.nan), Fleet.of(late))
 'they came to its level by a course of another shape'
 """
 

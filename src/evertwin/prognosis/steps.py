@@ -102,9 +102,10 @@ def check_steps(own: Indicator, name: str, lines: Sequence[int]) -> None:
     sign = own.limit.sign
     back: list[Step] = []
     units: list[Step] = []
+    up = max((one.size for one in found), default=0.0)
     for one in found:
         undone = -one.size / max(one.before - begin, 1e-300)
-        idle = any(2.0 * other.size >= -one.size for other in found)  # it comes and goes
+        idle = 2.0 * up >= -one.size  # it comes and goes
         if -one.size >= BACK * way and undone >= UNDONE and not idle:
             (units if undone > BEYOND else back).append(one)
         elif one.size > 0.0 and one.in_another_unit(sign):
@@ -158,7 +159,8 @@ def steps(own: Indicator) -> tuple[Step, ...]:
     peaks = np.flatnonzero((np.abs(moved) >= least) & once) + FEW
     found = []
     for k in peaks.tolist():
-        others = peaks[(peaks != k) & (2.0 * np.abs(moved[peaks - FEW]) >= abs(moved[k - FEW]))]
+        close = peaks[slice(*np.searchsorted(peaks, (k - WINDOW, k + WINDOW)))]
+        others = close[(close != k) & (2.0 * np.abs(moved[close - FEW]) >= abs(moved[k - FEW]))]
         first = max(0, k - WINDOW, *others[others < k].tolist())
         last = min(len(y), k + WINDOW, *others[others > k].tolist())
         near = at[max(k - NEAR, 0)], at[min(k + NEAR, len(at) - 1)]
