@@ -41,6 +41,8 @@ FIRST = 0.6
 """Share of the rows that both learn on."""
 HALF = 0.5
 """Share of the deviation that an offset takes away on unseen rows at least."""
+WORSE = 2.0
+"""So many times as much is left of rows behind its end, were it still off."""
 OF_NOISE = 5.0
 """Size of a constant from which its step stands out [of the steps from row to row]."""
 OFTEN = 4
@@ -120,7 +122,8 @@ def _constant(
         return None  # it goes on changing, as no constant does
     channel = (*rows.setup.model.inputs, *rows.setup.model.outputs)[k]
     share = 100.0 * (1.0 - rows.total(left, unseen) / rows.total(rows.before, unseen))
-    row, until = called(rows.row(rows.since)), rows.until(rows.stop)
+    stop = rows.stop if _over(rows, (k, scaled), shift) else rows.count
+    row, until = called(rows.row(rows.since)), rows.until(stop)
     size = in_words.difference(rows.setup, channel, leap or shift)
     size, what = (f"{100.0 * shift:+.3g} %", "a scale") if scaled else (size, "an offset")
     known = (
@@ -128,11 +131,11 @@ def _constant(
         f"this explains {share:.0f} % of the deviation on rows that it was not learned on, "
     )
     jumped = leap or k < len(rows.setup.model.inputs)  # rows since then alone do not tell it
-    lasts = rows.goes_on(rows.since, rows.stop) if jumped else None
+    lasts = rows.goes_on(rows.since, stop) if jumped else None
     if lead > SURE:
         return SensorChange(
             channel.name, 1.0, f"{known}more than tuning does; nothing is learned from it",
-            rows.refused((channel.name,), rows.since, rows.stop), lasts,
+            rows.refused((channel.name,), rows.since, stop), lasts,
         )  # fmt: skip
     why = "and no number of the model makes it leap so" if leap else "and tuning no less"
     return SensorChange(channel.name, 1.0, (
@@ -237,8 +240,17 @@ def _shifted(
     return here, shift
 
 
-def _with(rows: Rows, one: tuple[int, bool], shift: float) -> Outputs:
-    """Residual with that taken off, in what was recorded."""
+def _over(rows: Rows, one: tuple[int, bool], shift: float) -> bool:
+    """Do the rows on which the version holds again say so, or would they look the same with the
+    channel still off, as a share of next to nothing does?"""
+    left = _with(rows, one, shift, rows.count)
+    later = (np.arange(rows.count) >= rows.stop)[:, None]
+    known = later & np.isfinite(left) & np.isfinite(rows.before)
+    return rows.total(left, known) > WORSE * rows.total(rows.before, known)
+
+
+def _with(rows: Rows, one: tuple[int, bool], shift: float, stop: int | None = None) -> Outputs:
+    """Residual with that taken off up to row ``stop``, in what was recorded."""
     (k, scaled), nu, zero = one, len(rows.setup.model.inputs), float(rows.zeros[one[0]])
 
     def moved(window: Block) -> Block:
@@ -248,10 +260,11 @@ def _with(rows: Rows, one: tuple[int, bool], shift: float) -> Outputs:
         side[:, column] = zero + (read - zero) / (1.0 + shift) if scaled else read - shift
         return window._replace(u=u, y=y)
 
-    posed = rows.pose(rows.changed(rows.since, rows.stop, moved))
+    stop = rows.stop if stop is None else stop
+    posed = rows.pose(rows.changed(rows.since, stop, moved))
     left = residual(posed, posed.start)
     if scaled and k >= nu:
-        left[rows.since : rows.stop, k - nu] *= 1.0 + shift
+        left[rows.since : stop, k - nu] *= 1.0 + shift
     return left
 
 
