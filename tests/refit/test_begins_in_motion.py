@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from evertwin import FunctionModel, Layout, Parameter, Parameters, RunResult, Tw
 from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import ModelSpec, PredictionSpec, Span
 from evertwin.fold import make_block, take
+from evertwin.sources.spec import ChannelSpec, SourceSpec, TimeSpec
 from evertwin.tuning import Problem
 from evertwin.tuning.before import later
 from evertwin.tuning.spec import TuningSpec
@@ -84,3 +87,19 @@ def test_a_window_begins_where_the_rows_before_came_to(seed: int) -> None:
     assert 1050 < cut.row <= 2000
     assert later(twin, p, 2.0, ((rows,), (window,)))[0].row == 1000
     assert later(twin, p, 2.0, ((), (take(rows, 0, 500),)))[0].row == 0
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_part_of_a_file_is_fitted_from_where_the_rows_before_came_to(
+    seed: int, tmp_path: Path
+) -> None:
+    data, path = recorded(seed), tmp_path / "drives.csv"
+    columns = np.column_stack(list(data.values()))
+    np.savetxt(path, columns, delimiter=",", header="t,u,speed", comments="")
+    named = {k: ChannelSpec(k, v) for k, v in (("u", "V"), ("speed", "rad/s"))}
+    source = SourceSpec("log", files=(str(path),), time=TimeSpec("t", "s"), channels=named)
+    spec = TwinSpec("drives", ModelSpec("python"), source=(source,), prediction=PredictionSpec(2.0))
+    with Twin(spec, model()) as twin:
+        done = twin.fit([f"{path}@20:40"])
+    assert abs(done.fit["pitch"] - 14.0) < 1.0 and abs(done.fit["damping"] - 0.15) < 0.1
+    assert done.train[0].rms < 3.0 * NOISE

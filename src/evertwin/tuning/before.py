@@ -42,7 +42,10 @@ def leading(before: Sequence[Block], window: Block) -> Block | None:
         if block.row + stop != parts[0].row or block.task[0] != task or parts[0].gap[0]:
             break
         parts.insert(0, take(block, 0, stop))
-    return concatenate(parts) if parts[1:] else None
+    if not parts[1:]:
+        return None
+    found = concatenate(parts)
+    return found._replace(dt=np.append(found.dt[:1], np.diff(found.t) * 1e-9))
 
 
 def begins(
