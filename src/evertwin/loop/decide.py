@@ -24,7 +24,7 @@ from evertwin.loop.heeding import heed
 from evertwin.loop.in_stream import tell_followed
 from evertwin.loop.looking import adopted, in_vain, looks, returned
 from evertwin.loop.requirement import deviates, foreseen, heard
-from evertwin.loop.succession import driven, in_doubt, makes_room, opening
+from evertwin.loop.succession import driven, in_doubt, makes_room, opening, to_blame
 from evertwin.loop.unanswered import unanswered
 from evertwin.models.form import Form
 from evertwin.refit.states import tried
@@ -215,12 +215,13 @@ class Decide:
             self._ask(decision, "correct", {"reason": "new training sequence"})
 
     def _free(self, state: TwinState, deviates: bool = False, due: bool = False) -> bool:
-        """May a candidate be sought? Whatever goes on if a fit is due; beside one on trial if the
-        live version deviates and the trial is long."""
+        """May a candidate be sought? Whatever goes on if a fit is due; if the live version deviates
+        in probation too, and beside one on trial if the trial is long."""
         agenda, least = state.agenda, self.follow.setup.trial.least
         if agenda.open or agenda.pinned or state.row < agenda.hold:
             return False
-        long = agenda.phase == TRIAL and state.trial.tally[1] >= least
+        # in probation the machine may have changed, for which the version is not to blame
+        long = agenda.phase == PROBATION or state.trial.tally[1] >= least
         return agenda.phase == WATCH or due or bool(deviates and long)
 
     def _ask(
@@ -250,7 +251,7 @@ class Decide:
         agenda = decision.state.agenda
         if answer.id != agenda.open or answer.version != decision.state.live.version:
             return
-        content: Any = in_doubt(decision, answer.content)
+        content: Any = in_doubt(decision, to_blame(decision, answer.content))
         waits = agenda.again > 0 and ("waits" in content or agenda.kind in ("state", "refine"))
         decision.remember(open=0, again=agenda.again if waits else 0)
         for event in content.get("events", ()):

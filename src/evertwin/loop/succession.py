@@ -112,3 +112,16 @@ def makes_room(setup: Setup, decision: Decision) -> None:
         if kept is None and stays and evidence["segments"] >= setup.probation.segments:
             decision.state = state._replace(other=EMPTY)
             decision.remember(phase=WATCH)
+
+
+def to_blame(decision: Decision, content: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The content of an answer to a deviation in probation: a version is not to blame for what the
+    machine has changed since, and stays; else nothing, for the probation tells whether it does."""
+    agenda = decision.state.agenda
+    if agenda.phase != PROBATION or not agenda.again or agenda.kind != "fit":
+        return content
+    if "since" not in content:
+        return {"events": []} | {k: content[k] for k in ("waits",) if k in content}
+    decision.state = decision.state._replace(other=EMPTY)
+    decision.remember(phase=WATCH)
+    return content

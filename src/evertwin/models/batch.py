@@ -38,6 +38,7 @@ from evertwin.types import (
     Outputs,
     ParameterVector,
     ParameterVectors,
+    StateVectors,
 )
 
 WORTH = 20_000
@@ -86,9 +87,14 @@ class Batch:
     def _together(self) -> bool:
         return isinstance(self.model, BatchModel)  # looks at every attribute of the contract
 
-    def run(self, u: Inputs, dt: Intervals, p: ParameterVectors, restart: Restart) -> OutputRuns:
-        """Outputs under each parameter vector, each from its own initial state; NaN: diverged."""
-        starts = np.stack([self.model.initial(one) for one in p])
+    def run(
+        self, u: Inputs, dt: Intervals, p: ParameterVectors, restart: Restart,
+        starts: StateVectors | None = None,
+    ) -> OutputRuns:  # fmt: skip
+        """Outputs under each parameter vector, each from its own initial state, unless ``starts``
+        (k, nx) says another; NaN: diverged."""
+        if starts is None:
+            starts = np.stack([self.model.initial(one) for one in p])
         if self._together:
             return np.asarray(self.model.simulate_batch(starts, u, dt, p, restart))  # type: ignore[attr-defined]
         return rolled(self.kernel, starts, (u, dt, restart), p, self.workers)

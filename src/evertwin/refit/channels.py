@@ -11,12 +11,9 @@ from evertwin.gauges.gauge import misgauged, reread
 from evertwin.gauges.output_shift import shifted_output
 from evertwin.gauges.sensor_change import SensorChange
 from evertwin.gauges.stuck import stuck
-from evertwin.refit.tuner import Tuner
+from evertwin.refit.tuner import ENOUGH, Tuner
 from evertwin.setup.task import Task
 from evertwin.tuning import Fit, Problem
-
-ENOUGH = 10
-"""Rows a parameter behind a change that a fit needs."""
 
 
 class Asked(NamedTuple):

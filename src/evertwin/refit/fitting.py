@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
 
 from evertwin.anomaly.verdict import branch
 from evertwin.engine import Engine
@@ -27,7 +30,9 @@ from evertwin.rows.feed import Data, Feed
 from evertwin.setup.evaluation import Deviation, Prediction, deviations, falls_short, predict
 from evertwin.setup.friction_law import Chosen, acting, climb_laws, joined
 from evertwin.setup.setup import Setup
+from evertwin.setup.task import Windows
 from evertwin.setup.windows import starts, windows_of
+from evertwin.sources.merging import Excerpt
 from evertwin.sources.tally import Tally
 from evertwin.tuning import (
     Fit,
@@ -225,7 +230,8 @@ class Tuned:
             own_start(setup, model, found.p, b) if own else started(model, found.p, fitted, k)
             for k, b in enumerate(blocks)
         ]
-        seen = [predict(setup, model, p, b) for p, b in zip(used, blocks, strict=True)]
+        before = () if own else self.formed.problem.before
+        seen = [predict(setup, model, p, b, before) for p, b in zip(used, blocks, strict=True)]
         return Judged(seen, [dict(zip(names, p.tolist(), strict=True)) for p in used])
 
 
@@ -236,11 +242,13 @@ def tune(
     """Version ``number``, tuned on ``train``; differences in the engine's processes, if any."""
     feed, version, base = Feed(setup.spec, setup.model), versions[number], versions.model(number)
     problem, tasks = posed(setup, versions, number, feed.several(train))
+    before, windows = led(setup, train, problem.windows)
+    problem, tasks = replace(problem, before=before, windows=windows), windows if before else tasks
     far = None if engine is None else far_of(engine, setup.spec, version.form)
     problem = replace(problem, settings=replace(problem.settings, far=far))
     with Interrupt() as stop:
         problem, chosen = climb_laws(setup, _watched(problem, stop, watch))
-        work = Work(setup, versions)
+        work = Work(setup, versions, before)
         formed = with_terms(setup, work, version, problem)
         told = told_apart(formed.problem, formed.fit)
         sure = repeated(formed.problem, carried(formed.problem, told))
@@ -248,6 +256,26 @@ def tune(
         chosen = acting(chosen, problem, formed.fit)
         unknown = _unknown(work, formed) if chosen.laws or formed.search else ""
     return Tuned(setup, base, version, formed, chosen, unknown, tasks, feed)
+
+
+def led(setup: Setup, train: Data, windows: Windows) -> tuple[Windows, Windows]:
+    """The rows of recordings before the parts of them that are trained on, which say what these
+    begin with, and the parts; none where one is no excerpt of a file, or is cut into windows."""
+    listed = [train] if isinstance(train, str | Path) else train
+    files = isinstance(listed, Sequence) and all(isinstance(one, str | Path) for one in listed)
+    parts = [Excerpt.parse(str(one)) for one in listed or ()] if files else []
+    if not parts or not all(0.0 < part.start < math.inf for part in parts):
+        return (), windows
+    earlier = [f"{part.path}@:{part.start}" for part in parts]
+    blocks = tuple(Feed(setup.spec, setup.model).blocks(earlier))
+    if len(blocks) != len(windows):
+        return (), windows
+    before, led = list[Block](), list[Block]()
+    for block, window in zip(blocks, windows, strict=True):
+        task = np.full(len(block.t), window.task[0])
+        before.append(block._replace(row=window.row - len(block.t), task=task))
+        led.append(window._replace(gap=np.append(False, window.gap[1:])))
+    return tuple(before), tuple(led)
 
 
 def _unknown(work: Work, formed: Formed) -> str:

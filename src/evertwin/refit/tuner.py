@@ -8,15 +8,20 @@ from typing import Any
 
 import numpy as np
 
+from evertwin.correction.improve import TooFew
 from evertwin.errors import DataError, ModelError
-from evertwin.gauges.change import split
+from evertwin.gauges.change import changed, split
 from evertwin.gauges.gauge_rows import Rows
 from evertwin.gauges.settled import settled
 from evertwin.ledger.versions import Versions
 from evertwin.models import Model
 from evertwin.models.corrected import Corrected
 from evertwin.models.form import Version
+from evertwin.refit.answering import changed_since
+from evertwin.refit.judgement import NEARLY_ALL
 from evertwin.refit.physical import physically
+from evertwin.setup.evaluation import left
+from evertwin.setup.lasting import lasting
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Task, Windows
 from evertwin.tuning import Fit, Iteration, Problem, Schedule, Settings, own_names
@@ -26,6 +31,8 @@ from evertwin.types import Vector
 
 FIRST = (1.0, 0.5, 0.25, 0.125)
 """Shares of a window, its first rows, on which a version may have held."""
+ENOUGH = 10
+"""Rows a parameter behind a change that a fit needs."""
 LEAST = 30
 """Rows that tell where a state began."""
 
@@ -41,6 +48,8 @@ class Tuner:
     setup: Setup
     versions: Versions
     """The models of forms are asked of it."""
+    known: Windows = ()
+    """Rows around those that are tuned on: what these begin with."""
 
     def problem(self, version: Version, windows: Windows, names: tuple[str, ...]) -> Problem:
         """The tuning problem of a version on a window."""
@@ -51,7 +60,7 @@ class Tuner:
             model.parameters.with_values(version.p), self.setup.spec.tuning.loss,
             self.setup.moving if self.setup.spec.moving is not None else None,
             self.setup.spec.moving is not None and self.setup.spec.moving.tune,
-            Settings(starts=self.setup.spec.tuning.starts, lenient=True),
+            Settings(starts=self.setup.spec.tuning.starts, lenient=True), self.known,
         )  # fmt: skip
 
     def begun(self, version: Version, windows: Windows) -> Version:
@@ -73,6 +82,42 @@ class Tuner:
                 own = zip(version.names, version.values, strict=True)
                 return replace(version, values=tuple(found.get(name, old) for name, old in own))
         return version
+
+    def now(
+        self, task: Task, live: Version, names: tuple[str, ...]
+    ) -> tuple[Windows, list[dict[str, Any]]]:
+        """The rows of the machine as it is now, and what is said of those before, which a version
+        followed: the live one, or one on trial, where that does as the live one never did; a live
+        one that did as the one before it never did need not have held yet.
+
+        Raises:
+            TooFew: there are not enough of them yet.
+        """
+        windows = task.windows
+        version, worse = (task.rival, live) if task.rival else (live, task.replaced)
+        version, worse = (live, None) if task.held else (version, worse)
+        if version.form != live.form or not (task.held or worse):
+            return windows, []
+        model = self.versions.model_of(version.form)
+        if lasting(model, version.p, windows[0], self.setup.horizon):
+            return windows, []  # what it was where the machine changed would not be known
+        place = changed(windows, lambda rows: self.problem(version, rows, names))
+        old, new = split(windows, place)
+        if not place or not (worse is None or self.follows(version, worse, old)):
+            return windows, []
+        rows = sum(len(block.t) for block in new)
+        if rows < ENOUGH * len(names):
+            raise TooFew(f"the machine has changed, {rows} rows ago")
+        return new, [changed_since(new)]
+
+    def follows(self, version: Version, worse: Version, rows: Windows) -> bool:
+        """Does a version take away nearly all of another one's deviation?"""
+        share = self.left(version, rows) / self.left(worse, rows)
+        return bool((share**2 <= 1.0 - NEARLY_ALL).all())
+
+    def left(self, version: Version, windows: Windows) -> Vector:
+        """What a version is off by."""
+        return left(self.setup, self.versions.model_of(version.form), version.p, windows)
 
     def holds(self, problem: Problem, values: Vector) -> bool:
         """Is what is watched within the requirement?"""

@@ -20,7 +20,7 @@ from evertwin.config.spec import TwinSpec
 from evertwin.correction.improve import TooFew
 from evertwin.errors import DataError, ModelError, UsageError
 from evertwin.fold import plain
-from evertwin.gauges.change import changed, split, suddenly
+from evertwin.gauges.change import suddenly
 from evertwin.gauges.gauge import at_once
 from evertwin.gauges.misread import misread
 from evertwin.gauges.silent import silent
@@ -38,7 +38,7 @@ from evertwin.refit.answering import (
     of_a_sensor,
     undone,
 )
-from evertwin.refit.channels import ENOUGH, of_a_channel
+from evertwin.refit.channels import of_a_channel
 from evertwin.refit.correcting import learn, nearest
 from evertwin.refit.judgement import NEARLY_ALL, judged, partly
 from evertwin.refit.named_cause import named_first
@@ -48,14 +48,15 @@ from evertwin.refit.posterior import posterior
 from evertwin.refit.recursive_fit import Recursion
 from evertwin.refit.simplest import law_now
 from evertwin.refit.states import States, amount
-from evertwin.refit.tuner import Tuner
+from evertwin.refit.tuner import ENOUGH, Tuner
 from evertwin.refit.workers import setup_of
 from evertwin.setup.evaluation import left, sizes
 from evertwin.setup.friction_law import acting
-from evertwin.setup.lasting import begun, lasting
+from evertwin.setup.lasting import begun
 from evertwin.setup.task import Task, Windows
 from evertwin.trial import admit
 from evertwin.tuning import Fit, Problem
+from evertwin.tuning.before import later
 from evertwin.types import Json, ParameterVector
 
 LEAST = 0.05
@@ -91,8 +92,12 @@ class Work(Tuner):
     def content(self, task: Task) -> dict[str, Json]:
         """What the answer says, in plain values; what cannot be done is an event in it."""
         model, p = self.versions.model_of(task.version.form), task.version.p
+        known, horizon = (*task.earlier, *task.windows), self.setup.horizon
+        if self.known != known:
+            return replace(self, known=known).content(task)
         try:
-            task = task._replace(windows=begun(task.windows, model, p, self.setup.horizon))
+            windows = begun(task.windows, model, p, horizon)
+            task = task._replace(windows=windows and later(model, p, horizon, (known, windows)))
             if task.kind == "correct":
                 content = self.correct(task)
             else:
@@ -141,7 +146,7 @@ class Work(Tuner):
             rows = newer(unseen, self.setup.enough) or task.windows
             new = left(self.setup, *self._made(task.version, found), rows)
             gain = MUCH if self._pays(task, rival, unseen) else self.setup.trial.margin
-            if np.nanmean(new / self._left(rival, rows)) <= 1.0 - gain:
+            if np.nanmean(new / self.left(rival, rows)) <= 1.0 - gain:
                 return content
         keys = ("next", "lacking", "fit" if task.kind == "fit" else "")
         return {"events": []} | {k: content[k] for k in keys if k in content}
@@ -149,12 +154,9 @@ class Work(Tuner):
     def _pays(self, task: Task, rival: Version, unseen: Windows) -> bool:
         """Is the rival better than the live version on the rows that came after it?"""
         live = task.version
-        share = self._left(rival, unseen) / self._left(live, unseen) if unseen else np.zeros(0)
+        share = self.left(rival, unseen) / self.left(live, unseen) if unseen else np.zeros(0)
         known = share[np.isfinite(share)]
         return bool(len(known)) and bool(known.mean() <= 1.0 - self.setup.trial.margin)
-
-    def _left(self, version: Version, windows: Windows) -> np.ndarray:
-        return left(self.setup, self.versions.model_of(version.form), version.p, windows)
 
     # ------------------------------------------------------------------ tuning
 
@@ -190,7 +192,7 @@ class Work(Tuner):
         if task.held:
             version = self.begun(version, windows)
             task = task._replace(version=version)
-        windows, events = self._now(task, version, names)
+        windows, events = self.now(task, version, names)
         since = {"since": windows[0].row} if windows is not task.windows else {}
         model = self.versions.model_of(version.form)
         rows = self.setup, model, version.p, windows
@@ -250,35 +252,6 @@ class Work(Tuner):
             return None
         problem, fit, _ = self.tune(problem.tuning(names))
         return self.tuned(version, problem, fit, problem.windows, events)
-
-    def _now(
-        self, task: Task, live: Version, names: tuple[str, ...]
-    ) -> tuple[Windows, list[dict[str, Any]]]:
-        """The rows of the machine as it is now, and what is said of those before, which a version
-        followed: the live one, or one on trial, where that does as the live one never did.
-
-        Raises:
-            TooFew: there are not enough of them yet.
-        """
-        version, windows = live if task.held else task.rival, task.windows
-        if version is None or version.form != live.form:
-            return windows, []
-        model = self.versions.model_of(version.form)
-        if lasting(model, version.p, windows[0], self.setup.horizon):
-            return windows, []  # what it was where the machine changed would not be known
-        place = changed(windows, lambda rows: self.problem(version, rows, names))
-        old, new = split(windows, place)
-        if not place or not (task.held or self._follows(version, live, old)):
-            return windows, []
-        rows = sum(len(block.t) for block in new)
-        if rows < ENOUGH * len(names):
-            raise TooFew(f"the machine has changed, {rows} rows ago")
-        return new, [changed_since(new)]
-
-    def _follows(self, version: Version, live: Version, rows: Windows) -> bool:
-        """Does a version take away nearly all of the live one's deviation?"""
-        share = self._left(version, rows) / self._left(live, rows)
-        return bool((share**2 <= 1.0 - NEARLY_ALL).all())
 
     def _helps(self, verdict: Verdict, fit: Fit) -> bool:
         """The form is wrong, and none may be learned: is tuning the better half all the same?

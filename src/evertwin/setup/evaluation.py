@@ -19,6 +19,7 @@ from evertwin.setup.setup import Setup
 from evertwin.signals.sizes import size
 from evertwin.sync.horizon import residuals, restarts
 from evertwin.tuning import Fit, Problem
+from evertwin.tuning.before import begins
 from evertwin.types import Json, Outputs, ParameterVector, PerOutput, Vector
 
 
@@ -38,12 +39,15 @@ class Prediction:
     moving: np.ndarray
 
 
-def predict(setup: Setup, model: Model, p: ParameterVector, window: Block) -> Prediction:
-    """A version's predictions of one window over the twin's horizon."""
+def predict(
+    setup: Setup, model: Model, p: ParameterVector, window: Block, before: Sequence[Block] = ()
+) -> Prediction:
+    """A version's predictions of one window over the twin's horizon; ``before``: rows before it."""
     x0 = model.initial(p)
     if len(x0):
         plan = restarts(window, setup.horizon, x0)
-        y = Batch(model).run(window.u, window.dt, p[None], plan)[0]
+        begun = begins(model, p, setup.horizon, (before, (window,))).get(window.row, x0)
+        y = Batch(model).run(window.u, window.dt, p[None], plan, begun[None])[0]
     else:
         y = mapped(model, window.u, window.dt, p)
     residual = residuals(model, window, y)

@@ -15,7 +15,7 @@ class Task(NamedTuple):
 
     >>> Task._fields
     ('kind', 'version', 'windows', 'tunings', 'held', 'waits', 'rival', 'commissioned',
-    'cause', 'earlier')
+    'cause', 'earlier', 'replaced')
     """
 
     kind: str
@@ -38,3 +38,5 @@ class Task(NamedTuple):
     """Cause that a person named, which is tried first."""
     earlier: Windows = ()
     """Rows that are kept from before these: how channels usually go."""
+    replaced: Version | None = None
+    """The one before the version, by rows that neither had seen."""

@@ -35,6 +35,8 @@ ADOPTED, BLENDED, RESET, FIRST = 1, 2, 3, 4
 SYNTAX, FROZEN, FACTOR, VOTE = map(int, (Cause.SYNTAX, Cause.FROZEN, Cause.FACTOR, Cause.VOTE))
 RECENT = 300
 """Samples that the mean square of measured − predicted remembers."""
+NEWEST = 8
+"""Innovations that the newest mean remembers."""
 QUICKLY = 20
 """Samples in which the usual path rises; it falls over the memory of the variance."""
 FOUND_ERROR, FOUND_OVERRULED = int(Finding.ERROR), int(Finding.OVERRULED)
@@ -105,6 +107,10 @@ def use(settings: Any, memory: Any, sample: Any, g: int, size: int, stamp: int) 
         more = values[j, at.PATH] / max(steps, 1.0) - values[j, at.USUAL]
         values[j, at.USUAL] += more / (QUICKLY if more > 0 else at.MEMORY)
         values[j, at.PROVEN] -= values[j, at.PROVEN] / at.MEMORY
+        values[j, at.LEAN] += (nu - values[j, at.LEAN]) / NEWEST
+        values[j, at.LEANS] *= 1.0 - 1.0 / RECENT
+        beyond = abs(values[j, at.LEAN]) - 3.0 * np.sqrt(values[j, at.BASE] / (2.0 * NEWEST))
+        values[j, at.LEANS] = max(values[j, at.LEANS], beyond)
     adopt = False
     if rules[g, at.USE] == at.MIX:
         spread = figures[g, at.SPREAD] + share * share / (1.0 - share) * steps

@@ -42,7 +42,11 @@ SOUND = 32
 """And per kind of run: how far the prediction went while values stayed that went on by one step."""
 STAYED = 34
 """And for how many samples they did, where it went by a step or more."""
-VALUES = 36
+LEAN, LEANS = 36, 37
+"""And the newest mean innovation; its largest size lately: how fast a model moves beside."""
+LEANT = 38
+"""And per kind of run: the same where it began."""
+VALUES = 40
 (
     STARTED, VALID, GOOD_AT, LAST_AT, CAUSE, ONSET, UNTIL, FAULTS, TOLD, CONTEST, BATCH, BATCH_ROW,
     LEFT, SAMPLES, UPDATES, RESETS, CONTESTED, ERRORS, TURNS, HELD_BY, QUIET,

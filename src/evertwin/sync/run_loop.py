@@ -34,6 +34,8 @@ FORGET = 1.0 / 64
 """Part of the way of a sound run that each later run forgets."""
 KEEPS, LONGER = 1.0 / 1024, 1.5
 """The same of its samples; so many times as many are no sound run any more."""
+LEANS = 1.0
+"""So many times as far as a model moves beside its machine anyway is no motion by itself."""
 MOVED, MANY = 0.25, 200
 """Share of an output's usual size that it has to be predicted to move, and samples that tell it."""
 
@@ -228,10 +230,14 @@ def enough(rules: Any, values: Any, numbers: Any, g: int, j: int, kind: int) -> 
     An error of the form widens the gate of an output that no state adopts, and a wide gate would
     hide a frozen sensor. Where equal values never were sound, a share of its usual size does. A
     coarse sensor stays while its machine moves by less than a step: twice as far as the prediction
-    went while it did.
+    went while it did. A model that moves beside its machine goes on so
+    where that turns round.
     """
     gate = rules[g, at.GATE] * np.sqrt(values[j, at.BASE])
     gate = max(gate, ALIKE * values[j, at.STEP], 2.0 * values[j, at.SOUND + kind])
+    if not values[j, at.EXPECTED] > 0:
+        samples = min(numbers[g, at.RUN + kind], 2.0 * needed(rules, g, kind))
+        gate = max(gate, LEANS * samples * values[j, at.LEANT + kind])
     known = kind == EQUAL and numbers[g, at.QUIET] == 0 and numbers[g, at.SAMPLES] >= MANY
     if known and values[j, at.EXPECTED] > 0:
         return float(min(gate, MOVED * np.sqrt(values[j, at.EXPECTED])))
@@ -304,3 +310,4 @@ def keep_start(values: Any, numbers: Any, g: int, j: int, row: int) -> None:
         if numbers[g, at.RUN_ROW + kind] == row:
             values[j, at.ORIGIN + kind] = values[j, at.AFTER]
             values[j, at.BEFORE + kind] = values[j, at.OFFSET]
+            values[j, at.LEANT + kind] = values[j, at.LEANS]

@@ -37,7 +37,7 @@ import numpy as np
 
 from evertwin.errors import UsageError
 from evertwin.models import LinearModel, Parameters
-from evertwin.tuning.gram import FINE, gram, normal, slotted
+from evertwin.tuning.gram import FINE, gram, normal, residual, slotted
 from evertwin.types import Float64, Int64, Outputs, PerOutput, Vector
 
 Regressor = Float64[np.ndarray, "n ny m"]
@@ -207,3 +207,24 @@ def dense(phi: Regressor, at: Int64[np.ndarray, "ny m"], k: int) -> Float64[np.n
     for o, a in np.argwhere(at >= 0).tolist():
         out[:, o, at[o, a]] += phi[:, o, a]
     return out
+
+
+class Reduced(NamedTuple):
+    """What the tuned parameters of a linear problem have to explain, and with what.
+
+    >>> part = Reduced(np.array([[5.0]]), np.array([[1.0]]), np.array([[[2.0]]]), np.array([[0]]))
+    >>> part.residual(np.array([1.5])).tolist()
+    [[1.0]]
+    """
+
+    y: Outputs
+    """Measured; NaN where a row does not count."""
+    y0: Outputs
+    """All that is not tuned."""
+    columns: Float64[np.ndarray, "n ny t"]
+    at: Int64[np.ndarray, "ny t"]
+    """Position of each column among the tuned parameters; −1: none."""
+
+    def residual(self, values: Vector) -> Outputs:
+        """What is left at ``values`` (k,)."""
+        return np.asarray(residual(*self, values))

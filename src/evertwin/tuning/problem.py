@@ -24,7 +24,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -41,9 +41,9 @@ from evertwin.models.batch import Batch
 from evertwin.models.kernel import ANEW
 from evertwin.signals import wrap
 from evertwin.sync.horizon import restarts
-from evertwin.tuning.closed import dense, slots
+from evertwin.tuning.before import Begins, begins, given
+from evertwin.tuning.closed import Reduced, dense, slots
 from evertwin.tuning.far import far_runs
-from evertwin.tuning.gram import residual
 from evertwin.tuning.recordings import extended, places
 from evertwin.tuning.rows import Filter, Rows, joined, prepared, smooth
 from evertwin.tuning.sensitivity import Sensitivity
@@ -66,29 +66,8 @@ Moving: TypeAlias = Callable[[Any], Any]
 """``moving(u (n, nu)) -> bool (n, ny)``: which rows count as moving, per output."""
 VAGUE = 10.0
 """Standard deviation of a prior that nobody gave, in natural sizes."""
-SHARED = ("parameters", "_p", "rows", "restart", "batch", "parts")
+SHARED = ("parameters", "_p", "rows", "restart", "batch", "parts", "_begins")
 """What does not depend on which parameters are tuned."""
-
-
-class Reduced(NamedTuple):
-    """What the tuned parameters of a linear problem have to explain, and with what.
-
-    >>> part = Reduced(np.array([[5.0]]), np.array([[1.0]]), np.array([[[2.0]]]), np.array([[0]]))
-    >>> part.residual(np.array([1.5])).tolist()
-    [[1.0]]
-    """
-
-    y: Outputs
-    """Measured; NaN where a row does not count."""
-    y0: Outputs
-    """All that is not tuned."""
-    columns: Float64[np.ndarray, "n ny t"]
-    at: Int64[np.ndarray, "ny t"]
-    """Position of each column among the tuned parameters; −1: none."""
-
-    def residual(self, values: Vector) -> Outputs:
-        """What is left at ``values`` (k,)."""
-        return np.asarray(residual(*self, values))
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,6 +97,8 @@ class Problem:
     determined, so it has nothing to say there."""
     settings: Settings = Settings()
     """Of the nonlinear search, unless `solve` is given others."""
+    before: tuple[Block, ...] = ()
+    """What is known of recordings that windows are cut from: they begin where it came to."""
 
     def __post_init__(self) -> None:
         ny = len(self.model.outputs)
@@ -252,16 +233,29 @@ class Problem:
     def _runs(self, p: ParameterVectors, u: Inputs, dt: Intervals, first: int) -> OutputRuns:
         here, far = slice(first, first + len(u)), self.settings.far
         restart = Restart(self.restart.y[here], self.restart.code[here], self.model.initial(p[0]))
+        begun = self._begins.get(first)
+        if begun is not None:
+            own = given(self.model, p[0])
+            starts = np.stack([np.where(own, self.model.initial(one), begun) for one in p])
+            return self.batch.run(u, dt, p, restart, starts)
         if far is not None and len(p) > 1:
             return far_runs(far, u, dt, p, restart)
         return self.batch.run(u, dt, p, restart)
+
+    @cached_property
+    def _begins(self) -> Begins:
+        """By the position of a window's first row, not its number."""
+        p = self._p[: len(self.model.parameters)]
+        found = begins(self.model, p, self.horizon, (self.before, self.windows))
+        edges = np.cumsum([0, *(len(window.t) for window in self.windows)]).tolist()
+        return {a: found[w.row] for a, w in zip(edges, self.windows) if w.row in found}
 
     @cached_property
     def _recordings(self) -> list[tuple[int, int, Int64[np.ndarray, " np"]]]:
         """(first row, end, places of the parameters) of what begins with the same numbers."""
         edges = np.cumsum([0, *(len(window.t) for window in self.windows)]).tolist()
         own = [places(self.parameters, self.model, self.names, k) for k in range(len(edges) - 1)]
-        if all(np.array_equal(at, own[0]) for at in own):
+        if not self._begins and all(np.array_equal(at, own[0]) for at in own):
             return [(0, edges[-1], own[0])]
         return [(a, b, at) for (a, b), at in zip(pairwise(edges), own, strict=True)]
 
