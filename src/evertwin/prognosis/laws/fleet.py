@@ -49,9 +49,9 @@ from evertwin.types import Bools, Float64, Vector
 
 ALIKE = 0.03
 """Share of the way to the limit by which levels differ that are alike."""
-LEAST = 0.02
+LEAST = 0.01
 """Least share of a life that is told apart from none."""
-MOMENTS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)
+MOMENTS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.97)
 """Shares of a life at which each machine is asked for by the others."""
 TANGENT = 0.25
 BEFORE = np.array([0.4, 0.2, 0.2])
@@ -352,7 +352,7 @@ class Fleet:
         if not len(seen):
             return BEFORE
         columns = seen * weight[:, None]
-        firm = np.diag(FIRM * seen.var(axis=0) + 1e-9)
+        firm = np.diag(FIRM * np.diag(np.cov(seen.T, aweights=weight + 1e-9, bias=True)) + 1e-9)
         found = np.linalg.solve(columns.T @ seen + firm, columns.T @ self.off + firm @ BEFORE)
         return np.asarray(np.clip(found, 0.0, 1.0))
 
