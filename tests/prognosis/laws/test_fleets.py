@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evertwin.prognosis.laws import Indicator, Limit, learn
+from evertwin.prognosis.laws import Indicator, Limit, Maintenance, learn
+from evertwin.prognosis.laws.alarms import alarm_of
 
 from .test_predicted_life import machine, told
 
@@ -45,3 +46,54 @@ def test_few_machines_tell_less_than_many_however_often_they_are_asked() -> None
         low, high = told(part, fleet).interval80
         widths.append(np.log(high / low))
     assert widths[1] > 1.2 * widths[0]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_members_that_still_run_do_not_narrow_the_answer(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    lives = 100.0 * np.exp(0.3 * rng.standard_normal(30))
+    every = [late(life, 0.0, 1000 * seed + k) for k, life in enumerate(lives)]
+    running = [
+        one.until(rng.uniform(0.3, 0.9) * life)
+        for one, life in zip(every[3:13], lives[3:13], strict=True)
+    ]
+    alone, mixed = learn(every[:3]), learn([*every[:3], *running])
+    held, widths = [], []
+    for one, life in zip(every[13:], lives[13:], strict=True):
+        for share in (0.3, 0.5):
+            part = one.until(share * life)
+            left = life - float(part.at[-1])
+            answers = [told(part, fleet).interval80 for fleet in (alone, mixed)]
+            held.append([low <= left <= high for low, high in answers])
+            widths.append([np.log(high / low) for low, high in answers])
+    by_few, by_all = np.mean(held, axis=0)
+    assert by_all >= by_few - 0.1
+    narrow, wide = np.median(widths, axis=0)
+    assert wide > 0.75 * narrow
+
+
+def rig(rng: np.random.Generator, fails: bool) -> Indicator:
+    """A channel that is calm, or rises to about six times its level in the last eighth of life."""
+    life = rng.uniform(500.0, 1200.0)
+    at = np.arange(0.0, life, 2.0)
+    rise = 5.0 * np.expm1(20.0 * np.maximum(at / life - 0.875, 0.0)) / np.expm1(2.5)
+    level = rng.uniform(0.8, 1.3) * (1.0 + rise * fails) * (1.0 + 0.06 * np.sin(at / 4.0))
+    value = level * (1.0 + 0.03 * rng.standard_normal(len(at)))
+    return Indicator.of("rms", "g", Limit(20.0), at, value).with_(clock="h")
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_rise_is_not_told_by_healthy_ones_wherever_the_limit_lies(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    broken = [rig(rng, fails=True) for _ in range(3)]
+    ended = [one.with_(maintenance=(Maintenance(float(one.at[-1]), "failed"),)) for one in broken]
+    fleet = learn([*ended, *(rig(rng, fails=False) for _ in range(9))])
+    mine = rig(rng, fails=True)
+    whole = float(mine.at[-1])
+    for share in (0.94, 0.97):
+        part = mine.until(share * whole)
+        life = told(part, fleet)
+        assert life.not_before < whole - float(part.at[-1])
+        assert life.median < 0.3 * whole
+    due = alarm_of("bearing", part, life, None, 0.1)
+    assert due is not None and due.kind == "failure_due"

@@ -51,6 +51,8 @@ LATEST = 0.125
 """Share of the values in which a rush is looked for."""
 CERTAIN = 2.0
 """Standard deviations beyond which a rise is no noise."""
+OFTEN = 768
+"""Values from which a rise has to stand out more."""
 NEXT = 0.003
 """Least share of the way that is left."""
 NARROWEST = 0.2
@@ -100,8 +102,12 @@ def _rushed(s: Vector, y: Vector) -> float:
     if first < width - 1:
         return np.inf
     level = medians(y, width)[first:]
-    noise = CERTAIN * noise_of(y) * np.sqrt(np.pi / width)  # of the difference of two medians
-    risen = level[width:] - level[:-width] - noise
+    noise = noise_of(y) * np.sqrt(np.pi / width)  # of the difference of two medians
+    step = level[width:] - level[:-width]
+    # Of many rises some are large by chance: one has to be rare among as many, beyond the usual.
+    rare = scipy.special.ndtr(-CERTAIN) * min(OFTEN / len(y), 1.0) ** 4
+    rises = step - np.median(step) > -float(scipy.special.ndtri(rare)) * noise
+    risen = np.where(rises | (len(y) <= OFTEN), step - CERTAIN * noise, 0.0)
     when = medians(s, width)[first:]
     took = when[width:] - when[:-width]
     if not np.any(risen > 0.0) or not np.median(took) > 0.0:

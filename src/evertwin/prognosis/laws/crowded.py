@@ -2,7 +2,7 @@
 
 The usual step of a series is that by which half of its time was passed, where steps that no
 neighbour shares (a gap, a night) do not count. Of readings that lie within a share of `CROWD` of it
-one stays, with the median value.
+one stays, with the median value; so it is with more than `MOST`.
 
 >>> at = np.r_[np.arange(0.0, 300.0, 30.0), 300.0 + np.arange(30.0) / 5.0]
 >>> usual_step(at), usual_step(np.r_[np.arange(50.0), 200.0 + np.arange(50.0)])
@@ -19,6 +19,8 @@ from evertwin.types import Vector
 BESIDE = 2
 """Steps on each side that a step is compared with."""
 CROWD = 0.2
+MOST = 3000
+"""Readings that stay, about, of a series that was read however often."""
 
 
 def usual_step(at: Vector) -> float:
@@ -43,7 +45,8 @@ def by_time(indicator: Indicator) -> Indicator:
     if not len(known):
         return indicator
     at = clock[known]
-    wide = CROWD * usual_step(at)
+    many = len(at) / MOST
+    wide = usual_step(at) * (CROWD if many <= 1.0 else many)
     if not wide > 0.0:
         return indicator
     part = np.floor((at[-1] - at) / wide).astype(np.int64)

@@ -4,7 +4,7 @@ No law is needed. Each machine of the fleet is looked up at the level that this 
 age nearest to its own among those rows. From there
 
 * *left*: how long it still lasted; one that still runs lasts as long as the others, or longer if it
-  already has;
+  already has, and says no more than that: it makes no interval narrower;
 * *pace*: how much later this one came to that level; unknown of one that began beyond it.
 
 Let R and x be the logarithms of their medians over the fleet, T that of the distance to the limit
@@ -44,13 +44,14 @@ from evertwin.prognosis.laws.indicator import Indicator
 from evertwin.prognosis.laws.life import LEVELS
 from evertwin.prognosis.laws.onset import SHORT, medians, without_covariates
 from evertwin.prognosis.laws.scaled import scaled
-from evertwin.types import Float64, Vector
+from evertwin.prognosis.laws.weighted import quantile_of, quantiles_of, shared
+from evertwin.types import Bools, Float64, Vector
 
 ALIKE = 0.03
 """Share of the way to the limit by which levels differ that are alike."""
-LEAST = 0.02
+LEAST = 0.01
 """Least share of a life that is told apart from none."""
-MOMENTS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)
+MOMENTS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.97)
 """Shares of a life at which each machine is asked for by the others."""
 TANGENT = 0.25
 BEFORE = np.array([0.4, 0.2, 0.2])
@@ -202,13 +203,13 @@ class Lives(NamedTuple):
 
     @classmethod
     def of(cls, ways: Sequence[Way]) -> Lives:
-        """A machine that still runs lives as long as the others, or longer if it already has."""
-        usual = float(np.median([way.end for way in ways if np.isfinite(way.end)]))
-        known = [way.end if np.isfinite(way.end) else max(way.now, usual) for way in ways]
-        log = np.log(known)
-        middle = float(np.median(log))
-        spread = max(1.4826 * float(np.median(np.abs(log - middle))), APART)
-        return cls(middle, spread * float(np.sqrt(1.0 + 1.0 / len(log))))
+        """A machine that still runs lives as those that lived longer than it has."""
+        ended = np.array([np.isfinite(way.end) for way in ways])
+        log = np.log([way.end if np.isfinite(way.end) else way.now for way in ways])
+        weight = shared(log, np.ones(len(log)), ended)
+        middle = quantile_of(log, weight, 0.5)
+        spread = max(1.4826 * quantile_of(np.abs(log - middle), weight, 0.5), APART)
+        return cls(middle, spread * float(np.sqrt(1.0 + 1.0 / ended.sum())))
 
     def beyond(self, age: float, shift: float = 0.0) -> float:
         """Logarithm of the median of what they last beyond the logarithm of an age."""
@@ -240,12 +241,14 @@ class Fleet:
     asked: tuple[Asked, ...] = ()
     """Each machine, asked for by the others."""
     off: Vector = field(default_factory=lambda: np.zeros(0))
-    """By how much the truth was longer than ``left`` there; of one that still runs what is sure."""
+    """By how much the truth was longer than ``left`` there; of one that still runs at least."""
+    ended: Bools = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
+    """Whether it had ended."""
 
     @classmethod
     def of(cls, ways: Sequence[Way], members: Sequence[Member] = ()) -> Fleet:
         """From the ways of machines, at least two of which ended."""
-        asked, off = [], []
+        asked, off, ended = [], [], []
         for k, way in enumerate(ways):
             others = [*ways[:k], *ways[k + 1 :]]
             if not any(np.isfinite(one.end) for one in others):
@@ -256,10 +259,10 @@ class Fleet:
                 if len(part.age) < 2 or part.now <= 0.0:
                     continue
                 one = _ask(others, part)
-                longer = float(np.log(max(whole - part.now, LEAST * whole))) - one.left
                 asked.append(one)
-                off.append(longer if np.isfinite(way.end) else max(longer, 0.0))
-        return cls(tuple(ways), tuple(members), tuple(asked), np.array(off))
+                off.append(float(np.log(max(whole - part.now, LEAST * whole))) - one.left)
+                ended.append(bool(np.isfinite(way.end)))
+        return cls(tuple(ways), tuple(members), tuple(asked), np.array(off), np.array(ended))
 
     @property
     def told(self) -> tuple[str, ...]:
@@ -288,12 +291,16 @@ class Fleet:
         width = max(NEAR, float(np.sort(apart)[count])) if len(apart) else NEAR
         weight = np.exp(-0.5 * (apart / width) ** 2)
         total = float(weight.sum())
-        known = total / (total + EVEN)
+        sure = weight * self.ended
+        known = float(sure.sum() / (sure.sum() + EVEN))
         paces = float(weight @ seen[:, 0] ** 2)
         spread = float(np.hypot(APART, np.sqrt(paces / total))) if total else SHIFT
         shift, doubt = _shift(one.pace, spread)
-        worth = self._worth(seen, weight)
-        low, off, high = _quantiles(self.off - seen @ worth, weight)
+        worth = self._worth(seen, sure)
+        rest = self.off - seen @ worth
+        # One that still runs counts where it has outlasted most that ended from there.
+        longer = rest > quantile_of(rest, sure, 0.5)
+        low, off, high = quantiles_of(rest, weight * (self.ended | longer))
         lives = one.by_lives(Lives.of(self.ways), shift)
         now = np.array([one.pace - shift, np.clip(one.tangent - shift, -1.0, 1.0),
                         np.clip(lives, -FARTHEST, FARTHEST)])  # fmt: skip
@@ -309,6 +316,11 @@ class Fleet:
         out = np.exp(middle + np.where(scores < 0.0, below, above) * scores)
         return Told(np.asarray(out), float(np.exp(shift)))
 
+    @property
+    def reach(self) -> float:
+        """The level that those that ended came to at most."""
+        return reach(self.ways)
+
     def by_age(self, way: Way) -> Float64[np.ndarray, " k"]:
         """What its lives last beyond the age of a machine, whatever its level."""
         return Lives.of(self.ways).remaining(way.now, self._few)
@@ -319,7 +331,9 @@ class Fleet:
         for like in self.ways:
             if not np.isfinite(like.end):
                 continue
-            k = like.row(float(way.level[-1]), way.now, ALIKE * abs(float(way.level[0])))
+            k = like.row(
+                float(way.level[-1]), way.now, ALIKE * abs(reach(self.ways) - float(way.level[0]))
+            )
             there = np.minimum(np.searchsorted(like.level, levels), len(like.age) - 1)
             rest = max(like.end - float(like.age[k]), LEAST * like.end)
             rows.append(np.clip((like.age[there] - like.age[k]) / rest, 0.0, 1.0))
@@ -338,30 +352,35 @@ class Fleet:
         if not len(seen):
             return BEFORE
         columns = seen * weight[:, None]
-        firm = np.diag(FIRM * seen.var(axis=0) + 1e-9)
+        firm = np.diag(FIRM * np.diag(np.cov(seen.T, aweights=weight + 1e-9, bias=True)) + 1e-9)
         found = np.linalg.solve(columns.T @ seen + firm, columns.T @ self.off + firm @ BEFORE)
         return np.asarray(np.clip(found, 0.0, 1.0))
+
+
+def reach(ways: Sequence[Way]) -> float:
+    """The level that those that ended came to at most; below 0: they failed before the limit."""
+    return float(max(way.level[-1] for way in ways if np.isfinite(way.end)))
 
 
 def _ask(ways: Sequence[Way], one: Way) -> Asked:
     """What machines tell of one at its last row."""
     level, age = float(one.level[-1]), one.now
-    about = ALIKE * abs(float(one.level[0]))
-    left, paces, bounds = [], [], []
+    about = ALIKE * abs(reach(ways) - float(one.level[0]))
+    left, paces, ended = [], [], []
     for way in ways:
         k = way.row(level, age, about)
-        ended = np.isfinite(way.end)
-        whole = way.end if ended else way.now
+        known = bool(np.isfinite(way.end))
+        whole = way.end if known else way.now
         rest = whole - float(way.age[k])
-        if float(way.level[0]) <= level + about and (ended or way.level[-1] >= level - about):
+        if float(way.level[0]) <= level + about and (known or way.level[-1] >= level - about):
             least = LEAST * whole
             paces.append(np.log(max(age, least) / max(float(way.age[k]), least)))
-        if ended:
+        if known or rest > 0.0:
             left.append(np.log(max(rest, LEAST * whole)))
-        elif rest > 0.0:
-            bounds.append(np.log(rest))
-    usual = float(np.median(left))
-    middle = float(np.median([*left, *(max(bound, usual) for bound in bounds)]))
+            ended.append(known)
+    each, over = np.array(left), np.array(ended)
+    usual = float(np.median(each[over]))
+    middle = float(np.median(np.where(over, each, np.maximum(each, usual))))
     tangent = one.tangent
     off = float(np.clip(np.log(tangent) - middle, -1.0, 1.0)) if tangent > 0.0 else 0.0
     pace = float(np.median(paces)) if paces else 0.0
@@ -379,13 +398,3 @@ def _shift(pace: float, spread: float) -> tuple[float, float]:
     mean = pace * (SHIFT / wide) ** 2
     square = (SHIFT * spread / wide) ** 2 + mean * mean
     return float(chance * mean), float(np.sqrt(chance * square - (chance * mean) ** 2))
-
-
-def _quantiles(off: Vector, weight: Vector) -> tuple[float, float, float]:
-    """Weighted quantiles at 10, 50 and 90 %; the outer ones lie around the middle one."""
-    if not len(off):
-        return 0.0, 0.0, 0.0
-    order = np.argsort(off)
-    share = np.cumsum(weight[order]) - 0.5 * weight[order]
-    low, half, high = np.interp(np.array([0.1, 0.5, 0.9]) * weight.sum(), share, off[order])
-    return float(low), float(half), float(high)

@@ -69,7 +69,7 @@ def predict_life(
     if isinstance(problem, str):
         return NotEnough(problem)
     even = by_time(indicator)
-    onset = find_onset(even)
+    onset = find_onset(even if fleet is None else towards_end(even, fleet))
     way = None if fleet is None else way_of(indicator)
     if beyond_for_good(indicator) or (way is not None and way.level[-1] >= 0.0):
         found: Life | NotEnough = over(indicator, problem)
@@ -91,6 +91,12 @@ def predict_life(
     if indicator.usage is None:
         return found
     return found.through(Workload.as_before(indicator), indicator.clock)
+
+
+def towards_end(indicator: Indicator, fleet: Fleet) -> Indicator:
+    """With the level as limit that like machines come to at most, where they fail before it."""
+    limit, short = indicator.limit, min(fleet.reach, 0.0)
+    return indicator.with_(limit=replace(limit, value=limit.value + limit.sign * short))
 
 
 def alone(
