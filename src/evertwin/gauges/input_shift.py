@@ -229,11 +229,12 @@ def _shift(rows: Rows, guess: Guess) -> Shift | None:
         return None
     lines = guess.shape, np.linspace(-1.0, 1.0, rows.count)
     grown = min(rows.total(rows.growing(shape[:, None]), both) for shape in lines)
-    if ours > (CLEARLY if told > CLEAR else NO_WORSE) * grown:
-        return None
-    if abs(told) <= CLEAR and rows.count - first < rows.setup.enough:
+    few = abs(told) <= CLEAR and rows.count - first < rows.setup.enough
+    if few and ours <= _no_worse(rows, both) * grown:
         name = rows.setup.model.inputs.names[k]
         raise TooFew(f"{rows.count - first} rows do not tell a shift of {name} from the machine")
+    if ours > (CLEARLY if told > CLEAR else NO_WORSE) * grown:
+        return None
     return Shift(k, size * guess.shape, first, left, told)
 
 
