@@ -13,11 +13,10 @@ evertwin.errors.DataError: cell.csv:2: capacity: expected a life that begins on 
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 
 from evertwin.errors import DataError
+from evertwin.prognosis.headings import dated
 from evertwin.prognosis.laws import Indicator
 from evertwin.prognosis.laws.calendar import UNITS, Calendar
 from evertwin.sources.small_table import Table
@@ -41,7 +40,6 @@ SET_BACK = 3700.0
 """Seconds by which a clock is set back where summer time ends, and some."""
 SUNDAY, NIGHT = 3, 3.0
 """Days since 1970, in weeks, of its night, and until which hour it is set back."""
-_DATED = {"date", "datetime", "datum", "fecha", "dato", "pvm"}
 _YEAR = 365.25 * UNITS["d"]
 
 
@@ -53,8 +51,7 @@ def is_serial(table: Table, name: str) -> bool:
     """
     at = table.numbers.get(name, np.zeros(0))
     at = at[np.isfinite(at)]
-    dated = _DATED.intersection(re.findall(r"[a-z]+", name.lower()))
-    if name in table.dates or not dated or not len(at):
+    if name in table.dates or not dated(name) or not len(at):
         return False
     return bool(np.all((at > SERIAL[0]) & (at < SERIAL[1])))
 

@@ -26,10 +26,21 @@ _BESIDE = {"number", "no", "nr", "num", "index", "idx", "id", "count", "counter"
 """Words that such a heading has beside what it counts."""
 
 
+_DATED = {"date", "datetime", "datum", "fecha", "dato", "pvm"}
+
+
+def dated(heading: str) -> bool:
+    """Does a heading say that its column holds dates?
+
+    >>> dated("Datum"), dated("updates")
+    (True, False)
+    """
+    return not _DATED.isdisjoint(_words(heading))
+
+
 def clock_of(heading: str) -> str:
     """What a heading counts: run, cycle, h or d; empty where it says none of them."""
-    said = re.findall(r"[a-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", heading).lower())
-    rest = [word for word in said if word not in _BESIDE]
+    rest = [word for word in _words(heading) if word not in _BESIDE]
     return next((clock for clock, own in _WORDS.items() if len(rest) == 1 and rest[0] in own), "")
 
 
@@ -49,3 +60,7 @@ def numbering(table: Table) -> str | None:
         if not table.dates and np.all(steps > 0.0) and np.any(steps != 1.0):
             return name
     return None
+
+
+def _words(heading: str) -> list[str]:
+    return re.findall(r"[a-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", heading).lower())

@@ -25,6 +25,8 @@ import numpy as np
 from evertwin.errors import DataError
 from evertwin.prognosis.laws import Indicator
 from evertwin.prognosis.laws.scaled import noise_of, steady
+from evertwin.signals.mistaken import mistaken
+from evertwin.signals.units import conversion_of, si_unit
 from evertwin.types import Vector
 
 FEW = 5
@@ -43,10 +45,8 @@ SURE, LIKE, BENT = 15.0, 2.5, 0.25
 pace may move the level within the values that it is seen from."""
 NEAR = 3
 """Rows about a mark that a step beside it belongs to."""
-FACTORS = (10.0, 100.0, 1e3, 1e6, 14.5038, 25.4, 57.29578, 60.0, 3600.0)
-"""Of a unit in another of its kind: prefixes, psi, inches, degrees, times."""
-SHIFTED = ((1.8, 32.0), (1.0 / 1.8, -32.0 / 1.8), (1.0, 273.15), (1.0, -273.15))
-"""Temperatures on another scale: factor, and what is added."""
+FAR = 10.0
+"""Factor of a plain number, of which nobody knows the quantity, from which no damage is likely."""
 EXACT, ABOUT = 0.01, 5.0
 """Share of a value by which it may miss what a change of unit makes of it, beside its scatter; and
 the factor by which the scatter of few values may."""
@@ -75,14 +75,17 @@ class Step(NamedTuple):
         """Towards the limit above 0."""
         return self.after - self.before
 
-    def in_another_unit(self, sign: float) -> bool:
-        """Is the new level what a change of unit makes of the old one?"""
+    def in_another_unit(self, sign: float, unit: str) -> bool:
+        """Is the new level what a change of unit makes of the old one, told in ``unit``?"""
         old, new = sign * self.before, sign * self.after
-        scales = [(f, 0.0) for one in FACTORS for f in (one, 1.0 / one)]
-        for factor, added in (*scales, *SHIFTED):
+        size, zero = conversion_of(unit)
+        for one in mistaken(unit, si_unit(unit or "1")):
+            factor, read = one.number, (one.of(size * old + zero) - zero) / size
+            if factor < 0.0 or (unit in ("", "1") and not one.scale and 1.0 / FAR < factor < FAR):
+                continue
             near = EXACT * abs(new) + 3.0 * max(factor * self.scatter, self.scattered) / FEW
             ratio = self.scattered / max(factor * self.scatter, 1e-300)
-            if abs(factor * old + added - new) <= near and 1.0 / ABOUT < ratio < ABOUT:
+            if abs(read - new) <= near and 1.0 / ABOUT < ratio < ABOUT:
                 return True
         return False
 
@@ -108,7 +111,7 @@ def check_steps(own: Indicator, name: str, lines: Sequence[int]) -> None:
         idle = 2.0 * up >= -one.size  # it comes and goes
         if -one.size >= BACK * way and undone >= UNDONE and not idle:
             (units if undone > BEYOND else back).append(one)
-        elif one.size > 0.0 and one.in_another_unit(sign):
+        elif one.size > 0.0 and one.in_another_unit(sign, own.unit):
             units.append(one)
     for several, asked in (
         (units, "is it in another unit, or was the part replaced? Correct the rows, or say so"),
