@@ -19,12 +19,12 @@ endef
 COMPILE := $(BIN)/python tools/alive.py compiling $(BIN)/python -m compileall -qq -j 0 -x '/tests?/' .venv/lib || true
 
 .PHONY: help venv demo test kernels lint types reference docs notebooks bench coverage prove
-.PHONY: wheel clean
+.PHONY: wheel clean again
 .DEFAULT_GOAL := help
 
 help:
 	@sed -n 's/^#   //p' Makefile
-	@echo "also: venv kernels lint types reference docs notebooks bench coverage prove wheel clean"
+	@echo "also: venv kernels lint types reference docs notebooks bench coverage prove wheel clean again"
 
 .venv/pyvenv.cfg:
 	@test -n "$(PYTHON)" || { echo "No Python 3.11 or newer with venv was found: install it" \
@@ -54,6 +54,10 @@ demo: .venv/.has-all
 
 test: .venv/.has-dev
 	$(BIN)/python -m pytest -n $(WORKERS) $(if $(filter true 1 yes,$(CI)),--durations=40)
+
+# What failed, one test at a time and with nothing beside it.
+again: .venv/.has-dev
+	$(BIN)/python -m pytest --last-failed --last-failed-no-failures none
 
 # Counting lines takes half as long again as the tests themselves.
 coverage: .venv/.has-dev
