@@ -111,6 +111,14 @@ class DataError(EvertwinError):
     exit_code = 4
 
 
+class TooFew(DataError):
+    """Too few rows to judge yet; more may come.
+
+    >>> TooFew("correction: expected at least 30 segments").exit_code
+    4
+    """
+
+
 class ModelError(EvertwinError):
     """A model that cannot be built or run.
 

@@ -52,7 +52,7 @@ def hold(seconds: int) -> None:
 
 def told(path: Path, seconds: float = 600.0, *, native: bool = False) -> int:
     """Writes the number of its process down, then takes long."""
-    written = path.with_suffix(".part")  # the file is there only whole: who sees it may end the worker
+    written = path.with_suffix(".part")  # whoever sees the file may end this: it is there whole
     written.write_text(str(os.getpid()))
     written.rename(path)
     if native:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from evertwin.config.spec import AnomalySpec, ModelSpec, TwinSpec
-from evertwin.correction.improve import TooFew
+from evertwin.errors import TooFew
 from evertwin.fold import make_block
 from evertwin.gauges.gauge import silent
 from evertwin.gauges.gauge_rows import Rows

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from evertwin.errors import DataError, UsageError
+from evertwin.errors import TooFew, UsageError
 from evertwin.fold import Block
 from evertwin.models import Model, Restart
 from evertwin.models.batch import Batch
@@ -137,7 +137,7 @@ def gather(
         outputs: those that count; empty: all.
 
     Raises:
-        DataError: fewer than four segments can be judged.
+        TooFew: fewer than four segments can be judged.
         UsageError: the model is a static map, which corrections of the input do not apply to.
     """
     values = model.parameters.values if p is None else p
@@ -156,7 +156,7 @@ def gather(
         count += int(numbers[-1]) + 1 if len(numbers) else 0
         offset += len(window.t)
     if count < 4:
-        raise DataError(
+        raise TooFew(
             f"correction: expected at least 4 segments of {reach:g} s with measured outputs, got "
             f"{count}: give more data or a shorter horizon"
         )

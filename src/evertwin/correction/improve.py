@@ -43,7 +43,7 @@ from evertwin.correction.describe import describe
 from evertwin.correction.evidence import Evidence, asked_of, gather, mean_deviation
 from evertwin.correction.fitting import Scored, confirm, fit_candidate, refit, settled
 from evertwin.correction.stack import Part, Stack
-from evertwin.errors import DataError, UsageError
+from evertwin.errors import TooFew, UsageError
 from evertwin.fold import Block, plain
 from evertwin.models import Model
 from evertwin.models.corrected import Corrected
@@ -62,14 +62,6 @@ SWAP = 1.0
 comes: of forms that both pay, the simplest within one standard error of the best."""
 NEAR = 0.01
 """Held-out deviations this near are equal: the simpler term wins."""
-
-
-class TooFew(DataError):
-    """Not enough segments yet to look for corrections.
-
-    >>> TooFew("correction: expected at least 30 segments").exit_code
-    4
-    """
 
 
 @dataclass(frozen=True)

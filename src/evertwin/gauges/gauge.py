@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from evertwin.correction.improve import TooFew
+from evertwin.errors import TooFew
 from evertwin.gauges.change import split
 from evertwin.gauges.gauge_rows import LEAST, Rows
 from evertwin.gauges.misread import ALIKE, Reading, misread, possible

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.correction.improve import TooFew
+from evertwin.errors import TooFew
 from evertwin.fold import Block
 from evertwin.gauges import in_words
 from evertwin.gauges.change import split

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.correction.improve import TooFew
+from evertwin.errors import TooFew
 from evertwin.fold import Block, Mark, take
 from evertwin.gauges.sensor_change import LEAST, SensorChange, since_change, unmeasured
 from evertwin.gauges.unlike import Changes, changes

@@ -17,7 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from evertwin.correction.improve import TooFew
+from evertwin.errors import TooFew
 from evertwin.fold import Block, Mark
 from evertwin.gauges import in_words
 from evertwin.gauges.change import split

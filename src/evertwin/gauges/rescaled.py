@@ -13,7 +13,7 @@ from functools import partial
 
 import numpy as np
 
-from evertwin.correction.improve import TooFew
+from evertwin.errors import TooFew
 from evertwin.gauges.sensor_change import LEAST, SensorChange, since_change, unmeasured
 from evertwin.models import Model
 from evertwin.models.batch import mapped

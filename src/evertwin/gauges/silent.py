@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from evertwin.correction.improve import TooFew
+from evertwin.errors import TooFew
 from evertwin.fold import Block
 from evertwin.gauges import in_words
 from evertwin.gauges.gauge_rows import LEAST, Rows

@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from evertwin.correction.improve import TooFew
+from evertwin.errors import TooFew
 from evertwin.gauges.gauge_rows import Rows, residual
 from evertwin.gauges.input_shift import without
 from evertwin.gauges.sensor_change import SensorChange, unmeasured

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from evertwin.correction.improve import TooFew
+from evertwin.errors import TooFew
 from evertwin.gauges import in_words
 from evertwin.gauges.exchanged import exchanged
 from evertwin.gauges.rescaled import rescaled

@@ -51,4 +51,5 @@ def judged(setup: Setup, problem: Problem, fit: Fit) -> Verdict:
     if found.cause or part >= NEARLY_ALL:  # the window may hold rows of the machine as it was
         return replace(found, reason=f"{found.reason}; {short}")
     reason = f"{short}, and explains {100 * part:.0f} %: the form does not reach it"
+    reason += "" if setup.static else "; [correction] terms names none that may be tried"
     return replace(found, kind="abnormal", reason=reason, alone=True)

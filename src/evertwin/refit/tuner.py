@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from evertwin.correction.improve import TooFew
-from evertwin.errors import DataError, ModelError
+from evertwin.errors import DataError, ModelError, TooFew
 from evertwin.gauges.change import changed, split
 from evertwin.gauges.gauge_rows import Rows
 from evertwin.gauges.settled import settled

@@ -17,8 +17,7 @@ import numpy as np
 
 from evertwin.anomaly.verdict import Verdict, explained
 from evertwin.config.spec import TwinSpec
-from evertwin.correction.improve import TooFew
-from evertwin.errors import DataError, ModelError, UsageError
+from evertwin.errors import DataError, ModelError, TooFew, UsageError
 from evertwin.fold import plain
 from evertwin.gauges.change import suddenly
 from evertwin.gauges.gauge import at_once
