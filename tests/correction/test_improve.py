@@ -180,6 +180,14 @@ def test_several_windows_count_like_tasks() -> None:
     assert [t.kind for t in found.form.terms] == ["lag"]
 
 
+@pytest.mark.parametrize("share", [0.1, 0.3, 0.6, 0.9])
+def test_a_dead_time_up_to_the_horizon_is_no_lag(share: float) -> None:
+    rows = drive((LAG,), {"lag.delay": share * 2.0, "lag.tau": 0.0}, n=1200)
+    found = improve(Differential(), Form(), (rows,), 2.0, Selection(kinds=("lag",)))
+    assert value(found.names, found.p, "lag.delay") == pytest.approx(share * 2.0, abs=0.02)
+    assert value(found.names, found.p, "lag.tau") < 0.02
+
+
 def test_misuse() -> None:
     short = make_block(t=np.arange(3) * 10**9, u=np.ones((3, 1)), y=np.ones((3, 1)))
     with pytest.raises(DataError, match="at least 4 segments"):
@@ -228,3 +236,18 @@ def test_every_kind_is_said_in_words() -> None:
         (Term("law", "v"), (1.0, 0.1, 0.5), "offset 0.1 m/s"),
     ]:
         assert said in describe(stack.plus(term, values))[0]
+
+
+def test_what_is_said_is_what_goes_live() -> None:
+    rows = drive((LAG,), {"lag.delay": 0.3, "lag.tau": 0.2}, n=1200)
+    found = improve(Differential(), Form(), (rows,), 2.0, Selection(kinds=("lag",)))
+    delay, tau = (value(found.names, found.p, f"lag.{n}") for n in ("delay", "tau"))
+    assert f"delay of {delay:.3g} s and a first-order lag of {tau:.3g} s" in found.describes[0]
+    every = stack_of(Differential(), found.form, found.p)
+    fold = fit_candidate(
+        stack_of(Differential(), Form()),
+        next(iter(propose(Rows(Differential(), (rows,), (), 2.0), ("lag",)))),
+        gather(Differential(), (rows,), 2.0, found.scale),
+    )
+    # the numbers of all rows, not those of the last fold that was predicted without its own
+    assert every.p == pytest.approx(fold.stack.p, abs=1e-3)

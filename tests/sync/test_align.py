@@ -335,6 +335,25 @@ def test_a_uniform_grid() -> None:
     assert np.flatnonzero(out.rows.gap).tolist() == [0, 6]
 
 
+def test_a_command_on_a_grid_is_its_mean_over_the_interval() -> None:
+    commands = [(0, 1.0), (130, 2.0), (270, 0.0), (300, 4.0)]
+    v = [[value, 0.0] for _, value in commands]
+    pieces = [chunk("a", [at for at, _ in commands], v), chunk("b", range(0, 500, 100))]
+    _, out = run(pair(rate=1e7), pieces)
+    assert out.rows.t.tolist() == [0, 100, 200, 300, 400]
+    expected = [1.0, 1.0, 0.3 * 1.0 + 0.7 * 2.0, 0.7 * 2.0 + 0.3 * 0.0, 4.0]
+    np.testing.assert_allclose(out.rows.u[:, 0], expected, atol=1e-15)
+    assert equal(run(pair(rate=1e7), singles(pieces))[1].rows, out.rows)
+
+
+def test_a_heading_that_is_commanded_turns_the_short_way() -> None:
+    align = Align(HEADING, X, (Feed("a", ("heading",)), Feed("b", ("x",))), rate=1e7)
+    turn = Chunk("a", np.array([0, 150]), np.array([[3.0], [-3.0]]))
+    _, out = run(align, [turn, chunk("b", [0, 100, 200])])
+    half = 3.0 + 0.5 * (2 * np.pi - 6.0)
+    np.testing.assert_allclose(out.rows.u[:, 0], [3.0, 3.0, half], atol=1e-12)
+
+
 @pytest.mark.parametrize("broken", [np.inf, -1e200])
 def test_infinite_and_absurd_values_are_errors_and_nan_is_absent(broken: float) -> None:
     v = [[1.0, 0.0], [broken, 0.0], [np.nan, 0.0], [4.0, 0.0]]

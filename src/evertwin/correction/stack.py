@@ -78,9 +78,9 @@ class Stack:
         terms = tuple(part.term for part in self.parts)
         return Corrected(self.base, terms) if terms else self.base
 
-    @cached_property
+    @property
     def p(self) -> ParameterVector:
-        """Parameters of `model`, in order."""
+        """Parameters of `model`, in order: an array of the caller's own."""
         values = [v for part in self.parts for v in part.values]
         return np.array([*self.inner, *values], dtype=np.float64)
 

@@ -10,7 +10,8 @@ keep more than ``depth`` samples, rows leave without the others.
 What a row holds:
 
 * a command (``hold``) acts from its stamp on, so a row's input is the newest one before its
-  interval; it is marked held where it is older than the row before;
+  interval, and on a grid the mean over an interval that it changes within; it is marked held where
+  it is older than the row before;
 * a measured input (``lines``) is the one at the row, interpolated where its source has none; where
   rows are cut at holes, it is marked late in a hole of its source: a lost sample or more;
 * a number beyond `LARGEST` is no measurement: it counts as infinite;
@@ -41,6 +42,7 @@ from evertwin.fold import Block, Chunk, Event, Out
 from evertwin.fold.block import LARGEST
 from evertwin.signals import Layout
 from evertwin.sync import align_loop as loop
+from evertwin.sync import on_row_loop as on_row
 from evertwin.sync import pace_loop
 from evertwin.sync.horizon import nanoseconds
 from evertwin.sync.horizon_loop import NEVER
@@ -198,7 +200,7 @@ class Align:
         clock = np.zeros(11, dtype=np.int64)
         clock[[loop.TASK, loop.NOW]] = NEVER
         sources = np.zeros((ns, 14), dtype=np.int64)
-        sources[:, loop.NEWEST] = NEVER
+        sources[:, on_row.NEWEST] = NEVER
         waiting = np.zeros((ns, self.depth), dtype=np.int64), np.zeros((ns, self.depth, width))
         known = np.full(nc, NEVER), np.full(nc, np.nan), np.full(nc, NEVER)
         pace = np.zeros(pace_loop.FIRST + pace_loop.KNOWN, dtype=np.int64)
@@ -247,7 +249,7 @@ class Align:
         t, v = np.ascontiguousarray(chunk.t), np.ascontiguousarray(chunk.v, dtype=np.float64)
         parts, events, start = [], [], 0
         while start < len(t):
-            rows = self._room(len(t) - start + sum(state.sources[:, loop.COUNT].tolist()) + 1)
+            rows = self._room(len(t) - start + sum(state.sources[:, on_row.COUNT].tolist()) + 1)
             found = np.empty((NOTES + len(self.feeds), 6), dtype=np.int64)
             extent = np.zeros(2, dtype=np.int64)
             start = loop.push(
@@ -278,11 +280,11 @@ class Align:
         if not plain or self.jump < float("inf") or len(chunk.t) < WORTH:
             return None
         begun = clock[loop.BEGUN] == 1 and clock[loop.TASK] == chunk.task
-        calm = source[loop.RUN] == 0 and source[loop.QUIET] == 0 and source[loop.COUNT] == 0
+        calm = source[on_row.RUN] == 0 and source[on_row.QUIET] == 0 and source[on_row.COUNT] == 0
         if not (begun and calm and clock[loop.ANEW] == 0):
             return None
-        t = chunk.t + (source[loop.OFFSET] + clock[loop.SHIFT])
-        columns = self._plan[1][:, loop.COLUMN]
+        t = chunk.t + (source[on_row.OFFSET] + clock[loop.SHIFT])
+        columns = self._plan[1][:, on_row.COLUMN]
         values = chunk.v[:, columns]
         sound = np.isfinite(values).all() and not (np.abs(chunk.v) > LARGEST).any()
         if not (sound and t[0] > clock[loop.LAST] and (t[1:] > t[:-1]).all()):
@@ -298,25 +300,25 @@ class Align:
         self, state: AlignState, t: Stamps, values: Float64[np.ndarray, "n channels"], chunk: Chunk
     ) -> Rows:
         n, nu, clock = len(t), len(self.inputs), state.clock
-        held = self._plan[1][:nu, loop.HOW] == loop.HOLD
+        held = self._plan[1][:nu, on_row.HOW] == loop.HOLD
         u, mark = values[:, :nu].copy(), np.zeros(values.shape, dtype=np.uint8)
         u[1:, held] = values[:-1, :nu][:, held]
         u[0, held] = state.known_v[:nu][held]
         old = state.known_t[:nu] != clock[loop.LAST]
-        mark[0, :nu][held & old] = loop.HELD
-        mark[0, :nu][held & np.isnan(state.known_v[:nu])] = loop.ABSENT
+        mark[0, :nu][held & old] = on_row.HELD
+        mark[0, :nu][held & np.isnan(state.known_v[:nu])] = on_row.ABSENT
         steps = np.diff(t, prepend=clock[loop.LAST])
         number = clock[loop.ROW] + np.arange(n)
         clock[loop.ROW] += n
         clock[loop.STEP] += n
-        clock[loop.LAST] = state.sources[0, loop.NEWEST] = t[-1]
+        clock[loop.LAST] = state.sources[0, on_row.NEWEST] = t[-1]
         clock[loop.FORCED] = 0
-        state.sources[0, loop.TIMELY] += n
+        state.sources[0, on_row.TIMELY] += n
         # The ring turns by n places, as it does sample by sample.
         kept = min(n, self.depth)
-        places = (state.sources[0, loop.HEAD] + np.arange(n - kept, n)) % self.depth
+        places = (state.sources[0, on_row.HEAD] + np.arange(n - kept, n)) % self.depth
         state.times[0, places], state.values[0, places] = t[-kept:], chunk.v[-kept:]
-        state.sources[0, loop.HEAD] = (state.sources[0, loop.HEAD] + n) % self.depth
+        state.sources[0, on_row.HEAD] = (state.sources[0, on_row.HEAD] + n) % self.depth
         state.known_t[:], state.known_v[:] = t[-1], values[-1]
         tasks, gap = np.full(n, chunk.task, dtype=np.int64), steps > self._times[0]
         state.pace[pace_loop.TAKEN] = t[-1]

@@ -13,21 +13,37 @@ import numpy as np
 from evertwin.compiled.functions import njit
 from evertwin.compiled.memory import borrowed
 from evertwin.fold.block import LARGEST
-from evertwin.sync.horizon_loop import NEVER, wrapped
-from evertwin.sync.pace_loop import TAKEN, is_hole, is_over, is_told, is_unusual, learn, paced
+from evertwin.sync.horizon_loop import NEVER
+from evertwin.sync.on_row_loop import (
+    ABSENT,
+    COLUMN,
+    COUNT,
+    ERROR,
+    HEAD,
+    HELD,
+    HOW,
+    LATE,
+    NEWEST,
+    OFFSET,
+    OK,
+    PACE,
+    QUIET,
+    REPEATED,
+    RUN,
+    RUN_COUNT,
+    RUN_FIRST,
+    RUN_LAST,
+    RUN_OTHERS,
+    SOURCE,
+    TIMELY,
+    acted,
+    between,
+)  # fmt: skip
+from evertwin.sync.pace_loop import TAKEN, is_over, is_told, is_unusual, learn, paced
 
 SLACK, TIMEOUT = 0, 1
 """Settings per source [ns]."""
-SOURCE, COLUMN, HOW, TURNS = range(4)
-"""Settings per channel: source, its column, how it comes onto the row, is it an angle?"""
 HOLD, LINE, MEASURED = range(3)
-(
-    HEAD, COUNT, NEWEST, OFFSET, QUIET, RUN, RUN_FIRST, RUN_LAST, RUN_COUNT, RUN_OTHERS, LATE,
-    REPEATED, TIMELY, PACE,
-) = range(14)  # fmt: skip
-"""Memory per source: ring, newest stamp, offset of its clock, is it silent?, the run of samples
-that were not folded (kind, first and last stamp, number, timely samples at its start), counters,
-its usual interval (where rows are cut at holes)."""
 ROW, LAST, TASK, BEGUN, ANEW, SHIFT, NOW, GRID, STEP, PENDING, FORCED = range(11)
 """Memory of the clock: next row's number, last row's stamp, task, has a row left?, does the next
 one start anew?, shift of this task, newest tick, first stamp and number of the grid's next row, is
@@ -38,7 +54,6 @@ MOVE = 10 * 10**9
 """Distance that a task keeps whose stamps had to be shifted [ns]."""
 RESYNC = 8
 """Samples in a row off by more than the longest jump, after which a clock is set anew."""
-OK, ABSENT, HELD, UNSEEN, ERROR = 0, 1, 2, 3, 6
 TICK, FINISH = -1, -2
 
 
@@ -193,27 +208,6 @@ def consume(channels: Any, sources: Any, times: Any, values: Any, known: Any, un
 
 
 @njit(cache=True, error_model="numpy")
-def between(
-    channels: Any, sources: Any, times: Any, values: Any, known: Any, k: int, stamp: int, gap: int
-) -> Any:
-    """(channel ``k`` on the line to its next finite sample that waits, its mark); NaN without."""
-    known_t, known_v, _, _ = known
-    s, depth = channels[k, SOURCE], times.shape[1]
-    for m in range(sources[s, COUNT]):
-        place = (sources[s, HEAD] + m) % depth
-        value = values[s, place, channels[k, COLUMN]]
-        if np.isfinite(value):
-            width = times[s, place] - known_t[k]
-            if width > gap:
-                return np.nan, ABSENT
-            step = wrapped(value - known_v[k], channels[k, TURNS] > 0)
-            reached = known_v[k] + step * ((stamp - known_t[k]) / width)
-            level = UNSEEN if is_hole(sources[s, PACE], width) else HELD
-            return float(wrapped(reached, channels[k, TURNS] > 0)), level
-    return np.nan, ABSENT
-
-
-@njit(cache=True, error_model="numpy")
 def emit(
     channels: Any, clock: Any, sources: Any, times: Any, values: Any, known: Any, rows: Any,
     notes: Any, stamp: int, rule: Any,
@@ -236,7 +230,7 @@ def emit(
         learn(pace, passed)
     for k in range(nu):
         # A command acts from its stamp on: what is held is the newest before the interval.
-        u[at, k] = known_v[k]
+        u[at, k] = acted(channels, sources, times, values, known_v[k], k, (clock[LAST], stamp))
         mark[at, k] = OK if known_t[k] == clock[LAST] else HELD
     consume(channels, sources, times, values, known, stamp)
     for k in range(channels.shape[0]):

@@ -109,7 +109,8 @@ class ClockSpec(Section):
     """
 
     rate: Hertz | None = None
-    """Resample each task onto a uniform grid; absent: the union of the stamps."""
+    """Resample each task onto a uniform grid, where a command that changes between two rows is its
+    mean over the interval; absent: the union of the stamps."""
     gap: Duration | None = None
     """Longest interval that is simulated over: behind a longer one the state starts anew. Absent:
     four times the longest of the usual intervals between samples (of whichever source; pauses that

@@ -31,6 +31,16 @@ CAPACITY = 16
 """Changes of the input that are remembered; ``levels=(64,)`` says otherwise."""
 MOST = 250
 """Most changes that a proposal remembers."""
+STARTS = (
+    (0.02, 0.1),
+    (0.1, 0.3),
+    (0.25, 0.05),
+    (0.4, 0.05),
+    (0.55, 0.05),
+    (0.7, 0.05),
+    (0.85, 0.05),
+)
+"""Delays and time constants that the search begins at, in horizons."""
 LONG = 1e6
 """Seconds for which the first command is taken to have been held before it was seen."""
 
@@ -137,16 +147,15 @@ class Lag(CorrectionTerm):
         return found
 
     def propose(self, rows: Rows) -> Iterator[Candidate]:
-        """Delay up to a quarter of the horizon, time constant up to the horizon."""
+        """Delay and time constant up to the horizon: what comes later shows in no prediction."""
         if not rows.chosen:
             return
         horizon = rows.horizon
-        delay, tau = 0.25 * horizon, horizon
-        capacity = min(changes_within(rows.windows, delay) + 2, MOST)
-        starts = tuple((a * horizon, b * horizon) for a, b in ((0.02, 0.1), (0.1, 0.3)))
+        capacity = min(changes_within(rows.windows, horizon) + 2, MOST)
+        starts = tuple((a * horizon, b * horizon) for a, b in STARTS)
         yield Candidate(
             Term(self.kind, "*", levels=(float(capacity),)), SIMPLE, starts,
-            (0.0, 1e-3 * horizon), (delay, tau), (0.05 * horizon,) * 2,
+            (0.0, 1e-3 * horizon), (horizon, horizon), (0.05 * horizon,) * 2,
         )  # fmt: skip
 
     def say(self, term: Term, values: Sequence[float], unit: str, intervals: Intervals) -> str:

@@ -1,0 +1,68 @@
+"""Compiled: what a channel is at a row, by the samples that wait, and where their memory has what.
+
+A command is what it was over the row's interval, a measurement on the line to its next sample.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from evertwin.compiled.functions import njit
+from evertwin.sync.horizon_loop import wrapped
+from evertwin.sync.pace_loop import is_hole
+
+SOURCE, COLUMN, HOW, TURNS = range(4)
+"""Settings per channel: source, its column, how it comes onto the row, is it an angle?"""
+(
+    HEAD, COUNT, NEWEST, OFFSET, QUIET, RUN, RUN_FIRST, RUN_LAST, RUN_COUNT, RUN_OTHERS, LATE,
+    REPEATED, TIMELY, PACE,
+) = range(14)  # fmt: skip
+"""Memory per source: ring, newest stamp, offset of its clock, is it silent?, the run of samples
+that were not folded (kind, first and last stamp, number, timely samples at its start), counters,
+its usual interval (where rows are cut at holes)."""
+OK, ABSENT, HELD, UNSEEN, ERROR = 0, 1, 2, 3, 6
+
+
+@njit(cache=True, error_model="numpy")
+def acted(
+    channels: Any, sources: Any, times: Any, values: Any, held: float, k: int, interval: Any
+) -> float:
+    """Mean of command ``k`` over an interval that it may change within, as on a grid it does."""
+    s, depth, turns = channels[k, SOURCE], times.shape[1], channels[k, TURNS] > 0
+    begin, end = interval
+    total, value, since = 0.0, held, begin
+    for m in range(sources[s, COUNT]):
+        place = (sources[s, HEAD] + m) % depth
+        if times[s, place] >= end:
+            break
+        new = values[s, place, channels[k, COLUMN]]
+        if np.isfinite(new):
+            total += wrapped(value - held, turns) * (times[s, place] - since)
+            value, since = new, times[s, place]
+    if since == begin:
+        return held
+    total += wrapped(value - held, turns) * (end - since)
+    return float(wrapped(held + total / (end - begin), turns))
+
+
+@njit(cache=True, error_model="numpy")
+def between(
+    channels: Any, sources: Any, times: Any, values: Any, known: Any, k: int, stamp: int, gap: int
+) -> Any:
+    """(channel ``k`` on the line to its next finite sample that waits, its mark); NaN without."""
+    known_t, known_v, _, _ = known
+    s, depth = channels[k, SOURCE], times.shape[1]
+    for m in range(sources[s, COUNT]):
+        place = (sources[s, HEAD] + m) % depth
+        value = values[s, place, channels[k, COLUMN]]
+        if np.isfinite(value):
+            width = times[s, place] - known_t[k]
+            if width > gap:
+                return np.nan, ABSENT
+            step = wrapped(value - known_v[k], channels[k, TURNS] > 0)
+            reached = known_v[k] + step * ((stamp - known_t[k]) / width)
+            level = UNSEEN if is_hole(sources[s, PACE], width) else HELD
+            return float(wrapped(reached, channels[k, TURNS] > 0)), level
+    return np.nan, ABSENT
