@@ -126,7 +126,7 @@ class Served:
     def end(self) -> int:
         """As systemd does; the exit code."""
         self.process.send_signal(signal.SIGTERM)
-        code = self.process.wait(20)
+        code = self.process.wait(60)
         self.process.stdout.close()  # type: ignore[union-attr]
         return code
 

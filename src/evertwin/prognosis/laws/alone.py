@@ -105,7 +105,7 @@ def _rushed(s: Vector, y: Vector) -> float:
     noise = noise_of(y) * np.sqrt(np.pi / width)  # of the difference of two medians
     step = level[width:] - level[:-width]
     # Of many rises some are large by chance: one has to be rare among as many, beyond the usual.
-    rare = scipy.special.ndtr(-CERTAIN) * min(OFTEN / len(y), 1.0) ** 4
+    rare = scipy.special.ndtr(-CERTAIN) * min(OFTEN / len(y), 1.0) ** 8
     rises = step - np.median(step) > -float(scipy.special.ndtri(rare)) * noise
     risen = np.where(rises | (len(y) <= OFTEN), step - CERTAIN * noise, 0.0)
     when = medians(s, width)[first:]
