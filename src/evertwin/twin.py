@@ -274,10 +274,10 @@ class Twin(loop.ByHand):
             horizon: how far [s]; with ``inputs``: as far as these reach.
             data: recordings up to now; None: the twin file's.
             mode: ``repeat`` the newest inputs, or ``hold`` the last ones.
-            inputs: CSV with ``t`` and the inputs to come.
+            inputs: CSV with ``t`` and the inputs to come, as recorded or in the units recorded.
         """
         basis = self.prospect().basis
-        told = None if inputs is None else ahead.rows_of_file(basis.model, Path(inputs))[0]
+        told = None if inputs is None else ahead.rows_of_file(basis, Path(inputs))[0]
         return ahead.forecast(basis, horizon, data, mode, told)
 
     @_RUNAWAY

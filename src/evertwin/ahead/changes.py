@@ -3,9 +3,8 @@
 A `Case` is all that a simulation needs. A scenario is its changes, one after the other, on the case
 of today; nothing of today is touched.
 
-A new path is inputs to come: from a file, or from the moves of an arm. A file names the model's
-inputs in its headings, with ``t`` [s], and may hold outputs as they are meant to be; what an arm's
-file leaves out of speed and acceleration is taken from the positions.
+A new path is inputs to come: from a file (`evertwin.ahead.planned`), which may hold outputs as they
+are meant to be, or from the moves of an arm.
 """
 
 from __future__ import annotations
@@ -18,11 +17,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy
 
 from evertwin.ahead.basis import Basis, Future
+from evertwin.ahead.planned import rows_of_file
 from evertwin.ahead.spec import LoadSpec, PathSpec, ScenarioSpec
-from evertwin.errors import ConfigError, DataError, UsageError
+from evertwin.errors import ConfigError, UsageError
 from evertwin.machines.arm.chain import Chain
 from evertwin.machines.arm.inertia import NAMES, point
 from evertwin.machines.assembly.path import Limits, moves_of, plan
@@ -31,8 +30,7 @@ from evertwin.models.corrected import Corrected, build
 from evertwin.setup.configured_model import model_of
 from evertwin.signals import Layout
 from evertwin.signals.units import compatible
-from evertwin.sources.small_table import Table, read_table
-from evertwin.types import ParameterVector, Vector
+from evertwin.types import ParameterVector
 
 ACCELERATION = 2.0
 """Highest acceleration of a joint where nothing is said [rad/s²]."""
@@ -53,35 +51,6 @@ def chain_of(model: Model) -> Chain | None:
     model = inner(model)
     found = getattr(model, "chain", None) or getattr(getattr(model, "train", None), "chain", None)
     return found if isinstance(found, Chain) else None
-
-
-def rows_of_file(model: Model, path: Path) -> tuple[Future, Mapping[str, Vector]]:
-    """Inputs to come, and the outputs that the file plans.
-
-    Raises:
-        DataError: a column lacks, the time does not rise, or a cell is empty.
-    """
-    table = read_table(path)
-    t = table.column("t")
-    if len(t) < 2 or not np.all(np.diff(t) > 0.0):
-        raise DataError(f"{path}: expected two rows or more with a rising t [s]")
-    columns = [_input(table, t, name) for name in model.inputs.names]
-    u = np.ascontiguousarray(np.stack(columns, axis=1))
-    if not np.isfinite(u).all():
-        row, column = (int(k[0]) for k in np.nonzero(~np.isfinite(u)))
-        raise DataError(f"{path}: row {row + 1} lacks {model.inputs.names[column]}")
-    dt = np.diff(t, prepend=t[0] - (t[1] - t[0]))
-    planned = {name: table.column(name) for name in model.outputs.names if name in table.names}
-    return Future(u, dt), planned
-
-
-def _input(table: Table, t: Vector, name: str) -> Vector:
-    """A column, or a derivative of the arm's position ``q…``."""
-    order = 2 if name.startswith("qdd") else 1 if name.startswith("qd") else 0
-    if name in table.names or order == 0:
-        return table.column(name)
-    spline: Any = scipy.interpolate.CubicSpline(t, table.column("q" + name[order + 1 :]))
-    return np.asarray(spline(t, order))
 
 
 def motion_of_moves(path: PathSpec, chain: Any, start: Sequence[float], inputs: Layout) -> Future:
@@ -239,7 +208,7 @@ def replaced(basis: Basis, case: Case, component: str, values: Mapping[str, floa
 
 def _path(basis: Basis, case: Case, path: PathSpec, folder: Path) -> Case:
     if path.file is not None:
-        future, planned = rows_of_file(case.model, folder / path.file)
+        future, planned = rows_of_file(basis, folder / path.file)
         return replace(case, future=future, planned=planned)
     chain = chain_of(basis.setup.model)
     if chain is None:

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from evertwin.ahead.basis import Basis, Future, Mode, coming, draws, state_after, through
+from evertwin.ahead.planned import beyond
 from evertwin.ahead.spread import spread
 from evertwin.fold import Block, plain
 from evertwin.rows.feed import Data
@@ -88,6 +89,8 @@ class Forecast:
     recorded: Mapping[str, str] = field(default_factory=dict)
     """The unit in which an output is recorded, where it has one: text is in it, the rest in SI."""
     inputs: Inputs = field(default_factory=lambda: np.zeros((0, 0)), repr=False)
+    notes: tuple[str, ...] = ()
+    """What the values rest on that no recording shows."""
 
     @property
     def horizon(self) -> float:
@@ -107,7 +110,7 @@ class Forecast:
         content: dict[str, Any] = {
             "schema": "evertwin.forecast/1", "name": self.name, "version": self.version,
             "horizon": self.horizon, "inputs": self.mode, "stretches": self.stretches,
-            "learnt_over": self.learnt, "t": self.t, "outputs": outputs,
+            "learnt_over": self.learnt, "t": self.t, "outputs": outputs, "notes": self.notes,
         }  # fmt: skip
         return plain(content)  # type: ignore[return-value]
 
@@ -122,6 +125,7 @@ class Forecast:
             lines.append(
                 f"beyond {self.learnt:.3g} s the band is extrapolated: longer recordings tell more"
             )
+        lines += self.notes
         places = np.unique(np.linspace(0, len(self.t) - 1, min(SHOWN, len(self.t))).astype(int))
         for name, out in self.outputs.items():
             told = self.recorded.get(name) or out.unit
@@ -181,7 +185,9 @@ def forecast(
         basis.setup.spec.name, basis.champion, future.t, outputs, mode, known.stretches,
         known.length, basis.recorded, future.u,
     )  # fmt: skip
-    return found if inputs is None else replace(found, mode="planned")
+    if inputs is None:
+        return found
+    return replace(found, mode="planned", notes=beyond(basis, rows, inputs))
 
 
 def _simulated(basis: Basis, newest: Block, future: Future) -> tuple[Outputs, Outputs]:

@@ -73,7 +73,8 @@ class PathSpec(Section):
     shorthand = Shorthand("file")
 
     file: str | None = None
-    """CSV: ``t``, the model's inputs, and outputs where they are planned; relative to this file."""
+    """CSV: ``t``, the model's inputs, and outputs where they are planned, as the recordings have
+    them or in the units that they are recorded in; relative to this file."""
     moves: Annotated[Json, Free()] = ()
     """Moves of an arm: ``{ move = "joints" | "line" | "circle" | "pause", … }``."""
     start: tuple[float, ...] = ()

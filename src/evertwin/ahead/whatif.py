@@ -17,11 +17,12 @@ import numpy as np
 from evertwin.ahead.basis import Basis, coming, state_after
 from evertwin.ahead.changes import Case
 from evertwin.ahead.path_error import followed
+from evertwin.ahead.planned import beyond
 from evertwin.ahead.simulated import PathError, Simulated, simulated
 from evertwin.ahead.spec import ScenarioSpec
 from evertwin.ahead.spread import Spread, spread
 from evertwin.errors import DataError
-from evertwin.fold import plain, take
+from evertwin.fold import Block, plain, take
 from evertwin.rows.feed import Data
 from evertwin.signals.units import from_si
 from evertwin.types import Json, StateVector
@@ -45,6 +46,8 @@ class Today:
     newest: StateVector
     """State after the newest row: where a new path begins."""
     spread: Spread
+    rows: tuple[Block, ...]
+    """The recordings."""
 
 
 @dataclass(frozen=True)
@@ -220,7 +223,7 @@ def today(basis: Basis, data: Data = None, horizon: float | None = None) -> Toda
         future = coming(last, horizon, "repeat")
     known = spread(model, p, basis.alike(rows), float(future.t[-1]))
     start, newest = (state_after(model, p, part) for part in (first, last))
-    return Today(Case(model, p, basis.sigma, future), start, newest, known)
+    return Today(Case(model, p, basis.sigma, future), start, newest, known, rows)
 
 
 def beside(basis: Basis, now: Today, scenario: ScenarioSpec, after: Case) -> WhatIf:
@@ -237,7 +240,8 @@ def beside(basis: Basis, now: Today, scenario: ScenarioSpec, after: Case) -> Wha
         outcome = replace(outcome, path_error={**outcome.path_error, **errors})
     return WhatIf(
         basis.setup.spec.name, scenario.name, basis.champion, as_is, outcome,
-        notes=(*_misfit(basis, now, as_is), *notes), recorded=basis.recorded,
+        notes=(*_misfit(basis, now, as_is), *beyond(basis, now.rows, after.future), *notes),
+        recorded=basis.recorded,
     )  # fmt: skip
 
 

@@ -28,7 +28,13 @@ def forecast(
     mode: Annotated[
         Literal["repeat", "hold"], typer.Option("--as", help="Newest inputs again, or the last.")
     ] = "repeat",
-    inputs: Annotated[Path | None, typer.Option(help="CSV with t and the inputs to come.")] = None,
+    inputs: Annotated[
+        Path | None,
+        typer.Option(
+            help="CSV with t [s] and the inputs to come: the recordings' columns, or channels in "
+            "the units that they are recorded in, or in those of the headings."
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """What the machine will do after its recordings: each output with its band.

@@ -1,0 +1,77 @@
+"""Inputs to come are read as the recordings are, or in the units that results are printed in."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evertwin import Twin, TwinSpec
+from evertwin.errors import DataError
+from evertwin.models.spec import ModelSpec
+from evertwin.sources.spec import ChannelSpec, SourceSpec, TimeSpec
+
+DUTY = ChannelSpec("duty", unit="%", scale=0.5)
+ROOM = ChannelSpec("room [degC]", unit="degC")
+BOX = ChannelSpec("box", unit="degC")
+
+
+def oven() -> Twin:
+    """A box whose heater was recorded as twice its share in %, temperatures in degC."""
+    channels = {"heater": DUTY, "room": ROOM, "box": BOX}
+    logger = SourceSpec("log", channels=channels, time=TimeSpec("t_min", unit="min"))
+    return Twin(TwinSpec("oven", ModelSpec("thermal"), source=(logger,)))
+
+
+def recorded(seed: int, rows: int = 400) -> dict[str, np.ndarray]:
+    """Rows in SI: half an hour with a room of 20 to 22 degC."""
+    rng = np.random.default_rng(seed)
+    heater = np.repeat(rng.uniform(0.1, 0.5, rows // 40), 40)
+    room = 294.15 + np.sin(np.arange(rows) / 50.0)
+    twin = oven()
+    dt = np.full(rows, 5.0)
+    u = np.ascontiguousarray(np.stack([heater, room], axis=1))
+    p = twin.model.parameters.values
+    _, y = twin.model.simulate(twin.model.initial(p), u, dt, p)
+    box = y[:, 0] + rng.normal(0.0, 0.05, rows)
+    return {"t": 5.0 * np.arange(rows), "heater": heater, "room": room, "box": box}
+
+
+def planned(twin: Twin, rows: dict[str, np.ndarray], path: Path, text: str) -> np.ndarray:
+    path.write_text(text)
+    found: np.ndarray = twin.forecast(60.0, rows, inputs=path).inputs
+    return found
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_columns_are_those_of_the_recordings_or_of_the_channels(seed: int, tmp_path: Path) -> None:
+    twin, rows, path = oven(), recorded(seed), tmp_path / "plan.csv"
+    wanted = pytest.approx(np.tile([0.3, 294.15], (2, 1)))
+    own = planned(twin, rows, path, "t_min,duty,room [degC]\n0,60,21\n1,60,21\n")
+    assert own == wanted
+    assert planned(twin, rows, path, "t,heater,room\n0,30,21\n60,30,21\n") == wanted
+    assert (
+        planned(twin, rows, path, "t,heater [1],room [K]\n0,0.3,294.15\n60,0.3,294.15\n") == wanted
+    )
+    found = twin.forecast(60.0, rows, inputs=path)
+    assert found.t[0] == pytest.approx(60.0) and found.notes == ()
+
+
+def test_a_heading_of_another_quantity_is_refused(tmp_path: Path) -> None:
+    twin, rows = oven(), recorded(0)
+    with pytest.raises(DataError, match="heater is in 'A' by its heading"):
+        planned(twin, rows, tmp_path / "plan.csv", "t,heater [A],room\n0,30,21\n60,30,21\n")
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_inputs_beyond_what_was_recorded_are_said(seed: int, tmp_path: Path) -> None:
+    twin, rows, path = oven(), recorded(seed), tmp_path / "plan.csv"
+    path.write_text("t,heater,room\n0,30,294.15\n60,30,294.15\n")
+    (note,) = twin.forecast(60.0, rows, inputs=path).notes
+    assert "room 294.1 … 294.1 degC (recorded 20 … 22)" in note and "heater" not in note
+    told = tmp_path / "hot.toml"
+    told.write_text('schema = 1\nname = "hot"\n[path]\nfile = "plan.csv"\n')
+    assert note in twin.whatif(told, rows).notes
+    told.write_text('schema = 1\nname = "as it is"\n')
+    assert not twin.whatif(told, rows).notes
