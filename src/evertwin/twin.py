@@ -277,7 +277,7 @@ class Twin(loop.ByHand):
             inputs: CSV with ``t`` and the inputs to come, as recorded or in the units recorded.
         """
         basis = self.prospect().basis
-        told = None if inputs is None else ahead.rows_of_file(basis, Path(inputs))[0]
+        told = Path(inputs) if isinstance(inputs, str) else inputs
         return ahead.forecast(basis, horizon, data, mode, told)
 
     @_RUNAWAY

@@ -48,14 +48,14 @@ def planned(twin: Twin, rows: dict[str, np.ndarray], path: Path, text: str) -> n
 def test_columns_are_those_of_the_recordings_or_of_the_channels(seed: int, tmp_path: Path) -> None:
     twin, rows, path = oven(), recorded(seed), tmp_path / "plan.csv"
     wanted = pytest.approx(np.tile([0.3, 294.15], (2, 1)))
-    own = planned(twin, rows, path, "t_min,duty,room [degC]\n0,60,21\n1,60,21\n")
+    own = planned(twin, rows, path, "t_min,duty,room [degC]\n0,60,21\n0.1,60,21\n")
     assert own == wanted
-    assert planned(twin, rows, path, "t,heater,room\n0,30,21\n60,30,21\n") == wanted
+    assert planned(twin, rows, path, "t,heater,room\n0,30,21\n6,30,21\n") == wanted
     assert (
-        planned(twin, rows, path, "t,heater [1],room [K]\n0,0.3,294.15\n60,0.3,294.15\n") == wanted
+        planned(twin, rows, path, "t,heater [1],room [K]\n0,0.3,294.15\n6,0.3,294.15\n") == wanted
     )
     found = twin.forecast(60.0, rows, inputs=path)
-    assert found.t[0] == pytest.approx(60.0) and found.notes == ()
+    assert found.t[0] == pytest.approx(6.0) and found.notes == ()
 
 
 def test_a_heading_of_another_quantity_is_refused(tmp_path: Path) -> None:
@@ -75,3 +75,32 @@ def test_inputs_beyond_what_was_recorded_are_said(seed: int, tmp_path: Path) -> 
     assert note in twin.whatif(told, rows).notes
     told.write_text('schema = 1\nname = "as it is"\n')
     assert not twin.whatif(told, rows).notes
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_sparse_plan_is_simulated_at_the_usual_step(seed: int, tmp_path: Path) -> None:
+    twin, rows, path = oven(), recorded(seed), tmp_path / "plan.csv"
+    path.write_text("t,heater,room\n0,30,21\n1000,0,21\n2000,0,21\n")
+    sparse = twin.forecast(60.0, rows, inputs=path)
+    assert sparse.horizon == pytest.approx(2005.0) and np.allclose(np.diff(sparse.t), 5.0)
+    heater = np.where(np.arange(401) < 200, 30, 0)
+    path.write_text("t,heater,room\n" + "".join(f"{5 * k},{h},21\n" for k, h in enumerate(heater)))
+    full = twin.forecast(60.0, rows, inputs=path)
+    assert full.outputs["box"].value == pytest.approx(sparse.outputs["box"].value)
+
+
+def test_a_path_between_sparse_rows_goes_on_a_line(tmp_path: Path) -> None:
+    drive, path, n = Twin(TwinSpec("axis", ModelSpec("drive_force"))), tmp_path / "plan.csv", 400
+    path.write_text("t,speed,acceleration,force\n0,0,0.1,0\n10,1,0.1,1e3\n")
+    rows = {
+        name: np.random.default_rng(k).normal(0.0, 1.0, n)
+        for k, name in enumerate((*drive.model.inputs.names, *drive.model.outputs.names))
+    }
+    rows["t"] = 0.5 * np.arange(n)
+    told = tmp_path / "sparse.toml"
+    told.write_text('schema = 1\nname = "sparse"\n[path]\nfile = "plan.csv"\n')
+    after = drive.whatif(told, rows).after
+    assert len(after.t) == 21 and after.seconds == pytest.approx(10.5)
+    u = drive.forecast(1.0, rows, inputs=path).inputs
+    assert u[:, 0] == pytest.approx(np.linspace(0.0, 1.0, 21))
+    assert after.path_error["force"].largest > 0.0

@@ -182,15 +182,13 @@ def coming(last: Block, horizon: float, mode: Mode) -> Future:
     """
     if not 0.0 < horizon < np.inf:
         raise UsageError(f"horizon: expected a duration above 0 s, got {horizon}")
-    if len(last.t) < 2:
-        raise DataError("forecast: expected at least two rows to know the rate, got one")
+    step = usual_step(last)
     u, dt = last.u[1:], last.dt[1:]
     known = np.isfinite(u).all(axis=1)
     if not known.any():
         raise DataError("forecast: no row of the last task has all its inputs")
     u, dt = u[known], dt[known]
     if mode == "hold":
-        step = float(np.median(dt))
         n = _count(horizon / step)
         return Future(np.repeat(u[-1:], n, axis=0), np.full(n, step))
     back = np.cumsum(dt[::-1])
@@ -203,10 +201,30 @@ def coming(last: Block, horizon: float, mode: Mode) -> Future:
     return Future(np.ascontiguousarray(u[:stop]), dt[:stop])
 
 
+def usual_step(last: Block) -> float:
+    """How far rows of a recorded block are apart, as a rule [s].
+
+    Raises:
+        DataError: it holds a single row.
+    """
+    if len(last.t) < 2:
+        raise DataError("forecast: expected at least two rows to know the rate, got one")
+    return float(np.median(last.dt[1:]))
+
+
 def _count(size: float) -> int:
     rows = max(float(np.ceil(size * (1 - 1e-9))), 1.0)
+    check_count(rows)
+    return int(rows)
+
+
+def check_count(rows: float) -> None:
+    """Refuses more rows to come than can be simulated.
+
+    Raises:
+        UsageError: there are too many.
+    """
     if not rows <= LARGEST:
         raise UsageError(
             f"horizon: {rows:.7g} rows at this rate, expected {LARGEST} at most: shorten it"
         )
-    return int(rows)

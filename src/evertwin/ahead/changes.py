@@ -208,7 +208,8 @@ def replaced(basis: Basis, case: Case, component: str, values: Mapping[str, floa
 
 def _path(basis: Basis, case: Case, path: PathSpec, folder: Path) -> Case:
     if path.file is not None:
-        future, planned = rows_of_file(basis, folder / path.file)
+        step = float(np.median(case.future.dt))
+        future, planned = rows_of_file(basis, folder / path.file, step)
         return replace(case, future=future, planned=planned)
     chain = chain_of(basis.setup.model)
     if chain is None:

@@ -14,12 +14,22 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from evertwin.ahead.basis import Basis, Future, Mode, coming, draws, state_after, through
-from evertwin.ahead.planned import beyond
+from evertwin.ahead.basis import (
+    Basis,
+    Future,
+    Mode,
+    coming,
+    draws,
+    state_after,
+    through,
+    usual_step,
+)
+from evertwin.ahead.planned import beyond, rows_of_file
 from evertwin.ahead.spread import spread
 from evertwin.fold import Block, plain
 from evertwin.rows.feed import Data
@@ -154,7 +164,7 @@ def _digits(width: float) -> int:
 
 def forecast(
     basis: Basis, horizon: float, data: Data = None, mode: Mode = "repeat",
-    inputs: Future | None = None,
+    inputs: Future | Path | None = None,
 ) -> Forecast:  # fmt: skip
     """The live version's prediction from the end of recordings on.
 
@@ -163,13 +173,15 @@ def forecast(
         horizon: how far [s].
         data: recordings up to now; None: the twin file's.
         mode: what the machine is told, where ``inputs`` does not say.
-        inputs: planned inputs.
+        inputs: planned inputs, or a file of them.
 
     Raises:
         UsageError: no horizon above zero.
         DataError: no recordings, or too few to know how far predictions are off.
     """
     rows, model, p = basis.rows(data), basis.model, basis.p
+    if isinstance(inputs, Path):
+        inputs, _ = rows_of_file(basis, inputs, usual_step(rows[-1]))
     future = coming(rows[-1], horizon, mode) if inputs is None else inputs
     known = spread(model, p, basis.alike(rows), float(future.t[-1]))
     y, by_p = _simulated(basis, rows[-1], future)

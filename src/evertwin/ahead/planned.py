@@ -5,6 +5,9 @@ A column with the name of a channel is in the unit of its heading, else in that 
 is recorded, which is the unit that results are printed in; without one in SI. ``t`` [s] is the
 time, or the recordings' own column of stamps. What an arm's file leaves out of speed and
 acceleration is taken from the positions.
+
+Between two rows the machine is simulated at its usual step: a command is held, as it is between the
+stamps of a recording, other inputs go on a line. The last row is one step more.
 """
 
 from __future__ import annotations
@@ -16,15 +19,15 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy
 
-from evertwin.ahead.basis import Basis, Future
+from evertwin.ahead.basis import Basis, Future, check_count
 from evertwin.errors import DataError
 from evertwin.fold import Block
-from evertwin.rows.channels import recorded_as, unit_recorded
+from evertwin.rows.channels import is_held, recorded_as, unit_recorded
 from evertwin.signals import Channel
 from evertwin.signals.units import compatible, from_si, to_si
 from evertwin.sources.small_table import Table, read_table
 from evertwin.sources.spec import ChannelSpec
-from evertwin.types import Vector
+from evertwin.types import Bools, Float64, Int64, Intervals, Vector
 
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
 BEYOND = 0.05
@@ -33,8 +36,13 @@ FEW = 3
 """Inputs that are named one by one."""
 
 
-def rows_of_file(basis: Basis, path: Path) -> tuple[Future, Mapping[str, Vector]]:
-    """Inputs to come, and the outputs that the file plans.
+def rows_of_file(basis: Basis, path: Path, step: float) -> tuple[Future, Mapping[str, Vector]]:
+    """Inputs to come, and the outputs that the file plans, at its rows; NaN between them.
+
+    Args:
+        basis: the live version.
+        path: the file.
+        step: how far rows of the machine are apart, as a rule [s].
 
     Raises:
         DataError: a column lacks or is of another quantity, the time does not rise, or a cell is
@@ -44,14 +52,40 @@ def rows_of_file(basis: Basis, path: Path) -> tuple[Future, Mapping[str, Vector]
     t = plan.time()
     if len(t) < 2 or not np.all(np.diff(t) > 0.0):
         raise DataError(f"{path}: expected two rows or more with a rising t [s]")
-    inputs = basis.model.inputs
-    u = np.ascontiguousarray(np.stack([plan.input(t, one) for one in inputs], axis=1))
-    if not np.isfinite(u).all():
-        row, column = (int(k[0]) for k in np.nonzero(~np.isfinite(u)))
-        raise DataError(f"{path}: row {row + 1} lacks {inputs.names[column]}")
-    dt = np.diff(t, prepend=t[0] - (t[1] - t[0]))
+    fine, inputs, dynamic = _Fine.of(t, step), basis.model.inputs, len(basis.model.states) > 0
+    held = [is_held(basis.setup.spec, name, dynamic) for name in inputs.names]
+    u = [plan.input(t, fine, one, held[k]) for k, one in enumerate(inputs)]
     planned = {one.name: plan.column(one) for one in basis.model.outputs if plan.has(one.name)}
-    return Future(u, dt), planned
+    at_rows = {name: np.where(fine.first, column[fine.row], np.nan)
+               for name, column in planned.items()}  # fmt: skip
+    return Future(np.ascontiguousarray(np.stack(u, axis=1)), fine.dt), at_rows
+
+
+class _Fine(NamedTuple):
+    """Rows of a plan, and the steps of the machine between them."""
+
+    row: Int64[np.ndarray, " n"]
+    """The newest row of the plan."""
+    first: Bools
+    """Is it of that moment?"""
+    at: Float64[np.ndarray, " n"]
+    """Time of the plan [s]."""
+    dt: Intervals
+
+    @classmethod
+    def of(cls, t: Vector, step: float) -> _Fine:
+        """
+        >>> _Fine.of(np.array([0.0, 10.0]), 4.0).dt.tolist()
+        [5.0, 5.0, 5.0]
+        """
+        gaps = np.diff(t)
+        parts = np.append(np.maximum(np.rint(gaps / step), 1.0), 1.0)
+        check_count(float(parts.sum()))
+        count = parts.astype(np.int64)
+        row = np.repeat(np.arange(len(t)), count)
+        dt = (np.append(gaps, gaps[-1] / parts[-2]) / parts)[row]
+        within = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
+        return cls(row, within == 0, t[row] + within * dt, dt)
 
 
 class _Plan(NamedTuple):
@@ -73,15 +107,23 @@ class _Plan(NamedTuple):
         """Is there a column of a channel?"""
         return name in self.table.names or self._recorded(name) is not None
 
-    def input(self, t: Vector, one: Channel) -> Vector:
-        """A column, or a derivative of the arm's position ``q…``."""
+    def input(self, t: Vector, fine: _Fine, one: Channel, held: bool) -> Float64[np.ndarray, " n"]:
+        """An input at each step: its column, or a derivative of the arm's position ``q…``."""
         order = 2 if one.name.startswith("qdd") else 1 if one.name.startswith("qd") else 0
-        if order == 0 or self.has(one.name):
-            return self.column(one)
+        given = order == 0 or self.has(one.name)
+        name = one.name if given else "q" + one.name[order + 1 :]
         inputs = self.basis.model.inputs
-        q = inputs.channels[inputs.index("q" + one.name[order + 1 :])]
-        spline: Any = scipy.interpolate.CubicSpline(t, self.column(q))
-        return np.asarray(spline(t, order))
+        column = self.column(inputs.channels[inputs.index(name)])
+        if not np.isfinite(column).all():
+            row = int(np.argmin(np.isfinite(column)))
+            raise DataError(f"{self.table.name}: row {row + 1} lacks {name}")
+        if given and held:
+            return column[fine.row]
+        speed = f"qd{name[1:]}"
+        if given and (not name.startswith("q") or speed not in inputs.names or self.has(speed)):
+            return np.interp(fine.at, t, column)
+        course: Any = scipy.interpolate.CubicSpline(t, column)
+        return np.asarray(course(fine.at, 0 if given else order))
 
     def column(self, one: Channel) -> Vector:
         """A channel's column in SI.

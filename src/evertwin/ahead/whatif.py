@@ -240,7 +240,7 @@ def beside(basis: Basis, now: Today, scenario: ScenarioSpec, after: Case) -> Wha
         outcome = replace(outcome, path_error={**outcome.path_error, **errors})
     return WhatIf(
         basis.setup.spec.name, scenario.name, basis.champion, as_is, outcome,
-        notes=(*_misfit(basis, now, as_is), *beyond(basis, now.rows, after.future), *notes),
+        notes=(*_misfit(basis, now, as_is), *notes, *beyond(basis, now.rows, after.future)),
         recorded=basis.recorded,
     )  # fmt: skip
 
