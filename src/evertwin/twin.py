@@ -266,7 +266,7 @@ class Twin(loop.ByHand):
     @_RUNAWAY
     def forecast(
         self, horizon: float, data: Data = None, mode: ahead.Mode = "repeat",
-        inputs: str | Path | None = None,
+        inputs: str | Path | ahead.Planned | None = None,
     ) -> ahead.Forecast:  # fmt: skip
         """What the machine will do from the end of its recordings on, with bands.
 
@@ -274,10 +274,11 @@ class Twin(loop.ByHand):
             horizon: how far [s]; with ``inputs``: as far as these reach.
             data: recordings up to now; None: the twin file's.
             mode: ``repeat`` the newest inputs, or ``hold`` the last ones.
-            inputs: CSV with ``t`` and the inputs to come, as recorded or in the units recorded.
+            inputs: CSV with ``t`` and the inputs to come, as recorded or in the units recorded;
+                `ahead.Planned` says how much of it.
         """
         basis = self.prospect().basis
-        told = Path(inputs) if isinstance(inputs, str) else inputs
+        told = ahead.Planned(Path(inputs)) if isinstance(inputs, str | Path) else inputs
         return ahead.forecast(basis, horizon, data, mode, told)
 
     @_RUNAWAY

@@ -50,6 +50,17 @@ def test_forecast_gives_its_document(call: Command) -> None:
     assert call("forecast", "robot.toml", "--data", "robot.csv", "--horizon", "5 kg").code == 2
 
 
+def test_a_plan_is_shortened_and_stands_alone(folder: Path, call: Command) -> None:
+    (folder / "next.csv").write_text("t,v\n" + "".join(f"{k / 10},0.1\n" for k in range(50)))
+    told = ("forecast", "robot.toml", "--data", "robot.csv", "--inputs", "next.csv")
+    assert len(call(*told, "--json").json["t"]) == 50
+    short = call(*told, "--horizon", "2 s", "--json").json
+    assert len(short["t"]) == 20 and short["inputs"] == "planned"
+    both, far = call(*told, "--as", "hold"), call(*told, "--horizon", "9 s")
+    assert both.code == far.code == 2
+    assert "either --inputs or --as" in both.err and "at most 5 s" in far.err
+
+
 def test_life_gives_its_document(worn: Path, call: Command) -> None:
     done = call("life", "robot.toml", "--history", "friction.csv", "--json")
     content = done.json

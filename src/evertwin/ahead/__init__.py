@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from evertwin.ahead.docking import dock as dock
     from evertwin.ahead.forecasting import Forecast as Forecast, forecast as forecast
     from evertwin.ahead.basis import Mode as Mode
-    from evertwin.ahead.planned import rows_of_file as rows_of_file
+    from evertwin.ahead.planned import Planned as Planned
     from evertwin.ahead.whatif import WhatIf as WhatIf
     from evertwin.sources.small_table import read_table as read_table
 

@@ -14,7 +14,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -29,8 +28,9 @@ from evertwin.ahead.basis import (
     through,
     usual_step,
 )
-from evertwin.ahead.planned import beyond, rows_of_file
+from evertwin.ahead.planned import Planned, beyond, rows_of_file
 from evertwin.ahead.spread import spread
+from evertwin.errors import UsageError
 from evertwin.fold import Block, plain
 from evertwin.rows.feed import Data
 from evertwin.signals import wrap
@@ -164,7 +164,7 @@ def _digits(width: float) -> int:
 
 def forecast(
     basis: Basis, horizon: float, data: Data = None, mode: Mode = "repeat",
-    inputs: Future | Path | None = None,
+    inputs: Future | Planned | None = None,
 ) -> Forecast:  # fmt: skip
     """The live version's prediction from the end of recordings on.
 
@@ -176,12 +176,12 @@ def forecast(
         inputs: planned inputs, or a file of them.
 
     Raises:
-        UsageError: no horizon above zero.
+        UsageError: no horizon above zero, or one beyond the plan.
         DataError: no recordings, or too few to know how far predictions are off.
     """
     rows, model, p = basis.rows(data), basis.model, basis.p
-    if isinstance(inputs, Path):
-        inputs, _ = rows_of_file(basis, inputs, usual_step(rows[-1]))
+    if isinstance(inputs, Planned):
+        inputs = _begun(basis, inputs, usual_step(rows[-1]))
     future = coming(rows[-1], horizon, mode) if inputs is None else inputs
     known = spread(model, p, basis.alike(rows), float(future.t[-1]))
     y, by_p = _simulated(basis, rows[-1], future)
@@ -200,6 +200,20 @@ def forecast(
     if inputs is None:
         return found
     return replace(found, mode="planned", notes=beyond(basis, rows, inputs))
+
+
+def _begun(basis: Basis, plan: Planned, step: float) -> Future:
+    """The rows of a plan, as far as it is wanted."""
+    future, _ = rows_of_file(basis, plan.path, step)
+    if plan.until == math.inf:
+        return future
+    if not 0.0 < plan.until <= future.t[-1] * (1 + 1e-9):
+        raise UsageError(
+            f"horizon: expected above 0 s and at most {future.t[-1]:.6g} s, which {plan.path} "
+            f"reaches, got {plan.until:.6g} s"
+        )
+    stop = int(np.searchsorted(future.t, plan.until * (1 - 1e-9))) + 1
+    return Future(future.u[:stop], future.dt[:stop])
 
 
 def _simulated(basis: Basis, newest: Block, future: Future) -> tuple[Outputs, Outputs]:

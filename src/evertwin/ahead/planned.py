@@ -12,6 +12,7 @@ stamps of a recording, other inputs go on a line. The last row is one step more.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -34,6 +35,18 @@ BEYOND = 0.05
 """Share of an input's recorded range by which it may leave it unsaid."""
 FEW = 3
 """Inputs that are named one by one."""
+
+
+class Planned(NamedTuple):
+    """A file of inputs to come, or its beginning.
+
+    >>> Planned(Path("next.csv")).until
+    inf
+    """
+
+    path: Path
+    until: float = math.inf
+    """How much of it is taken [s]."""
 
 
 def rows_of_file(basis: Basis, path: Path, step: float) -> tuple[Future, Mapping[str, Vector]]:

@@ -23,11 +23,15 @@ History = Annotated[
 @app.command()
 def forecast(
     twin: TwinFile,
-    horizon: Annotated[str, typer.Option(help="How far, as in '10 min'.")] = "60 s",
+    horizon: Annotated[
+        str | None,
+        typer.Option(help="How far, as in '10 min'. Default: 60 s, or to the end of --inputs."),
+    ] = None,
     data: DataFiles = None,
     mode: Annotated[
-        Literal["repeat", "hold"], typer.Option("--as", help="Newest inputs again, or the last.")
-    ] = "repeat",
+        Literal["repeat", "hold"] | None,
+        typer.Option("--as", help="Newest inputs again, or the last. Default: repeat."),
+    ] = None,
     inputs: Annotated[
         Path | None,
         typer.Option(

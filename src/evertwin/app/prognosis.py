@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 import typer
 
+from evertwin.ahead.planned import Planned
 from evertwin.app.console import show
 from evertwin.app.opening import as_kept, recordings, store_path, to_work
 from evertwin.app.plan_shown import label_document, label_text, plan_text
@@ -28,21 +30,31 @@ VERDICTS = {
     "adjusted": "adjusted", "failed": "failed", "withdraw": "withdrawn",
 }  # fmt: skip
 """What is said on the command line → what is kept."""
+HORIZON = "60 s"
+"""Of a forecast, where nothing says how far."""
 OWN = ",".join(HEADINGS[:4])
 """How a plan's file begins."""
 
 
 def show_forecast(
-    twin: Path, horizon: str, data: Files, told: tuple[Literal["repeat", "hold"], Path | None],
-    as_json: bool,
+    twin: Path, horizon: str | None, data: Files,
+    told: tuple[Literal["repeat", "hold"] | None, Path | None], as_json: bool,
 ) -> None:  # fmt: skip
-    """``evertwin forecast``."""
+    """``evertwin forecast``.
+
+    Raises:
+        UsageError: a horizon that is none, or inputs that are told twice.
+    """
+    mode, inputs = told
+    if inputs is not None and mode is not None:
+        raise UsageError("forecast: expected either --inputs or --as: both say the inputs to come")
     try:
-        seconds = number(horizon, "s", difference=True)
+        seconds = number(horizon or HORIZON, "s", difference=True)
     except UsageError as error:
         raise UsageError(f"--horizon: {error}; write it as in '30 s' or '2 h'") from error
+    planned = None if inputs is None else Planned(inputs, seconds if horizon else math.inf)
     with Twin(as_kept(twin), reading=True) as opened:
-        found = opened.forecast(seconds, recordings(data), *told)
+        found = opened.forecast(seconds, recordings(data), mode or "repeat", planned)
         show(found.to_dict(), str(found), as_json)
 
 
