@@ -196,3 +196,51 @@ def test_a_version_that_does_not_fit_is_said_in_one_line() -> None:
     assert not twin.whatif(told(asked), rows).notes
     (note,) = off.whatif(told(asked), rows).notes
     assert note.startswith("version 0 was never tuned and does not fit these recordings: tau1 is")
+
+
+def axis_rows(seed: int, rows: int = 3000) -> dict[str, np.ndarray]:
+    """An axis that stands half of the time; a filter takes out the noise of its force."""
+    rng, t = np.random.default_rng(seed), np.arange(rows) * 0.01
+    moves = (t // 5.0) % 2 == 0
+    speed = np.where(moves, 0.5 * np.sin(2 * np.pi * 0.2 * t), 0.0)
+    acceleration = np.where(moves, 0.2 * np.pi * np.cos(2 * np.pi * 0.2 * t), 0.0)
+    force = 100.0 * acceleration + 40.0 * speed + 20.0 * np.sign(speed)
+    return {"t": t, "speed": speed, "acceleration": acceleration,
+            "force": force + rng.normal(0.0, 5.0, rows)}  # fmt: skip
+
+
+def axis(mass: float = 100.0) -> Twin:
+    values = {"mass": mass, "Fv": 40.0, "Fc": 20.0}
+    return Twin(
+        TwinSpec(
+            "axis",
+            spec.ModelSpec(
+                "drive_force",
+                parameters={name: spec.ParameterSpec(value=one) for name, one in values.items()},
+            ),
+            clock=spec.ClockSpec(rate=100.0), filter=spec.FilterSpec(cutoff=5.0),
+            moving=spec.MovingSpec(above=0.01, channels={"force": "speed"}),
+            anomaly=spec.AnomalySpec(requirement=0.05),
+        )
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_one_deviation_everywhere(seed: int) -> None:
+    rows = axis_rows(seed)
+    assert not axis().whatif(told(""), rows).notes
+    off = axis(120.0)
+    (note,) = off.whatif(told(""), rows).notes
+    (same,) = off.compare(0, 0, rows).deviations[0]
+    assert f"force is off by {100 * same.relative_rms_moving:.1f} %" in note
+
+
+def test_the_friction_of_a_drive_works_and_a_faster_motion_is_beyond() -> None:
+    twin, rows = axis(), axis_rows(0)
+    found = twin.whatif(told("[speed]\nfactor = 20"), rows)
+    v, dt = np.abs(rows["speed"]), 0.01
+    wanted = float(np.sum(v * (40.0 * v + 20.0)) * dt)
+    assert found.before.work["force"] == pytest.approx(wanted, rel=0.01)
+    faster = float(np.sum(20 * v * (800.0 * v + 20.0)) * dt / 20)
+    assert found.after.work["force"] == pytest.approx(faster, rel=0.01)
+    assert any("beyond what was recorded" in one and "speed -10 … 10" in one for one in found.notes)

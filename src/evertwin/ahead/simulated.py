@@ -18,6 +18,7 @@ from evertwin.ahead.basis import draws, through
 from evertwin.ahead.changes import Case, chain_of, inner
 from evertwin.ahead.spread import Spread
 from evertwin.machines.friction import Rubbing
+from evertwin.machines.friction.resisting import rubbed
 from evertwin.models import Model
 from evertwin.signals import Layout, wrap
 from evertwin.signals.units import compatible
@@ -106,7 +107,7 @@ class Simulated:
     exceeded: tuple[Exceeded, ...] = ()
     path_error: Mapping[str, PathError] = field(default_factory=dict)
     work: Mapping[str, float] = field(default_factory=dict)
-    """Work of friction by joint over the case [J]."""
+    """Work of friction by joint, or by the drive's force, over the case [J]."""
     t: Vector = field(default_factory=lambda: np.zeros(0), repr=False)
     y: Outputs = field(default_factory=lambda: np.zeros((0, 0)), repr=False)
 
@@ -144,7 +145,7 @@ def simulated(
     ]  # fmt: skip
     return Simulated(
         float(future.dt.sum()), outputs, tuple(one for one in (*told, *given) if one is not None),
-        _errors(case, y, known.sigma(t)), friction_work(case), t, y[0],
+        _errors(case, y, known.sigma(t)), friction_work(case, y[0]), t, y[0],
     )  # fmt: skip
 
 
@@ -252,8 +253,8 @@ def _error(
     )  # fmt: skip
 
 
-def friction_work(case: Case) -> dict[str, float]:
-    """Work that goes into each output's friction over the case [J]; empty for other machines.
+def friction_work(case: Case, y: Outputs) -> dict[str, float]:
+    """Work that goes into each output's friction over the case [J]; empty where none is known.
 
     It is what the torque loses when friction is taken out of the model: ∫ |τ_friction · q̇| dt.
     """
@@ -261,7 +262,7 @@ def friction_work(case: Case) -> dict[str, float]:
     speeds = {name: f"qd{name[3:]}" for name in model.outputs.names if name.startswith("tau")}
     pairs = {name: speed for name, speed in speeds.items() if speed in model.inputs.names}
     if not pairs:
-        return {}
+        return _of_drives(case, y)
     machine = inner(model)
     bare = case.p.copy()
     if isinstance(machine, Rubbing):
@@ -277,3 +278,15 @@ def friction_work(case: Case) -> dict[str, float]:
         )
         for name, speed in pairs.items()
     }
+
+
+def _of_drives(case: Case, y: Outputs) -> dict[str, float]:
+    """The same of drives, by the channel of their force, or by their name."""
+    u, dt = case.future
+    drives = [one for one in rubbed(case.model, u, y, case.p) if one.units[1] in ("N", "Nm")]
+    channels = case.model.inputs + case.model.outputs
+    names = [c.name for c in channels if c.unit in ("N", "Nm")]
+    if len(drives) != 1 or len(names) != 1:
+        names = [one.name for one in drives]
+    work = [float(np.nansum(np.abs(one.power) * dt)) for one in drives]
+    return dict(zip(names, work, strict=True))

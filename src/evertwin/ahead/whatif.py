@@ -7,7 +7,6 @@ their difference is the scenario's doing.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
@@ -24,6 +23,7 @@ from evertwin.ahead.spread import Spread, spread
 from evertwin.errors import DataError
 from evertwin.fold import Block, plain, take
 from evertwin.rows.feed import Data
+from evertwin.setup.evaluation import judged
 from evertwin.signals.units import from_si
 from evertwin.types import Json, StateVector
 
@@ -240,18 +240,21 @@ def beside(basis: Basis, now: Today, scenario: ScenarioSpec, after: Case) -> Wha
         outcome = replace(outcome, path_error={**outcome.path_error, **errors})
     return WhatIf(
         basis.setup.spec.name, scenario.name, basis.champion, as_is, outcome,
-        notes=(*_misfit(basis, now, as_is), *notes, *beyond(basis, now.rows, after.future)),
+        notes=(*_misfit(basis, now), *notes, *beyond(basis, now.rows, after.future)),
         recorded=basis.recorded,
     )  # fmt: skip
 
 
-def _misfit(basis: Basis, now: Today, as_is: Simulated) -> tuple[str, ...]:
+def _misfit(basis: Basis, now: Today) -> tuple[str, ...]:
     """That the live version does not fit the recordings, where it does not: by which output."""
-    setup = basis.setup
-    lead = setup.horizon if math.isfinite(setup.horizon) else 0.0
-    off = now.spread.sigma(np.array([lead]))[0] / setup.sizes(as_is.y)
+    setup, alike = basis.setup, basis.alike(now.rows)
+    if not setup.decides:
+        return ()
+    whole = now.rows[len(now.rows) - len(alike) :]
+    skip = len(whole[0].t) - len(alike[0].t)
+    off = judged(setup, basis.model, basis.p, whole, skip)
     for k, channel in enumerate(basis.model.outputs):
-        if setup.decides and setup.watched[k] and off[k] > setup.requirement:
+        if setup.watched[k] and off[k] > setup.requirement:
             tuned = "does not fit" if basis.champion else "was never tuned and does not fit"
             return (
                 f"version {basis.champion} {tuned} these recordings: {channel.name} is off by "

@@ -13,14 +13,14 @@ from itertools import pairwise
 import numpy as np
 
 from evertwin.fold import Block
-from evertwin.models import Model
+from evertwin.models import Model, Restart
 from evertwin.models.batch import Batch, mapped
 from evertwin.setup.setup import Setup
 from evertwin.signals.sizes import size
 from evertwin.sync.horizon import residuals, restarts
 from evertwin.tuning import Fit, Problem
 from evertwin.tuning.before import begins
-from evertwin.types import Json, Outputs, ParameterVector, PerOutput, Vector
+from evertwin.types import Float64, Json, Outputs, ParameterVector, PerOutput, Vector
 
 
 @dataclass(frozen=True)
@@ -117,16 +117,43 @@ def _rms(values: Vector) -> float:
 
 def at_ends(problem: Problem, values: np.ndarray) -> list[float]:
     """Rms residual per output where a prediction has reached its horizon."""
-    residual = problem.residuals(values)
-    # a prediction goes from one restart to the next
-    bounds = [*np.flatnonzero(problem.restart.code).tolist(), len(residual)]
+    newest = _newest(problem.residuals(values), problem.restart)
+    rows = np.maximum(np.count_nonzero(~np.isnan(newest), axis=0), 1)
+    return [float(size) for size in np.sqrt(np.nansum(np.square(newest), axis=0) / rows)]
+
+
+def _newest(residual: Outputs, plan: Restart) -> Float64[np.ndarray, "predictions ny"]:
+    """The newest known residual of each prediction, which goes from one restart to the next."""
+    bounds = [*np.flatnonzero(plan.code).tolist(), len(residual)]
     newest = np.full((len(bounds) - 1, residual.shape[1]), np.nan)
     for n, (start, stop) in enumerate(pairwise(bounds)):
         for k in range(residual.shape[1]):
             known = residual[start:stop, k][~np.isnan(residual[start:stop, k])]
             newest[n, k] = known[-1] if len(known) else np.nan
-    rows = np.maximum(np.count_nonzero(~np.isnan(newest), axis=0), 1)
-    return [float(size) for size in np.sqrt(np.nansum(np.square(newest), axis=0) / rows)]
+    return newest
+
+
+def judged(
+    setup: Setup, model: Model, p: ParameterVector, windows: Sequence[Block], skip: int = 0
+) -> PerOutput:
+    """What each output is off by, as the requirement has it: of rows that move, of predictions
+    that have reached their horizon; NaN where nothing was measured.
+
+    ``skip``: rows of the first window that others were measured in.
+    """
+    found_in, measured = [np.zeros((0, len(model.outputs)))], list[Outputs]()
+    for k, window in enumerate(windows):
+        seen = predict(setup, model, p, window)
+        counts = seen.moving & (np.arange(len(window.t)) >= (0 if k else skip))[:, None]
+        off = np.where(counts, seen.residual, np.nan)
+        measured.append(np.where(counts, seen.measured, np.nan))
+        if setup.at_horizon.wanted:
+            off = _newest(off, restarts(window, setup.horizon, model.initial(p)))
+        found_in.append(off)
+    found = np.concatenate(found_in)
+    rows = np.count_nonzero(~np.isnan(found), axis=0)
+    rms = np.sqrt(np.nansum(np.square(found), axis=0) / np.where(rows, rows, np.nan))
+    return np.asarray(rms / setup.sizes(np.concatenate(measured)))
 
 
 def falls_short(setup: Setup, problem: Problem, fit: Fit) -> str:

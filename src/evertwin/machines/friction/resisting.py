@@ -16,7 +16,7 @@ out: what it takes one way it gives back the other. Validation, fits and the loo
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -149,17 +149,29 @@ def within(layout: Layout) -> Inputs:
 
 def pushing(model: Model, u: Inputs, y: Outputs, p: ParameterVector) -> tuple[Push, ...]:
     """Drives of a machine, corrected or not, whose friction pushes on at one of these rows."""
-    machine, values = model, p
-    while not isinstance(machine, Resisting) and isinstance(inner := _inside(machine), Model):
-        values = values[machine.parameters.indices(inner.parameters.names)]
-        machine = inner
-    if not isinstance(machine, Resisting):
+    machine, values = _machine(model, p)
+    if machine is None:
         return ()
     known = dict(zip(machine.parameters.names, values.tolist(), strict=True))
     drives = machine.rubbed(u, y, values)
     largest = max((float(np.nanmax(np.abs(d.power), initial=0.0)) for d in drives), default=0.0)
     found = (_push(drive, known, LIMIT * max(1.0, largest)) for drive in drives)
     return tuple(push for push in found if push is not None)
+
+
+def rubbed(model: Model, u: Inputs, y: Outputs, p: ParameterVector) -> tuple[Rubbed, ...]:
+    """Friction of each drive of a machine, corrected or not; none where it cannot say."""
+    machine, values = _machine(model, p)
+    return () if machine is None else machine.rubbed(u, y, values)
+
+
+def _machine(model: Model, p: ParameterVector) -> tuple[Any, ParameterVector]:
+    """The machine that can say its friction, and its own values; None where there is none."""
+    machine, values = model, p
+    while not isinstance(machine, Resisting) and isinstance(inner := _inside(machine), Model):
+        values = values[machine.parameters.indices(inner.parameters.names)]
+        machine = inner
+    return (machine if isinstance(machine, Resisting) else None), values
 
 
 def _inside(machine: Model) -> object:
