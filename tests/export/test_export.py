@@ -159,6 +159,15 @@ def test_a_urdf_keeps_friction_and_every_parameter(tmp_path: Path) -> None:
     assert '<parameter name="Ia2" value="1.5"' in text
 
 
+def test_a_urdf_keeps_the_limits_of_its_joints(tmp_path: Path) -> None:
+    twin = tuned(BASED, {})
+    model = twin.setup.model
+    assert isinstance(model, Arm) and max(model.chain.efforts) > 0.0
+    twin.export(tmp_path / "arm.urdf", "urdf")
+    again = Arm.of(str(tmp_path / "arm.urdf")).chain
+    assert again.efforts == model.chain.efforts and again.limits == model.chain.limits
+
+
 def test_what_no_body_can_be_is_refused(tmp_path: Path) -> None:
     name = next(n for n in Twin(BASED).champion.names if n.endswith(".Izz"))
     with pytest.raises(ModelError, match="base parameters are combinations"):

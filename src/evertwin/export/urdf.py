@@ -85,7 +85,9 @@ def _joint(arm: Arm, k: int, values: Mapping[str, float]) -> dict[str, Any]:
     turning = "revolute" if bounded else "continuous"
     return {
         "name": chain.joints[k], "kind": "prismatic" if chain.sliding[k] else turning,
-        "bounds": (low, high) if bounded else None, "speed": speed if speed < math.inf else None,
+        "bounds": (low, high) if bounded else None,
+        **{name: one if one < math.inf else 0.0  # a URDF's word for none
+           for name, one in (("speed", speed), ("effort", chain.efforts[k]))},
         "friction": [values.get(f"{name}{k + 1}", 0.0) for name in KEPT],
         **_placed(numbers[:9].reshape(3, 3), numbers[9:12]),
     }  # fmt: skip

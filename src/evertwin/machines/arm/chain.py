@@ -48,6 +48,8 @@ class Chain:
     limits: tuple[tuple[float, float, float], ...]
     """Lowest, highest position and highest speed of every joint."""
     sliding: tuple[bool, ...] = ()
+    efforts: tuple[float, ...] = ()
+    """Largest force or torque of every joint, as described."""
     notes: tuple[str, ...] = ()
 
     @property
@@ -154,5 +156,5 @@ def serial(
     return Chain(
         tuple(j.name for j in moving), tuple(j.child for j in moving), np.array(reals),
         np.concatenate(bodies), frame, tuple((j.low, j.high, j.speed) for j in moving),
-        tuple(j.kind == "prismatic" for j in moving), robot.notes,
+        tuple(j.kind == "prismatic" for j in moving), tuple(j.effort for j in moving), robot.notes,
     )  # fmt: skip

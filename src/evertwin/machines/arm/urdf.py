@@ -68,6 +68,8 @@ class Joint:
     low: float = -math.inf
     high: float = math.inf
     speed: float = math.inf
+    effort: float = math.inf
+    """Largest force or torque that the description gives it."""
 
     @property
     def moves(self) -> bool:
@@ -281,7 +283,17 @@ def _joint(where: str, element: Element) -> Joint:
         rotation(*_numbers(at, origin, "rpy", "0 0 0", 3)),
         np.array(_numbers(at, origin, "xyz", "0 0 0", 3)),
         axis / length if length > 1e-9 else axis, low, high, speed if speed > 0 else math.inf,
+        math.inf if limit is None else _effort(limit),
     )  # fmt: skip
+
+
+def _effort(limit: Element) -> float:
+    """The largest force or torque; dynamics do not need it, so that nothing is refused for it."""
+    try:
+        effort = float(limit.get("effort", "0"))
+    except ValueError:
+        return math.inf
+    return effort if effort > 0.0 else math.inf
 
 
 def _root(

@@ -24,7 +24,7 @@ from evertwin.fold import Block
 from evertwin.models import Model
 from evertwin.models.batch import mapped
 from evertwin.signals import Layout
-from evertwin.types import Inputs, Outputs, ParameterVector, Vector
+from evertwin.types import Float64, Inputs, Outputs, ParameterVector, Vector
 
 LIMIT = 1e-9
 """Share of the largest power of friction that counts as none."""
@@ -165,7 +165,7 @@ def rubbed(model: Model, u: Inputs, y: Outputs, p: ParameterVector) -> tuple[Rub
     return () if machine is None else machine.rubbed(u, y, values)
 
 
-def _machine(model: Model, p: ParameterVector) -> tuple[Any, ParameterVector]:
+def _machine(model: Model, p: ParameterVector) -> tuple[Any, Float64[np.ndarray, " own"]]:
     """The machine that can say its friction, and its own values; None where there is none."""
     machine, values = model, p
     while not isinstance(machine, Resisting) and isinstance(inner := _inside(machine), Model):
