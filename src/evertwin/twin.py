@@ -119,6 +119,10 @@ class Twin(loop.ByHand):
         """The parameters of a version, with its values."""
         return self._versions.model(number).parameters.with_values(self._versions[number].p)
 
+    def known_of(self, number: int) -> Mapping[str, Mapping[str, Any]]:
+        """The same with what is known of each: bounds, ``interval95``, ``verdict``."""
+        return export.exported(self.setup, self._versions, self.store, number, ()).parameters
+
     @property
     def pinned(self) -> bool:
         """Is the champion pinned?"""

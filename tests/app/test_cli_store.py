@@ -39,6 +39,31 @@ def test_events_are_listed(call: Command, ran: Path) -> None:
     assert [event["kind"] for event in listed["events"]] == ["promoted"]
 
 
+def test_the_store_of_another_twin_is_refused(call: Command, ran: Path, folder: Path) -> None:
+    assert call("store", "backup", "robot.toml", "kept.db").code == 0
+    other = (folder / "robot.toml").read_text().replace('name = "robot"', 'name = "cart"')
+    (folder / "cart.toml").write_text(other)
+    for words in (("events", "cart.toml"), ("store", "verify", "cart.toml"),
+                  ("store", "export", "cart.toml", "x.csv"),
+                  ("store", "restore", "cart.toml", "kept.db"),
+                  ("model", "list", "cart.toml")):  # fmt: skip
+        done = call(*words)
+        assert done.code == 4 and "that of the twin 'robot', and this is 'cart'" in done.err
+    assert call("store", "verify", str(ran)).code == 0
+
+
+def test_a_version_is_shown_with_what_is_known_of_it(call: Command, ran: Path) -> None:
+    shown = call("model", "show", "robot.toml", "1", "--json").json["parameters"]["gain"]
+    low, high = shown["interval95"]
+    assert low < shown["value"] < high and shown["verdict"] == "identifiable"
+    assert (
+        f"({low:.4g} … {high:.4g}, 95 %; identifiable)"
+        in call("model", "show", "robot.toml", "1").out
+    )
+    before = call("model", "show", "robot.toml", "0", "--json").json["parameters"]["gain"]
+    assert before["interval95"] is None and before["verdict"] == "not tuned"
+
+
 def test_a_head_is_printed_and_verified(call: Command, ran: Path, folder: Path) -> None:
     (folder / "key").write_text("secret\n")
     printed = call("store", "head", "robot.toml").out.strip()

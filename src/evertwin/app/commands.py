@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import getpass
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import typer
 
@@ -161,20 +162,32 @@ def show_version(twin: Path, number: int, as_json: bool) -> None:
     """``evertwin model show``."""
     with Twin(as_kept(twin), reading=True) as opened:
         version = opened.version(number)
-        parameters = opened.parameters_of(number)
+        known = opened.known_of(number)
         about = [e for e in opened.events if e.evidence.get("version") == number]
         content = _brief(version) | {
             "schema": "evertwin.version/1",
             "form": version.form,
-            "parameters": {p.name: {"value": p.value, "unit": p.unit} for p in parameters},
+            "parameters": {
+                name: {key: one[key] for key in ("value", "unit", "interval95", "verdict")}
+                for name, one in known.items()
+            },
             "events": about,
         }
         lines = [f"version {number}  {version.hash}"]
         lines += [f"made from {version.parent}: {version.reason}"]
         lines += [f"  {term.kind} on {term.channel} {term.variant}" for term in version.form.terms]
-        lines += [f"  {p.name:<16} {p.value:.6g} {p.unit}" for p in parameters]
+        lines += [f"  {name:<16} {_told(one)}" for name, one in known.items()]
         lines += [f"  row {e.row}: {e.kind}: {e.reason}" for e in about]
         show(content, "\n".join(lines), as_json)
+
+
+def _told(known: Mapping[str, Any]) -> str:
+    """A value with its interval and verdict, where a fit has told them."""
+    said = f"{known['value']:.6g} {known['unit']}"
+    if known["interval95"] is None:
+        return said
+    low, high = known["interval95"]
+    return f"{said}  ({low:.4g} … {high:.4g}, 95 %; {known['verdict']})"
 
 
 def by_hand(twin: Path, verb: str, number: int | None, reason: str, as_json: bool) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +13,9 @@ import typer
 from evertwin.app.console import show
 from evertwin.app.opening import as_kept, store_path
 from evertwin.config import read
-from evertwin.errors import StoreDamaged, UsageError
+from evertwin.errors import StoreDamaged, StoreError, UsageError
 from evertwin.fold import Chunk, Event
+from evertwin.ledger.owner import check_owner
 from evertwin.signals import Channel, Layout
 from evertwin.signals.series import Series
 from evertwin.signals.units import si_unit
@@ -106,10 +107,14 @@ def put_back(twin: Path, file: Path, as_json: bool) -> None:
 
     Raises:
         UsageError: there is no such file.
+        StoreError: it is the store of another twin.
     """
     if not file.is_file():
         raise UsageError(f"{file}: no such file")
     path = _path(twin)
+    if twin.suffix != ".db":
+        with closing(looked_at(file, "")) as store:
+            _check_owner(store, read(twin).name)
     entries = restore(path, file)
     content = {"schema": "evertwin.backup/1", "file": str(path), "entries": entries}
     show(content, f"{path}: {entries} entries, as {file} has them", as_json)
@@ -133,6 +138,8 @@ def export_samples(
     found: dict[str, Series] = {}
     path = store_path(twin, spec) if store_file is None else store_file
     with closing(SqliteStore(path, read_only=True)) as store:
+        if store_file is None:
+            _check_owner(store, spec.name)
         for one in spec.source:
             chunks = list(store.samples(one.name, low, high)) if source in ("", one.name) else []
             if chunks:
@@ -163,12 +170,32 @@ def _path(twin: Path) -> Path:
 
 
 def _store(twin: Path) -> closing[SqlStore]:
+    """The store of a twin file, or a store file itself.
+
+    Raises:
+        StoreError: the store that the twin file names is another twin's.
+    """
     if twin.suffix == ".db":
         return closing(looked_at(twin, ""))
     spec = as_kept(twin)
     if spec.store.server is not None:
         return closing(looked_at(spec.store.server, spec.name))
-    return closing(looked_at(store_path(twin, spec), ""))
+    store = looked_at(store_path(twin, spec), "")
+    try:
+        _check_owner(store, spec.name)
+    except StoreError:
+        store.close()
+        raise
+    return closing(store)
+
+
+def _check_owner(store: SqlStore, name: str) -> None:
+    """Is the log this twin's? A damaged one is told where it is read."""
+    with suppress(StoreDamaged):
+        for entry in store.entries(kinds=("event",)):
+            event = store.record(entry)
+            if isinstance(event, Event) and event.kind == "configured":
+                return check_owner(event, name)
 
 
 def _secret(key: Path | None) -> bytes:

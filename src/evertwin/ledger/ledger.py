@@ -16,6 +16,7 @@ from typing import Any
 from evertwin.errors import StoreDamaged, StoreError, UsageError
 from evertwin.fold import Answer, Event, Record
 from evertwin.ledger.label import Label, acts
+from evertwin.ledger.owner import check_owner
 from evertwin.ledger.versions import Versions
 from evertwin.machines.friction.resisting import not_physical
 from evertwin.models.form import Form, Version
@@ -119,7 +120,7 @@ class Ledger:
             self.versions.restore(kept)
         for entry, record in records:
             if isinstance(record, Event):
-                self._own(record)
+                check_owner(record, self._name)
                 self._follow(record, entry)
         newest = [v for v in self.versions if v.parent is None][-1]
         if not kept or newest.hash != configured.hash:
@@ -340,15 +341,6 @@ class Ledger:
         return max(*said, come - 1, self.at - 1) + 1
 
     # ------------------------------------------------------------------ following
-
-    def _own(self, event: Event) -> None:
-        """Refuses the log of another twin: its history would be taken for this one's."""
-        other = event.evidence.get("twin", self._name) if event.kind == "configured" else self._name
-        if other != self._name:
-            raise StoreError(
-                f"the store is that of the twin {other!r}, and this is {self._name!r}: give it a "
-                "[store] path of its own (a twin keeps its store only under its name)"
-            )
 
     def _check(self, event: Event) -> None:
         number: Any = event.evidence.get("version")
